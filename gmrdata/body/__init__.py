@@ -1,0 +1,1 @@
+"""BodyModel, its forward pass, and its readers."""

@@ -1,0 +1,57 @@
+"""One error per way to fail.  Each message names the file or clip and says what to do about it."""
+
+
+class GmrdataError(Exception):
+    """Base of every error that gmrdata raises on purpose; the command line prints it and exits with 1."""
+
+
+class MissingInput(GmrdataError):
+    """A file or folder that was asked for is not there."""
+
+
+class BadMotionFile(GmrdataError):
+    """A motion file (BVH, ASF/AMC, AMASS npz) is broken, or of a kind that cannot be used."""
+
+
+class BadBodyFile(GmrdataError):
+    """A body model file is broken, or holds something else."""
+
+
+class UnsafePickle(GmrdataError):
+    """A pickle wants to import something that is not plain data.  Nothing of it was run."""
+
+
+class BadFrames(GmrdataError):
+    """Images or masks are missing, of different sizes, or not images."""
+
+
+class BadManifest(GmrdataError):
+    """A manifest breaks the format, or its files are not what it says."""
+
+
+class BadRecipe(GmrdataError):
+    """A recipe has an unknown key, a wrong type, or values that do not fit together."""
+
+
+class BadCheckpoint(GmrdataError):
+    """A checkpoint is truncated, or belongs to another model."""
+
+
+class StaleOutput(GmrdataError):
+    """The output folder was made by another recipe or from other inputs."""
+
+
+class StageFailed(GmrdataError):
+    """A stage could not do its work on a clip."""
+
+
+class RenderFailed(StageFailed):
+    """The Blender process ended without its result."""
+
+
+class NoReconstruction(StageFailed):
+    """Structure from motion found no camera path that can be used."""
+
+
+class TrainingDiverged(StageFailed):
+    """The loss became infinite or NaN; the last good checkpoint is kept."""

@@ -1,0 +1,1 @@
+"""Transforms, rotations, the pinhole camera, and camera programmes."""

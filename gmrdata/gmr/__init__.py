@@ -1,0 +1,1 @@
+"""The GMR network: model, losses, data, training, inference."""

@@ -1,0 +1,1 @@
+"""Manifest v1: schema, reader, writer, check."""

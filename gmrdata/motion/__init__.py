@@ -1,0 +1,1 @@
+"""Motion, its readers, retargeting, resampling, and the embedded gait."""

@@ -1,0 +1,38 @@
+"""Motion: one person over time."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A person's pose over T frames, on the 24-joint SMPL tree.
+
+    Two motions of one person differ only in `frame`: the local pose is the same in every frame of reference.
+    """
+
+    local_rotmats: np.ndarray
+    """(T, 23, 3, 3) parent_from_joint rotation of joints 1..23, relative to SMPL's T-pose."""
+    root_rotmats: np.ndarray
+    """(T, 3, 3) frame_from_root: R of the paper's eqs. 2-8."""
+    pelvis_m: np.ndarray
+    """(T, 3) pelvis position in `frame` [m]: T of the paper's eqs. 2-8.  Not SMPL's `trans`."""
+    shape: np.ndarray
+    """(S,) shape coefficients of `body`."""
+    fps_hz: float
+    """Frame rate [Hz]."""
+    body: str
+    """Name of the BodyModel that `shape` belongs to."""
+    gender: str
+    """"neutral", "female" or "male"."""
+    frame: Literal["world", "camera"]
+    """"world": z-up and fixed.  "camera": each row in the OpenCV frame of the camera at that time."""
+    source: str
+    """Where the motion came from, for a reader: a file name and trial, or a generator and its seed."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames T."""
+        return int(self.root_rotmats.shape[0])

@@ -1,0 +1,1 @@
+"""Camera-frame body and cameras to world-frame clips (eqs. 6-8)."""

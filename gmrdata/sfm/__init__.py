@@ -1,0 +1,1 @@
+"""The COLMAP stage: features, cameras, metric scale."""

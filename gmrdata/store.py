@@ -1,0 +1,219 @@
+"""Files and folders that are complete when they exist: hashes, atomic writes, and stages."""
+
+import fcntl
+import hashlib
+import json
+import os
+import platform
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from gmrdata import __version__
+from gmrdata.config import Config
+from gmrdata.errors import MissingInput, StaleOutput
+
+STAGE_FILE = "stage.json"
+RECIPE_FILE = "recipe.json"
+RECORDED_PACKAGES = ("numpy", "scipy", "torch", "pycolmap", "opencv-python-headless", "bpy", "anny")
+
+
+def sha256_of_file(path: Path) -> str:
+    """Hex SHA-256 of a file's bytes.
+
+    Raises:
+        MissingInput: there is no such file.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def sha256_of_path(path: Path) -> str:
+    """Hex SHA-256 of a file, or of a folder's relative paths and contents.
+
+    A stage's own record is left out, since it holds times.
+
+    Raises:
+        MissingInput: there is nothing at the path.
+    """
+    if not path.is_dir():
+        return sha256_of_file(path)
+    digest = hashlib.sha256()
+    for file in sorted(p for p in path.rglob("*") if p.is_file()):
+        if file.name in (STAGE_FILE, RECIPE_FILE):
+            continue
+        digest.update(f"{file.relative_to(path).as_posix()}\0{sha256_of_file(file)}\n".encode())
+    return digest.hexdigest()
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """A temporary sibling of `path` to write to; it replaces `path` when the block ends without an error."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp{path.suffix}")
+    try:
+        yield temporary
+        with temporary.open("rb") as stream:
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file as a whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON with sorted keys, as a whole or not at all.  NaN and infinities are refused."""
+    write_text(path, json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file.
+
+    Raises:
+        MissingInput: there is no such file.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def run_stage(
+    name: str,
+    out_dir: Path,
+    config: Config,
+    inputs: Mapping[str, Path],
+    work: Callable[[Path], None],
+    *,
+    resumable: bool = False,
+    redo: bool = False,
+) -> Path:
+    """Make `out_dir` by calling `work(partial_dir)`, once.
+
+    `out_dir` appears by one rename after the stage's record was written, so a folder that exists is
+    complete.  Called again with the same recipe and inputs it does nothing.
+
+    Args:
+        name: The stage's name, for the record.
+        out_dir: The folder to make.
+        config: The recipe.
+        inputs: Files and folders that the result depends on; their hashes are recorded.
+        work: Fills the folder that it is given.
+        resumable: Hand a killed run's unfinished folder to `work` again instead of an empty one.
+            `work` must then write each of its files atomically and skip those that are there.
+        redo: Throw away a result that another recipe made.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        MissingInput: an input is not there.
+        StaleOutput: the folder was made by another recipe or from other inputs.
+    """
+    recipe = {
+        "stage": name,
+        "config": config.model_dump(mode="json"),
+        "inputs": {key: sha256_of_path(path) for key, path in sorted(inputs.items())},
+    }
+    partial = out_dir.with_name(out_dir.name + ".partial")
+    out_dir.parent.mkdir(parents=True, exist_ok=True)
+    with _locked(out_dir.with_name(f".{out_dir.name}.lock")):
+        if out_dir.exists() and not _is_stale(out_dir, recipe, redo):
+            return out_dir
+        if partial.exists() and not (resumable and _read_recipe(partial / RECIPE_FILE) == recipe):
+            shutil.rmtree(partial)
+        partial.mkdir(exist_ok=True)
+        write_json(partial / RECIPE_FILE, recipe)
+        start_s = time.monotonic()
+        work(partial)
+        write_json(partial / STAGE_FILE, recipe | _provenance(time.monotonic() - start_s))
+        (partial / RECIPE_FILE).unlink()
+        if out_dir.exists():
+            shutil.rmtree(out_dir)
+        partial.rename(out_dir)
+    return out_dir
+
+
+def stage_seconds(out_dir: Path) -> float:
+    """Wall time that a finished stage took [s]."""
+    return float(read_json(out_dir / STAGE_FILE)["seconds"])
+
+
+@contextmanager
+def _locked(lock_path: Path) -> Iterator[None]:
+    """Hold an advisory lock; the kernel drops it when the process dies, however it dies."""
+    with lock_path.open("w") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        yield
+
+
+def _is_stale(out_dir: Path, recipe: dict[str, Any], redo: bool) -> bool:
+    made_by = _read_recipe(out_dir / STAGE_FILE)
+    if made_by == recipe:
+        return False
+    if redo:
+        return True
+    keys = ", ".join(_differing_keys(made_by, recipe)) or "the stage's record"
+    raise StaleOutput(
+        f"{out_dir}: made with other values of {keys}. Pass --redo to make it again, or another --out"
+    )
+
+
+def _read_recipe(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    record = read_json(path)
+    return {key: record[key] for key in ("stage", "config", "inputs") if key in record}
+
+
+def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
+    if isinstance(a, dict) and isinstance(b, dict):
+        return [
+            found
+            for key in sorted(a.keys() | b.keys())
+            for found in _differing_keys(
+                a.get(key), b.get(key), f"{prefix}.{key}" if prefix else key
+            )
+        ]
+    return [] if a == b else [prefix]
+
+
+def _provenance(seconds: float) -> dict[str, Any]:
+    packages = {}
+    for package in RECORDED_PACKAGES:
+        try:
+            packages[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return {
+        "gmrdata": __version__,
+        "git_commit": _git_commit(),
+        "python": platform.python_version(),
+        "packages": packages,
+        "seconds": round(seconds, 2),
+    }
+
+
+def _git_commit() -> str | None:
+    """Commit of the checkout that gmrdata runs from, or None for an installed wheel."""
+    here = Path(__file__).parent.parent
+    if not (here / ".git").exists():
+        return None
+    answer = subprocess.run(
+        ["git", "-C", str(here), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+    )
+    return answer.stdout.strip() or None
