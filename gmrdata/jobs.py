@@ -1,0 +1,143 @@
+"""Independent jobs on Dask workers: local processes by default, a cluster by its address."""
+
+import os
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gmrdata.errors import GmrdataError, StageFailed
+from gmrdata.progress import progress_bar
+from gmrdata.store import write_text
+
+POLL_S = 0.5
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where jobs run."""
+
+    count: int = 2
+    """Local worker processes."""
+    scheduler: str | None = None
+    """Address of a running Dask scheduler (tcp://host:port); local processes when None."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One clip's share of a stage: a call with paths and plain values as its arguments."""
+
+    id: str
+    """The clip, for messages and file names."""
+    call: Callable[..., Any]
+    """A module-level function, so that a worker process can import it."""
+    arguments: dict[str, Any] = field(default_factory=dict)
+    """Keyword arguments of the call."""
+
+
+def run_jobs(
+    description: str,
+    jobs: Sequence[Job],
+    client: Any,
+    failures_dir: Path,
+    *,
+    units_total: int | None = None,
+    units_done: Callable[[], int] | None = None,
+) -> dict[str, Any]:
+    """Run every job; a job that fails is recorded and the others go on.
+
+    Args:
+        description: Label of the progress bar.
+        jobs: What to run.
+        client: A Dask client, as `worker_pool` gives it.
+        failures_dir: Gets one text file with the reason for each job that failed.
+        units_total: Length of the progress bar when it counts something finer than jobs.
+        units_done: How many of those units exist by now.
+
+    Returns:
+        Each job's result, by job id.
+
+    Raises:
+        StageFailed: at least one job failed; the message lists them with their reasons.
+    """
+    futures = {
+        job.id: client.submit(job.call, **job.arguments, key=f"{description}-{job.id}", pure=False)
+        for job in jobs
+    }
+    with progress_bar() as bar:
+        task = bar.add_task(description, total=units_total or len(jobs))
+        while not all(future.done() for future in futures.values()):
+            done = units_done() if units_done else sum(f.done() for f in futures.values())
+            bar.update(task, completed=done)
+            time.sleep(POLL_S)
+        bar.update(task, completed=units_total or len(jobs))
+    reasons = {id: _reason(future) for id, future in futures.items() if future.status != "finished"}
+    for id, reason in reasons.items():
+        write_text(failures_dir / f"{id}.txt", reason)
+    if reasons:
+        listed = "\n".join(f"  {id}: {reason.splitlines()[0]}" for id, reason in reasons.items())
+        raise StageFailed(
+            f"{description}: {len(reasons)} of {len(jobs)} failed "
+            f"(whole messages in {failures_dir}):\n{listed}"
+        )
+    return {id: future.result() for id, future in futures.items()}
+
+
+@contextmanager
+def worker_pool(workers: Workers) -> Iterator[Any]:
+    """A Dask client for `run_jobs`: of local processes, or of the cluster at `workers.scheduler`.
+
+    Raises:
+        StageFailed: nothing answers at the scheduler's address.
+    """
+    from dask.distributed import Client, LocalCluster
+
+    if workers.scheduler is not None:
+        try:
+            client = Client(workers.scheduler, timeout="10s")
+        except (OSError, ValueError) as error:
+            raise StageFailed(
+                f"no Dask scheduler at {workers.scheduler} ({error}). Start one, or leave --scheduler out"
+            )
+        with client:
+            yield client
+        return
+    threads = max(1, (os.cpu_count() or 1) // workers.count)
+    environment = {
+        name: str(threads)
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    }
+    with (
+        LocalCluster(
+            n_workers=workers.count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            memory_limit=0,
+            env=environment,
+            silence_logs="CRITICAL",
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _reason(future: Any) -> str:
+    """First line: what went wrong in one sentence.  Below it the traceback, for an error we did not foresee."""
+    error = future.exception()
+    if isinstance(error, GmrdataError | OSError):
+        return str(error)
+    trace = "".join(traceback.format_tb(future.traceback()))
+    return f"{type(error).__name__}: {error}\n{trace}"
+
+
+def count_files(folders: Sequence[Path], pattern: str) -> int:
+    """How many files matching a pattern stages have made so far, in finished and unfinished folders."""
+    return sum(
+        sum(1 for _ in folder.glob(pattern))
+        for out_dir in folders
+        for folder in (out_dir, out_dir.with_name(out_dir.name + ".partial"))
+    )
