@@ -2,7 +2,7 @@
 
 
 class GmrdataError(Exception):
-    """Base of every error that gmrdata raises on purpose; the command line prints it and exits with 1."""
+    """Base of every error raised on purpose; the command line prints it and exits with 1."""
 
 
 class MissingInput(GmrdataError):

@@ -100,8 +100,9 @@ def worker_pool(workers: Workers) -> Iterator[Any]:
             client = Client(workers.scheduler, timeout="10s")
         except (OSError, ValueError) as error:
             raise StageFailed(
-                f"no Dask scheduler at {workers.scheduler} ({error}). Start one, or leave --scheduler out"
-            )
+                f"no Dask scheduler at {workers.scheduler} ({error}). "
+                "Start one, or leave --scheduler out"
+            ) from error
         with client:
             yield client
         return
@@ -126,7 +127,7 @@ def worker_pool(workers: Workers) -> Iterator[Any]:
 
 
 def _reason(future: Any) -> str:
-    """First line: what went wrong in one sentence.  Below it the traceback, for an error we did not foresee."""
+    """What went wrong in one line; below it the traceback of an error that we did not foresee."""
     error = future.exception()
     if isinstance(error, GmrdataError | OSError):
         return str(error)
@@ -135,7 +136,7 @@ def _reason(future: Any) -> str:
 
 
 def count_files(folders: Sequence[Path], pattern: str) -> int:
-    """How many files matching a pattern stages have made so far, in finished and unfinished folders."""
+    """How many files of a pattern stages have made by now, in finished and unfinished folders."""
     return sum(
         sum(1 for _ in folder.glob(pattern))
         for out_dir in folders

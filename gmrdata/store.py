@@ -58,7 +58,7 @@ def sha256_of_path(path: Path) -> str:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary sibling of `path` to write to; it replaces `path` when the block ends without an error."""
+    """A temporary sibling of `path` to write to; it replaces `path` when the block ends well."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp{path.suffix}")
     try:
@@ -169,7 +169,8 @@ def _is_stale(out_dir: Path, recipe: dict[str, Any], redo: bool) -> bool:
         return True
     keys = ", ".join(_differing_keys(made_by, recipe)) or "the stage's record"
     raise StaleOutput(
-        f"{out_dir}: made with other values of {keys}. Pass --redo to make it again, or another --out"
+        f"{out_dir}: made with other values of {keys}. "
+        "Pass --redo to make it again, or another --out"
     )
 
 

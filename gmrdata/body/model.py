@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class BodyModel:
-    """A body whose vertices follow 24 joints by linear blend skinning (Loper et al. 2015, eqs. 1-9).
+    """A body whose vertices follow 24 joints by linear blend skinning (Loper et al. 2015).
 
     Rest frame: SMPL's T-pose, metres, x to the body's left, y up, z to the front.  Rest joints and
     rest vertices are linear in the shape, so a regressor is applied once, when the model is read.
@@ -28,7 +28,8 @@ class BodyModel:
     faces: np.ndarray
     """(F, 3) vertex indices, counter-clockwise seen from outside."""
     pose_dirs_m: np.ndarray | None
-    """(V, 3, 207) vertex offset per entry of (local rotation - identity), or None for a body without them [m]."""
+    """(V, 3, 207) vertex offset per entry of (local rotation - identity) [m]; None for a body
+    without them."""
     licence: str
     """Terms under which renders and arrays of this body may be passed on."""
 

@@ -1,10 +1,10 @@
 """The 24-joint SMPL tree: names, parents, and the joints that other modules ask for by name."""
 
 JOINT_NAMES = (
-    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle",
-    "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head",
-    "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
-    "left_hand", "right_hand",
+    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee",
+    "spine2", "left_ankle", "right_ankle", "spine3", "left_foot", "right_foot",
+    "neck", "left_collar", "right_collar", "head", "left_shoulder", "right_shoulder",
+    "left_elbow", "right_elbow", "left_wrist", "right_wrist", "left_hand", "right_hand",
 )  # fmt: skip
 """SMPL's joints in SMPL's order (Loper et al. 2015)."""
 
@@ -17,8 +17,9 @@ N_LOCAL = 23
 
 JOINT = {name: i for i, name in enumerate(JOINT_NAMES)}
 
+_OTHER_SIDE = {"left": "right", "right": "left"}
+
 MIRRORED = tuple(
-    JOINT[name.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")]
-    for name in JOINT_NAMES
+    JOINT["_".join(_OTHER_SIDE.get(word, word) for word in name.split("_"))] for name in JOINT_NAMES
 )
 """Index of each joint's counterpart on the other side of the body."""

@@ -38,7 +38,7 @@ class CameraPath:
 
 
 def intrinsics_from_fov(hfov_deg: float, width_px: int, height_px: int) -> np.ndarray:
-    """Calibration matrix (3, 3) [px] with square pixels and the principal point in the image centre."""
+    """Calibration matrix (3, 3) [px]: square pixels, principal point in the image centre."""
     focal_px = 0.5 * width_px / np.tan(np.deg2rad(hfov_deg) / 2)
     return np.array(
         [[focal_px, 0.0, width_px / 2], [0.0, focal_px, height_px / 2], [0.0, 0.0, 1.0]]
@@ -59,7 +59,7 @@ def project_cam(points_cam_m: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarr
 def project(
     world_from_cam: np.ndarray, points_world_m: np.ndarray, intrinsics_px: np.ndarray
 ) -> np.ndarray:
-    """Project world points (..., N, 3) [m] through cameras (..., 4, 4) to (..., N, 2) image points [px]."""
+    """Project world points (..., N, 3) [m] through cameras (..., 4, 4) to (..., N, 2) [px]."""
     return project_cam(
         transforms.apply(transforms.invert(world_from_cam), points_world_m), intrinsics_px
     )

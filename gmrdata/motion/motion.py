@@ -10,7 +10,7 @@ import numpy as np
 class Motion:
     """A person's pose over T frames, on the 24-joint SMPL tree.
 
-    Two motions of one person differ only in `frame`: the local pose is the same in every frame of reference.
+    The local pose does not depend on the frame of reference; the root and the pelvis do.
     """
 
     local_rotmats: np.ndarray
@@ -28,9 +28,9 @@ class Motion:
     gender: str
     """"neutral", "female" or "male"."""
     frame: Literal["world", "camera"]
-    """"world": z-up and fixed.  "camera": each row in the OpenCV frame of the camera at that time."""
+    """World: z-up and fixed.  Camera: each row in the OpenCV frame of the camera at that time."""
     source: str
-    """Where the motion came from, for a reader: a file name and trial, or a generator and its seed."""
+    """Where the motion came from, for a person to read: a file and what was done to it."""
 
     @property
     def n_frames(self) -> int:
