@@ -97,7 +97,7 @@ def worker_pool(workers: Workers) -> Iterator[Any]:
 
     if workers.scheduler is not None:
         try:
-            client = Client(workers.scheduler, timeout="10s")
+            client = Client(workers.scheduler, timeout="5s")
         except (OSError, ValueError) as error:
             raise StageFailed(
                 f"no Dask scheduler at {workers.scheduler} ({error}). "

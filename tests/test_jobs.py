@@ -1,0 +1,76 @@
+"""Jobs on real Dask workers."""
+
+import os
+from pathlib import Path
+
+import pytest
+from distributed import LocalCluster
+
+from gmrdata.errors import BadFrames, StageFailed
+from gmrdata.jobs import Job, Workers, count_files, run_jobs, worker_pool
+
+
+def write_process_id(path: Path) -> int:
+    path.write_text(str(os.getpid()))
+    return os.getpid()
+
+
+def fail_on_purpose(name: str) -> None:
+    raise BadFrames(f"{name}: 0 bytes. Copy it again")
+
+
+def fail_unforeseen() -> None:
+    [][0]
+
+
+def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> None:
+    with worker_pool(Workers(count=2)) as client:
+        jobs = [Job(f"clip{i}", write_process_id, {"path": tmp_path / f"{i}"}) for i in range(4)]
+        results = run_jobs("writing", jobs, client, tmp_path / "failed")
+    assert list(results) == ["clip0", "clip1", "clip2", "clip3"]
+    assert os.getpid() not in results.values()
+    assert [int((tmp_path / f"{i}").read_text()) for i in range(4)] == list(results.values())
+    assert not (tmp_path / "failed").exists()
+
+
+def test_one_failure_is_recorded_and_the_others_finish(tmp_path: Path) -> None:
+    with worker_pool(Workers(count=1)) as client:
+        jobs = [
+            Job("bad", fail_on_purpose, {"name": "7.jpg"}),
+            Job("worse", fail_unforeseen),
+            Job("good", write_process_id, {"path": tmp_path / "done"}),
+        ]
+        with pytest.raises(StageFailed) as caught:
+            run_jobs("reading", jobs, client, tmp_path / "failed")
+    assert "reading: 2 of 3 failed" in str(caught.value)
+    assert "bad: 7.jpg: 0 bytes. Copy it again" in str(caught.value)
+    assert (tmp_path / "failed" / "bad.txt").read_text() == "7.jpg: 0 bytes. Copy it again"
+    unforeseen = (tmp_path / "failed" / "worse.txt").read_text()
+    assert unforeseen.startswith("IndexError") and "fail_unforeseen" in unforeseen
+    assert (tmp_path / "done").exists()
+
+
+def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        with worker_pool(Workers(scheduler=address)) as client:
+            results = run_jobs(
+                "writing", [Job("a", write_process_id, {"path": tmp_path / "a"})], client, tmp_path
+            )
+    assert set(results) == {"a"}
+
+
+def test_no_scheduler_at_the_address_is_a_clear_error() -> None:
+    with (
+        pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"),
+        worker_pool(Workers(scheduler="tcp://127.0.0.1:9")),
+    ):
+        pass
+
+
+def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path: Path) -> None:
+    for name, n_files in (("a", 2), ("b.partial", 3)):
+        (tmp_path / name / "frames").mkdir(parents=True)
+        for i in range(n_files):
+            (tmp_path / name / "frames" / f"{i}.jpg").touch()
+    assert count_files([tmp_path / "a", tmp_path / "b"], "frames/*.jpg") == 5
