@@ -1,0 +1,193 @@
+"""Embedded motions: a person who walks, runs, turns, side-steps or steps up, made from footsteps.
+
+This is not motion capture.  It gives a fresh machine input to try everything on: feet are planted
+exactly, the pelvis rides on two-bone legs, and the arms swing against them, with seeded variety.
+"""
+
+import numpy as np
+
+from gmrdata.body.model import BodyModel
+from gmrdata.body.tree import JOINT
+from gmrdata.errors import BadRecipe
+from gmrdata.motion.gait_body import (
+    lift_pelvis,
+    local_rotations,
+    place_pelvis,
+    pose_trunk,
+    swing_arms,
+)
+from gmrdata.motion.gait_feet import SIDES, FootPoses, foot_poses, plan_footsteps, rest_foot
+from gmrdata.motion.gait_path import GroundPath, draw_path
+from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, draw_style
+from gmrdata.motion.leg_ik import Leg
+from gmrdata.motion.motion import Motion
+
+__all__ = ["GAIT_KINDS", "draw_shape", "embedded_motions", "gait_with_contacts", "make_gait"]
+
+
+def embedded_motions(
+    body: BodyModel,
+    rng: np.random.Generator,
+    *,
+    count: int,
+    fps_hz: float = 30.0,
+    duration_s: float = 12.0,
+) -> list[Motion]:
+    """A set of motions that goes round all kinds, each of its own build, style and path.
+
+    Args:
+        body: The body to move.
+        rng: Source of all variety; the same state gives the same bytes.
+        count: How many motions.
+        fps_hz: Frame rate [Hz].
+        duration_s: Length of each [s].
+
+    Raises:
+        BadRecipe: a number is not positive.
+    """
+    if count < 1:
+        raise BadRecipe(f"embedded motions: count is {count}; ask for at least 1")
+    kinds = [GAIT_KINDS[number % len(GAIT_KINDS)] for number in range(count)]
+    return [make_gait(kind, duration_s, fps_hz, body, rng) for kind in kinds]
+
+
+def make_gait(
+    kind: str,
+    duration_s: float,
+    fps_hz: float,
+    body: BodyModel,
+    rng: np.random.Generator,
+    *,
+    shape: np.ndarray | None = None,
+) -> Motion:
+    """One embedded motion in the world frame, z-up, feet on z = 0.
+
+    Args:
+        kind: One of GAIT_KINDS.
+        duration_s: Length [s].
+        fps_hz: Frame rate [Hz].
+        body: The body to move.
+        rng: Source of all variety; the same state gives the same bytes.
+        shape: (S,) build of the body, or None to draw one.
+
+    Raises:
+        BadRecipe: there is no such kind, or a number is not positive, or the shape does not fit the body.
+    """
+    return gait_with_contacts(kind, duration_s, fps_hz, body, rng, shape=shape)[0]
+
+
+def gait_with_contacts(
+    kind: str,
+    duration_s: float,
+    fps_hz: float,
+    body: BodyModel,
+    rng: np.random.Generator,
+    *,
+    shape: np.ndarray | None = None,
+) -> tuple[Motion, np.ndarray]:
+    """Like `make_gait`, with (T, 2) bool: whether the left and the right foot stand, touch-down to toe-off."""
+    _check(kind, duration_s, fps_hz)
+    shape = draw_shape(body, rng) if shape is None else np.asarray(shape, dtype=np.float64)
+    if shape.shape != (body.n_shape,):
+        raise BadRecipe(
+            f"gait {kind}: shape has {shape.shape}, but body {body.name} takes ({body.n_shape},); "
+            "leave it out to draw one"
+        )
+    joints_m = body.rest_joints_m(shape)
+    leg_m = float(joints_m[JOINT["left_hip"], 1] - joints_m[JOINT["left_ankle"], 1])
+    style = draw_style(kind, leg_m, rng)
+    # The pelvis' height looks ahead and back over half a step, so some frames are made on either side.
+    half_window = int(np.ceil(0.55 / style.cadence_hz * fps_hz))
+    pad = 2 * half_window
+    n_frames = round(duration_s * fps_hz)
+    time_s = np.arange(-pad, n_frames + pad) / fps_hz
+    first_step = rng.uniform(0, 2)
+    steps = first_step + style.cadence_hz * (
+        time_s + 0.08 * (np.sin(0.6 * time_s + style.wander[1]) - np.sin(style.wander[1]))
+    )
+    n_steps = float(steps[-1])
+    path = draw_path(kind, n_steps, style, rng)
+    feet = _feet(kind, body, shape, path, steps, style, rng)
+    arrays = _assemble(joints_m, path, time_s, steps, feet, style, half_window)
+    inside = slice(pad, pad + n_frames)
+    local, root, pelvis = (array[inside] for array in arrays)
+    motion = Motion(
+        local_rotmats=local,
+        root_rotmats=root,
+        pelvis_m=pelvis,
+        shape=shape,
+        fps_hz=float(fps_hz),
+        body=body.name,
+        gender="neutral",
+        frame="world",
+        source=f"gmrdata gait {kind}, {style.speed_m_s:.2f} m/s, generated, not motion capture",
+    )
+    return motion, np.stack([foot.planted[inside] for foot in feet], axis=-1)
+
+
+def draw_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
+    """Draw a build: (S,) normal coefficients, kept within two deviations."""
+    return np.clip(rng.normal(0.0, 0.8, body.n_shape), -2.0, 2.0)
+
+
+def _check(kind: str, duration_s: float, fps_hz: float) -> None:
+    if kind not in GAIT_KINDS:
+        raise BadRecipe(f"gait {kind!r}: no such kind; choose one of {', '.join(GAIT_KINDS)}")
+    if not (np.isfinite(duration_s) and np.isfinite(fps_hz) and duration_s > 0 and fps_hz > 0):
+        raise BadRecipe(
+            f"gait {kind}: duration {duration_s} s at {fps_hz} frames a second; both must be positive"
+        )
+    if round(duration_s * fps_hz) < 1:
+        raise BadRecipe(
+            f"gait {kind}: {duration_s} s at {fps_hz} frames a second is less than a frame; "
+            "ask for a longer duration"
+        )
+
+
+def _feet(
+    kind: str,
+    body: BodyModel,
+    shape: np.ndarray,
+    path: GroundPath,
+    steps: np.ndarray,
+    style: GaitStyle,
+    rng: np.random.Generator,
+) -> list[FootPoses]:
+    """Plan the footfalls and pose both feet along them."""
+    ground_m = np.zeros(int(np.ceil(steps[-1])) + 8)
+    if kind == "step_up":
+        onto = rng.integers(2, max(3, int(steps[-1]) - 3))
+        ground_m[onto + 4 :] = rng.uniform(0.15, 0.20)
+    plan = plan_footsteps(path, style, ground_m, rng)
+    return [
+        foot_poses(rest_foot(body, shape, side), parity, steps, plan, style)
+        for parity, side in enumerate(SIDES)
+    ]
+
+
+def _assemble(
+    joints_m: np.ndarray,
+    path: GroundPath,
+    time_s: np.ndarray,
+    steps: np.ndarray,
+    feet: list[FootPoses],
+    style: GaitStyle,
+    half_window: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Local rotations (T, 23, 3, 3), root rotations (T, 3, 3) and pelvis positions (T, 3) [m]."""
+
+    def bone(parent: str, child: str) -> np.ndarray:
+        return joints_m[JOINT[child]] - joints_m[JOINT[parent]]
+
+    legs = [
+        Leg(bone(f"{side}_hip", f"{side}_knee"), bone(f"{side}_knee", f"{side}_ankle"))
+        for side in SIDES
+    ]
+    hips_m = np.stack([bone("pelvis", f"{side}_hip") for side in SIDES])
+    reach_m = min(leg.reach_m(style.soft_knee_rad) for leg in legs)
+    trunk = pose_trunk(path, time_s, steps, style)
+    pelvis_m = place_pelvis(path, steps, trunk, style, reach_m)
+    pelvis_m = lift_pelvis(pelvis_m, trunk.pelvis, hips_m, feet, reach_m, half_window)
+    local = local_rotations(trunk, legs, hips_m, pelvis_m, feet)
+    swing_arms(local, joints_m, time_s, steps, style)
+    return local, trunk.pelvis, pelvis_m

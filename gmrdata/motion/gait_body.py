@@ -1,0 +1,150 @@
+"""Everything above the feet: pelvis, spine, head and arms of an embedded motion, and the legs' joints."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import convolve1d, minimum_filter1d
+from scipy.spatial.transform import Rotation
+
+from gmrdata.body.tree import JOINT, N_LOCAL
+from gmrdata.motion.gait_feet import SIDES, FootPoses, upright
+from gmrdata.motion.gait_path import BEND, GroundPath
+from gmrdata.motion.gait_style import GRAVITY_M_S2, GaitStyle
+from gmrdata.motion.leg_ik import Leg, turn
+
+
+@dataclass(frozen=True, eq=False)
+class Trunk:
+    """Orientations over T frames, world_from_joint relative to the T-pose."""
+
+    facing_rad: np.ndarray
+    """(T,) direction of travel that the person faces [rad]."""
+    pelvis: np.ndarray
+    """(T, 3, 3)."""
+    chest: np.ndarray
+    """(T, 3, 3), of spine3."""
+    head: np.ndarray
+    """(T, 3, 3)."""
+    lean_in_rad: np.ndarray
+    """(T,) lean to the left, into a left bend [rad]."""
+
+
+def pose_trunk(path: GroundPath, time_s: np.ndarray, steps: np.ndarray, style: GaitStyle) -> Trunk:
+    """Orient pelvis, chest and head at (T,) times and step counts; even counts are left touch-downs."""
+    s_m = path.s_at(steps)
+    facing = path.facing_rad(s_m)
+    stride = np.pi * steps
+    speed_m_s = style.speed_m_s / (1 + BEND * path.curvature_rad_m(s_m) ** 2)
+    lean_in = 0.6 * np.arctan(speed_m_s**2 * path.curvature_rad_m(s_m) / GRAVITY_M_S2)
+    level = upright(facing)
+    # Left hip leads at a left touch-down; turning left takes it back, hence the sign.
+    yaw, list_ = -style.pelvis_yaw_rad * np.cos(stride), np.sin(stride + 0.15)
+    tilt = style.pelvis_tilt_rad + np.radians(1.2) * np.cos(2 * stride + 0.6)
+    pelvis = (
+        level
+        @ turn("y", yaw)
+        @ turn("z", style.pelvis_list_rad * list_ - 0.5 * lean_in)
+        @ turn("x", tilt)
+    )
+    slow = np.sin(0.45 * time_s + style.wander[3])
+    lean = style.lean_rad + np.radians(1.0) * np.cos(2 * stride + 1.0) + np.radians(1.0) * slow
+    chest_roll = -0.35 * style.pelvis_list_rad * list_ - lean_in
+    chest = (
+        level
+        @ turn("y", style.chest_yaw_rad * np.cos(stride - 0.2))
+        @ turn("z", chest_roll)
+        @ turn("x", lean)
+    )
+    ahead_m = 0.35 * style.speed_m_s
+    glance = path.facing_rad(s_m + ahead_m) - facing
+    glance = glance + np.radians(5.0) * np.sin(0.6 * time_s + style.wander[2])
+    nod = np.radians(3.0) + 0.2 * lean + np.radians(2.0) * slow
+    head = level @ turn("y", glance) @ turn("z", -0.5 * lean_in) @ turn("x", nod)
+    return Trunk(facing, pelvis, chest, head, lean_in)
+
+
+def place_pelvis(
+    path: GroundPath, steps: np.ndarray, trunk: Trunk, style: GaitStyle, hip_height_m: float
+) -> np.ndarray:
+    """Pelvis over the ground, at the height of its bob alone: (T, 3) world [m]."""
+    pelvis = np.zeros((len(steps), 3))
+    pelvis[:, :2] = path.position_m(path.s_at(steps))
+    side = style.sway_m * np.cos(np.pi * (steps - style.duty))
+    side = side + 0.6 * hip_height_m * np.tan(trunk.lean_in_rad)
+    # Slowest over the standing leg, where a walker is highest.
+    front = -0.012 * style.step_m * np.sin(2 * np.pi * (steps - style.duty))
+    level = upright(trunk.facing_rad)
+    pelvis += side[:, None] * level[:, :, 0] + front[:, None] * level[:, :, 2]
+    pelvis[:, 2] = style.bob_m * np.cos(2 * np.pi * (steps - style.duty))
+    return pelvis
+
+
+def lift_pelvis(
+    pelvis_m: np.ndarray,
+    pelvis_rotmats: np.ndarray,
+    hips_m: np.ndarray,
+    feet: list[FootPoses],
+    reach_m: float,
+    half_window: int,
+) -> np.ndarray:
+    """Raise the pelvis as far as both legs reach their ankles at all times: (T, 3) world [m].
+
+    The greatest height that a frame admits changes abruptly.  Its minimum over a sliding window, and
+    a weighted mean of that over a window of the same width, is smooth and nowhere above it.
+    """
+    most_m = np.full(len(pelvis_m), np.inf)
+    for hip_m, foot in zip(hips_m, feet, strict=True):
+        hip = pelvis_m + pelvis_rotmats @ hip_m
+        across = np.linalg.norm((foot.ankle_m - hip)[:, :2], axis=-1)
+        height = np.sqrt(np.maximum(reach_m**2 - across**2, 0.0))
+        most_m = np.minimum(most_m, foot.ankle_m[:, 2] + height - hip[:, 2])
+    lowest = minimum_filter1d(most_m, 2 * half_window + 1, mode="nearest")
+    weights = np.hanning(2 * half_window + 3)[1:-1]
+    lift = convolve1d(lowest, weights / weights.sum(), mode="nearest")
+    return pelvis_m + lift[:, None] * np.array([0.0, 0.0, 1.0])
+
+
+def local_rotations(
+    trunk: Trunk, legs: list[Leg], hips_m: np.ndarray, pelvis_m: np.ndarray, feet: list[FootPoses]
+) -> np.ndarray:
+    """Local rotations of spine, neck, head and legs: (T, 23, 3, 3); the arms stay in the T-pose."""
+    local = np.broadcast_to(np.eye(3), (len(pelvis_m), N_LOCAL, 3, 3)).copy()
+    spine = _share(np.swapaxes(trunk.pelvis, -1, -2) @ trunk.chest, 3)
+    for name in ("spine1", "spine2", "spine3"):
+        local[:, JOINT[name] - 1] = spine
+    neck = _share(np.swapaxes(trunk.chest, -1, -2) @ trunk.head, 2)
+    local[:, JOINT["neck"] - 1] = local[:, JOINT["head"] - 1] = neck
+    for side, leg, hip_m, foot in zip(SIDES, legs, hips_m, feet, strict=True):
+        reach = foot.ankle_m - (pelvis_m + trunk.pelvis @ hip_m)
+        knee_axis = trunk.pelvis[:, :, 0] + upright(foot.yaw_rad)[:, :, 0]
+        thigh, knee = leg.solve(reach, knee_axis)
+        local[:, JOINT[f"{side}_hip"] - 1] = np.swapaxes(trunk.pelvis, -1, -2) @ thigh
+        local[:, JOINT[f"{side}_knee"] - 1] = knee
+        local[:, JOINT[f"{side}_ankle"] - 1] = np.swapaxes(thigh @ knee, -1, -2) @ foot.rotmats
+        local[:, JOINT[f"{side}_foot"] - 1] = turn("x", -foot.toes_rad)
+    return local
+
+
+def swing_arms(
+    local: np.ndarray, joints_m: np.ndarray, time_s: np.ndarray, steps: np.ndarray, style: GaitStyle
+) -> None:
+    """Let the arms hang and swing against the legs: writes shoulders and elbows into (T, 23, 3, 3)."""
+    for side, out in zip(SIDES, (1.0, -1.0), strict=True):
+        upper = joints_m[JOINT[f"{side}_elbow"]] - joints_m[JOINT[f"{side}_shoulder"]]
+        droop_rad = np.arctan2(-upper[1], abs(upper[0]))
+        # A left touch-down (even count) has the left arm at the back.
+        swing = -out * np.cos(np.pi * steps - 0.25)
+        flexion = style.arm_mean_rad + style.arm_swing_rad * swing
+        slow = np.sin(0.5 * time_s + style.wander[1] + out)
+        down = np.pi / 2 - style.arm_out_rad - droop_rad + np.radians(1.5) * slow
+        shoulder = (
+            turn("x", -flexion) @ turn("z", -out * down) @ turn("x", np.array(style.arm_in_rad))
+        )
+        elbow = style.elbow_rad + style.elbow_swing_rad * (swing + 0.2 * slow)
+        local[:, JOINT[f"{side}_shoulder"] - 1] = shoulder
+        local[:, JOINT[f"{side}_elbow"] - 1] = turn("y", -out * elbow)
+
+
+def _share(rotmats: np.ndarray, joints: int) -> np.ndarray:
+    """The rotation that gives `rotmats` (T, 3, 3) when it is applied `joints` times over."""
+    return Rotation.from_rotvec(Rotation.from_matrix(rotmats).as_rotvec() / joints).as_matrix()

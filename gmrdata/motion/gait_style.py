@@ -1,0 +1,192 @@
+"""GaitStyle: the numbers that make one person's gait, and how they are drawn for each kind.
+
+Typical values: walking from Perry & Burnfield, Gait Analysis (2010); running from Novacheck, The
+biomechanics of running, Gait & Posture 7 (1998); the ratio of step length to cadence in walking,
+about 0.0065 m per step/min, from Sekiya & Nagasaki, Gait & Posture 7 (1998).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+GAIT_KINDS: tuple[str, ...] = (
+    "walk", "run", "turn", "side_step", "circle", "figure_eight", "step_up",
+)  # fmt: skip
+"""Kinds of embedded motion."""
+
+WALK_RATIO_M_S = 0.39
+"""Step length over cadence in walking: 0.0065 m per step/min."""
+
+GRAVITY_M_S2 = 9.81
+
+
+@dataclass(frozen=True)
+class GaitStyle:
+    """One person's way to move; amplitudes are half of peak to peak, angles relative to SMPL's T-pose."""
+
+    step_m: float
+    """Distance between successive footfalls along the path [m]."""
+    cadence_hz: float
+    """Steps per second [Hz]."""
+    duty: float
+    """Share of a stride (two steps) that a foot stands; below 0.5 there is flight."""
+    spacing_m: float
+    """Distance between the ankles' lines across the direction that the person faces [m]."""
+    toe_out_rad: float
+    """Feet turned outwards by this much [rad]."""
+    strike_rad: float
+    """Toes above heel at touch-down [rad]."""
+    toe_off_rad: float
+    """Heel above toes at its largest, just after the foot leaves the ground [rad]."""
+    clearance_m: float
+    """Height of the foot's arc in swing, on top of what its pitch gives [m]."""
+    bob_m: float
+    """Pelvis height amplitude; positive is highest over the standing leg, negative lowest [m]."""
+    sway_m: float
+    """Pelvis shift towards the standing leg [m]."""
+    pelvis_yaw_rad: float
+    """Pelvis turn with the leading leg [rad]."""
+    pelvis_list_rad: float
+    """Drop of the swing side [rad]."""
+    pelvis_tilt_rad: float
+    """Mean forward tilt of the pelvis [rad]."""
+    chest_yaw_rad: float
+    """Chest turn against the pelvis [rad]."""
+    lean_rad: float
+    """Forward lean of the chest [rad]."""
+    arm_swing_rad: float
+    """Shoulder flexion amplitude [rad]."""
+    arm_mean_rad: float
+    """Mean shoulder flexion [rad]."""
+    arm_out_rad: float
+    """Upper arms away from the body [rad]."""
+    arm_in_rad: float
+    """Upper arms turned inwards about their own axis, which brings the hands to the front [rad]."""
+    elbow_rad: float
+    """Mean elbow flexion [rad]."""
+    elbow_swing_rad: float
+    """Elbow flexion amplitude; most bent when the arm is in front [rad]."""
+    soft_knee_rad: float
+    """The knee stays bent by at least this much [rad]."""
+    wander: tuple[float, float, float, float]
+    """Phases of the slow changes of pace, step length, gaze and posture [rad]."""
+
+    @property
+    def speed_m_s(self) -> float:
+        """Mean speed on a straight path [m/s]."""
+        return self.step_m * self.cadence_hz
+
+    @property
+    def stance_steps(self) -> float:
+        """Duration of one stance in steps."""
+        return 2 * self.duty
+
+
+def draw_style(kind: str, leg_m: float, rng: np.random.Generator) -> GaitStyle:
+    """Draw a style for one of GAIT_KINDS and a leg of this length [m]."""
+    if kind == "run":
+        return _run(leg_m, rng)
+    if kind == "side_step":
+        return _side_step(leg_m, rng)
+    speed_m_s = {"walk": (0.9, 1.55), "step_up": (0.95, 1.2)}.get(kind, (0.95, 1.4))
+    return _walk(speed_m_s, leg_m, rng)
+
+
+def _walk(
+    speed_range_m_s: tuple[float, float], leg_m: float, rng: np.random.Generator
+) -> GaitStyle:
+    def deg(low: float, high: float) -> float:
+        return float(np.radians(rng.uniform(low, high)))
+
+    speed_m_s = rng.uniform(*speed_range_m_s)
+    step_m = np.sqrt(WALK_RATIO_M_S * speed_m_s) * rng.uniform(0.94, 1.06)
+    step_m = min(step_m, 0.92 * leg_m)
+    vigour = speed_m_s / 1.25
+    return GaitStyle(
+        step_m=float(step_m),
+        cadence_hz=float(speed_m_s / step_m),
+        duty=float(rng.uniform(0.60, 0.635)),
+        spacing_m=float(rng.uniform(0.09, 0.15)),
+        toe_out_rad=deg(1, 9),
+        strike_rad=deg(14, 20),
+        toe_off_rad=deg(52, 62),
+        clearance_m=float(rng.uniform(0.03, 0.055)),
+        bob_m=float(0.042 * step_m**2 * rng.uniform(0.85, 1.15)),
+        sway_m=float(rng.uniform(0.016, 0.028)),
+        pelvis_yaw_rad=vigour * deg(3, 6),
+        pelvis_list_rad=deg(2.5, 5),
+        pelvis_tilt_rad=deg(0, 6),
+        chest_yaw_rad=vigour * deg(3, 6),
+        lean_rad=deg(0, 5),
+        arm_swing_rad=vigour * deg(13, 24),
+        arm_mean_rad=deg(-4, 4),
+        arm_out_rad=deg(9, 14),
+        arm_in_rad=deg(8, 25),
+        elbow_rad=deg(14, 26),
+        elbow_swing_rad=vigour * deg(4, 10),
+        soft_knee_rad=deg(5, 9),
+        wander=_phases(rng),
+    )
+
+
+def _run(leg_m: float, rng: np.random.Generator) -> GaitStyle:
+    def deg(low: float, high: float) -> float:
+        return float(np.radians(rng.uniform(low, high)))
+
+    walk = _walk((1.25, 1.55), leg_m, rng)
+    speed_m_s = rng.uniform(2.4, 3.6)
+    cadence_hz = max((2.35 + 0.12 * speed_m_s) * rng.uniform(0.97, 1.05), speed_m_s / (1.5 * leg_m))
+    # In flight the body falls freely: a sine of the step's frequency does so at its top.
+    fall_m = GRAVITY_M_S2 / (2 * np.pi * cadence_hz) ** 2
+    return replace(
+        walk,
+        step_m=float(speed_m_s / cadence_hz),
+        cadence_hz=float(cadence_hz),
+        duty=float(rng.uniform(0.33, 0.38)),
+        spacing_m=float(rng.uniform(0.05, 0.09)),
+        strike_rad=deg(0, 8),
+        toe_off_rad=deg(68, 82),
+        clearance_m=float(0.11 + 0.03 * speed_m_s * rng.uniform(0.8, 1.2)),
+        bob_m=float(-fall_m * rng.uniform(0.9, 1.0)),
+        sway_m=float(rng.uniform(0.006, 0.012)),
+        pelvis_tilt_rad=deg(6, 12),
+        lean_rad=deg(7, 13),
+        arm_swing_rad=deg(26, 38),
+        arm_mean_rad=deg(-14, -6),
+        arm_out_rad=deg(12, 18),
+        arm_in_rad=deg(15, 30),
+        elbow_rad=deg(78, 95),
+        elbow_swing_rad=deg(5, 12),
+        soft_knee_rad=deg(12, 18),
+    )
+
+
+def _side_step(leg_m: float, rng: np.random.Generator) -> GaitStyle:
+    def deg(low: float, high: float) -> float:
+        return float(np.radians(rng.uniform(low, high)))
+
+    walk = _walk((0.9, 1.1), leg_m, rng)
+    spacing_m = leg_m * rng.uniform(0.42, 0.52)
+    return replace(
+        walk,
+        # Feet close to within spacing - step when the trailing one catches up; they don't touch.
+        step_m=float(spacing_m - rng.uniform(0.13, 0.17)),
+        cadence_hz=float(rng.uniform(1.6, 2.1)),
+        spacing_m=float(spacing_m),
+        strike_rad=0.0,
+        toe_off_rad=deg(14, 24),
+        clearance_m=float(rng.uniform(0.05, 0.08)),
+        bob_m=float(rng.uniform(0.005, 0.012)),
+        sway_m=float(rng.uniform(0.01, 0.02)),
+        pelvis_yaw_rad=deg(0, 2),
+        chest_yaw_rad=deg(0, 2),
+        arm_swing_rad=deg(2, 7),
+        arm_out_rad=deg(12, 20),
+        elbow_rad=deg(18, 45),
+        soft_knee_rad=deg(10, 22),
+    )
+
+
+def _phases(rng: np.random.Generator) -> tuple[float, float, float, float]:
+    first, second, third, fourth = rng.uniform(0, 2 * np.pi, 4)
+    return float(first), float(second), float(third), float(fourth)
