@@ -30,6 +30,19 @@ class Clip:
     """The camera, or None for a training motion."""
 
 
+def camera_of(clip: Clip) -> CameraPath:
+    """The clip's camera, for callers that can't do without.
+
+    Raises:
+        BadMotionFile: the clip has none.
+    """
+    if clip.camera is None:
+        raise BadMotionFile(
+            f"clip {clip.id} has no camera. Give a clip that was rendered or reconstructed"
+        )
+    return clip.camera
+
+
 def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
     """Write a clip as an .npz with AMASS's keys, camera keys beside them, and no pickled objects.
 
