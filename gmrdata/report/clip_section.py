@@ -1,0 +1,121 @@
+"""One clip's section of the page."""
+
+import cv2
+
+from gmrdata.errors import BadFrames
+from gmrdata.report.bars import BARS, figure_texts, verdicts
+from gmrdata.report.curves import error_panels, relative_sigma_percent
+from gmrdata.report.data import ClipReport
+from gmrdata.report.markup import figure, image, mark, pairs, text
+from gmrdata.report.strip import Tile, frame_tiles
+from gmrdata.report.style import svg
+from gmrdata.report.topview import top_view
+
+JPEG_QUALITY = 88
+
+_GEOMETRY_WORDS = {
+    "full": "full (the camera translates)",
+    "rotation_only": "rotation only (the camera pans)",
+}
+
+
+def clip_section(index: int, clip: ClipReport) -> str:
+    """HTML of a clip: figures, frames with overlays, paths from above, errors over time."""
+    paths = svg(lambda fig: top_view(fig.subplots(), clip), 5.2, 5.0, f"paths-{index}")
+    errors = svg(lambda fig: error_panels(fig, clip), 7.4, 5.0, f"errors-{index}")
+    return (
+        f'<section class="clip" id="clip-{index}"><h2>{text(clip.id)} '
+        f'<span class="kind">{text(clip.camera_motion)} camera</span></h2>'
+        f"{_figures(clip)}{_frames(clip)}"
+        f'<div class="plots">{figure(paths, _PATHS_CAPTION)}{figure(errors, _errors_caption(clip))}</div>'
+        f"<h3>The reconstruction’s own record</h3>{_record(clip)}</section>"
+    )
+
+
+def _figures(clip: ClipReport) -> str:
+    texts, met = figure_texts(clip.figures), verdicts(clip.figures)
+    scale = texts["scale_error_percent"]
+    if clip.figures.scale_error_percent is not None:
+        scale = mark(f"{scale} %", met["scale_error_percent"])
+    return pairs(
+        [
+            ("Frames with a camera", mark(texts["cameras"], met["frames_with_camera"])),
+            ("Orientation motion error", mark(f"{texts['ome_deg']}°", met["ome_deg"])),
+            ("Translation motion error", mark(f"{texts['tme_mm']} mm", met["tme_mm"])),
+            ("Camera rotation error", f"{texts['camera_rotation_deg']}°"),
+            ("Error of the metric scale", scale),
+        ]
+    )
+
+
+def _frames(clip: ClipReport) -> str:
+    tiles = "".join(_tile(clip, tile) for tile in frame_tiles(clip))
+    outline = (
+        ""
+        if clip.masks_dir is None
+        else (
+            '<span class="key thin" style="background:#40d6ff"></span> outline of the mask, '
+            "outside which features are found; "
+        )
+    )
+    caption = (
+        f'Frames with <span class="key" style="background:#ff6e26"></span> the recovered body; {outline}'
+        '<span class="key thin" style="background:#ffe15a"></span> the recovered path on the floor, a dot '
+        "each second. Body and outline fit whatever the camera is, because they come from the body in the "
+        "camera’s frame; the path is fixed in the world, so it stays in its place on the floor only if the "
+        "camera is right."
+    )
+    return figure(f'<div class="tiles">{tiles}</div>', caption)
+
+
+def _tile(clip: ClipReport, tile: Tile) -> str:
+    ok, encoded = cv2.imencode(".jpg", tile.image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    if not ok:
+        raise BadFrames(f"clip {clip.id}: image {tile.image_number} can't be encoded as JPEG")
+    height, width = tile.image.shape[:2]
+    name = f"frame {tile.image_number} · {tile.time_s:.1f} s"
+    if not tile.has_camera:
+        name += " · no camera"
+    picture = image(encoded.tobytes(), "jpeg", f"{clip.id}, {name}", width, height)
+    return f"<div>{picture}<span>{text(name)}</span></div>"
+
+
+def _key(role: str, css_class: str = "key") -> str:
+    return f'<span class="{css_class}" style="background:var(--{role})"></span>'
+
+
+_PATHS_CAPTION = (
+    f"From above, in the true world [m], z up: camera {_key('camera-pale')} true {_key('camera', 'key thin')} "
+    f"recovered, with its viewing directions; person {_key('person-pale')} true "
+    f"{_key('person', 'key thin')} recovered. Dots: where they start. The recovered world was moved "
+    "rigidly onto the true one, never scaled."
+)
+
+
+def _errors_caption(clip: ClipReport) -> str:
+    fps = f"{clip.pseudo.motion.fps_hz:g}"
+    return (
+        f"Errors over time at {fps} frames per second. Orientation and translation: from one frame to the "
+        "next, in the body’s own frame, so no alignment enters. Camera rotation: per frame, after the rigid "
+        f"alignment. Bars: at most {BARS['ome_deg']:g}° and {BARS['tme_mm']:g} mm in the mean."
+    )
+
+
+def _record(clip: ClipReport) -> str:
+    quality = clip.quality
+    rows = [("Geometry", _GEOMETRY_WORDS.get(quality.geometry, quality.geometry))]
+    if quality.scale is None:
+        rows.append(("Metric scale", "does not enter"))
+    else:
+        sigma = relative_sigma_percent(clip)
+        spread = "" if sigma is None else f" ± {quality.scale_sigma:.3g} (± {sigma:.2g} %)"
+        rows.append(("Metric scale, metres per unit", f"{quality.scale:.4g}{spread}"))
+    if quality.reprojection_error_px is not None:
+        rows.append(("Reprojection error", f"{quality.reprojection_error_px:.2f} px"))
+    if quality.inliers is not None and len(quality.inliers):
+        low, high = int(quality.inliers.min()), int(quality.inliers.max())
+        rows.append(("Inliers per frame", f"{low} to {high}"))
+    rows += quality.notes
+    rows.append(("Motion", clip.true.motion.source))
+    listed = pairs([(text(name), text(value)) for name, value in rows])
+    return listed.replace("<dl>", '<dl class="small">', 1)

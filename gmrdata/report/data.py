@@ -1,0 +1,131 @@
+"""What a report shows, as plain values; whoever makes the report fills them in."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip
+from gmrdata.motion.motion import Motion
+
+
+@dataclass(frozen=True)
+class ClipFigures:
+    """How far a clip's pseudo ground truth lies from the truth."""
+
+    ome_deg: float
+    """Orientation motion error, mean over the motions (eq. 15) [deg]."""
+    tme_mm: float
+    """Translation motion error, mean over the motions (eq. 16) [mm]."""
+    camera_rotation_deg: float
+    """Camera rotation error, mean over the frames, after rigid alignment [deg]."""
+    scale_error_percent: float | None
+    """Signed error of the metric scale [%]; None where the camera doesn't translate, so no scale enters."""
+    frames: int
+    """Frames of the clip."""
+    frames_with_camera: int
+    """Frames for which a camera was recovered."""
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """What the reconstruction knows about itself, without the truth."""
+
+    geometry: str
+    """"full", or "rotation_only" for a camera that only pans."""
+    scale: float | None = None
+    """Metres per unit of the reconstruction; None where it doesn't enter."""
+    scale_sigma: float | None = None
+    """One standard deviation of `scale`, in the same unit."""
+    reprojection_error_px: float | None = None
+    """Mean reprojection error of the inliers [px]."""
+    inliers: np.ndarray | None = None
+    """(T,) int: inlier points (or matches) in each frame, by the rows of the pseudo clip."""
+    notes: tuple[tuple[str, str], ...] = ()
+    """Further rows for the clip's table, each a name and a value with its unit."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClipReport:
+    """One clip: the truth, what was recovered, and the pictures."""
+
+    id: str
+    """The clip's name."""
+    camera_motion: str
+    """The camera programme: "circular", "linear", "panning", ..."""
+    true: Clip
+    """World motion and camera, as they were."""
+    pseudo: Clip
+    """World motion and metric camera, as they were recovered."""
+    true_from_pseudo: np.ndarray
+    """(4, 4) rigid: maps the recovered world to the true world [m]."""
+    images_dir: Path
+    """The frames."""
+    masks_dir: Path | None
+    """Masks `<image stem>.png`, 255 = dynamic object; None draws no outline."""
+    body: BodyModel
+    """The body of both motions."""
+    figures: ClipFigures
+    """Errors of the pseudo clip."""
+    quality: Quality
+    """The reconstruction's own record."""
+    predicted: Motion | None = None
+    """GMR's world motion for this clip, accumulated from the first frame, if there is one."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Mean errors of one motion estimate over a manifest."""
+
+    ome_deg: float
+    """Orientation motion error [deg]."""
+    tme_mm: float
+    """Translation motion error [mm]."""
+    vme_mm: float
+    """Vertex motion error [mm]."""
+
+
+@dataclass(frozen=True)
+class ManifestScore:
+    """GMR's scores on one manifest, beside those of no motion at all."""
+
+    name: str
+    """The manifest."""
+    gmr: Score
+    """The trained model."""
+    zero_motion: Score
+    """The baseline that says that the body neither turns nor moves."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunReport:
+    """How the run was made."""
+
+    title: str
+    """The page's title."""
+    data_source: str
+    """Where the motions came from, in a sentence."""
+    seconds: Mapping[str, float]
+    """Wall time per stage [s], in the order in which they ran."""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    """Version per package."""
+    recipe: str = ""
+    """The whole recipe, as YAML."""
+    limits: tuple[str, ...] = ()
+    """Sentences on what this run's figures do not say, beside those that hold for every report."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """Everything on the page."""
+
+    run: RunReport
+    """How it was made."""
+    clips: tuple[ClipReport, ...]
+    """The clips, in the order of the page."""
+    scores: tuple[ManifestScore, ...] = ()
+    """GMR's scores; empty when none was trained."""
+    learning_curve: tuple[tuple[int, float], ...] = ()
+    """(step, training loss) pairs."""

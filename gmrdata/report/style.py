@@ -1,0 +1,105 @@
+"""Colours, figures and their bytes: the same drawing serves the page (SVG) and pictures (PNG)."""
+
+import io
+import re
+from collections.abc import Callable
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+COLOURS = {
+    "paper": "#ffffff",
+    "ink": "#1d2329",
+    "muted": "#68717a",
+    "rule": "#e2e4e6",
+    "person": "#d9480e",
+    "person-pale": "#ffcba6",
+    "camera": "#1565b0",
+    "camera-pale": "#b4d5f5",
+    "gmr": "#7a3fc4",
+    "good": "#237a3b",
+    "bad": "#c4222e",
+}
+"""Role -> colour on white.  In the page each one becomes the CSS variable of that name, so that plots
+follow the reader's light or dark scheme; no two roles may share a colour."""
+
+_RC = {
+    "svg.fonttype": "none",
+    "font.size": 9.5,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "axes.edgecolor": COLOURS["rule"],
+    "axes.labelcolor": COLOURS["muted"],
+    "axes.titlecolor": COLOURS["ink"],
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "grid.color": COLOURS["rule"],
+    "grid.linewidth": 0.7,
+    "text.color": COLOURS["ink"],
+    "xtick.color": COLOURS["rule"],
+    "ytick.color": COLOURS["rule"],
+    "xtick.labelcolor": COLOURS["muted"],
+    "ytick.labelcolor": COLOURS["muted"],
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "lines.solid_capstyle": "round",
+}
+
+Draw = Callable[[Figure], None]
+"""Fills a figure; called inside the style."""
+
+
+def svg(draw: Draw, width_in: float, height_in: float, name: str) -> str:
+    """An inline SVG element whose colours are CSS variables.
+
+    Args:
+        draw: Fills the figure.
+        width_in: Width [inch]; the page scales it to its column.
+        height_in: Height [inch].
+        name: Unique on the page: the SVG's inner ids are made from it.
+    """
+    stream = io.StringIO()
+    with mpl.rc_context({**mpl.rcParamsDefault, **_RC, "svg.hashsalt": name}):
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        FigureCanvasAgg(figure)
+        draw(figure)
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return _inline(stream.getvalue())
+
+
+def png(draw: Draw, width_in: float, height_in: float, dpi: int = 150) -> bytes:
+    """PNG bytes of a figure on white."""
+    stream = io.BytesIO()
+    with mpl.rc_context({**mpl.rcParamsDefault, **_RC}):
+        figure = Figure(figsize=(width_in, height_in), layout="constrained", dpi=dpi)
+        FigureCanvasAgg(figure)
+        draw(figure)
+        figure.savefig(
+            stream, format="png", facecolor=COLOURS["paper"], metadata={"Software": None}
+        )
+    return stream.getvalue()
+
+
+def quiet(axes: Axes) -> None:
+    """Take the ticks' strokes away; the grid says the same."""
+    axes.tick_params(length=0)
+
+
+def _inline(document: str) -> str:
+    """The `<svg>` element of an SVG document, without what only a file of its own needs."""
+    element = document[document.index("<svg") :]
+    element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
+    element = re.sub(r'<g id="[^"]*">', "<g>", element)
+    # The size is the viewBox's; the page's column gives the width.
+    element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
+    element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
+    for role, colour in COLOURS.items():
+        element = element.replace(colour, f"var(--{role})")
+    return element.strip()
