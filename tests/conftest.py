@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gmrdata.body.load import load_body
 from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import JOINT, PARENTS
 
@@ -75,6 +76,12 @@ def _small_box(start_m: np.ndarray, end_m: np.ndarray) -> np.ndarray:
     half_m = 0.07 if abs(start_m[0]) < 0.1 and start_m[1] > -0.35 else 0.045
     offsets_m = [half_m * (i * aside + j * third) for i in (-1, 1) for j in (-1, 1)]
     return np.array([p + o for p in (start_m, end_m) for o in offsets_m])
+
+
+@pytest.fixture(scope="session")
+def anny() -> BodyModel:
+    """The default body.  The first time on a machine it is built, which takes about a minute."""
+    return load_body("anny")
 
 
 @pytest.fixture(scope="session")

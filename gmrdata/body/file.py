@@ -2,6 +2,7 @@
 
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def read_body(path: Path) -> BodyModel:
         raise BadBodyFile(
             f"{path}: not a body file of gmrdata (its format is not {FORMAT!r}); make it again"
         )
-    values = {}
+    values: dict[str, Any] = {}
     for field in fields(BodyModel):
         if field.name not in arrays and field.name != "pose_dirs_m":
             raise BadBodyFile(f"{path}: the array {field.name} is missing; make the file again")
@@ -99,7 +100,7 @@ def check_body(path: Path, body: BodyModel) -> None:
         raise BadBodyFile(f"{path}: skin_weights of each vertex must be shares that sum to 1")
 
 
-def _in_memory(array: np.ndarray | None) -> object:
+def _in_memory(array: np.ndarray | None) -> Any:
     if array is None:
         return None
     if array.dtype.kind == "U":

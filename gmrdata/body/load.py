@@ -8,7 +8,10 @@ from gmrdata.body.model import BodyModel
 from gmrdata.errors import BadBodyFile, MissingInput
 from gmrdata.store import locked
 
-SMPL_SOURCE = "SMPL is free for research after registering at https://smpl.is.tue.mpg.de and accepting its licence"
+SMPL_SOURCE = (
+    "SMPL is free for research after registering at https://smpl.is.tue.mpg.de "
+    "and accepting its licence"
+)
 
 
 def load_body(spec: str) -> BodyModel:
@@ -29,8 +32,8 @@ def load_body(spec: str) -> BodyModel:
     path = Path(spec).expanduser()
     if not path.is_file():
         raise MissingInput(
-            f"{path}: no such body file. Give 'anny' for the free default body, or the path of your "
-            f"own SMPL model; {SMPL_SOURCE}"
+            f"{path}: no such body file. Give 'anny' for the free default body, or the path of "
+            f"your own SMPL model; {SMPL_SOURCE}"
         )
     if path.suffix == ".npz" and str(read_plain_npz(path).get("format")) == FORMAT:
         return read_body(path)

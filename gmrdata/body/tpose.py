@@ -1,6 +1,6 @@
-"""Posing a body of another rest pose into SMPL's T-pose, so that a local pose means the same on both.
+"""Posing a body of another rest pose into SMPL's T-pose, so that one local pose fits both.
 
-SMPL's T-pose: arms level and straight to the sides, palms down, legs straight down, feet to the front.
+SMPL's T-pose: arms level and straight to the sides, palms down, legs straight down, feet forward.
 """
 
 from dataclasses import dataclass
@@ -102,7 +102,7 @@ def t_pose_rotmats(rest: RestPose) -> np.ndarray:
 def _turn_pair(
     first: np.ndarray, second: np.ndarray, t_first: np.ndarray, t_second: np.ndarray
 ) -> np.ndarray:
-    """Rotations (N, 3, 3) that turn `first` to `t_first`, and `second` as near `t_second` as can be."""
+    """Rotations (N, 3, 3) that turn `first` to `t_first` and `second` towards `t_second`."""
     turned: np.ndarray = _frame(t_first, t_second) @ np.swapaxes(_frame(first, second), -1, -2)
     return turned
 
