@@ -1,0 +1,189 @@
+"""Checkpoints: one folder per kept step, whole or absent, and a pointer to the latest.
+
+`<run>/checkpoints/step_00001000/{model,optimizer}.safetensors` and `state.json`; the file `latest`
+beside them holds the folder's name.
+"""
+
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import torch
+from pydantic import ValidationError
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from gmrdata.errors import BadCheckpoint, MissingInput
+from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.model import Gmr
+from gmrdata.store import read_json, write_json, write_text
+
+FORMAT = "gmrdata-gmr/1"
+
+
+def checkpoint_dir(run_dir: Path, step: int) -> Path:
+    """Where the checkpoint of a step lies."""
+    return run_dir / "checkpoints" / f"step_{step:08d}"
+
+
+def latest_checkpoint(run_dir: Path) -> Path | None:
+    """The checkpoint that the pointer names, or None where there is none yet.
+
+    Raises:
+        BadCheckpoint: the pointer names a folder that is not there.
+    """
+    pointer = run_dir / "checkpoints" / "latest"
+    if not pointer.is_file():
+        return None
+    folder = pointer.parent / pointer.read_text(encoding="utf-8").strip()
+    if folder == pointer.parent or not folder.is_dir():
+        raise BadCheckpoint(f"{pointer}: names {folder.name!r}, which is not there. Train again")
+    return folder
+
+
+def save_checkpoint(
+    run_dir: Path, step: int, model: Gmr, optimizer: torch.optim.Optimizer, extra: dict[str, Any]
+) -> Path:
+    """Write weights, optimiser and state of a step, point `latest` to them, and drop older ones.
+
+    A process that is killed at any moment leaves the former checkpoint or this one.
+
+    Args:
+        run_dir: The run's folder.
+        step: Steps done.
+        model: The network.
+        optimizer: Its optimiser, made over `model.parameters()`.
+        extra: JSON values to keep in `state.json` beside step and model config.
+    """
+    folder = checkpoint_dir(run_dir, step)
+    temporary = folder.with_name(f".{folder.name}.tmp")
+    shutil.rmtree(temporary, ignore_errors=True)
+    temporary.mkdir(parents=True)
+    save_file(_contiguous(model.state_dict()), temporary / "model.safetensors")
+    save_file(_optimizer_tensors(model, optimizer), temporary / "optimizer.safetensors")
+    state = {"format": FORMAT, "step": step, "model": model.config.model_dump(mode="json")}
+    write_json(temporary / "state.json", state | extra)
+    for file in temporary.iterdir():
+        _fsync(file)
+    shutil.rmtree(folder, ignore_errors=True)
+    temporary.rename(folder)
+    _fsync(folder.parent)
+    write_text(folder.with_name("latest"), folder.name + "\n")
+    for other in folder.parent.glob("*step_*"):
+        if other != folder:
+            shutil.rmtree(other)
+    return folder
+
+
+def read_state(folder: Path) -> dict[str, Any]:
+    """The checkpoint's `state.json`.
+
+    Raises:
+        BadCheckpoint: it is missing, not JSON, or of another format.
+    """
+    path = folder / "state.json"
+    try:
+        state = read_json(path)
+    except (MissingInput, json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise BadCheckpoint(f"{path}: cannot be read ({error}). Train again") from None
+    if not isinstance(state, dict) or state.get("format") != FORMAT or "step" not in state:
+        raise BadCheckpoint(f"{path}: not a checkpoint of {FORMAT}. Give a run made by gmrdata")
+    return state
+
+
+def read_model(folder: Path) -> Gmr:
+    """The network of a checkpoint.
+
+    Raises:
+        BadCheckpoint: files are truncated, missing, or of another model.
+    """
+    try:
+        config = ModelConfig.model_validate(read_state(folder).get("model"))
+    except ValidationError as error:
+        raise BadCheckpoint(f"{folder / 'state.json'}: no model settings: {error}") from None
+    model = Gmr(config)
+    load_weights(folder, model)
+    return model
+
+
+def load_weights(folder: Path, model: Gmr) -> None:
+    """Fill a network with a checkpoint's weights.
+
+    Raises:
+        BadCheckpoint: the file is truncated or missing, or of another model.
+    """
+    path = folder / "model.safetensors"
+    tensors = _read_tensors(path)
+    _check_names(path, tensors, {name: t.shape for name, t in model.state_dict().items()})
+    model.load_state_dict(tensors)
+
+
+def load_optimizer(folder: Path, model: Gmr, optimizer: torch.optim.Optimizer) -> None:
+    """Fill an optimiser that was just made over `model.parameters()`.
+
+    Raises:
+        BadCheckpoint: the file is truncated or missing, or of another model.
+    """
+    path = folder / "optimizer.safetensors"
+    tensors = _read_tensors(path)
+    shapes = {}
+    for name, parameter in model.named_parameters():
+        shapes[f"{name}.step"] = torch.Size(())
+        shapes |= {f"{name}.{key}": parameter.shape for key in ("exp_avg", "exp_avg_sq")}
+    _check_names(path, tensors, shapes)
+    state = {
+        i: {key: tensors[f"{name}.{key}"] for key in ("step", "exp_avg", "exp_avg_sq")}
+        for i, (name, _) in enumerate(model.named_parameters())
+    }
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})
+
+
+def _optimizer_tensors(model: Gmr, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    state = optimizer.state_dict()["state"]
+    return _contiguous(
+        {
+            f"{name}.{key}": value
+            for i, (name, _) in enumerate(model.named_parameters())
+            for key, value in state[i].items()
+        }
+    )
+
+
+def _contiguous(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Copies on the CPU that share no memory: a GRU on a GPU keeps its weights in one buffer."""
+    return {name: tensor.detach().cpu().clone().contiguous() for name, tensor in tensors.items()}
+
+
+def _read_tensors(path: Path) -> dict[str, Tensor]:
+    try:
+        tensors: dict[str, Tensor] = load_file(path)
+    except (SafetensorError, OSError) as error:
+        raise BadCheckpoint(
+            f"{path}: truncated, missing or not safetensors ({error}). Train again"
+        ) from None
+    return tensors
+
+
+def _check_names(path: Path, tensors: dict[str, Tensor], shapes: dict[str, torch.Size]) -> None:
+    found = {name: tensor.shape for name, tensor in tensors.items()}
+    if found == shapes:
+        return
+    differing = sorted(
+        name for name in found.keys() | shapes.keys() if found.get(name) != shapes.get(name)
+    )
+    raise BadCheckpoint(
+        f"{path}: of another model; differing tensors: {', '.join(differing[:5])}"
+        f"{' ...' if len(differing) > 5 else ''}. Use the run's own settings, or train again"
+    )
+
+
+def _fsync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,97 @@
+"""Recipes of the network, its loss, its training windows and its training.  Needs no torch."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from gmrdata.config import Config
+
+Representation = Literal["quaternion", "axis-angle", "6d"]
+"""How a rotation is given to the network, or by it."""
+
+
+class ModelConfig(Config):
+    """Size and representations of the network."""
+
+    layers: int = Field(default=4, ge=1)
+    """Bidirectional GRU layers; the paper's 4."""
+    hidden: int = Field(default=2048, ge=1)
+    """Units per direction, and size of the latent feature; the paper's 2048."""
+    input: Representation = "quaternion"
+    """Representation of the 23 local rotations; the paper's quaternions are 92 numbers."""
+    output: Representation = "axis-angle"
+    """Representation of dR; the paper's axis-angle vector makes 6 outputs with dT."""
+    dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Share of features dropped in training between GRU layers and before the last; not the
+    paper's."""
+    output_scale: float = Field(default=1.0, gt=0.0)
+    """Factor on the last layer's output; the paper has none (1).  Motions at 10 fps are about
+    0.1 rad and 0.1 m, so 0.1 starts a short training with outputs of the right size."""
+
+
+class LossConfig(Config):
+    """Weights and readings of eq. 5."""
+
+    orientation: float = Field(default=1.0, ge=0.0)
+    """w_ori."""
+    translation: float = Field(default=1.0, ge=0.0)
+    """w_trans."""
+    vertex: float = Field(default=1.0, ge=0.0)
+    """w_vertex."""
+    smoothness: float = Field(default=1e-2, ge=0.0)
+    """w_smooth."""
+    orientation_loss: Literal["chordal", "angular", "axis-angle"] = "chordal"
+    """Eq. 10, 9 or 11.  The paper ends with chordal (its Table 2)."""
+    reduction: Literal["mean", "sum"] = "mean"
+    """`mean`: each term is its mean over motions (and vertices), so weights mean the same for any
+    window and body.  `sum`: as eqs. 9-14 are written, then the mean over the windows of a batch,
+    about which the paper says nothing."""
+    n_vertices: int | None = Field(default=None, ge=1)
+    """Vertices that the vertex term looks at, evenly spread over the body's list; None for all, as
+    in the paper.  With `sum`, a subset is scaled up to the whole body."""
+
+
+class WindowConfig(Config):
+    """How training windows are cut."""
+
+    frames: int = Field(default=64, ge=2)
+    """Frames of a window; the paper's 64.  Shorter runs are padded."""
+    fps_hz: float = Field(default=10.0, gt=0.0)
+    """Frame rate of the network's input [Hz]; the paper's 10."""
+    reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)
+    """Share of windows played backwards: the paper's flip augmentation, which uses both kinds."""
+
+
+class TrainConfig(Config):
+    """A training run; the defaults are the paper's (section 4.1) where it states one."""
+
+    model: ModelConfig = ModelConfig()
+    """The network."""
+    loss: LossConfig = LossConfig()
+    """The loss."""
+    windows: WindowConfig = WindowConfig()
+    """The training windows."""
+    learning_rate: float = Field(default=5e-5, gt=0.0)
+    """Adam's step size; the paper's 5e-5."""
+    schedule: Literal["constant", "cosine"] = "constant"
+    """Step size over time: constant (the paper states no schedule), or down to 0 along a cosine."""
+    warmup_steps: int = Field(default=0, ge=0)
+    """Steps over which the step size rises from 0; the paper states none."""
+    gradient_norm: float | None = Field(default=None, gt=0.0)
+    """Longest gradient, clipped beyond; None for no limit, of which the paper says nothing."""
+    batch_size: int = Field(default=32, ge=1)
+    """Windows per step; the paper's 32."""
+    steps: int = Field(default=100_000, ge=1)
+    """Steps; the paper doesn't say how many."""
+    seed: int = Field(default=0, ge=0)
+    """Of the initial weights, the windows and the dropout."""
+    log_every: int = Field(default=10, ge=1)
+    """Steps between lines of metrics.jsonl."""
+    eval_every: int = Field(default=1000, ge=1)
+    """Steps between scores on held-out clips, where such are given."""
+    checkpoint_every: int = Field(default=1000, ge=1)
+    """Steps between checkpoints."""
+    threads: int = Field(default=1, ge=1)
+    """CPU threads; part of the recipe, since another number rounds sums in another way."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where to train.  Bitwise repetition is promised on the CPU."""

@@ -1,0 +1,186 @@
+"""Training windows: from clips to batches that depend on the seed and the step alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from gmrdata.body.tree import N_LOCAL
+from gmrdata.clip import Clip
+from gmrdata.errors import BadManifest
+from gmrdata.gmr import rotations
+from gmrdata.gmr.config import Representation, WindowConfig
+from gmrdata.gmr.losses import Motions
+from gmrdata.gmr.model import network_input
+from gmrdata.gmr.motion_deltas import deltas
+from gmrdata.gmr.runs import Run, runs_at
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingRun:
+    """A run of frames, ready to be cut."""
+
+    poses: np.ndarray
+    """(n, D) float32 network input."""
+    local_rotmats: np.ndarray
+    """(n, 23, 3, 3) float32."""
+    root_rotmats: np.ndarray
+    """(n, 3, 3) frame_from_root."""
+    pelvis_m: np.ndarray
+    """(n, 3) [m]."""
+    shape: np.ndarray
+    """(S,) float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingSet:
+    """All runs, and where each begins in the count of their frames."""
+
+    runs: tuple[TrainingRun, ...]
+    """The runs."""
+    ends: np.ndarray
+    """(len(runs),) frames up to and including each run."""
+    representation: Representation
+    """Of `poses`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """B windows of T frames as tensors."""
+
+    poses: Tensor
+    """(B, T, D) network input; zero in padding."""
+    lengths: Tensor
+    """(B,) int64 on the CPU: real frames."""
+    mask: Tensor
+    """(B, T-1) bool: motions between real frames."""
+    motions: Motions
+    """True motions; the identity in padding."""
+    local_rotmats: Tensor
+    """(B, T, 23, 3, 3); the identity in padding."""
+    shape: Tensor
+    """(B, S)."""
+
+
+def make_training_set(
+    clips: Sequence[Clip], representation: Representation, config: WindowConfig
+) -> TrainingSet:
+    """Cut clips into runs at the network's frame rate, all phases, and compute their inputs once.
+
+    Raises:
+        BadManifest: no clip has two valid frames in a row, or the clips are of different bodies.
+        BadMotionFile: a clip has NaN in a valid frame, or too low a frame rate.
+    """
+    bodies = sorted({clip.motion.body for clip in clips})
+    if len(bodies) > 1:
+        raise BadManifest(
+            f"training clips are of different bodies ({', '.join(bodies)}), whose shapes"
+            " do not mix. Train on the clips of one body"
+        )
+    runs = tuple(
+        _training_run(run, representation)
+        for clip in clips
+        for run in runs_at(clip, config.fps_hz, all_phases=True)
+    )
+    if not runs:
+        raise BadManifest(
+            f"none of the {len(clips)} training clips has two valid frames in a row at"
+            f" {config.fps_hz:g} fps. Give manifests with longer clips"
+        )
+    return TrainingSet(runs, np.cumsum([len(run.poses) for run in runs]), representation)
+
+
+def make_batch(
+    training_set: TrainingSet, config: WindowConfig, batch_size: int, seed: int, step: int
+) -> Batch:
+    """The windows of one step: the same for the same seed and step, whatever was drawn before.
+
+    A run is chosen by its share of all frames, then a start, both uniformly.  A window that is to
+    be played backwards has its poses reversed and its motions computed from them anew: reversal
+    does not just change signs, since dT is seen from the frame in which the motion begins.
+    """
+    rng = np.random.default_rng([seed, step])
+    windows = [_draw(training_set, config, rng) for _ in range(batch_size)]
+    frames = config.frames
+    lengths = np.array([len(window.poses) for window in windows])
+    poses = np.zeros((batch_size, frames, windows[0].poses.shape[1]), np.float32)
+    local_rotmats = np.tile(np.eye(3, dtype=np.float32), (batch_size, frames, N_LOCAL, 1, 1))
+    delta_rotmats = np.tile(np.eye(3, dtype=np.float32), (batch_size, frames - 1, 1, 1))
+    delta_m = np.zeros((batch_size, frames - 1, 3), np.float32)
+    for row, window in enumerate(windows):
+        n = lengths[row]
+        poses[row, :n] = window.poses
+        local_rotmats[row, :n] = window.local_rotmats
+        delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = deltas(
+            window.root_rotmats, window.pelvis_m
+        )
+    return Batch(
+        poses=torch.from_numpy(poses),
+        lengths=torch.from_numpy(lengths),
+        mask=torch.from_numpy(np.arange(frames - 1) < lengths[:, None] - 1),
+        motions=Motions(torch.from_numpy(delta_rotmats), torch.from_numpy(delta_m)),
+        local_rotmats=torch.from_numpy(local_rotmats),
+        shape=torch.from_numpy(np.stack([window.shape for window in windows])),
+    )
+
+
+def reverse(run: TrainingRun, representation: Representation) -> TrainingRun:
+    """The same frames in the opposite order."""
+    rows = slice(None, None, -1)
+    return _signed(
+        TrainingRun(
+            run.poses[rows],
+            run.local_rotmats[rows],
+            run.root_rotmats[rows],
+            run.pelvis_m[rows],
+            run.shape,
+        ),
+        representation,
+    )
+
+
+def _draw(training_set: TrainingSet, config: WindowConfig, rng: np.random.Generator) -> TrainingRun:
+    frame = rng.integers(training_set.ends[-1])
+    run = training_set.runs[int(np.searchsorted(training_set.ends, frame, side="right"))]
+    start = int(rng.integers(max(1, len(run.poses) - config.frames + 1)))
+    backwards = rng.random() < config.reverse_probability
+    rows = slice(start, start + config.frames)
+    window = TrainingRun(
+        run.poses[rows],
+        run.local_rotmats[rows],
+        run.root_rotmats[rows],
+        run.pelvis_m[rows],
+        run.shape,
+    )
+    if backwards:
+        return reverse(window, training_set.representation)
+    return _signed(window, training_set.representation)
+
+
+def _signed(window: TrainingRun, representation: Representation) -> TrainingRun:
+    """Quaternions with w >= 0 in the window's first frame, as inference gives them."""
+    if representation != "quaternion":
+        return window
+    size = rotations.SIZE["quaternion"]
+    signs = np.where(window.poses[0, ::size] < 0, np.float32(-1), np.float32(1))
+    return TrainingRun(
+        window.poses * np.repeat(signs, size),
+        window.local_rotmats,
+        window.root_rotmats,
+        window.pelvis_m,
+        window.shape,
+    )
+
+
+def _training_run(run: Run, representation: Representation) -> TrainingRun:
+    motion = run.motion
+    local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
+    return TrainingRun(
+        poses=network_input(local_rotmats, representation).float().numpy(),
+        local_rotmats=np.ascontiguousarray(motion.local_rotmats, dtype=np.float32),
+        root_rotmats=np.ascontiguousarray(motion.root_rotmats, dtype=np.float64),
+        pelvis_m=np.ascontiguousarray(motion.pelvis_m, dtype=np.float64),
+        shape=motion.shape.astype(np.float32),
+    )

@@ -1,0 +1,215 @@
+"""The training loop: windows in, weights out, exactly resumable."""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from gmrdata.body.forward import posed_vertices
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip
+from gmrdata.errors import BadCheckpoint, BadManifest, TrainingDiverged
+from gmrdata.gmr.checkpoint import (
+    latest_checkpoint,
+    load_optimizer,
+    load_weights,
+    read_state,
+    save_checkpoint,
+)
+from gmrdata.gmr.config import TrainConfig
+from gmrdata.gmr.data import Batch, make_batch, make_training_set
+from gmrdata.gmr.held_out import held_out_scores
+from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
+from gmrdata.gmr.model import Gmr
+from gmrdata.gmr.vertices import vertex_rows, with_vertices
+from gmrdata.progress import progress_bar
+from gmrdata.store import write_text
+
+
+def fit(
+    clips: Sequence[Clip],
+    body: BodyModel,
+    run_dir: Path,
+    config: TrainConfig,
+    *,
+    held_out: Sequence[Clip] = (),
+) -> Gmr:
+    """The training loop: goes on from the folder's latest checkpoint, or begins.
+
+    Args:
+        clips: What to train on.
+        body: Their body.
+        run_dir: Gets `checkpoints` and `metrics.jsonl`.
+        config: The recipe.
+        held_out: What to score now and then.
+
+    Raises:
+        GmrdataError: as `gmrdata.gmr.train.train`.
+    """
+    _check_bodies(clips, body)
+    training_set = make_training_set(clips, config.model.input, config.windows)
+    rows = vertex_rows(len(body.template_m), config.loss.n_vertices)
+    loss_body = with_vertices(body, rows)
+    with _torch_settings(config), progress_bar() as bar:
+        model = Gmr(config.model).to(config.device)
+        optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
+        done = _resume(run_dir, config, model, optimizer)
+        task = bar.add_task("training", total=config.steps, completed=done)
+        for step in range(done, config.steps):
+            batch = make_batch(training_set, config.windows, config.batch_size, config.seed, step)
+            terms = _step(model, optimizer, batch, loss_body, len(body.template_m), config, step)
+            bar.update(task, advance=1, description=f"training  loss {terms['loss']:.5f}")
+
+            now = step + 1
+            if now % config.log_every == 0 or now == config.steps:
+                _log(run_dir, {"step": now} | terms)
+            if held_out and (now % config.eval_every == 0 or now == config.steps):
+                _log(run_dir, {"step": now} | held_out_scores(model, held_out, config.windows))
+            if now % config.checkpoint_every == 0 or now == config.steps:
+                extra = {"fps_hz": config.windows.fps_hz, "body": body.name}
+                save_checkpoint(run_dir, now, model, optimizer, extra)
+    return model
+
+
+def _step(
+    model: Gmr,
+    optimizer: torch.optim.Optimizer,
+    batch: Batch,
+    loss_body: BodyModel,
+    n_body_vertices: int,
+    config: TrainConfig,
+    step: int,
+) -> dict[str, float]:
+    """One update; the loss and its terms before it."""
+    torch.manual_seed(_derived_seed(config.seed, step + 1))
+    for group in optimizer.param_groups:
+        group["lr"] = learning_rate_at(config, step)
+    model.train()
+    terms = batch_loss(model, batch, loss_body, n_body_vertices, config)
+    values = {
+        "loss": terms.total.item(),
+        "orientation": terms.orientation.item(),
+        "translation": terms.translation.item(),
+        "vertex": terms.vertex.item(),
+        "smoothness": terms.smoothness.item(),
+    }
+    optimizer.zero_grad(set_to_none=True)
+    terms.total.backward()
+    limit = math.inf if config.gradient_norm is None else config.gradient_norm
+    norm = torch.nn.utils.clip_grad_norm_(model.parameters(), limit)
+    if not (math.isfinite(values["loss"]) and torch.isfinite(norm)):
+        raise TrainingDiverged(
+            f"step {step + 1}: the loss is {values['loss']:g} and its gradient has length {norm:g}."
+            " The last good checkpoint is kept. Lower learning_rate, or set gradient_norm"
+        )
+    optimizer.step()
+    return values
+
+
+def batch_loss(
+    model: Gmr, batch: Batch, loss_body: BodyModel, n_body_vertices: int, config: TrainConfig
+) -> LossTerms:
+    """Eq. 5 of a batch.
+
+    Args:
+        model: The network.
+        batch: Windows.
+        loss_body: The body, with those vertices that the vertex term looks at.
+        n_body_vertices: Vertices of the whole body.
+        config: The recipe.
+    """
+    device = config.device
+    delta_rotmats, delta_m = model(batch.poses.to(device), batch.lengths)
+    vertices_m = None
+    if config.loss.vertex > 0:
+        with torch.no_grad():
+            vertices_m = posed_vertices(
+                loss_body,
+                batch.shape[:, None].to(device),
+                batch.local_rotmats[:, :-1].to(device),
+            )
+    return gmr_loss(
+        Motions(delta_rotmats[:, :-1], delta_m[:, :-1]),
+        Motions(batch.motions.rotmats.to(device), batch.motions.metres.to(device)),
+        batch.mask.to(device),
+        vertices_m,
+        n_body_vertices,
+        config.loss,
+    )
+
+
+def learning_rate_at(config: TrainConfig, step: int) -> float:
+    """Adam's step size in a step, counted from 0."""
+    warmup = min(1.0, (step + 1) / config.warmup_steps) if config.warmup_steps else 1.0
+    if config.schedule == "constant":
+        return config.learning_rate * warmup
+    return config.learning_rate * warmup * 0.5 * (1 + math.cos(math.pi * step / config.steps))
+
+
+def _resume(
+    run_dir: Path, config: TrainConfig, model: Gmr, optimizer: torch.optim.Optimizer
+) -> int:
+    """Load the latest checkpoint, if any, and cut the metrics to it; the number of steps done."""
+    folder = latest_checkpoint(run_dir)
+    done = 0
+    if folder is not None:
+        done = int(read_state(folder)["step"])
+        if done > config.steps:
+            raise BadCheckpoint(f"{folder}: has more steps than the {config.steps} to train")
+        load_weights(folder, model)
+        load_optimizer(folder, model, optimizer)
+    metrics_path = run_dir / "metrics.jsonl"
+    lines = metrics_path.read_text("utf-8").splitlines() if metrics_path.is_file() else []
+    # The process may have been killed in the middle of a line, which then is beyond the checkpoint.
+    kept = [line for line in lines if _line_step(line) <= done]
+    write_text(metrics_path, "".join(line + "\n" for line in kept))
+    return done
+
+
+def _line_step(line: str) -> float:
+    try:
+        return float(json.loads(line)["step"])
+    except (json.JSONDecodeError, KeyError, TypeError):
+        return math.inf
+
+
+def _log(run_dir: Path, values: dict[str, Any]) -> None:
+    with (run_dir / "metrics.jsonl").open("a", encoding="utf-8") as stream:
+        stream.write(json.dumps(values) + "\n")
+
+
+def _check_bodies(clips: Sequence[Clip], body: BodyModel) -> None:
+    for clip in clips:
+        if clip.motion.body != body.name or clip.motion.shape.shape != (body.n_shape,):
+            raise BadManifest(
+                f"clip {clip.id} is of body {clip.motion.body} with {clip.motion.shape.size} shape"
+                f" coefficients, but the given body is {body.name} with {body.n_shape}."
+                " Give the clips' own body"
+            )
+    if not clips:
+        raise BadManifest("no clips to train on. Give manifests with clips")
+
+
+def _derived_seed(seed: int, counter: int) -> int:
+    return int(np.random.SeedSequence([seed, counter]).generate_state(1)[0])
+
+
+@contextmanager
+def _torch_settings(config: TrainConfig) -> Iterator[None]:
+    """Seeded, with the recipe's threads and deterministic kernels; put back afterwards."""
+    threads = torch.get_num_threads()
+    deterministic = torch.are_deterministic_algorithms_enabled()
+    with torch.random.fork_rng():
+        try:
+            torch.set_num_threads(config.threads)
+            torch.use_deterministic_algorithms(config.device == "cpu")
+            torch.manual_seed(_derived_seed(config.seed, 0))
+            yield
+        finally:
+            torch.set_num_threads(threads)
+            torch.use_deterministic_algorithms(deterministic)

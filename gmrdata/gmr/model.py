@@ -1,0 +1,91 @@
+"""The global motion regressor: local poses in, motion between frames out (the paper's Fig. 4)."""
+
+import torch
+from torch import Tensor, nn
+from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
+
+from gmrdata.body.tree import N_LOCAL
+from gmrdata.gmr import rotations
+from gmrdata.gmr.config import ModelConfig, Representation
+
+
+class Gmr(nn.Module):
+    """Bidirectional GRUs, a linear projection, a linear regression (paper, section 3.3)."""
+
+    identity: Tensor
+
+    def __init__(self, config: ModelConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.encoder = nn.GRU(
+            input_size=N_LOCAL * rotations.SIZE[config.input],
+            hidden_size=config.hidden,
+            num_layers=config.layers,
+            batch_first=True,
+            bidirectional=True,
+            dropout=config.dropout if config.layers > 1 else 0.0,
+        )
+        self.projection = nn.Linear(2 * config.hidden, config.hidden)
+        self.dropout = nn.Dropout(config.dropout)
+        self.regression = nn.Linear(config.hidden, rotations.SIZE[config.output] + 3)
+        self.register_buffer(
+            "identity", torch.tensor(rotations.IDENTITY[config.output]), persistent=False
+        )
+
+    def forward(self, poses: Tensor, lengths: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Motions from local poses.
+
+        T frames in give T motions out, as in Fig. 4; but T frames have only T-1 motions, so the
+        last one leads out of the sequence and callers drop it.
+
+        Args:
+            poses: (B, T, 23 * 3 | 4 | 6) local rotations in `config.input`.
+            lengths: (B,) int on the CPU: real frames of each row; the rest is padding, which does
+                not change the other frames' result.  None where all T are real.
+
+        Returns:
+            dR (B, T, 3, 3) and dT (B, T, 3) [m].
+        """
+        hidden = self._encode(poses, lengths)
+        values = self.regression(self.dropout(self.projection(hidden))) * self.config.output_scale
+        n_rotation = rotations.SIZE[self.config.output]
+        rotation_values = values[..., :n_rotation]
+        if self.config.output != "axis-angle":
+            # A network that puts out zeros stands still, whatever the representation.
+            rotation_values = rotation_values + self.identity
+        return (
+            rotations.to_rotmats(rotation_values, self.config.output),
+            values[..., n_rotation:],
+        )
+
+    def _encode(self, poses: Tensor, lengths: Tensor | None) -> Tensor:
+        if lengths is None or bool((lengths == poses.shape[1]).all()):
+            return self.encoder(poses)[0]
+        packed = pack_padded_sequence(poses, lengths, batch_first=True, enforce_sorted=False)
+        hidden, _ = pad_packed_sequence(
+            self.encoder(packed)[0], batch_first=True, total_length=poses.shape[1]
+        )
+        return hidden
+
+
+def parameter_count(config: ModelConfig) -> int:
+    """Number of trained numbers, by formula.
+
+    A GRU direction of h units on n inputs has 3h(n + h) weights and 6h biases.
+    """
+    inputs = N_LOCAL * rotations.SIZE[config.input]
+    h = config.hidden
+    encoder = sum(2 * (3 * h * (n + h) + 6 * h) for n in [inputs] + [2 * h] * (config.layers - 1))
+    outputs = rotations.SIZE[config.output] + 3
+    return encoder + (2 * h * h + h) + (h * outputs + outputs)
+
+
+def network_input(local_rotmats: Tensor, representation: Representation) -> Tensor:
+    """Local rotations of one sequence, (T, 23, 3, 3), as network input (T, 23 * 3 | 4 | 6).
+
+    Quaternions are continuous in time with w >= 0 in the first frame.
+    """
+    values = rotations.from_rotmats(local_rotmats, representation)
+    if representation == "quaternion":
+        values = rotations.continuous_in_time(values)
+    return values.flatten(-2)

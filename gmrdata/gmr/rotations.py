@@ -1,0 +1,73 @@
+"""Rotation representations of the network's input and output, as thin conversions over roma.
+
+Quaternions are w first.  6D is the first two columns of the matrix, one after the other (Zhou et
+al. 2019).  roma is imported where it is used, since that takes seconds.
+"""
+
+import torch
+from torch import Tensor
+
+from gmrdata.gmr.config import Representation
+
+SIZE: dict[Representation, int] = {"quaternion": 4, "axis-angle": 3, "6d": 6}
+"""Numbers per rotation."""
+
+IDENTITY: dict[Representation, tuple[float, ...]] = {
+    "quaternion": (1.0, 0.0, 0.0, 0.0),
+    "axis-angle": (0.0, 0.0, 0.0),
+    "6d": (1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+}
+"""The identity rotation in each representation."""
+
+
+def from_rotmats(rotmats: Tensor, representation: Representation) -> Tensor:
+    """Rotation matrices (..., 3, 3) in a representation (..., 3 | 4 | 6).
+
+    Quaternions have w >= 0 and axis-angle vectors a length of at most pi; see `continuous_in_time`.
+    """
+    import roma
+
+    if representation == "quaternion":
+        return canonical_sign(roma.quat_xyzw_to_wxyz(roma.rotmat_to_unitquat(rotmats)))
+    if representation == "axis-angle":
+        return roma.rotmat_to_rotvec(rotmats)
+    return rotmats[..., :, :2].transpose(-1, -2).flatten(-2)
+
+
+def to_rotmats(values: Tensor, representation: Representation) -> Tensor:
+    """Rotation matrices (..., 3, 3) of any numbers (..., 3 | 4 | 6), as a network puts them out.
+
+    Quaternions are normalised and 6D goes through Gram-Schmidt.  Gradients are finite for all
+    values but the zero quaternion and dependent 6D columns.
+    """
+    import roma
+
+    if representation == "quaternion":
+        unit = torch.nn.functional.normalize(values, dim=-1)
+        return roma.unitquat_to_rotmat(roma.quat_wxyz_to_xyzw(unit))
+    if representation == "axis-angle":
+        return roma.rotvec_to_rotmat(values)
+    columns = values.unflatten(-1, (2, 3)).transpose(-1, -2)
+    return roma.special_gramschmidt(columns, epsilon=torch.finfo(values.dtype).eps)
+
+
+def log_map(rotmats: Tensor) -> Tensor:
+    """Axis-angle vectors (..., 3) [rad] of rotation matrices (..., 3, 3), of length at most pi."""
+    return from_rotmats(rotmats, "axis-angle")
+
+
+def canonical_sign(quaternions: Tensor) -> Tensor:
+    """Of q and -q, the one with w >= 0: (..., 4) -> (..., 4)."""
+    return torch.where(quaternions[..., :1] < 0, -quaternions, quaternions)
+
+
+def continuous_in_time(quaternions: Tensor) -> Tensor:
+    """Signs that never jump in time, with w >= 0 in the first frame: (T, J, 4) -> (T, J, 4).
+
+    q and -q are one rotation; a joint that passes 180 degrees would otherwise flip all four
+    numbers.
+    """
+    products = (quaternions[1:] * quaternions[:-1]).sum(-1, keepdim=True)
+    steps = torch.where(products < 0, -1.0, 1.0).to(quaternions)
+    first = torch.where(quaternions[:1, :, :1] < 0, -1.0, 1.0).to(quaternions)
+    return quaternions * torch.cumprod(torch.cat([first, steps]), dim=0)

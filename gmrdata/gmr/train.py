@@ -1,0 +1,64 @@
+"""Training: one loop, from manifests to a run folder.
+
+    run/checkpoints/...   the latest checkpoint (gmrdata.gmr.checkpoint)
+    run/metrics.jsonl     one line per logged step: step, loss, its terms; and held-out scores
+    run/stage.json        recipe, inputs, versions
+
+A run that was killed, at any moment and however, goes on when it is started again, and ends with
+the weights that it would have had: each step's windows and dropout depend on (seed, step) alone.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gmrdata.gmr.config import TrainConfig
+from gmrdata.store import run_stage
+
+__all__ = ["TrainConfig", "train"]
+
+
+def train(
+    manifest_paths: Sequence[Path],
+    run_dir: Path,
+    config: TrainConfig,
+    *,
+    body_path: Path | None = None,
+    held_out_paths: Sequence[Path] = (),
+    redo: bool = False,
+) -> Path:
+    """Train a network on the clips of manifests; resumes a killed run.
+
+    Args:
+        manifest_paths: Manifests whose clips are trained on.
+        run_dir: The run folder to make.
+        config: The recipe.
+        body_path: Body of the clips, as `load_body` takes it; None for the default body.
+        held_out_paths: Manifests to score every `eval_every` steps; they don't change the training.
+        redo: Throw away a run that was made with another recipe.
+
+    Returns:
+        `run_dir`.
+
+    Raises:
+        BadManifest: no clips to train on, of several bodies, or of another body than the given one.
+        BadMotionFile: a clip holds NaN, or has a lower frame rate than the windows.
+        TrainingDiverged: the loss became infinite or NaN; the last good checkpoint is kept.
+        BadCheckpoint: the unfinished run's checkpoint is broken.
+        StaleOutput: the folder was made with another recipe.
+    """
+    from gmrdata.body.load import load_body
+    from gmrdata.gmr.loop import fit
+    from gmrdata.manifest.read import load_clips
+
+    inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
+    inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}
+    if body_path is not None:
+        inputs["body"] = body_path
+
+    def work(partial_dir: Path) -> None:
+        clips = [clip for path in manifest_paths for clip in load_clips(path)]
+        held_out = [clip for path in held_out_paths for clip in load_clips(path)]
+        body = load_body("anny" if body_path is None else str(body_path))
+        fit(clips, body, partial_dir, config, held_out=held_out)
+
+    return run_stage("gmr-train", run_dir, config, inputs, work, resumable=True, redo=redo)
