@@ -13,7 +13,7 @@ import torch
 from gmrdata.body.forward import posed_vertices
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
-from gmrdata.errors import BadCheckpoint, BadManifest, TrainingDiverged
+from gmrdata.errors import BadCheckpoint, TrainingDiverged
 from gmrdata.gmr.checkpoint import (
     latest_checkpoint,
     load_optimizer,
@@ -26,6 +26,7 @@ from gmrdata.gmr.data import Batch, make_batch, make_training_set
 from gmrdata.gmr.held_out import held_out_scores
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
 from gmrdata.gmr.model import Gmr
+from gmrdata.gmr.usable import check_clips_fit
 from gmrdata.gmr.vertices import vertex_rows, with_vertices
 from gmrdata.progress import progress_bar
 from gmrdata.store import write_text
@@ -51,7 +52,7 @@ def fit(
     Raises:
         GmrdataError: as `gmrdata.gmr.train.train`.
     """
-    _check_bodies(clips, body)
+    check_clips_fit([*clips, *held_out], body)
     training_set = make_training_set(clips, config.model.input, config.windows)
     rows = vertex_rows(len(body.template_m), config.loss.n_vertices)
     loss_body = with_vertices(body, rows)
@@ -181,18 +182,6 @@ def _line_step(line: str) -> float:
 def _log(run_dir: Path, values: dict[str, Any]) -> None:
     with (run_dir / "metrics.jsonl").open("a", encoding="utf-8") as stream:
         stream.write(json.dumps(values) + "\n")
-
-
-def _check_bodies(clips: Sequence[Clip], body: BodyModel) -> None:
-    for clip in clips:
-        if clip.motion.body != body.name or clip.motion.shape.shape != (body.n_shape,):
-            raise BadManifest(
-                f"clip {clip.id} is of body {clip.motion.body} with {clip.motion.shape.size} shape"
-                f" coefficients, but the given body is {body.name} with {body.n_shape}."
-                " Give the clips' own body"
-            )
-    if not clips:
-        raise BadManifest("no clips to train on. Give manifests with clips")
 
 
 def _derived_seed(seed: int, counter: int) -> int:

@@ -48,7 +48,7 @@ def train(
     """
     from gmrdata.body.load import load_body
     from gmrdata.gmr.loop import fit
-    from gmrdata.manifest.read import load_clips
+    from gmrdata.gmr.usable import usable_clips
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}
@@ -56,8 +56,8 @@ def train(
         inputs["body"] = body_path
 
     def work(partial_dir: Path) -> None:
-        clips = [clip for path in manifest_paths for clip in load_clips(path)]
-        held_out = [clip for path in held_out_paths for clip in load_clips(path)]
+        clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]
+        held_out = [one.clip for path in held_out_paths for one in usable_clips(path).clips]
         body = load_body("anny" if body_path is None else str(body_path))
         fit(clips, body, partial_dir, config, held_out=held_out)
 
