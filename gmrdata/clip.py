@@ -1,9 +1,10 @@
 """Clip: what the manifest lists, the trainer trains on and the evaluator scores; and its file."""
 
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,6 +13,9 @@ from gmrdata.errors import BadMotionFile, MissingInput
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.motion.motion import Motion
 from gmrdata.store import atomic_path
+
+MAX_UNPACKED_BYTES = 4 << 30
+"""An .npz that unpacks to more is refused before it fills the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,18 +57,19 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
         path: The file.
         clip: The clip.
         rest_pelvis_m: (3,) J0 of the clip's body and shape, rest frame [m].
+
+    Raises:
+        BadMotionFile: the clip's arrays do not fit together.
     """
     motion = clip.motion
     rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
     arrays: dict[str, Any] = {
-        "poses": Rotation.from_matrix(rotmats.reshape(-1, 3, 3))
-        .as_rotvec()
-        .reshape(motion.n_frames, 72),
-        "trans": motion.pelvis_m - rest_pelvis_m,
-        "betas": motion.shape,
+        "poses": _rotvecs(rotmats).reshape(motion.n_frames, 72),
+        "trans": np.asarray(motion.pelvis_m - rest_pelvis_m, dtype=np.float64),
+        "betas": np.asarray(motion.shape, dtype=np.float64),
         "gender": motion.gender,
-        "mocap_framerate": motion.fps_hz,
-        "rest_pelvis_m": rest_pelvis_m,
+        "mocap_framerate": float(motion.fps_hz),
+        "rest_pelvis_m": np.asarray(rest_pelvis_m, dtype=np.float64),
         "body": motion.body,
         "frame": motion.frame,
         "source": motion.source,
@@ -79,6 +84,7 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
             "world_from_cam": clip.camera.world_from_cam,
             "has_camera": clip.camera.has_camera,
         }
+    _check_arrays(path, {key: np.asarray(value) for key, value in arrays.items()})
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         np.savez(stream, **arrays)
 
@@ -91,39 +97,32 @@ def load_clip(path: Path) -> Clip:
         BadMotionFile: the file is truncated, lacks a key, or its arrays do not fit together.
     """
     arrays = read_npz(path)
-    try:
-        n_frames = len(arrays["poses"])
-        rotmats = (
-            Rotation.from_rotvec(arrays["poses"].reshape(-1, 3))
-            .as_matrix()
-            .reshape(n_frames, 24, 3, 3)
+    _check_arrays(path, arrays)
+    n_frames = len(arrays["poses"])
+    rotmats = Rotation.from_rotvec(arrays["poses"].reshape(-1, 3)).as_matrix()
+    rotmats = rotmats.reshape(n_frames, 24, 3, 3)
+    motion = Motion(
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=arrays["trans"] + arrays["rest_pelvis_m"],
+        shape=arrays["betas"],
+        fps_hz=float(arrays["mocap_framerate"]),
+        body=str(arrays["body"]),
+        gender=str(arrays["gender"]),
+        frame="camera" if str(arrays["frame"]) == "camera" else "world",
+        source=str(arrays["source"]),
+    )
+    camera = None
+    if "world_from_cam" in arrays:
+        width_px, height_px = (int(size) for size in arrays["camera_size_px"])
+        camera = CameraPath(
+            arrays["camera_intrinsics_px"],
+            width_px,
+            height_px,
+            arrays["world_from_cam"],
+            arrays["has_camera"],
         )
-        motion = Motion(
-            local_rotmats=rotmats[:, 1:],
-            root_rotmats=rotmats[:, 0],
-            pelvis_m=arrays["trans"] + arrays["rest_pelvis_m"],
-            shape=arrays["betas"],
-            fps_hz=float(arrays["mocap_framerate"]),
-            body=str(arrays["body"]),
-            gender=str(arrays["gender"]),
-            frame="camera" if str(arrays["frame"]) == "camera" else "world",
-            source=str(arrays["source"]),
-        )
-        camera = None
-        if "world_from_cam" in arrays:
-            width_px, height_px = (int(size) for size in arrays["camera_size_px"])
-            camera = CameraPath(
-                arrays["camera_intrinsics_px"],
-                width_px,
-                height_px,
-                arrays["world_from_cam"],
-                arrays["has_camera"],
-            )
-        return Clip(str(arrays["id"]), motion, arrays["valid"], arrays["image_numbers"], camera)
-    except KeyError as missing:
-        raise BadMotionFile(f"{path}: not a clip file, it has no array {missing}") from None
-    except ValueError as error:
-        raise BadMotionFile(f"{path}: arrays do not fit together: {error}") from None
+    return Clip(str(arrays["id"]), motion, arrays["valid"], arrays["image_numbers"], camera)
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:
@@ -136,7 +135,84 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {key: archive[key] for key in archive.files}
-    except (BadZipFile, ValueError, OSError, EOFError, AttributeError) as error:
+        with zipfile.ZipFile(path) as archive:
+            size_bytes = sum(entry.file_size for entry in archive.infolist())
+        if size_bytes > MAX_UNPACKED_BYTES:
+            raise BadMotionFile(f"{path}: unpacks to {size_bytes} bytes, which no motion needs")
+        with np.load(path, allow_pickle=False) as arrays:
+            return {key: arrays[key] for key in arrays.files}
+    except _NPZ_ERRORS as error:
         raise BadMotionFile(f"{path}: not a readable .npz of plain arrays ({error})") from None
+
+
+_NPZ_ERRORS = (
+    zipfile.BadZipFile,
+    zlib.error,
+    ValueError,
+    TypeError,
+    OSError,
+    EOFError,
+    MemoryError,
+    # An encrypted or strangely compressed member.
+    RuntimeError,
+)
+"""What numpy and zipfile raise for files that are not what they say."""
+
+_SHAPES: dict[str, tuple[str, tuple[str | int, ...]]] = {
+    "poses": ("f", ("T", 72)),
+    "trans": ("f", ("T", 3)),
+    "betas": ("f", ("S",)),
+    "rest_pelvis_m": ("f", (3,)),
+    "mocap_framerate": ("fi", ()),
+    "valid": ("b", ("T",)),
+    "image_numbers": ("iu", ("T",)),
+    "body": ("U", ()),
+    "gender": ("U", ()),
+    "frame": ("U", ()),
+    "source": ("U", ()),
+    "id": ("U", ()),
+}
+"""Kind (numpy's letters) and shape of each array of a clip; T frames, S shape coefficients."""
+
+_CAMERA_SHAPES: dict[str, tuple[str, tuple[str | int, ...]]] = {
+    "camera_intrinsics_px": ("f", (3, 3)),
+    "camera_size_px": ("iu", (2,)),
+    "world_from_cam": ("f", ("T", 4, 4)),
+    "has_camera": ("b", ("T",)),
+}
+"""The same for a clip with a camera."""
+
+
+def _check_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Check that all arrays of a clip are there and fit together."""
+    shapes = _SHAPES | (_CAMERA_SHAPES if arrays.keys() & _CAMERA_SHAPES.keys() else {})
+    lengths: dict[str, int] = {}
+    for key, (kinds, shape) in shapes.items():
+        if key not in arrays:
+            raise BadMotionFile(f"{path}: not a clip file, it has no array {key!r}")
+        found = arrays[key]
+        wanted = tuple(
+            lengths.setdefault(size, length) if isinstance(size, str) else size
+            for size, length in zip(shape, found.shape, strict=False)
+        )
+        if found.dtype.kind not in kinds or len(found.shape) != len(shape) or found.shape != wanted:
+            raise BadMotionFile(
+                f"{path}: array {key!r} has shape {found.shape} and type {found.dtype}, which "
+                f"doesn't fit a clip of {lengths.get('T')} frames; make the clip again"
+            )
+    if lengths["T"] == 0:
+        raise BadMotionFile(f"{path}: the clip has no frames")
+    if str(arrays["frame"]) not in ("world", "camera"):
+        raise BadMotionFile(f"{path}: frame is {str(arrays['frame'])!r}, not 'world' or 'camera'")
+    if not (np.isfinite(arrays["mocap_framerate"]) and arrays["mocap_framerate"] > 0):
+        raise BadMotionFile(f"{path}: the frame rate is {arrays['mocap_framerate']} Hz")
+
+
+def _rotvecs(rotmats: np.ndarray) -> np.ndarray:
+    """Axis-angle of rotation matrices (..., 3, 3); NaN where a frame without a motion has NaN."""
+    flat = rotmats.reshape(-1, 3, 3)
+    known = np.isfinite(flat).all(axis=(1, 2))
+    rotvecs = np.full((len(flat), 3), np.nan)
+    if known.any():
+        rotvecs[known] = Rotation.from_matrix(flat[known]).as_rotvec()
+    return rotvecs.reshape(*rotmats.shape[:-1])

@@ -37,6 +37,10 @@ class BadCheckpoint(GmrdataError):
     """A checkpoint is truncated, or belongs to another model."""
 
 
+class BadRecord(GmrdataError):
+    """A JSON record of a stage or run is cut off, or no JSON."""
+
+
 class StaleOutput(GmrdataError):
     """The output folder was made by another recipe or from other inputs."""
 

@@ -5,8 +5,10 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,10 +18,11 @@ from typing import Any
 
 from gmrdata import __version__
 from gmrdata.config import Config
-from gmrdata.errors import MissingInput, StaleOutput
+from gmrdata.errors import BadRecord, MissingInput, StaleOutput
 
 STAGE_FILE = "stage.json"
 RECIPE_FILE = "recipe.json"
+_LOCK_NAME = re.compile(r"\..+\.lock")
 RECORDED_PACKAGES = ("numpy", "scipy", "torch", "pycolmap", "opencv-python-headless", "bpy", "anny")
 
 
@@ -41,7 +44,7 @@ def sha256_of_file(path: Path) -> str:
 def sha256_of_path(path: Path) -> str:
     """Hex SHA-256 of a file, or of a folder's relative paths and contents.
 
-    A stage's own record is left out, since it holds times.
+    A stage's own record is left out, since it holds times, and so are the lock files of stages.
 
     Raises:
         MissingInput: there is nothing at the path.
@@ -50,7 +53,7 @@ def sha256_of_path(path: Path) -> str:
         return sha256_of_file(path)
     digest = hashlib.sha256()
     for file in sorted(p for p in path.rglob("*") if p.is_file()):
-        if file.name in (STAGE_FILE, RECIPE_FILE):
+        if file.name in (STAGE_FILE, RECIPE_FILE) or _LOCK_NAME.fullmatch(file.name):
             continue
         digest.update(f"{file.relative_to(path).as_posix()}\0{sha256_of_file(file)}\n".encode())
     return digest.hexdigest()
@@ -60,7 +63,8 @@ def sha256_of_path(path: Path) -> str:
 def atomic_path(path: Path) -> Iterator[Path]:
     """A temporary sibling of `path` to write to; it replaces `path` when the block ends well."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp{path.suffix}")
+    unique = f"{os.getpid()}-{threading.get_ident()}"
+    temporary = path.with_name(f".{path.name}.{unique}.tmp{path.suffix}")
     try:
         yield temporary
         with temporary.open("rb") as stream:
@@ -86,10 +90,14 @@ def read_json(path: Path) -> Any:
 
     Raises:
         MissingInput: there is no such file.
+        BadRecord: it isn't JSON.
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    return json.loads(path.read_text(encoding="utf-8"))
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise BadRecord(f"{path}: not JSON ({error}); make it again") from None
 
 
 def run_stage(
@@ -130,21 +138,27 @@ def run_stage(
         "inputs": {key: sha256_of_path(path) for key, path in sorted(inputs.items())},
     }
     partial = out_dir.with_name(out_dir.name + ".partial")
+    retired = out_dir.with_name(f".{out_dir.name}.old")
     out_dir.parent.mkdir(parents=True, exist_ok=True)
     with locked(out_dir.with_name(f".{out_dir.name}.lock")):
+        if retired.exists():
+            shutil.rmtree(retired)
         if out_dir.exists() and not _is_stale(out_dir, recipe, redo):
             return out_dir
         if partial.exists() and not (resumable and _read_recipe(partial / RECIPE_FILE) == recipe):
             shutil.rmtree(partial)
         partial.mkdir(exist_ok=True)
+        _remove_temporaries(partial)
         write_json(partial / RECIPE_FILE, recipe)
         start_s = time.monotonic()
         work(partial)
         write_json(partial / STAGE_FILE, recipe | _provenance(time.monotonic() - start_s))
         (partial / RECIPE_FILE).unlink()
+        # Two renames, so that at no time a half-deleted folder has the result's name.
         if out_dir.exists():
-            shutil.rmtree(out_dir)
+            out_dir.rename(retired)
         partial.rename(out_dir)
+        shutil.rmtree(retired, ignore_errors=True)
     return out_dir
 
 
@@ -162,6 +176,13 @@ def locked(lock_path: Path) -> Iterator[None]:
 
 
 def _is_stale(out_dir: Path, recipe: dict[str, Any], redo: bool) -> bool:
+    if out_dir.is_dir() and not any(out_dir.iterdir()):
+        return True
+    if not (out_dir / STAGE_FILE).is_file():
+        # Never deleted, not even with --redo: it could be anybody's folder.
+        raise StaleOutput(
+            f"{out_dir}: is there, and no gmrdata stage made it. Pass another --out, or move it"
+        )
     made_by = _read_recipe(out_dir / STAGE_FILE)
     if made_by == recipe:
         return False
@@ -175,10 +196,20 @@ def _is_stale(out_dir: Path, recipe: dict[str, Any], redo: bool) -> bool:
 
 
 def _read_recipe(path: Path) -> dict[str, Any]:
-    if not path.is_file():
+    """What a record says about the recipe; nothing if there is no record or it was cut off."""
+    try:
+        record = read_json(path)
+    except (MissingInput, BadRecord):
         return {}
-    record = read_json(path)
+    if not isinstance(record, dict):
+        return {}
     return {key: record[key] for key in ("stage", "config", "inputs") if key in record}
+
+
+def _remove_temporaries(partial: Path) -> None:
+    """Remove what `atomic_path` left in a folder whose process was killed."""
+    for leftover in partial.rglob(".*.tmp*"):
+        leftover.unlink()
 
 
 def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
@@ -214,7 +245,10 @@ def _git_commit() -> str | None:
     here = Path(__file__).parent.parent
     if not (here / ".git").exists():
         return None
+    git = shutil.which("git")
+    if git is None:
+        return None
     answer = subprocess.run(
-        ["git", "-C", str(here), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+        [git, "-C", str(here), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
     )
     return answer.stdout.strip() or None

@@ -1,0 +1,129 @@
+"""What a clip's arrays must satisfy before anyone trains on them or scores with them."""
+
+import re
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from gmrdata import clip as clip_file
+from gmrdata.geometry.camera import CameraPath
+from gmrdata.manifest.current import Clip
+from gmrdata.manifest.read import rows_in
+
+ROTATION_TOLERANCE = 1e-6
+"""Largest entry of R^T R - I that passes; rotations are stored in float64."""
+
+
+def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
+    """What is wrong with a clip's arrays, one line each, field first."""
+    yield from _disagreements(entry, clip)
+    if clip.motion.n_frames != entry.n_frames:
+        return  # rows can't be compared
+    kept = rows_in(entry.kept, entry.n_frames)
+    if bad := _rows(kept & ~clip.valid):
+        yield f"kept: row {bad} not valid in the file; write the manifest again"
+    motion = clip.motion
+    for key, values in (
+        ("poses", motion.root_rotmats),
+        ("poses", motion.local_rotmats),
+        ("trans", motion.pelvis_m),
+    ):
+        finite = np.isfinite(values).reshape(entry.n_frames, -1).all(axis=1)
+        if bad := _rows(kept & ~finite):
+            yield f"arrays.{key}: NaN or infinite in kept row {bad}; drop the rows with a reason"
+    if not np.isfinite(motion.shape).all():
+        yield "arrays.betas: NaN or infinite; make the clip again"
+    yield from _image_number_problems(clip.image_numbers)
+    if clip.camera is not None:
+        yield from _camera_problems(clip.camera)
+
+
+def image_problems(entry: Clip, clip: clip_file.Clip, names: list[str]) -> Iterator[str]:
+    """Rows whose image is not in the listing.
+
+    Args:
+        entry: The manifest's entry.
+        clip: The loaded clip.
+        names: Paths in the image listing.
+    """
+    numbers = {image_number(name) for name in names}
+    wanted = {int(number) for number in clip.image_numbers if number >= 0}
+    if missing := sorted(wanted - numbers):
+        yield (
+            f"images.folder: no image {some(missing)} that arrays.image_numbers names; "
+            f"put the images back in {entry.images.folder if entry.images else 'the folder'}"
+        )
+
+
+def mask_problems(images: list[str], masks: list[str]) -> Iterator[str]:
+    """Masks that belong to no image; paths of the two listings."""
+    stems = {PurePosixPath(name).with_suffix("").as_posix() for name in images}
+    stray = [name for name in masks if PurePosixPath(name).with_suffix("").as_posix() not in stems]
+    if stray:
+        yield f"masks.folder: {some(stray)} belongs to no image; a mask is named <image stem>.png"
+
+
+def image_number(name: str) -> int | None:
+    """The last number in an image's file name, or None."""
+    numbers = re.findall(r"[0-9]+", PurePosixPath(name).stem)
+    return int(numbers[-1]) if numbers else None
+
+
+def _disagreements(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
+    pairs = (
+        ("id", entry.id, clip.id),
+        ("n_frames", entry.n_frames, clip.motion.n_frames),
+        ("fps_hz", entry.fps_hz, clip.motion.fps_hz),
+        ("body", entry.body, clip.motion.body),
+        ("frame", entry.frame, clip.motion.frame),
+    )
+    for field, said, found in pairs:
+        if said != found:
+            yield f"{field}: is {said}, but the file has {found}; write the manifest again"
+    if (entry.camera_motion == "none") != (clip.camera is None):
+        has = "no camera" if clip.camera is None else "a camera"
+        yield f"camera_motion: is {entry.camera_motion}, but the file has {has}; correct the class"
+
+
+def _image_number_problems(image_numbers: np.ndarray) -> Iterator[str]:
+    numbers = image_numbers.astype(np.int64)
+    if (numbers < -1).any():
+        yield "arrays.image_numbers: below -1; -1 stands for a row without image"
+    if (np.diff(numbers[numbers >= 0]) <= 0).any():
+        yield "arrays.image_numbers: not increasing; rows must follow the images' order"
+
+
+def _camera_problems(camera: CameraPath) -> Iterator[str]:
+    intrinsics = camera.intrinsics_px
+    if not (
+        np.isfinite(intrinsics).all()
+        and intrinsics[0, 0] > 0
+        and intrinsics[1, 1] > 0
+        and np.array_equal(intrinsics[2], [0, 0, 1])
+    ):
+        yield "arrays.camera_intrinsics_px: not a calibration matrix; make the clip again"
+    if camera.width_px <= 0 or camera.height_px <= 0:
+        yield "arrays.camera_size_px: not above zero; make the clip again"
+    transforms = camera.world_from_cam
+    finite = np.isfinite(transforms).all(axis=(1, 2))
+    if bad := _rows(camera.has_camera & ~finite):
+        yield f"arrays.world_from_cam: NaN or infinite in row {bad}; set has_camera to False there"
+    rows = camera.has_camera & finite
+    rotations = np.where(rows[:, None, None], transforms[:, :3, :3], np.eye(3))
+    skew = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
+    if bad := _rows((skew > ROTATION_TOLERANCE) | (np.linalg.det(rotations) < 0)):
+        yield f"arrays.world_from_cam: no proper rotation in row {bad}; make the clip again"
+    if bad := _rows(rows & (transforms[:, 3] != [0, 0, 0, 1]).any(axis=1)):
+        yield f"arrays.world_from_cam: last line isn't 0 0 0 1 in row {bad}; make the clip again"
+
+
+def _rows(mask: np.ndarray) -> str:
+    """The first True rows for a reader, "" if there are none."""
+    return some(np.flatnonzero(mask).tolist())
+
+
+def some(items: list[int] | list[str]) -> str:
+    """The first three items for a reader, and how many more there are."""
+    shown = ", ".join(str(item) for item in items[:3])
+    return shown + (f" and {len(items) - 3} more" if len(items) > 3 else "")

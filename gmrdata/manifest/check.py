@@ -1,0 +1,159 @@
+"""Check a manifest against its files: none missing, changed or extra, and all of them usable."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from gmrdata.clip import load_clip
+from gmrdata.errors import BadManifest, BadMotionFile, MissingInput
+from gmrdata.manifest.arrays import array_problems, image_problems, mask_problems, some
+from gmrdata.manifest.current import Clip, FileRecord, FolderRecord, ListManifest, Manifest
+from gmrdata.manifest.listing import BAR_FROM, ListedFile, files_below, read_listing
+from gmrdata.manifest.read import join_problems, read_manifest
+from gmrdata.manifest.recipe import recipe_sha256
+from gmrdata.paths import resolve_inside
+from gmrdata.progress import progress_bar
+from gmrdata.store import sha256_of_file
+
+AGAIN = "copy it again, or write the manifest again if the change is meant"
+
+
+def check_manifest(path: Path, *, hashes: bool = True) -> None:
+    """Check format, files and arrays of a manifest.
+
+    Args:
+        path: The manifest; its files lie below its folder.
+        hashes: Read every byte and compare hashes; otherwise sizes alone.
+
+    Raises:
+        MissingInput: there is no such manifest.
+        BadManifest: all that is wrong, up to 50 problems; each names manifest, clip and field and
+            says what to do.
+    """
+    manifest = read_manifest(path)
+    if isinstance(manifest, ListManifest):
+        return
+    problems = []
+    with _advancing(manifest, path.name) as advance:
+        work = _Work(path.parent, hashes, advance)
+        for clip in manifest.clips:
+            problems += [f"{path}: clip {clip.id}: {line}" for line in _clip_problems(work, clip)]
+    if problems:
+        raise BadManifest(join_problems(path, problems))
+
+
+@dataclass(frozen=True)
+class _Work:
+    root: Path
+    hashes: bool
+    advance: Callable[[], None]
+
+
+@contextmanager
+def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
+    """A progress bar over all files if they are many; gives the function that counts one."""
+    n_files = sum(1 + sum(part.count + 1 for part in _folders(clip)) for clip in manifest.clips)
+    if n_files <= BAR_FROM:
+        yield lambda: None
+        return
+    with progress_bar() as bar:
+        task = bar.add_task(f"checking {name}", total=n_files)
+        yield lambda: bar.advance(task)
+
+
+def _folders(clip: Clip) -> list[FolderRecord]:
+    return [folder for folder in (clip.images, clip.masks) if folder is not None]
+
+
+def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
+    """One line per problem, field first."""
+    names: dict[str, list[str]] = {}
+    for field, record in (("images", entry.images), ("masks", entry.masks)):
+        if record is not None:
+            files, problems = _listing(work, field, record)
+            names[field] = [file.path for file in files]
+            yield from problems
+            if files:
+                yield from _folder_problems(work, field, record, files)
+    if names.get("images") and names.get("masks"):
+        yield from mask_problems(names["images"], names["masks"])
+    yield from _arrays_problems(work, entry, names.get("images", []))
+    recipe = entry.recipe
+    if recipe and recipe.sha256 != recipe_sha256(recipe.stage, recipe.config, recipe.inputs):
+        yield "recipe.sha256: isn't the hash of the recipe beside it; write the manifest again"
+
+
+def _arrays_problems(work: _Work, entry: Clip, images: list[str]) -> Iterator[str]:
+    yield from _file_problems(work, "arrays", entry.arrays)
+    try:
+        clip = load_clip(resolve_inside(work.root, entry.arrays.path))
+    except (ValueError, MissingInput):
+        return  # said above
+    except BadMotionFile as error:
+        yield f"arrays: {error}; {AGAIN}"
+        return
+    yield from array_problems(entry, clip)
+    if images:
+        yield from image_problems(entry, clip, images)
+
+
+def _file_problems(work: _Work, field: str, record: FileRecord) -> Iterator[str]:
+    work.advance()
+    try:
+        file = resolve_inside(work.root, record.path)
+    except ValueError as error:
+        yield f"{field}.path: {error}"
+        return
+    yield from _content_problems(field, record.path, file, record, work.hashes)
+
+
+def _content_problems(
+    field: str, name: str, file: Path, said: FileRecord | ListedFile, hashes: bool
+) -> Iterator[str]:
+    if not file.is_file():
+        yield f"{field}: {name} is missing; {AGAIN}"
+    elif (found_bytes := file.stat().st_size) != said.size_bytes:
+        yield f"{field}: {name} has {found_bytes} bytes, not {said.size_bytes}; {AGAIN}"
+    elif hashes and (found := sha256_of_file(file)) != said.sha256:
+        yield f"{field}: {name} has sha256 {found}, not {said.sha256}; {AGAIN}"
+
+
+def _listing(work: _Work, field: str, record: FolderRecord) -> tuple[list[ListedFile], list[str]]:
+    """The listing's lines, none if it can't be trusted, and what is wrong with it."""
+    problems = list(_file_problems(work, f"{field}.listing", record.listing))
+    if problems:
+        return [], problems
+    try:
+        files = read_listing(work.root / record.listing.path)
+    except BadManifest as error:
+        return [], [f"{field}.listing: {error}"]
+    total_bytes = sum(file.size_bytes for file in files)
+    if (len(files), total_bytes) != (record.count, record.size_bytes):
+        problems.append(
+            f"{field}: the listing has {len(files)} files of {total_bytes} bytes, not "
+            f"{record.count} of {record.size_bytes}; write the manifest again"
+        )
+    return files, problems
+
+
+def _folder_problems(
+    work: _Work, field: str, record: FolderRecord, files: list[ListedFile]
+) -> Iterator[str]:
+    try:
+        folder = resolve_inside(work.root, record.folder)
+        present = files_below(folder)
+    except (ValueError, MissingInput) as error:
+        yield f"{field}.folder: {error}; {AGAIN}"
+        return
+    extra = sorted(set(present) - {file.path for file in files})
+    if extra:
+        yield f"{field}.folder: {some(extra)} not in the listing; remove, or write the manifest again"
+    for file in files:
+        work.advance()
+        try:
+            real = resolve_inside(folder, file.path)
+        except ValueError as error:
+            yield f"{field}.folder: {error}"
+            continue
+        yield from _content_problems(field, f"{record.folder}/{file.path}", real, file, work.hashes)

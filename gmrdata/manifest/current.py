@@ -1,0 +1,41 @@
+"""The newest manifest format; stages import it from here and never name a version."""
+
+from gmrdata.manifest.v1 import (
+    FORMAT,
+    AnyManifest,
+    CameraMotion,
+    Clip,
+    CreatedBy,
+    DroppedRange,
+    FileRecord,
+    FolderRecord,
+    FrameRange,
+    ListedClip,
+    ListManifest,
+    Manifest,
+    Quality,
+    Recipe,
+    Source,
+)
+
+READS = (FORMAT,)
+"""Formats that this gmrdata reads."""
+
+__all__ = [
+    "FORMAT",
+    "READS",
+    "AnyManifest",
+    "CameraMotion",
+    "Clip",
+    "CreatedBy",
+    "DroppedRange",
+    "FileRecord",
+    "FolderRecord",
+    "FrameRange",
+    "ListManifest",
+    "ListedClip",
+    "Manifest",
+    "Quality",
+    "Recipe",
+    "Source",
+]

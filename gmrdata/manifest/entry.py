@@ -1,0 +1,120 @@
+"""Make a clip's manifest entry from the files that a stage left."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from gmrdata.clip import load_clip
+from gmrdata.errors import BadManifest
+from gmrdata.manifest.current import (
+    CameraMotion,
+    Clip,
+    DroppedRange,
+    FolderRecord,
+    FrameRange,
+    Quality,
+    Recipe,
+    Source,
+)
+from gmrdata.manifest.listing import file_record, folder_record
+
+
+def clip_entry(
+    root: Path,
+    *,
+    clip_path: Path,
+    camera_motion: CameraMotion,
+    licence: str,
+    source: Source,
+    id: str | None = None,
+    images_dir: Path | None = None,
+    masks_dir: Path | None = None,
+    dropped_reason: str | Sequence[str] = "not valid in the clip's file",
+    quality: Quality | None = None,
+    recipe: Recipe | None = None,
+) -> Clip:
+    """Make a clip's manifest entry from the files that a stage left; hashes them all.
+
+    The kept ranges are the rows where the clip's `valid` is True.  Listings of images and masks go
+    to `root/listings/<id>.images.tsv` and `<id>.masks.tsv`, outside the stage's finished folder.
+
+    Args:
+        root: The manifest's folder; everything lies below it.
+        clip_path: The clip's .npz.
+        camera_motion: Class of the camera's motion; "none" without a camera.
+        licence: Terms under which this clip may be passed on.
+        source: Where the motion came from.
+        id: The clip's id if the caller expects one; the file must agree.
+        images_dir: Folder of images.
+        masks_dir: Folder of masks.
+        dropped_reason: Why rows are not valid: one reason, or T reasons of which those of dropped
+            rows count.
+        quality: How far the clip can be trusted.
+        recipe: What made the clip, from `gmrdata.manifest.recipe.stage_recipe`.
+
+    Raises:
+        MissingInput: a file or folder is not there.
+        BadManifest: a path lies outside `root`, or the clip's id or length disagree.
+        BadMotionFile: the clip's file is broken.
+    """
+    clip = load_clip(clip_path)
+    if id is not None and id != clip.id:
+        raise BadManifest(f"{clip_path}: holds clip {clip.id}, not {id}")
+    kept, dropped = _ranges(clip.valid, _reasons(clip_path, dropped_reason, clip.motion.n_frames))
+    try:
+        entry = Clip(
+            id=clip.id,
+            source=source,
+            licence=licence,
+            body=clip.motion.body,
+            fps_hz=clip.motion.fps_hz,
+            n_frames=clip.motion.n_frames,
+            frame=clip.motion.frame,
+            translation_of="smpl_transl",
+            camera_motion=camera_motion,
+            kept=kept,
+            dropped=dropped,
+            arrays=file_record(root, clip_path),
+            quality=quality,
+            recipe=recipe,
+        )
+    except ValidationError as error:
+        raise BadManifest(f"{clip_path}: clip {clip.id} can't be listed: {error}") from None
+    return entry.model_copy(
+        update={
+            "images": _folder(root, images_dir, f"{clip.id}.images.tsv"),
+            "masks": _folder(root, masks_dir, f"{clip.id}.masks.tsv"),
+        }
+    )
+
+
+def _folder(root: Path, folder: Path | None, listing_name: str) -> FolderRecord | None:
+    return None if folder is None else folder_record(root, folder, root / "listings" / listing_name)
+
+
+def _reasons(clip_path: Path, reason: str | Sequence[str], n_frames: int) -> list[str]:
+    if isinstance(reason, str):
+        return [reason] * n_frames
+    if len(reason) != n_frames:
+        raise BadManifest(f"{clip_path}: {len(reason)} reasons for {n_frames} frames")
+    return list(reason)
+
+
+def _ranges(
+    valid: np.ndarray, reasons: Sequence[str]
+) -> tuple[tuple[FrameRange, ...], tuple[DroppedRange, ...]]:
+    """Runs of valid rows, and runs of other rows with one reason each."""
+    labels = [
+        None if row_valid else reason for row_valid, reason in zip(valid, reasons, strict=True)
+    ]
+    starts = [i for i, label in enumerate(labels) if i == 0 or label != labels[i - 1]]
+    kept, dropped = [], []
+    for start, stop in zip(starts, [*starts[1:], len(labels)], strict=True):
+        label = labels[start]
+        if label is None:
+            kept.append(FrameRange(start=start, stop=stop))
+        else:
+            dropped.append(DroppedRange(start=start, stop=stop, reason=label))
+    return tuple(kept), tuple(dropped)

@@ -1,0 +1,148 @@
+"""Listings: the hashes of a folder of many files, as a text file beside it.
+
+A line is `sha256 <tab> size in bytes <tab> path relative to the folder`; lines are sorted by path,
+UTF-8, without a head line.
+`cut -f1,3 --output-delimiter='  ' LISTING | sha256sum -c` checks a folder from inside.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from gmrdata.errors import BadManifest, MissingInput
+from gmrdata.manifest.current import FileRecord, FolderRecord
+from gmrdata.paths import resolve_inside, safe_relative
+from gmrdata.progress import track
+from gmrdata.store import sha256_of_file, write_text
+
+_LINE = re.compile(r"([0-9a-f]{64})\t(0|[1-9][0-9]{0,17})\t(.+)")
+BAR_FROM = 200
+"""Folders with more files than this show a progress bar."""
+
+
+@dataclass(frozen=True)
+class ListedFile:
+    """One line of a listing."""
+
+    path: str
+    """Relative to the folder, with forward slashes."""
+    size_bytes: int
+    """Size [bytes]."""
+    sha256: str
+    """Hex SHA-256 of the bytes."""
+
+
+def file_record(root: Path, path: Path) -> FileRecord:
+    """Hash a file below `root`.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadManifest: the file doesn't lie below `root`, by its path or by a link.
+    """
+    relative = relative_to_root(root, path)
+    digest = sha256_of_file(path)
+    return FileRecord(path=relative, size_bytes=path.stat().st_size, sha256=digest)
+
+
+def folder_record(root: Path, folder: Path, listing: Path) -> FolderRecord:
+    """Hash every file of a folder below `root` and write the listing.
+
+    Args:
+        root: The manifest's folder.
+        folder: The folder; files in sub-folders count too, hidden files are refused.
+        listing: Where the listing goes: below `root`, outside the folder.
+
+    Raises:
+        MissingInput: the folder is not there or empty.
+        BadManifest: a path leads out of `root`, or the listing would lie in its own folder.
+    """
+    relative = relative_to_root(root, folder)
+    if listing.resolve().is_relative_to(folder.resolve()):
+        raise BadManifest(f"{listing}: a listing must lie outside the folder that it lists")
+    names = files_below(folder)
+    if not names:
+        raise MissingInput(f"{folder}: no files here to list")
+    files = [_hashed(folder, name) for name in _with_bar(names, f"hashing {relative}")]
+    text = "".join(f"{file.sha256}\t{file.size_bytes}\t{file.path}\n" for file in files)
+    if not listing.is_file() or listing.read_text(encoding="utf-8") != text:
+        write_text(listing, text)
+    return FolderRecord(
+        folder=relative,
+        count=len(files),
+        size_bytes=sum(file.size_bytes for file in files),
+        listing=file_record(root, listing),
+    )
+
+
+def read_listing(path: Path) -> list[ListedFile]:
+    """Read a listing.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadManifest: a line isn't hash, size and path, paths are unsafe, repeated or out of order.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such listing")
+    try:
+        rows = path.read_bytes().decode("utf-8").split("\n")
+    except UnicodeDecodeError:
+        raise BadManifest(f"{path}: not UTF-8 text") from None
+    if rows.pop() != "":
+        raise BadManifest(f"{path}: the last line has no end, the listing is truncated")
+    files: list[ListedFile] = []
+    for number, row in enumerate(rows, start=1):
+        match = _LINE.fullmatch(row)
+        if match is None:
+            raise BadManifest(f"{path}:{number}: not 'sha256 <tab> size <tab> path'")
+        try:
+            name = safe_relative(match[3])
+        except ValueError as error:
+            raise BadManifest(f"{path}:{number}: {error}") from None
+        if files and name <= files[-1].path:
+            raise BadManifest(f"{path}:{number}: {name} is repeated or out of order")
+        files.append(ListedFile(name, int(match[2]), match[1]))
+    return files
+
+
+def files_below(folder: Path) -> list[str]:
+    """Sorted relative paths of all files below a folder; links to folders are not entered.
+
+    Raises:
+        MissingInput: there is no such folder.
+    """
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder")
+    real = folder.resolve()
+    return sorted(
+        p.relative_to(real).as_posix() for p in real.rglob("*") if not p.is_dir() or p.is_symlink()
+    )
+
+
+def relative_to_root(root: Path, path: Path) -> str:
+    """`path` relative to `root`, with forward slashes.
+
+    Raises:
+        BadManifest: `path` doesn't lie below `root`, or a link along it leads out.
+    """
+    try:
+        relative = path.absolute().relative_to(root.absolute()).as_posix()
+        resolve_inside(root, relative)
+    except ValueError as error:
+        raise BadManifest(
+            f"{path}: can't be listed by a manifest in {root} ({error}); "
+            "write the manifest to a folder above its files"
+        ) from None
+    return relative
+
+
+def _hashed(folder: Path, name: str) -> ListedFile:
+    try:
+        file = resolve_inside(folder, name)
+    except ValueError as error:
+        raise BadManifest(f"{folder}: {error}") from None
+    return ListedFile(name, file.stat().st_size, sha256_of_file(file))
+
+
+def _with_bar(names: list[str], description: str) -> Iterator[str]:
+    return track(names, description) if len(names) > BAR_FROM else iter(names)

@@ -1,0 +1,156 @@
+"""Read a manifest, and the clips that it lists."""
+
+import datetime
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from gmrdata import __version__
+from gmrdata.clip import Clip, load_clip
+from gmrdata.errors import BadManifest
+from gmrdata.manifest import yaml_text
+from gmrdata.manifest.current import READS, AnyManifest, FrameRange, ListManifest, Manifest
+from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.paths import resolve_inside
+
+ADAPTER: TypeAdapter[Manifest | ListManifest] = TypeAdapter(AnyManifest)
+MAX_PROBLEMS = 50
+
+
+def read_manifest(path: Path) -> Manifest | ListManifest:
+    """Read a manifest and check it against its format.  The files it lists are not looked at.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadManifest: not plain YAML, of an unknown format, or with fields that break the format; all
+            of them are named, with line and field path.
+    """
+    data, lines = yaml_text.load(path)
+    _refuse_other_formats(path, data)
+    try:
+        # Only from JSON does pydantic's strict mode take lists for tuples; "12" never passes as 12.
+        return ADAPTER.validate_json(_as_json(path, data), strict=True)
+    except ValidationError as error:
+        problems = [
+            f"{path}:{_line(problem['loc'], lines)}: {_field(problem['loc'], data)}: "
+            f"{problem['msg'].removeprefix('Value error, ')}"
+            for problem in error.errors()
+        ]
+        raise BadManifest(join_problems(path, problems)) from None
+
+
+def load_clips(path: Path) -> list[Clip]:
+    """Load every clip of a manifest; `valid` is False outside the manifest's kept ranges.
+
+    Args:
+        path: The manifest; its files lie below its folder.  Their hashes are not checked here,
+            `gmrdata check` does that.
+
+    Raises:
+        MissingInput: the manifest or a clip's file is not there.
+        BadManifest: the manifest is broken, is a list without files, or a clip's file has another
+            id or length than the manifest says.
+        BadMotionFile: a clip's file is broken.
+    """
+    manifest = read_manifest(path)
+    if isinstance(manifest, ListManifest):
+        raise BadManifest(
+            f"{path}: {manifest.name} only lists clips and has no files; make them first"
+        )
+    return [load_entry(path, entry) for entry in manifest.clips]
+
+
+def load_entry(path: Path, entry: ClipEntry) -> Clip:
+    """Load one clip of the manifest at `path`; see `load_clips`."""
+    try:
+        file = resolve_inside(path.parent, entry.arrays.path)
+    except ValueError as error:
+        raise BadManifest(f"{path}: clip {entry.id}: arrays.path: {error}") from None
+    clip = load_clip(file)
+    if clip.id != entry.id or clip.motion.n_frames != entry.n_frames:
+        raise BadManifest(
+            f"{path}: clip {entry.id} with {entry.n_frames} frames: {file} holds clip "
+            f"{clip.id} with {clip.motion.n_frames} frames; write the manifest again"
+        )
+    valid = clip.valid & rows_in(entry.kept, entry.n_frames)
+    return Clip(clip.id, clip.motion, valid, clip.image_numbers, clip.camera)
+
+
+def rows_in(ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndarray:
+    """(T,) bool: True for rows inside any of the ranges."""
+    inside = np.zeros(n_frames, dtype=bool)
+    for part in ranges:
+        inside[part.start : part.stop] = True
+    return inside
+
+
+def join_problems(path: Path, problems: list[str]) -> str:
+    """One message out of many; the first 50 are spelled out."""
+    if len(problems) == 1:
+        return problems[0]
+    shown = [f"  {problem}" for problem in problems[:MAX_PROBLEMS]]
+    if len(problems) > MAX_PROBLEMS:
+        shown.append(f"  ... and {len(problems) - MAX_PROBLEMS} more")
+    return f"{path}: {len(problems)} problems\n" + "\n".join(shown)
+
+
+def _refuse_other_formats(path: Path, data: Any) -> None:
+    reads = f"gmrdata {__version__} reads {' and '.join(READS)}"
+    if not isinstance(data, dict) or "format" not in data:
+        raise BadManifest(f"{path}: not a manifest, it has no top key 'format'; {reads}")
+    if data["format"] not in READS:
+        raise BadManifest(
+            f"{path}: format is {data['format']!r}, but {reads}; "
+            "install the gmrdata that wrote it, or correct the key"
+        )
+
+
+def _as_json(path: Path, data: Any) -> str:
+    try:
+        return json.dumps(data, allow_nan=False, default=_date_text)
+    except ValueError:
+        raise BadManifest(
+            f"{path}: holds .nan or .inf; leave numbers out that are not known"
+        ) from None
+    except TypeError as error:
+        raise BadManifest(f"{path}: holds something that is not plain data: {error}") from None
+
+
+def _date_text(value: Any) -> str:
+    """YAML reads 2020-01-01 as a date; in a manifest it is text."""
+    if isinstance(value, datetime.date | datetime.datetime):
+        return value.isoformat()
+    raise TypeError(f"a {type(value).__name__}")
+
+
+def _plain(location: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    """A field's path without the union tag that pydantic puts in front."""
+    return (
+        location[1:]
+        if location and location[0] in ("synthetic", "pseudo_gt", "motions", "list")
+        else location
+    )
+
+
+def _line(location: tuple[str | int, ...], lines: dict[yaml_text.FieldPath, int]) -> int:
+    at = _plain(location)
+    while at not in lines:
+        at = at[:-1]
+    return lines[at]
+
+
+def _field(location: tuple[str | int, ...], data: Any) -> str:
+    """The field's path for a reader, with the clip's id in place of its index where it has one."""
+    text = ""
+    for i, part in enumerate(_plain(location)):
+        if isinstance(part, int):
+            text += f"[{part}]"
+            if i == 1 and _plain(location)[0] == "clips":
+                clip = data["clips"][part]
+                text += f" (clip {clip['id']})" if isinstance(clip, dict) and "id" in clip else ""
+        else:
+            text += f".{part}" if text else part
+    return text or "manifest"

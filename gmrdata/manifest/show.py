@@ -1,0 +1,107 @@
+"""Show a manifest as a table, and the difference of two."""
+
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
+from gmrdata.manifest.read import read_manifest
+
+
+def show_manifest(path: Path) -> Table:
+    """A table with a row per clip; print it with `rich`.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadManifest: not a manifest.
+    """
+    manifest = read_manifest(path)
+    title = f"{manifest.name} {manifest.version} ({manifest.kind}), {len(manifest.clips)} clips"
+    table = Table(title=title, caption=_caption(manifest))
+    for heading in ("clip", "source", "camera", "fps"):
+        table.add_column(heading)
+    for heading in ("frames", "kept", "seconds"):
+        table.add_column(heading, justify="right")
+    table.add_column("licence or note")
+    for clip in manifest.clips:
+        kept = kept_frames(clip)
+        total = clip.n_frames if isinstance(clip, Clip) else kept
+        table.add_row(
+            clip.id,
+            _source(clip),
+            clip.camera_motion,
+            f"{clip.fps_hz:g}",
+            str(total),
+            str(kept),
+            f"{kept / clip.fps_hz:.1f}",
+            clip.licence if isinstance(clip, Clip) else (clip.note or ""),
+        )
+    return table
+
+
+def diff_manifests(a: Path, b: Path) -> list[str]:
+    """What differs between two manifests: one line per field, clips matched by id.
+
+    Returns:
+        Lines such as `clips[walk].fps_hz: 10.0 -> 12.0`, empty if the two say the same.
+
+    Raises:
+        MissingInput: one of them is not there.
+        BadManifest: one of them is not a manifest.
+    """
+    old, new = (_by_id(read_manifest(path)) for path in (a, b))
+    return _differences(old, new, "")
+
+
+def kept_frames(clip: Clip | ListedClip) -> int:
+    """Number of frames of a clip that are to be used."""
+    ranges = clip.kept if isinstance(clip, Clip) else (clip.frames,)
+    return sum(part.stop - part.start for part in ranges)
+
+
+def _caption(manifest: Manifest | ListManifest) -> str:
+    frames = sum(kept_frames(clip) for clip in manifest.clips)
+    size_bytes = sum(_size_bytes(clip) for clip in manifest.clips if isinstance(clip, Clip))
+    size = f", {size_bytes / 1e6:,.1f} MB" if size_bytes else ""
+    return f"{frames} frames to use{size}. {manifest.description}"
+
+
+def _size_bytes(clip: Clip) -> int:
+    folders = [folder for folder in (clip.images, clip.masks) if folder is not None]
+    return clip.arrays.size_bytes + sum(folder.size_bytes for folder in folders)
+
+
+def _source(clip: Clip | ListedClip) -> str:
+    person = f" ({clip.source.person})" if clip.source.person else ""
+    return f"{clip.source.dataset}: {clip.source.sequence}{person}"
+
+
+def _by_id(manifest: Manifest | ListManifest) -> dict[str, Any]:
+    data: dict[str, Any] = manifest.model_dump(mode="json", exclude_defaults=True)
+    data["clips"] = {f"[{clip.pop('id')}]": clip for clip in data["clips"]}
+    return data
+
+
+def _differences(a: Any, b: Any, at: str) -> list[str]:
+    if isinstance(a, dict) and isinstance(b, dict):
+        lines = []
+        for key in [*a, *(key for key in b if key not in a)]:
+            name = f"{at}{key}" if key.startswith("[") or not at else f"{at}.{key}"
+            if key not in b:
+                lines.append(f"{name}: removed" + _value(a[key]))
+            elif key not in a:
+                lines.append(f"{name}: added" + _value(b[key]))
+            else:
+                lines += _differences(a[key], b[key], name)
+        return lines
+    return [] if a == b else [f"{at}: {_short(a)} -> {_short(b)}"]
+
+
+def _value(value: Any) -> str:
+    return "" if isinstance(value, dict) else f" ({_short(value)})"
+
+
+def _short(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,96 @@
+"""Write manifests: same content, same bytes; a version that is out stays as it is."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from gmrdata.errors import BadManifest
+from gmrdata.manifest import yaml_text
+from gmrdata.manifest.current import (
+    FORMAT,
+    Clip,
+    CreatedBy,
+    ListedClip,
+    ListManifest,
+    Manifest,
+)
+from gmrdata.manifest.read import ADAPTER, read_manifest
+from gmrdata.manifest.recipe import created_by as made_now
+from gmrdata.store import write_text
+
+
+def write_manifest(
+    path: Path,
+    *,
+    name: str,
+    version: str,
+    description: str,
+    kind: str,
+    licence: str,
+    clips: Sequence[Clip] | Sequence[ListedClip],
+    created_by: CreatedBy | None = None,
+    redo: bool = False,
+) -> Path:
+    """Write a manifest as a whole or not at all.
+
+    Args:
+        path: The manifest; the files of its clips lie below its folder.
+        name: Name of the data set.
+        version: major.minor.patch.
+        description: What this is, for a reader.
+        kind: "synthetic", "pseudo_gt", "motions", or "list" for clips without files.
+        licence: Terms of the data set as a whole.
+        clips: What `gmrdata.manifest.entry.clip_entry` made, written in order of id; or, for a
+            list, its rows, written in the order given.
+        created_by: From `gmrdata.manifest.recipe.created_by`; without it, versions alone.
+        redo: Replace a manifest of the same name and version but other content.
+
+    Returns:
+        `path`.
+
+    Raises:
+        BadManifest: a field breaks the format, or the path holds the same version with other
+            content.
+    """
+    head = {
+        "format": FORMAT,
+        "name": name,
+        "version": version,
+        "description": description,
+        "licence": licence,
+        "created_by": created_by or made_now(),
+        "kind": kind,
+        "clips": clips if kind == "list" else sorted(clips, key=lambda clip: clip.id),
+    }
+    try:
+        manifest = ADAPTER.validate_python(head)
+    except ValidationError as error:
+        raise BadManifest(f"{path}: can't be written: {error}") from None
+    text = manifest_text(manifest)
+    if path.exists() and not redo and path.read_bytes() != text.encode():
+        _refuse_to_change_a_version(path, manifest)
+    write_text(path, text)
+    return path
+
+
+def manifest_text(manifest: Manifest | ListManifest) -> str:
+    """YAML of a manifest: keys in the models' order, fields without a value left out."""
+    data: dict[str, Any] = manifest.model_dump(mode="json", exclude_defaults=True)
+    return yaml_text.dump(data)
+
+
+def _refuse_to_change_a_version(path: Path, manifest: Manifest | ListManifest) -> None:
+    try:
+        old = read_manifest(path)
+    except BadManifest:
+        raise BadManifest(
+            f"{path}: holds something that is no manifest; pass --redo to replace it, "
+            "or another --out"
+        ) from None
+    if (old.name, old.version) == (manifest.name, manifest.version):
+        raise BadManifest(
+            f"{path}: {old.name} {old.version} is there with other content, and a version "
+            "never changes; raise the version, or pass --redo if nobody has it yet"
+        )
