@@ -148,7 +148,7 @@ def _folder_problems(
         return
     extra = sorted(set(present) - {file.path for file in files})
     if extra:
-        yield f"{field}.folder: {some(extra)} not in the listing; remove, or write the manifest again"
+        yield f"{field}.folder: {some(extra)} not in the listing; remove it or write a new version"
     for file in files:
         work.advance()
         try:

@@ -200,12 +200,14 @@ class ListedClip(_Part):
     """Rows of the sequence: image numbers for a video, frames of the capture for a trial."""
     fps_hz: Annotated[Number, Field(gt=0)]
     """Rate at which `frames` counts [Hz]."""
+    label: Text | None = None
+    """What the person does, in the words of the list."""
     camera_motion: CameraMotion
     """Class of the camera's motion, as published."""
     programme: (
         Literal["static", "small", "panning", "linear", "linear_panning", "circular"] | None
     ) = None
-    """Camera programme that gmrdata renders the clip with; none for a real video."""
+    """Camera programme (its defaults) that gmrdata renders the clip with; none for a real video."""
     note: Text | None = None
     """What a reader must know about this row."""
 
