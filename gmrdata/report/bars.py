@@ -1,4 +1,4 @@
-"""The bars that pseudo ground truth has to meet, and the figures as text: one place for page and terminal."""
+"""The bars that pseudo ground truth has to meet, and the figures as text, for page and terminal."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -10,10 +10,11 @@ BARS = {"ome_deg": 0.5, "tme_mm": 15.0, "scale_error_percent": 5.0}
 """Largest error of pseudo ground truth against the truth at 10 Hz that counts as good."""
 
 SCALE_NOT_OBSERVABLE = "not observable (pan)"
+NO_FIGURE = "–"
 
 
 def verdicts(figures: ClipFigures | Mapping[str, Any]) -> dict[str, bool]:
-    """Which figures of a clip meet their bars: by key, with `frames_with_camera` for "all of them"."""
+    """Which figures of a clip meet their bars, by key; `frames_with_camera` means every frame."""
     row = asdict(figures) if isinstance(figures, ClipFigures) else figures
     met = {
         key: abs(row[key]) <= bar for key, bar in BARS.items() if row[key] is not None
@@ -22,16 +23,20 @@ def verdicts(figures: ClipFigures | Mapping[str, Any]) -> dict[str, bool]:
 
 
 def figure_texts(figures: ClipFigures | Mapping[str, Any]) -> dict[str, str]:
-    """A clip's figures as text, without units: by key, with `cameras` for "with camera / all frames"."""
+    """A clip's figures as text, without units, by key; `cameras` is "with camera/all frames"."""
     row = asdict(figures) if isinstance(figures, ClipFigures) else figures
-    scale = row["scale_error_percent"]
+    scale, camera_deg = row["scale_error_percent"], row["camera_rotation_deg"]
     return {
         "cameras": f"{row['frames_with_camera']}/{row['frames']}",
         "ome_deg": f"{row['ome_deg']:.3f}",
         "tme_mm": f"{row['tme_mm']:.2f}",
-        "camera_rotation_deg": f"{row['camera_rotation_deg']:.3f}",
-        "scale_error_percent": SCALE_NOT_OBSERVABLE if scale is None else f"{scale:+.2f}",
+        "camera_rotation_deg": NO_FIGURE if camera_deg is None else f"{camera_deg:.3f}",
+        "scale_error_percent": SCALE_NOT_OBSERVABLE if scale is None else _signed(scale),
     }
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.2f}".replace("-", "−")
 
 
 def score_texts(score: Score | Mapping[str, Any]) -> dict[str, str]:
@@ -48,8 +53,9 @@ def summary(report: ReportData) -> dict[str, Any]:
     """The report's figures as plain JSON values.
 
     Returns:
-        `clips`: a list with `id`, `camera_motion` and the fields of ClipFigures; `gmr`: per manifest
-        `ome_deg`, `tme_mm`, `vme_mm` and the same under `zero_motion`; `seconds` per stage.
+        `clips`: a list with `id`, `camera_motion` and the fields of ClipFigures; `gmr`: per
+        manifest `ome_deg`, `tme_mm`, `vme_mm` and the same under `zero_motion`; `seconds` per
+        stage.
     """
     return {
         "clips": [

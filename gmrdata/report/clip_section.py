@@ -7,6 +7,7 @@ from gmrdata.report.bars import BARS, figure_texts, verdicts
 from gmrdata.report.curves import error_panels, relative_sigma_percent
 from gmrdata.report.data import ClipReport
 from gmrdata.report.markup import figure, image, mark, pairs, text
+from gmrdata.report.overlay import BODY_BGR, OUTLINE_BGR, PATH_BGR
 from gmrdata.report.strip import Tile, frame_tiles
 from gmrdata.report.style import svg
 from gmrdata.report.topview import top_view
@@ -27,14 +28,17 @@ def clip_section(index: int, clip: ClipReport) -> str:
         f'<section class="clip" id="clip-{index}"><h2>{text(clip.id)} '
         f'<span class="kind">{text(clip.camera_motion)} camera</span></h2>'
         f"{_figures(clip)}{_frames(clip)}"
-        f'<div class="plots">{figure(paths, _PATHS_CAPTION)}{figure(errors, _errors_caption(clip))}</div>'
+        f'<div class="plots">{figure(paths, _PATHS_CAPTION)}'
+        f"{figure(errors, _errors_caption(clip))}</div>"
         f"<h3>The reconstruction’s own record</h3>{_record(clip)}</section>"
     )
 
 
 def _figures(clip: ClipReport) -> str:
     texts, met = figure_texts(clip.figures), verdicts(clip.figures)
-    scale = texts["scale_error_percent"]
+    scale, camera_rotation = texts["scale_error_percent"], texts["camera_rotation_deg"]
+    if clip.figures.camera_rotation_deg is not None:
+        camera_rotation += "°"
     if clip.figures.scale_error_percent is not None:
         scale = mark(f"{scale} %", met["scale_error_percent"])
     return pairs(
@@ -42,7 +46,7 @@ def _figures(clip: ClipReport) -> str:
             ("Frames with a camera", mark(texts["cameras"], met["frames_with_camera"])),
             ("Orientation motion error", mark(f"{texts['ome_deg']}°", met["ome_deg"])),
             ("Translation motion error", mark(f"{texts['tme_mm']} mm", met["tme_mm"])),
-            ("Camera rotation error", f"{texts['camera_rotation_deg']}°"),
+            ("Camera rotation error", camera_rotation),
             ("Error of the metric scale", scale),
         ]
     )
@@ -50,22 +54,23 @@ def _figures(clip: ClipReport) -> str:
 
 def _frames(clip: ClipReport) -> str:
     tiles = "".join(_tile(clip, tile) for tile in frame_tiles(clip))
-    outline = (
-        ""
-        if clip.masks_dir is None
-        else (
-            '<span class="key thin" style="background:#40d6ff"></span> outline of the mask, '
-            "outside which features are found; "
+    caption = f"Frames with {_swatch(BODY_BGR, 'key')} the recovered body; "
+    if clip.masks_dir is not None:
+        caption += (
+            f"{_swatch(OUTLINE_BGR)} the outline of the mask, outside which features are found; "
         )
-    )
-    caption = (
-        f'Frames with <span class="key" style="background:#ff6e26"></span> the recovered body; {outline}'
-        '<span class="key thin" style="background:#ffe15a"></span> the recovered path on the floor, a dot '
-        "each second. Body and outline fit whatever the camera is, because they come from the body in the "
-        "camera’s frame; the path is fixed in the world, so it stays in its place on the floor only if the "
-        "camera is right."
+    caption += (
+        f"{_swatch(PATH_BGR)} the recovered path on the floor, a dot each second. Body and outline "
+        "fit whatever the camera is, because they come from the body in the camera’s frame; the "
+        "path is fixed in the world, so it stays in its place on the floor only if the camera is "
+        "right."
     )
     return figure(f'<div class="tiles">{tiles}</div>', caption)
+
+
+def _swatch(colour_bgr: tuple[int, int, int], css_class: str = "key thin") -> str:
+    blue, green, red = colour_bgr
+    return f'<span class="{css_class}" style="background:rgb({red} {green} {blue})"></span>'
 
 
 def _tile(clip: ClipReport, tile: Tile) -> str:
@@ -85,19 +90,19 @@ def _key(role: str, css_class: str = "key") -> str:
 
 
 _PATHS_CAPTION = (
-    f"From above, in the true world [m], z up: camera {_key('camera-pale')} true {_key('camera', 'key thin')} "
-    f"recovered, with its viewing directions; person {_key('person-pale')} true "
-    f"{_key('person', 'key thin')} recovered. Dots: where they start. The recovered world was moved "
-    "rigidly onto the true one, never scaled."
+    "From above, in the true world [m], z up. "
+    f"Camera: {_key('camera-pale')} true, {_key('camera', 'key thin')} recovered, with its viewing "
+    f"directions. Person: {_key('person-pale')} true, {_key('person', 'key thin')} recovered. "
+    "Dots: where they start. The recovered world was moved rigidly onto the true one, never scaled."
 )
 
 
 def _errors_caption(clip: ClipReport) -> str:
-    fps = f"{clip.pseudo.motion.fps_hz:g}"
     return (
-        f"Errors over time at {fps} frames per second. Orientation and translation: from one frame to the "
-        "next, in the body’s own frame, so no alignment enters. Camera rotation: per frame, after the rigid "
-        f"alignment. Bars: at most {BARS['ome_deg']:g}° and {BARS['tme_mm']:g} mm in the mean."
+        f"Errors over time at {clip.pseudo.motion.fps_hz:g} frames per second. Orientation and "
+        "translation: from one frame to the next, in the body’s own frame, so no alignment enters. "
+        "Camera rotation: per frame, after one rotation of the recovered world. Bars for the "
+        f"means: {BARS['ome_deg']:g}° and {BARS['tme_mm']:g} mm."
     )
 
 

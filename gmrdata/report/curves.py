@@ -7,22 +7,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gmrdata.report.bars import BARS
+from gmrdata.report.bars import BARS, SCALE_NOT_OBSERVABLE
 from gmrdata.report.data import ClipReport
 from gmrdata.report.series import error_series, usable
 from gmrdata.report.style import COLOURS, quiet
 
 
 def error_panels(figure: Figure, clip: ClipReport) -> None:
-    """OME, TME, camera rotation and inliers of a clip over time, in four panels with one time axis."""
-    series = error_series(clip.true, clip.pseudo, clip.true_from_pseudo)
+    """OME, TME, camera rotation and inliers of a clip over time, in four panels."""
+    series = error_series(clip.true, clip.pseudo)
     between_s = 0.5 * (series.times_s[1:] + series.times_s[:-1])
     panels = figure.subplots(2, 2, sharex=True)
-    _error(panels[0, 0], between_s, series.ome_deg, "person", "Orientation motion error [deg]")
+    _error(panels[0, 0], between_s, series.ome_deg, "person", "Orientation motion error [°]")
     _error(panels[0, 1], between_s, series.tme_mm, "person", "Translation motion error [mm]")
     _error(
         panels[1, 0], series.times_s, series.camera_rotation_deg, "camera",
-        "Camera rotation error [deg]",
+        "Camera rotation error [°]",
     )  # fmt: skip
     _inliers(panels[1, 1], clip)
     for axes in panels[1]:
@@ -40,10 +40,7 @@ def _error(axes: Axes, times_s: np.ndarray, errors: np.ndarray, role: str, title
         )
         axes.plot(times_s, errors, color=COLOURS[role], linewidth=1.5)
         axes.axhline(mean, color=COLOURS["muted"], linewidth=1, linestyle=(0, (4, 3)))
-        axes.annotate(
-            f"mean {mean:.3g}", (1, mean), xycoords=("axes fraction", "data"),
-            xytext=(-2, 3), textcoords="offset points", ha="right", va="bottom", color=COLOURS["muted"],
-        )  # fmt: skip
+        axes.set_title(f"mean {mean:.3g}", loc="right", fontsize=9, color=COLOURS["muted"])
         axes.set_ylim(0, 1.15 * float(errors[known].max()) or 1.0)
     else:
         _nothing(axes, "no frame with a camera")
@@ -59,7 +56,7 @@ def _inliers(axes: Axes, clip: ClipReport) -> None:
         return
     times_s = np.arange(len(counts)) / clip.pseudo.motion.fps_hz
     good = usable(clip.pseudo)
-    roles = ["camera" if ok else "bad" for ok in good]
+    roles = ["camera-pale" if ok else "bad" for ok in good]
     axes.bar(
         times_s, counts, width=0.72 / clip.pseudo.motion.fps_hz, color=[COLOURS[r] for r in roles]
     )
@@ -83,9 +80,10 @@ def scale_panel(figure: Figure, clips: Sequence[ClipReport]) -> None:
     for row, clip in enumerate(clips):
         error, sigma = clip.figures.scale_error_percent, relative_sigma_percent(clip)
         if error is None:
-            axes.text(
-                0, row, "not observable (pan)", ha="center", va="center", color=COLOURS["muted"]
-            )
+            axes.annotate(
+                SCALE_NOT_OBSERVABLE, (0, row), xytext=(8, 0), textcoords="offset points",
+                va="center", color=COLOURS["muted"],
+            )  # fmt: skip
             continue
         role = "good" if abs(error) <= bar else "bad"
         axes.errorbar(

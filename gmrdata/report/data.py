@@ -19,10 +19,12 @@ class ClipFigures:
     """Orientation motion error, mean over the motions (eq. 15) [deg]."""
     tme_mm: float
     """Translation motion error, mean over the motions (eq. 16) [mm]."""
-    camera_rotation_deg: float
-    """Camera rotation error, mean over the frames, after rigid alignment [deg]."""
+    camera_rotation_deg: float | None
+    """Camera rotation error, mean over the frames, after one best rotation of the recovered world
+    [deg]; None without cameras."""
     scale_error_percent: float | None
-    """Signed error of the metric scale [%]; None where the camera doesn't translate, so no scale enters."""
+    """Signed error of the metric scale [%]; None where the camera doesn't translate, so that no
+    scale enters."""
     frames: int
     """Frames of the clip."""
     frames_with_camera: int

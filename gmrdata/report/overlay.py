@@ -1,5 +1,7 @@
 """What is drawn over a frame: the path on the floor, the body, the mask's outline."""
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 
@@ -38,7 +40,7 @@ def draw_floor_path(
     """
     points_px = camera.project(world_from_cam, path_world_m, intrinsics_px)
     out = image.copy()
-    for start, stop in zip(points_px[:-1], points_px[1:], strict=True):
+    for start, stop in pairwise(points_px):
         if _drawable(start) and _drawable(stop):
             cv2.line(out, _fixed(start), _fixed(stop), PATH_BGR, 1, cv2.LINE_AA, 4)
     for point in points_px[::every]:
@@ -102,7 +104,8 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
     """Fill triangles from back to front at twice the size, then blend the smoothed layer in."""
     height, width = image.shape[:2]
     size = (height * _SUPERSAMPLE, width * _SUPERSAMPLE)
-    layer, cover = np.zeros((*size, 3), np.uint8), np.zeros(size, np.uint8)
+    layer: np.ndarray = np.zeros((*size, 3), np.uint8)
+    cover: np.ndarray = np.zeros(size, np.uint8)
     drawable = np.isfinite(triangles_px).all(axis=(1, 2)) & (np.abs(triangles_px) < _FAR_PX).all(
         axis=(1, 2)
     )
@@ -123,6 +126,6 @@ def _drawable(point_px: np.ndarray) -> bool:
 
 
 def _fixed(point_px: np.ndarray) -> tuple[int, int]:
-    """An image point in OpenCV's drawing coordinates: its pixel centres are whole, 4 fractional bits."""
+    """An image point for OpenCV's drawing: pixel centres at whole numbers, 4 fractional bits."""
     x, y = np.round((point_px - 0.5) * 16).astype(int)
     return int(x), int(y)

@@ -33,11 +33,12 @@ def _verdict(report: ReportData) -> str:
         return '<p class="verdict">No clip was recovered.</p>'
     name = "good" if good == n else "bad"
     which = "The clip meets" if n == 1 == good else f"{good} of {n} clips meet"
+    sign = f'<span class="{name}">{"✓" if good == n else "✗"}</span>'
     return (
-        f'<p class="verdict {name}"><span class="{name}">{"✓" if good == n else "✗"}</span><span>{which} every '
-        f"bar: a camera for every frame, orientation motion error at most {BARS['ome_deg']:g}°, "
-        f"translation motion error at most {BARS['tme_mm']:g} mm, and, where the camera translates, a scale "
-        f"within {BARS['scale_error_percent']:g} %.</span></p>"
+        f'<p class="verdict {name}">{sign}<span>{which} every bar: a camera for every frame, '
+        f"orientation motion error at most {BARS['ome_deg']:g}°, translation motion error at most "
+        f"{BARS['tme_mm']:g} mm, and, where the camera translates, a scale within "
+        f"{BARS['scale_error_percent']:g} %.</span></p>"
     )
 
 
@@ -47,8 +48,8 @@ def _heading(name: str, unit: str) -> str:
 
 def _clip_table(report: ReportData) -> str:
     headings = (
-        "clip", "camera moves", "frames with<br>a camera", _heading("OME", "°"), _heading("TME", "mm"),
-        _heading("camera rotation", "°"), _heading("scale", "%"),
+        "clip", "camera", "frames with<br>a camera", _heading("OME", "°"),
+        _heading("TME", "mm"), _heading("camera rotation", "°"), _heading("scale", "%"),
     )  # fmt: skip
     foot = (
         "bar", "", "all", f"≤ {BARS['ome_deg']:g}", f"≤ {BARS['tme_mm']:g}", "",
@@ -56,8 +57,8 @@ def _clip_table(report: ReportData) -> str:
     )  # fmt: skip
     rows = [_clip_row(i, clip) for i, clip in enumerate(report.clips)]
     caption = (
-        "Mean errors of the recovered world motion per frame-to-frame motion (OME, TME), of the camera’s "
-        "rotation per frame, and of the metric scale."
+        "Mean errors of the recovered world motion per frame-to-frame motion (OME, TME), of the "
+        "camera’s rotation per frame, and of the metric scale."
     )
     return table(headings, rows, caption, foot)
 
@@ -78,11 +79,9 @@ def _clip_row(index: int, clip: ClipReport) -> tuple[str, ...]:
 def gmr_section(report: ReportData) -> str:
     """HTML: GMR's scores beside no motion at all, its paths from above, the training loss."""
     parts = [
-        '<section id="gmr"><h2>GMR</h2><p>Global motion regression: the network sees only the local '
+        '<section id="gmr"><h2>GMR</h2><p>The global motion regressor sees only the local pose, and '
+        "predicts how the body turns and moves in the world from frame to frame.</p>"
     ]
-    parts.append(
-        "pose, and predicts how the body turns and moves in the world from frame to frame.</p>"
-    )
     if report.scores:
         parts.append(_score_table(report.scores))
     paths = [_predicted_path(i, clip) for i, clip in enumerate(report.clips) if clip.predicted]
@@ -101,15 +100,15 @@ def _score_table(scores: tuple[ManifestScore, ...]) -> str:
     rows = [_score_row(score) for score in scores]
     headings = ("manifest", _heading("OME", "°"), _heading("TME", "mm"), _heading("VME", "mm"))
     caption = (
-        "Mean errors per frame-to-frame motion. In grey, the same for no motion at all, that is for a body "
-        "that neither turns nor moves: a model that learned something stays below it."
+        "Mean errors per frame-to-frame motion. In grey, the same for zero motion, that is for a "
+        "body that neither turns nor moves: a model that learned something stays below it."
     )
     return table(headings, rows, caption)
 
 
 def _score_row(score: ManifestScore) -> tuple[str, ...]:
     ours, zero = score_texts(score.gmr), score_texts(score.zero_motion)
-    cells = (f'{ours[key]} <span class="beside">none {zero[key]}</span>' for key in ours)
+    cells = (f'{ours[key]} <span class="beside">zero {zero[key]}</span>' for key in ours)
     return (text(score.name), *cells)
 
 
@@ -121,8 +120,8 @@ def _predicted_path(index: int, clip: ClipReport) -> str:
         lambda fig: motion_top_view(fig.subplots(), true, predicted), 4.2, 4.0, f"gmr-{index}"
     )
     caption = (
-        f"{text(clip.id)}: true and predicted path of the pelvis in the world [m], z up, accumulated from "
-        "the true first frame (dot) without any later correction."
+        f"{text(clip.id)}: true and predicted path of the pelvis in the world [m], z up, "
+        "accumulated from the true first frame (dot) without any later correction."
     )
     return figure(picture, caption)
 
@@ -139,7 +138,8 @@ def making_section(run: RunReport) -> str:
         parts.append(f"<h3>Versions</h3>{_small(versions)}")
     if run.recipe:
         parts.append(
-            f"<details open><summary>The whole recipe</summary><pre>{text(run.recipe)}</pre></details>"
+            "<details open><summary>The whole recipe</summary>"
+            f"<pre>{text(run.recipe)}</pre></details>"
         )
     return "".join([*parts, "</section>"])
 

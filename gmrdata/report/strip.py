@@ -102,7 +102,7 @@ def _tile(
 
 
 def _floor_path_m(clip: ClipReport) -> np.ndarray:
-    """(T, 3) recovered pelvis path, dropped to the true world's floor, in the recovered world [m]."""
+    """(T, 3) recovered pelvis path dropped to the true floor, in the recovered world [m]."""
     path_true_m = transforms.apply(clip.true_from_pseudo, clip.pseudo.motion.pelvis_m)
     path_true_m[~usable(clip.pseudo)] = np.nan
     path_true_m[:, 2] = 0.0

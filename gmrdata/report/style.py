@@ -2,12 +2,15 @@
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 COLOURS = {
     "paper": "#ffffff",
@@ -22,10 +25,10 @@ COLOURS = {
     "good": "#237a3b",
     "bad": "#c4222e",
 }
-"""Role -> colour on white.  In the page each one becomes the CSS variable of that name, so that plots
-follow the reader's light or dark scheme; no two roles may share a colour."""
+"""Role -> colour on white.  In the page each one becomes the CSS variable of that name, so that
+plots follow the reader's light or dark scheme; no two roles may share a colour."""
 
-_RC = {
+_RC: dict[str, Any] = {
     "svg.fonttype": "none",
     "font.size": 9.5,
     "font.family": "sans-serif",
@@ -66,10 +69,8 @@ def svg(draw: Draw, width_in: float, height_in: float, name: str) -> str:
         name: Unique on the page: the SVG's inner ids are made from it.
     """
     stream = io.StringIO()
-    with mpl.rc_context({**mpl.rcParamsDefault, **_RC, "svg.hashsalt": name}):
-        figure = Figure(figsize=(width_in, height_in), layout="constrained")
-        FigureCanvasAgg(figure)
-        draw(figure)
+    with _style({"svg.hashsalt": name}):
+        figure = _figure(draw, width_in, height_in, dpi=72)
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     return _inline(stream.getvalue())
 
@@ -77,14 +78,30 @@ def svg(draw: Draw, width_in: float, height_in: float, name: str) -> str:
 def png(draw: Draw, width_in: float, height_in: float, dpi: int = 150) -> bytes:
     """PNG bytes of a figure on white."""
     stream = io.BytesIO()
-    with mpl.rc_context({**mpl.rcParamsDefault, **_RC}):
-        figure = Figure(figsize=(width_in, height_in), layout="constrained", dpi=dpi)
-        FigureCanvasAgg(figure)
-        draw(figure)
+    with _style({}):
+        figure = _figure(draw, width_in, height_in, dpi)
         figure.savefig(
             stream, format="png", facecolor=COLOURS["paper"], metadata={"Software": None}
         )
     return stream.getvalue()
+
+
+def _figure(draw: Draw, width_in: float, height_in: float, dpi: int) -> Figure:
+    layout = ConstrainedLayoutEngine(w_pad=0.05, h_pad=0.05)
+    figure = Figure(figsize=(width_in, height_in), layout=layout, dpi=dpi)
+    FigureCanvasAgg(figure)
+    draw(figure)
+    return figure
+
+
+@contextmanager
+def _style(more: dict[str, Any]) -> Iterator[None]:
+    """Our look alone, whatever the user's matplotlibrc says; the settings are put back after it."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_RC)
+        mpl.rcParams.update(more)
+        yield
 
 
 def quiet(axes: Axes) -> None:

@@ -54,7 +54,7 @@ _STYLE = {True: "green", False: "bold red", None: ""}
 
 
 def _gmr_table(scores: Mapping[str, Mapping[str, Any]]) -> Table:
-    table = Table(title="GMR (in brackets: no motion at all)", title_justify="left", box=None)
+    table = Table(title="GMR (in brackets: zero motion)", title_justify="left", box=None)
     table.add_column("manifest", overflow="ellipsis", no_wrap=True, max_width=26)
     for heading in ("OME \\[deg]", "TME \\[mm]", "VME \\[mm]"):
         table.add_column(heading, justify="right")

@@ -19,7 +19,7 @@ TRUE_WIDTH, RECOVERED_WIDTH = 6.0, 1.6
 
 
 def top_view(axes: Axes, clip: ClipReport) -> None:
-    """True (wide, pale) and recovered (thin) paths of camera and person, x-y of the true world [m]."""
+    """True (wide, pale) and recovered (thin) paths of camera and person, in the true world [m]."""
     true_m = clip.true.motion.pelvis_m
     pelvis_m, world_from_cam = aligned_paths(clip)
     paths_m = [true_m, pelvis_m]
@@ -57,7 +57,10 @@ def motion_top_view(axes: Axes, true: Motion, predicted: Motion) -> None:
 
 
 def aligned_paths(clip: ClipReport) -> tuple[np.ndarray, np.ndarray | None]:
-    """Recovered pelvis (T, 3) and world_from_cam (T, 4, 4) in the true world [m]; NaN where unknown."""
+    """Recovered pelvis (T, 3) and world_from_cam (T, 4, 4) in the true world [m].
+
+    NaN where there is no camera; None for a clip that has none at all.
+    """
     good = usable(clip.pseudo)
     pelvis_m = transforms.apply(clip.true_from_pseudo, clip.pseudo.motion.pelvis_m)
     pelvis_m = np.where(good[:, None], pelvis_m, np.nan)
@@ -118,8 +121,8 @@ def _label(axes: Axes, text: str, point_m: np.ndarray, role: str, away: np.ndarr
     side = away / length if length > 0 else np.array([0.0, 1.0])
     axes.annotate(
         text,
-        point_m,
-        xytext=11 * side,
+        (point_m[0], point_m[1]),
+        xytext=(11 * side[0], 11 * side[1]),
         textcoords="offset points",
         color=COLOURS[role],
         ha="left" if side[0] > 0.4 else "right" if side[0] < -0.4 else "center",

@@ -1,0 +1,74 @@
+"""One wide picture of a whole run: a row of frames and a view from above per clip."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+
+from gmrdata.errors import BadFrames
+from gmrdata.report.bars import figure_texts
+from gmrdata.report.data import ClipReport, ReportData
+from gmrdata.report.strip import frame_tiles, tile_sheet
+from gmrdata.report.style import COLOURS, png
+from gmrdata.report.topview import top_view
+from gmrdata.store import atomic_path
+
+TILE_WIDTH_PX = 384
+DPI = 144
+
+
+def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
+    """Write a PNG with a row per clip: frames with overlays, then the paths from above.
+
+    Args:
+        path: The file to write, as a whole or not at all.
+        report: Gives the clips.
+        n_frames: Frames per clip.
+
+    Returns:
+        `path`.
+
+    Raises:
+        BadFrames: the report has no clip, or an image or mask is missing or can't be read.
+    """
+    if not report.clips:
+        raise BadFrames(f"{path}: the report has no clip to draw")
+    sheets = [_sheet(clip, n_frames) for clip in report.clips]
+    height, width = np.max([sheet.shape[:2] for sheet in sheets], axis=0)
+    rows_in = len(sheets) * (height / DPI + 0.34)
+    strip_in, paths_in = width / DPI, 1.45 * height / DPI
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(len(sheets), 2, squeeze=False, width_ratios=[strip_in, paths_in])
+        for (frames, paths), clip, sheet in zip(panels, report.clips, sheets, strict=True):
+            frames.imshow(cv2.cvtColor(sheet, cv2.COLOR_BGR2RGB), interpolation="lanczos")
+            frames.set_axis_off()
+            frames.set_anchor("W")
+            frames.set_title(f"{clip.camera_motion} camera", fontsize=11, fontweight="bold")
+            frames.set_title(_figures(clip), loc="right", fontsize=10, color=COLOURS["muted"])
+            top_view(paths, clip)
+            paths.set(xlabel="", ylabel="")
+            paths.tick_params(labelleft=False, labelbottom=False)
+
+    data = png(draw, strip_in + paths_in, rows_in, DPI)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+    return path
+
+
+def _sheet(clip: ClipReport, n_frames: int) -> np.ndarray:
+    """A row of frames, each TILE_WIDTH_PX wide."""
+    images = [tile.image for tile in frame_tiles(clip, n_frames)]
+    height, width = images[0].shape[:2]
+    size = (TILE_WIDTH_PX, round(height * TILE_WIDTH_PX / width))
+    small = [cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images]
+    return tile_sheet(small, columns=n_frames, gap_px=6)
+
+
+def _figures(clip: ClipReport) -> str:
+    texts = figure_texts(clip.figures)
+    figures = f"OME {texts['ome_deg']}° · TME {texts['tme_mm']} mm"
+    if clip.figures.scale_error_percent is not None:
+        figures += f" · scale {texts['scale_error_percent']} %"
+    return figures
