@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`python -m blender job.json [--parent PID]`: render the clip that the job file describes."""
+
+import os
+import sys
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from blender.parent import die_with_parent
+from gmrdata.body.file import read_body
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, load_clip
+from gmrdata.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
+from gmrdata.render import RenderJob
+
+
+def main(arguments: list[str]) -> int:
+    """Run a job; the exit code is 0, or 1 with a message on stderr."""
+    try:
+        job_path = parse(arguments)
+        job = read_job(job_path)
+        clip, body = load_clip(job.clip_path), read_body(job.body_path)
+        check(job, clip, body)
+        _import_bpy(job.threads)
+        from blender.render import render
+
+        assert clip.camera is not None
+        render(job, clip, body, clip.camera)
+    except GmrdataError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 1
+    except OSError as error:
+        sys.stderr.write(f"error: {error.filename}: {error.strerror}\n")
+        return 1
+    return 0
+
+
+def parse(arguments: list[str]) -> Path:
+    """The job file's path; ties this process to its parent when that is named."""
+    if len(arguments) == 3 and arguments[1] == "--parent" and arguments[2].isdigit():
+        die_with_parent(int(arguments[2]))
+    elif len(arguments) != 1:
+        raise BadRecipe("usage: python -m blender job.json [--parent PID]")
+    return Path(arguments[0])
+
+
+def read_job(path: Path) -> RenderJob:
+    """Read and check a job file."""
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such job file")
+    try:
+        return RenderJob.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise BadRecipe(f"{path}: {where}: {first['msg']}") from None
+
+
+def check(job: RenderJob, clip: Clip, body: BodyModel) -> None:
+    """Say what is wrong with a clip before Blender is loaded."""
+    if clip.motion.frame != "world":
+        raise BadMotionFile(
+            f"{job.clip_path}: its motion is not in the world frame; nothing to stand on"
+        )
+    if clip.camera is None:
+        raise BadMotionFile(f"{job.clip_path}: has no camera; give it one with a camera programme")
+    if not clip.camera.has_camera.all():
+        raise BadMotionFile(f"{job.clip_path}: some frames have no camera; slice them off first")
+    if clip.motion.body != body.name or len(clip.motion.shape) != body.n_shape:
+        raise BadMotionFile(
+            f"{job.clip_path}: made for body {clip.motion.body!r}, and {job.body_path} is {body.name!r}"
+        )
+
+
+def _import_bpy(threads: int) -> None:
+    """Import bpy with as many processors in sight as it may use.
+
+    Its thread library counts them once, at import; with more than Cycles is told to use, an idle
+    thread spins at full load beside each working one (seen in Blender 5.0.1).
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    everything = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, set(sorted(everything)[:threads]))
+    try:
+        import bpy  # noqa: F401
+    finally:
+        os.sched_setaffinity(0, everything)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

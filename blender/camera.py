@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Conversion between gmrdata's cameras (OpenCV axes, K in pixels) and Blender's."""
+
+from typing import Any
+
+import numpy as np
+
+from gmrdata.errors import BadRecipe
+from gmrdata.geometry.camera import CameraPath
+
+SENSOR_WIDTH_MM = 36.0
+OPENCV_FROM_BLENDER_AXES = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Blender's camera looks along -z with y up; OpenCV's along +z with y down.  Its own inverse."""
+
+
+def swap_axes(world_from_cam: np.ndarray) -> np.ndarray:
+    """Camera transforms (..., 4, 4) with OpenCV axes from ones with Blender's axes, or back."""
+    return np.asarray(world_from_cam, dtype=np.float64) @ OPENCV_FROM_BLENDER_AXES
+
+
+def make_camera(scene: Any, camera_path: CameraPath) -> Any:
+    """Add a camera object with the path's intrinsics and picture size to a bpy scene.
+
+    Raises:
+        BadRecipe: pixels are not square, or K has skew: Blender has no such camera here.
+    """
+    import bpy
+
+    (fx, skew, cx), (_, fy, cy) = camera_path.intrinsics_px[:2]
+    if abs(fx - fy) > 1e-6 * fx or abs(skew) > 1e-6:
+        raise BadRecipe(
+            f"Blender's camera needs square pixels and no skew, not fx {fx} and fy {fy}"
+        )
+    width_px, height_px = camera_path.width_px, camera_path.height_px
+    data = bpy.data.cameras.new("camera")
+    data.sensor_fit = "HORIZONTAL"
+    data.sensor_width = SENSOR_WIDTH_MM
+    data.lens = fx * SENSOR_WIDTH_MM / width_px
+    # Shifts are in units of the sensor's fitted side, here the width; positive moves the view.
+    data.shift_x = (width_px / 2 - cx) / width_px
+    data.shift_y = (cy - height_px / 2) / width_px
+    data.clip_start, data.clip_end = 0.05, 500.0
+    scene.render.resolution_x, scene.render.resolution_y = width_px, height_px
+    scene.render.resolution_percentage = 100
+    scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0
+    camera = bpy.data.objects.new("camera", data)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    return camera
+
+
+def place_camera(camera: Any, world_from_cam: np.ndarray) -> None:
+    """Move the Blender camera to a transform (4, 4) with OpenCV axes."""
+    import mathutils
+
+    camera.matrix_world = mathutils.Matrix(swap_axes(world_from_cam).tolist())
+
+
+def read_back(scene: Any, camera: Any, wanted: CameraPath) -> CameraPath:
+    """The camera as Blender uses it (single precision), for every frame of the wanted path."""
+    import bpy
+
+    world_from_cam = np.empty_like(wanted.world_from_cam)
+    for row, transform in enumerate(wanted.world_from_cam):
+        place_camera(camera, transform)
+        bpy.context.view_layer.update()
+        world_from_cam[row] = swap_axes(np.array(camera.matrix_world))
+    render, data = scene.render, camera.data
+    width_px, height_px = int(render.resolution_x), int(render.resolution_y)
+    focal_px = data.lens / data.sensor_width * width_px
+    intrinsics_px = np.array(
+        [
+            [focal_px, 0.0, width_px / 2 - data.shift_x * width_px],
+            [0.0, focal_px, height_px / 2 + data.shift_y * width_px],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    has_camera = np.ones(len(world_from_cam), dtype=bool)
+    return CameraPath(intrinsics_px, width_px, height_px, world_from_cam, has_camera)
