@@ -1,7 +1,7 @@
 """Files that travel with the package: recipes, published manifests and the manifest schema.
 
 They live in the repository's root folders `manifests/` and `pipelines/`.  Inside the package the
-links `published` and `recipes` lead there; a wheel carries real folders of these names instead.
+links `published` and `pipelines` lead there; a wheel carries real folders of these names instead.
 """
 
 from pathlib import Path
@@ -9,7 +9,7 @@ from pathlib import Path
 from gmrdata.errors import MissingInput
 
 _PUBLISHED = Path(__file__).parent / "published"
-_RECIPES = Path(__file__).parent / "recipes"
+_RECIPES = Path(__file__).parent / "pipelines"
 
 
 def published_manifest(name: str) -> Path:

@@ -18,7 +18,10 @@ from gmrdata.manifest.current import (
     Recipe,
     Source,
 )
-from gmrdata.manifest.listing import file_record, folder_record
+from gmrdata.manifest.listing import file_record, folder_record, relative_to_root
+
+LISTINGS = "listings"
+"""Folder of listings below the manifest's folder."""
 
 
 def clip_entry(
@@ -37,8 +40,8 @@ def clip_entry(
 ) -> Clip:
     """Make a clip's manifest entry from the files that a stage left; hashes them all.
 
-    The kept ranges are the rows where the clip's `valid` is True.  Listings of images and masks go
-    to `root/listings/<id>.images.tsv` and `<id>.masks.tsv`, outside the stage's finished folder.
+    The kept ranges are the rows where the clip's `valid` is True.  The listing of a folder
+    `a/frames` goes to `root/listings/a/frames.tsv`, outside the stage's finished folder.
 
     Args:
         root: The manifest's folder; everything lies below it.
@@ -84,14 +87,18 @@ def clip_entry(
         raise BadManifest(f"{clip_path}: clip {clip.id} can't be listed: {error}") from None
     return entry.model_copy(
         update={
-            "images": _folder(root, images_dir, f"{clip.id}.images.tsv"),
-            "masks": _folder(root, masks_dir, f"{clip.id}.masks.tsv"),
+            "images": _folder(root, images_dir),
+            "masks": _folder(root, masks_dir),
         }
     )
 
 
-def _folder(root: Path, folder: Path | None, listing_name: str) -> FolderRecord | None:
-    return None if folder is None else folder_record(root, folder, root / "listings" / listing_name)
+def _folder(root: Path, folder: Path | None) -> FolderRecord | None:
+    """Named after the folder, because clips of several manifests may share it."""
+    if folder is None:
+        return None
+    listing = root / LISTINGS / f"{relative_to_root(root, folder)}.tsv"
+    return folder_record(root, folder, listing)
 
 
 def _reasons(clip_path: Path, reason: str | Sequence[str], n_frames: int) -> list[str]:
