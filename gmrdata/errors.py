@@ -21,6 +21,10 @@ class UnsafePickle(GmrdataError):
     """A pickle wants to import something that is not plain data.  Nothing of it was run."""
 
 
+class BrokenPickle(GmrdataError):
+    """A pickle is truncated, or the file is no pickle."""
+
+
 class BadFrames(GmrdataError):
     """Images or masks are missing, of different sizes, or not images."""
 

@@ -1,0 +1,141 @@
+"""Reading pickles of plain data (SMPL's models, 3DPW's sequences) without running them.
+
+A pickle is a program that may import and call.  Here an import only yields an inert `_Import`, and
+a call only a record of what was to be called; records become arrays after the program has ended.
+So whatever a file holds, none of its imports is made and none of its calls is run.
+"""
+
+import io
+import pickle  # noqa: TID251  Only its interpreter is used, with every import and call taken out.
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from gmrdata.errors import BrokenPickle, MissingInput, UnsafePickle
+from gmrdata.pickle_records import ADMITTED_IMPORTS, Record, plain, record_of_call
+
+_BROKEN = (
+    pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
+    OverflowError, MemoryError, RecursionError, AssertionError, struct.error,
+)  # fmt: skip
+
+
+def load_plain(path: Path) -> Any:
+    """Read a pickle of plain data.
+
+    Args:
+        path: The file.  Python 2's strings are read as Latin-1.
+
+    Returns:
+        Nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Sparse
+        matrices come back as `scipy.sparse.csc_matrix` or `csr_matrix`, chumpy's arrays as numpy's.
+
+    Raises:
+        MissingInput: there is no such file.
+        UnsafePickle: the pickle wants to import something that is not plain data; the message names
+            it.  Nothing of it was run.
+        BrokenPickle: truncated, or not a pickle.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    try:
+        return plain(_Interpreter(path.read_bytes()).load())
+    except UnsafePickle as error:
+        raise UnsafePickle(
+            f"{path}: {error}. Do not trust this file; get it from its maker"
+        ) from None
+    except _BROKEN as error:
+        raise BrokenPickle(
+            f"{path}: truncated or not a pickle ({type(error).__name__}: {error}); get it again"
+        ) from None
+
+
+@dataclass(frozen=True)
+class _Import:
+    """What the pickle wanted to import: a name, and nothing behind it."""
+
+    name: str
+
+
+class _Interpreter(pickle._Unpickler):
+    """Python's own pickle interpreter, with every opcode that could reach an object replaced.
+
+    The pure Python one, since the C one cannot be kept from setting attributes and allocates what
+    a file's length fields say.
+    """
+
+    dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(pickle._Unpickler.dispatch)
+    stack: list[Any]
+    append: Callable[[Any], None]
+    read: Callable[[int], bytes]
+    readline: Callable[[], bytes]
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(io.BytesIO(data), encoding="latin1")
+
+    def find_class(self, module: str, name: str) -> Any:
+        full_name = f"{module}.{name}"
+        if full_name not in ADMITTED_IMPORTS:
+            raise UnsafePickle(f"wants to import {full_name!r}")
+        return _Import(full_name)
+
+    def persistent_load(self, pid: Any) -> Any:
+        raise UnsafePickle(f"wants the outside object {pid!r}")
+
+    def get_extension(self, code: int) -> None:
+        raise UnsafePickle(f"wants to import number {code} of the extension registry")
+
+    def _call(self) -> None:
+        arguments = self.stack.pop()
+        self.stack[-1] = _record(self.stack[-1], arguments)
+
+    def _call_with_keywords(self) -> None:
+        keywords, arguments = self.stack.pop(), self.stack.pop()
+        if keywords:
+            raise UnsafePickle(f"wants to call with the keywords {sorted(map(str, keywords))}")
+        self.stack[-1] = _record(self.stack[-1], arguments)
+
+    def _old_instance(self) -> None:
+        module, name = (self.readline()[:-1].decode("ascii") for _ in range(2))
+        raise UnsafePickle(f"wants to make an object of the old class {f'{module}.{name}'!r}")
+
+    def _old_object(self) -> None:
+        raise UnsafePickle("wants to make an object the way only old classes are made")
+
+    def _set_state(self) -> None:
+        state = self.stack.pop()
+        if not isinstance(self.stack[-1], Record) or self.stack[-1].state is not None:
+            raise UnsafePickle(f"wants to set attributes of a {type(self.stack[-1]).__name__}")
+        self.stack[-1].state = state
+
+    def _bytearray(self) -> None:
+        (length,) = struct.unpack("<Q", self.read(8))
+        # Python's own allocates the length first, which a broken file may claim to be anything.
+        self.append(bytearray(self.read(length)))
+
+    def _out_of_band(self) -> None:
+        raise UnsafePickle("wants a buffer from outside the file")
+
+
+def _record(called: Any, arguments: Any) -> Any:
+    if not isinstance(called, _Import) or not isinstance(arguments, tuple):
+        raise UnsafePickle(f"wants to call a {type(called).__name__}")
+    names = [a.name if isinstance(a, _Import) else a for a in arguments]
+    return record_of_call(called.name, tuple(names))
+
+
+_REPLACED: dict[bytes, Callable[[_Interpreter], None]] = {
+    pickle.REDUCE: _Interpreter._call,
+    pickle.NEWOBJ: _Interpreter._call,
+    pickle.NEWOBJ_EX: _Interpreter._call_with_keywords,
+    pickle.OBJ: _Interpreter._old_object,
+    pickle.INST: _Interpreter._old_instance,
+    pickle.BUILD: _Interpreter._set_state,
+    pickle.BYTEARRAY8: _Interpreter._bytearray,
+    pickle.NEXT_BUFFER: _Interpreter._out_of_band,
+    pickle.READONLY_BUFFER: _Interpreter._out_of_band,
+}
+for _opcode, _method in _REPLACED.items():
+    _Interpreter.dispatch[_opcode[0]] = _method
