@@ -16,7 +16,15 @@ from gmrdata.motion.gait_body import (
     pose_trunk,
     swing_arms,
 )
-from gmrdata.motion.gait_feet import SIDES, FootPoses, foot_poses, plan_footsteps, rest_foot
+from gmrdata.motion.gait_feet import (
+    SIDES,
+    FootPoses,
+    Footsteps,
+    foot_poses,
+    ground_under_pelvis,
+    plan_footsteps,
+    rest_foot,
+)
 from gmrdata.motion.gait_path import GroundPath, draw_path
 from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, draw_style
 from gmrdata.motion.leg_ik import Leg
@@ -107,8 +115,8 @@ def gait_with_contacts(
     )
     n_steps = float(steps[-1])
     path = draw_path(kind, n_steps, style, rng)
-    feet = _feet(kind, body, shape, path, steps, style, rng)
-    arrays = _assemble(joints_m, path, time_s, steps, feet, style, half_window)
+    plan = plan_footsteps(path, style, _ground(kind, n_steps, rng), rng)
+    arrays, feet = _assemble(body, shape, path, time_s, steps, plan, style, half_window)
     inside = slice(pad, pad + n_frames)
     local, root, pelvis = (array[inside] for array in arrays)
     motion = Motion(
@@ -144,37 +152,27 @@ def _check(kind: str, duration_s: float, fps_hz: float) -> None:
         )
 
 
-def _feet(
-    kind: str,
-    body: BodyModel,
-    shape: np.ndarray,
-    path: GroundPath,
-    steps: np.ndarray,
-    style: GaitStyle,
-    rng: np.random.Generator,
-) -> list[FootPoses]:
-    """Plan the footfalls and pose both feet along them."""
-    ground_m = np.zeros(int(np.ceil(steps[-1])) + 8)
+def _ground(kind: str, n_steps: float, rng: np.random.Generator) -> np.ndarray:
+    """Height of the ground for each footfall from number -4 on [m]."""
+    ground_m = np.zeros(int(np.ceil(n_steps)) + 8)
     if kind == "step_up":
-        onto = rng.integers(2, max(3, int(steps[-1]) - 3))
+        onto = rng.integers(2, max(3, int(n_steps) - 3))
         ground_m[onto + 4 :] = rng.uniform(0.15, 0.20)
-    plan = plan_footsteps(path, style, ground_m, rng)
-    return [
-        foot_poses(rest_foot(body, shape, side), parity, steps, plan, style)
-        for parity, side in enumerate(SIDES)
-    ]
+    return ground_m
 
 
 def _assemble(
-    joints_m: np.ndarray,
+    body: BodyModel,
+    shape: np.ndarray,
     path: GroundPath,
     time_s: np.ndarray,
     steps: np.ndarray,
-    feet: list[FootPoses],
+    plan: Footsteps,
     style: GaitStyle,
     half_window: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Local rotations (T, 23, 3, 3), root rotations (T, 3, 3) and pelvis positions (T, 3) [m]."""
+) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], list[FootPoses]]:
+    """Local rotations (T, 23, 3, 3), root rotations (T, 3, 3) and pelvis positions (T, 3) [m]; feet."""
+    joints_m = body.rest_joints_m(shape)
 
     def bone(parent: str, child: str) -> np.ndarray:
         return joints_m[JOINT[child]] - joints_m[JOINT[parent]]
@@ -184,10 +182,15 @@ def _assemble(
         for side in SIDES
     ]
     hips_m = np.stack([bone("pelvis", f"{side}_hip") for side in SIDES])
+    feet = [
+        foot_poses(rest_foot(body, shape, side), parity, steps, plan, style)
+        for parity, side in enumerate(SIDES)
+    ]
     reach_m = min(leg.reach_m(style.soft_knee_rad) for leg in legs)
     trunk = pose_trunk(path, time_s, steps, style)
-    pelvis_m = place_pelvis(path, steps, trunk, style, reach_m)
+    ground_m = ground_under_pelvis(steps, plan)
+    pelvis_m = place_pelvis(path, steps, ground_m, trunk, style, reach_m)
     pelvis_m = lift_pelvis(pelvis_m, trunk.pelvis, hips_m, feet, reach_m, half_window)
     local = local_rotations(trunk, legs, hips_m, pelvis_m, feet)
     swing_arms(local, joints_m, time_s, steps, style)
-    return local, trunk.pelvis, pelvis_m
+    return (local, trunk.pelvis, pelvis_m), feet

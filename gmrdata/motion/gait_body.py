@@ -64,9 +64,14 @@ def pose_trunk(path: GroundPath, time_s: np.ndarray, steps: np.ndarray, style: G
 
 
 def place_pelvis(
-    path: GroundPath, steps: np.ndarray, trunk: Trunk, style: GaitStyle, hip_height_m: float
+    path: GroundPath,
+    steps: np.ndarray,
+    ground_m: np.ndarray,
+    trunk: Trunk,
+    style: GaitStyle,
+    hip_height_m: float,
 ) -> np.ndarray:
-    """Pelvis over the ground, at the height of its bob alone: (T, 3) world [m]."""
+    """Pelvis at the height of its bob and the ground (T,) alone, before it is lifted: (T, 3) world [m]."""
     pelvis = np.zeros((len(steps), 3))
     pelvis[:, :2] = path.position_m(path.s_at(steps))
     side = style.sway_m * np.cos(np.pi * (steps - style.duty))
@@ -75,7 +80,7 @@ def place_pelvis(
     front = -0.012 * style.step_m * np.sin(2 * np.pi * (steps - style.duty))
     level = upright(trunk.facing_rad)
     pelvis += side[:, None] * level[:, :, 0] + front[:, None] * level[:, :, 2]
-    pelvis[:, 2] = style.bob_m * np.cos(2 * np.pi * (steps - style.duty))
+    pelvis[:, 2] = ground_m + style.bob_m * np.cos(2 * np.pi * (steps - style.duty))
     return pelvis
 
 

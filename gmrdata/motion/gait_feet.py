@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betainc
 
 from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import JOINT
@@ -11,6 +12,13 @@ from gmrdata.motion.gait_style import GaitStyle
 from gmrdata.motion.leg_ik import turn
 
 SIDES = ("left", "right")
+
+MORE_TOES = 1.25
+"""Toes bend up by so much of the foot's pitch over the ball.  1 would keep them level, but skin between
+ball and toes follows both by half, and would sink into the ground."""
+
+SOFT_TOES_RAD = np.radians(20.0)
+"""In swing, toes of a foot that is pitched by less than this straighten out smoothly [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +104,23 @@ def plan_footsteps(
     facing = path.facing_rad(s_m)
     frames = upright(facing)
     across_m = side * style.spacing_m / 2 + rng.normal(0, 0.006, len(number))
-    along_m = 0.02 * style.step_m + rng.normal(0, 0.008, len(number))
+    along_m = style.ahead_m + rng.normal(0, 0.008, len(number))
     position = np.zeros((len(number), 3))
     position[:, :2] = path.position_m(s_m)
     position += across_m[:, None] * frames[:, :, 0] + along_m[:, None] * frames[:, :, 2]
     position[:, 2] = ground_m
     yaw = facing + -side * style.toe_out_rad + rng.normal(0, np.radians(1.0), len(number))
     return Footsteps(-4, position, yaw)
+
+
+def ground_under_pelvis(steps: np.ndarray, plan: Footsteps) -> np.ndarray:
+    """Height by which the pelvis has followed the ground at (T,) step counts [m].
+
+    It rises in the step that begins as a foot touches down on other ground.
+    """
+    number = plan.first + 1 + np.flatnonzero(np.diff(plan.position_m[:, 2]))
+    rise_m = np.diff(plan.position_m[:, 2])[number - plan.first - 1]
+    return plan.position_m[0, 2] + ease(steps[:, None] - number + 0.1) @ rise_m
 
 
 def foot_poses(
@@ -123,17 +141,17 @@ def foot_poses(
     pivot = np.where((since < stance / 2)[:, None], foot.heel_m, foot.ball_m)
     pivot = np.where(
         (swing > 0)[:, None],
-        foot.ball_m + ease(swing)[:, None] * (foot.heel_m - foot.ball_m),
+        foot.ball_m + ease((swing - 0.35) / 0.65)[:, None] * (foot.heel_m - foot.ball_m),
         pivot,
     )
     start, stop = plan.position_m[here], plan.position_m[there]
-    position = start + ease(swing)[:, None] * (stop - start)
+    position = start + _swing_share(swing, style)[:, None] * (stop - start)
     position[:, 2] = start[:, 2] + _swing_height(swing, stop[:, 2] - start[:, 2], style)
     yaw = plan.yaw_rad[here] + ease(swing) * (plan.yaw_rad[there] - plan.yaw_rad[here])
     level, tilted = upright(yaw), turn("x", -pitch)
     ankle = pivot + np.einsum("tij,tj->ti", tilted, foot.ankle_m - pivot)
-    # Toes lie flat while the foot rolls over the ball, and straighten soon after they leave the ground.
-    toes = -np.minimum(pitch, 0.0) * (1 - ease(swing / 0.5))
+    toes = MORE_TOES * np.maximum(-pitch, 0.0)
+    toes *= np.where(swing > 0, ease(toes / SOFT_TOES_RAD), 1.0)
     return FootPoses(
         ankle_m=position + np.einsum("tij,tj->ti", level, ankle),
         rotmats=level @ tilted,
@@ -146,8 +164,8 @@ def foot_poses(
 def _pitch_rad(since: np.ndarray, style: GaitStyle) -> np.ndarray:
     """Toes-up pitch of the foot at (T,) steps since its touch-down, through flat stance and swing [rad]."""
     stance = style.stance_steps
-    flat_from, flat_to = 0.17 * stance, 0.6 * stance
-    steepest = stance + 0.06 * (2 - stance)
+    flat_from, flat_to = 0.17 * stance, 0.55 * stance
+    steepest = stance + 0.16 * (2 - stance)
     highest = 2 - 0.12 * (2 - stance)
     strike, toe_off = style.strike_rad, style.toe_off_rad
     landing = strike * (1 - ease((since + 2 - highest) / (flat_from + 2 - highest)))
@@ -157,8 +175,16 @@ def _pitch_rad(since: np.ndarray, style: GaitStyle) -> np.ndarray:
     return landing + rolling + recovering + settling
 
 
+def _swing_share(swing: np.ndarray, style: GaitStyle) -> np.ndarray:
+    """Share of the way to the next footfall: at rest at both ends, fastest a little after half time.
+
+    A foot that came to rest sooner would be too far ahead of the hip for the leg to reach.
+    """
+    return betainc(2.2 + style.late, 2.2, swing)
+
+
 def _swing_height(swing: np.ndarray, rise_m: np.ndarray, style: GaitStyle) -> np.ndarray:
     """Height of the foot in swing over its last footfall [m]."""
-    arc = 64 * swing**3 * (1 - swing) ** 3
+    arc = 16 * swing**2 * (1 - swing) ** 2
     early = np.where(rise_m > 0, swing / 0.7, (swing - 0.3) / 0.7)
     return rise_m * ease(early) + (style.clearance_m + 0.25 * np.abs(rise_m)) * arc

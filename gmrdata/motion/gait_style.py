@@ -32,6 +32,8 @@ class GaitStyle:
     """Share of a stride (two steps) that a foot stands; below 0.5 there is flight."""
     spacing_m: float
     """Distance between the ankles' lines across the direction that the person faces [m]."""
+    ahead_m: float
+    """A foot is put down so far in front of where the pelvis is in the middle of its stance [m]."""
     toe_out_rad: float
     """Feet turned outwards by this much [rad]."""
     strike_rad: float
@@ -40,6 +42,8 @@ class GaitStyle:
     """Heel above toes at its largest, just after the foot leaves the ground [rad]."""
     clearance_m: float
     """Height of the foot's arc in swing, on top of what its pitch gives [m]."""
+    late: float
+    """How much more of its way a swinging foot makes in the second half; 0 is even."""
     bob_m: float
     """Pelvis height amplitude; positive is highest over the standing leg, negative lowest [m]."""
     sway_m: float
@@ -99,18 +103,20 @@ def _walk(
         return float(np.radians(rng.uniform(low, high)))
 
     speed_m_s = rng.uniform(*speed_range_m_s)
-    step_m = np.sqrt(WALK_RATIO_M_S * speed_m_s) * rng.uniform(0.94, 1.06)
-    step_m = min(step_m, 0.92 * leg_m)
+    step_m = np.sqrt(WALK_RATIO_M_S * speed_m_s) * rng.uniform(0.92, 1.04)
+    step_m = min(step_m, 0.88 * leg_m)
     vigour = speed_m_s / 1.25
     return GaitStyle(
         step_m=float(step_m),
         cadence_hz=float(speed_m_s / step_m),
-        duty=float(rng.uniform(0.60, 0.635)),
+        duty=float(rng.uniform(0.59, 0.615)),
         spacing_m=float(rng.uniform(0.09, 0.15)),
+        ahead_m=float(-0.17 * step_m),
         toe_out_rad=deg(1, 9),
         strike_rad=deg(14, 20),
-        toe_off_rad=deg(52, 62),
-        clearance_m=float(rng.uniform(0.03, 0.055)),
+        toe_off_rad=deg(58, 66),
+        clearance_m=float(rng.uniform(0.03, 0.05)),
+        late=0.1,
         bob_m=float(0.042 * step_m**2 * rng.uniform(0.85, 1.15)),
         sway_m=float(rng.uniform(0.016, 0.028)),
         pelvis_yaw_rad=vigour * deg(3, 6),
@@ -124,7 +130,7 @@ def _walk(
         arm_in_rad=deg(8, 25),
         elbow_rad=deg(14, 26),
         elbow_swing_rad=vigour * deg(4, 10),
-        soft_knee_rad=deg(5, 9),
+        soft_knee_rad=deg(4, 8),
         wander=_phases(rng),
     )
 
@@ -144,9 +150,11 @@ def _run(leg_m: float, rng: np.random.Generator) -> GaitStyle:
         cadence_hz=float(cadence_hz),
         duty=float(rng.uniform(0.33, 0.38)),
         spacing_m=float(rng.uniform(0.05, 0.09)),
+        ahead_m=float(-0.10 * speed_m_s / cadence_hz),
         strike_rad=deg(0, 8),
         toe_off_rad=deg(68, 82),
         clearance_m=float(0.11 + 0.03 * speed_m_s * rng.uniform(0.8, 1.2)),
+        late=0.8,
         bob_m=float(-fall_m * rng.uniform(0.9, 1.0)),
         sway_m=float(rng.uniform(0.006, 0.012)),
         pelvis_tilt_rad=deg(6, 12),
@@ -157,7 +165,7 @@ def _run(leg_m: float, rng: np.random.Generator) -> GaitStyle:
         arm_in_rad=deg(15, 30),
         elbow_rad=deg(78, 95),
         elbow_swing_rad=deg(5, 12),
-        soft_knee_rad=deg(12, 18),
+        soft_knee_rad=deg(10, 16),
     )
 
 
@@ -173,6 +181,7 @@ def _side_step(leg_m: float, rng: np.random.Generator) -> GaitStyle:
         step_m=float(spacing_m - rng.uniform(0.13, 0.17)),
         cadence_hz=float(rng.uniform(1.6, 2.1)),
         spacing_m=float(spacing_m),
+        ahead_m=0.0,
         strike_rad=0.0,
         toe_off_rad=deg(14, 24),
         clearance_m=float(rng.uniform(0.05, 0.08)),
