@@ -1,0 +1,205 @@
+"""Reader of AMASS .npz files (SMPL+H and SMPL-X releases), SMPL arrays, and gmrdata's own clips.
+
+Poses are local rotations of the SMPL tree already, so they are kept as they are on every body.  Of
+the hands, the first index joint stands for SMPL's hand joint: 22 and 37 of SMPL+H's 52 joints, as the
+video-based estimators take it, and likewise 25 and 40 of SMPL-X's 55; other fingers are left out.
+
+AMASS's `trans` is the pelvis less J0(betas), a constant, so the path's form does not need J0; its
+place over the floor comes from the body's own soles.  The path is scaled by the ratio of the leg
+lengths.  That of AMASS's subject needs `source_body`; without it SMPL's mean leg is taken.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.body.model import BodyModel
+from gmrdata.body.tree import N_JOINTS
+from gmrdata.clip import read_npz
+from gmrdata.errors import BadMotionFile
+from gmrdata.motion.frame_rate import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
+from gmrdata.motion.ground import floor_height_m
+from gmrdata.motion.motion import Motion
+from gmrdata.motion.rest_pose import leg_length_m
+from gmrdata.motion.retarget import gender_of
+from gmrdata.motion.text_numbers import LARGEST_NUMBER
+
+HANDS = {72: (22, 23), 156: (22, 37), 165: (25, 40)}
+"""Where SMPL's two hand joints stand among the joints, by the number of pose values in a frame."""
+RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
+"""SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
+SMPL_LEG_M = 0.78
+"""Hip-knee-ankle of SMPL's neutral mean shape, rounded [m]; release differences are below 2 %."""
+
+_EXTRA = re.compile(r"(^shape|_stagei|^neutral_stagei)$")
+
+
+def is_amass_extra(path: Path) -> bool:
+    """Whether a file name is that of AMASS's `shape.npz` or `*_stagei.npz`, which hold no motion."""
+    return path.suffix.lower() == ".npz" and bool(_EXTRA.search(path.stem))
+
+
+def read_amass(
+    path: Path,
+    body: BodyModel,
+    *,
+    fps_hz: float | None = None,
+    shape: np.ndarray | None = None,
+    source_body: BodyModel | None = None,
+    ground: bool = True,
+) -> Motion:
+    """Read an AMASS motion (156 or 165 pose values), SMPL poses (72) or a clip, onto a body.
+
+    Args:
+        path: The file.
+        body: The body to put it on.
+        fps_hz: Frame rate to believe instead of the file's [Hz].  Without it CMU's index decides for
+            CMU's 60 Hz subjects (AMASS's releases disagree on them), the file otherwise.
+        shape: (S,) shape of `body`.  Without it the file's betas are kept if they are of this body
+            (its name, or SMPL of the file's gender; SMPL-X's betas mean something else); any other
+            body gets its mean shape.
+        source_body: The body whose betas the file holds, for the leg length of its subject.
+        ground: Whether to move the soles to z = 0, instead of leaving the file's heights.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: no motion, broken arrays, no frame rate, or a clip in camera frames.
+    """
+    if is_amass_extra(path):
+        raise BadMotionFile(
+            f"{path}: holds a subject's shape and no motion; motions are *_poses.npz and *_stageii.npz"
+        )
+    arrays = read_npz(path)
+    if str(arrays.get("frame", "world")) != "world":
+        raise BadMotionFile(f"{path}: a clip in camera frames; make its pseudo ground truth first")
+    poses, trans = _pose_arrays(arrays, path)
+    rate_hz, rate_note = _choose_rate(arrays, fps_hz, path)
+    kept = _holds_shape_of(arrays, body, poses.shape[1])
+    betas_body = body if kept else source_body
+    source_leg_m, source_pelvis_m, betas = _subject(arrays, betas_body, path)
+    if shape is None:
+        shape = betas if kept else np.zeros(body.n_shape)
+    shape = np.asarray(shape, dtype=np.float64)
+    scale = leg_length_m(body.rest_joints_m(shape)) / source_leg_m
+    rotmats = _rotmats(poses)
+    pelvis_m = (trans + source_pelvis_m) * scale
+    if ground:
+        pelvis_m[:, 2] -= floor_height_m(
+            body, shape, rotmats[:, 1:], rotmats[:, 0], pelvis_m, rate_hz
+        )
+    shape_note = "betas of the file" if kept else "betas of the file not used"
+    return Motion(
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=pelvis_m,
+        shape=shape,
+        fps_hz=rate_hz,
+        body=body.name,
+        gender=gender_of(body),
+        frame="world",
+        source=f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {shape_note}, path x {scale:.4f}",
+    )
+
+
+def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Checked `poses` (T, 72 | 156 | 165) [rad] and `trans` (T, 3) [m]."""
+    missing = [key for key in ("poses", "trans") if key not in arrays]
+    if missing:
+        raise BadMotionFile(
+            f"{path}: no AMASS motion, it has no array {missing[0]!r} (it has {', '.join(arrays)[:200]})"
+        )
+    poses, trans = _numbers(arrays, "poses", path), _numbers(arrays, "trans", path)
+    if poses.ndim != 2 or poses.shape[1] not in HANDS:
+        raise BadMotionFile(
+            f"{path}: poses are {poses.shape}; known are (T, 72) of SMPL, (T, 156) of SMPL+H and "
+            "(T, 165) of SMPL-X"
+        )
+    if trans.shape != (len(poses), 3):
+        raise BadMotionFile(
+            f"{path}: trans is {trans.shape} for {len(poses)} frames; fetch it again"
+        )
+    if len(poses) < 2:
+        raise BadMotionFile(f"{path}: {len(poses)} frames are no motion; it takes at least 2")
+    return poses, trans
+
+
+def _numbers(arrays: dict[str, np.ndarray], key: str, path: Path) -> np.ndarray:
+    """One array as finite float64."""
+    try:
+        values = np.asarray(arrays[key], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BadMotionFile(f"{path}: {key} does not hold numbers; fetch it again") from None
+    wrong = np.argwhere(~(np.abs(values) <= LARGEST_NUMBER))
+    if len(wrong):
+        at = f"frame {wrong[0][0]}" if values.ndim > 1 else "it"
+        raise BadMotionFile(
+            f"{path}: {key} is not finite at {at}; cut those frames out of the file"
+        )
+    return values
+
+
+def _choose_rate(
+    arrays: dict[str, np.ndarray], fps_hz: float | None, path: Path
+) -> tuple[float, str]:
+    """The frame rate [Hz] and why it is that."""
+    if fps_hz is not None:
+        return check_rate_hz(fps_hz, path), "given"
+    if "CMU" in path.parts and cmu_subject(path) in CMU_60_HZ_SUBJECTS:
+        return 60.0, "CMU's index"
+    key = next((key for key in RATE_KEYS if key in arrays), None)
+    if key is None:
+        raise BadMotionFile(
+            f"{path}: no frame rate ({' or '.join(RATE_KEYS)}); give it with fps_hz"
+        )
+    values = _numbers(arrays, key, path).ravel()
+    if values.size != 1:
+        raise BadMotionFile(f"{path}: {key} is not one number; give the rate with fps_hz")
+    return check_rate_hz(float(values[0]), path), "file"
+
+
+def _gender(arrays: dict[str, np.ndarray]) -> str:
+    """The file's gender, which releases write as str, bytes, or a 0-d array of either."""
+    value = np.asarray(arrays.get("gender", "neutral")).ravel()
+    word = value[0] if value.size else "neutral"
+    return (word.decode("ascii", "replace") if isinstance(word, bytes) else str(word)).lower()
+
+
+def _holds_shape_of(arrays: dict[str, np.ndarray], body: BodyModel, n_values: int) -> bool:
+    """Whether the file's betas are shape coefficients of this body."""
+    if "betas" not in arrays:
+        return False
+    if "body" in arrays:
+        return str(arrays["body"]) == body.name
+    return n_values != 165 and body.name == f"smpl-{_gender(arrays)}"
+
+
+def _subject(
+    arrays: dict[str, np.ndarray], betas_body: BodyModel | None, path: Path
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Leg length [m], J0 (3,) [m] and betas of the file's subject."""
+    if betas_body is None:
+        if not str(arrays.get("body", "smpl")).startswith("smpl"):
+            raise BadMotionFile(
+                f"{path}: a clip on the body {str(arrays['body'])!r}; give that body as source_body"
+            )
+        rest_pelvis_m = (
+            _numbers(arrays, "rest_pelvis_m", path) if "rest_pelvis_m" in arrays else 0.0
+        )
+        return SMPL_LEG_M, np.broadcast_to(rest_pelvis_m, 3), np.zeros(0)
+    found = _numbers(arrays, "betas", path).ravel() if "betas" in arrays else np.zeros(0)
+    betas = np.zeros(betas_body.n_shape)
+    n_common = min(betas.size, found.size)
+    betas[:n_common] = found[:n_common]
+    rest_joints_m = betas_body.rest_joints_m(betas)
+    return leg_length_m(rest_joints_m), rest_joints_m[0], betas
+
+
+def _rotmats(poses: np.ndarray) -> np.ndarray:
+    """(T, 24, 3, 3) local rotations of the SMPL tree, root first."""
+    rotvecs = poses.reshape(len(poses), -1, 3)
+    left, right = HANDS[poses.shape[1]]
+    chosen = np.concatenate([rotvecs[:, :22], rotvecs[:, [left, right]]], axis=1)
+    rotmats = Rotation.from_rotvec(chosen.reshape(-1, 3)).as_matrix()
+    return np.asarray(rotmats.reshape(len(poses), N_JOINTS, 3, 3))

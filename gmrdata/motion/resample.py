@@ -1,0 +1,126 @@
+"""Other frame rates and pieces of a motion."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.errors import BadRecipe
+from gmrdata.motion.motion import Motion
+
+ON_A_SAMPLE = 1e-6
+"""Sample times closer than this to a source frame, in frames, are that frame."""
+
+
+def resample(
+    motion: Motion, fps_hz: float, *, start_s: float = 0.0, valid: np.ndarray | None = None
+) -> Motion:
+    """A motion at another frame rate: rotations by slerp, positions linearly.
+
+    Times that fall on source frames take them unchanged, so an integer ratio of the rates is exact.
+
+    Args:
+        motion: The motion.
+        fps_hz: The new rate [Hz].
+        start_s: Time of the first new frame, from the motion's first frame [s].
+        valid: (T,) bool.  Nothing is interpolated between a valid and an invalid frame: such a new
+            frame repeats the nearest source frame, and `resample_valid` says that it is not valid.
+
+    Returns:
+        All frames from `start_s` to the end of the motion.
+
+    Raises:
+        BadRecipe: the rate is not positive, or `start_s` is outside the motion.
+    """
+    rows = _rows(motion.n_frames, motion.fps_hz, fps_hz, start_s)
+    before, after, share = _brackets(rows)
+    if valid is not None:
+        across = ~(valid[before] & valid[after])
+        before = np.where(across & (share > 0.5), after, before)
+        share = np.where(across, 0.0, share)
+    positions = motion.pelvis_m
+    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    chosen = rotmats[before]
+    between = share > 0.0
+    if between.any():
+        chosen[between] = _slerp(rotmats[before[between]], rotmats[after[between]], share[between])
+    pelvis_m = positions[before].copy()
+    pelvis_m[between] += share[between, None] * (positions[after] - positions[before])[between]
+    return replace(
+        motion,
+        local_rotmats=chosen[:, 1:],
+        root_rotmats=chosen[:, 0],
+        pelvis_m=pelvis_m,
+        fps_hz=float(fps_hz),
+    )
+
+
+def resample_valid(
+    valid: np.ndarray, source_fps_hz: float, fps_hz: float, *, start_s: float = 0.0
+) -> np.ndarray:
+    """Which frames of a resampled motion are valid: those between two valid frames, or on one.
+
+    Args:
+        valid: (T,) bool of the source.
+        source_fps_hz: Its rate [Hz].
+        fps_hz: The new rate [Hz].
+        start_s: As in `resample` [s].
+    """
+    before, after, _ = _brackets(_rows(len(valid), source_fps_hz, fps_hz, start_s))
+    return np.asarray(valid[before] & valid[after])
+
+
+def valid_runs(valid: np.ndarray) -> list[tuple[int, int]]:
+    """Runs of valid frames as (start, stop), stop not included: (T,) bool -> list."""
+    edges = np.diff(np.concatenate([[0], np.asarray(valid, dtype=np.int8), [0]]))
+    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+
+
+def slice_motion(motion: Motion, start: int, stop: int) -> Motion:
+    """Frames start, start + 1, ... stop - 1.
+
+    Raises:
+        BadRecipe: not 0 <= start < stop <= T.
+    """
+    if not 0 <= start < stop <= motion.n_frames:
+        raise BadRecipe(
+            f"{motion.source}: frames {start} to {stop} are not in a motion of {motion.n_frames} frames"
+        )
+    return replace(
+        motion,
+        local_rotmats=motion.local_rotmats[start:stop],
+        root_rotmats=motion.root_rotmats[start:stop],
+        pelvis_m=motion.pelvis_m[start:stop],
+    )
+
+
+def _rows(n_frames: int, source_fps_hz: float, fps_hz: float, start_s: float) -> np.ndarray:
+    """Fractional source rows of the new frames, whole where they fall on a source frame."""
+    if not (np.isfinite(fps_hz) and fps_hz > 0.0):
+        raise BadRecipe(f"a frame rate of {fps_hz} Hz is not positive")
+    first = start_s * source_fps_hz
+    if not -ON_A_SAMPLE <= first <= n_frames - 1 + ON_A_SAMPLE:
+        raise BadRecipe(
+            f"start_s = {start_s} s is outside a motion of {(n_frames - 1) / source_fps_hz:.3f} s"
+        )
+    step = source_fps_hz / fps_hz
+    count = int((n_frames - 1 - first + ON_A_SAMPLE) / step) + 1
+    rows = first + np.arange(count) * step
+    nearest = np.round(rows)
+    rows = np.where(np.abs(rows - nearest) < ON_A_SAMPLE, nearest, rows)
+    return np.asarray(np.clip(rows, 0.0, n_frames - 1))
+
+
+def _brackets(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Source rows before and after each fractional row, and the share of the latter."""
+    before = np.floor(rows).astype(int)
+    share = rows - before
+    return before, before + (share > 0.0), share
+
+
+def _slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Rotations (N, J, 3, 3) at a share (N,) of the shortest way from start to end."""
+    step = Rotation.from_matrix((start.swapaxes(-1, -2) @ end).reshape(-1, 3, 3)).as_rotvec()
+    turned = np.repeat(share, start.shape[1])[:, None] * step
+    return start @ Rotation.from_rotvec(turned).as_matrix().reshape(start.shape)

@@ -1,0 +1,136 @@
+"""What a skeleton's zero pose tells: its axes, its size, the directions of its bones."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.body.tree import JOINT, JOINT_NAMES, N_JOINTS
+from gmrdata.errors import BadMotionFile
+
+LIMBS = tuple(
+    (JOINT[f"{side}_{start}"], JOINT[f"{side}_{end}"])
+    for side in ("left", "right")
+    for start, end in (
+        ("hip", "knee"),
+        ("knee", "ankle"),
+        ("shoulder", "elbow"),
+        ("elbow", "wrist"),
+    )
+)
+"""(joint, end) of the eight bones whose directions retargeting keeps exactly."""
+
+SHORTEST_LEG_M, LONGEST_LEG_M = 0.3, 1.5
+"""Hip-knee-ankle of a small child and more than that of the tallest person."""
+SHORTEST_LIMB_M = 0.02
+LARGEST_TILT_DEG = 40.0
+"""How far a zero pose may lean or face away from the coordinate axes."""
+
+
+def smpl_joints_m(rest_joints_m: np.ndarray, joints: Mapping[int, int]) -> np.ndarray:
+    """Zero-pose positions by SMPL joint: (J, 3) -> (24, 3) [m], NaN where the source has none."""
+    positions = np.full((N_JOINTS, 3), np.nan)
+    for joint, source_joint in joints.items():
+        positions[joint] = rest_joints_m[source_joint]
+    return positions
+
+
+def leg_length_m(rest_joints_m: np.ndarray) -> float:
+    """Hip-knee-ankle length, mean of both sides: (24, 3) rest joints -> metres."""
+    return float(
+        sum(
+            np.linalg.norm(
+                rest_joints_m[JOINT[f"{side}_{end}"]] - rest_joints_m[JOINT[f"{side}_{start}"]]
+            )
+            for side in ("left", "right")
+            for start, end in (("hip", "knee"), ("knee", "ankle"))
+        )
+        / 2
+    )
+
+
+def check_size(rest_joints_m: np.ndarray, name: str) -> None:
+    """See that a zero pose, (24, 3) [m], has human size and no limb without length.
+
+    Raises:
+        BadMotionFile: it has not; the message says by which option to correct the unit.
+    """
+    leg_m = leg_length_m(rest_joints_m)
+    if not SHORTEST_LEG_M <= leg_m <= LONGEST_LEG_M:
+        raise BadMotionFile(
+            f"{name}: in the present unit the legs are {leg_m:.4g} m long, so the unit is wrong; give "
+            "the file's metres per unit with unit_m (0.01 centimetres, 1 metres, 0.0254 inches, "
+            "0.056444 CMU)"
+        )
+    for start, end in LIMBS:
+        if np.linalg.norm(rest_joints_m[end] - rest_joints_m[start]) < SHORTEST_LIMB_M:
+            raise BadMotionFile(
+                f"{name}: {JOINT_NAMES[start]} and {JOINT_NAMES[end]} coincide in the zero pose; "
+                "give a joint_map that names other joints"
+            )
+
+
+def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
+    """The source's axes that a body's rest axes (x left, y up, z front) correspond to.
+
+    A file's up is y or z, and its front may be any axis; the zero pose shows which.
+
+    Args:
+        rest_joints_m: (24, 3) zero-pose positions in the source's axes [m].
+        name: The file, for messages.
+
+    Returns:
+        (3, 3) source_from_rest, a rotation by multiples of 90 degrees.
+
+    Raises:
+        BadMotionFile: the zero pose is no standing person along the coordinate axes.
+    """
+
+    def middle(part: str) -> np.ndarray:
+        return np.asarray(
+            rest_joints_m[[JOINT[f"left_{part}"], JOINT[f"right_{part}"]]].mean(axis=0)
+        )
+
+    def across(part: str) -> np.ndarray:
+        return np.asarray(
+            rest_joints_m[JOINT[f"left_{part}"]] - rest_joints_m[JOINT[f"right_{part}"]]
+        )
+
+    trunk, legs = middle("shoulder") - middle("hip"), middle("ankle") - middle("hip")
+    up, up_tilt_deg = _nearest_axis(trunk)
+    left, left_tilt_deg = _nearest_axis(across("hip"))
+    legs_deg = _angle_deg(-legs, up)
+    if max(up_tilt_deg, left_tilt_deg, legs_deg) > LARGEST_TILT_DEG or abs(up @ left) > 0.5:
+        raise BadMotionFile(
+            f"{name}: with all rotations zero the skeleton is not a person standing along the axes "
+            "(hips sideways, legs below, trunk above), so its rotations can't be compared with a "
+            "T-pose; export the motion again with the T-pose as rest pose"
+        )
+    return np.stack([left, up, np.cross(left, up)], axis=1)
+
+
+def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) by the smallest angle that turns one direction (3,) into another."""
+    a = from_vector / np.linalg.norm(from_vector)
+    b = to_vector / np.linalg.norm(to_vector)
+    axis = np.cross(a, b)
+    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
+    if sine < 1e-12:
+        if cosine > 0.0:
+            return np.eye(3)
+        axis, sine = np.cross(a, np.eye(3)[np.argmin(np.abs(a))]), 1.0
+        axis /= np.linalg.norm(axis)
+        return np.asarray(Rotation.from_rotvec(np.pi * axis).as_matrix())
+    return np.asarray(Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix())
+
+
+def _nearest_axis(vector: np.ndarray) -> tuple[np.ndarray, float]:
+    """The signed coordinate axis (3,) next to a vector, and the angle between them [deg]."""
+    axis = np.zeros(3)
+    k = int(np.argmax(np.abs(vector)))
+    axis[k] = 1.0 if vector[k] >= 0.0 else -1.0
+    return axis, _angle_deg(vector, axis)
+
+
+def _angle_deg(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))

@@ -1,0 +1,183 @@
+"""Retargeting: a motion on its own skeleton -> the 24-joint SMPL tree of a given body.
+
+Let G_j(t) be the global rotation of a source joint away from the source's zero pose, written in the
+body's rest axes (x left, y up, z front; the zero pose shows them), and W the turn from those axes to
+the z-up world (+90 degrees about x, so that a standing person is as in AMASS).  The body's joint gets
+the global rotation
+
+    H_j(t) = W G_j(t) C_j
+
+with a constant C_j that turns the body's rest pose into the source's zero pose at that joint:
+
+- hip, knee, shoulder, elbow: the smallest rotation that takes the body's rest bone (thigh, shank,
+  upper arm, forearm) to the source's.  Bone directions then are the source's, always.  The smallest
+  rotation adds no twist: palms that look down in both rest poses look the same way afterwards.
+- ankle, foot: the zero pose may splay the legs and roll the feet with them (CMU: 20 degrees).  The
+  roll is the tilt of the plane through ankle, toe joint and toe tip, which is upright in a flat foot.
+  The heading of the body's ankle-to-toe bone is made the source's; its pitch is not, as that only
+  tells how high the ankle sits.  What pitch a flat foot has is read from the frames in which a foot
+  stands still (CMU's subjects differ by up to 15 degrees); without such frames the zero pose is flat.
+- neck, head: CMU's zero pose looks up; its known pitch (`joint_maps.CMU_UPRIGHT_PITCH_DEG`) is undone.
+- pelvis, spine, collars, wrists, hands: none.  Both rest poses hold them upright, palms down.
+
+Local rotations are H_parent^T H_j.  Source joints that are not in the map (CMU's hip joints, extra
+spine and neck joints) thus are merged, as G is global; SMPL joints that the source lacks follow their
+parents.
+
+The path: as leg directions are the source's, feet stand still where the source's do if the middle of
+the hips moves as the source's does, times the ratio of the leg lengths (hip-knee-ankle, mean of both
+sides).  That ratio is all that is kept of a subject's size.  Last, the soles are put on z = 0.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.body.model import BodyModel
+from gmrdata.body.tree import JOINT, N_JOINTS, PARENTS
+from gmrdata.motion.feet import foot_corrections
+from gmrdata.motion.ground import floor_height_m
+from gmrdata.motion.motion import Motion
+from gmrdata.motion.rest_pose import (
+    LIMBS,
+    check_size,
+    leg_length_m,
+    minimal_rotation,
+    smpl_joints_m,
+    source_from_rest_axes,
+)
+from gmrdata.motion.skeleton import SourceMotion, global_rotmats, joint_positions_m
+
+WORLD_FROM_REST = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""W: from rest axes (y up, z front) to a z-up world."""
+
+_HIPS = (JOINT["left_hip"], JOINT["right_hip"])
+_FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))
+
+
+def retarget(
+    source: SourceMotion,
+    joints: Mapping[int, int],
+    body: BodyModel,
+    *,
+    shape: np.ndarray | None = None,
+    upright_pitch_deg: Mapping[str, float] | None = None,
+    name: str = "motion",
+    ground: bool = True,
+) -> Motion:
+    """Put a source motion on a body.
+
+    Args:
+        source: The motion on its own skeleton.
+        joints: `{SMPL joint: source joint}`, as `joint_maps.find_joints` gives it.
+        body: The body.
+        shape: (S,) shape coefficients of the body; without them its mean shape.
+        upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while the
+            person stands upright and looks ahead [deg], where that is not the zero pose.
+        name: What messages and the motion's `source` call it, usually the file's name.
+        ground: Whether to move the soles to z = 0.
+
+    Returns:
+        The motion in a z-up world.
+
+    Raises:
+        BadMotionFile: the zero pose is not a standing person of human size.
+    """
+    shape = np.zeros(body.n_shape) if shape is None else np.asarray(shape, dtype=np.float64)
+    body_rest_m = body.rest_joints_m(shape)
+    source_rest_m = smpl_joints_m(source.rest_joints_m(), joints)
+    check_size(source_rest_m, name)
+    axes = source_from_rest_axes(source_rest_m, name)
+    source_rest_m = source_rest_m @ axes
+
+    world_from_joint = global_rotmats(source.parents, source.local_rotmats)
+    source_m = joint_positions_m(source.parents, world_from_joint, source.translations_m)
+    turned = {j: axes.T @ world_from_joint[:, s] @ axes for j, s in joints.items()}
+    paths_m = {j: source_m[:, joints[j]] @ axes for j in (*_HIPS, *_FEET) if j in joints}
+
+    feet, flat_pitch_deg = foot_corrections(
+        source_rest_m,
+        _toe_tips_m(source, joints) @ axes,
+        body_rest_m,
+        turned,
+        paths_m,
+        source.fps_hz,
+    )
+    corrections = (
+        _limb_corrections(source_rest_m, body_rest_m)
+        | feet
+        | {
+            JOINT[joint]: Rotation.from_euler("x", -pitch_deg, degrees=True).as_matrix()
+            for joint, pitch_deg in (upright_pitch_deg or {}).items()
+        }
+    )
+    local_rotmats = _local_rotmats(turned, corrections, source.n_frames)
+    scale = leg_length_m(body_rest_m) / leg_length_m(source_rest_m)
+    middle_m = scale * sum(paths_m[hip] for hip in _HIPS) / len(_HIPS) @ WORLD_FROM_REST.T
+    middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
+    pelvis_m = middle_m - local_rotmats[:, 0] @ middle_from_pelvis_m
+    if ground:
+        pelvis_m[:, 2] -= floor_height_m(
+            body, shape, local_rotmats[:, 1:], local_rotmats[:, 0], pelvis_m, source.fps_hz
+        )
+    notes = [*source.notes, f"path x {scale:.4f}", f"flat foot at {flat_pitch_deg:+.1f} deg"]
+    return Motion(
+        local_rotmats=local_rotmats[:, 1:],
+        root_rotmats=local_rotmats[:, 0],
+        pelvis_m=pelvis_m,
+        shape=shape,
+        fps_hz=source.fps_hz,
+        body=body.name,
+        gender=gender_of(body),
+        frame="world",
+        source=f"{name}: {', '.join(notes)}",
+    )
+
+
+def gender_of(body: BodyModel) -> str:
+    """ "female" or "male" for a body whose name ends so, else "neutral"."""
+    ending = body.name.rpartition("-")[2]
+    return ending if ending in ("female", "male") else "neutral"
+
+
+def _limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:
+    """C of hips, knees, shoulders and elbows."""
+    return {
+        start: minimal_rotation(
+            body_rest_m[end] - body_rest_m[start], source_rest_m[end] - source_rest_m[start]
+        )
+        for start, end in LIMBS
+    }
+
+
+def _local_rotmats(
+    turned: Mapping[int, np.ndarray], corrections: Mapping[int, np.ndarray], n_frames: int
+) -> np.ndarray:
+    """(T, 24, 3, 3): the root's H and all others' H_parent^T H."""
+    world_from_joint = np.empty((n_frames, N_JOINTS, 3, 3))
+    local_rotmats = np.empty_like(world_from_joint)
+    for joint, parent in enumerate(PARENTS):
+        if joint in turned:
+            world_from_joint[:, joint] = (
+                WORLD_FROM_REST @ turned[joint] @ corrections.get(joint, np.eye(3))
+            )
+        else:
+            world_from_joint[:, joint] = world_from_joint[:, parent]
+        local_rotmats[:, joint] = (
+            world_from_joint[:, joint]
+            if parent < 0
+            else world_from_joint[:, parent].transpose(0, 2, 1) @ world_from_joint[:, joint]
+        )
+    return local_rotmats
+
+
+def _toe_tips_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
+    """(2, 3) left and right toe tip relative to the toe joint, in the source's axes; NaN if unknown."""
+    tips_m = np.full((2, 3), np.nan)
+    for row, joint in enumerate((JOINT["left_foot"], JOINT["right_foot"])):
+        if joint in joints:
+            toe = joints[joint]
+            children = [child for child, parent in enumerate(source.parents) if parent == toe]
+            tips_m[row] = source.offsets_m[children[0]] if children else source.tips_m[toe]
+    return tips_m
