@@ -113,7 +113,7 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
     colours = shades[drawable, None] * np.array(BODY_BGR)
     for triangle, colour in zip(corners, colours.tolist(), strict=True):
         cv2.fillConvexPoly(layer, triangle, colour, cv2.LINE_8, 4)
-        cv2.fillConvexPoly(cover, triangle, 255, cv2.LINE_8, 4)
+        cv2.fillConvexPoly(cover, triangle, (255,), cv2.LINE_8, 4)
     layer = cv2.resize(layer, (width, height), interpolation=cv2.INTER_AREA)
     cover = cv2.resize(cover, (width, height), interpolation=cv2.INTER_AREA)
     # The layer is black outside the body, so its smoothed edge already holds colour x cover.

@@ -79,8 +79,8 @@ def _clip_row(index: int, clip: ClipReport) -> tuple[str, ...]:
 def gmr_section(report: ReportData) -> str:
     """HTML: GMR's scores beside no motion at all, its paths from above, the training loss."""
     parts = [
-        '<section id="gmr"><h2>GMR</h2><p>The global motion regressor sees only the local pose, and '
-        "predicts how the body turns and moves in the world from frame to frame.</p>"
+        '<section id="gmr"><h2>GMR</h2><p>The global motion regressor sees only the local pose, '
+        "and predicts how the body turns and moves in the world from frame to frame.</p>"
     ]
     if report.scores:
         parts.append(_score_table(report.scores))

@@ -28,7 +28,7 @@ COLOURS = {
 """Role -> colour on white.  In the page each one becomes the CSS variable of that name, so that
 plots follow the reader's light or dark scheme; no two roles may share a colour."""
 
-_RC: dict[str, Any] = {
+_RC: Any = {
     "svg.fonttype": "none",
     "font.size": 9.5,
     "font.family": "sans-serif",
@@ -95,7 +95,7 @@ def _figure(draw: Draw, width_in: float, height_in: float, dpi: int) -> Figure:
 
 
 @contextmanager
-def _style(more: dict[str, Any]) -> Iterator[None]:
+def _style(more: Any) -> Iterator[None]:
     """Our look alone, whatever the user's matplotlibrc says; the settings are put back after it."""
     with mpl.rc_context():
         mpl.rcdefaults()
@@ -113,7 +113,7 @@ def _inline(document: str) -> str:
     """The `<svg>` element of an SVG document, without what only a file of its own needs."""
     element = document[document.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
-    element = re.sub(r'<g id="[^"]*">', "<g>", element)
+    element = re.sub(r'(<g\b[^>]*?) id="[^"]*"', r"\1", element)
     # The size is the viewBox's; the page's column gives the width.
     element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
     element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)

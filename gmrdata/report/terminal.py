@@ -29,7 +29,7 @@ def summary_table(summary: Mapping[str, Any]) -> RenderableType:
 
 def _clip_table(clips: list[Mapping[str, Any]]) -> Table:
     table = Table(title="Pseudo ground truth against the truth", title_justify="left", box=None)
-    table.add_column("clip", overflow="ellipsis", no_wrap=True, max_width=20)
+    table.add_column("clip", overflow="fold")
     for heading in (
         "cameras",
         "OME\n\\[deg]",
@@ -37,7 +37,7 @@ def _clip_table(clips: list[Mapping[str, Any]]) -> Table:
         "cam. rot.\n\\[deg]",
         "scale err.\n\\[%]",
     ):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     keys = ("frames_with_camera", "ome_deg", "tme_mm", "camera_rotation_deg", "scale_error_percent")
     for clip in clips:
         texts, met = figure_texts(clip), verdicts(clip)
@@ -55,9 +55,9 @@ _STYLE = {True: "green", False: "bold red", None: ""}
 
 def _gmr_table(scores: Mapping[str, Mapping[str, Any]]) -> Table:
     table = Table(title="GMR (in brackets: zero motion)", title_justify="left", box=None)
-    table.add_column("manifest", overflow="ellipsis", no_wrap=True, max_width=26)
+    table.add_column("manifest", overflow="fold")
     for heading in ("OME \\[deg]", "TME \\[mm]", "VME \\[mm]"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for name, score in scores.items():
         ours, zero = score_texts(score), score_texts(score["zero_motion"])
         table.add_row(escape(name), *(f"{ours[key]} ({zero[key]})" for key in ours))

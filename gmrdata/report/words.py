@@ -21,9 +21,9 @@ MEANINGS = (
     ),
     (
         "VME, vertex motion error [mm]",
-        "The body in its pose, turned and moved by one motion from the origin: how far its vertices "
-        "then lie from where the true motion takes them, averaged over all motions and vertices "
-        "(eq. 17).",
+        "The body in its pose, turned and moved by one motion from the origin: how far its "
+        "vertices then lie from where the true motion takes them, averaged over all motions and "
+        "vertices (eq. 17).",
         "mean<sub>i,j</sub> ‖ ΔM<sub>i</sub>[j] − ΔM*<sub>i</sub>[j] ‖",
     ),
     (
@@ -43,8 +43,8 @@ MEANINGS = (
 """(name, words, equation) per figure."""
 
 LIMITS = (
-    "OME, TME and VME compare steps, not paths: a small error that always points the same way bends "
-    "a long path more than these figures show. The views from above show that.",
+    "OME, TME and VME compare steps, not paths: a small error that always points the same way "
+    "bends a long path more than these figures show. The views from above show that.",
     "The figures are per motion, so they depend on the frame rate. Compare them only with figures "
     "at the same rate.",
     "The reconstruction is given the body in the camera’s frame. Where that is the truth, as for a "

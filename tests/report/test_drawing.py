@@ -1,0 +1,178 @@
+"""Overlays lie where the camera puts them, series agree with the metrics, pictures repeat."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
+
+from gmrdata.body.forward import motion_vertices_m
+from gmrdata.errors import BadFrames
+from gmrdata.evaluate.pseudo_gt_error import compare_clips
+from gmrdata.geometry import transforms
+from gmrdata.geometry.camera import intrinsics_from_fov, project
+from gmrdata.report import overlay
+from gmrdata.report.data import ReportData
+from gmrdata.report.overview import write_overview
+from gmrdata.report.series import error_series, paired_rows
+from gmrdata.report.strip import frame_strip, frame_tiles
+from gmrdata.report.style import COLOURS, svg
+from gmrdata.report.topview import aligned_paths, motion_top_view, top_view
+
+
+def test_body_covers_the_painted_silhouette(report: ReportData) -> None:
+    clip = report.clips[0]
+    camera = clip.true.camera
+    assert camera is not None
+    vertices_m = motion_vertices_m(clip.body, clip.true.motion, rows=np.array([3]))[0]
+    black = np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
+    drawn = overlay.draw_body(
+        black, camera.world_from_cam[3], camera.intrinsics_px, vertices_m, clip.body
+    )
+    assert clip.masks_dir is not None
+    mask = cv2.imread(str(clip.masks_dir / "00003.png"), cv2.IMREAD_GRAYSCALE) > 0
+    # The mask is dilated by 2 px, which also closes narrow gaps between the limbs.
+    silhouette = cv2.erode(mask.astype(np.uint8), np.ones((7, 7))) > 0
+    covered = drawn.sum(axis=2) > 0
+    assert silhouette.sum() > 500
+    assert not (covered & ~mask).any()
+    assert (covered & silhouette).sum() > 0.98 * silhouette.sum()
+
+
+def test_floor_path_is_drawn_where_the_camera_projects_it() -> None:
+    intrinsics_px = intrinsics_from_fov(60.0, 320, 180)
+    # Above the floor, looking straight down: OpenCV's z is the world's -z.
+    world_from_cam = transforms.rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 4.0]))
+    path_m = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    drawn = overlay.draw_floor_path(
+        np.zeros((180, 320, 3), np.uint8), world_from_cam, intrinsics_px, path_m, every=5
+    )
+    ends_px = project(world_from_cam, path_m, intrinsics_px)
+    rows, columns = np.nonzero(drawn.sum(axis=2) > 300)
+    assert abs(rows.mean() + 0.5 - 90.0) < 0.6
+    assert columns.max() + 1 == pytest.approx(ends_px[1, 0], abs=1.1)
+    assert columns.min() == pytest.approx(ends_px[0, 0], abs=4.1)  # the first point's dot
+
+
+def test_points_behind_the_camera_are_not_drawn() -> None:
+    image = np.full((180, 320, 3), 7, np.uint8)
+    path_m = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, -2.0], [np.nan, 0.0, 1.0]])
+    drawn = overlay.draw_floor_path(image, np.eye(4), intrinsics_from_fov(60, 320, 180), path_m, 1)
+    assert (drawn == image).all()
+
+
+def test_tiles_are_evenly_spaced_from_the_first_frame_to_the_last(report: ReportData) -> None:
+    tiles = frame_tiles(report.clips[0], 4)
+    assert [tile.image_number for tile in tiles] == [0, 4, 7, 11]
+    assert [tile.time_s for tile in tiles] == pytest.approx([0.0, 0.4, 0.7, 1.1])
+    assert len(frame_tiles(report.clips[0], 50)) == 12
+
+
+def test_strip_is_a_png_of_the_tiles(report: ReportData) -> None:
+    data = frame_strip(report.clips[0], n_frames=6, columns=3, gap_px=4)
+    assert data == frame_strip(report.clips[0], n_frames=6, columns=3, gap_px=4)
+    sheet = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert sheet.shape == (2 * 180 + 4, 3 * 320 + 8, 3)
+    last = frame_tiles(report.clips[0], 6)[5].image
+    assert (sheet[-180:, -320:] == last).all()
+
+
+def test_series_average_to_the_metrics(report: ReportData) -> None:
+    clip = report.clips[0]
+    error = compare_clips(clip.pseudo, clip.true)
+    series = error_series(clip.true, clip.pseudo)
+    assert series.ome_deg.mean() == pytest.approx(error.ome_deg, rel=1e-9)
+    assert series.tme_mm.mean() == pytest.approx(error.tme_mm, rel=1e-9)
+    assert series.camera_rotation_deg.mean() == pytest.approx(error.camera_rotation_deg, rel=1e-9)
+
+
+def test_series_leave_gaps_open(report: ReportData) -> None:
+    clip = report.clips[0]
+    valid = clip.pseudo.valid.copy()
+    valid[4] = False
+    series = error_series(clip.true, replace(clip.pseudo, valid=valid))
+    assert np.flatnonzero(np.isnan(series.ome_deg)).tolist() == [3, 4]
+    assert np.flatnonzero(np.isnan(series.tme_mm)).tolist() == [3, 4]
+    assert np.flatnonzero(np.isnan(series.camera_rotation_deg)).tolist() == [4]
+
+
+def test_rows_are_paired_by_image(report: ReportData) -> None:
+    true = report.clips[0].true
+    later = replace(true, image_numbers=true.image_numbers + 3)
+    true_rows, rows = paired_rows(true, later)
+    assert (true_rows == np.arange(3, 12)).all()
+    assert (rows == np.arange(9)).all()
+    with pytest.raises(BadFrames, match="no image in common"):
+        paired_rows(true, replace(true, image_numbers=true.image_numbers + 100))
+
+
+def test_paths_are_moved_onto_the_true_world(report: ReportData) -> None:
+    clip = report.clips[0]
+    pelvis_m, world_from_cam = aligned_paths(clip)
+    assert world_from_cam is not None and clip.true.camera is not None
+    # The clip's cameras were shaken by 3 mm and 0.05 degrees a frame, seen from some metres.
+    assert np.abs(pelvis_m - clip.true.motion.pelvis_m).max() < 0.05
+    offsets_m = world_from_cam[:, :3, 3] - clip.true.camera.centres_world_m
+    assert np.abs(offsets_m).max() < 0.02
+
+
+def test_top_view_has_equal_axes_and_both_paths(report: ReportData) -> None:
+    clip = report.clips[0]
+    axes = Figure().subplots()
+    top_view(axes, clip)
+    assert axes.get_aspect() == 1.0
+    lines = {(line.get_color(), line.get_linewidth()): line for line in axes.get_lines()}
+    true_line = lines[COLOURS["person-pale"], 6.0]
+    assert (true_line.get_xydata() == clip.true.motion.pelvis_m[:, :2]).all()
+    assert (COLOURS["camera-pale"], 6.0) in lines
+    assert (COLOURS["camera"], 1.6) in lines
+    assert {text.get_text() for text in axes.texts} == {"person", "camera"}
+
+
+def test_predicted_motion_starts_at_the_true_start(report: ReportData) -> None:
+    true = report.clips[0].true.motion
+    turned = transforms.rigid(
+        Rotation.from_euler("z", 70.0, degrees=True).as_matrix(), np.array([5.0, 4.0, 0.0])
+    )
+    predicted = replace(
+        true,
+        root_rotmats=turned[:3, :3] @ true.root_rotmats,
+        pelvis_m=transforms.apply(turned, true.pelvis_m),
+    )
+    axes = Figure().subplots()
+    motion_top_view(axes, true, predicted)
+    (line,) = (
+        line
+        for line in axes.get_lines()
+        if line.get_color() == COLOURS["gmr"] and line.get_linewidth() == 1.6
+    )
+    np.testing.assert_allclose(line.get_xydata(), true.pelvis_m[:, :2], atol=1e-12)
+
+
+def test_plots_follow_the_readers_colour_scheme(report: ReportData) -> None:
+    def draw(figure: Figure) -> None:
+        top_view(figure.subplots(), report.clips[0])
+
+    picture = svg(draw, 4.0, 4.0, "paths")
+    assert picture == svg(draw, 4.0, 4.0, "paths")
+    assert "var(--person)" in picture and "var(--camera-pale)" in picture
+    assert not any(colour in picture for colour in COLOURS.values())
+    style = Path(__file__).parents[2] / "gmrdata" / "report" / "report.css"
+    defined = style.read_text()
+    # Once for light, once for dark, once for print.
+    assert all(defined.count(f"--{role}:") == 3 for role in COLOURS)
+
+
+def test_overview_is_reproducible_and_wide(report: ReportData, tmp_path: Path) -> None:
+    first = write_overview(tmp_path / "a.png", report).read_bytes()
+    assert write_overview(tmp_path / "b.png", report).read_bytes() == first
+    picture = cv2.imread(str(tmp_path / "a.png"))
+    assert picture.shape[1] > 2000
+    assert picture.shape[1] > 2 * picture.shape[0]
+    assert picture[0, 0].tolist() == [255, 255, 255]
+    with pytest.raises(BadFrames, match="no clip"):
+        write_overview(tmp_path / "c.png", replace(report, clips=()))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "b.png"]
