@@ -68,7 +68,10 @@ def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
             return Record(_ARRAY, ())
         case "dtype", (str() as code, *_) if _DTYPE_CODE.fullmatch(code):
             return Record("dtype", (code,))
-        case "scalar", (Record(kind="dtype"), bytes() | str()):
+        case "scalar", (
+            Record(kind="dtype", arguments=(str() as code,)),
+            bytes() | str(),
+        ) if code[0] != "O":
             return Record(_SCALAR, arguments)
         case "buffer", (bytes() | bytearray(), Record(kind="dtype"), tuple(), "C" | "F"):
             return Record(_BUFFER, arguments)

@@ -1,4 +1,4 @@
-"""The forward pass of a BodyModel: linear blend skinning after Loper et al. 2015, eqs. 1-9.
+"""The forward pass of a BodyModel: linear blend skinning after Loper et al. 2015, eqs. 2-10.
 
 The root is left at identity with the pelvis at the origin, so a vertex of the placed body is
 `R v + T` with T the pelvis position; `place` does that.  SMPL's own placement, which turns the body
@@ -176,7 +176,7 @@ def _rest_joints(tensors: _BodyTensors, shape: Tensor) -> Tensor:
 
 
 def _rest_vertices(tensors: _BodyTensors, shape: Tensor, local_rotmats: Tensor) -> Tensor:
-    """Template, shape blend shapes and pose blend shapes (Loper et al. 2015, eqs. 2, 8, 9)."""
+    """Template, shape blend shapes and pose blend shapes (Loper et al. 2015, eqs. 6, 8, 9)."""
     rest_m = tensors.template_m + shape @ tensors.shape_dirs_m.T
     if tensors.pose_dirs_m is not None:
         bends = local_rotmats - torch.eye(3).to(local_rotmats)
