@@ -113,7 +113,7 @@ def _as_json(path: Path, data: Any) -> str:
         return json.dumps(data, allow_nan=False, default=_date_text)
     except ValueError:
         raise BadManifest(
-            f"{path}: holds .nan or .inf; leave numbers out that are not known"
+            f"{path}: holds .nan, .inf or an endless number; leave out what is not known"
         ) from None
     except TypeError as error:
         raise BadManifest(f"{path}: holds something that is not plain data: {error}") from None

@@ -90,6 +90,8 @@ def _record_lines(path: Path, node: yaml.Node, at: FieldPath, lines: dict[FieldP
         seen = set()
         for key, value in node.value:
             line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode) or key.tag == "tag:yaml.org,2002:merge":
+                raise BadManifest(f"{path}:{line}: a key must be plain text")
             if key.value in seen:
                 raise BadManifest(f"{path}:{line}: key {key.value!r} stands twice; remove one")
             seen.add(key.value)

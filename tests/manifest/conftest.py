@@ -1,0 +1,113 @@
+"""A small data set on disk, as a stage would leave it, and its manifest."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from gmrdata.clip import Clip, save_clip
+from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov
+from gmrdata.manifest.current import Quality, Source
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.recipe import created_by
+from gmrdata.manifest.write import write_manifest
+from gmrdata.motion.motion import Motion
+
+REST_PELVIS_M = np.array([0.001, -0.24, 0.03])
+N_FRAMES = 6
+
+
+@pytest.fixture(scope="session")
+def walk_clip() -> Clip:
+    """Six frames with a camera; row 2 is not valid and has no camera."""
+    rng = np.random.default_rng(7)
+    rotmats = Rotation.random(N_FRAMES * 24, random_state=3).as_matrix()
+    rotmats = rotmats.reshape(N_FRAMES, 24, 3, 3)
+    motion = Motion(
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=rng.normal(size=(N_FRAMES, 3)),
+        shape=rng.normal(size=10),
+        fps_hz=10.0,
+        body="small",
+        gender="neutral",
+        frame="world",
+        source="made up",
+    )
+    world_from_cam = np.tile(np.eye(4), (N_FRAMES, 1, 1))
+    world_from_cam[:, :3, :3] = Rotation.random(N_FRAMES, random_state=5).as_matrix()
+    world_from_cam[2] = np.nan
+    known = np.arange(N_FRAMES) != 2
+    camera = CameraPath(intrinsics_from_fov(60, 64, 48), 64, 48, world_from_cam, known)
+    return Clip("walk", motion, known, np.arange(N_FRAMES), camera)
+
+
+@pytest.fixture(scope="session")
+def finished_data_set(walk_clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with two clips (one without a camera), images, masks, listings and `set.yaml`."""
+    root = tmp_path_factory.mktemp("finished_data_set")
+    save_clip(root / "clips" / "walk.npz", walk_clip, REST_PELVIS_M)
+    for number in range(N_FRAMES):
+        for folder, suffix in (("frames", "jpg"), ("masks", "png")):
+            (root / folder).mkdir(exist_ok=True)
+            image = np.full((48, 64), number, np.uint8)
+            assert cv2.imwrite(str(root / folder / f"{number:05d}.{suffix}"), image)
+    bare = replace(
+        walk_clip, id="bare", camera=None, image_numbers=np.full(N_FRAMES, -1, dtype=np.int64)
+    )
+    save_clip(root / "clips" / "bare.npz", bare, REST_PELVIS_M)
+    walk = clip_entry(
+        root,
+        clip_path=root / "clips" / "walk.npz",
+        images_dir=root / "frames",
+        masks_dir=root / "masks",
+        camera_motion="circular",
+        licence="CC0-1.0",
+        source=Source(dataset="gmrdata", sequence="walk"),
+        dropped_reason="no camera found",
+        quality=Quality(geometry="exact", registered_share=5 / 6, figures={"speed_m_per_s": 1.2}),
+    )
+    still = clip_entry(
+        root,
+        clip_path=root / "clips" / "bare.npz",
+        camera_motion="none",
+        licence="CC0-1.0",
+        source=Source(dataset="gmrdata", sequence="walk"),
+    )
+    write_manifest(
+        root / "set.yaml",
+        name="set",
+        version="1.0.0",
+        description="Two clips for tests.",
+        kind="synthetic",
+        licence="CC0-1.0",
+        clips=[walk, still],
+        created_by=created_by({"seed": 7}, {"all": 7}),
+    )
+    return root
+
+
+@pytest.fixture
+def data_set(finished_data_set: Path, tmp_path: Path) -> Path:
+    """A copy of the data set that a test may damage."""
+    return Path(shutil.copytree(finished_data_set, tmp_path / "set"))
+
+
+@pytest.fixture
+def edit(data_set: Path) -> Callable[[Callable[[dict], None]], Path]:
+    """Change the manifest's data as a person with an editor would, past the models."""
+
+    def change(how: Callable[[dict], None]) -> Path:
+        path = data_set / "set.yaml"
+        data = yaml.safe_load(path.read_text())
+        how(data)
+        path.write_text(yaml.safe_dump(data, sort_keys=False))
+        return path
+
+    return change

@@ -1,0 +1,321 @@
+"""Every way in which a data set can differ from its manifest is found, and said in words."""
+
+import hashlib
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.clip import Clip, save_clip
+from gmrdata.errors import BadManifest, MissingInput
+from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.read import load_clips, read_manifest
+
+Edit = Callable[[Callable[[dict], None]], Path]
+WALK = 1
+"""Clips are written in order of id: bare, walk."""
+
+
+def refused(path: Path, *words: str, hashes: bool = True) -> str:
+    with pytest.raises(BadManifest) as caught:
+        check_manifest(path, hashes=hashes)
+    message = str(caught.value)
+    for word in (str(path), *words):
+        assert word in message
+    return message
+
+
+def rehash(data_set: Path, edit: Edit) -> Path:
+    """Make the manifest agree with a clip file that was changed, so that only its content is wrong."""
+    content = (data_set / "clips" / "walk.npz").read_bytes()
+
+    def change(data: dict) -> None:
+        record = data["clips"][WALK]["arrays"]
+        record["sha256"] = hashlib.sha256(content).hexdigest()
+        record["size_bytes"] = len(content)
+
+    return edit(change)
+
+
+def with_arrays(data_set: Path, edit: Edit, **changed: np.ndarray) -> Path:
+    path = data_set / "clips" / "walk.npz"
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    np.savez(path, **(arrays | changed))
+    return rehash(data_set, edit)
+
+
+def test_a_finished_data_set_passes(finished_data_set: Path) -> None:
+    check_manifest(finished_data_set / "set.yaml")
+    check_manifest(finished_data_set / "set.yaml", hashes=False)
+
+
+def test_a_moved_data_set_passes(data_set: Path) -> None:
+    check_manifest(data_set / "set.yaml")
+    assert [clip.id for clip in load_clips(data_set / "set.yaml")] == ["bare", "walk"]
+
+
+def test_no_manifest(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match=r"nothing\.yaml"):
+        check_manifest(tmp_path / "nothing.yaml")
+
+
+def test_changed_byte(data_set: Path) -> None:
+    image = data_set / "frames" / "00003.jpg"
+    content = bytearray(image.read_bytes())
+    content[-3] ^= 1
+    image.write_bytes(content)
+    refused(data_set / "set.yaml", "clip walk", "images", "frames/00003.jpg has sha256", "copy it")
+    check_manifest(data_set / "set.yaml", hashes=False)  # the size is right
+
+
+def test_changed_size_is_found_without_hashing(data_set: Path) -> None:
+    with (data_set / "masks" / "00001.png").open("ab") as stream:
+        stream.write(b"x")
+    refused(data_set / "set.yaml", "masks", "masks/00001.png has", "bytes, not", hashes=False)
+
+
+def test_wrong_hash_in_the_manifest(edit: Edit) -> None:
+    path = edit(lambda data: data["clips"][WALK]["arrays"].update(sha256="0" * 64))
+    refused(path, "clip walk: arrays: clips/walk.npz has sha256", "not " + "0" * 64)
+
+
+@pytest.mark.parametrize("name", ["frames/00002.jpg", "clips/walk.npz", "listings/frames.tsv"])
+def test_missing_file(data_set: Path, name: str) -> None:
+    (data_set / name).unlink()
+    refused(data_set / "set.yaml", "clip walk", f"{name} is missing")
+
+
+def test_missing_folder(data_set: Path) -> None:
+    (data_set / "masks").rename(data_set / "elsewhere")
+    refused(data_set / "set.yaml", "clip walk: masks.folder", "no such folder")
+
+
+def test_extra_image(data_set: Path) -> None:
+    (data_set / "frames" / "00006.jpg").write_bytes(b"not listed")
+    refused(data_set / "set.yaml", "images.folder: 00006.jpg not in the listing")
+
+
+def test_listing_that_says_otherwise_than_the_manifest(data_set: Path, edit: Edit) -> None:
+    path = edit(lambda data: data["clips"][WALK]["images"].update(count=7))
+    refused(path, "images: the listing has 6 files", "not 7")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (f"{'0' * 64}\t12\t../../secret", "climbs out"),
+        (f"{'0' * 64}\t12\t/etc/hosts", "absolute"),
+        (f"{'0' * 64}  12  00000.jpg", "not 'sha256 <tab> size <tab> path'"),
+        (f"{'0' * 64}\t12\t00000.jpg", "repeated or out of order"),
+    ],
+)
+def test_hostile_listing(data_set: Path, edit: Edit, line: str, said: str) -> None:
+    listing = data_set / "listings" / "frames.tsv"
+    listing.write_text(listing.read_text() + line + "\n")
+
+    def change(data: dict) -> None:
+        record = data["clips"][WALK]["images"]["listing"]
+        record["size_bytes"] = listing.stat().st_size
+        record["sha256"] = hashlib.sha256(listing.read_bytes()).hexdigest()
+
+    refused(edit(change), "images.listing", "frames.tsv:7", said)
+
+
+def test_truncated_listing(data_set: Path, edit: Edit) -> None:
+    listing = data_set / "listings" / "frames.tsv"
+    listing.write_bytes(listing.read_bytes()[:-1])
+    record = {
+        "path": "listings/frames.tsv",
+        "size_bytes": listing.stat().st_size,
+        "sha256": hashlib.sha256(listing.read_bytes()).hexdigest(),
+    }
+    path = edit(lambda data: data["clips"][WALK]["images"].update(listing=record))
+    refused(path, "images.listing", "truncated")
+
+
+def test_file_that_is_a_link_out(data_set: Path, tmp_path: Path) -> None:
+    clip = data_set / "clips" / "walk.npz"
+    clip.rename(tmp_path / "walk.npz")
+    clip.symlink_to(tmp_path / "walk.npz")
+    refused(data_set / "set.yaml", "clip walk: arrays.path", "link out of the manifest's folder")
+    with pytest.raises(BadManifest, match="clip walk: arrays.path"):
+        load_clips(data_set / "set.yaml")
+
+
+def test_file_below_a_folder_that_is_a_link_out(data_set: Path, tmp_path: Path) -> None:
+    (data_set / "clips").rename(tmp_path / "clips")
+    (data_set / "clips").symlink_to(tmp_path / "clips")
+    refused(data_set / "set.yaml", "clip walk: arrays.path", "clip bare: arrays.path", "link out")
+
+
+def test_image_folder_that_is_a_link_out(data_set: Path, tmp_path: Path) -> None:
+    (data_set / "frames").rename(tmp_path / "frames")
+    (data_set / "frames").symlink_to(tmp_path / "frames")
+    refused(data_set / "set.yaml", "clip walk: images.folder", "link out")
+
+
+def test_image_that_is_a_link_out(data_set: Path, tmp_path: Path) -> None:
+    image = data_set / "frames" / "00004.jpg"
+    image.rename(tmp_path / "00004.jpg")
+    image.symlink_to(tmp_path / "00004.jpg")
+    refused(data_set / "set.yaml", "images.folder: path '00004.jpg'", "link out")
+
+
+def test_links_that_point_at_each_other(data_set: Path) -> None:
+    clip = data_set / "clips" / "walk.npz"
+    clip.unlink()
+    clip.symlink_to("walk2.npz")
+    (data_set / "clips" / "walk2.npz").symlink_to("walk.npz")
+    refused(data_set / "set.yaml", "clip walk: arrays")
+
+
+def test_a_link_that_stays_inside_is_fine(data_set: Path) -> None:
+    (data_set / "clips").rename(data_set / "store")
+    (data_set / "clips").symlink_to("store")
+    check_manifest(data_set / "set.yaml")
+
+
+def test_a_pipe_is_not_waited_for(data_set: Path) -> None:
+    (data_set / "clips" / "walk.npz").unlink()
+    os.mkfifo(data_set / "clips" / "walk.npz")
+    refused(data_set / "set.yaml", "clip walk: arrays: clips/walk.npz is missing")
+
+
+def test_truncated_npz(data_set: Path, edit: Edit) -> None:
+    clip = data_set / "clips" / "walk.npz"
+    clip.write_bytes(clip.read_bytes()[:2000])
+    refused(rehash(data_set, edit), "clip walk: arrays", "not a readable .npz")
+
+
+def test_npz_with_pickled_objects(data_set: Path, edit: Edit) -> None:
+    path = with_arrays(data_set, edit, betas=np.array([{"a": 1}], dtype=object))
+    refused(path, "clip walk: arrays", "not a readable .npz of plain arrays")
+
+
+@pytest.mark.parametrize("key", ["poses", "trans"])
+def test_nan_in_a_kept_row(data_set: Path, edit: Edit, key: str) -> None:
+    with np.load(data_set / "clips" / "walk.npz") as archive:
+        values = archive[key].copy()
+    values[4, 1] = np.nan
+    path = with_arrays(data_set, edit, **{key: values})
+    refused(path, f"arrays.{key}: NaN or infinite in kept row 4", "drop the rows")
+
+
+def test_nan_in_a_dropped_row_is_fine(data_set: Path, edit: Edit) -> None:
+    with np.load(data_set / "clips" / "walk.npz") as archive:
+        poses, trans = archive["poses"].copy(), archive["trans"].copy()
+    poses[2], trans[2] = np.nan, np.inf
+    check_manifest(with_arrays(data_set, edit, poses=poses, trans=trans))
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (np.diag([-1.0, 1, 1, 1]), "no proper rotation in row 0"),
+        (np.diag([2.0, 0.5, 1, 1]), "no proper rotation in row 0"),
+        (np.diag([1.0, 1, 1, 2]), "last line isn't 0 0 0 1 in row 0"),
+        (np.full((4, 4), np.nan), "NaN or infinite in row 0"),
+    ],
+)
+def test_camera_that_is_no_rigid_transform(
+    data_set: Path, edit: Edit, damage: np.ndarray, said: str
+) -> None:
+    with np.load(data_set / "clips" / "walk.npz") as archive:
+        world_from_cam = archive["world_from_cam"].copy()
+    world_from_cam[0] = damage
+    refused(with_arrays(data_set, edit, world_from_cam=world_from_cam), "clip walk", said)
+
+
+def test_image_numbers_that_go_back(data_set: Path, edit: Edit) -> None:
+    numbers = np.array([0, 1, -1, 4, 3, 5])
+    path = with_arrays(data_set, edit, image_numbers=numbers)
+    refused(path, "arrays.image_numbers: not increasing")
+
+
+def test_row_without_its_image(data_set: Path, edit: Edit) -> None:
+    path = with_arrays(data_set, edit, image_numbers=np.array([0, 1, 2, 3, 4, 9]))
+    refused(path, "images.folder: no image 9 that arrays.image_numbers names")
+
+
+def test_calibration_that_cannot_be(data_set: Path, edit: Edit) -> None:
+    intrinsics = np.array([[-50.0, 0, 32], [0, 50, 24], [0, 0, 1]])
+    path = with_arrays(data_set, edit, camera_intrinsics_px=intrinsics)
+    refused(path, "arrays.camera_intrinsics_px")
+
+
+def test_file_of_another_clip(data_set: Path, edit: Edit, walk_clip: Clip) -> None:
+    other = replace(walk_clip, id="run", motion=replace(walk_clip.motion, fps_hz=12.0))
+    save_clip(data_set / "clips" / "walk.npz", other, np.zeros(3))
+    message = refused(rehash(data_set, edit), "id: is walk, but the file has run")
+    assert "fps_hz: is 10.0, but the file has 12.0" in message
+    with pytest.raises(BadManifest, match="clip walk with 6 frames.*holds clip run"):
+        load_clips(data_set / "set.yaml")
+
+
+def test_kept_row_that_the_file_calls_invalid(edit: Edit) -> None:
+    def change(data: dict) -> None:
+        data["clips"][WALK]["kept"] = [{"start": 0, "stop": 6}]
+        del data["clips"][WALK]["dropped"]
+
+    refused(edit(change), "clip walk: kept: row 2 not valid in the file")
+
+
+def test_class_of_a_camera_that_is_not_there(edit: Edit) -> None:
+    path = edit(lambda data: data["clips"][0].update(camera_motion="panning"))
+    refused(path, "clip bare: camera_motion: is panning, but the file has no camera")
+
+
+def test_recipe_that_was_edited(edit: Edit) -> None:
+    recipe = {"stage": "render", "config": {"seed": 1}, "inputs": {}, "sha256": "0" * 64}
+    path = edit(lambda data: data["clips"][WALK].update(recipe=recipe))
+    refused(path, "clip walk: recipe.sha256")
+
+
+def test_all_problems_come_at_once(data_set: Path) -> None:
+    for number in range(6):
+        (data_set / "frames" / f"{number:05d}.jpg").unlink()
+    (data_set / "clips" / "bare.npz").unlink()
+    message = refused(data_set / "set.yaml", "7 problems", "clips/bare.npz is missing")
+    assert message.count("is missing") == 7
+
+
+def test_rows_that_the_manifest_drops_are_not_valid(data_set: Path, edit: Edit) -> None:
+    def change(data: dict) -> None:
+        data["clips"][WALK]["kept"] = [{"start": 0, "stop": 2}]
+        data["clips"][WALK]["dropped"] = [{"start": 2, "stop": 6, "reason": "drift"}]
+
+    path = edit(change)
+    check_manifest(path)
+    walk = load_clips(path)[WALK]
+    assert walk.valid.tolist() == [True, True, False, False, False, False]
+    assert read_manifest(path).clips[0].id == "bare"
+
+
+def test_random_damage_to_the_arrays_never_escapes(data_set: Path, edit: Edit) -> None:
+    """Whatever bytes stand in the clip's file: it passes or it is refused, with no other error."""
+    clip = data_set / "clips" / "walk.npz"
+    content, rng = clip.read_bytes(), np.random.default_rng(11)
+    refusals = 0
+    for _ in range(60):
+        damaged = bytearray(content)
+        for at in rng.integers(len(content), size=3):
+            damaged[at] = rng.integers(256)
+        clip.write_bytes(damaged)
+        try:
+            check_manifest(rehash(data_set, edit))
+        except BadManifest:
+            refusals += 1
+    assert refusals > 20
+
+
+def test_rotations_from_other_code_pass_within_rounding(data_set: Path, edit: Edit) -> None:
+    """Cameras that went through float32 quaternions are still rotations after normalisation."""
+    quaternions = np.float32(Rotation.random(6, random_state=1).as_quat()).astype(float)
+    world_from_cam = np.tile(np.eye(4), (6, 1, 1))
+    world_from_cam[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
+    check_manifest(with_arrays(data_set, edit, world_from_cam=world_from_cam))

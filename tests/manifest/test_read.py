@@ -1,0 +1,175 @@
+"""Reading: the format's errors name line and field, and hostile YAML does nothing."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from gmrdata.errors import BadManifest
+from gmrdata.manifest import yaml_text
+from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.resources import published_manifest
+
+Edit = Callable[[Callable[[dict], None]], Path]
+HEAD = """\
+format: gmrdata/1
+name: a
+version: 1.0.0
+description: d
+licence: CC0-1.0
+created_by:
+  gmrdata: 0.1.0
+kind: synthetic
+"""
+
+
+def written(tmp_path: Path, text: str | bytes) -> Path:
+    path = tmp_path / "m.yaml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(BadManifest) as caught:
+        read_manifest(path)
+    assert str(path) in str(caught.value)
+    return str(caught.value)
+
+
+def test_unknown_key_with_line_field_and_clip(edit: Edit) -> None:
+    path = edit(lambda data: data["clips"][1].update(licences="typing mistake"))
+    message = refused(path)
+    line = 1 + path.read_text().splitlines().index("  licences: typing mistake")
+    assert message.startswith(f"{path}:{line}: clips[1] (clip walk).licences: ")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"fps_hz": 0}, "fps_hz: Input should be greater than 0"),
+        ({"fps_hz": "10"}, "fps_hz: Input should be a valid number"),
+        ({"n_frames": 6.0}, "n_frames: Input should be a valid integer"),
+        ({"licence": ""}, "licence: String should have at least 1 character"),
+        ({"camera_motion": "pannning"}, "camera_motion: Input should be 'static', 'small'"),
+        ({"id": "../walk"}, "id: String should match pattern"),
+        ({"kept": [{"start": 0, "stop": 4}]}, "row 2 is in two of the kept and dropped ranges"),
+        ({"kept": [{"start": 3, "stop": 6}]}, "rows 0..1 are neither kept nor dropped"),
+        ({"kept": [{"start": 0, "stop": 2}]}, "ranges end at 3, but n_frames is 6"),
+        ({"kept": [{"start": 0, "stop": 2}, {"start": 3, "stop": 7}]}, "end at 7, but n_frames"),
+        ({"kept": [{"start": 3, "stop": 6}, {"start": 0, "stop": 2}]}, "not in ascending order"),
+        ({"kept": [{"start": 2, "stop": 2}]}, "range 2..2 is empty"),
+        ({"dropped": [{"start": 2, "stop": 3}]}, "dropped[0].reason: Field required"),
+        ({"quality": {"scale": True}}, "quality.scale: Input should be a valid number"),
+        ({"quality": {"registered_share": 1.5}}, "quality.registered_share: Input should be less"),
+    ],
+)
+def test_broken_field(edit: Edit, change: dict, said: str) -> None:
+    message = refused(edit(lambda data: data["clips"][1].update(change)))
+    assert "clips[1] (clip " in message
+    assert said in message
+
+
+@pytest.mark.parametrize(
+    ("path_text", "said"),
+    [
+        ("../walk.npz", "climbs out with '..'"),
+        ("clips/../../walk.npz", "climbs out with '..'"),
+        ("/etc/hosts", "is absolute"),
+        ("C:/walk.npz", "is absolute"),
+        ("clips\\walk.npz", "backslash"),
+        ("clips//walk.npz", "short form"),
+        ("./clips/walk.npz", "short form"),
+        ("clips/walk\n.npz", "control character"),
+        ("", "at least 1 character"),
+    ],
+)
+def test_unsafe_path(edit: Edit, path_text: str, said: str) -> None:
+    message = refused(edit(lambda data: data["clips"][1]["arrays"].update(path=path_text)))
+    assert "clips[1] (clip walk).arrays.path" in message
+    assert said in message
+
+
+def test_repeated_id(edit: Edit) -> None:
+    assert "these are repeated: bare" in refused(
+        edit(lambda data: data["clips"][1].update(id="bare"))
+    )
+
+
+def test_several_problems_come_at_once(edit: Edit) -> None:
+    def change(data: dict) -> None:
+        data["version"] = "1"
+        data["clips"][0]["fps_hz"] = -1
+        data["clips"][1]["fps_hz"] = -1
+
+    message = refused(edit(change))
+    assert "3 problems" in message
+    assert "(clip bare).fps_hz" in message
+    assert "(clip walk).fps_hz" in message
+
+
+def test_format_of_the_future(edit: Edit) -> None:
+    message = refused(edit(lambda data: data.update(format="gmrdata/2", new_field=1)))
+    assert "format is 'gmrdata/2', but gmrdata" in message
+    assert "reads gmrdata/1" in message
+
+
+@pytest.mark.parametrize("text", ["", "a\n", "- a\n", "kind: list\n", "null\n"])
+def test_yaml_that_is_no_manifest(tmp_path: Path, text: str) -> None:
+    assert "no top key 'format'" in refused(written(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (HEAD + "clips: [&a x, *a]\n", ":9: YAML anchors and aliases"),
+        (HEAD + "clips: []\nname: b\n", ":10: key 'name' stands twice"),
+        (HEAD + "clips: " + "[" * 40 + "]" * 40 + "\n", ":9: nested more than 32 levels"),
+        (HEAD + "clips: !!python/object/apply:os.system ['true']\n", ":9: not plain YAML"),
+        (HEAD + "clips: !!binary aGVsbG8=\n", "not plain data: a bytes"),
+        (HEAD + "clips: {? [a] : b}\n", ":9: a key must be plain text"),
+        (HEAD + "clips: []\n<<: {a: b}\n", ":10: a key must be plain text"),
+        (HEAD + "clips: [.nan]\n", "holds .nan"),
+        (HEAD + f"clips: [0x{'f' * 5000}]\n", "endless number"),
+        (HEAD + f"clips: [{'9' * 5000}]\n", "not plain YAML"),
+        (HEAD + 'clips: ["\\ud800"]\n', "m.yaml"),
+        (HEAD + "clips: [a\n", "not plain YAML"),
+        (HEAD + "clips: []\n---\nformat: gmrdata/1\n", "not plain YAML"),
+        (HEAD.encode() + b"clips: [\xff]\n", "not UTF-8"),
+        (HEAD + "clips: 5\n", ":9: clips: Input should be a valid"),
+        (HEAD.replace("synthetic", "real") + "clips: []\n", "'real' found using 'kind'"),
+    ],
+)
+def test_hostile_yaml(tmp_path: Path, text: str | bytes, said: str) -> None:
+    assert said in refused(written(tmp_path, text))
+
+
+def test_yaml_bomb_is_refused_before_it_grows(tmp_path: Path) -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 12)]
+    assert "anchors and aliases" in refused(written(tmp_path, HEAD + "\n".join(lines)))
+
+
+def test_oversized_file_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(yaml_text, "MAX_BYTES", 100)
+    assert "more than a manifest's 100" in refused(written(tmp_path, HEAD))
+
+
+def test_date_stays_text(tmp_path: Path) -> None:
+    path = written(
+        tmp_path, HEAD.replace("description: d", "description: 2021-12-01") + "clips: []"
+    )
+    assert read_manifest(path).description == "2021-12-01"
+
+
+def test_trial_names_must_be_quoted(tmp_path: Path) -> None:
+    """YAML 1.1 reads 02_03 as the octal number 131; it must not pass as a name."""
+    assert yaml.safe_load("02_03") == 131
+    assert "name: Input should be a valid string" in refused(
+        written(tmp_path, HEAD.replace("name: a", "name: 02_03") + "clips: []\n")
+    )
+
+
+def test_lists_have_no_clips_to_load() -> None:
+    with pytest.raises(BadManifest, match="only lists clips"):
+        load_clips(published_manifest("paper_table7"))
