@@ -60,16 +60,15 @@ def read_job(path: Path) -> RenderJob:
 def check(job: RenderJob, clip: Clip, body: BodyModel) -> None:
     """Say what is wrong with a clip before Blender is loaded."""
     if clip.motion.frame != "world":
-        raise BadMotionFile(
-            f"{job.clip_path}: its motion is not in the world frame; nothing to stand on"
-        )
+        raise BadMotionFile(f"{job.clip_path}: its motion is not in the world frame")
     if clip.camera is None:
         raise BadMotionFile(f"{job.clip_path}: has no camera; give it one with a camera programme")
     if not clip.camera.has_camera.all():
         raise BadMotionFile(f"{job.clip_path}: some frames have no camera; slice them off first")
     if clip.motion.body != body.name or len(clip.motion.shape) != body.n_shape:
         raise BadMotionFile(
-            f"{job.clip_path}: made for body {clip.motion.body!r}, and {job.body_path} is {body.name!r}"
+            f"{job.clip_path}: made for body {clip.motion.body!r}, "
+            f"and {job.body_path} is {body.name!r}"
         )
 
 

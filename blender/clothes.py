@@ -23,12 +23,10 @@ _TORSO = (
 )
 _LEGS = ("pelvis", "left_hip", "right_hip", "left_knee", "right_knee")
 _FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")
-STRIPE_M = 0.055
-"""Width of a stripe of the shirt."""
 
 
 def vertex_colours(body: BodyModel, shape: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(V, 3) linear colours: a person in a striped T-shirt, trousers and shoes.
+    """(V, 3) linear colours: a person in a T-shirt, trousers and shoes.
 
     Args:
         body: Its weights say which vertex belongs to which limb.
@@ -42,14 +40,12 @@ def vertex_colours(body: BodyModel, shape: np.ndarray, rng: np.random.Generator)
     rest_m = body.template_m + body.shape_dirs_m @ np.asarray(shape, dtype=np.float64)
     joints_m = body.rest_joints_m(shape)
     colours = np.tile(skin, (len(rest_m), 1))
-    stripes = np.floor(rest_m[:, 1] / STRIPE_M) % 2 == 0
-    cloth = np.where(stripes[:, None], shirt, np.clip(0.45 * shirt + 0.5, 0, 0.95))
     on = {
         name: body.skin_weights[:, [JOINT[j] for j in joints]].sum(axis=1)
         for name, joints in (("torso", _TORSO), ("legs", _LEGS), ("feet", _FEET))
     }
     is_torso = on["torso"] > 0.5
-    colours[is_torso] = cloth[is_torso]
+    colours[is_torso] = shirt
     waist_m = joints_m[JOINT["spine1"], 1] + 0.02
     is_legs = (on["legs"] > 0.5) | (is_torso & (rest_m[:, 1] < waist_m))
     colours[is_legs] = trousers

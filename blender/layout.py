@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+import cv2
 import numpy as np
 
 from blender import textures
@@ -132,7 +133,7 @@ def _props(
 def is_free(
     place_m: np.ndarray, radius_m: float, subject_m: np.ndarray, camera_m: np.ndarray
 ) -> bool:
-    """Whether a disc keeps clear of both paths and of every line of sight between them, seen from above.
+    """Whether a disc on the ground keeps clear of both paths and of all lines of sight.
 
     Args:
         place_m: (2,) centre of the disc [m].
@@ -234,9 +235,7 @@ def _tree(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> list[
 def _darken_contacts(
     ground: np.ndarray, things: tuple[Thing, ...], centre: np.ndarray, side_m: float
 ) -> None:
-    """Soft shadows on the ground round what stands on it: the light has no bounces that make them."""
-    import cv2
-
+    """Soft shadows round what stands on the ground: light without bounces makes none."""
     px_per_m = len(ground) / side_m
     cover = np.zeros(ground.shape[:2], np.float32)
     for thing in things:
@@ -246,5 +245,5 @@ def _darken_contacts(
         size = thing.size_m[:2] * px_per_m
         # Row 0 is the far side (+y), so angles turn the other way.
         box = ((middle[0], len(ground) - middle[1]), tuple(size), -np.rad2deg(thing.yaw_rad))
-        cv2.fillConvexPoly(cover, cv2.boxPoints(box).astype(np.int32), 1.0)
+        cv2.fillConvexPoly(cover, cv2.boxPoints(box).astype(np.int32), (1.0,))
     ground *= 1 - 0.65 * cv2.GaussianBlur(cover, (0, 0), 0.16 * px_per_m)[..., None]

@@ -41,7 +41,7 @@ def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> N
     work_dir = job.out_dir / WORK_FOLDER
     shutil.rmtree(work_dir, ignore_errors=True)
     for folder in (work_dir, job.out_dir / "frames", job.out_dir / "masks"):
-        folder.mkdir(parents=True) if folder == work_dir else folder.mkdir(exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     set_up_cycles(scene, job)
     add_mask_output(scene, work_dir)
     for row in range(motion.n_frames):

@@ -68,7 +68,7 @@ def picture_material(name: str, picture: np.ndarray) -> Any:
 
 
 def person_material(name: str, attribute: str) -> Any:
-    """A matt surface with colours from a vertex attribute, which also marks its pixels as a person."""
+    """A matt surface with colours from a vertex attribute; its pixels are marked as a person."""
     material, tree = _empty_material(name)
     colour = tree.nodes.new("ShaderNodeAttribute")
     colour.attribute_name = attribute
@@ -90,7 +90,7 @@ def _empty_material(name: str) -> tuple[Any, Any]:
 
 
 def _shade(tree: Any, colour: Any) -> None:
-    """Diffuse reflection of the sun plus the light of a half-sphere of sky over a half-sphere of ground."""
+    """Diffuse reflection of the sun, of half a sphere of sky, and of half a sphere of ground."""
     nodes, links = tree.nodes, tree.links
     diffuse = nodes.new("ShaderNodeBsdfDiffuse")
     links.new(colour, diffuse.inputs["Color"])

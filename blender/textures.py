@@ -195,7 +195,7 @@ def _opening(
         return
     glass = image[y0:y1, x0:x1]
     if glass.size:
-        shine = noise(*glass.shape[:2], rng, max(len(glass) // 2, 4), 4, 0.6)
+        shine = noise(len(glass), glass.shape[1], rng, max(len(glass) // 2, 4), 4, 0.6)
         glass[:] = np.clip(0.2 + 0.09 * shine[..., None] * np.array([0.9, 1.0, 1.2]), 0.03, 0.7)
     middle, bar = (x0 + x1) // 2, max(border // 3, 1)
     image[y0:y1, middle - bar : middle + bar] = frame

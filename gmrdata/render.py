@@ -12,7 +12,7 @@ from pydantic import Field
 
 from gmrdata.clip import load_clip
 from gmrdata.config import Config
-from gmrdata.errors import RenderFailed, StageFailed
+from gmrdata.errors import RenderFailed
 from gmrdata.progress import progress_bar
 from gmrdata.store import run_stage, write_json
 

@@ -36,9 +36,9 @@ class View(Config):
     height_m: float = Field(default=1.5, gt=0, le=20)
     """Height of the optical centre above the ground [m]."""
     azimuth_deg: float | None = None
-    """Direction from the subject to the camera, from the world's x axis to its y axis [degrees]; None: chosen from the subject's path."""
+    """Direction from the subject to the camera, from x to y [degrees]; None: by the path."""
     distance_m: float | None = Field(default=None, gt=0)
-    """Horizontal distance to the middle of the subject's path [m]; None: the nearest that keeps the subject in frame."""
+    """Distance to the middle of the path on the ground [m]; None: the nearest that frames all."""
     lag_s: float = Field(default=0.1, ge=0, le=2)
     """How late the camera follows the subject [s]."""
 
@@ -52,7 +52,7 @@ class Circular(View):
     direction: Literal["counterclockwise", "clockwise"] = "counterclockwise"
     """Direction of travel seen from above."""
     radius_m: float | None = Field(default=None, gt=0)
-    """Radius of the circle [m]; None: `distance_m`, or the smallest that keeps the subject in frame."""
+    """Radius of the circle [m]; None: `distance_m`, or the smallest that frames all."""
 
 
 class Linear(View):
@@ -60,7 +60,7 @@ class Linear(View):
 
     kind: Literal["linear"] = "linear"
     move: Literal["truck", "dolly"] = "truck"
-    """Truck: sideways, beside the subject.  Dolly: along the line of sight, ahead of the subject."""
+    """Truck: sideways, beside the subject.  Dolly: along the line of sight, ahead of it."""
     speed_m_per_s: float | None = None
     """Speed, positive along the subject's walking direction [m/s]; None: that of the subject."""
     look: Literal["fixed", "subject"] = "fixed"
@@ -232,7 +232,7 @@ def _station(view: View, scene: _Scene, azimuth_rad: float, distance_m: float) -
 
 
 def _fixed(centres_m: np.ndarray, scene: _Scene, station_m: np.ndarray) -> np.ndarray:
-    """Cameras (T, 4, 4) with the orientation that looks from the station at the middle of the path."""
+    """Cameras (T, 4, 4) with one orientation: from the station to the middle of the path."""
     return rigid(look_at(station_m, scene.centre_m), centres_m)
 
 
