@@ -17,6 +17,7 @@ from gmrdata.motion.gait_body import (
     swing_arms,
 )
 from gmrdata.motion.gait_feet import (
+    FIRST_STEP,
     SIDES,
     FootPoses,
     Footsteps,
@@ -79,7 +80,7 @@ def make_gait(
         shape: (S,) build of the body, or None to draw one.
 
     Raises:
-        BadRecipe: there is no such kind, or a number is not positive, or the shape does not fit the body.
+        BadRecipe: there is no such kind, a number is not positive, or the shape is another body's.
     """
     return gait_with_contacts(kind, duration_s, fps_hz, body, rng, shape=shape)[0]
 
@@ -93,7 +94,15 @@ def gait_with_contacts(
     *,
     shape: np.ndarray | None = None,
 ) -> tuple[Motion, np.ndarray]:
-    """Like `make_gait`, with (T, 2) bool: whether the left and the right foot stand, touch-down to toe-off."""
+    """Like `make_gait`, with the contacts.
+
+    Returns:
+        The motion, and (T, 2) bool: whether the left and the right foot stand, from touch-down to
+        toe-off.  From a sixth of its stance on a foot's ball does not move, to the digit.
+
+    Raises:
+        BadRecipe: as `make_gait`.
+    """
     _check(kind, duration_s, fps_hz)
     shape = draw_shape(body, rng) if shape is None else np.asarray(shape, dtype=np.float64)
     if shape.shape != (body.n_shape,):
@@ -104,7 +113,7 @@ def gait_with_contacts(
     joints_m = body.rest_joints_m(shape)
     leg_m = float(joints_m[JOINT["left_hip"], 1] - joints_m[JOINT["left_ankle"], 1])
     style = draw_style(kind, leg_m, rng)
-    # The pelvis' height looks ahead and back over half a step, so some frames are made on either side.
+    # The pelvis' height looks ahead and back over half a step: make some frames on either side.
     half_window = int(np.ceil(0.55 / style.cadence_hz * fps_hz))
     pad = 2 * half_window
     n_frames = round(duration_s * fps_hz)
@@ -135,7 +144,7 @@ def gait_with_contacts(
 
 def draw_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
     """Draw a build: (S,) normal coefficients, kept within two deviations."""
-    return np.clip(rng.normal(0.0, 0.8, body.n_shape), -2.0, 2.0)
+    return np.clip(rng.normal(0.0, 1.0, body.n_shape), -2.0, 2.0)
 
 
 def _check(kind: str, duration_s: float, fps_hz: float) -> None:
@@ -143,7 +152,7 @@ def _check(kind: str, duration_s: float, fps_hz: float) -> None:
         raise BadRecipe(f"gait {kind!r}: no such kind; choose one of {', '.join(GAIT_KINDS)}")
     if not (np.isfinite(duration_s) and np.isfinite(fps_hz) and duration_s > 0 and fps_hz > 0):
         raise BadRecipe(
-            f"gait {kind}: duration {duration_s} s at {fps_hz} frames a second; both must be positive"
+            f"gait {kind}: {duration_s} s at {fps_hz} frames a second; both must be positive"
         )
     if round(duration_s * fps_hz) < 1:
         raise BadRecipe(
@@ -153,11 +162,11 @@ def _check(kind: str, duration_s: float, fps_hz: float) -> None:
 
 
 def _ground(kind: str, n_steps: float, rng: np.random.Generator) -> np.ndarray:
-    """Height of the ground for each footfall from number -4 on [m]."""
-    ground_m = np.zeros(int(np.ceil(n_steps)) + 8)
+    """Height of the ground for each footfall from FIRST_STEP on [m]."""
+    ground_m = np.zeros(int(np.ceil(n_steps)) + 4 - FIRST_STEP)
     if kind == "step_up":
         onto = rng.integers(2, max(3, int(n_steps) - 3))
-        ground_m[onto + 4 :] = rng.uniform(0.15, 0.20)
+        ground_m[onto - FIRST_STEP :] = rng.uniform(0.15, 0.20)
     return ground_m
 
 
@@ -171,7 +180,7 @@ def _assemble(
     style: GaitStyle,
     half_window: int,
 ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], list[FootPoses]]:
-    """Local rotations (T, 23, 3, 3), root rotations (T, 3, 3) and pelvis positions (T, 3) [m]; feet."""
+    """Local rotations (T, 23, 3, 3), root rotations (T, 3, 3), pelvis (T, 3) [m]; and the feet."""
     joints_m = body.rest_joints_m(shape)
 
     def bone(parent: str, child: str) -> np.ndarray:
@@ -183,7 +192,7 @@ def _assemble(
     ]
     hips_m = np.stack([bone("pelvis", f"{side}_hip") for side in SIDES])
     feet = [
-        foot_poses(rest_foot(body, shape, side), parity, steps, plan, style)
+        foot_poses(rest_foot(body, shape, side), parity, steps, path, plan, style)
         for parity, side in enumerate(SIDES)
     ]
     reach_m = min(leg.reach_m(style.soft_knee_rad) for leg in legs)

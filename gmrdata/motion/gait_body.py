@@ -1,4 +1,4 @@
-"""Everything above the feet: pelvis, spine, head and arms of an embedded motion, and the legs' joints."""
+"""Everything above an embedded motion's feet: legs, pelvis, spine, head and arms."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ class Trunk:
 
 
 def pose_trunk(path: GroundPath, time_s: np.ndarray, steps: np.ndarray, style: GaitStyle) -> Trunk:
-    """Orient pelvis, chest and head at (T,) times and step counts; even counts are left touch-downs."""
+    """Orient pelvis, chest and head at (T,) times and step counts (even: left touch-down)."""
     s_m = path.s_at(steps)
     facing = path.facing_rad(s_m)
     stride = np.pi * steps
@@ -71,7 +71,7 @@ def place_pelvis(
     style: GaitStyle,
     hip_height_m: float,
 ) -> np.ndarray:
-    """Pelvis at the height of its bob and the ground (T,) alone, before it is lifted: (T, 3) world [m]."""
+    """Pelvis at the height of its bob and the ground (T,), before it is lifted: (T, 3) world [m]."""
     pelvis = np.zeros((len(steps), 3))
     pelvis[:, :2] = path.position_m(path.s_at(steps))
     side = style.sway_m * np.cos(np.pi * (steps - style.duty))
@@ -94,8 +94,8 @@ def lift_pelvis(
 ) -> np.ndarray:
     """Raise the pelvis as far as both legs reach their ankles at all times: (T, 3) world [m].
 
-    The greatest height that a frame admits changes abruptly.  Its minimum over a sliding window, and
-    a weighted mean of that over a window of the same width, is smooth and nowhere above it.
+    The greatest height that a frame admits changes abruptly.  A weighted mean over a window, of its
+    minimum over a window of the same width, is smooth and nowhere above it.
     """
     most_m = np.full(len(pelvis_m), np.inf)
     for hip_m, foot in zip(hips_m, feet, strict=True):
@@ -133,7 +133,7 @@ def local_rotations(
 def swing_arms(
     local: np.ndarray, joints_m: np.ndarray, time_s: np.ndarray, steps: np.ndarray, style: GaitStyle
 ) -> None:
-    """Let the arms hang and swing against the legs: writes shoulders and elbows into (T, 23, 3, 3)."""
+    """Let the arms hang and swing against the legs: writes into `local` (T, 23, 3, 3)."""
     for side, out in zip(SIDES, (1.0, -1.0), strict=True):
         upper = joints_m[JOINT[f"{side}_elbow"]] - joints_m[JOINT[f"{side}_shoulder"]]
         droop_rad = np.arctan2(-upper[1], abs(upper[0]))

@@ -13,9 +13,15 @@ from gmrdata.motion.leg_ik import turn
 
 SIDES = ("left", "right")
 
+FIRST_STEP = -4
+"""Number of a clip's first footfall; step 0 is the first touch-down of the left foot."""
+
+CIRCUMDUCTION_M = 0.02
+"""A swinging foot swerves outwards by this much, past the standing one [m]."""
+
 MORE_TOES = 1.25
-"""Toes bend up by so much of the foot's pitch over the ball.  1 would keep them level, but skin between
-ball and toes follows both by half, and would sink into the ground."""
+"""Toes bend up by so much of the foot's pitch over the ball.  1 would keep them level, but the skin
+between ball and toes follows both by half, and would sink into the ground."""
 
 SOFT_TOES_RAD = np.radians(20.0)
 """In swing, toes of a foot that is pitched by less than this straighten out smoothly [rad]."""
@@ -23,7 +29,7 @@ SOFT_TOES_RAD = np.radians(20.0)
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """A foot at rest, relative to the point on the ground straight below its ankle; rest axes [m]."""
+    """A foot at rest, relative to the point on the ground below its ankle; rest axes [m]."""
 
     ankle_m: np.ndarray
     """(3,) the ankle joint: (0, height, 0)."""
@@ -35,12 +41,16 @@ class Foot:
 
 @dataclass(frozen=True, eq=False)
 class Footsteps:
-    """Where each footfall of a clip is; even steps are the left foot's, odd ones the right's."""
+    """The footfalls of a clip, from FIRST_STEP on; even ones are the left foot's."""
 
-    first: int
-    """Number of the first footfall; rows count on from it."""
-    position_m: np.ndarray
-    """(N, 3) point on the ground below the planted ankle, world [m]."""
+    s_m: np.ndarray
+    """(N,) place along the path [m]."""
+    across_m: np.ndarray
+    """(N,) place of the ankle to the left of the path, as the person faces [m]."""
+    ahead_m: np.ndarray
+    """(N,) place of the ankle to the front [m]."""
+    ground_m: np.ndarray
+    """(N,) height of the ground [m]."""
     yaw_rad: np.ndarray
     """(N,) direction of the foot, from world x towards world y [rad]."""
 
@@ -62,7 +72,7 @@ class FootPoses:
 
 
 def upright(facing_rad: np.ndarray) -> np.ndarray:
-    """world_from_rest of someone upright who faces (T,) directions: columns left, up, front (T, 3, 3)."""
+    """world_from_rest (T, 3, 3) of someone upright who faces (T,): columns left, up, front."""
     cos, sin, zero = np.cos(facing_rad), np.sin(facing_rad), np.zeros_like(facing_rad)
     left = np.stack([-sin, cos, zero], axis=-1)
     up = np.stack([zero, zero, zero + 1], axis=-1)
@@ -71,7 +81,7 @@ def upright(facing_rad: np.ndarray) -> np.ndarray:
 
 
 def rest_foot(body: BodyModel, shape: np.ndarray, side: str) -> Foot:
-    """Measure a foot of the body's T-pose: its joints, and its sole from the vertices that follow them."""
+    """Measure a foot of the T-pose: its joints, and its sole from the vertices that follow them."""
     joints_m = body.rest_joints_m(shape)
     ankle, ball = joints_m[JOINT[f"{side}_ankle"]], joints_m[JOINT[f"{side}_foot"]]
     follows = body.skin_weights[:, [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]].sum(axis=1)
@@ -90,27 +100,27 @@ def plan_footsteps(
     ground_m: np.ndarray,
     rng: np.random.Generator,
 ) -> Footsteps:
-    """Put each foot down where the pelvis will be in the middle of its stance, on its side of the path.
+    """Put each foot down where the pelvis passes in its stance, on its side of the path.
 
     Args:
         path: Where the person goes.
         style: Step spacing and the like.
-        ground_m: (N,) height of the ground for each footfall from number -4 [m].
+        ground_m: (N,) height of the ground for each footfall from FIRST_STEP on [m].
         rng: People don't step exactly evenly: draws a centimetre here and there.
     """
-    number = np.arange(-4, -4 + len(ground_m))
-    s_m = path.s_at(number + style.duty)
+    number = np.arange(len(ground_m)) + FIRST_STEP
     side = np.where(number % 2 == 0, 1.0, -1.0)
-    facing = path.facing_rad(s_m)
-    frames = upright(facing)
-    across_m = side * style.spacing_m / 2 + rng.normal(0, 0.006, len(number))
-    along_m = style.ahead_m + rng.normal(0, 0.008, len(number))
-    position = np.zeros((len(number), 3))
-    position[:, :2] = path.position_m(s_m)
-    position += across_m[:, None] * frames[:, :, 0] + along_m[:, None] * frames[:, :, 2]
-    position[:, 2] = ground_m
-    yaw = facing + -side * style.toe_out_rad + rng.normal(0, np.radians(1.0), len(number))
-    return Footsteps(-4, position, yaw)
+    s_m = path.s_at(number + style.duty - style.lag_steps)
+    # A foot already points to where the body will be heading over it.
+    facing = path.facing_rad(path.s_at(number + style.duty))
+    uneven = rng.normal(size=(3, len(number)))
+    return Footsteps(
+        s_m=s_m,
+        across_m=side * style.spacing_m / 2 + 0.006 * uneven[0],
+        ahead_m=0.008 * uneven[1],
+        ground_m=ground_m,
+        yaw_rad=facing - side * style.toe_out_rad + np.radians(1.0) * uneven[2],
+    )
 
 
 def ground_under_pelvis(steps: np.ndarray, plan: Footsteps) -> np.ndarray:
@@ -118,13 +128,18 @@ def ground_under_pelvis(steps: np.ndarray, plan: Footsteps) -> np.ndarray:
 
     It rises in the step that begins as a foot touches down on other ground.
     """
-    number = plan.first + 1 + np.flatnonzero(np.diff(plan.position_m[:, 2]))
-    rise_m = np.diff(plan.position_m[:, 2])[number - plan.first - 1]
-    return plan.position_m[0, 2] + ease(steps[:, None] - number + 0.1) @ rise_m
+    row = np.flatnonzero(np.diff(plan.ground_m))
+    number = row + 1 + FIRST_STEP
+    return plan.ground_m[0] + ease(steps[:, None] - number + 0.1) @ np.diff(plan.ground_m)[row]
 
 
 def foot_poses(
-    foot: Foot, parity: int, steps: np.ndarray, plan: Footsteps, style: GaitStyle
+    foot: Foot,
+    parity: int,
+    steps: np.ndarray,
+    path: GroundPath,
+    plan: Footsteps,
+    style: GaitStyle,
 ) -> FootPoses:
     """Pose one foot at (T,) step counts; parity 0 is the left foot, 1 the right.
 
@@ -136,24 +151,18 @@ def foot_poses(
     since = steps - number
     stance = style.stance_steps
     swing = np.clip((since - stance) / (2 - stance), 0.0, 1.0)
-    here, there = number - plan.first, number - plan.first + 2
     pitch = _pitch_rad(since, style)
-    pivot = np.where((since < stance / 2)[:, None], foot.heel_m, foot.ball_m)
-    pivot = np.where(
-        (swing > 0)[:, None],
-        foot.ball_m + ease((swing - 0.35) / 0.65)[:, None] * (foot.heel_m - foot.ball_m),
-        pivot,
-    )
-    start, stop = plan.position_m[here], plan.position_m[there]
-    position = start + _swing_share(swing, style)[:, None] * (stop - start)
-    position[:, 2] = start[:, 2] + _swing_height(swing, stop[:, 2] - start[:, 2], style)
-    yaw = plan.yaw_rad[here] + ease(swing) * (plan.yaw_rad[there] - plan.yaw_rad[here])
+    to_heel = np.where(since < stance / 2, 1.0, ease((swing - 0.35) / 0.65))
+    pivot = foot.ball_m + to_heel[:, None] * (foot.heel_m - foot.ball_m)
+    row = number - FIRST_STEP
+    yaw = plan.yaw_rad[row] + ease(swing) * (plan.yaw_rad[row + 2] - plan.yaw_rad[row])
     level, tilted = upright(yaw), turn("x", -pitch)
     ankle = pivot + np.einsum("tij,tj->ti", tilted, foot.ankle_m - pivot)
     toes = MORE_TOES * np.maximum(-pitch, 0.0)
     toes *= np.where(swing > 0, ease(toes / SOFT_TOES_RAD), 1.0)
+    ground = _below_ankle(row, swing, path, plan, style)
     return FootPoses(
-        ankle_m=position + np.einsum("tij,tj->ti", level, ankle),
+        ankle_m=ground + np.einsum("tij,tj->ti", level, ankle),
         rotmats=level @ tilted,
         toes_rad=toes,
         yaw_rad=yaw,
@@ -161,8 +170,33 @@ def foot_poses(
     )
 
 
+def _below_ankle(
+    row: np.ndarray, swing: np.ndarray, path: GroundPath, plan: Footsteps, style: GaitStyle
+) -> np.ndarray:
+    """Point of the flat sole below the ankle at (T,) shares of the swing from a footfall: (T, 3) [m].
+
+    It follows the path's bends, as a straight line would lead the outer foot through the inner leg.
+    """
+    share = _swing_share(swing, style)
+    arc = 16 * swing**2 * (1 - swing) ** 2
+
+    def between(values: np.ndarray) -> np.ndarray:
+        return values[row] + share * (values[row + 2] - values[row])
+
+    s_m, across = between(plan.s_m), between(plan.across_m)
+    across = across + CIRCUMDUCTION_M * np.sign(plan.across_m[row]) * arc
+    frames = upright(path.facing_rad(s_m))
+    point = across[:, None] * frames[:, :, 0] + between(plan.ahead_m)[:, None] * frames[:, :, 2]
+    point[:, :2] += path.position_m(s_m)
+    rise = plan.ground_m[row + 2] - plan.ground_m[row]
+    early = ease(np.where(rise > 0, swing / 0.7, (swing - 0.3) / 0.7))
+    point[:, 2] = plan.ground_m[row] + rise * early
+    point[:, 2] += (style.clearance_m + 0.25 * np.abs(rise)) * arc
+    return point
+
+
 def _pitch_rad(since: np.ndarray, style: GaitStyle) -> np.ndarray:
-    """Toes-up pitch of the foot at (T,) steps since its touch-down, through flat stance and swing [rad]."""
+    """Toes-up pitch of the foot at (T,) steps since its touch-down, in stance and swing [rad]."""
     stance = style.stance_steps
     flat_from, flat_to = 0.17 * stance, 0.55 * stance
     steepest = stance + 0.16 * (2 - stance)
@@ -176,15 +210,8 @@ def _pitch_rad(since: np.ndarray, style: GaitStyle) -> np.ndarray:
 
 
 def _swing_share(swing: np.ndarray, style: GaitStyle) -> np.ndarray:
-    """Share of the way to the next footfall: at rest at both ends, fastest a little after half time.
+    """Share of the way to the next footfall: at rest at both ends, fastest after half time.
 
     A foot that came to rest sooner would be too far ahead of the hip for the leg to reach.
     """
     return betainc(2.2 + style.late, 2.2, swing)
-
-
-def _swing_height(swing: np.ndarray, rise_m: np.ndarray, style: GaitStyle) -> np.ndarray:
-    """Height of the foot in swing over its last footfall [m]."""
-    arc = 16 * swing**2 * (1 - swing) ** 2
-    early = np.where(rise_m > 0, swing / 0.7, (swing - 0.3) / 0.7)
-    return rise_m * ease(early) + (style.clearance_m + 0.25 * np.abs(rise_m)) * arc

@@ -1,4 +1,4 @@
-"""Where an embedded motion goes: a path on the ground, how fast it is walked, and its ground's height."""
+"""Where an embedded motion goes: a path on the ground, and the steps along it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from gmrdata.motion.gait_style import GaitStyle
 Curve = Callable[[np.ndarray], np.ndarray]
 
 FIGURE_EIGHT_RAD = 2.404825557695773
-"""First zero of the Bessel function J0: heading a*sin(2*pi*s/L) with this a closes after each L, as an eight."""
+"""First zero of the Bessel function J0: a heading a*sin(2*pi*s/L) with this a closes to an eight."""
 
 BEND = 0.15
 """Bends shorten steps by 1 / (1 + BEND * curvature^2): to half where the radius is about 0.4 m."""
@@ -82,12 +82,12 @@ def _heading(kind: str, length_m: float, rng: np.random.Generator) -> Curve:
 
 
 def _turns(length_m: float, rng: np.random.Generator) -> Curve:
-    """Turns of 40 to 130 degrees, 1 to 2 m long, with straight stretches between them."""
+    """Turns of 40 to 120 degrees, 1.2 to 3 m long, with straight stretches between them."""
     turns: list[tuple[float, float, float]] = []
     at_m = rng.uniform(0.5, 2.5)
     while at_m < length_m:
-        angle_rad = rng.choice([-1.0, 1.0]) * np.radians(rng.uniform(40, 130))
-        over_m = max(1.0, abs(angle_rad) * rng.uniform(0.75, 1.1))
+        angle_rad = rng.choice([-1.0, 1.0]) * np.radians(rng.uniform(40, 120))
+        over_m = max(1.2, abs(angle_rad) * rng.uniform(1.0, 1.4))
         turns.append((at_m, over_m, float(angle_rad)))
         at_m += over_m + rng.uniform(0.6, 3.5)
 

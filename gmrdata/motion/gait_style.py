@@ -22,7 +22,7 @@ GRAVITY_M_S2 = 9.81
 
 @dataclass(frozen=True)
 class GaitStyle:
-    """One person's way to move; amplitudes are half of peak to peak, angles relative to SMPL's T-pose."""
+    """One person's way to move; amplitudes are half of peak to peak, angles relative to the T-pose."""
 
     step_m: float
     """Distance between successive footfalls along the path [m]."""
@@ -32,8 +32,8 @@ class GaitStyle:
     """Share of a stride (two steps) that a foot stands; below 0.5 there is flight."""
     spacing_m: float
     """Distance between the ankles' lines across the direction that the person faces [m]."""
-    ahead_m: float
-    """A foot is put down so far in front of where the pelvis is in the middle of its stance [m]."""
+    lag_steps: float
+    """Over the foot, the pelvis is so much before the middle of its stance, in steps."""
     toe_out_rad: float
     """Feet turned outwards by this much [rad]."""
     strike_rad: float
@@ -110,13 +110,13 @@ def _walk(
         step_m=float(step_m),
         cadence_hz=float(speed_m_s / step_m),
         duty=float(rng.uniform(0.59, 0.615)),
-        spacing_m=float(rng.uniform(0.09, 0.15)),
-        ahead_m=float(-0.17 * step_m),
+        spacing_m=float(rng.uniform(0.11, 0.16)),
+        lag_steps=0.16,
         toe_out_rad=deg(1, 9),
         strike_rad=deg(14, 20),
         toe_off_rad=deg(58, 66),
         clearance_m=float(rng.uniform(0.03, 0.05)),
-        late=0.1,
+        late=0.3,
         bob_m=float(0.042 * step_m**2 * rng.uniform(0.85, 1.15)),
         sway_m=float(rng.uniform(0.016, 0.028)),
         pelvis_yaw_rad=vigour * deg(3, 6),
@@ -148,15 +148,16 @@ def _run(leg_m: float, rng: np.random.Generator) -> GaitStyle:
         walk,
         step_m=float(speed_m_s / cadence_hz),
         cadence_hz=float(cadence_hz),
-        duty=float(rng.uniform(0.33, 0.38)),
-        spacing_m=float(rng.uniform(0.05, 0.09)),
-        ahead_m=float(-0.10 * speed_m_s / cadence_hz),
+        duty=float(rng.uniform(0.32, 0.36)),
+        spacing_m=float(rng.uniform(0.08, 0.12)),
+        lag_steps=0.14,
         strike_rad=deg(0, 8),
         toe_off_rad=deg(68, 82),
-        clearance_m=float(0.11 + 0.03 * speed_m_s * rng.uniform(0.8, 1.2)),
-        late=0.8,
+        clearance_m=float((0.05 + 0.06 * speed_m_s) * rng.uniform(0.85, 1.15)),
+        late=0.1,
         bob_m=float(-fall_m * rng.uniform(0.9, 1.0)),
         sway_m=float(rng.uniform(0.006, 0.012)),
+        pelvis_yaw_rad=deg(4, 8),
         pelvis_tilt_rad=deg(6, 12),
         lean_rad=deg(7, 13),
         arm_swing_rad=deg(26, 38),
@@ -165,7 +166,7 @@ def _run(leg_m: float, rng: np.random.Generator) -> GaitStyle:
         arm_in_rad=deg(15, 30),
         elbow_rad=deg(78, 95),
         elbow_swing_rad=deg(5, 12),
-        soft_knee_rad=deg(10, 16),
+        soft_knee_rad=deg(8, 13),
     )
 
 
@@ -181,7 +182,7 @@ def _side_step(leg_m: float, rng: np.random.Generator) -> GaitStyle:
         step_m=float(spacing_m - rng.uniform(0.13, 0.17)),
         cadence_hz=float(rng.uniform(1.6, 2.1)),
         spacing_m=float(spacing_m),
-        ahead_m=0.0,
+        lag_steps=0.0,
         strike_rad=0.0,
         toe_off_rad=deg(14, 24),
         clearance_m=float(rng.uniform(0.05, 0.08)),

@@ -15,7 +15,7 @@ def turn(axis: str, angle_rad: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A leg at rest; the knee turns about the rest frame's x axis, so that flexion moves the heel back."""
+    """A leg at rest; its knee turns about the rest frame's x axis, flexion moves the heel back."""
 
     thigh_m: np.ndarray
     """(3,) hip to knee at rest [m]."""
@@ -61,7 +61,7 @@ class Leg:
 
 
 def _frames(along: np.ndarray, hint: np.ndarray) -> np.ndarray:
-    """Orthonormal frames (T, 3, 3) whose first axis is `along` and whose second is nearest `hint`."""
+    """Orthonormal frames (T, 3, 3): first axis `along`, second as near to `hint` as can be."""
     first = along / np.linalg.norm(along, axis=-1, keepdims=True)
     second = hint - np.sum(hint * first, axis=-1, keepdims=True) * first
     second = second / np.linalg.norm(second, axis=-1, keepdims=True)
