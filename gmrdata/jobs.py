@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gmrdata.errors import GmrdataError, StageFailed
-from gmrdata.progress import progress_bar
+from gmrdata.progress import console, progress_bar
 from gmrdata.store import write_text
 
 POLL_S = 0.5
@@ -64,8 +64,7 @@ def run_jobs(
         StageFailed: at least one job failed; the message lists them with their reasons.
     """
     futures = {
-        job.id: client.submit(job.call, **job.arguments, key=f"{description}-{job.id}", pure=False)
-        for job in jobs
+        job.id: client.submit(_call, job, key=f"{description}-{job.id}", pure=False) for job in jobs
     }
     with progress_bar() as bar:
         task = bar.add_task(description, total=units_total or len(jobs))
@@ -124,6 +123,12 @@ def worker_pool(workers: Workers) -> Iterator[Any]:
         Client(cluster) as client,
     ):
         yield client
+
+
+def _call(job: Job) -> Any:
+    """In the worker: its progress bars would write over those of the process that waits."""
+    console.quiet = True
+    return job.call(**job.arguments)
 
 
 def _reason(future: Any) -> str:

@@ -1,0 +1,352 @@
+"""The command line: one verb per capability.  Each verb imports its stage only when it runs."""
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import tyro
+from tyro.conf import Positional
+
+from gmrdata.errors import GmrdataError, MissingInput
+from gmrdata.progress import console
+
+Verb = Callable[..., None]
+
+
+def demo(
+    out: Path = Path("out/demo"),
+    motions: Path | None = None,
+    trials: tuple[str, ...] = (),
+    recipe: str = "demo",
+    workers: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+    dry_run: bool = False,
+) -> None:
+    """Everything once: film, regenerate the world poses from the frames, train GMR, score, report.
+
+    Args:
+        out: Output folder. A run that was stopped goes on where it was.
+        motions: Folder of BVH, ASF/AMC or AMASS files to film and to train on; the embedded gait
+            when left out.
+        trials: Names of the files to film, without suffix, one for each clip of the recipe; the
+            first that fit when left out.
+        recipe: A recipe file, or the name of one that travels with gmrdata.
+        workers: Worker processes; the recipe's number when left out.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the clips.
+        redo: Make anew what another recipe made.
+        dry_run: Say what would be done, and do nothing.
+    """
+    from gmrdata.demo.recipe import DemoRecipe
+    from gmrdata.demo.run import plan, run_demo
+    from gmrdata.recipes import find_recipe, load_recipe
+
+    loaded = load_recipe(find_recipe(recipe), DemoRecipe)
+    if workers is not None:
+        loaded = loaded.model_copy(update={"workers": workers})
+    if dry_run:
+        _print_table(("stage", "state"), plan(loaded, out))
+        return
+    run_demo(loaded, out, motions_dir=motions, trials=trials, scheduler=scheduler, redo=redo)
+
+
+def motions(
+    sources: Positional[tuple[Path, ...]],
+    out: Path | None = None,
+    body: str = "anny",
+    fps_hz: float | None = None,
+    joint_map: Path | None = None,
+    redo: bool = False,
+) -> None:
+    """Read motion files, retarget them to the 24-joint tree, and list them or write a manifest.
+
+    Args:
+        sources: Files or folders: BVH, ASF/AMC, AMASS npz.
+        out: Folder for one clip file per motion and `motions.yaml`; only a table when left out.
+        body: "anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz).
+        fps_hz: True frame rate of the files [Hz], when theirs is wrong.
+        joint_map: YAML or JSON file: joint name in the file -> joint of the SMPL tree.
+        redo: Make anew what other settings made.
+    """
+    from gmrdata.library import make_library, motion_table
+
+    if out is None:
+        headings, rows = motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map)
+        _print_table(headings, rows)
+        return
+    console.print(make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, redo=redo))
+
+
+def render(
+    recipe: Positional[str],
+    out: Path,
+    motions: Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+    dry_run: bool = False,
+) -> None:
+    """Render synthetic clips with exact cameras and masks, and write their manifest.
+
+    Args:
+        recipe: A recipe file of kind `synthetic`, or the name of one that travels with gmrdata.
+        out: Output folder; a run that was stopped goes on at the next missing frame.
+        motions: Folder of motion files that the recipe's clips name; the embedded gait needs none.
+        workers: Worker processes; the recipe's number when left out.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the clips.
+        redo: Make anew what another recipe made.
+        dry_run: List clips and frames, and do nothing.
+    """
+    from gmrdata.recipes import find_recipe, load_recipe
+    from gmrdata.synthetic import SyntheticRecipe, plan, render_set
+
+    loaded = load_recipe(find_recipe(recipe), SyntheticRecipe)
+    if workers is not None:
+        loaded = loaded.model_copy(update={"workers": workers})
+    if dry_run:
+        headings, rows = plan(loaded, motions, out)
+        _print_table(headings, rows)
+        return
+    console.print(render_set(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+
+
+def sfm(
+    frames: Path,
+    camera_body: Path,
+    out: Path,
+    masks: Path | None = None,
+    body: str = "anny",
+    seed: int = 0,
+    redo: bool = False,
+) -> None:
+    """World motion of one person from a moving-camera video and the person's camera-frame body.
+
+    Args:
+        frames: Folder of numbered images, or a video file.
+        camera_body: Clip file (.npz) whose motion is in the camera's frame; its intrinsics are
+            used as they are.
+        out: Output folder: masks/, sfm/, pseudo_gt/.
+        masks: Folder of masks `<image stem>.png`, 255 = dynamic; the body's silhouette when left
+            out.
+        body: "anny", or the path of the body model of the clip.
+        seed: Seed of the reconstruction.
+        redo: Make anew what other settings made.
+    """
+    from gmrdata.sequence import SequenceConfig, regenerate_sequence
+    from gmrdata.sfm.reconstruct import SfmConfig
+
+    made = regenerate_sequence(
+        frames,
+        camera_body,
+        out,
+        SequenceConfig(sfm=SfmConfig(seed=seed)),
+        masks_dir=masks,
+        body_path=_body_path(body),
+        redo=redo,
+    )
+    console.print(made, soft_wrap=True)
+
+
+def manifest_check(paths: Positional[tuple[Path, ...]], hashes: bool = True) -> None:
+    """Check manifests: schema, files, hashes, sizes, finite values, proper rotations, paths.
+
+    Args:
+        paths: Manifest files.
+        hashes: Read every byte; sizes alone without.
+    """
+    from gmrdata.manifest.check import check_manifest
+
+    _need(paths, "a manifest file")
+    for path in paths:
+        check_manifest(path, hashes=hashes)
+        console.print(f"{path}: good")
+
+
+def manifest_show(path: Positional[Path]) -> None:
+    """Show a manifest as a table.
+
+    Args:
+        path: Manifest file.
+    """
+    from gmrdata.manifest.show import show_manifest
+
+    show_manifest(path)
+
+
+def manifest_diff(a: Positional[Path], b: Positional[Path]) -> None:
+    """Say what differs between two manifests; exit code 1 if anything does.
+
+    Args:
+        a: Manifest file.
+        b: Manifest file.
+    """
+    from gmrdata.manifest.show import diff_manifests
+
+    differences = diff_manifests(a, b)
+    for line in differences:
+        console.print(line, markup=False)
+    if differences:
+        sys.exit(1)
+
+
+def train(
+    manifests: Positional[tuple[Path, ...]],
+    out: Path,
+    recipe: str = "gmr",
+    body: str = "anny",
+    held_out: tuple[Path, ...] = (),
+    redo: bool = False,
+) -> None:
+    """Train GMR on the clips of manifests.  A run that was stopped goes on where it was.
+
+    Args:
+        manifests: Manifest files with clips to train on.
+        out: Run folder.
+        recipe: A recipe file of kind `gmr`, or the name of one that travels with gmrdata.
+        body: "anny", or the path of the clips' body model.
+        held_out: Manifests to score now and then while training.
+        redo: Throw away a run of another recipe.
+    """
+    from gmrdata.gmr.recipe import GmrRecipe
+    from gmrdata.gmr.train import train as train_gmr
+    from gmrdata.recipes import find_recipe, load_recipe
+
+    _need(manifests, "a manifest file")
+    config = load_recipe(find_recipe(recipe), GmrRecipe).train
+    console.print(
+        train_gmr(
+            manifests, out, config, body_path=_body_path(body), held_out_paths=held_out, redo=redo
+        )
+    )
+
+
+def evaluate(
+    run: Positional[Path],
+    manifest: Positional[Path],
+    out: Path,
+    body: str = "anny",
+    redo: bool = False,
+) -> None:
+    """Score a trained GMR on a manifest: OME [deg], TME [mm], VME [mm], zero motion beside it.
+
+    Args:
+        run: Run folder of `gmrdata train`.
+        manifest: Manifest file.
+        out: Output folder for scores.json.
+        body: "anny", or the path of the clips' body model.
+        redo: Throw away a result of other settings.
+    """
+    from gmrdata.evaluate.score import score_manifest
+    from gmrdata.evaluate.table import score_rows
+    from gmrdata.store import read_json
+
+    scores = score_manifest(run, manifest, _body_path(body), out, redo=redo)
+    headings, rows = score_rows(read_json(scores))
+    _print_table(headings, rows)
+    console.print(scores, soft_wrap=True)
+
+
+def report(demo_out: Positional[Path]) -> None:
+    """Write the report of a finished demo again.
+
+    Args:
+        demo_out: Output folder of `gmrdata demo`.
+    """
+    from gmrdata.demo.paths import DemoPaths
+    from gmrdata.demo.recipe import DemoRecipe
+    from gmrdata.demo.show import show
+    from gmrdata.recipes import load_recipe
+
+    paths = DemoPaths(demo_out.resolve())
+    show(paths, load_recipe(paths.recipe, DemoRecipe))
+
+
+def run(
+    recipe: Positional[str],
+    out: Path,
+    motions: Path | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+) -> None:
+    """Run a recipe of any kind.
+
+    Args:
+        recipe: A recipe file, or the name of one that travels with gmrdata.
+        out: Output folder.
+        motions: Folder of motion files, for recipes that use some.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the clips.
+        redo: Make anew what another recipe made.
+    """
+    from gmrdata.run import run_recipe
+
+    console.print(
+        run_recipe(recipe, out, motions_dir=motions, scheduler=scheduler, redo=redo), soft_wrap=True
+    )
+
+
+VERBS: dict[str, Verb] = {
+    "demo": demo,
+    "motions": motions,
+    "render": render,
+    "sfm": sfm,
+    "manifest check": manifest_check,
+    "manifest show": manifest_show,
+    "manifest diff": manifest_diff,
+    "train": train,
+    "evaluate": evaluate,
+    "report": report,
+    "run": run,
+}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
+    try:
+        tyro.extras.subcommand_cli_from_dict(
+            VERBS, prog="gmrdata", description="World-frame human motion data.", args=arguments
+        )
+    except GmrdataError as error:
+        _fail(str(error))
+    except OSError as error:
+        _fail(_explain(error))
+    except KeyboardInterrupt:
+        _fail("stopped. The same command goes on where it was", code=130)
+
+
+def _explain(error: OSError) -> str:
+    """A system error with the file and what can be done."""
+    import errno
+
+    remedies = {
+        errno.ENOSPC: "the disk is full. Free some space and run the same command again",
+        errno.EDQUOT: "your disk quota is used up. Free some space and run the same command again",
+        errno.EFBIG: "the file grew beyond the limit for files. Raise it (ulimit -f) and run again",
+        errno.EACCES: "no permission. Choose another --out, or change the folder's permissions",
+        errno.EROFS: "a read-only file system. Choose another --out",
+    }
+    remedy = remedies.get(error.errno or 0, error.strerror or str(error))
+    return f"{error.filename or 'writing'}: {remedy}"
+
+
+def _fail(message: str, code: int = 1) -> None:
+    console.print(f"gmrdata: {message}", style="bold red", markup=False, soft_wrap=True)
+    sys.exit(code)
+
+
+def _need(values: tuple[Any, ...], what: str) -> None:
+    if not values:
+        raise MissingInput(f"nothing given. Name {what}")
+
+
+def _body_path(body: str) -> Path | None:
+    return None if body == "anny" else Path(body)
+
+
+def _print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich.table import Table
+
+    table = Table(*headings, box=None)
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)

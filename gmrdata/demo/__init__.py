@@ -1,0 +1,1 @@
+"""The demo: from motions to a scored GMR and a report, through every stage."""

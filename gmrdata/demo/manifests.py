@@ -1,0 +1,126 @@
+"""The demo's three manifests: what was trained on, what was rendered, and what was regenerated."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from gmrdata.body.file import read_body
+from gmrdata.demo.motions import MotionFiles
+from gmrdata.demo.paths import DemoPaths
+from gmrdata.demo.recipe import DemoRecipe
+from gmrdata.manifest.current import Clip, Quality, Source
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.recipe import created_by, stage_recipe
+from gmrdata.manifest.write import write_manifest
+from gmrdata.sources import file_source, gait_source, licence_of
+
+NO_CAMERA = "structure from motion found no camera for this frame"
+
+
+def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) -> None:
+    """Write the three manifests; the same clips give the same bytes."""
+    by = created_by(recipe, {"demo": recipe.seed})
+    licence = _body_licence(paths)
+    training = [
+        _training_entry(paths, path, files) for path in sorted(paths.training_dir.glob("*.npz"))
+    ]
+    common: dict[str, Any] = {
+        "version": "1.0.0",
+        "licence": licence,
+        "created_by": by,
+        "redo": True,
+    }
+    write_manifest(
+        paths.training_manifest,
+        name="demo-training",
+        kind="motions",
+        description="Motions that the demo's GMR is trained on.",
+        clips=training,
+        **common,
+    )
+    write_manifest(
+        paths.synthetic_manifest,
+        name="demo-synthetic",
+        kind="synthetic",
+        description="Rendered clips with exact cameras and exact world motions.",
+        clips=[_true_entry(paths, recipe, files, index) for index in range(len(recipe.clips))],
+        **common,
+    )
+    write_manifest(
+        paths.pseudo_gt_manifest,
+        name="demo-pseudo-gt",
+        kind="pseudo_gt",
+        description="The same clips, their world motions regenerated from frames, intrinsics "
+        "and camera-frame bodies.",
+        clips=[_pseudo_entry(paths, recipe, files, index) for index in range(len(recipe.clips))],
+        **common,
+    )
+
+
+def _true_entry(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, index: int) -> Clip:
+    clip = recipe.clips[index]
+    return clip_entry(
+        paths.root,
+        id=clip.id,
+        clip_path=paths.true_clip(clip.id),
+        images_dir=paths.frames_dir(clip.id),
+        masks_dir=paths.render_dir(clip.id) / "masks",
+        camera_motion=clip.programme.kind,
+        licence=licence_of(_source(recipe, files, index)),
+        source=_source(recipe, files, index),
+        quality=Quality(geometry="exact"),
+        recipe=stage_recipe(paths.render_dir(clip.id)),
+    )
+
+
+def _pseudo_entry(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, index: int) -> Clip:
+    clip = recipe.clips[index]
+    return clip_entry(
+        paths.root,
+        id=clip.id,
+        clip_path=paths.pseudo_clip(clip.id),
+        images_dir=paths.frames_dir(clip.id),
+        masks_dir=paths.masks_dir(clip.id),
+        camera_motion=clip.programme.kind,
+        licence=licence_of(_source(recipe, files, index)),
+        source=_source(recipe, files, index),
+        dropped_reason=NO_CAMERA,
+        quality=quality_record(paths.pseudo_gt_dir(clip.id)),
+        recipe=stage_recipe(paths.pseudo_gt_dir(clip.id)),
+    )
+
+
+def quality_record(pseudo_gt_dir: Path) -> Quality:
+    """What the pseudo-GT stage knows about its own result, for the manifest."""
+    record = json.loads((pseudo_gt_dir / "quality.json").read_text())
+    return Quality(
+        geometry=record["geometry"],
+        scale=record["scale"],
+        scale_sigma=record["scale_sigma"],
+        registered_share=record["registered_share"],
+        reprojection_error_px=record["mean_reprojection_error_px"],
+        inliers=record["mean_inliers"],
+    )
+
+
+def _training_entry(paths: DemoPaths, path: Path, files: MotionFiles) -> Clip:
+    given = {file.stem for file in files.training}
+    source = file_source(path.stem) if path.stem in given else gait_source(path.stem)
+    return clip_entry(
+        paths.root,
+        clip_path=path,
+        camera_motion="none",
+        licence=licence_of(source),
+        source=source,
+        recipe=None,
+    )
+
+
+def _source(recipe: DemoRecipe, files: MotionFiles, index: int) -> Source:
+    if files.filmed:
+        return file_source(files.filmed[index].stem)
+    return gait_source(recipe.clips[index].gait)
+
+
+def _body_licence(paths: DemoPaths) -> str:
+    return f"clips as stated by each; body: {read_body(paths.body).licence}"

@@ -1,0 +1,75 @@
+"""Run a recipe of any kind."""
+
+from pathlib import Path
+
+from gmrdata.errors import BadRecipe
+from gmrdata.recipes import find_recipe, load_recipe, recipe_kind
+
+
+def run_recipe(
+    name: str,
+    out_dir: Path,
+    *,
+    motions_dir: Path | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+) -> Path:
+    """Do what a recipe says; what is done already is kept.
+
+    Args:
+        name: A recipe file, or the name of one that travels with gmrdata.
+        out_dir: The output folder.
+        motions_dir: Folder of motion files, for recipes that use some.
+        scheduler: Address of a Dask cluster; local processes when None.
+        redo: Make anew what another recipe made.
+
+    Returns:
+        The report of a demo, the manifest of a synthetic set, or the run folder of a network.
+
+    Raises:
+        BadRecipe: the recipe is of a kind that gmrdata doesn't know.
+    """
+    path = find_recipe(name)
+    match recipe_kind(path):
+        case "demo":
+            from gmrdata.demo.recipe import DemoRecipe
+            from gmrdata.demo.run import run_demo
+
+            demo = load_recipe(path, DemoRecipe)
+            return run_demo(demo, out_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo)
+        case "synthetic":
+            from gmrdata.synthetic import SyntheticRecipe, render_set
+
+            synthetic = load_recipe(path, SyntheticRecipe)
+            return render_set(
+                synthetic, out_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo
+            )
+        case "gmr":
+            return _train_and_score(path, out_dir, redo)
+        case kind:
+            raise BadRecipe(f"{path}: unknown kind {kind!r}; there are demo, synthetic and gmr")
+
+
+def _train_and_score(path: Path, out_dir: Path, redo: bool) -> Path:
+    from gmrdata.evaluate.score import score_manifest
+    from gmrdata.gmr.recipe import GmrRecipe
+    from gmrdata.gmr.train import train
+
+    recipe = load_recipe(path, GmrRecipe)
+    if not recipe.training:
+        raise BadRecipe(
+            f"{path}: names no `training` manifests. Name some, or use `gmrdata train` with them"
+        )
+    folder = path.parent
+    body_path = None if recipe.body is None else folder / recipe.body
+    run_dir = train(
+        [folder / manifest for manifest in recipe.training],
+        out_dir / "run",
+        recipe.train,
+        body_path=body_path,
+        redo=redo,
+    )
+    for manifest in recipe.scored:
+        scores_dir = out_dir / "scores" / manifest.stem
+        score_manifest(run_dir, folder / manifest, body_path, scores_dir, redo=redo)
+    return run_dir
