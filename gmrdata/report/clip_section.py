@@ -1,18 +1,21 @@
 """One clip's section of the page."""
 
 import cv2
+import numpy as np
 
 from gmrdata.errors import BadFrames
 from gmrdata.report.bars import BARS, figure_texts, verdicts
 from gmrdata.report.curves import error_panels, relative_sigma_percent
 from gmrdata.report.data import ClipReport
-from gmrdata.report.markup import figure, image, mark, pairs, text
+from gmrdata.report.markup import figure, image, key, mark, pairs, text
 from gmrdata.report.overlay import BODY_BGR, OUTLINE_BGR, PATH_BGR
 from gmrdata.report.strip import Tile, frame_tiles
 from gmrdata.report.style import svg
 from gmrdata.report.topview import top_view
 
 JPEG_QUALITY = 88
+CLOSE_UP_PX = (300, 380)
+"""Width and height of a close-up: people stand."""
 
 _GEOMETRY_WORDS = {
     "full": "full (the camera translates)",
@@ -53,8 +56,10 @@ def _figures(clip: ClipReport) -> str:
 
 
 def _frames(clip: ClipReport) -> str:
-    tiles = "".join(_tile(clip, tile) for tile in frame_tiles(clip))
-    caption = f"Frames with {_swatch(BODY_BGR, 'key')} the recovered body; "
+    tiles = frame_tiles(clip)
+    frames = "".join(_picture(clip, tile, tile.frame()) for tile in tiles)
+    close_ups = "".join(_picture(clip, tile, tile.close_up(*CLOSE_UP_PX)) for tile in tiles)
+    caption = f"Frames and close-ups with {_swatch(BODY_BGR, 'key')} the recovered body; "
     if clip.masks_dir is not None:
         caption += (
             f"{_swatch(OUTLINE_BGR)} the outline of the mask, outside which features are found; "
@@ -65,7 +70,8 @@ def _frames(clip: ClipReport) -> str:
         "path is fixed in the world, so it stays in its place on the floor only if the camera is "
         "right."
     )
-    return figure(f'<div class="tiles">{tiles}</div>', caption)
+    strip = f'<div class="tiles">{frames}</div><div class="tiles six">{close_ups}</div>'
+    return figure(strip, caption)
 
 
 def _swatch(colour_bgr: tuple[int, int, int], css_class: str = "key thin") -> str:
@@ -73,11 +79,11 @@ def _swatch(colour_bgr: tuple[int, int, int], css_class: str = "key thin") -> st
     return f'<span class="{css_class}" style="background:rgb({red} {green} {blue})"></span>'
 
 
-def _tile(clip: ClipReport, tile: Tile) -> str:
-    ok, encoded = cv2.imencode(".jpg", tile.image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+def _picture(clip: ClipReport, tile: Tile, drawn: np.ndarray) -> str:
+    ok, encoded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     if not ok:
         raise BadFrames(f"clip {clip.id}: image {tile.image_number} can't be encoded as JPEG")
-    height, width = tile.image.shape[:2]
+    height, width = drawn.shape[:2]
     name = f"frame {tile.image_number} · {tile.time_s:.1f} s"
     if not tile.has_camera:
         name += " · no camera"
@@ -85,14 +91,10 @@ def _tile(clip: ClipReport, tile: Tile) -> str:
     return f"<div>{picture}<span>{text(name)}</span></div>"
 
 
-def _key(role: str, css_class: str = "key") -> str:
-    return f'<span class="{css_class}" style="background:var(--{role})"></span>'
-
-
 _PATHS_CAPTION = (
     "From above, in the true world [m], z up. "
-    f"Camera: {_key('camera-pale')} true, {_key('camera', 'key thin')} recovered, with its viewing "
-    f"directions. Person: {_key('person-pale')} true, {_key('person', 'key thin')} recovered. "
+    f"Camera: {key('camera-pale')} true, {key('camera', thin=True)} recovered, with its viewing "
+    f"directions. Person: {key('person-pale')} true, {key('person', thin=True)} recovered. "
     "Dots: where they start. The recovered world was moved rigidly onto the true one, never scaled."
 )
 

@@ -62,6 +62,11 @@ def image(data: bytes, kind: str, alt: str, width_px: int, height_px: int) -> st
     )
 
 
+def key(role: str, *, thin: bool = False) -> str:
+    """A stroke in the colour of a role, for captions."""
+    return f'<span class="key{" thin" if thin else ""}" style="background:var(--{role})"></span>'
+
+
 def mark(cell: str, met: bool | None) -> str:
     """A figure with its verdict: a sign and a colour, so that it also reads without colour."""
     if met is None:

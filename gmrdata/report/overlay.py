@@ -9,11 +9,12 @@ from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import PARENTS
 from gmrdata.geometry import camera, transforms
 
-BODY_BGR = (38, 110, 255)
+BODY_BGR = (72, 150, 255)
 SKELETON_BGR = (255, 255, 255)
 OUTLINE_BGR = (255, 214, 64)
 PATH_BGR = (90, 225, 255)
-BODY_ALPHA = 0.62
+BODY_ALPHA = 0.82
+LINE_PX = 2
 _SUPERSAMPLE = 2
 _FAR_PX = 20000.0  # OpenCV's drawing takes 16-bit coordinates once they are shifted
 
@@ -23,7 +24,7 @@ def draw_mask_outline(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     contours, _ = cv2.findContours(
         (mask > 0).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
     )
-    return cv2.polylines(image.copy(), contours, True, OUTLINE_BGR, 1, cv2.LINE_AA)
+    return cv2.polylines(image.copy(), contours, True, OUTLINE_BGR, LINE_PX, cv2.LINE_AA)
 
 
 def draw_floor_path(
@@ -42,10 +43,10 @@ def draw_floor_path(
     out = image.copy()
     for start, stop in pairwise(points_px):
         if _drawable(start) and _drawable(stop):
-            cv2.line(out, _fixed(start), _fixed(stop), PATH_BGR, 1, cv2.LINE_AA, 4)
+            cv2.line(out, _fixed(start), _fixed(stop), PATH_BGR, LINE_PX, cv2.LINE_AA, 4)
     for point in points_px[::every]:
         if _drawable(point):
-            cv2.circle(out, _fixed(point), 3 << 4, PATH_BGR, -1, cv2.LINE_AA, 4)
+            cv2.circle(out, _fixed(point), 3 * LINE_PX << 4, PATH_BGR, -1, cv2.LINE_AA, 4)
     return out
 
 
@@ -88,37 +89,37 @@ def draw_skeleton(
     for joint, parent in enumerate(PARENTS):
         if parent >= 0 and _drawable(points_px[joint]) and _drawable(points_px[parent]):
             ends = _fixed(points_px[parent]), _fixed(points_px[joint])
-            cv2.line(out, *ends, SKELETON_BGR, 1, cv2.LINE_AA, 4)
+            cv2.line(out, *ends, SKELETON_BGR, LINE_PX, cv2.LINE_AA, 4)
     return out
 
 
 def _shades(normals: np.ndarray) -> np.ndarray:
-    """(F,) brightness in 0.45..1 of faces lit from above the camera's left shoulder."""
+    """(F,) brightness in 0.6..1 of faces lit from above the camera's left shoulder."""
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     towards_light = np.array([-0.35, -0.6, -0.72])
     lambert = (normals / np.maximum(length, 1e-12)) @ towards_light
-    return 0.45 + 0.55 * np.clip(lambert, 0.0, 1.0)
+    return 0.6 + 0.4 * np.clip(lambert, 0.0, 1.0)
 
 
 def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> np.ndarray:
     """Fill triangles from back to front at twice the size, then blend the smoothed layer in."""
     height, width = image.shape[:2]
-    size = (height * _SUPERSAMPLE, width * _SUPERSAMPLE)
-    layer: np.ndarray = np.zeros((*size, 3), np.uint8)
-    cover: np.ndarray = np.zeros(size, np.uint8)
+    layer = np.zeros((height * _SUPERSAMPLE, width * _SUPERSAMPLE), np.uint8)  # 0 = no body
     drawable = np.isfinite(triangles_px).all(axis=(1, 2)) & (np.abs(triangles_px) < _FAR_PX).all(
         axis=(1, 2)
     )
     corners = np.round((triangles_px[drawable] * _SUPERSAMPLE - 0.5) * 16).astype(np.int32)
-    colours = shades[drawable, None] * np.array(BODY_BGR)
-    for triangle, colour in zip(corners, colours.tolist(), strict=True):
-        cv2.fillConvexPoly(layer, triangle, colour, cv2.LINE_8, 4)
-        cv2.fillConvexPoly(cover, triangle, (255,), cv2.LINE_8, 4)
-    layer = cv2.resize(layer, (width, height), interpolation=cv2.INTER_AREA)
-    cover = cv2.resize(cover, (width, height), interpolation=cv2.INTER_AREA)
-    # The layer is black outside the body, so its smoothed edge already holds colour x cover.
-    alpha = BODY_ALPHA * (cover[..., None] / 255.0)
-    return np.clip(np.round((1 - alpha) * image + BODY_ALPHA * layer), 0, 255).astype(np.uint8)
+    greys = np.round(255 * shades[drawable]).tolist()
+    for triangle, grey in zip(corners, greys, strict=True):
+        cv2.fillConvexPoly(layer, triangle, (grey,), cv2.LINE_8, 4)
+    cover = cv2.resize(
+        (layer > 0).astype(np.float32), (width, height), interpolation=cv2.INTER_AREA
+    )
+    shade = cv2.resize(layer.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+    # `shade` is 0 outside the body, so at its edge it is already shade x cover.
+    body = shade[..., None] / 255.0 * np.array(BODY_BGR)
+    blend = (1 - BODY_ALPHA * cover[..., None]) * image + BODY_ALPHA * body
+    return np.clip(np.round(blend), 0, 255).astype(np.uint8)
 
 
 def _drawable(point_px: np.ndarray) -> bool:

@@ -14,7 +14,10 @@ from gmrdata.report.style import COLOURS, png
 from gmrdata.report.topview import top_view
 from gmrdata.store import atomic_path
 
-TILE_WIDTH_PX = 384
+TILE_PX = (340, 255)
+"""Width and height of a frame's part round the person."""
+AROUND = 1.9
+"""Height of that part in heights of the person."""
 DPI = 144
 
 
@@ -36,8 +39,8 @@ def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
         raise BadFrames(f"{path}: the report has no clip to draw")
     sheets = [_sheet(clip, n_frames) for clip in report.clips]
     height, width = np.max([sheet.shape[:2] for sheet in sheets], axis=0)
-    rows_in = len(sheets) * (height / DPI + 0.34)
-    strip_in, paths_in = width / DPI, 1.45 * height / DPI
+    rows_in = len(sheets) * (height / DPI + 0.42)
+    strip_in, paths_in = width / DPI, 1.25 * height / DPI
 
     def draw(figure: Figure) -> None:
         panels = figure.subplots(len(sheets), 2, squeeze=False, width_ratios=[strip_in, paths_in])
@@ -58,12 +61,9 @@ def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
 
 
 def _sheet(clip: ClipReport, n_frames: int) -> np.ndarray:
-    """A row of frames, each TILE_WIDTH_PX wide."""
-    images = [tile.image for tile in frame_tiles(clip, n_frames)]
-    height, width = images[0].shape[:2]
-    size = (TILE_WIDTH_PX, round(height * TILE_WIDTH_PX / width))
-    small = [cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images]
-    return tile_sheet(small, columns=n_frames, gap_px=6)
+    """A row of frames, each cut to the person and what is round it."""
+    images = [tile.close_up(*TILE_PX, around=AROUND) for tile in frame_tiles(clip, n_frames)]
+    return tile_sheet(images, columns=n_frames, gap_px=6)
 
 
 def _figures(clip: ClipReport) -> str:

@@ -3,7 +3,7 @@
 from gmrdata.report.bars import BARS, figure_texts, score_texts, verdicts
 from gmrdata.report.curves import learning_curve, scale_panel
 from gmrdata.report.data import ClipReport, ManifestScore, ReportData, RunReport
-from gmrdata.report.markup import figure, mark, pairs, table, text
+from gmrdata.report.markup import figure, key, mark, pairs, table, text
 from gmrdata.report.style import svg
 from gmrdata.report.topview import motion_top_view
 from gmrdata.report.words import LIMITS, MEANINGS
@@ -98,7 +98,9 @@ def gmr_section(report: ReportData) -> str:
 
 def _score_table(scores: tuple[ManifestScore, ...]) -> str:
     rows = [_score_row(score) for score in scores]
-    headings = ("manifest", _heading("OME", "°"), _heading("TME", "mm"), _heading("VME", "mm"))
+    headings = ["manifest"]
+    for name, unit in (("OME", "°"), ("TME", "mm"), ("VME", "mm")):
+        headings += [_heading(name, unit), _heading("zero motion", unit)]
     caption = (
         "Mean errors per frame-to-frame motion. In grey, the same for zero motion, that is for a "
         "body that neither turns nor moves: a model that learned something stays below it."
@@ -108,8 +110,10 @@ def _score_table(scores: tuple[ManifestScore, ...]) -> str:
 
 def _score_row(score: ManifestScore) -> tuple[str, ...]:
     ours, zero = score_texts(score.gmr), score_texts(score.zero_motion)
-    cells = (f'{ours[key]} <span class="beside">zero {zero[key]}</span>' for key in ours)
-    return (text(score.name), *cells)
+    cells = [text(score.name)]
+    for metric in ours:
+        cells += [ours[metric], f'<span class="beside">{zero[metric]}</span>']
+    return tuple(cells)
 
 
 def _predicted_path(index: int, clip: ClipReport) -> str:
@@ -120,8 +124,9 @@ def _predicted_path(index: int, clip: ClipReport) -> str:
         lambda fig: motion_top_view(fig.subplots(), true, predicted), 4.2, 4.0, f"gmr-{index}"
     )
     caption = (
-        f"{text(clip.id)}: true and predicted path of the pelvis in the world [m], z up, "
-        "accumulated from the true first frame (dot) without any later correction."
+        f"{text(clip.id)}: path of the pelvis in the world [m], z up, {key('person-pale')} true "
+        f"and {key('gmr', thin=True)} predicted, accumulated from the true first frame (dot) "
+        "without any later correction."
     )
     return figure(picture, caption)
 

@@ -10,23 +10,56 @@ from gmrdata.body.forward import motion_vertices_m
 from gmrdata.errors import BadFrames
 from gmrdata.frames import image_number, list_images
 from gmrdata.geometry import transforms
+from gmrdata.geometry.camera import CameraPath, project
 from gmrdata.report import overlay
 from gmrdata.report.data import ClipReport
 from gmrdata.report.series import usable
+
+DRAWING_SCALE = 2
+"""Overlays are drawn on frames of twice their size, so that lines and close-ups are smooth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tile:
     """One frame of a strip."""
 
-    image: np.ndarray
-    """(H, W, 3) BGR, with the overlay."""
+    drawn: np.ndarray
+    """(DRAWING_SCALE * H, DRAWING_SCALE * W, 3) BGR, with the overlay."""
+    person_px: np.ndarray
+    """(4,) left, top, right, bottom of the person in `drawn` [px]; the whole frame if unknown."""
     image_number: int
     """Number in the image's file name."""
     time_s: float
     """Time since the clip's first frame [s]."""
     has_camera: bool
     """Whether a camera was recovered; without one only the mask is drawn."""
+
+    def frame(self) -> np.ndarray:
+        """(H, W, 3) BGR: the whole frame."""
+        height, width = self.drawn.shape[:2]
+        size = (width // DRAWING_SCALE, height // DRAWING_SCALE)
+        return np.asarray(cv2.resize(self.drawn, size, interpolation=cv2.INTER_AREA))
+
+    def close_up(self, width_px: int, height_px: int, around: float = 1.25) -> np.ndarray:
+        """(height_px, width_px, 3) BGR: the person, with `around` times its height in view."""
+        full_height, full_width = self.drawn.shape[:2]
+        left, top, right, bottom = self.person_px
+        aspect = width_px / height_px
+        wanted = max(around * (bottom - top), around * (right - left) / aspect)
+        height = min(wanted, full_height, full_width / aspect)
+        size = np.array([height * aspect, height])
+        corner = np.array([(left + right) / 2, (top + bottom) / 2]) - size / 2
+        corner = np.clip(corner, 0, np.array([full_width, full_height]) - size)
+        x, y = corner.round().astype(int)
+        w, h = size.round().astype(int)
+        smaller = h > height_px
+        return np.asarray(
+            cv2.resize(
+                self.drawn[y : y + h, x : x + w],
+                (width_px, height_px),
+                interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC,
+            )
+        )
 
 
 def frame_tiles(clip: ClipReport, n_frames: int = 6) -> list[Tile]:
@@ -55,10 +88,9 @@ def frame_tiles(clip: ClipReport, n_frames: int = 6) -> list[Tile]:
 
 
 def frame_strip(clip: ClipReport, n_frames: int = 6, columns: int = 6, gap_px: int = 6) -> bytes:
-    """PNG bytes of `frame_tiles` side by side on white, `columns` to a row."""
-    ok, encoded = cv2.imencode(
-        ".png", tile_sheet([tile.image for tile in frame_tiles(clip, n_frames)], columns, gap_px)
-    )
+    """PNG bytes of whole frames side by side on white, `columns` to a row."""
+    images = [tile.frame() for tile in frame_tiles(clip, n_frames)]
+    ok, encoded = cv2.imencode(".png", tile_sheet(images, columns, gap_px))
     if not ok:
         raise BadFrames(f"clip {clip.id}: its frame strip can't be encoded as PNG")
     return encoded.tobytes()
@@ -88,17 +120,25 @@ def _tile(
     number = int(clip.pseudo.image_numbers[row])
     if number not in images:
         raise BadFrames(f"{clip.images_dir}: clip {clip.id} has no image of number {number}")
-    image = _read(images[number], cv2.IMREAD_COLOR)
+    drawn = _read(images[number], cv2.IMREAD_COLOR)
+    person_px = np.array([0.0, 0.0, drawn.shape[1], drawn.shape[0]])
     camera, has_camera = clip.pseudo.camera, bool(usable(clip.pseudo)[row])
     if camera is not None and has_camera:
-        view = camera.world_from_cam[row], camera.intrinsics_px
+        view = camera.world_from_cam[row], _drawing_intrinsics_px(camera)
         every = max(1, round(clip.pseudo.motion.fps_hz))
-        image = overlay.draw_floor_path(image, *view, floor_m, every)
-        image = overlay.draw_body(image, *view, vertices_m, clip.body)
+        drawn = overlay.draw_floor_path(drawn, *view, floor_m, every)
+        drawn = overlay.draw_body(drawn, *view, vertices_m, clip.body)
+        points_px = project(view[0], vertices_m, view[1])
+        person_px = np.concatenate([np.nanmin(points_px, axis=0), np.nanmax(points_px, axis=0)])
     if clip.masks_dir is not None:
         mask = _read(clip.masks_dir / f"{images[number].stem}.png", cv2.IMREAD_GRAYSCALE)
-        image = overlay.draw_mask_outline(image, mask)
-    return Tile(image, number, row / clip.pseudo.motion.fps_hz, has_camera)
+        drawn = overlay.draw_mask_outline(drawn, mask)
+    return Tile(drawn, person_px, number, row / clip.pseudo.motion.fps_hz, has_camera)
+
+
+def _drawing_intrinsics_px(camera: CameraPath) -> np.ndarray:
+    """Intrinsics (3, 3) of the enlarged frame; pixel (0, 0) is an outer corner, so they scale."""
+    return np.diag([DRAWING_SCALE, DRAWING_SCALE, 1.0]) @ camera.intrinsics_px
 
 
 def _floor_path_m(clip: ClipReport) -> np.ndarray:
@@ -110,7 +150,10 @@ def _floor_path_m(clip: ClipReport) -> np.ndarray:
 
 
 def _read(path: Path, mode: int) -> np.ndarray:
+    """An image, enlarged by DRAWING_SCALE."""
     image = cv2.imread(str(path), mode)
     if image is None:
         raise BadFrames(f"{path}: missing, or not an image; make the frames or masks again")
-    return np.asarray(image)
+    size = (image.shape[1] * DRAWING_SCALE, image.shape[0] * DRAWING_SCALE)
+    kind = cv2.INTER_NEAREST if mode == cv2.IMREAD_GRAYSCALE else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(image, size, interpolation=kind))

@@ -50,9 +50,6 @@ def motion_top_view(axes: Axes, true: Motion, predicted: Motion) -> None:
     _path(axes, true.pelvis_m, "person-pale", TRUE_WIDTH)
     _path(axes, predicted_m, "gmr", RECOVERED_WIDTH)
     axes.plot(*true.pelvis_m[0, :2], "o", color=COLOURS["ink"], markersize=5, zorder=5)
-    for name, path_m, role in (("true", true.pelvis_m, "person"), ("GMR", predicted_m, "gmr")):
-        axes.plot(*path_m[-1, :2], "s", color=COLOURS[role], markersize=4.5, zorder=5)
-        _label(axes, name, path_m[-1, :2], role, path_m[-1, :2] - path_m.mean(axis=0)[:2])
     _finish(axes)
 
 
@@ -132,11 +129,11 @@ def _label(axes: Axes, text: str, point_m: np.ndarray, role: str, away: np.ndarr
 
 
 def _finish(axes: Axes) -> None:
-    """Equal axes in metres, with room for the labels, on a square metre grid."""
+    """Equal axes in metres, with room for the labels, on a square grid."""
     axes.margins(0.14)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    spacing_m = 1.0 if _span_m(axes) < 14 else 2.0
+    spacing_m = next((s for s in (0.25, 0.5, 1.0, 2.0) if _span_m(axes) < 14 * s), 5.0)
     axes.xaxis.set_major_locator(MultipleLocator(spacing_m))
     axes.yaxis.set_major_locator(MultipleLocator(spacing_m))
     axes.set_xlabel("x [m]")

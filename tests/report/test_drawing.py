@@ -53,8 +53,9 @@ def test_floor_path_is_drawn_where_the_camera_projects_it() -> None:
     ends_px = project(world_from_cam, path_m, intrinsics_px)
     rows, columns = np.nonzero(drawn.sum(axis=2) > 300)
     assert abs(rows.mean() + 0.5 - 90.0) < 0.6
-    assert columns.max() + 1 == pytest.approx(ends_px[1, 0], abs=1.1)
-    assert columns.min() == pytest.approx(ends_px[0, 0], abs=4.1)  # the first point's dot
+    assert columns.max() + 1 == pytest.approx(ends_px[1, 0], abs=0.5 * overlay.LINE_PX + 0.6)
+    # The first point carries a dot, of three times the line's width round it.
+    assert columns.min() == pytest.approx(ends_px[0, 0] - 3 * overlay.LINE_PX, abs=1.1)
 
 
 def test_points_behind_the_camera_are_not_drawn() -> None:
@@ -76,8 +77,35 @@ def test_strip_is_a_png_of_the_tiles(report: ReportData) -> None:
     assert data == frame_strip(report.clips[0], n_frames=6, columns=3, gap_px=4)
     sheet = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     assert sheet.shape == (2 * 180 + 4, 3 * 320 + 8, 3)
-    last = frame_tiles(report.clips[0], 6)[5].image
+    last = frame_tiles(report.clips[0], 6)[5].frame()
     assert (sheet[-180:, -320:] == last).all()
+
+
+def test_close_ups_hold_the_person(report: ReportData) -> None:
+    clip = report.clips[0]
+    tile = frame_tiles(clip, 1)[0]
+    left, top, right, bottom = tile.person_px
+    assert tile.drawn.shape == (360, 640, 3)
+    assert 0 < left < right < 640 and 0 < top < bottom < 360
+    assert clip.masks_dir is not None
+    rows, columns = np.nonzero(cv2.imread(str(clip.masks_dir / "00000.png"), cv2.IMREAD_GRAYSCALE))
+    mask_px = 2 * np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+    # The mask is dilated by 2 px of the frame, 4 px here, and is drawn to whole pixels.
+    np.testing.assert_allclose(tile.person_px, mask_px + np.array([4, 4, -4, -4]), atol=3)
+    marked = replace(tile, drawn=np.zeros_like(tile.drawn))
+    marked.drawn[int(top) : int(bottom), int(left) : int(right)] = 255
+    close = marked.close_up(300, 380)
+    assert close.shape == (380, 300, 3)
+    tall = np.flatnonzero(close.max(axis=(1, 2)) > 127)
+    assert len(tall) == pytest.approx(380 / 1.25, abs=3)
+    assert close[0].max() == close[-1].max() == close[:, 0].max() == close[:, -1].max() == 0
+
+
+def test_close_up_of_a_person_at_the_edge_stays_in_the_frame(report: ReportData) -> None:
+    tile = frame_tiles(report.clips[0], 1)[0]
+    for box in ([-50, -20, 40, 200], [600, 250, 700, 500], [-500, -500, 2000, 2000]):
+        close = replace(tile, person_px=np.array(box, dtype=float)).close_up(300, 380)
+        assert close.shape == (380, 300, 3)
 
 
 def test_series_average_to_the_metrics(report: ReportData) -> None:
