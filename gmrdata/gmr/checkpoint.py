@@ -4,7 +4,6 @@
 beside them holds the folder's name.
 """
 
-import json
 import os
 import shutil
 from pathlib import Path
@@ -16,7 +15,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from gmrdata.errors import BadCheckpoint, MissingInput
+from gmrdata.errors import BadCheckpoint, BadRecord, MissingInput
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.store import read_json, write_json, write_text
@@ -87,8 +86,8 @@ def read_state(folder: Path) -> dict[str, Any]:
     path = folder / "state.json"
     try:
         state = read_json(path)
-    except (MissingInput, json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise BadCheckpoint(f"{path}: cannot be read ({error}). Train again") from None
+    except (MissingInput, BadRecord) as error:
+        raise BadCheckpoint(f"{path}: unreadable ({error}). Train again") from None
     if not isinstance(state, dict) or state.get("format") != FORMAT or "step" not in state:
         raise BadCheckpoint(f"{path}: not a checkpoint of {FORMAT}. Give a run made by gmrdata")
     return state

@@ -63,12 +63,17 @@ def fit(
         task = bar.add_task("training", total=config.steps, completed=done)
         for step in range(done, config.steps):
             batch = make_batch(training_set, config.windows, config.batch_size, config.seed, step)
-            terms = _step(model, optimizer, batch, loss_body, len(body.template_m), config, step)
-            bar.update(task, advance=1, description=f"training  loss {terms['loss']:.5f}")
+            torch.manual_seed(_derived_seed(config.seed, step + 1))
+            values = _backward(model, batch, loss_body, len(body.template_m), config)
+            _check_finite(values, run_dir, step)
+            for group in optimizer.param_groups:
+                group["lr"] = learning_rate_at(config, step)
+            optimizer.step()
+            bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
 
             now = step + 1
             if now % config.log_every == 0 or now == config.steps:
-                _log(run_dir, {"step": now} | terms)
+                _log(run_dir, {"step": now} | values)
             if held_out and (now % config.eval_every == 0 or now == config.steps):
                 _log(run_dir, {"step": now} | held_out_scores(model, held_out, config.windows))
             if now % config.checkpoint_every == 0 or now == config.steps:
@@ -77,39 +82,36 @@ def fit(
     return model
 
 
-def _step(
-    model: Gmr,
-    optimizer: torch.optim.Optimizer,
-    batch: Batch,
-    loss_body: BodyModel,
-    n_body_vertices: int,
-    config: TrainConfig,
-    step: int,
+def _backward(
+    model: Gmr, batch: Batch, loss_body: BodyModel, n_body_vertices: int, config: TrainConfig
 ) -> dict[str, float]:
-    """One update; the loss and its terms before it."""
-    torch.manual_seed(_derived_seed(config.seed, step + 1))
-    for group in optimizer.param_groups:
-        group["lr"] = learning_rate_at(config, step)
+    """Fill the gradients; the loss, its terms and the gradient's length before clipping."""
     model.train()
+    model.zero_grad(set_to_none=True)
     terms = batch_loss(model, batch, loss_body, n_body_vertices, config)
-    values = {
+    terms.total.backward()
+    limit = math.inf if config.gradient_norm is None else config.gradient_norm
+    gradient_norm = torch.nn.utils.clip_grad_norm_(model.parameters(), limit)
+    return {
         "loss": terms.total.item(),
         "orientation": terms.orientation.item(),
         "translation": terms.translation.item(),
         "vertex": terms.vertex.item(),
         "smoothness": terms.smoothness.item(),
+        "gradient_norm": gradient_norm.item(),
     }
-    optimizer.zero_grad(set_to_none=True)
-    terms.total.backward()
-    limit = math.inf if config.gradient_norm is None else config.gradient_norm
-    norm = torch.nn.utils.clip_grad_norm_(model.parameters(), limit)
-    if not (math.isfinite(values["loss"]) and torch.isfinite(norm)):
-        raise TrainingDiverged(
-            f"step {step + 1}: the loss is {values['loss']:g} and its gradient has length {norm:g}."
-            " The last good checkpoint is kept. Lower learning_rate, or set gradient_norm"
-        )
-    optimizer.step()
-    return values
+
+
+def _check_finite(values: dict[str, float], run_dir: Path, step: int) -> None:
+    """Stop before weights are touched by a step that has no finite loss or gradient."""
+    if all(math.isfinite(value) for value in values.values()):
+        return
+    kept = latest_checkpoint(run_dir)
+    raise TrainingDiverged(
+        f"{run_dir}: in step {step + 1} the loss is {values['loss']:g} and its gradient has length"
+        f" {values['gradient_norm']:g}. The last good checkpoint: {kept.name if kept else 'none'}."
+        " Lower learning_rate, or set gradient_norm"
+    )
 
 
 def batch_loss(

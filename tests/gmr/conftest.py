@@ -1,0 +1,57 @@
+"""Small clips to train on."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip
+from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
+from gmrdata.motion.gait import embedded_motions
+
+
+@pytest.fixture(scope="session")
+def make_clips(small_body: BodyModel) -> Callable[..., list[Clip]]:
+    """Generated walks of the small body as clips without cameras."""
+
+    def make(count: int, seed: int, duration_s: float = 4.0, fps_hz: float = 20.0) -> list[Clip]:
+        motions = embedded_motions(
+            small_body,
+            np.random.default_rng(seed),
+            count=count,
+            fps_hz=fps_hz,
+            duration_s=duration_s,
+        )
+        return [
+            Clip(
+                id=f"gait_{seed}_{i}",
+                motion=motion,
+                valid=np.ones(motion.n_frames, bool),
+                image_numbers=np.full(motion.n_frames, -1),
+                camera=None,
+            )
+            for i, motion in enumerate(motions)
+        ]
+
+    return make
+
+
+@pytest.fixture
+def small_config() -> TrainConfig:
+    """A run of a second: every option that has randomness is on."""
+    return TrainConfig(
+        model=ModelConfig(layers=2, hidden=12, dropout=0.2, output_scale=0.1),
+        loss=LossConfig(n_vertices=16),
+        windows=WindowConfig(frames=16),
+        learning_rate=3e-3,
+        schedule="cosine",
+        warmup_steps=3,
+        gradient_norm=1.0,
+        batch_size=4,
+        steps=12,
+        seed=7,
+        log_every=1,
+        eval_every=4,
+        checkpoint_every=5,
+    )

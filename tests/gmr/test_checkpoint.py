@@ -1,0 +1,148 @@
+"""Checkpoints: whole or refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from gmrdata.errors import BadCheckpoint, MissingInput
+from gmrdata.gmr.checkpoint import (
+    checkpoint_dir,
+    latest_checkpoint,
+    load_optimizer,
+    load_weights,
+    read_model,
+    read_state,
+    save_checkpoint,
+)
+from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.infer import load_gmr
+from gmrdata.gmr.model import Gmr
+
+CONFIG = ModelConfig(layers=2, hidden=6, dropout=0.1)
+
+
+def stepped(config: ModelConfig = CONFIG) -> tuple[Gmr, torch.optim.Adam]:
+    """A network that has taken one step."""
+    torch.manual_seed(0)
+    model = Gmr(config)
+    optimizer = torch.optim.Adam(model.parameters())
+    delta_rotmats, delta_m = model(torch.randn(2, 5, 92))
+    (delta_rotmats.square().sum() + delta_m.sum()).backward()
+    optimizer.step()
+    return model, optimizer
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path) -> Path:
+    save_checkpoint(tmp_path, 40, *stepped(), {"fps_hz": 10.0})
+    return tmp_path
+
+
+def test_everything_comes_back(run_dir: Path) -> None:
+    folder = latest_checkpoint(run_dir)
+    assert folder == checkpoint_dir(run_dir, 40)
+    model, optimizer = stepped()
+    again = read_model(folder)
+    assert again.config == CONFIG
+    for name, tensor in model.state_dict().items():
+        assert torch.equal(again.state_dict()[name], tensor)
+    fresh = torch.optim.Adam(again.parameters())
+    load_optimizer(folder, again, fresh)
+    for i, state in optimizer.state_dict()["state"].items():
+        for key, value in state.items():
+            assert torch.equal(fresh.state_dict()["state"][i][key], value)
+    assert read_state(folder)["step"] == 40
+    assert load_gmr(run_dir).step == 40
+
+
+def test_only_the_latest_stays_and_its_bytes_repeat(run_dir: Path, tmp_path: Path) -> None:
+    save_checkpoint(run_dir, 80, *stepped(), {"fps_hz": 10.0})
+    assert sorted(p.name for p in (run_dir / "checkpoints").iterdir()) == [
+        "latest",
+        "step_00000080",
+    ]
+    other = tmp_path / "other"
+    save_checkpoint(other, 80, *stepped(), {"fps_hz": 10.0})
+    for file in checkpoint_dir(run_dir, 80).iterdir():
+        assert file.read_bytes() == (checkpoint_dir(other, 80) / file.name).read_bytes()
+
+
+def test_a_kill_while_writing_leaves_the_former(
+    run_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever call the process dies in, the pointer names a whole checkpoint."""
+
+    class Killed(BaseException):
+        pass
+
+    def die(*_: object) -> None:
+        raise Killed
+
+    for place in (
+        "gmrdata.gmr.checkpoint.save_file",
+        "gmrdata.gmr.checkpoint.write_json",
+        "gmrdata.gmr.checkpoint.write_text",
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(place, die)
+            with pytest.raises(Killed):
+                save_checkpoint(run_dir, 80, *stepped(), {"fps_hz": 10.0})
+        assert load_gmr(run_dir).step == 40
+    save_checkpoint(run_dir, 80, *stepped(), {"fps_hz": 10.0})
+    assert load_gmr(run_dir).step == 80
+    assert len(list((run_dir / "checkpoints").iterdir())) == 2
+
+
+@pytest.mark.parametrize("name", ["model.safetensors", "optimizer.safetensors", "state.json"])
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_truncated_files_are_refused(run_dir: Path, name: str, share: float) -> None:
+    path = checkpoint_dir(run_dir, 40) / name
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    model, optimizer = stepped()
+    with pytest.raises(BadCheckpoint, match=name):
+        read_state(path.parent)
+        load_weights(path.parent, model)
+        load_optimizer(path.parent, model, optimizer)
+
+
+@pytest.mark.parametrize("name", ["model.safetensors", "optimizer.safetensors", "state.json"])
+def test_missing_files_are_refused(run_dir: Path, name: str) -> None:
+    folder = checkpoint_dir(run_dir, 40)
+    (folder / name).unlink()
+    model, optimizer = stepped()
+    with pytest.raises(BadCheckpoint, match=name):
+        read_state(folder)
+        load_weights(folder, model)
+        load_optimizer(folder, model, optimizer)
+
+
+def test_another_models_weights_are_refused(run_dir: Path) -> None:
+    folder = checkpoint_dir(run_dir, 40)
+    other, optimizer = stepped(ModelConfig(layers=2, hidden=7))
+    with pytest.raises(BadCheckpoint, match="of another model; differing tensors: encoder"):
+        load_weights(folder, other)
+    with pytest.raises(BadCheckpoint, match="of another model"):
+        load_optimizer(folder, other, optimizer)
+
+
+@pytest.mark.parametrize(
+    "change", [{"format": "else"}, {"model": {"layers": 0}}, {"model": None}, {"fps_hz": None}]
+)
+def test_a_state_that_makes_no_sense_is_refused(run_dir: Path, change: dict[str, object]) -> None:
+    path = checkpoint_dir(run_dir, 40) / "state.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(BadCheckpoint, match=r"state\.json"):
+        load_gmr(run_dir)
+
+
+def test_no_checkpoint_and_a_pointer_to_nowhere(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match="no trained model"):
+        load_gmr(tmp_path)
+    (tmp_path / "checkpoints").mkdir()
+    for text in ("step_00000001\n", "\n", ""):
+        (tmp_path / "checkpoints" / "latest").write_text(text)
+        with pytest.raises(BadCheckpoint, match="which is not there"):
+            load_gmr(tmp_path)

@@ -1,0 +1,112 @@
+"""Inference: accumulation from a first pose, frame rates, refusals."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from gmrdata.clip import Clip
+from gmrdata.errors import BadMotionFile
+from gmrdata.geometry import transforms
+from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.infer import TrainedGmr, predict_deltas, predict_world_motion
+from gmrdata.gmr.model import Gmr
+from gmrdata.gmr.motion_deltas import deltas
+
+
+@pytest.fixture
+def gmr() -> TrainedGmr:
+    torch.manual_seed(0)
+    return TrainedGmr(Gmr(ModelConfig(layers=1, hidden=8)).eval(), 10.0, "untrained", 3)
+
+
+def test_the_motion_between_frames_is_the_networks(
+    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
+) -> None:
+    motion = make_clips(1, 3, fps_hz=10.0)[0].motion
+    world = predict_world_motion(gmr, motion)
+    assert world.n_frames == motion.n_frames
+    assert np.array_equal(world.root_rotmats[0], np.eye(3))
+    assert np.array_equal(world.pelvis_m[0], np.zeros(3))
+    found = deltas(world.root_rotmats, world.pelvis_m)
+    expected = predict_deltas(gmr, motion.local_rotmats)
+    np.testing.assert_allclose(found[0], expected[0], atol=1e-12)
+    np.testing.assert_allclose(found[1], expected[1], atol=1e-12)
+    assert np.abs(expected[1]).max() > 1e-3
+    assert np.array_equal(world.local_rotmats, motion.local_rotmats)
+    assert world.frame == "world"
+    assert world.source == (
+        f"world motion predicted by GMR untrained (step 3) from: {motion.source}"
+    )
+
+
+def test_a_first_pose_moves_the_whole(
+    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
+) -> None:
+    motion = make_clips(1, 3, fps_hz=10.0)[0].motion
+    first = Rotation.from_euler("xyz", [0.3, 1.0, -2.0]).as_matrix()
+    place_m = np.array([1.0, 2.0, 3.0])
+    moved = predict_world_motion(gmr, motion, first_root_rotmat=first, first_pelvis_m=place_m)
+    still = predict_world_motion(gmr, motion)
+    expected = transforms.rigid(first, place_m) @ transforms.rigid(
+        still.root_rotmats, still.pelvis_m
+    )
+    np.testing.assert_allclose(
+        transforms.rigid(moved.root_rotmats, moved.pelvis_m), expected, atol=1e-11
+    )
+
+
+def test_the_given_root_is_not_looked_at(
+    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
+) -> None:
+    """Camera-motion agnostic: any root gives the same bytes, even none at all."""
+    motion = make_clips(1, 3, fps_hz=10.0)[0].motion
+    shaken = replace(
+        motion,
+        root_rotmats=Rotation.random(motion.n_frames, random_state=1).as_matrix(),
+        pelvis_m=np.full((motion.n_frames, 3), np.nan),
+        frame="camera",
+    )
+    a, b = predict_world_motion(gmr, motion), predict_world_motion(gmr, shaken)
+    assert a.root_rotmats.tobytes() == b.root_rotmats.tobytes()
+    assert a.pelvis_m.tobytes() == b.pelvis_m.tobytes()
+
+
+def test_another_rate_is_brought_to_the_networks_and_said(
+    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
+) -> None:
+    motion = make_clips(1, 3, fps_hz=30.0)[0].motion
+    world = predict_world_motion(gmr, motion)
+    assert world.fps_hz == 10.0
+    assert world.n_frames == 40
+    assert np.array_equal(world.local_rotmats, motion.local_rotmats[::3])
+    assert world.source.endswith("resampled from 30 to 10 fps")
+
+
+def test_rotations_stay_orthonormal_over_a_long_sequence(gmr: TrainedGmr) -> None:
+    rng = np.random.default_rng(0)
+    local = Rotation.from_rotvec(rng.normal(0, 0.2, (3000 * 23, 3))).as_matrix()
+    delta_rotmats, _ = predict_deltas(gmr, local.reshape(3000, 23, 3, 3))
+    product = delta_rotmats @ np.swapaxes(delta_rotmats, 1, 2)
+    assert np.abs(product - np.eye(3)).max() < 1e-14
+
+
+def test_one_frame_and_nan_are_refused(
+    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
+) -> None:
+    motion = make_clips(1, 3, fps_hz=10.0)[0].motion
+    short = replace(
+        motion,
+        local_rotmats=motion.local_rotmats[:1],
+        root_rotmats=motion.root_rotmats[:1],
+        pelvis_m=motion.pelvis_m[:1],
+    )
+    with pytest.raises(BadMotionFile, match="less than two frames"):
+        predict_world_motion(gmr, short)
+    local = motion.local_rotmats.copy()
+    local[5, 2] = np.nan
+    with pytest.raises(BadMotionFile, match="frame 5 holds NaN"):
+        predict_world_motion(gmr, replace(motion, local_rotmats=local))

@@ -1,0 +1,79 @@
+"""The network of Fig. 4."""
+
+from itertools import product
+
+import pytest
+import torch
+
+from gmrdata.gmr.config import ModelConfig, Representation
+from gmrdata.gmr.model import Gmr, network_input, parameter_count
+
+REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
+INPUTS = {"quaternion": 92, "axis-angle": 69, "6d": 138}
+
+
+@pytest.mark.parametrize(("input_", "output"), list(product(REPRESENTATIONS, REPRESENTATIONS)))
+def test_all_nine_of_table_1(input_: Representation, output: Representation) -> None:
+    config = ModelConfig(layers=2, hidden=8, input=input_, output=output)
+    model = Gmr(config)
+    poses = torch.randn(3, 10, INPUTS[input_], generator=torch.Generator().manual_seed(0))
+    delta_rotmats, delta_m = model(poses)
+    assert delta_rotmats.shape == (3, 10, 3, 3)
+    assert delta_m.shape == (3, 10, 3)
+    eye = torch.eye(3).expand(3, 10, 3, 3)
+    torch.testing.assert_close(
+        delta_rotmats @ delta_rotmats.transpose(-1, -2), eye, atol=1e-5, rtol=0
+    )
+    assert sum(p.numel() for p in model.parameters()) == parameter_count(config)
+
+
+@pytest.mark.parametrize(("layers", "hidden"), [(1, 1), (1, 7), (3, 5), (4, 16)])
+def test_parameter_count(layers: int, hidden: int) -> None:
+    config = ModelConfig(layers=layers, hidden=hidden)
+    assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
+
+
+def test_the_papers_network() -> None:
+    """4 x 2048: 26.3 M for the first layer, 75.5 M for each other, 8.4 M behind the GRUs."""
+    first = 2 * 3 * (2048 * (92 + 2048) + 2 * 2048)
+    other = 2 * 3 * (2048 * (4096 + 2048) + 2 * 2048)
+    behind = 4096 * 2048 + 2048 + 2048 * 6 + 6
+    assert parameter_count(ModelConfig()) == first + 3 * other + behind == 261_289_990
+
+
+@pytest.mark.parametrize("output", REPRESENTATIONS)
+def test_a_network_of_zeros_stands_still(output: Representation) -> None:
+    model = Gmr(ModelConfig(layers=1, hidden=4, output=output))
+    for parameter in model.parameters():
+        torch.nn.init.zeros_(parameter)
+    delta_rotmats, delta_m = model(torch.ones(1, 5, 92))
+    assert torch.equal(delta_rotmats, torch.eye(3).expand(1, 5, 3, 3))
+    assert torch.equal(delta_m, torch.zeros(1, 5, 3))
+
+
+def test_padding_changes_nothing() -> None:
+    model = Gmr(ModelConfig(layers=2, hidden=6)).eval()
+    generator = torch.Generator().manual_seed(3)
+    poses = torch.randn(3, 12, 92, generator=generator)
+    lengths = torch.tensor([5, 12, 2])
+    together = model(poses, lengths)
+    for row, n in enumerate(lengths.tolist()):
+        alone = model(poses[row : row + 1, :n])
+        torch.testing.assert_close(together[0][row, :n], alone[0][0], atol=1e-6, rtol=0)
+        torch.testing.assert_close(together[1][row, :n], alone[1][0], atol=1e-6, rtol=0)
+
+
+def test_it_looks_both_ways() -> None:
+    """Each output depends on the first and on the last frame."""
+    model = Gmr(ModelConfig(layers=1, hidden=6)).eval()
+    poses = torch.randn(1, 9, 92, generator=torch.Generator().manual_seed(5), requires_grad=True)
+    model(poses)[1][0, 4].sum().backward()
+    assert poses.grad is not None
+    assert (poses.grad[0].abs().sum(-1) > 0).all()
+
+
+def test_network_input_is_w_first_by_joint() -> None:
+    still = torch.eye(3).expand(4, 23, 3, 3)
+    assert torch.equal(network_input(still, "quaternion")[0, :8], torch.tensor([1.0, 0, 0, 0] * 2))
+    assert network_input(still, "axis-angle").shape == (4, 69)
+    assert network_input(still, "6d").shape == (4, 138)
