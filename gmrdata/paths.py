@@ -21,6 +21,8 @@ def safe_relative(text: str) -> str:
         raise ValueError(f"path {text!r} has a backslash or control character; use forward slashes")
     if ".." in text.split("/"):
         raise ValueError(f"path {text!r} climbs out with '..'; keep files below the manifest")
+    if text == ".":
+        raise ValueError("path '.' is the manifest's folder itself; name a file or folder below it")
     if PurePosixPath(text).as_posix() != text:
         raise ValueError(f"path {text!r} is not in its short form {PurePosixPath(text).as_posix()}")
     return text

@@ -30,7 +30,7 @@ def refused(path: Path, *words: str, hashes: bool = True) -> str:
 
 
 def rehash(data_set: Path, edit: Edit) -> Path:
-    """Make the manifest agree with a clip file that was changed, so that only its content is wrong."""
+    """Make the manifest agree with a changed clip file, so that only its content is wrong."""
     content = (data_set / "clips" / "walk.npz").read_bytes()
 
     def change(data: dict) -> None:

@@ -1,0 +1,43 @@
+"""FORMAT.md says what is so."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata import clip as clip_file
+from gmrdata.geometry.camera import project
+from gmrdata.manifest.read import load_clips
+from gmrdata.manifest.schema import json_schema
+from gmrdata.resources import format_page
+
+
+def test_every_field_is_on_the_page() -> None:
+    words = set(re.findall(r"\w+", format_page().read_text()))
+    fields = {name for model in json_schema()["$defs"].values() for name in model["properties"]}
+    assert fields - words == set()
+
+
+def test_every_array_is_on_the_page(finished_data_set: Path) -> None:
+    words = set(re.findall(r"`(\w+)`", format_page().read_text()))
+    assert set(clip_file.read_npz(finished_data_set / "clips" / "walk.npz")) - words == set()
+
+
+def test_the_pages_own_loader(finished_data_set: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = re.findall(r"```python\n(.*?)```", format_page().read_text(), re.DOTALL)
+    monkeypatch.chdir(finished_data_set)
+    found: dict[str, np.ndarray] = {}
+    exec(code[0], found)
+    clip = load_clips(finished_data_set / "set.yaml")[1]
+    camera = clip.camera
+    assert camera is not None
+    np.testing.assert_allclose(found["pelvis_m"], clip.motion.pelvis_m[clip.valid], atol=1e-12)
+    pelvis_px = project(
+        camera.world_from_cam[clip.valid],
+        clip.motion.pelvis_m[clip.valid][:, None],
+        camera.intrinsics_px,
+    )[:, 0]
+    in_front = np.isfinite(pelvis_px).all(axis=1)
+    assert in_front.any()
+    np.testing.assert_allclose(found["pelvis_px"][in_front, :2], pelvis_px[in_front], rtol=1e-9)

@@ -1,0 +1,55 @@
+"""The table of a manifest, and the difference of two."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+
+from gmrdata.manifest.show import diff_manifests, show_manifest
+from gmrdata.resources import published_manifest
+
+Edit = Callable[[Callable[[dict], None]], Path]
+
+
+def printed(path: Path) -> list[str]:
+    console = Console(width=200, record=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
+    console.print(show_manifest(path))
+    return console.export_text().splitlines()
+
+
+def test_table_of_a_data_set(finished_data_set: Path) -> None:
+    lines = printed(finished_data_set / "set.yaml")
+    assert "set 1.0.0 (synthetic), 2 clips" in lines[0]
+    row = next(line for line in lines if "walk" in line and "circular" in line)
+    cells = [cell.strip() for cell in row.strip("│").split("│")]
+    assert cells == ["walk", "gmrdata: walk", "circular", "10", "6", "5", "0.5", "CC0-1.0"]
+    assert any("10 frames to use" in line for line in lines)
+
+
+def test_table_of_a_list() -> None:
+    lines = printed(published_manifest("paper_table8"))
+    assert any("26942 frames to use" in line for line in lines)
+
+
+def test_same_manifests_do_not_differ(finished_data_set: Path) -> None:
+    path = finished_data_set / "set.yaml"
+    assert diff_manifests(path, path) == []
+
+
+def test_difference(finished_data_set: Path, edit: Edit) -> None:
+    def change(data: dict) -> None:
+        data["version"] = "1.1.0"
+        data["clips"][1]["fps_hz"] = 12.0
+        data["clips"][1]["quality"]["scale"] = 2.0
+        del data["clips"][1]["quality"]["registered_share"]
+        data["clips"][0]["id"] = "new"
+
+    old, new = finished_data_set / "set.yaml", edit(change)
+    assert diff_manifests(old, new) == [
+        "version: 1.0.0 -> 1.1.0",
+        "clips[bare]: removed",
+        "clips[walk].fps_hz: 10.0 -> 12.0",
+        "clips[walk].quality.registered_share: removed (0.8333333333333334)",
+        "clips[walk].quality.scale: added (2.0)",
+        "clips[new]: added",
+    ]

@@ -1,0 +1,203 @@
+"""Writing: same content, same bytes; versions never change; entries come from stage folders."""
+
+import hashlib
+import json
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata import clip as clip_file
+from gmrdata.config import Config
+from gmrdata.errors import BadManifest, MissingInput
+from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.current import ListManifest, Source
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.recipe import created_by, recipe_sha256, stage_recipe
+from gmrdata.manifest.write import write_manifest
+from gmrdata.store import run_stage
+
+ENTRY: dict[str, Any] = {
+    "camera_motion": "circular",
+    "licence": "CC0-1.0",
+    "source": Source(dataset="gmrdata", sequence="walk"),
+}
+
+
+def rewritten(root: Path, path: Path, **changed: Any) -> Path:
+    manifest = read_manifest(root / "set.yaml")
+    assert not isinstance(manifest, ListManifest)
+    fields = {name: getattr(manifest, name) for name in type(manifest).model_fields}
+    del fields["format"]
+    return write_manifest(path, **(fields | changed))
+
+
+def test_same_content_gives_the_same_bytes(data_set: Path) -> None:
+    before = (data_set / "set.yaml").read_bytes()
+    clips = read_manifest(data_set / "set.yaml").clips
+    rewritten(data_set, data_set / "set.yaml", clips=clips[::-1])
+    assert (data_set / "set.yaml").read_bytes() == before
+
+
+def test_no_machine_path_and_no_time_in_the_bytes(data_set: Path) -> None:
+    by = created_by({"motions": "/home/someone/cmu", "list": ["/a/b"], "n": 1}, {"b": 2, "a": 1})
+    text = rewritten(data_set, data_set / "other.yaml", created_by=by).read_text()
+    assert "/home" not in text
+    assert str(data_set) not in text
+    assert by.recipe == {"motions": "cmu", "list": ["b"], "n": 1}
+    assert list(by.seeds) == ["a", "b"]
+    assert by.packages["numpy"] == np.__version__
+
+
+def test_a_version_never_changes(data_set: Path) -> None:
+    path = data_set / "set.yaml"
+    before = path.read_bytes()
+    with pytest.raises(BadManifest, match=r"set 1\.0\.0 is there with other content.*raise the"):
+        rewritten(data_set, path, description="Other words.")
+    assert path.read_bytes() == before
+    rewritten(data_set, path, description="Other words.", version="1.0.1")
+    assert read_manifest(path).version == "1.0.1"
+    rewritten(data_set, path, description="Once more.", version="1.0.1", redo=True)
+    assert read_manifest(path).description == "Once more."
+
+
+def test_something_else_at_the_path_is_kept(data_set: Path) -> None:
+    path = data_set / "notes.yaml"
+    path.write_text("- my notes\n")
+    with pytest.raises(BadManifest, match="holds something that is no manifest"):
+        rewritten(data_set, path)
+    assert path.read_text() == "- my notes\n"
+
+
+@pytest.mark.parametrize(
+    "changed", [{"version": "1.0"}, {"kind": "real"}, {"name": ""}, {"kind": "list"}]
+)
+def test_broken_fields_write_nothing(data_set: Path, changed: dict[str, str]) -> None:
+    with pytest.raises(BadManifest, match=r"new\.yaml: can't be written"):
+        rewritten(data_set, data_set / "new.yaml", **changed)
+    assert not (data_set / "new.yaml").exists()
+
+
+def test_entry_of_a_clip(data_set: Path) -> None:
+    walk = read_manifest(data_set / "set.yaml").clips[1]
+    assert not hasattr(walk, "frames")
+    assert [(part.start, part.stop) for part in walk.kept] == [(0, 2), (3, 6)]
+    assert [(part.start, part.stop, part.reason) for part in walk.dropped] == [
+        (2, 3, "no camera found")
+    ]
+    content = (data_set / "clips" / "walk.npz").read_bytes()
+    assert walk.arrays.path == "clips/walk.npz"
+    assert walk.arrays.size_bytes == len(content)
+    assert walk.arrays.sha256 == hashlib.sha256(content).hexdigest()
+    assert (walk.images.folder, walk.images.count) == ("frames", 6)
+    assert walk.images.listing.path == "listings/frames.tsv"
+
+
+def test_listing_is_checked_by_sha256sum(data_set: Path) -> None:
+    """The command that FORMAT.md gives."""
+    command = "cut -f1,3 --output-delimiter='  ' ../listings/frames.tsv | sha256sum -c --quiet"
+    subprocess.run(["bash", "-c", command], cwd=data_set / "frames", check=True)
+    (data_set / "frames" / "00000.jpg").write_bytes(b"changed")
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=data_set / "frames", check=False, capture_output=True
+    )
+    assert done.returncode != 0
+
+
+def test_a_reason_per_row(data_set: Path, walk_clip: clip_file.Clip) -> None:
+    path = data_set / "clips" / "walk.npz"
+    valid = np.array([False, False, True, False, False, True])
+    clip_file.save_clip(path, replace(walk_clip, valid=valid), np.zeros(3))
+    reasons = ["drift", "drift", "", "drift", "no camera", ""]
+    entry = clip_entry(data_set, clip_path=path, dropped_reason=reasons, **ENTRY)
+    assert [(part.start, part.stop, part.reason) for part in entry.dropped] == [
+        (0, 2, "drift"),
+        (3, 4, "drift"),
+        (4, 5, "no camera"),
+    ]
+    with pytest.raises(BadManifest, match="5 reasons for 6 frames"):
+        clip_entry(data_set, clip_path=path, dropped_reason=reasons[1:], **ENTRY)
+
+
+def test_two_manifests_share_a_folder(data_set: Path) -> None:
+    """Found in use: listings named after the clip overwrote each other's masks."""
+    other = data_set / "other_masks"
+    (data_set / "masks").rename(other)
+    (data_set / "masks").mkdir()
+    for image in other.iterdir():
+        (data_set / "masks" / image.name).write_bytes(image.read_bytes())
+    for image in other.iterdir():
+        image.write_bytes(b"another mask")
+    entry = clip_entry(
+        data_set,
+        clip_path=data_set / "clips" / "walk.npz",
+        images_dir=data_set / "frames",
+        masks_dir=other,
+        **ENTRY,
+    )
+    rewritten(data_set, data_set / "second.yaml", name="second", clips=[entry])
+    check_manifest(data_set / "set.yaml")
+    check_manifest(data_set / "second.yaml")
+
+
+def test_entry_with_another_id(data_set: Path) -> None:
+    with pytest.raises(BadManifest, match="holds clip walk, not run"):
+        clip_entry(data_set, id="run", clip_path=data_set / "clips" / "walk.npz", **ENTRY)
+
+
+def test_id_that_would_write_elsewhere(data_set: Path, walk_clip: clip_file.Clip) -> None:
+    path = data_set / "clips" / "walk.npz"
+    clip_file.save_clip(path, replace(walk_clip, id="../../walk"), np.zeros(3))
+    with pytest.raises(BadManifest, match="can't be listed"):
+        clip_entry(data_set, clip_path=path, images_dir=data_set / "frames", **ENTRY)
+
+
+def test_file_outside_the_manifests_folder(data_set: Path) -> None:
+    with pytest.raises(BadManifest, match="write the manifest to a folder above"):
+        clip_entry(data_set / "frames", clip_path=data_set / "clips" / "walk.npz", **ENTRY)
+
+
+@pytest.mark.parametrize("folder", ["empty", "absent"])
+def test_no_images(data_set: Path, folder: str) -> None:
+    (data_set / "empty").mkdir()
+    with pytest.raises(MissingInput, match=folder):
+        clip_entry(
+            data_set,
+            clip_path=data_set / "clips" / "walk.npz",
+            images_dir=data_set / folder,
+            **ENTRY,
+        )
+
+
+class Blur(Config):
+    radius_px: int = 3
+    """Radius [px]."""
+    cache: str = "/var/cache/blur"
+    """A path of this machine."""
+
+
+def test_recipe_of_a_stage(data_set: Path, edit: Callable) -> None:
+    frame = data_set / "frames" / "00000.jpg"
+    work = lambda partial: (partial / "x").write_bytes(b"x")  # noqa: E731
+    out_dir = run_stage("blur", data_set / "blurred", Blur(), {"image": frame}, work)
+    recipe = stage_recipe(out_dir)
+    assert recipe.config == {"radius_px": 3, "cache": "blur"}
+    assert recipe.inputs == {"image": hashlib.sha256(frame.read_bytes()).hexdigest()}
+    content = {"stage": "blur", "config": recipe.config, "inputs": recipe.inputs}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    assert recipe.sha256 == hashlib.sha256(text.encode()).hexdigest()
+    assert recipe.sha256 == recipe_sha256("blur", recipe.config, recipe.inputs)
+    check_manifest(edit(lambda data: data["clips"][1].update(recipe=recipe.model_dump())))
+
+
+def test_recipe_of_a_folder_that_no_stage_made(data_set: Path) -> None:
+    with pytest.raises(MissingInput, match=r"stage\.json"):
+        stage_recipe(data_set)
+    (data_set / "stage.json").write_text("{}")
+    with pytest.raises(BadManifest, match="not a stage's record"):
+        stage_recipe(data_set)
