@@ -20,7 +20,7 @@ from gmrdata.body.tree import N_JOINTS
 from gmrdata.clip import read_npz
 from gmrdata.errors import BadMotionFile
 from gmrdata.motion.frame_rate import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
-from gmrdata.motion.ground import floor_height_m
+from gmrdata.motion.ground import put_on_floor
 from gmrdata.motion.motion import Motion
 from gmrdata.motion.rest_pose import leg_length_m
 from gmrdata.motion.retarget import gender_of
@@ -61,7 +61,7 @@ def read_amass(
             (its name, or SMPL of the file's gender; SMPL-X's betas mean something else); any other
             body gets its mean shape.
         source_body: The body whose betas the file holds, for the leg length of its subject.
-        ground: Whether to move the soles to z = 0, instead of leaving the file's heights.
+        ground: Whether to level the floor that the feet show and move it to z = 0.
 
     Raises:
         MissingInput: there is no such file.
@@ -85,21 +85,21 @@ def read_amass(
     scale = leg_length_m(body.rest_joints_m(shape)) / source_leg_m
     rotmats = _rotmats(poses)
     pelvis_m = (trans + source_pelvis_m) * scale
+    root_rotmats, tilt_deg = rotmats[:, 0], 0.0
     if ground:
-        pelvis_m[:, 2] -= floor_height_m(
-            body, shape, rotmats[:, 1:], rotmats[:, 0], pelvis_m, rate_hz
-        )
+        root_rotmats, pelvis_m, tilt_deg = put_on_floor(body, shape, rotmats, pelvis_m, rate_hz)
     shape_note = "betas of the file" if kept else "betas of the file not used"
     return Motion(
         local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
+        root_rotmats=root_rotmats,
         pelvis_m=pelvis_m,
         shape=shape,
         fps_hz=rate_hz,
         body=body.name,
         gender=gender_of(body),
         frame="world",
-        source=f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {shape_note}, path x {scale:.4f}",
+        source=f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {shape_note}, path x {scale:.4f}, "
+        f"floor levelled by {tilt_deg:.1f} deg",
     )
 
 

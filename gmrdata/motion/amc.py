@@ -17,6 +17,7 @@ from gmrdata.errors import BadMotionFile, MissingInput
 from gmrdata.motion.asf import Asf, read_asf
 from gmrdata.motion.frame_rate import check_rate_hz, cmu_rate_hz
 from gmrdata.motion.joint_maps import is_cmu
+from gmrdata.motion.recorded import recorded_rows
 from gmrdata.motion.skeleton import SourceMotion
 from gmrdata.motion.text_numbers import parse_block, parse_floats, read_text
 
@@ -65,6 +66,8 @@ def read_amc(
     first_line, body, degrees = _body(text, asf, path)
     layout = _layout(body, asf, asf_path, path, first_line)
     table = _table(body, layout, path, first_line)
+    rows, rows_notes = recorded_rows(table[:, 1:], [], is_cmu(asf.names), False, path)
+    table = table[rows]
     angles = {bone: table[:, columns] for bone, columns in layout.columns.items()}
     return SourceMotion(
         names=asf.names,
@@ -78,6 +81,7 @@ def read_amc(
             f"skeleton {asf_path.name}",
             f"{fps_hz:.7g} Hz ({rate_note})",
             f"{asf.unit_m:.6g} m per unit",
+            *rows_notes,
         ),
     )
 
@@ -180,8 +184,6 @@ def _table(body: list[str], layout: _Layout, path: Path, first_line: int) -> np.
             f"{path}: frame {after:g} follows frame {before:g}; frames are missing. Split the file "
             "there, or fetch it again"
         )
-    if n_frames < 2:
-        raise BadMotionFile(f"{path}: {n_frames} frame is no motion; it takes at least 2")
     return table
 
 

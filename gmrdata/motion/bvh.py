@@ -6,43 +6,22 @@ replace the offset, which for the root is what exporters write although the 1999
 them (for a motion that is put on the floor afterwards the two differ by a constant shift).
 """
 
-import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.errors import BadMotionFile
+from gmrdata.motion.bvh_hierarchy import Hierarchy, read_hierarchy
 from gmrdata.motion.frame_rate import check_rate_hz, cmu_rate_hz, rate_of_frame_time_hz
 from gmrdata.motion.joint_maps import is_cmu
+from gmrdata.motion.recorded import recorded_rows
 from gmrdata.motion.skeleton import SourceMotion
-from gmrdata.motion.text_numbers import parse_floats, parse_table, read_text
+from gmrdata.motion.text_numbers import parse_table, read_text
 
 CMU_UNIT_M = 0.0254 / 0.45
 """CMU's files hold inches times 0.45."""
 CENTIMETRE_M = 0.01
-
-_CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
-REST_FRAME_JUMP_DEG = 10.0
-"""A first frame without root rotation counts as an added rest pose when a joint then jumps this far."""
-
-
-@dataclass
-class _Hierarchy:
-    """The skeleton while it is being read."""
-
-    names: list[str] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    offsets: list[list[float]] = field(default_factory=list)
-    tips: list[list[float]] = field(default_factory=list)
-    channels: list[list[tuple[str, str]]] = field(default_factory=list)
-    """Per joint the (axis "X", kind "position" or "rotation") of each column."""
-    open_blocks: list[int | None] = field(default_factory=list)
-    """Joints whose braces are open; None stands for an End Site."""
-    announced: int | None = None
-    brace_due: bool = False
-    offset_due: bool = False
 
 
 def read_bvh(
@@ -59,8 +38,8 @@ def read_bvh(
         fps_hz: Frame rate to believe instead of the file's [Hz].  Without it, CMU files (known by
             their joints and their `02_03` names) have the rate of CMU's index, others their header's.
         unit_m: Metres per unit.  Without it, CMU files are 0.056444 m per unit, all others centimetres.
-        drop_rest_frame: Whether frame 0 is an added rest pose to leave out (cgspeed's CMU files begin
-            with one); None looks for itself: no root rotation at all, and a jump to frame 1.
+        drop_rest_frame: Whether frame 0 is an added rest pose to leave out, as in cgspeed's CMU
+            files; None looks for itself (see `recorded`).
 
     Raises:
         MissingInput: there is no such file.
@@ -70,7 +49,7 @@ def read_bvh(
     motion_line = next((i for i, line in enumerate(lines) if line.strip() == "MOTION"), None)
     if motion_line is None:
         raise BadMotionFile(f"{path}: no BVH file, or truncated: it has no line 'MOTION'")
-    tree = _read_hierarchy(lines[:motion_line], path)
+    tree = read_hierarchy(lines[:motion_line], path)
     n_frames, frame_time, table_line = _read_motion_header(lines, motion_line + 1, path)
     n_columns = sum(len(channels) for channels in tree.channels)
     table = parse_table(lines[table_line:], n_columns, n_frames, path, table_line + 1)
@@ -88,14 +67,9 @@ def read_bvh(
         f"{fps_hz:.7g} Hz ({rate_note})",
         f"{unit_m:.6g} m per unit ({unit_note})",
     )
-    angles_deg = _rotation_columns(tree, table)
-    if drop_rest_frame is None:
-        drop_rest_frame = _starts_with_rest_frame(angles_deg)
-    if drop_rest_frame:
-        table = table[1:]
-        notes = (*notes, "added rest pose in frame 0 dropped")
-    if len(table) < 2:
-        raise BadMotionFile(f"{path}: {len(table)} frames are no motion; it takes at least 2")
+    rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
+    rows, rows_notes = recorded_rows(table, rotation_columns, cmu, drop_rest_frame, path)
+    table, notes = table[rows], notes + rows_notes
     return SourceMotion(
         names=tuple(tree.names),
         parents=tuple(tree.parents),
@@ -119,92 +93,6 @@ def _choose_rate(
     return rate_of_frame_time_hz(frame_time[0], path, frame_time[1]), "header"
 
 
-def _read_hierarchy(lines: list[str], path: Path) -> _Hierarchy:
-    """Everything above MOTION."""
-    tree = _Hierarchy()
-    for line_number, line in enumerate(lines, 1):
-        for statement in re.findall(r"[{}]|[^{}]+", line):
-            if statement.strip():
-                _read_statement(tree, statement.strip(), path, line_number)
-    if tree.open_blocks or tree.brace_due:
-        raise BadMotionFile(f"{path}:{len(lines)}: a brace of the hierarchy is not closed")
-    if not tree.names:
-        raise BadMotionFile(f"{path}: the hierarchy has no ROOT")
-    return tree
-
-
-def _read_statement(tree: _Hierarchy, statement: str, path: Path, line_number: int) -> None:
-    """One statement or brace of the hierarchy."""
-    keyword, _, rest = statement.partition(" ")
-    keyword, _, tabbed = keyword.partition("\t")
-    rest = f"{tabbed} {rest}".strip()
-    here = tree.open_blocks[-1] if tree.open_blocks else None
-    if tree.brace_due != (keyword == "{"):
-        raise BadMotionFile(
-            f"{path}:{line_number}: '{{' and joints do not alternate; broken hierarchy"
-        )
-    if keyword == "{":
-        tree.open_blocks.append(tree.announced)
-        tree.brace_due, tree.offset_due = False, True
-    elif keyword == "}" and tree.open_blocks and not tree.offset_due:
-        tree.open_blocks.pop()
-    elif keyword.upper() in ("ROOT", "JOINT") and rest:
-        _announce_joint(tree, keyword.upper(), rest, path, line_number)
-    elif keyword.upper() == "END" and here is not None:
-        tree.announced, tree.brace_due = None, True
-    elif keyword.upper() == "OFFSET" and tree.offset_due:
-        _read_offset(tree, parse_floats(rest.split(), path, line_number), path, line_number)
-    elif keyword.upper() == "CHANNELS" and here is not None and not tree.channels[here]:
-        tree.channels[here] = _read_channels(rest.split(), path, line_number)
-    elif not (keyword == "HIERARCHY" and not tree.names):
-        raise BadMotionFile(
-            f"{path}:{line_number}: {statement[:40]!r} is not expected here; broken hierarchy"
-        )
-
-
-def _announce_joint(
-    tree: _Hierarchy, keyword: str, name: str, path: Path, line_number: int
-) -> None:
-    here = tree.open_blocks[-1] if tree.open_blocks else None
-    if (keyword == "ROOT") != (not tree.names) or (keyword == "JOINT" and here is None):
-        raise BadMotionFile(
-            f"{path}:{line_number}: {keyword} {name[:40]} is not inside the one ROOT; broken hierarchy"
-        )
-    if name in tree.names:
-        raise BadMotionFile(f"{path}:{line_number}: a second joint of the name {name[:40]}")
-    tree.announced, tree.brace_due = len(tree.names), True
-    tree.names.append(name)
-    tree.parents.append(-1 if here is None else here)
-    tree.offsets.append([0.0] * 3)
-    tree.tips.append([np.nan] * 3)
-    tree.channels.append([])
-
-
-def _read_offset(tree: _Hierarchy, offset: list[float], path: Path, line_number: int) -> None:
-    if len(offset) != 3:
-        raise BadMotionFile(f"{path}:{line_number}: an OFFSET has 3 numbers, not {len(offset)}")
-    tree.offset_due = False
-    here = tree.open_blocks[-1]
-    if here is not None:
-        tree.offsets[here] = offset
-        return
-    bone = tree.open_blocks[-2]
-    if bone is not None:
-        tree.tips[bone] = offset
-
-
-def _read_channels(words: list[str], path: Path, line_number: int) -> list[tuple[str, str]]:
-    matches = [_CHANNEL.match(word) for word in words[1:]]
-    channels = [(m.group(1).upper(), m.group(2).lower()) for m in matches if m]
-    if not words or words[0] != str(len(matches)) or len(channels) != len(matches):
-        raise BadMotionFile(
-            f"{path}:{line_number}: CHANNELS needs its count and as many names like Xposition, Zrotation"
-        )
-    if len(set(channels)) != len(channels):
-        raise BadMotionFile(f"{path}:{line_number}: a channel is listed twice")
-    return channels
-
-
 def _read_motion_header(
     lines: list[str], start: int, path: Path
 ) -> tuple[int, tuple[str, int], int]:
@@ -219,7 +107,7 @@ def _read_motion_header(
     return int(count), (keys[1][2].strip(), filled[1] + 1), filled[1] + 1
 
 
-def _columns(tree: _Hierarchy, kind: str) -> list[list[tuple[str, int]]]:
+def _columns(tree: Hierarchy, kind: str) -> list[list[tuple[str, int]]]:
     """Per joint, the (axis, column in the table) of its channels of one kind."""
     columns: list[list[tuple[str, int]]] = []
     column = 0
@@ -231,7 +119,7 @@ def _columns(tree: _Hierarchy, kind: str) -> list[list[tuple[str, int]]]:
     return columns
 
 
-def _local_rotmats(tree: _Hierarchy, table: np.ndarray) -> np.ndarray:
+def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
     """(T, J, 3, 3); the joints with one channel order are converted together."""
     rotmats = np.broadcast_to(np.eye(3), (len(table), len(tree.names), 3, 3)).copy()
     by_order: dict[str, list[tuple[int, list[int]]]] = {}
@@ -247,28 +135,10 @@ def _local_rotmats(tree: _Hierarchy, table: np.ndarray) -> np.ndarray:
     return rotmats
 
 
-def _translations(tree: _Hierarchy, table: np.ndarray) -> np.ndarray:
+def _translations(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
     """(T, J, 3) in the file's unit: offsets, replaced where there are position channels."""
     translations = np.tile(np.array(tree.offsets), (len(table), 1, 1))
     for joint, channels in enumerate(_columns(tree, "position")):
         for axis, column in channels:
             translations[:, joint, "XYZ".index(axis)] = table[:, column]
     return translations
-
-
-def _rotation_columns(tree: _Hierarchy, table: np.ndarray) -> list[np.ndarray]:
-    """Per joint, the (T, 0..3) angles [deg]."""
-    return [table[:, [c for _, c in channels]] for channels in _columns(tree, "rotation")]
-
-
-def _starts_with_rest_frame(angles_deg: list[np.ndarray]) -> bool:
-    """Whether frame 0 is a pose that was put in front of a recording.
-
-    A recorded root is never turned by exactly nothing.  In a recording that does start at rest, the
-    next frame is close to it; the added pose is followed by a jump.
-    """
-    root_deg, all_deg = angles_deg[0], np.concatenate(angles_deg, axis=1)
-    if len(all_deg) < 2 or all_deg.shape[1] == 0 or np.any(root_deg[0] != 0.0):
-        return False
-    jump_deg = np.abs((all_deg[1] - all_deg[0] + 180.0) % 360.0 - 180.0).max()
-    return bool(np.any(root_deg[1] != 0.0) and jump_deg > REST_FRAME_JUMP_DEG)

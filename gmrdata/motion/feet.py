@@ -33,7 +33,7 @@ def foot_corrections(
         rest_joints_m: (24, 3) zero pose of the source in rest axes (x left, y up, z front) [m].
         toe_tips_m: (2, 3) toe tip relative to the toe joint in the zero pose, left and right [m];
             NaN where unknown.
-        body_rest_joints_m: (24, 3) rest joints of the body [m].
+        body_rest_joints_m: (24, 3) rest joints of the body, whose soles are level [m].
         rotations: `{SMPL joint: (T, 3, 3)}` G of the ankles and toe joints that the source has.
         positions_m: `{SMPL joint: (T, 3)}` their positions [m], y up.
         fps_hz: Frame rate [Hz].

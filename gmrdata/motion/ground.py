@@ -1,92 +1,132 @@
-"""Putting a motion's soles on the floor z = 0."""
+"""Putting a motion's soles on the floor z = 0.
+
+Some recordings stand on a floor that their world's axes do not lie in: CMU's subjects 02 and 08, for
+one, rise by up to 7 cm on a walk of 3 m.  Where the standing feet show a plane that is tilted by at
+most 2.5 degrees, the whole motion is turned so that it is level; stairs, ramps and props are left alone.
+"""
 
 import numpy as np
 
 from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import JOINT, PARENTS
 from gmrdata.motion.feet import PLANTED_M_PER_S
+from gmrdata.motion.rest_pose import minimal_rotation
 from gmrdata.motion.skeleton import global_rotmats, joint_positions_m
 
 FOOT_JOINTS = tuple(
     JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")
 )
-SOLE_THICKNESS_M = 0.015
-"""Vertices that lie at most this much above a foot part's lowest one belong to its sole."""
+SOLE_STRIPS = 4
+"""Strips from back to front in which the lowest vertices of a foot part are looked for."""
 FLOOR_PERCENTILE = 10.0
-"""The floor is that percentile of the sole's height while a foot stands: low, against steps and curbs,
-but not the lowest, which is where a foot dips through."""
+"""The floor is that percentile of the height of standing soles: low, against steps and props, but not
+the lowest, which is where a foot dips through."""
+SHORTEST_SPREAD_M = 0.4
+"""A tilt is looked for along directions in which the standing feet spread by this (1 sigma)."""
+LARGEST_TILT_DEG = 2.5
+LARGEST_RESIDUAL_M = 0.025
+"""Standing feet are on one plane if 80 % of them are nearer to it than this."""
 
 
-def floor_height_m(
-    body: BodyModel,
-    shape: np.ndarray,
-    local_rotmats: np.ndarray,
-    root_rotmats: np.ndarray,
-    pelvis_m: np.ndarray,
-    fps_hz: float,
-) -> float:
-    """Height of the floor that a motion shows, in its own z-up frame.
-
-    Soles follow the ankle and toe joints rigidly here, which is exact enough (no skin bends at them).
+def put_on_floor(
+    body: BodyModel, shape: np.ndarray, rotmats: np.ndarray, pelvis_m: np.ndarray, fps_hz: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Level the floor that a motion shows and move it to z = 0.
 
     Args:
         body: The body.
         shape: (S,) its shape.
-        local_rotmats: (T, 23, 3, 3).
-        root_rotmats: (T, 3, 3).
-        pelvis_m: (T, 3) [m].
+        rotmats: (T, 24, 3, 3) local rotations, the root's (in a z-up world) first.
+        pelvis_m: (T, 3) pelvis path in the same world [m].
         fps_hz: Frame rate [Hz].
 
     Returns:
-        z of the floor [m]; subtract it from the pelvis path.
+        Root rotations (T, 3, 3), pelvis path (T, 3) [m], and the tilt that was taken away [deg].
     """
-    soles_m = sole_points_m(body, shape, local_rotmats, root_rotmats, pelvis_m)
-    lowest = soles_m[:, :, 2].argmin(axis=1)
-    rows = np.arange(len(soles_m))
-    heights_m = soles_m[rows, lowest, 2]
-    speeds = np.linalg.norm(np.gradient(soles_m, axis=0), axis=2)[rows, lowest] * fps_hz
-    standing = speeds < PLANTED_M_PER_S
-    return float(
-        np.percentile(heights_m[standing] if standing.any() else heights_m, FLOOR_PERCENTILE)
-    )
+    soles_m = sole_points_m(body, shape, rotmats, pelvis_m)
+    standing_m = _standing_points_m(soles_m, fps_hz)
+    level_from_world = _level_rotation(standing_m)
+    heights_m = (standing_m @ level_from_world.T)[:, 2]
+    if not len(heights_m):
+        heights_m = soles_m[:, :, 2].min(axis=1)
+    pelvis_m = pelvis_m @ level_from_world.T
+    pelvis_m[:, 2] -= np.percentile(heights_m, FLOOR_PERCENTILE)
+    tilt_deg = float(np.rad2deg(np.arccos(np.clip(level_from_world[2, 2], -1.0, 1.0))))
+    return level_from_world @ rotmats[:, 0], pelvis_m, tilt_deg
 
 
 def sole_points_m(
-    body: BodyModel,
-    shape: np.ndarray,
-    local_rotmats: np.ndarray,
-    root_rotmats: np.ndarray,
-    pelvis_m: np.ndarray,
+    body: BodyModel, shape: np.ndarray, rotmats: np.ndarray, pelvis_m: np.ndarray
 ) -> np.ndarray:
-    """Some points of both soles over time: (T, P, 3) [m], in the motion's frame."""
+    """Some points of the soles over time, (T, P, 3) [m].
+
+    They follow the ankle and toe joints rigidly; skin hardly bends there.
+    """
     rest_joints_m = body.rest_joints_m(shape)
-    rotmats = np.concatenate([root_rotmats[:, None], local_rotmats], axis=1)
-    steps_m = rest_joints_m - np.where(
-        np.array(PARENTS)[:, None] >= 0, rest_joints_m[list(PARENTS)], rest_joints_m
-    )
+    steps_m = np.zeros((len(PARENTS), 3))
+    steps_m[1:] = rest_joints_m[1:] - rest_joints_m[list(PARENTS[1:])]
     frame_from_joint = global_rotmats(PARENTS, rotmats)
     joints_m = joint_positions_m(PARENTS, frame_from_joint, steps_m) + pelvis_m[:, None]
     return np.concatenate(
         [
             joints_m[:, None, joint]
-            + np.einsum("tij,pj->tpi", frame_from_joint[:, joint], points - rest_joints_m[joint])
+            + (points - rest_joints_m[joint]) @ frame_from_joint[:, joint].swapaxes(-1, -2)
             for joint, points in _sole_vertices_m(body, shape).items()
         ],
         axis=1,
     )
 
 
+def _standing_points_m(soles_m: np.ndarray, fps_hz: float) -> np.ndarray:
+    """Lowest point of the lower foot in each frame in which it stands still: (N, 3) [m]."""
+    rows = np.arange(len(soles_m))
+    lowest = soles_m[:, :, 2].argmin(axis=1)
+    speeds = np.linalg.norm(np.gradient(soles_m, axis=0)[rows, lowest], axis=1) * fps_hz
+    return np.asarray(soles_m[rows, lowest][speeds < PLANTED_M_PER_S])
+
+
+def _level_rotation(points_m: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) that makes the plane of standing points (N, 3) level, or identity."""
+    if len(points_m) < 3:
+        return np.eye(3)
+    centred = points_m - np.median(points_m, axis=0)
+    variances, directions = np.linalg.eigh(np.cov(centred[:, :2].T))
+    wide = directions[:, variances >= SHORTEST_SPREAD_M**2]
+    if not wide.shape[1]:
+        return np.eye(3)
+    design = np.column_stack([centred[:, :2] @ wide, np.ones(len(centred))])
+    weights = np.ones(len(centred))
+    for _ in range(20):  # least absolute distances, by reweighting
+        root = np.sqrt(weights)
+        slopes = np.linalg.lstsq(design * root[:, None], centred[:, 2] * root, rcond=None)[0]
+        residuals_m = np.abs(centred[:, 2] - design @ slopes)
+        weights = 1.0 / np.maximum(residuals_m, 0.005)
+    normal = np.append(-wide @ slopes[:-1], 1.0)
+    on_plane = np.percentile(residuals_m, 80) <= LARGEST_RESIDUAL_M
+    gentle = np.hypot(normal[0], normal[1]) <= np.tan(np.deg2rad(LARGEST_TILT_DEG))
+    return minimal_rotation(normal, np.array([0.0, 0.0, 1.0])) if on_plane and gentle else np.eye(3)
+
+
 def _sole_vertices_m(body: BodyModel, shape: np.ndarray) -> dict[int, np.ndarray]:
-    """Rest positions of the sole's outermost vertices by the joint that carries them most [m]."""
+    """Rest positions of the sole's lowest vertices by the joint that carries them most [m]."""
     vertices_m = body.template_m + body.shape_dirs_m @ shape
     carrier = body.skin_weights.argmax(axis=1)
     soles = {}
     for joint in FOOT_JOINTS:
         part = vertices_m[carrier == joint]
         if len(part):
-            sole = part[part[:, 1] <= part[:, 1].min() + SOLE_THICKNESS_M]
-            extremes = [pick(sole[:, k]) for k in (0, 1, 2) for pick in (np.argmin, np.argmax)]
-            soles[joint] = sole[np.unique(extremes)]
+            edges = np.linspace(part[:, 2].min(), part[:, 2].max(), SOLE_STRIPS + 1)
+            strip = np.searchsorted(edges[1:-1], part[:, 2])
+            soles[joint] = np.concatenate(
+                [_lowest_on_each_side(part[strip == n]) for n in np.unique(strip)]
+            )
         else:
             soles[joint] = body.rest_joints_m(shape)[[joint]]
     return soles
+
+
+def _lowest_on_each_side(points_m: np.ndarray) -> np.ndarray:
+    """The lowest point of the left and of the right half of some points: (N, 3) -> (1 or 2, 3)."""
+    left = points_m[:, 0] >= points_m[:, 0].mean()
+    halves = [half for half in (points_m[left], points_m[~left]) if len(half)]
+    return np.stack([half[half[:, 1].argmin()] for half in halves])

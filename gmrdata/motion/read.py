@@ -46,7 +46,7 @@ def read_motion(
         drop_rest_frame: Whether a BVH's frame 0 is an added rest pose; None looks for itself.
         shape: (S,) shape of `body`; without it that of the file if it is of this body, else the mean.
         source_body: The body whose betas an AMASS file holds, for the leg length of its subject.
-        ground: Whether to put the soles on z = 0, instead of leaving the heights that the file implies.
+        ground: Whether to level the floor that the feet show and move it to z = 0.
 
     Returns:
         A motion in a z-up world with the floor at z = 0; `source` records what was decided.

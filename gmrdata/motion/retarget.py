@@ -26,7 +26,7 @@ parents.
 
 The path: as leg directions are the source's, feet stand still where the source's do if the middle of
 the hips moves as the source's does, times the ratio of the leg lengths (hip-knee-ankle, mean of both
-sides).  That ratio is all that is kept of a subject's size.  Last, the soles are put on z = 0.
+sides).  That ratio is all that is kept of a subject's size.  Last, the soles are put on z = 0 (`ground`).
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import JOINT, N_JOINTS, PARENTS
 from gmrdata.motion.feet import foot_corrections
-from gmrdata.motion.ground import floor_height_m
+from gmrdata.motion.ground import put_on_floor
 from gmrdata.motion.motion import Motion
 from gmrdata.motion.rest_pose import (
     LIMBS,
@@ -76,7 +76,7 @@ def retarget(
         upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while the
             person stands upright and looks ahead [deg], where that is not the zero pose.
         name: What messages and the motion's `source` call it, usually the file's name.
-        ground: Whether to move the soles to z = 0.
+        ground: Whether to level the floor that the feet show and move it to z = 0.
 
     Returns:
         The motion in a z-up world.
@@ -117,14 +117,20 @@ def retarget(
     middle_m = scale * sum(paths_m[hip] for hip in _HIPS) / len(_HIPS) @ WORLD_FROM_REST.T
     middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
     pelvis_m = middle_m - local_rotmats[:, 0] @ middle_from_pelvis_m
+    root_rotmats, tilt_deg = local_rotmats[:, 0], 0.0
     if ground:
-        pelvis_m[:, 2] -= floor_height_m(
-            body, shape, local_rotmats[:, 1:], local_rotmats[:, 0], pelvis_m, source.fps_hz
+        root_rotmats, pelvis_m, tilt_deg = put_on_floor(
+            body, shape, local_rotmats, pelvis_m, source.fps_hz
         )
-    notes = [*source.notes, f"path x {scale:.4f}", f"flat foot at {flat_pitch_deg:+.1f} deg"]
+    notes = [
+        *source.notes,
+        f"path x {scale:.4f}",
+        f"flat foot at {flat_pitch_deg:+.1f} deg",
+        f"floor levelled by {tilt_deg:.1f} deg",
+    ]
     return Motion(
         local_rotmats=local_rotmats[:, 1:],
-        root_rotmats=local_rotmats[:, 0],
+        root_rotmats=root_rotmats,
         pelvis_m=pelvis_m,
         shape=shape,
         fps_hz=source.fps_hz,
