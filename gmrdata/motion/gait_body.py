@@ -71,7 +71,7 @@ def place_pelvis(
     style: GaitStyle,
     hip_height_m: float,
 ) -> np.ndarray:
-    """Pelvis at the height of its bob and the ground (T,), before it is lifted: (T, 3) world [m]."""
+    """Pelvis at the height of its bob and the ground (T,), not lifted yet: (T, 3) world [m]."""
     pelvis = np.zeros((len(steps), 3))
     pelvis[:, :2] = path.position_m(path.s_at(steps))
     side = style.sway_m * np.cos(np.pi * (steps - style.duty))
@@ -142,9 +142,9 @@ def swing_arms(
         flexion = style.arm_mean_rad + style.arm_swing_rad * swing
         slow = np.sin(0.5 * time_s + style.wander[1] + out)
         down = np.pi / 2 - style.arm_out_rad - droop_rad + np.radians(1.5) * slow
-        shoulder = (
-            turn("x", -flexion) @ turn("z", -out * down) @ turn("x", np.array(style.arm_in_rad))
-        )
+        # A bent forearm points past the hip while the arm is at the back, inwards in front.
+        inwards = style.arm_in_rad * (0.5 + 0.5 * swing)
+        shoulder = turn("x", -flexion) @ turn("z", -out * down) @ turn("x", inwards)
         elbow = style.elbow_rad + style.elbow_swing_rad * (swing + 0.2 * slow)
         local[:, JOINT[f"{side}_shoulder"] - 1] = shoulder
         local[:, JOINT[f"{side}_elbow"] - 1] = turn("y", -out * elbow)

@@ -173,7 +173,7 @@ def foot_poses(
 def _below_ankle(
     row: np.ndarray, swing: np.ndarray, path: GroundPath, plan: Footsteps, style: GaitStyle
 ) -> np.ndarray:
-    """Point of the flat sole below the ankle at (T,) shares of the swing from a footfall: (T, 3) [m].
+    """Point of the flat sole below the ankle at (T,) shares of a swing: (T, 3) [m].
 
     It follows the path's bends, as a straight line would lead the outer foot through the inner leg.
     """

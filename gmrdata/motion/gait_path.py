@@ -11,7 +11,7 @@ from gmrdata.motion.gait_style import GaitStyle
 Curve = Callable[[np.ndarray], np.ndarray]
 
 FIGURE_EIGHT_RAD = 2.404825557695773
-"""First zero of the Bessel function J0: a heading a*sin(2*pi*s/L) with this a closes to an eight."""
+"""First zero of the Bessel function J0: a heading a*sin(2*pi*s/L) with this a makes an eight."""
 
 BEND = 0.15
 """Bends shorten steps by 1 / (1 + BEND * curvature^2): to half where the radius is about 0.4 m."""

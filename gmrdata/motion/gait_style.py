@@ -22,7 +22,7 @@ GRAVITY_M_S2 = 9.81
 
 @dataclass(frozen=True)
 class GaitStyle:
-    """One person's way to move; amplitudes are half of peak to peak, angles relative to the T-pose."""
+    """One person's way to move; amplitudes are half of peak to peak."""
 
     step_m: float
     """Distance between successive footfalls along the path [m]."""
@@ -126,7 +126,7 @@ def _walk(
         lean_rad=deg(0, 5),
         arm_swing_rad=vigour * deg(13, 24),
         arm_mean_rad=deg(-4, 4),
-        arm_out_rad=deg(9, 14),
+        arm_out_rad=deg(10, 16),
         arm_in_rad=deg(8, 25),
         elbow_rad=deg(14, 26),
         elbow_swing_rad=vigour * deg(4, 10),
@@ -162,7 +162,7 @@ def _run(leg_m: float, rng: np.random.Generator) -> GaitStyle:
         lean_rad=deg(7, 13),
         arm_swing_rad=deg(26, 38),
         arm_mean_rad=deg(-14, -6),
-        arm_out_rad=deg(12, 18),
+        arm_out_rad=deg(18, 26),
         arm_in_rad=deg(15, 30),
         elbow_rad=deg(78, 95),
         elbow_swing_rad=deg(5, 12),
