@@ -20,6 +20,8 @@ FRAME_LINE = "gmrdata-frame"
 """What the Blender process prints, with the frame's number, when a frame and its mask are there."""
 LOG_FILE = "blender.log"
 LOG_LINES = 12
+PACKAGES_DIR = Path(__file__).resolve().parent.parent
+"""Where the packages `gmrdata` and `blender` are, side by side in a checkout and in a wheel."""
 
 
 class SceneConfig(Config):
@@ -122,7 +124,12 @@ def _run_blender(job: RenderJob, partial_dir: Path, on_frame: Callable[[int], No
     command = [sys.executable, "-m", "blender", str(job_path), "--parent", str(os.getpid())]
     with log_path.open("w", encoding="utf-8") as log:
         process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
+            command,
+            cwd=PACKAGES_DIR,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
         )
         try:
             assert process.stdout is not None
