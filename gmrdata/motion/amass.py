@@ -1,8 +1,9 @@
 """Reader of AMASS .npz files (SMPL+H and SMPL-X releases), SMPL arrays, and gmrdata's own clips.
 
 Poses are local rotations of the SMPL tree already, so they are kept as they are on every body.  Of
-the hands, the first index joint stands for SMPL's hand joint: 22 and 37 of SMPL+H's 52 joints, as the
-video-based estimators take it, and likewise 25 and 40 of SMPL-X's 55; other fingers are left out.
+the hands, the first index joint stands for SMPL's hand joint: 22 and 37 of SMPL+H's 52 joints, as
+the video-based estimators take it, and likewise 25 and 40 of SMPL-X's 55; other fingers are left
+out.
 
 AMASS's `trans` is the pelvis less J0(betas), a constant, so the path's form does not need J0; its
 place over the floor comes from the body's own soles.  The path is scaled by the ratio of the leg
@@ -37,7 +38,7 @@ _EXTRA = re.compile(r"(^shape|_stagei|^neutral_stagei)$")
 
 
 def is_amass_extra(path: Path) -> bool:
-    """Whether a file name is that of AMASS's `shape.npz` or `*_stagei.npz`, which hold no motion."""
+    """Whether a file is AMASS's `shape.npz` or a `*_stagei.npz`, which hold no motion."""
     return path.suffix.lower() == ".npz" and bool(_EXTRA.search(path.stem))
 
 
@@ -55,8 +56,8 @@ def read_amass(
     Args:
         path: The file.
         body: The body to put it on.
-        fps_hz: Frame rate to believe instead of the file's [Hz].  Without it CMU's index decides for
-            CMU's 60 Hz subjects (AMASS's releases disagree on them), the file otherwise.
+        fps_hz: Frame rate to believe instead of the file's [Hz].  Without it CMU's index decides
+            for CMU's 60 Hz subjects (AMASS's releases disagree on them), the file otherwise.
         shape: (S,) shape of `body`.  Without it the file's betas are kept if they are of this body
             (its name, or SMPL of the file's gender; SMPL-X's betas mean something else); any other
             body gets its mean shape.
@@ -69,7 +70,8 @@ def read_amass(
     """
     if is_amass_extra(path):
         raise BadMotionFile(
-            f"{path}: holds a subject's shape and no motion; motions are *_poses.npz and *_stageii.npz"
+            f"{path}: holds a subject's shape and no motion; motions are *_poses.npz and "
+            "*_stageii.npz"
         )
     arrays = read_npz(path)
     if str(arrays.get("frame", "world")) != "world":
@@ -108,7 +110,8 @@ def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray,
     missing = [key for key in ("poses", "trans") if key not in arrays]
     if missing:
         raise BadMotionFile(
-            f"{path}: no AMASS motion, it has no array {missing[0]!r} (it has {', '.join(arrays)[:200]})"
+            f"{path}: no AMASS motion, it has no array {missing[0]!r} (it has {', "
+            "'.join(arrays)[:200]})"
         )
     poses, trans = _numbers(arrays, "poses", path), _numbers(arrays, "trans", path)
     if poses.ndim != 2 or poses.shape[1] not in HANDS:

@@ -1,8 +1,8 @@
 """Reader of Acclaim AMC motions on their ASF skeleton: CMU's own form of its motions.
 
 Each bone has an `axis` rotation C, in which its degrees of freedom are measured.  With M the
-rotation by the AMC's angles, applied about fixed axes in the listed order, the bone turns relative to
-its parent by C M C^-1, in axes that are parallel to the world's in the zero pose.  A bone starts
+rotation by the AMC's angles, applied about fixed axes in the listed order, the bone turns relative
+to its parent by C M C^-1, in axes that are parallel to the world's in the zero pose.  A bone starts
 where its parent ends.
 """
 
@@ -141,13 +141,15 @@ def _layout(body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: i
         name = words[0]
         if name not in asf.names or name in columns:
             raise BadMotionFile(
-                f"{path}:{line_number}: bone {name[:40]} is not in {asf_path.name}, or comes twice; "
+                f"{path}:{line_number}: bone {name[:40]} is not in {asf_path.name}, or comes "
+                "twice; "
                 "the AMC belongs to another skeleton: give its asf_path"
             )
         due = 6 if name == "root" else len(asf.channels[asf.names.index(name)])
         if len(words) - 1 != due:
             raise BadMotionFile(
-                f"{path}:{line_number}: {len(words) - 1} values for {name}, where {asf_path.name} has "
+                f"{path}:{line_number}: {len(words) - 1} values for {name}, where {asf_path.name} "
+                "has "
                 f"{due} degrees of freedom; give the asf_path that belongs to this AMC"
             )
         columns[name] = slice(column, column + due)
@@ -209,7 +211,8 @@ def _explain(body: list[str], layout: _Layout, path: Path, first_line: int) -> N
         position += 1
     if position % len(due):
         raise BadMotionFile(
-            f"{path}:{first_line + len(body)}: the last frame is not complete; the file is truncated"
+            f"{path}:{first_line + len(body)}: the last frame is not complete; the file is "
+            "truncated"
         )
 
 

@@ -51,8 +51,8 @@ def read_asf(path: Path, *, unit_m: float | None = None) -> Asf:
 
     Args:
         path: The file.
-        unit_m: Metres per unit; without it inches divided by the file's `length`, which is CMU's use
-            (0.056444 m for `length 0.45`).
+        unit_m: Metres per unit; without it inches divided by the file's `length`, which is CMU's
+            use (0.056444 m for `length 0.45`).
 
     Raises:
         MissingInput: there is no such file.

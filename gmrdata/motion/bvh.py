@@ -36,8 +36,10 @@ def read_bvh(
     Args:
         path: The file.
         fps_hz: Frame rate to believe instead of the file's [Hz].  Without it, CMU files (known by
-            their joints and their `02_03` names) have the rate of CMU's index, others their header's.
-        unit_m: Metres per unit.  Without it, CMU files are 0.056444 m per unit, all others centimetres.
+            their joints and their `02_03` names) have the rate of CMU's index, others their
+            header's.
+        unit_m: Metres per unit.  Without it, CMU files are 0.056444 m per unit, all others
+            centimetres.
         drop_rest_frame: Whether frame 0 is an added rest pose to leave out, as in cgspeed's CMU
             files; None looks for itself (see `recorded`).
 

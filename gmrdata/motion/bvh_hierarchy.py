@@ -80,7 +80,8 @@ def _announce_joint(tree: Hierarchy, keyword: str, name: str, path: Path, line_n
     here = tree.open_blocks[-1] if tree.open_blocks else None
     if (keyword == "ROOT") != (not tree.names) or (keyword == "JOINT" and here is None):
         raise BadMotionFile(
-            f"{path}:{line_number}: {keyword} {name[:40]} is not inside the one ROOT; broken hierarchy"
+            f"{path}:{line_number}: {keyword} {name[:40]} is not inside the one ROOT; broken "
+            "hierarchy"
         )
     if name in tree.names:
         raise BadMotionFile(f"{path}:{line_number}: a second joint of the name {name[:40]}")
@@ -110,7 +111,8 @@ def _read_channel_names(words: list[str], path: Path, line_number: int) -> list[
     channels = [(m.group(1).upper(), m.group(2).lower()) for m in matches if m]
     if not words or words[0] != str(len(matches)) or len(channels) != len(matches):
         raise BadMotionFile(
-            f"{path}:{line_number}: CHANNELS needs its count and as many names like Xposition, Zrotation"
+            f"{path}:{line_number}: CHANNELS needs its count and as many names like Xposition, "
+            "Zrotation"
         )
     if len(set(channels)) != len(channels):
         raise BadMotionFile(f"{path}:{line_number}: a channel is listed twice")

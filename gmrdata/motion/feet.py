@@ -72,14 +72,14 @@ def _heading(bone: np.ndarray) -> np.ndarray:
 
 
 def _flat_frame(rest_joints_m: np.ndarray, toe_tip_m: np.ndarray, side: str) -> np.ndarray:
-    """Axes of a source's foot in the zero pose, (3, 3): x sideways, y off the floor, z to the toes."""
+    """Axes of a foot in the zero pose, (3, 3): x sideways, y off the floor, z to the toes."""
     bone = _foot_bone(rest_joints_m, side)
     roll = _roll(bone, toe_tip_m)
     return roll @ _heading(roll.T @ bone)
 
 
 def _roll(foot_bone: np.ndarray, toe_bone: np.ndarray) -> np.ndarray:
-    """How the zero pose tilts the foot sideways: (3, 3), identity where the foot does not show it."""
+    """How the zero pose tilts a foot sideways: (3, 3), identity where it does not show."""
     sideways = np.cross(toe_bone, foot_bone)
     size = np.linalg.norm(toe_bone) * np.linalg.norm(foot_bone)
     if not np.linalg.norm(sideways) > np.sin(np.deg2rad(5.0)) * size:
@@ -97,7 +97,7 @@ def _planted_pitch_deg(
     positions_m: Mapping[int, np.ndarray],
     fps_hz: float,
 ) -> float:
-    """Pitch of the foot's z axis, toes up, while it stands still; 0 where that is not to be told."""
+    """Pitch of the foot's z axis, toes up, while it stands still; 0 where it can't be told."""
     pitches = []
     for side in SIDES:
         ankle, foot, joint = (JOINT[f"{side}_{p}"] for p in ("ankle", "foot", part))

@@ -15,7 +15,7 @@ LOWEST_HZ, HIGHEST_HZ = 1.0, 1000.0
 
 
 def cmu_subject(path: Path) -> int | None:
-    """Subject number in a file name of CMU's pattern (`02_03.amc`, `62_11_poses.npz`), else None."""
+    """Subject number in a file name like CMU's `02_03.amc` or `62_11_poses.npz`, else None."""
     match = CMU_TRIAL.match(path.stem)
     return int(match.group(1)) if match else None
 
@@ -62,7 +62,8 @@ def check_rate_hz(fps_hz: float, path: Path) -> float:
     """
     if not LOWEST_HZ <= fps_hz <= HIGHEST_HZ:
         raise BadMotionFile(
-            f"{path}: a frame rate of {fps_hz:g} Hz is not from {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz; "
+            f"{path}: a frame rate of {fps_hz:g} Hz is not from {LOWEST_HZ:g} to {HIGHEST_HZ:g} "
+            "Hz; "
             "give the true rate with fps_hz"
         )
     return float(fps_hz)

@@ -1,8 +1,9 @@
 """Putting a motion's soles on the floor z = 0.
 
-Some recordings stand on a floor that their world's axes do not lie in: CMU's subjects 02 and 08, for
-one, rise by up to 7 cm on a walk of 3 m.  Where the standing feet show a plane that is tilted by at
-most 2.5 degrees, the whole motion is turned so that it is level; stairs, ramps and props are left alone.
+Some recordings stand on a floor that their world's axes do not lie in: CMU's subjects 02 and 08,
+for one, rise by up to 7 cm on a walk of 3 m.  Where the standing feet show a plane that is tilted
+by at most 2.5 degrees, the whole motion is turned so that it is level; stairs, ramps and props are
+left alone.
 """
 
 import numpy as np
@@ -19,8 +20,8 @@ FOOT_JOINTS = tuple(
 SOLE_STRIPS = 4
 """Strips from back to front in which the lowest vertices of a foot part are looked for."""
 FLOOR_PERCENTILE = 10.0
-"""The floor is that percentile of the height of standing soles: low, against steps and props, but not
-the lowest, which is where a foot dips through."""
+"""The floor is that percentile of the height of standing soles: low, against steps and props, but
+not the lowest, which is where a foot dips through."""
 SHORTEST_SPREAD_M = 0.4
 """A tilt is looked for along directions in which the standing feet spread by this (1 sigma)."""
 LARGEST_TILT_DEG = 2.5

@@ -44,7 +44,8 @@ def read_motion(
         unit_m: Metres per unit of a BVH or ASF, where the convention is wrong (see the readers).
         asf_path: Skeleton of an AMC, where it does not lie beside it.
         drop_rest_frame: Whether a BVH's frame 0 is an added rest pose; None looks for itself.
-        shape: (S,) shape of `body`; without it that of the file if it is of this body, else the mean.
+        shape: (S,) shape of `body`; without it that of the file if it is of this body, else the
+            mean.
         source_body: The body whose betas an AMASS file holds, for the leg length of its subject.
         ground: Whether to level the floor that the feet show and move it to z = 0.
 
@@ -67,7 +68,8 @@ def read_motion(
         source = read_amc(path, asf_path=asf_path, fps_hz=fps_hz, unit_m=unit_m)
     else:
         raise BadMotionFile(
-            f"{path}: no known motion format; a motion is a .bvh, an .amc with its .asf, or an AMASS .npz"
+            f"{path}: no known motion format; a motion is a .bvh, an .amc with its .asf, or an "
+            "AMASS .npz"
         )
     joints = find_joints(source.names, joint_map, path)
     upright = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else None
@@ -79,9 +81,10 @@ def read_motion(
 def find_motions(folder: Path) -> list[Path]:
     """Motion files in a folder and its subfolders, sorted by path.
 
-    Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses.  A trial that is
-    there both as AMC and as BVH (same name in one folder, or the same CMU name `02_03` anywhere) is
-    listed once, as AMC: that is CMU's own form.  Links that lead out of the folder are not followed.
+    Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses.  A trial that
+    is there both as AMC and as BVH (same name in one folder, or the same CMU name `02_03` anywhere)
+    is listed once, as AMC: that is CMU's own form.  Links that lead out of the folder are not
+    followed.
 
     Raises:
         MissingInput: there is no such folder.
@@ -110,7 +113,7 @@ def _is_inside(file: Path, folder: Path) -> bool:
 
 
 def _is_motion(file: Path) -> bool:
-    """False for an .npz that holds something else.  A broken one counts, so that reading it says so."""
+    """False for an .npz of something else.  A broken one counts, so that reading it says so."""
     if file.suffix.lower() != ".npz":
         return True
     if is_amass_extra(file):

@@ -20,9 +20,9 @@ def recorded_rows(
 ) -> tuple[slice, tuple[str, ...]]:
     """The recorded rows of a file's table of channels.
 
-    cgspeed's CMU files begin with a T-pose.  A recorded root is never turned by exactly nothing; in a
-    recording that does start at rest the next frame is close to it, after the added pose comes a jump.
-    Some CMU trials (09_10) hold rows of nothing but zeros before or after the recording.
+    cgspeed's CMU files begin with a T-pose.  A recorded root is never turned by exactly nothing; in
+    a recording that does start at rest the next frame is close to it, after the added pose comes a
+    jump. Some CMU trials (09_10) hold rows of nothing but zeros before or after the recording.
 
     Args:
         table: (T, C) channels; angles in degrees.

@@ -85,7 +85,8 @@ def slice_motion(motion: Motion, start: int, stop: int) -> Motion:
     """
     if not 0 <= start < stop <= motion.n_frames:
         raise BadRecipe(
-            f"{motion.source}: frames {start} to {stop} are not in a motion of {motion.n_frames} frames"
+            f"{motion.source}: frames {start} to {stop} are not in a motion of {motion.n_frames} "
+            "frames"
         )
     return replace(
         motion,

@@ -1,9 +1,9 @@
 """Retargeting: a motion on its own skeleton -> the 24-joint SMPL tree of a given body.
 
 Let G_j(t) be the global rotation of a source joint away from the source's zero pose, written in the
-body's rest axes (x left, y up, z front; the zero pose shows them), and W the turn from those axes to
-the z-up world (+90 degrees about x, so that a standing person is as in AMASS).  The body's joint gets
-the global rotation
+body's rest axes (x left, y up, z front; the zero pose shows them), and W the turn from those axes
+to the z-up world (+90 degrees about x, so that a standing person is as in AMASS).  The body's joint
+gets the global rotation
 
     H_j(t) = W G_j(t) C_j
 
@@ -13,20 +13,23 @@ with a constant C_j that turns the body's rest pose into the source's zero pose 
   upper arm, forearm) to the source's.  Bone directions then are the source's, always.  The smallest
   rotation adds no twist: palms that look down in both rest poses look the same way afterwards.
 - ankle, foot: the zero pose may splay the legs and roll the feet with them (CMU: 20 degrees).  The
-  roll is the tilt of the plane through ankle, toe joint and toe tip, which is upright in a flat foot.
-  The heading of the body's ankle-to-toe bone is made the source's; its pitch is not, as that only
-  tells how high the ankle sits.  What pitch a flat foot has is read from the frames in which a foot
-  stands still (CMU's subjects differ by up to 15 degrees); without such frames the zero pose is flat.
-- neck, head: CMU's zero pose looks up; its known pitch (`joint_maps.CMU_UPRIGHT_PITCH_DEG`) is undone.
+  roll is the tilt of the plane through ankle, toe joint and toe tip, which is upright in a flat
+  foot. The heading of the body's ankle-to-toe bone is made the source's; its pitch is not, as that
+  only tells how high the ankle sits.  What pitch a flat foot has is read from the frames in which a
+  foot stands still (CMU's subjects differ by up to 15 degrees); without such frames the zero pose
+  is flat.
+- neck, head: CMU's zero pose looks up; its known pitch (`joint_maps.CMU_UPRIGHT_PITCH_DEG`) is
+undone.
 - pelvis, spine, collars, wrists, hands: none.  Both rest poses hold them upright, palms down.
 
 Local rotations are H_parent^T H_j.  Source joints that are not in the map (CMU's hip joints, extra
-spine and neck joints) thus are merged, as G is global; SMPL joints that the source lacks follow their
-parents.
+spine and neck joints) thus are merged, as G is global; SMPL joints that the source lacks follow
+their parents.
 
-The path: as leg directions are the source's, feet stand still where the source's do if the middle of
-the hips moves as the source's does, times the ratio of the leg lengths (hip-knee-ankle, mean of both
-sides).  That ratio is all that is kept of a subject's size.  Last, the soles are put on z = 0 (`ground`).
+The path: as leg directions are the source's, feet stand still where the source's do if the middle
+of the hips moves as the source's does, times the ratio of the leg lengths (hip-knee-ankle, mean of
+both sides).  That ratio is all that is kept of a subject's size.  Last, the soles are put on z = 0
+(`ground`).
 """
 
 from collections.abc import Mapping
@@ -73,8 +76,8 @@ def retarget(
         joints: `{SMPL joint: source joint}`, as `joint_maps.find_joints` gives it.
         body: The body.
         shape: (S,) shape coefficients of the body; without them its mean shape.
-        upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while the
-            person stands upright and looks ahead [deg], where that is not the zero pose.
+        upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while
+            the person stands upright and looks ahead [deg], where that is not the zero pose.
         name: What messages and the motion's `source` call it, usually the file's name.
         ground: Whether to level the floor that the feet show and move it to z = 0.
 
@@ -179,7 +182,7 @@ def _local_rotmats(
 
 
 def _toe_tips_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
-    """(2, 3) left and right toe tip relative to the toe joint, in the source's axes; NaN if unknown."""
+    """(2, 3) left and right toe tip from the toe joint, in the source's axes; NaN if unknown."""
     tips_m = np.full((2, 3), np.nan)
     for row, joint in enumerate((JOINT["left_foot"], JOINT["right_foot"])):
         if joint in joints:

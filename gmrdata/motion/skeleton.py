@@ -10,9 +10,9 @@ import numpy as np
 class SourceMotion:
     """T frames of a skeleton of J joints, in the file's own axes, in metres.
 
-    A joint's frame is parallel to the world's in the file's zero pose, so a global rotation says how
-    far the joint has turned away from the zero pose.  Both formats are brought to this form, so the
-    same motion has the same rotations whichever file it came from.
+    A joint's frame is parallel to the world's in the file's zero pose, so a global rotation says
+    how far the joint has turned away from the zero pose.  Both formats are brought to this form, so
+    the same motion has the same rotations whichever file it came from.
     """
 
     names: tuple[str, ...]
@@ -22,11 +22,11 @@ class SourceMotion:
     offsets_m: np.ndarray
     """(J, 3) joint position relative to its parent's in the zero pose [m]."""
     tips_m: np.ndarray
-    """(J, 3) end of the joint's own bone relative to the joint in the zero pose [m]; NaN if unknown."""
+    """(J, 3) end of the joint's bone relative to the joint in the zero pose [m]; NaN if unknown."""
     local_rotmats: np.ndarray
     """(T, J, 3, 3) parent_from_joint rotations; of the root: world_from_joint."""
     translations_m: np.ndarray
-    """(T, J, 3) joint position in its parent's frame [m]; of the root: position in the file's world."""
+    """(T, J, 3) joint position in its parent's frame [m]; of the root: in the file's world."""
     fps_hz: float
     """Frame rate [Hz]."""
     notes: tuple[str, ...]

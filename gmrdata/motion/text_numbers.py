@@ -1,4 +1,4 @@
-"""Numbers in motion files: fast conversion of large blocks, exact messages when something is wrong."""
+"""Numbers in motion files: fast conversion of large blocks, exact messages for what is wrong."""
 
 import warnings
 from pathlib import Path
@@ -53,7 +53,7 @@ def parse_floats(words: list[str], path: Path, line_number: int) -> list[float]:
 
 
 def parse_block(text: str) -> np.ndarray | None:
-    """All numbers of a text as a flat array, or None where one of its words is not a usable number."""
+    """All numbers of a text as a flat array, or None where one of its words is no usable number."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
