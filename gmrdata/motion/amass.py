@@ -110,8 +110,8 @@ def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray,
     missing = [key for key in ("poses", "trans") if key not in arrays]
     if missing:
         raise BadMotionFile(
-            f"{path}: no AMASS motion, it has no array {missing[0]!r} (it has {', "
-            "'.join(arrays)[:200]})"
+            f"{path}: no AMASS motion, it has no array {missing[0]!r} "
+            f"(it has {', '.join(arrays)[:200]})"
         )
     poses, trans = _numbers(arrays, "poses", path), _numbers(arrays, "trans", path)
     if poses.ndim != 2 or poses.shape[1] not in HANDS:

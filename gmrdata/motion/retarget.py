@@ -19,7 +19,7 @@ with a constant C_j that turns the body's rest pose into the source's zero pose 
   foot stands still (CMU's subjects differ by up to 15 degrees); without such frames the zero pose
   is flat.
 - neck, head: CMU's zero pose looks up; its known pitch (`joint_maps.CMU_UPRIGHT_PITCH_DEG`) is
-undone.
+  undone.
 - pelvis, spine, collars, wrists, hands: none.  Both rest poses hold them upright, palms down.
 
 Local rotations are H_parent^T H_j.  Source joints that are not in the map (CMU's hip joints, extra
