@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from matplotlib.figure import Figure
 
 from gmrdata.errors import BadFrames
 from gmrdata.report.bars import BARS, figure_texts, verdicts
@@ -25,7 +26,7 @@ _GEOMETRY_WORDS = {
 
 def clip_section(index: int, clip: ClipReport) -> str:
     """HTML of a clip: figures, frames with overlays, paths from above, errors over time."""
-    paths = svg(lambda fig: top_view(fig.subplots(), clip), 5.2, 5.0, f"paths-{index}")
+    paths = svg(lambda fig: _paths(fig, clip), 5.2, 5.0, f"paths-{index}")
     errors = svg(lambda fig: error_panels(fig, clip), 7.4, 5.0, f"errors-{index}")
     return (
         f'<section class="clip" id="clip-{index}"><h2>{text(clip.id)} '
@@ -35,6 +36,10 @@ def clip_section(index: int, clip: ClipReport) -> str:
         f"{figure(errors, _errors_caption(clip))}</div>"
         f"<h3>The reconstruction’s own record</h3>{_record(clip)}</section>"
     )
+
+
+def _paths(fig: Figure, clip: ClipReport) -> None:
+    top_view(fig.subplots(), clip)
 
 
 def _figures(clip: ClipReport) -> str:
@@ -61,9 +66,7 @@ def _frames(clip: ClipReport) -> str:
     close_ups = "".join(_picture(clip, tile, tile.close_up(*CLOSE_UP_PX)) for tile in tiles)
     caption = f"Frames and close-ups with {_swatch(BODY_BGR, 'key')} the recovered body; "
     if clip.masks_dir is not None:
-        caption += (
-            f"{_swatch(OUTLINE_BGR)} the outline of the mask, outside which features are found; "
-        )
+        caption += f"{_swatch(OUTLINE_BGR, 'key thin edged')} the outline of the mask, outside which features are found; "
     caption += (
         f"{_swatch(PATH_BGR)} the recovered path on the floor, a dot each second. Body and outline "
         "fit whatever the camera is, because they come from the body in the camera’s frame; the "
@@ -115,7 +118,7 @@ def _record(clip: ClipReport) -> str:
         rows.append(("Metric scale", "does not enter"))
     else:
         sigma = relative_sigma_percent(clip)
-        spread = "" if sigma is None else f" ± {quality.scale_sigma:.3g} (± {sigma:.2g} %)"
+        spread = "" if sigma is None else f" ± {quality.scale_sigma:.3g} (± {sigma:.2g} %)"
         rows.append(("Metric scale, metres per unit", f"{quality.scale:.4g}{spread}"))
     if quality.reprojection_error_px is not None:
         rows.append(("Reprojection error", f"{quality.reprojection_error_px:.2f} px"))

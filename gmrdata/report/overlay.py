@@ -9,11 +9,11 @@ from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import PARENTS
 from gmrdata.geometry import camera, transforms
 
-BODY_BGR = (72, 150, 255)
+BODY_BGR = (255, 210, 130)
 SKELETON_BGR = (255, 255, 255)
-OUTLINE_BGR = (255, 214, 64)
+OUTLINE_BGR = (255, 255, 255)
 PATH_BGR = (90, 225, 255)
-BODY_ALPHA = 0.82
+BODY_ALPHA = 0.8
 LINE_PX = 2
 _SUPERSAMPLE = 2
 _FAR_PX = 20000.0  # OpenCV's drawing takes 16-bit coordinates once they are shifted
@@ -94,11 +94,11 @@ def draw_skeleton(
 
 
 def _shades(normals: np.ndarray) -> np.ndarray:
-    """(F,) brightness in 0.6..1 of faces lit from above the camera's left shoulder."""
+    """(F,) brightness in 0.55..1 of faces lit from above the camera's left shoulder."""
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     towards_light = np.array([-0.35, -0.6, -0.72])
     lambert = (normals / np.maximum(length, 1e-12)) @ towards_light
-    return 0.6 + 0.4 * np.clip(lambert, 0.0, 1.0)
+    return np.clip(0.55 + 0.55 * np.clip(lambert, 0.0, 1.0), 0.0, 1.0)
 
 
 def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> np.ndarray:

@@ -50,8 +50,9 @@ def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
             frames.set_anchor("W")
             frames.set_title(f"{clip.camera_motion} camera", fontsize=11, fontweight="bold")
             frames.set_title(_figures(clip), loc="right", fontsize=10, color=COLOURS["muted"])
-            top_view(paths, clip)
+            spacing_m = top_view(paths, clip)
             paths.set(xlabel="", ylabel="")
+            paths.set_title(f"from above, grid {spacing_m:g} m", color=COLOURS["muted"])
             paths.tick_params(labelleft=False, labelbottom=False)
 
     data = png(draw, strip_in + paths_in, rows_in, DPI)

@@ -1,5 +1,7 @@
 """The page's sections about the whole run: summary, GMR, how it was made, what the numbers mean."""
 
+from matplotlib.figure import Figure
+
 from gmrdata.report.bars import BARS, figure_texts, score_texts, verdicts
 from gmrdata.report.curves import learning_curve, scale_panel
 from gmrdata.report.data import ClipReport, ManifestScore, ReportData, RunReport
@@ -120,9 +122,11 @@ def _predicted_path(index: int, clip: ClipReport) -> str:
     true, predicted = clip.true.motion, clip.predicted
     if predicted is None:
         return ""
-    picture = svg(
-        lambda fig: motion_top_view(fig.subplots(), true, predicted), 4.2, 4.0, f"gmr-{index}"
-    )
+
+    def draw(fig: Figure) -> None:
+        motion_top_view(fig.subplots(), true, predicted)
+
+    picture = svg(draw, 4.2, 4.0, f"gmr-{index}")
     caption = (
         f"{text(clip.id)}: path of the pelvis in the world [m], z up, {key('person-pale')} true "
         f"and {key('gmr', thin=True)} predicted, accumulated from the true first frame (dot) "

@@ -18,8 +18,12 @@ TRUE_WIDTH, RECOVERED_WIDTH = 6.0, 1.6
 """Line widths [pt]: the truth is a pale band that the recovered line has to stay on."""
 
 
-def top_view(axes: Axes, clip: ClipReport) -> None:
-    """True (wide, pale) and recovered (thin) paths of camera and person, in the true world [m]."""
+def top_view(axes: Axes, clip: ClipReport) -> float:
+    """True (wide, pale) and recovered (thin) paths of camera and person, in the true world [m].
+
+    Returns:
+        Spacing of the grid [m].
+    """
     true_m = clip.true.motion.pelvis_m
     pelvis_m, world_from_cam = aligned_paths(clip)
     paths_m = [true_m, pelvis_m]
@@ -34,14 +38,17 @@ def top_view(axes: Axes, clip: ClipReport) -> None:
         _start(axes, world_from_cam[:, :3, 3], "camera", "camera", pelvis_m)
     _path(axes, pelvis_m, "person", RECOVERED_WIDTH)
     _start(axes, pelvis_m, "person", "person", None)
-    _finish(axes)
+    return _finish(axes)
 
 
-def motion_top_view(axes: Axes, true: Motion, predicted: Motion) -> None:
+def motion_top_view(axes: Axes, true: Motion, predicted: Motion) -> float:
     """True (wide, pale) and predicted (thin) person path, both from the true first frame on [m].
 
     A predicted motion is accumulated from its own first frame (eqs. 3-4), so only what comes after
     can differ.
+
+    Returns:
+        Spacing of the grid [m].
     """
     true_from_predicted = transforms.rigid(
         true.root_rotmats[0], true.pelvis_m[0]
@@ -50,7 +57,7 @@ def motion_top_view(axes: Axes, true: Motion, predicted: Motion) -> None:
     _path(axes, true.pelvis_m, "person-pale", TRUE_WIDTH)
     _path(axes, predicted_m, "gmr", RECOVERED_WIDTH)
     axes.plot(*true.pelvis_m[0, :2], "o", color=COLOURS["ink"], markersize=5, zorder=5)
-    _finish(axes)
+    return _finish(axes)
 
 
 def aligned_paths(clip: ClipReport) -> tuple[np.ndarray, np.ndarray | None]:
@@ -128,12 +135,12 @@ def _label(axes: Axes, text: str, point_m: np.ndarray, role: str, away: np.ndarr
     )
 
 
-def _finish(axes: Axes) -> None:
-    """Equal axes in metres, with room for the labels, on a square grid."""
+def _finish(axes: Axes) -> float:
+    """Equal axes in metres, with room for the labels, on a square grid; gives its spacing [m]."""
     axes.margins(0.14)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    spacing_m = next((s for s in (0.25, 0.5, 1.0, 2.0) if _span_m(axes) < 14 * s), 5.0)
+    spacing_m = next((s for s in (0.2, 0.5, 1.0, 2.0) if _span_m(axes) < 10 * s), 5.0)
     axes.xaxis.set_major_locator(MultipleLocator(spacing_m))
     axes.yaxis.set_major_locator(MultipleLocator(spacing_m))
     axes.set_xlabel("x [m]")
@@ -141,6 +148,7 @@ def _finish(axes: Axes) -> None:
     quiet(axes)
     for spine in axes.spines.values():
         spine.set_visible(False)
+    return spacing_m
 
 
 def _span_m(axes: Axes) -> float:

@@ -91,7 +91,13 @@ def test_sections_show_the_figures_that_were_given(html: str) -> None:
     for figure in ("walk_circular", "12/12", "0.123", "4.57", "0.057", "−1.23", "≤ 0.5", "≤ 15"):
         assert figure in sections["summary"]
     assert "3 of 3 clips meet every bar" in sections["summary"]
-    for figure in ("walk_circular", "0.123°", "4.57 mm", "0.7654 ± 0.0123 (± 1.6 %)", "0.43 px"):
+    for figure in (
+        "walk_circular",
+        "0.123°",
+        "4.57 mm",
+        "0.7654 ± 0.0123 (±\u00a01.6\u00a0%)",
+        "0.43 px",
+    ):
         assert figure in sections["clip-0"]
     assert "200 to 211" in sections["clip-0"]
     assert "the global mapper" in sections["clip-0"]
