@@ -105,24 +105,23 @@ def gait_with_contacts(
     """
     _check(kind, duration_s, fps_hz)
     shape = draw_shape(body, rng) if shape is None else np.asarray(shape, dtype=np.float64)
-    if shape.shape != (body.n_shape,):
+    if shape.shape != (body.n_shape,) or not np.isfinite(shape).all():
         raise BadRecipe(
-            f"gait {kind}: shape has {shape.shape}, but body {body.name} takes ({body.n_shape},); "
-            "leave it out to draw one"
+            f"gait {kind}: body {body.name} takes a shape of {body.n_shape} finite numbers, not "
+            f"{shape}; leave it out to draw one"
         )
     joints_m = body.rest_joints_m(shape)
     leg_m = float(joints_m[JOINT["left_hip"], 1] - joints_m[JOINT["left_ankle"], 1])
     style = draw_style(kind, leg_m, rng)
     # The pelvis' height looks ahead and back over half a step: make some frames on either side.
     half_window = int(np.ceil(0.55 / style.cadence_hz * fps_hz))
-    pad = 2 * half_window
+    pad, pad_s = 2 * half_window, 1.1 / style.cadence_hz
     n_frames = round(duration_s * fps_hz)
     time_s = np.arange(-pad, n_frames + pad) / fps_hz
+    time_s = np.clip(time_s, -pad_s, duration_s + pad_s)
     first_step = rng.uniform(0, 2)
-    steps = first_step + style.cadence_hz * (
-        time_s + 0.08 * (np.sin(0.6 * time_s + style.wander[1]) - np.sin(style.wander[1]))
-    )
-    n_steps = float(steps[-1])
+    steps = first_step + _steps(time_s, style)
+    n_steps = first_step + float(_steps(np.array(duration_s + pad_s), style))
     path = draw_path(kind, n_steps, style, rng)
     plan = plan_footsteps(path, style, _ground(kind, n_steps, rng), rng)
     arrays, feet = _assemble(body, shape, path, time_s, steps, plan, style, half_window)
@@ -159,6 +158,12 @@ def _check(kind: str, duration_s: float, fps_hz: float) -> None:
             f"gait {kind}: {duration_s} s at {fps_hz} frames a second is less than a frame; "
             "ask for a longer duration"
         )
+
+
+def _steps(time_s: np.ndarray, style: GaitStyle) -> np.ndarray:
+    """Steps taken by (T,) times; cadence changes slowly by 5 %."""
+    slow = 0.08 * (np.sin(0.6 * time_s + style.wander[1]) - np.sin(style.wander[1]))
+    return style.cadence_hz * (time_s + slow)
 
 
 def _ground(kind: str, n_steps: float, rng: np.random.Generator) -> np.ndarray:

@@ -51,7 +51,7 @@ def pose_trunk(path: GroundPath, time_s: np.ndarray, steps: np.ndarray, style: G
     chest_roll = -0.35 * style.pelvis_list_rad * list_ - lean_in
     chest = (
         level
-        @ turn("y", style.chest_yaw_rad * np.cos(stride - 0.2))
+        @ turn("y", style.chest_yaw_rad * np.cos(np.pi * (steps + 0.5 - style.duty)))
         @ turn("z", chest_roll)
         @ turn("x", lean)
     )
@@ -137,8 +137,8 @@ def swing_arms(
     for side, out in zip(SIDES, (1.0, -1.0), strict=True):
         upper = joints_m[JOINT[f"{side}_elbow"]] - joints_m[JOINT[f"{side}_shoulder"]]
         droop_rad = np.arctan2(-upper[1], abs(upper[0]))
-        # A left touch-down (even count) has the left arm at the back.
-        swing = -out * np.cos(np.pi * steps - 0.25)
+        # The left arm is at the back as the left leg leads most: between toe-off and touch-down.
+        swing = -out * np.cos(np.pi * (steps + 0.5 - style.duty))
         flexion = style.arm_mean_rad + style.arm_swing_rad * swing
         slow = np.sin(0.5 * time_s + style.wander[1] + out)
         down = np.pi / 2 - style.arm_out_rad - droop_rad + np.radians(1.5) * slow
