@@ -50,7 +50,7 @@ def folder_record(root: Path, folder: Path, listing: Path) -> FolderRecord:
 
     Args:
         root: The manifest's folder.
-        folder: The folder; files in sub-folders count too, hidden files are refused.
+        folder: The folder; files in sub-folders count too.
         listing: Where the listing goes: below `root`, outside the folder.
 
     Raises:

@@ -7,10 +7,21 @@ from rich.table import Table
 
 from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
+from gmrdata.progress import console
 
 
-def show_manifest(path: Path) -> Table:
-    """A table with a row per clip; print it with `rich`.
+def show_manifest(path: Path) -> None:
+    """Print a table with a row per clip.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadManifest: not a manifest.
+    """
+    console.print(manifest_table(path))
+
+
+def manifest_table(path: Path) -> Table:
+    """A table with a row per clip.
 
     Raises:
         MissingInput: there is no such file.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from gmrdata.manifest.show import diff_manifests, show_manifest
+from gmrdata.manifest.show import diff_manifests, manifest_table
 from gmrdata.resources import published_manifest
 
 Edit = Callable[[Callable[[dict], None]], Path]
@@ -13,7 +13,7 @@ Edit = Callable[[Callable[[dict], None]], Path]
 
 def printed(path: Path) -> list[str]:
     console = Console(width=200, record=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
-    console.print(show_manifest(path))
+    console.print(manifest_table(path))
     return console.export_text().splitlines()
 
 
