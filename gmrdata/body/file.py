@@ -43,13 +43,11 @@ def read_body(path: Path) -> BodyModel:
     """
     arrays = read_plain_npz(path)
     if str(arrays.get("format")) != FORMAT:
-        raise BadBodyFile(
-            f"{path}: not a body file of gmrdata (its format is not {FORMAT!r}); make it again"
-        )
+        raise BadBodyFile(f"{path}: not a body file of gmrdata (its format is not {FORMAT!r})")
     values: dict[str, Any] = {}
     for field in fields(BodyModel):
         if field.name not in arrays and field.name != "pose_dirs_m":
-            raise BadBodyFile(f"{path}: the array {field.name} is missing; make the file again")
+            raise BadBodyFile(f"{path}: the array {field.name} is missing")
         values[field.name] = _in_memory(arrays.get(field.name))
     body = BodyModel(**values)
     check_body(path, body)
@@ -66,7 +64,7 @@ def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
     try:
         return read_npz(path)
     except BadMotionFile as error:
-        raise BadBodyFile(f"{error}; get the file again") from None
+        raise BadBodyFile(str(error)) from None
 
 
 def check_body(path: Path, body: BodyModel) -> None:

@@ -28,7 +28,11 @@ def load_body(spec: str) -> BodyModel:
         UnsafePickle: the pickle wants to import something that is not plain data.
     """
     if spec == "anny":
-        return read_body(anny_file())
+        made = anny_file()
+        try:
+            return read_body(made)
+        except BadBodyFile as error:
+            raise BadBodyFile(f"{error}. Delete {made}, and it is made again") from None
     path = Path(spec).expanduser()
     if not path.is_file():
         raise MissingInput(
