@@ -21,7 +21,7 @@ Item = TypeVar("Item")
 def progress_bar() -> Progress:
     """A bar with counts, elapsed and remaining time; use it as a context manager."""
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

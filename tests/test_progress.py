@@ -17,6 +17,10 @@ def test_an_error_in_the_loop_comes_through() -> None:
             raise ArithmeticError
 
 
+def test_brackets_are_text_and_no_markup() -> None:
+    assert list(track([1], "checking [/b].yaml")) == [1]
+
+
 def test_bar_counts() -> None:
     with progress_bar() as bar:
         task = bar.add_task("counting", total=4)

@@ -39,21 +39,21 @@ def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
         yield from _camera_problems(clip.camera)
 
 
-def image_problems(entry: Clip, clip: clip_file.Clip, names: list[str]) -> Iterator[str]:
-    """Rows whose image is not in the listing.
+def unmatched_rows(
+    field: str, clip: clip_file.Clip, rows: np.ndarray, names: list[str]
+) -> Iterator[str]:
+    """Rows whose image or mask is not in the listing.
 
     Args:
-        entry: The manifest's entry.
+        field: "images" or "masks".
         clip: The loaded clip.
-        names: Paths in the image listing.
+        rows: (T,) bool: rows that need a file, if they have an image number.
+        names: Paths in the listing.
     """
     numbers = {image_number(name) for name in names}
-    wanted = {int(number) for number in clip.image_numbers if number >= 0}
+    wanted = {int(number) for number in clip.image_numbers[rows] if number >= 0}
     if missing := sorted(wanted - numbers):
-        yield (
-            f"images.folder: no image {some(missing)} that arrays.image_numbers names; "
-            f"put the images back in {entry.images.folder if entry.images else 'the folder'}"
-        )
+        yield f"{field}.folder: none of number {some(missing)}, which a row names; put it back"
 
 
 def mask_problems(images: list[str], masks: list[str]) -> Iterator[str]:

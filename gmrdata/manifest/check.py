@@ -5,12 +5,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from gmrdata.clip import load_clip
 from gmrdata.errors import BadManifest, BadMotionFile, MissingInput
-from gmrdata.manifest.arrays import array_problems, image_problems, mask_problems, some
+from gmrdata.manifest.arrays import array_problems, mask_problems, some, unmatched_rows
 from gmrdata.manifest.current import Clip, FileRecord, FolderRecord, ListManifest, Manifest
 from gmrdata.manifest.listing import BAR_FROM, ListedFile, files_below, read_listing
-from gmrdata.manifest.read import join_problems, read_manifest
+from gmrdata.manifest.read import join_problems, read_manifest, rows_in
 from gmrdata.manifest.recipe import recipe_sha256
 from gmrdata.paths import resolve_inside
 from gmrdata.progress import progress_bar
@@ -78,13 +80,13 @@ def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
                 yield from _folder_problems(work, field, record, files)
     if names.get("images") and names.get("masks"):
         yield from mask_problems(names["images"], names["masks"])
-    yield from _arrays_problems(work, entry, names.get("images", []))
+    yield from _arrays_problems(work, entry, names)
     recipe = entry.recipe
     if recipe and recipe.sha256 != recipe_sha256(recipe.stage, recipe.config, recipe.inputs):
         yield "recipe.sha256: isn't the hash of the recipe beside it; write the manifest again"
 
 
-def _arrays_problems(work: _Work, entry: Clip, images: list[str]) -> Iterator[str]:
+def _arrays_problems(work: _Work, entry: Clip, names: dict[str, list[str]]) -> Iterator[str]:
     yield from _file_problems(work, "arrays", entry.arrays)
     try:
         clip = load_clip(resolve_inside(work.root, entry.arrays.path))
@@ -94,8 +96,12 @@ def _arrays_problems(work: _Work, entry: Clip, images: list[str]) -> Iterator[st
         yield f"arrays: {error}; {AGAIN}"
         return
     yield from array_problems(entry, clip)
-    if images:
-        yield from image_problems(entry, clip, images)
+    if clip.motion.n_frames != entry.n_frames:
+        return  # rows can't be compared
+    kept = rows_in(entry.kept, entry.n_frames)
+    for field, rows in (("images", np.ones_like(kept)), ("masks", kept)):
+        if names.get(field):
+            yield from unmatched_rows(field, clip, rows, names[field])
 
 
 def _file_problems(work: _Work, field: str, record: FileRecord) -> Iterator[str]:

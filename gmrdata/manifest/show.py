@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
@@ -29,7 +30,7 @@ def manifest_table(path: Path) -> Table:
     """
     manifest = read_manifest(path)
     title = f"{manifest.name} {manifest.version} ({manifest.kind}), {len(manifest.clips)} clips"
-    table = Table(title=title, caption=_caption(manifest))
+    table = Table(title=title, caption=escape(_caption(manifest)))
     for heading in ("clip", "source", "camera", "fps"):
         table.add_column(heading)
     for heading in ("frames", "kept", "seconds"):
@@ -40,13 +41,13 @@ def manifest_table(path: Path) -> Table:
         total = clip.n_frames if isinstance(clip, Clip) else kept
         table.add_row(
             clip.id,
-            _source(clip),
+            escape(_source(clip)),
             clip.camera_motion,
             f"{clip.fps_hz:g}",
             str(total),
             str(kept),
             f"{kept / clip.fps_hz:.1f}",
-            clip.licence if isinstance(clip, Clip) else (clip.note or ""),
+            escape(clip.licence if isinstance(clip, Clip) else clip.note or ""),
         )
     return table
 

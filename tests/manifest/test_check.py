@@ -8,12 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import BadManifest, MissingInput
 from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.listing import folder_record
 from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.manifest.write import write_manifest
 
 Edit = Callable[[Callable[[dict], None]], Path]
 WALK = 1
@@ -239,7 +243,48 @@ def test_image_numbers_that_go_back(data_set: Path, edit: Edit) -> None:
 
 def test_row_without_its_image(data_set: Path, edit: Edit) -> None:
     path = with_arrays(data_set, edit, image_numbers=np.array([0, 1, 2, 3, 4, 9]))
-    refused(path, "images.folder: no image 9 that arrays.image_numbers names")
+    refused(path, "images.folder: none of number 9, which a row names")
+
+
+def test_row_without_its_mask(data_set: Path) -> None:
+    """A kept row needs its mask, a dropped one doesn't."""
+    for number in (2, 4):
+        (data_set / "masks" / f"{number:05d}.png").unlink()
+    walk = read_manifest(data_set / "set.yaml").clips[WALK]
+    entry = clip_entry(
+        data_set,
+        clip_path=data_set / "clips" / "walk.npz",
+        images_dir=data_set / "frames",
+        masks_dir=data_set / "masks",
+        camera_motion="circular",
+        licence="CC0-1.0",
+        source=walk.source,
+    )
+    path = data_set / "again.yaml"
+    write_manifest(
+        path,
+        name="again",
+        version="1.0.0",
+        description="One mask is missing.",
+        kind="synthetic",
+        licence="CC0-1.0",
+        clips=[entry],
+    )
+    refused(path, "clip walk: masks.folder: none of number 4, which a row names")
+
+
+def test_mask_of_no_image(data_set: Path, edit: Edit) -> None:
+    def change(data: dict) -> None:
+        data["clips"][WALK]["masks"] = data["clips"][WALK]["images"]
+        data["clips"][WALK]["images"] = masks
+
+    masks = yaml.safe_load((data_set / "set.yaml").read_text())["clips"][WALK]["masks"]
+    check_manifest(edit(change))  # the stems are the same either way
+    (data_set / "masks" / "00003.png").rename(data_set / "masks" / "mask_3.png")
+    masks = folder_record(
+        data_set, data_set / "masks", data_set / "listings" / "masks.tsv"
+    ).model_dump()
+    refused(edit(lambda data: data["clips"][WALK].update(images=masks)), "masks.folder: 00003.jpg")
 
 
 def test_calibration_that_cannot_be(data_set: Path, edit: Edit) -> None:

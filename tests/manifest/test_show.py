@@ -31,6 +31,16 @@ def test_table_of_a_list() -> None:
     assert any("26942 frames to use" in line for line in lines)
 
 
+def test_brackets_are_text_and_no_markup(edit: Edit) -> None:
+    def change(data: dict) -> None:
+        data["description"] = "see [/red]"
+        data["clips"][1]["licence"] = "free [bold] [/x]"
+
+    lines = printed(edit(change))
+    assert any("free [bold] [/x]" in line for line in lines)
+    assert any("see [/red]" in line for line in lines)
+
+
 def test_same_manifests_do_not_differ(finished_data_set: Path) -> None:
     path = finished_data_set / "set.yaml"
     assert diff_manifests(path, path) == []
