@@ -117,7 +117,7 @@ def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
     rootless = replace(
         motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3))
     )
-    clip = Clip("(input)", rootless, np.ones(n, bool), np.full(n, -1), None)
+    clip = Clip(motion.source, rootless, np.ones(n, bool), np.full(n, -1), None)
     runs = runs_at(clip, gmr.fps_hz, all_phases=False)
     if not runs:
         raise BadMotionFile(

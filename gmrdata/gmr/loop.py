@@ -13,7 +13,7 @@ import torch
 from gmrdata.body.forward import posed_vertices
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
-from gmrdata.errors import BadCheckpoint, TrainingDiverged
+from gmrdata.errors import BadCheckpoint, StageFailed, TrainingDiverged
 from gmrdata.gmr.checkpoint import (
     latest_checkpoint,
     load_optimizer,
@@ -23,7 +23,7 @@ from gmrdata.gmr.checkpoint import (
 )
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.data import Batch, make_batch, make_training_set
-from gmrdata.gmr.held_out import held_out_scores
+from gmrdata.gmr.held_out import held_out_runs, held_out_scores
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.usable import check_clips_fit
@@ -52,8 +52,11 @@ def fit(
     Raises:
         GmrdataError: as `gmrdata.gmr.train.train`.
     """
+    if config.device == "cuda" and not torch.cuda.is_available():
+        raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
     check_clips_fit([*clips, *held_out], body)
     training_set = make_training_set(clips, config.model.input, config.windows)
+    scored_runs = held_out_runs(held_out, config.windows.fps_hz)
     rows = vertex_rows(len(body.template_m), config.loss.n_vertices)
     loss_body = with_vertices(body, rows)
     with _torch_settings(config), progress_bar() as bar:
@@ -74,8 +77,9 @@ def fit(
             now = step + 1
             if now % config.log_every == 0 or now == config.steps:
                 _log(run_dir, {"step": now} | values)
-            if held_out and (now % config.eval_every == 0 or now == config.steps):
-                _log(run_dir, {"step": now} | held_out_scores(model, held_out, config.windows))
+            if scored_runs and (now % config.eval_every == 0 or now == config.steps):
+                scores = held_out_scores(model, scored_runs, config.windows.fps_hz)
+                _log(run_dir, {"step": now} | scores)
             if now % config.checkpoint_every == 0 or now == config.steps:
                 extra = {"fps_hz": config.windows.fps_hz, "body": body.name}
                 save_checkpoint(run_dir, now, model, optimizer, extra)

@@ -44,6 +44,7 @@ def train(
         BadMotionFile: a clip holds NaN, or has a lower frame rate than the windows.
         TrainingDiverged: the loss became infinite or NaN; the last good checkpoint is kept.
         BadCheckpoint: the unfinished run's checkpoint is broken.
+        StageFailed: a GPU is asked for, and there is none.
         StaleOutput: the folder was made with another recipe.
     """
     from gmrdata.body.load import load_body

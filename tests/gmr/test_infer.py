@@ -86,6 +86,18 @@ def test_another_rate_is_brought_to_the_networks_and_said(
     assert world.source.endswith("resampled from 30 to 10 fps")
 
 
+def test_a_rate_that_is_no_multiple_is_resampled(
+    gmr: TrainedGmr, make_clips: Callable[..., list[Clip]]
+) -> None:
+    motion = make_clips(1, 3, fps_hz=25.0)[0].motion
+    world = predict_world_motion(gmr, motion)
+    assert (world.fps_hz, world.n_frames) == (10.0, 40)
+    np.testing.assert_allclose(world.local_rotmats[::2], motion.local_rotmats[::5], atol=1e-9)
+    assert world.source.endswith("resampled from 25 to 10 fps")
+    with pytest.raises(BadMotionFile, match="5 fps is lower than 10 fps"):
+        predict_world_motion(gmr, replace(motion, fps_hz=5.0))
+
+
 def test_rotations_stay_orthonormal_over_a_long_sequence(gmr: TrainedGmr) -> None:
     rng = np.random.default_rng(0)
     local = Rotation.from_rotvec(rng.normal(0, 0.2, (3000 * 23, 3))).as_matrix()
@@ -108,5 +120,5 @@ def test_one_frame_and_nan_are_refused(
         predict_world_motion(gmr, short)
     local = motion.local_rotmats.copy()
     local[5, 2] = np.nan
-    with pytest.raises(BadMotionFile, match="frame 5 holds NaN"):
+    with pytest.raises(BadMotionFile, match=r"clip gmrdata gait .*: frame 5 holds NaN"):
         predict_world_motion(gmr, replace(motion, local_rotmats=local))

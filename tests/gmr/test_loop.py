@@ -11,7 +11,7 @@ import torch
 
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
-from gmrdata.errors import BadCheckpoint, BadManifest, TrainingDiverged
+from gmrdata.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
 from gmrdata.gmr import loop
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.infer import load_gmr
@@ -199,9 +199,28 @@ def test_clips_that_cannot_be_trained_on_are_refused(
     other = replace(clip, motion=replace(clip.motion, body="giant"))
     with pytest.raises(BadManifest, match="clip gait_1_0: of body giant with 10"):
         fit([other], small_body, tmp_path, small_config)
+    flicker = replace(clip, valid=np.arange(clip.motion.n_frames) % 2 == 0)
+    with pytest.raises(BadManifest, match="none of the 1 held-out clips has two valid frames"):
+        fit([clip], small_body, tmp_path, small_config, held_out=[flicker])
     shaken = replace(clip, motion=replace(clip.motion, frame="camera"))
     with pytest.raises(BadManifest, match="clip gait_1_0: its motion is in the camera's frame"):
         fit([shaken], small_body, tmp_path, small_config)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_missing_gpu_is_said(
+    make_clips: Callable[..., list[Clip]],
+    small_body: BodyModel,
+    small_config: TrainConfig,
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(StageFailed, match="no GPU here"):
+        fit(
+            make_clips(1, 1),
+            small_body,
+            tmp_path,
+            small_config.model_copy(update={"device": "cuda"}),
+        )
 
 
 def test_learning_rate() -> None:
