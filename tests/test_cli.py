@@ -1,0 +1,116 @@
+"""The command line as a person meets it: exit codes, messages, nothing half-written."""
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gmrdata.cli import VERBS
+
+BVH = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation
+  End Site
+  {
+    OFFSET 0 1 0
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.00833333
+0 0 0 0 0 0
+0 0 0 0 0 nan
+"""
+
+
+def gmrdata(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from gmrdata.cli import main; main()", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, **options)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_each_verb_says_what_it_does(verb: str) -> None:
+    answer = gmrdata(*verb.split(), "--help", env={"COLUMNS": "200", "PATH": "/usr/bin"})
+    assert answer.returncode == 0, answer.stderr
+    first_line = (VERBS[verb].__doc__ or "").splitlines()[0]
+    assert first_line.split(":")[0].rstrip(".") in " ".join(answer.stdout.split())
+
+
+@pytest.mark.parametrize(
+    "arguments", [("fly",), ("demo", "--no-such-flag"), ("render",), ("demo", "--workers", "two")]
+)
+def test_wrong_flags_exit_with_2(arguments: tuple[str, ...]) -> None:
+    answer = gmrdata(*arguments)
+    assert answer.returncode == 2
+    assert "Traceback" not in answer.stderr
+
+
+def fails_cleanly(answer: subprocess.CompletedProcess[str], *said: str) -> None:
+    assert answer.returncode == 1, answer.stderr
+    assert "Traceback" not in answer.stderr
+    for text in said:
+        assert text in answer.stderr
+
+
+def test_a_motion_file_with_nan_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "walk.bvh"
+    path.write_text(BVH)
+    fails_cleanly(gmrdata("motions", path), "walk.bvh")
+    assert sorted(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00\xff\x13" * 50, BVH[:120].encode()])
+def test_a_broken_motion_file_leaves_nothing_behind(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "in" / "walk.bvh"
+    path.parent.mkdir()
+    path.write_bytes(content)
+    fails_cleanly(gmrdata("motions", path, "--out", tmp_path / "out"), "walk.bvh")
+    assert not list((tmp_path / "out").rglob("*.npz.tmp*"))
+    assert not (tmp_path / "out" / "motions.yaml").exists()
+
+
+def test_missing_things_are_named(tmp_path: Path) -> None:
+    fails_cleanly(gmrdata("manifest", "check", tmp_path / "no.yaml"), "no.yaml")
+    fails_cleanly(gmrdata("manifest", "check"), "Name a manifest file")
+    fails_cleanly(gmrdata("demo", "--recipe", "no-such"), "no such recipe file")
+    fails_cleanly(gmrdata("report", tmp_path), "recipe.yaml")
+    fails_cleanly(gmrdata("run", "no-such", "--out", tmp_path / "o"), "no such recipe file")
+
+
+def test_a_dry_run_of_the_demo_does_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    answer = gmrdata("demo", "--dry-run", "--out", out)
+    assert answer.returncode == 0, answer.stderr
+    assert "render circular" in answer.stderr and "to do" in answer.stderr
+    assert not out.exists()
+
+
+def test_a_folder_without_write_permission_and_a_file_limit_end_without_half_files(
+    tmp_path: Path, cmu_dir: Path
+) -> None:
+    """A limit on file sizes stands for the full disk: both fail in the middle of a write."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    out = tmp_path / "out"
+    answer = gmrdata("motions", cmu_dir / "amc" / "02_03.amc", "--out", out, preexec_fn=limit)
+    fails_cleanly(answer, "run")
+    written = [
+        path for path in out.rglob("*") if path.is_file() and not path.name.endswith(".lock")
+    ]
+    assert not [path for path in written if ".partial" not in str(path) and path.suffix == ".npz"]
+    assert not (out / "motions.yaml").exists()
+    again = gmrdata("motions", cmu_dir / "amc" / "02_03.amc", "--out", out)
+    assert again.returncode == 0, again.stderr
+    assert gmrdata("manifest", "check", out / "motions.yaml").returncode == 0
+
+
+def test_motions_are_listed(cmu_dir: Path) -> None:
+    answer = gmrdata("motions", cmu_dir / "amc" / "02_03.amc", cmu_dir / "bvh" / "08_02.bvh")
+    assert answer.returncode == 0, answer.stderr
+    assert "02_03.amc" in answer.stderr and "08_02.bvh" in answer.stderr
