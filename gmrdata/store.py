@@ -209,7 +209,8 @@ def _read_recipe(path: Path) -> dict[str, Any]:
 def _remove_temporaries(partial: Path) -> None:
     """Remove what `atomic_path` left in a folder whose process was killed."""
     for leftover in partial.rglob(".*.tmp*"):
-        leftover.unlink()
+        if leftover.is_file():
+            leftover.unlink()
 
 
 def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
@@ -224,18 +225,23 @@ def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
     return [] if a == b else [prefix]
 
 
-def _provenance(seconds: float) -> dict[str, Any]:
-    packages = {}
+def package_versions() -> dict[str, str]:
+    """Installed versions of the packages that decide what bytes come out."""
+    versions = {}
     for package in RECORDED_PACKAGES:
         try:
-            packages[package] = metadata.version(package)
+            versions[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
             continue
+    return versions
+
+
+def _provenance(seconds: float) -> dict[str, Any]:
     return {
         "gmrdata": __version__,
         "git_commit": _git_commit(),
         "python": platform.python_version(),
-        "packages": packages,
+        "packages": package_versions(),
         "seconds": round(seconds, 2),
     }
 

@@ -3,7 +3,6 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ from gmrdata import __version__
 from gmrdata.config import Config
 from gmrdata.errors import BadManifest
 from gmrdata.manifest.current import CreatedBy, Recipe
-from gmrdata.store import RECORDED_PACKAGES, STAGE_FILE, read_json
+from gmrdata.store import STAGE_FILE, package_versions, read_json
 
 
 def created_by(
@@ -29,7 +28,7 @@ def created_by(
         gmrdata=__version__,
         recipe=without_machine_paths(values),
         seeds=dict(sorted((seeds or {}).items())),
-        packages=_package_versions(),
+        packages=package_versions(),
     )
 
 
@@ -70,13 +69,3 @@ def without_machine_paths(value: Any) -> Any:
     if isinstance(value, str) and value.startswith("/"):
         return Path(value).name
     return value
-
-
-def _package_versions() -> dict[str, str]:
-    versions = {}
-    for package in RECORDED_PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return versions
