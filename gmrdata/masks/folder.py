@@ -1,0 +1,75 @@
+"""Masks that another tool made: checked, and brought to one sense and one naming."""
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.config import Config
+from gmrdata.errors import BadFrames, MissingInput
+from gmrdata.frames import check_images, list_images, read_gray, write_gray
+from gmrdata.masks.silhouette import dilate
+from gmrdata.store import run_stage
+
+
+class FolderMaskConfig(Config):
+    """How to read a folder of masks made by others."""
+
+    masked_value: Literal[0, 255] = 255
+    """Grey value of dynamic objects: 255, or 0 for COLMAP's sense [grey level]."""
+    dilate_px: int = Field(default=0, ge=0)
+    """Radius by which the masked part is widened [px]."""
+
+
+def folder_masks(
+    masks_dir: Path,
+    images_dir: Path,
+    out_dir: Path,
+    config: FolderMaskConfig,
+    *,
+    redo: bool = False,
+) -> Path:
+    """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic.
+
+    Args:
+        masks_dir: Masks named `<image stem>.png` or `<image file name>.png`.
+        images_dir: The frames.
+        out_dir: Folder to make.
+        config: The recipe.
+        redo: Replace a folder that another recipe made.
+
+    Raises:
+        MissingInput: there is no such folder.
+        BadFrames: a mask is missing, unreadable or of another size than its frame.
+    """
+
+    def work(partial: Path) -> None:
+        images = list_images(images_dir)
+        size_px = check_images(images)
+        for image in images:
+            masked = read_gray(find_mask(masks_dir, image), size_px) > 127
+            if config.masked_value == 0:
+                masked = ~masked
+            mask = dilate(masked.astype(np.uint8) * np.uint8(255), config.dilate_px)
+            write_gray(partial / f"{image.stem}.png", mask)
+
+    inputs = {"masks": masks_dir, "images": images_dir}
+    return run_stage("folder_masks", out_dir, config, inputs, work, redo=redo)
+
+
+def find_mask(masks_dir: Path, image: Path) -> Path:
+    """The mask of an image: `<stem>.png` or, as COLMAP names it, `<image file name>.png`.
+
+    Raises:
+        MissingInput: there is no such folder.
+        BadFrames: no mask for this image.  A frame is never used unmasked in silence.
+    """
+    if not masks_dir.is_dir():
+        raise MissingInput(f"{masks_dir}: no such folder of masks")
+    for name in (f"{image.stem}.png", f"{image.name}.png"):
+        if (masks_dir / name).is_file():
+            return masks_dir / name
+    raise BadFrames(
+        f"{masks_dir}: no mask for {image.name}; expected {image.stem}.png or {image.name}.png"
+    )

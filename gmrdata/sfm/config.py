@@ -1,0 +1,38 @@
+"""The recipe of structure from motion."""
+
+from pydantic import Field
+
+from gmrdata.config import Config
+
+
+class SfmConfig(Config):
+    """Cameras from frames: features, pairs, verification, choice of geometry, refinement."""
+
+    max_features: int = Field(default=2000, ge=100)
+    """SIFT features per frame at most; the largest are kept."""
+    first_octave: int = Field(default=0, ge=-1, le=2)
+    """First SIFT octave: -1 doubles the image first (slower, finer features), 0 takes it as it is."""
+    max_image_size_px: int = Field(default=1600, ge=64)
+    """Longer side above which features are sought in a reduced image [px]."""
+    overlap: int = Field(default=8, ge=1)
+    """Each frame is paired with so many neighbours, and with those 1, 2, 4, ... 2^(overlap-1) later [frames]."""
+    min_pair_inliers: int = Field(default=15, ge=8)
+    """Matches that a pair of frames must share after geometric verification."""
+    verification_error_px: float = Field(default=2.0, gt=0)
+    """Distance from the epipolar line (or homography) up to which a match is an inlier [px]."""
+    rotation_only_median_px: float = Field(default=1.0, gt=0)
+    """Largest median residual at which a pure rotation explains the matches [px]."""
+    rotation_only_wide_median_px: float = Field(default=1.5, gt=0)
+    """Largest median residual of the worst tenth of the pairs for a pure rotation [px]."""
+    rotation_only_inlier_px: float = Field(default=2.0, gt=0)
+    """Residual up to which a match agrees with a pure rotation [px]."""
+    rotation_only_share: float = Field(default=0.85, gt=0, le=1)
+    """Smallest share of verified matches that must agree with a pure rotation."""
+    min_frames_registered: int = Field(default=3, ge=2)
+    """A reconstruction with fewer cameras counts as none."""
+    max_reprojection_px: float = Field(default=2.0, gt=0)
+    """Observations with a larger error are dropped before the last bundle adjustment [px]."""
+    threads: int = Field(default=1, ge=1)
+    """Threads for features and matching; mapping always uses one, so that results repeat."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of every random choice."""
