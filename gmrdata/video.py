@@ -2,19 +2,20 @@
 
 from pathlib import Path
 
+from pydantic import Field
+
 from gmrdata.config import Config
 from gmrdata.errors import BadFrames, MissingInput
 from gmrdata.store import atomic_path, run_stage
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".webm", ".m4v")
-JPEG_QUALITY = 95
 
 
 class VideoConfig(Config):
-    """Which frames are taken."""
+    """How frames are written."""
 
-    every: int = 1
-    """Take every n-th frame."""
+    jpeg_quality: int = Field(default=95, ge=1, le=100)
+    """Quality of the JPEG files."""
 
 
 def is_video(path: Path) -> bool:
@@ -30,8 +31,8 @@ def extract_video(
     Args:
         path: The video.
         out_dir: The stage's folder.
-        config: Which frames are taken; None for all.
-        redo: Throw away frames that were taken otherwise.
+        config: How they are written; None for the defaults.
+        redo: Throw away frames of another recipe or video.
 
     Returns:
         The folder of the frames.
@@ -45,30 +46,28 @@ def extract_video(
     config = config or VideoConfig()
 
     def work(partial_dir: Path) -> None:
-        n_written = _write_frames(path, partial_dir, config.every)
+        n_written = _write_frames(path, partial_dir, config.jpeg_quality)
         if n_written < 2:
             raise BadFrames(
-                f"{path}: {n_written} frames could be read, but a camera's motion needs at least 2. "
+                f"{path}: {n_written} frames could be read, but a motion needs at least 2. "
                 "Give a longer video, or one in a common format (H.264 in .mp4)"
             )
 
     return run_stage("frames", out_dir, config, {"video": path}, work, redo=redo)
 
 
-def _write_frames(path: Path, folder: Path, every: int) -> int:
+def _write_frames(path: Path, folder: Path, jpeg_quality: int) -> int:
     import cv2
 
     video = cv2.VideoCapture(str(path))
-    n_written = number = 0
+    n_written = 0
     try:
         while True:
             decoded, image = video.read()
             if not decoded:
                 return n_written
-            if number % every == 0:
-                with atomic_path(folder / f"{number:05d}.jpg") as temporary:
-                    cv2.imwrite(str(temporary), image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-                n_written += 1
-            number += 1
+            with atomic_path(folder / f"{n_written:05d}.jpg") as temporary:
+                cv2.imwrite(str(temporary), image, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+            n_written += 1
     finally:
         video.release()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gmrdata.errors import BadFrames, MissingInput
-from gmrdata.video import VideoConfig, extract_video, is_video
+from gmrdata.video import extract_video, is_video
 
 
 def write_video(path: Path, n_frames: int) -> Path:
@@ -25,12 +25,6 @@ def test_every_frame_is_written_under_its_number(tmp_path: Path) -> None:
     assert sorted(p.name for p in frames.glob("*.jpg")) == [f"{i:05d}.jpg" for i in range(7)]
     for i in range(7):
         assert abs(float(cv2.imread(str(frames / f"{i:05d}.jpg")).mean()) - 20 * i) < 4
-
-
-def test_every_third_frame(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "a.mp4", 7)
-    frames = extract_video(video, tmp_path / "frames", VideoConfig(every=3))
-    assert sorted(p.stem for p in frames.glob("*.jpg")) == ["00000", "00003", "00006"]
 
 
 @pytest.mark.parametrize("n_frames", [0, 1])
@@ -53,9 +47,7 @@ def test_what_is_no_video_is_named(tmp_path: Path) -> None:
 
 
 def test_a_real_video(shared_data: Path, tmp_path: Path) -> None:
-    frames = extract_video(
-        shared_data / "video" / "dog.mp4", tmp_path / "frames", VideoConfig(every=40)
-    )
+    frames = extract_video(shared_data / "video" / "dog.mp4", tmp_path / "frames")
     images = sorted(frames.glob("*.jpg"))
-    assert [p.stem for p in images] == ["00000", "00040", "00080", "00120"]
+    assert [p.stem for p in images] == [f"{i:05d}" for i in range(122)]
     assert cv2.imread(str(images[0])).shape == (720, 1280, 3)
