@@ -62,11 +62,17 @@ def _figures(clip: ClipReport) -> str:
 
 def _frames(clip: ClipReport) -> str:
     tiles = frame_tiles(clip)
-    frames = "".join(_picture(clip, tile, tile.frame()) for tile in tiles)
-    close_ups = "".join(_picture(clip, tile, tile.close_up(*CLOSE_UP_PX)) for tile in tiles)
+    frames = "".join(
+        _picture(clip, tile, tile.frame(), f"frame {tile.image_number} · {tile.time_s:.1f} s")
+        for tile in tiles
+    )
+    close_ups = "".join(
+        _picture(clip, tile, tile.close_up(*CLOSE_UP_PX), f"{tile.time_s:.1f} s") for tile in tiles
+    )
     caption = f"Frames and close-ups with {_swatch(BODY_BGR, 'key')} the recovered body; "
     if clip.masks_dir is not None:
-        caption += f"{_swatch(OUTLINE_BGR, 'key thin edged')} the outline of the mask, outside which features are found; "
+        outline = _swatch(OUTLINE_BGR, "key thin edged")
+        caption += f"{outline} the outline of the mask, outside which features are found; "
     caption += (
         f"{_swatch(PATH_BGR)} the recovered path on the floor, a dot each second. Body and outline "
         "fit whatever the camera is, because they come from the body in the camera’s frame; the "
@@ -82,12 +88,11 @@ def _swatch(colour_bgr: tuple[int, int, int], css_class: str = "key thin") -> st
     return f'<span class="{css_class}" style="background:rgb({red} {green} {blue})"></span>'
 
 
-def _picture(clip: ClipReport, tile: Tile, drawn: np.ndarray) -> str:
+def _picture(clip: ClipReport, tile: Tile, drawn: np.ndarray, name: str) -> str:
     ok, encoded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     if not ok:
         raise BadFrames(f"clip {clip.id}: image {tile.image_number} can't be encoded as JPEG")
     height, width = drawn.shape[:2]
-    name = f"frame {tile.image_number} · {tile.time_s:.1f} s"
     if not tile.has_camera:
         name += " · no camera"
     picture = image(encoded.tobytes(), "jpeg", f"{clip.id}, {name}", width, height)

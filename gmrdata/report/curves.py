@@ -123,6 +123,8 @@ def learning_curve(figure: Figure, points: Sequence[tuple[int, float]]) -> None:
     axes.plot(steps, _running_median(losses), color=COLOURS["gmr"], linewidth=1.8)
     if (losses > 0).all():
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}" if losses.max() < 12 * losses.min() else "")
     axes.set_xlabel("step")
     axes.set_ylabel("training loss")
     quiet(axes)
