@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from gmrdata.body.forward import posed_vertices
 from gmrdata.body.model import BodyModel
@@ -30,6 +31,9 @@ from gmrdata.gmr.usable import check_clips_fit
 from gmrdata.gmr.vertices import vertex_rows, with_vertices
 from gmrdata.progress import progress_bar
 from gmrdata.store import write_text
+
+CHUNK_BYTES = 256 << 20
+"""Memory that posing bodies may take at once."""
 
 
 def fit(
@@ -132,14 +136,7 @@ def batch_loss(
     """
     device = config.device
     delta_rotmats, delta_m = model(batch.poses.to(device), batch.lengths)
-    vertices_m = None
-    if config.loss.vertex > 0:
-        with torch.no_grad():
-            vertices_m = posed_vertices(
-                loss_body,
-                batch.shape[:, None].to(device),
-                batch.local_rotmats[:, :-1].to(device),
-            )
+    vertices_m = _posed_vertices_m(loss_body, batch, device) if config.loss.vertex > 0 else None
     return gmr_loss(
         Motions(delta_rotmats[:, :-1], delta_m[:, :-1]),
         Motions(batch.motions.rotmats.to(device), batch.motions.metres.to(device)),
@@ -148,6 +145,26 @@ def batch_loss(
         n_body_vertices,
         config.loss,
     )
+
+
+def _posed_vertices_m(loss_body: BodyModel, batch: Batch, device: str) -> Tensor:
+    """Posed bodies of all frames but the last, (B, T-1, V, 3) [m], a few windows at a time.
+
+    Skinning blends 12 numbers per vertex, four times the size of what comes out.
+    """
+    local_rotmats = batch.local_rotmats[:, :-1]
+    window_bytes = local_rotmats.shape[1] * len(loss_body.template_m) * 12 * 4
+    chunk = max(1, CHUNK_BYTES // window_bytes)
+    with torch.no_grad():
+        parts = [
+            posed_vertices(
+                loss_body,
+                batch.shape[rows, None].to(device),
+                local_rotmats[rows].to(device),
+            )
+            for rows in torch.arange(len(local_rotmats)).split(chunk)
+        ]
+    return torch.cat(parts)
 
 
 def learning_rate_at(config: TrainConfig, step: int) -> float:

@@ -14,8 +14,10 @@ from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
 from gmrdata.gmr import loop
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
+from gmrdata.gmr.data import make_batch, make_training_set
 from gmrdata.gmr.infer import load_gmr
-from gmrdata.gmr.loop import fit, learning_rate_at
+from gmrdata.gmr.loop import batch_loss, fit, learning_rate_at
+from gmrdata.gmr.model import Gmr
 
 
 def bytes_of(run_dir: Path) -> dict[str, bytes]:
@@ -205,6 +207,24 @@ def test_clips_that_cannot_be_trained_on_are_refused(
     shaken = replace(clip, motion=replace(clip.motion, frame="camera"))
     with pytest.raises(BadManifest, match="clip gait_1_0: its motion is in the camera's frame"):
         fit([shaken], small_body, tmp_path, small_config)
+
+
+def test_bodies_posed_in_chunks_are_the_same(
+    make_clips: Callable[..., list[Clip]],
+    small_body: BodyModel,
+    small_config: TrainConfig,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    training_set = make_training_set(make_clips(3, 1), "quaternion", small_config.windows)
+    batch = make_batch(training_set, small_config.windows, 5, seed=0, step=0)
+    torch.manual_seed(0)
+    model = Gmr(small_config.model).eval()
+    n = len(small_body.template_m)
+    whole = batch_loss(model, batch, small_body, n, small_config)
+    monkeypatch.setattr(loop, "CHUNK_BYTES", 2 * 15 * n * 12 * 4)
+    parts = batch_loss(model, batch, small_body, n, small_config)
+    assert parts.vertex.item() == pytest.approx(whole.vertex.item(), rel=1e-6)
+    assert whole.vertex.item() > 0.01
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
