@@ -22,8 +22,10 @@ class Film(Config):
 
     duration_s: float = Field(default=4.8, gt=0)
     """Longest clip [s]; a longer motion is cut after it."""
+    fps_hz: float | None = Field(default=None, ge=1, le=240)
+    """Frame rate [Hz]; when left out 30, 20 or 10: the highest within `max_frames`."""
     max_frames: int = Field(default=56, ge=10)
-    """A short motion is rendered at 20 or 30 fps where that gives no more frames than this."""
+    """Most frames of a clip whose rate is chosen; a long one gets 10 fps and more frames."""
     width_px: int = Field(default=640, ge=64)
     """Image width [px]."""
     height_px: int = Field(default=360, ge=64)
@@ -33,7 +35,9 @@ class Film(Config):
 
 
 def frame_rate_hz(duration_s: float, film: Film) -> float:
-    """The highest multiple of 10 fps, up to 30, within `film.max_frames`; 10 at the least."""
+    """The recipe's rate, or the highest multiple of 10 fps within `film.max_frames`."""
+    if film.fps_hz is not None:
+        return film.fps_hz
     fitting = [rate for rate in RATES_HZ if duration_s * rate <= film.max_frames]
     return fitting[0] if fitting else RATES_HZ[-1]
 

@@ -53,6 +53,8 @@ class SyntheticClip(Config):
     """Or kind of embedded gait."""
     programme: Programme
     """Camera programme."""
+    duration_s: float | None = Field(default=None, gt=0)
+    """Length to film, from the motion's start [s]; the set's when left out."""
 
     @model_validator(mode="after")
     def _one_motion(self) -> "SyntheticClip":
@@ -216,7 +218,12 @@ def _listed(name: str | None) -> list[SyntheticClip]:
     if not isinstance(published, ListManifest):
         raise BadRecipe(f"published_list: {name} is no list of trials")
     return [
-        SyntheticClip(id=row.id, trial=row.source.sequence, programme=PROGRAMMES[row.programme])
+        SyntheticClip(
+            id=row.id,
+            trial=row.source.sequence,
+            programme=PROGRAMMES[row.programme],
+            duration_s=row.frames.stop / row.fps_hz,
+        )
         for row in published.clips
         if row.programme in PROGRAMMES
     ]
@@ -231,13 +238,17 @@ def _plan(
     out_dir: Path,
     redo: bool,
 ) -> Path:
+    film = recipe.film
+    if clip.duration_s is not None:
+        film = film.model_copy(update={"duration_s": clip.duration_s})
+
     def work(partial: Path) -> None:
         rng = np.random.default_rng([recipe.seed, index])
-        motion = film_motion(_motion(clip, recipe.film, selection, body, rng), recipe.film)
-        planned = plan_clip(clip.id, motion, clip.programme, recipe.film, rng)
+        motion = film_motion(_motion(clip, film, selection, body, rng), film)
+        planned = plan_clip(clip.id, motion, clip.programme, film, rng)
         save_clip(partial / "clip.npz", planned, body.rest_pelvis_m(motion.shape))
 
-    config = PlanConfig(seed=recipe.seed, clip=clip, film=recipe.film)
+    config = PlanConfig(seed=recipe.seed, clip=clip, film=film)
     inputs = {"body": out_dir / "body" / "body.npz"}
     if clip.trial is not None:
         inputs["motion"] = selection.files[clip.trial]

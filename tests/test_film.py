@@ -1,0 +1,44 @@
+"""How a motion is prepared for the camera."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gmrdata.body.model import BodyModel
+from gmrdata.errors import BadMotionFile
+from gmrdata.film import Film, film_motion, frame_rate_hz, plan_clip
+from gmrdata.geometry.programmes import Circular
+from gmrdata.motion.gait import make_gait
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "rate_hz"), [(1.44, 30.0), (1.9, 20.0), (2.8, 20.0), (2.9, 10.0), (60.0, 10.0)]
+)
+def test_short_motions_get_a_higher_rate(duration_s: float, rate_hz: float) -> None:
+    assert frame_rate_hz(duration_s, Film(max_frames=56)) == rate_hz
+
+
+def test_a_rate_that_is_given_is_kept() -> None:
+    assert frame_rate_hz(1.0, Film(fps_hz=10)) == 10.0
+
+
+def test_the_motion_is_cut_and_its_middle_lies_over_the_origin(small_body: BodyModel) -> None:
+    rng = np.random.default_rng(3)
+    motion = make_gait("walk", 6.0, 30.0, small_body, rng)
+    filmed = film_motion(motion, Film(duration_s=4.0))
+    assert (filmed.n_frames, filmed.fps_hz) == (40, 10.0)
+    np.testing.assert_array_equal(filmed.root_rotmats, motion.root_rotmats[:120:3])
+    low, high = filmed.pelvis_m.min(axis=0), filmed.pelvis_m.max(axis=0)
+    np.testing.assert_allclose((low + high)[:2], 0, atol=1e-12)
+    np.testing.assert_allclose(filmed.pelvis_m[:, 2], motion.pelvis_m[:120:3, 2])
+    clip = plan_clip("a", filmed, Circular(), Film(), rng)
+    assert clip.camera is not None and clip.camera.n_frames == 40
+    assert (clip.camera.width_px, clip.camera.height_px) == (640, 360)
+
+
+def test_too_short_a_motion_is_named(small_body: BodyModel) -> None:
+    motion = make_gait("walk", 0.5, 30.0, small_body, np.random.default_rng(0))
+    motion = replace(motion, source="short.bvh")
+    with pytest.raises(BadMotionFile, match="short.bvh: 0.10 s are too short"):
+        film_motion(motion, Film(duration_s=0.1))
