@@ -19,10 +19,6 @@ FIRST_STEP = -4
 CIRCUMDUCTION_M = 0.02
 """A swinging foot swerves outwards by this much, past the standing one [m]."""
 
-MORE_TOES = 1.25
-"""Toes bend up by so much of the foot's pitch over the ball.  1 would keep them level, but the skin
-between ball and toes follows both by half, and would sink into the ground."""
-
 SOFT_TOES_RAD = np.radians(20.0)
 """In swing, toes of a foot that is pitched by less than this straighten out smoothly [rad]."""
 
@@ -158,7 +154,8 @@ def foot_poses(
     yaw = plan.yaw_rad[row] + ease(swing) * (plan.yaw_rad[row + 2] - plan.yaw_rad[row])
     level, tilted = upright(yaw), turn("x", -pitch)
     ankle = pivot + np.einsum("tij,tj->ti", tilted, foot.ankle_m - pivot)
-    toes = MORE_TOES * np.maximum(-pitch, 0.0)
+    # Toes stay level while the foot rolls over the ball.
+    toes = np.maximum(-pitch, 0.0)
     toes *= np.where(swing > 0, ease(toes / SOFT_TOES_RAD), 1.0)
     ground = _below_ankle(row, swing, path, plan, style)
     return FootPoses(
