@@ -67,7 +67,10 @@ def t_posed(
 
 
 def t_pose_rotmats(rest: RestPose) -> np.ndarray:
-    """Rotation of each joint's body part from the rest pose to the T-pose, (N, 24, 3, 3)."""
+    """Rotation of each joint's body part from the rest pose to the T-pose, (N, 24, 3, 3).
+
+    The rest pose must have bent elbows and legs that are not vertical already, as an A-pose has.
+    """
     rotmats = np.tile(np.eye(3), (len(rest.joints_m), N_JOINTS, 1, 1))
     for side, outward in (("left", LEFT), ("right", -LEFT)):
 
