@@ -1,6 +1,7 @@
 """One wide picture of a whole run: a row of frames and a view from above per clip."""
 
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ from gmrdata.errors import BadFrames
 from gmrdata.report.bars import figure_texts
 from gmrdata.report.data import ClipReport, ReportData
 from gmrdata.report.strip import frame_tiles, tile_sheet
-from gmrdata.report.style import COLOURS, png
+from gmrdata.report.style import COLOURS, picture
 from gmrdata.report.topview import top_view
 from gmrdata.store import atomic_path
 
@@ -19,13 +20,14 @@ TILE_PX = (340, 255)
 AROUND = 1.9
 """Height of that part in heights of the person."""
 DPI = 144
+KINDS: dict[str, Literal["png", "jpeg"]] = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 
 
 def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
-    """Write a PNG with a row per clip: frames with overlays, then the paths from above.
+    """Write a picture with a row per clip: frames with overlays, then the paths from above.
 
     Args:
-        path: The file to write, as a whole or not at all.
+        path: The .png or .jpg file to write, as a whole or not at all; a .jpg is much smaller.
         report: Gives the clips.
         n_frames: Frames per clip.
 
@@ -33,10 +35,13 @@ def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
         `path`.
 
     Raises:
-        BadFrames: the report has no clip, or an image or mask is missing or can't be read.
+        BadFrames: the report has no clip, the file's name has another suffix, or an image or mask
+            is missing or can't be read.
     """
     if not report.clips:
         raise BadFrames(f"{path}: the report has no clip to draw")
+    if path.suffix.lower() not in KINDS:
+        raise BadFrames(f"{path}: name the picture .png or .jpg")
     sheets = [_sheet(clip, n_frames) for clip in report.clips]
     height, width = np.max([sheet.shape[:2] for sheet in sheets], axis=0)
     rows_in = len(sheets) * (height / DPI + 0.42)
@@ -55,7 +60,8 @@ def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
             paths.set_title(f"from above, grid {spacing_m:g} m", color=COLOURS["muted"])
             paths.tick_params(labelleft=False, labelbottom=False)
 
-    data = png(draw, strip_in + paths_in, rows_in, DPI)
+    kind = KINDS[path.suffix.lower()]
+    data = picture(draw, strip_in + paths_in, rows_in, DPI, kind)
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
     return path

@@ -4,7 +4,7 @@ import io
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -75,14 +75,19 @@ def svg(draw: Draw, width_in: float, height_in: float, name: str) -> str:
     return _inline(stream.getvalue())
 
 
-def png(draw: Draw, width_in: float, height_in: float, dpi: int = 150) -> bytes:
-    """PNG bytes of a figure on white."""
+def picture(
+    draw: Draw,
+    width_in: float,
+    height_in: float,
+    dpi: int = 150,
+    kind: Literal["png", "jpeg"] = "png",
+) -> bytes:
+    """PNG or JPEG bytes of a figure on white."""
     stream = io.BytesIO()
+    kept = {"metadata": {"Software": None}} if kind == "png" else {"pil_kwargs": {"quality": 90}}
     with _style({}):
         figure = _figure(draw, width_in, height_in, dpi)
-        figure.savefig(
-            stream, format="png", facecolor=COLOURS["paper"], metadata={"Software": None}
-        )
+        figure.savefig(stream, format=kind, facecolor=COLOURS["paper"], **kept)
     return stream.getvalue()
 
 
