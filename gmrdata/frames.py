@@ -3,6 +3,7 @@
 import re
 import struct
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from gmrdata.errors import BadFrames, MissingInput
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-# Start-of-frame markers of JPEG (ITU T.81, table B.1): C0-CF without DHT (C4), JPG (C8) and DAC (CC).
+# Start-of-frame markers (ITU T.81, table B.1): C0-CF without DHT (C4), JPG (C8) and DAC (CC).
 JPEG_START_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
@@ -86,7 +87,8 @@ def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
         raise BadFrames(f"{path}: missing or not an image; make this file again")
     if size_px is not None and image.shape != size_px[::-1]:
         raise BadFrames(
-            f"{path}: {image.shape[1]}x{image.shape[0]} px, its frame is {size_px[0]}x{size_px[1]} px"
+            f"{path}: {image.shape[1]}x{image.shape[0]} px, "
+            f"its frame is {size_px[0]}x{size_px[1]} px; make this file again at that size"
         )
     return np.asarray(image)
 
@@ -103,7 +105,7 @@ def write_gray(path: Path, image: np.ndarray) -> None:
 
 
 def _require_one_each(folder: Path, numbers: list[int]) -> None:
-    for before, after in zip(numbers, numbers[1:], strict=False):
+    for before, after in pairwise(numbers):
         if before == after:
             raise BadFrames(f"{folder}: two images have the number {after}; keep one of them")
         if after > before + 1:
@@ -151,7 +153,7 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _decoded_size(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of what OpenCV decodes; None for a truncated JPEG, which it would fill with grey."""
+    """(width, height) of what OpenCV decodes; None for a truncated JPEG, which it fills with grey."""
     import cv2
 
     if content.startswith(b"\xff\xd8") and b"\xff\xd9" not in content[-1024:]:

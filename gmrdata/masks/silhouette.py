@@ -1,4 +1,4 @@
-"""Masks from the body itself: its skinned mesh, projected by the known intrinsics, filled and dilated."""
+"""Masks from the body itself: its skinned mesh, projected, filled and widened."""
 
 from pathlib import Path
 

@@ -1,7 +1,7 @@
 """Eqs. 6-8 of the paper: from the camera's frame to the world's, and back.
 
-The body's translation is the pelvis throughout.  With SMPL's `trans` in its place eq. 8 is wrong by
-(R_col,i+1 - R_col,i) J0 per frame: 11.8 mm at 10 fps for a camera that tilts at 30 degrees per second.
+The body's translation is the pelvis throughout.  With SMPL's `trans` in its place eq. 8 is wrong
+by (R_col,i+1 - R_col,i) J0 per frame: 11.8 mm at 10 fps for a camera that tilts at 30 degrees/s.
 """
 
 from dataclasses import replace

@@ -1,7 +1,7 @@
 """pycolmap, imported in the one order that works, and silent."""
 
-# OpenCV first: with pycolmap loaded before it, cv2.imwrite of a PNG aborts the process, because both
-# wheels carry their own libpng (seen with pycolmap 4.2.1 and OpenCV 4.11).
+# OpenCV first: with pycolmap loaded before it, cv2.imwrite of a PNG aborts the process, because
+# both wheels carry their own libpng (seen with pycolmap 4.2.1 and OpenCV 4.11).
 import cv2  # noqa: F401
 import pycolmap
 

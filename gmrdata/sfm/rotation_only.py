@@ -1,7 +1,7 @@
 """A camera that only turns: rotations from matched rays, without any depth.
 
-Pairwise rotations come from a robust orthogonal Procrustes fit (Kabsch 1976), a spanning tree of the
-best pairs chains them, and Gauss-Newton with Cauchy weights refines all of them on all matches.
+Pairwise rotations come from a robust orthogonal Procrustes fit (Kabsch 1976), a spanning tree of
+the best pairs chains them, and Gauss-Newton with Cauchy weights refines all of them on all matches.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class RotationOnly:
     """Rotations of a camera with a fixed centre, and how well they explain the matches."""
 
     world_from_cam_rotmats: np.ndarray
-    """(T, 3, 3); identity where `has_camera` is False.  The first frame of the tree is the world."""
+    """(T, 3, 3); identity where `has_camera` is False.  The tree's first frame is the world."""
     has_camera: np.ndarray
     """(T,) bool: frames that matches link to the largest group."""
     residuals_px: np.ndarray
@@ -99,7 +99,7 @@ def unit_rays(points_px: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
 def relative_rotation(
     rays_a: np.ndarray, rays_b: np.ndarray, threshold_rad: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation b_from_a (3, 3) that most matched unit rays (M, 3) agree with, and who agrees (M,)."""
+    """Rotation b_from_a (3, 3) that most matched unit rays (M, 3) agree with, and which do (M,)."""
     samples = rng.integers(0, len(rays_a), size=(HYPOTHESES, 2))
     hypotheses = _kabsch(rays_a[samples], rays_b[samples])
     rotated = np.einsum("hij,mj->hmi", hypotheses, rays_a)

@@ -1,0 +1,79 @@
+"""The files of a reconstruction: cameras up to scale, points, and the figures behind them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from gmrdata.clip import read_npz
+from gmrdata.errors import BadMotionFile
+from gmrdata.geometry.camera import CameraPath
+from gmrdata.store import atomic_path, read_json
+
+CAMERAS_FILE = "cameras.npz"
+POINTS_FILE = "points.npz"
+QUALITY_FILE = "quality.json"
+
+Geometry = Literal["full", "rotation_only"]
+
+
+@dataclass(frozen=True, eq=False)
+class SfmCameras:
+    """Cameras that structure from motion found."""
+
+    path: CameraPath
+    """Translations are in an arbitrary unit; all zero for "rotation_only"."""
+    geometry: Geometry
+    """"full": six degrees of freedom up to scale.  "rotation_only": a camera with a fixed centre."""
+    image_numbers: np.ndarray
+    """(T,) int: number in the image's file name for each row."""
+
+
+def save_cameras(path: Path, cameras: SfmCameras) -> None:
+    """Write cameras as an .npz of plain arrays."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(
+            stream,
+            camera_intrinsics_px=cameras.path.intrinsics_px,
+            camera_size_px=np.array([cameras.path.width_px, cameras.path.height_px]),
+            world_from_cam=cameras.path.world_from_cam,
+            has_camera=cameras.path.has_camera,
+            geometry=np.array(cameras.geometry),
+            image_numbers=cameras.image_numbers,
+        )
+
+
+def load_cameras(sfm_dir: Path) -> SfmCameras:
+    """Read `cameras.npz` of a reconstruction's folder.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: truncated, or not cameras of this kind.
+    """
+    path = sfm_dir / CAMERAS_FILE
+    arrays = read_npz(path)
+    try:
+        width_px, height_px = (int(size) for size in arrays["camera_size_px"])
+        camera_path = CameraPath(
+            arrays["camera_intrinsics_px"],
+            width_px,
+            height_px,
+            arrays["world_from_cam"],
+            arrays["has_camera"],
+        )
+        geometry: Geometry = "full" if str(arrays["geometry"]) == "full" else "rotation_only"
+        return SfmCameras(camera_path, geometry, arrays["image_numbers"])
+    except (KeyError, ValueError) as error:
+        raise BadMotionFile(f"{path}: not cameras of gmrdata ({error}); run sfm again") from None
+
+
+def load_quality(sfm_dir: Path) -> dict[str, Any]:
+    """The figures of a reconstruction (`quality.json`)."""
+    return dict(read_json(sfm_dir / QUALITY_FILE))
+
+
+def save_points(path: Path, points: np.ndarray, track_lengths: np.ndarray) -> None:
+    """Write background points (N, 3), in the cameras' unit, and the frames that see each (N,)."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, xyz=points, track_lengths=track_lengths)

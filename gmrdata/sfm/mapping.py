@@ -1,0 +1,227 @@
+"""Cameras with six degrees of freedom: COLMAP's mappers, then a bundle adjustment of our own choice."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.geometry import transforms
+from gmrdata.sfm.colmap import pycolmap
+from gmrdata.sfm.config import SfmConfig
+from gmrdata.sfm.matches import Matches, pinhole_params
+
+MIN_PNP_INLIERS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """A reconstruction as arrays.  The unit of length is arbitrary."""
+
+    world_from_cam: np.ndarray
+    """(T, 4, 4); NaN where `has_camera` is False."""
+    has_camera: np.ndarray
+    """(T,) bool."""
+    points: np.ndarray
+    """(N, 3) points of the background, world frame [unit of length]."""
+    track_lengths: np.ndarray
+    """(N,) frames that see each point."""
+    errors_px: np.ndarray
+    """(M,) reprojection error of every observation [px]."""
+    observations: np.ndarray
+    """(T,) observations per frame."""
+    mapper: str
+    """"global" or "incremental"."""
+    n_models: int
+    """Separate models that the mapper returned; the largest was taken."""
+    n_resected: int
+    """Frames that the mapper left out and that were placed against its points afterwards."""
+
+
+def map_frames(
+    database_path: Path,
+    images: list[Path],
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+    config: SfmConfig,
+) -> Mapped | None:
+    """Map all frames; None if neither mapper finds a model.
+
+    The global mapper goes first.  The incremental one is tried where the global one leaves frames
+    out, and is taken if it registers more of them, or as many with more observations.
+
+    Args:
+        database_path: COLMAP's database with verified matches.
+        images: Frames in order.
+        matches: The same matches as arrays.
+        intrinsics_px: (3, 3) calibration matrix [px].
+        config: The recipe.
+    """
+    found: list[Mapped] = []
+    for mapper in ("global", "incremental"):
+        out_dir = database_path.parent / mapper
+        out_dir.mkdir()
+        run = _run_global if mapper == "global" else _run_incremental
+        models = list(run(database_path, images, out_dir, config).values())
+        if models:
+            best = max(models, key=lambda model: (model.num_reg_images(), model.num_points3D()))
+            found.append(_finish(best, mapper, len(models), images, matches, intrinsics_px, config))
+            if found[-1].has_camera.all():
+                break
+    return max(found, key=lambda m: (m.has_camera.sum(), m.observations.sum()), default=None)
+
+
+def _run_global(
+    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
+) -> dict[int, Any]:
+    options = pycolmap.GlobalPipelineOptions()
+    options.num_threads = options.mapper.num_threads = 1
+    options.random_seed = options.mapper.random_seed = config.seed
+    options.min_num_matches = config.min_pair_inliers
+    options.mapper.bundle_adjustment.refine_focal_length = False
+    options.mapper.bundle_adjustment.refine_extra_params = False
+    options.mapper.bundle_adjustment.ceres.use_gpu = False
+    options.mapper.global_positioning.use_gpu = False
+    return dict(pycolmap.global_mapping(database_path, images[0].parent, out_dir, options))
+
+
+def _run_incremental(
+    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
+) -> dict[int, Any]:
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads = options.mapper.num_threads = 1
+    options.random_seed = options.mapper.random_seed = config.seed
+    options.min_num_matches = config.min_pair_inliers
+    options.min_model_size = config.min_frames_registered
+    options.ba_refine_focal_length = options.ba_refine_extra_params = False
+    options.mapper.abs_pose_refine_focal_length = False
+    options.mapper.abs_pose_refine_extra_params = False
+    options.extract_colors = False
+    return dict(pycolmap.incremental_mapping(database_path, images[0].parent, out_dir, options))
+
+
+def _finish(
+    model: Any,
+    mapper: str,
+    n_models: int,
+    images: list[Path],
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+    config: SfmConfig,
+) -> Mapped:
+    """Refine a model, place the frames that it lacks, and read it out."""
+    _adjust(model)
+    _drop_outliers(model, config.max_reprojection_px)
+    _adjust(model)
+    row_of_name = {image.name: row for row, image in enumerate(images)}
+    n = len(images)
+    world_from_cam = np.full((n, 4, 4), np.nan)
+    observations = np.zeros(n, dtype=np.int64)
+    errors: list[np.ndarray] = []
+    point_of_feature: dict[int, dict[int, np.ndarray]] = {}
+    # Sorted by name, since COLMAP keeps them in hash tables.
+    for image_id in sorted(model.reg_image_ids()):
+        image = model.image(image_id)
+        row = row_of_name[image.name]
+        cam_from_world = transforms.rigid(*_split(image.cam_from_world().matrix()))
+        world_from_cam[row] = transforms.invert(cam_from_world)
+        seen = {
+            feature: np.asarray(model.point3D(point.point3D_id).xyz)
+            for feature, point in enumerate(image.points2D)
+            if point.has_point3D()
+        }
+        point_of_feature[row] = seen
+        observations[row] = len(seen)
+        errors.append(_errors_px(seen, matches.keypoints_px[row], cam_from_world, intrinsics_px))
+    n_resected = _resect_rest(
+        world_from_cam, observations, point_of_feature, matches, intrinsics_px
+    )
+    point_ids = sorted(model.point3D_ids())
+    return Mapped(
+        world_from_cam,
+        np.isfinite(world_from_cam[:, 0, 0]),
+        np.array([model.point3D(i).xyz for i in point_ids]).reshape(-1, 3),
+        np.array([model.point3D(i).track.length() for i in point_ids], dtype=np.int64),
+        np.concatenate(errors) if errors else np.zeros(0),
+        observations,
+        mapper,
+        n_models,
+        n_resected,
+    )
+
+
+def _adjust(model: Any) -> None:
+    """Bundle adjustment with fixed intrinsics and a loss that forgives wrong matches."""
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = False
+    options.refine_principal_point = False
+    options.refine_extra_params = False
+    options.print_summary = False
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_scale = 1.0
+    options.ceres.solver_options.num_threads = 1
+    options.ceres.solver_options.max_num_iterations = 50
+    options.ceres.solver_options.function_tolerance = 1e-6
+    pycolmap.bundle_adjustment(model, options)
+
+
+def _drop_outliers(model: Any, max_error_px: float) -> None:
+    model.update_point_3d_errors()
+    manager = pycolmap.ObservationManager(model)
+    manager.filter_all_points3D(max_error_px, 1.0)
+
+
+def _split(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(matrix)[:, :3], np.asarray(matrix)[:, 3]
+
+
+def _errors_px(
+    seen: dict[int, np.ndarray],
+    keypoints_px: np.ndarray,
+    cam_from_world: np.ndarray,
+    intrinsics_px: np.ndarray,
+) -> np.ndarray:
+    if not seen:
+        return np.zeros(0)
+    points_cam = transforms.apply(cam_from_world, np.array(list(seen.values())))
+    image_px = (points_cam / points_cam[:, 2:]) @ intrinsics_px.T
+    return np.asarray(np.linalg.norm(image_px[:, :2] - keypoints_px[list(seen)], axis=1))
+
+
+def _resect_rest(
+    world_from_cam: np.ndarray,
+    observations: np.ndarray,
+    point_of_feature: dict[int, dict[int, np.ndarray]],
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+) -> int:
+    """Place frames without a camera by the points that their matched neighbours see."""
+    camera = pycolmap.Camera(
+        model="PINHOLE",
+        width=round(2 * intrinsics_px[0, 2]),
+        height=round(2 * intrinsics_px[1, 2]),
+        params=list(pinhole_params(intrinsics_px)),
+    )
+    missing = [row for row in range(matches.n_frames) if row not in point_of_feature]
+    placed = 0
+    for row in missing:
+        found: dict[int, np.ndarray] = {}
+        for pair in matches.pairs:
+            if row not in (pair.first, pair.second):
+                continue
+            other = pair.second if pair.first == row else pair.first
+            mine = pair.features[:, 0 if pair.first == row else 1]
+            theirs = pair.features[:, 1 if pair.first == row else 0]
+            seen = point_of_feature.get(other, {})
+            found |= {int(a): seen[int(b)] for a, b in zip(mine, theirs, strict=True) if b in seen}
+        if len(found) < MIN_PNP_INLIERS:
+            continue
+        answer = pycolmap.estimate_and_refine_absolute_pose(
+            matches.keypoints_px[row][list(found)], np.array(list(found.values())), camera
+        )
+        if answer is not None and answer["num_inliers"] >= MIN_PNP_INLIERS:
+            cam_from_world = transforms.rigid(*_split(answer["cam_from_world"].matrix()))
+            world_from_cam[row] = transforms.invert(cam_from_world)
+            observations[row] = answer["num_inliers"]
+            placed += 1
+    return placed
