@@ -6,11 +6,9 @@ import cv2
 import numpy as np
 
 from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import PARENTS
 from gmrdata.geometry import camera, transforms
 
 BODY_BGR = (255, 210, 130)
-SKELETON_BGR = (255, 255, 255)
 OUTLINE_BGR = (255, 255, 255)
 PATH_BGR = (90, 225, 255)
 BODY_ALPHA = 0.8
@@ -75,22 +73,6 @@ def draw_body(
     order = np.argsort(-triangles_m[..., 2].mean(axis=1), kind="stable")
     points_px = camera.project_cam(triangles_m[order], intrinsics_px)
     return _paint(image, points_px, _shades(normals[order]))
-
-
-def draw_skeleton(
-    image: np.ndarray,
-    world_from_cam: np.ndarray,
-    intrinsics_px: np.ndarray,
-    joints_world_m: np.ndarray,
-) -> np.ndarray:
-    """A copy of a BGR image with the bones of the 24-joint tree over it."""
-    points_px = camera.project(world_from_cam, joints_world_m, intrinsics_px)
-    out = image.copy()
-    for joint, parent in enumerate(PARENTS):
-        if parent >= 0 and _drawable(points_px[joint]) and _drawable(points_px[parent]):
-            ends = _fixed(points_px[parent]), _fixed(points_px[joint])
-            cv2.line(out, *ends, SKELETON_BGR, LINE_PX, cv2.LINE_AA, 4)
-    return out
 
 
 def _shades(normals: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ import pytest
 from gmrdata.errors import BadFrames
 from gmrdata.report.data import ClipReport, ReportData
 from gmrdata.report.page import page, write_report
+from gmrdata.report.run_sections import summary_section
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 
@@ -146,7 +147,7 @@ def test_a_missed_bar_is_said_in_words(report: ReportData) -> None:
         {"frames_with_camera": 11}, {"ome_deg": float("nan")},
     ):  # fmt: skip
         bad = replace(clip, figures=replace(clip.figures, **worse))
-        summary = read(page(replace(report, clips=(bad,)))).sections["summary"]
+        summary = read(summary_section(replace(report, clips=(bad,)))).sections["summary"]
         assert "0 of 1 clips meet every bar" in summary
         assert "✗" in summary
 
