@@ -43,7 +43,7 @@ class PseudoGtError:
     best."""
 
 
-def compare_clips(pseudo: Clip, true: Clip) -> PseudoGtError:
+def compare_clips(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> PseudoGtError:
     """Compare a pseudo ground truth with the truth of the same video.
 
     Rows are paired by image number where both clips have images, by position otherwise.  Motions
@@ -52,16 +52,19 @@ def compare_clips(pseudo: Clip, true: Clip) -> PseudoGtError:
     Args:
         pseudo: What was recovered, in a world of its own.
         true: What was rendered.
+        fps_hz: Rate at which motions are taken [Hz], of which the clips' rate is a multiple; each
+            frame begins one, so all phases count.  None for the clips' own rate.
 
     Raises:
-        StageFailed: the clips are not in the world frame, differ in frame rate, or have no two
-            frames in a row in common.
+        StageFailed: the clips are not in the world frame, differ in frame rate, are no multiple of
+            `fps_hz`, or have no two frames in a row in common.
     """
     _check_comparable(pseudo, true)
     rows, true_rows = _paired_rows(pseudo, true)
     both = pseudo.valid[rows] & true.valid[true_rows]
     rows, true_rows = rows[both], true_rows[both]
-    ome_deg, tme_mm = _motion_errors(pseudo, true, rows, true_rows)
+    step = 1 if fps_hz is None else _frames_per_motion(true, fps_hz)
+    ome_deg, tme_mm = _motion_errors(pseudo, true, rows, true_rows, step)
     true_from_pseudo = _align_bodies(pseudo, true, rows, true_rows)
     moved_m = transforms.apply(true_from_pseudo, pseudo.motion.pelvis_m[rows])
     distances_m = np.linalg.norm(moved_m - true.motion.pelvis_m[true_rows], axis=1)
@@ -105,22 +108,48 @@ def _paired_rows(pseudo: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _motion_errors(
-    pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray
+    pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray, step: int
 ) -> tuple[float, float]:
-    adjacent = (np.diff(rows) == 1) & (np.diff(true_rows) == 1)
-    if not adjacent.any():
+    """OME [deg] and TME [mm] of motions between frames `step` apart, none of them over a gap."""
+    errors_deg, errors_mm = [], []
+    for phase in range(step):
+        deg, mm = _errors_of_neighbours(pseudo, true, rows, true_rows, phase, step)
+        errors_deg.append(deg)
+        errors_mm.append(mm)
+    if not sum(map(len, errors_deg)):
         raise StageFailed(
             f"clip {pseudo.id}: no two frames in a row are valid in it and in its truth {true.id}."
             " There is nothing to compare"
         )
+    return float(np.concatenate(errors_deg).mean()), float(np.concatenate(errors_mm).mean())
+
+
+def _errors_of_neighbours(
+    pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray, phase: int, step: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors [deg], [mm] of the motions from frame to frame of one phase of the video."""
+    chosen = np.flatnonzero(true_rows % step == phase)
+    rows, true_rows = rows[chosen], true_rows[chosen]
+    # Frames in between that are missing on either side would show in one of the three.
+    adjacent = (np.diff(rows) == step) & (np.diff(true_rows) == step) & (np.diff(chosen) == step)
     rotmats, metres = deltas(pseudo.motion.root_rotmats[rows], pseudo.motion.pelvis_m[rows])
     true_rotmats, true_m = deltas(
         true.motion.root_rotmats[true_rows], true.motion.pelvis_m[true_rows]
     )
     return (
-        float(orientation_errors_deg(rotmats, true_rotmats)[adjacent].mean()),
-        float(translation_errors_mm(metres, true_m)[adjacent].mean()),
+        orientation_errors_deg(rotmats, true_rotmats)[adjacent],
+        translation_errors_mm(metres, true_m)[adjacent],
     )
+
+
+def _frames_per_motion(clip: Clip, fps_hz: float) -> int:
+    ratio = clip.motion.fps_hz / fps_hz
+    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+        raise StageFailed(
+            f"clip {clip.id}: {clip.motion.fps_hz:g} fps is no multiple of {fps_hz:g} fps."
+            " Resample both clips first"
+        )
+    return round(ratio)
 
 
 def _align_bodies(pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray) -> np.ndarray:

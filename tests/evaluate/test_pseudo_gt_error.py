@@ -196,3 +196,35 @@ def test_clips_that_cannot_be_compared(true_clip: Clip) -> None:
         compare_clips(elsewhere, true_clip)
     unnumbered = replace(true_clip, image_numbers=np.full(40, -1))
     assert compare_clips(unnumbered, true_clip).tme_mm == 0
+
+
+def thirty_hz(true_clip: Clip) -> tuple[Clip, Clip]:
+    """The clip, said to have 30 fps, and a pseudo ground truth whose pelvis is 3 mm off in every
+    third frame."""
+    true = replace(true_clip, motion=replace(true_clip.motion, fps_hz=30.0))
+    pelvis_m = true.motion.pelvis_m.copy()
+    pelvis_m[::3, 2] += 0.003
+    return true, replace(true, motion=replace(true.motion, pelvis_m=pelvis_m))
+
+
+def test_at_a_third_of_the_rate_every_phase_counts(true_clip: Clip) -> None:
+    true, pseudo = thirty_hz(true_clip)
+    # At 30 fps two of three motions are 3 mm off; at 10 fps each phase is off as a whole or not.
+    assert compare_clips(pseudo, true).tme_mm == pytest.approx(2.0, abs=0.1)
+    assert compare_clips(pseudo, true, fps_hz=10.0).tme_mm == pytest.approx(0, abs=1e-9)
+    assert compare_clips(true_clip, true_clip, fps_hz=10.0).ome_deg == pytest.approx(0, abs=1e-6)
+
+
+def test_at_a_third_of_the_rate_no_motion_crosses_a_gap(true_clip: Clip) -> None:
+    true, pseudo = thirty_hz(true_clip)
+    pelvis_m = pseudo.motion.pelvis_m.copy()
+    pelvis_m[13:] += 1.0
+    valid = np.ones(40, bool)
+    valid[13] = False
+    pseudo = replace(pseudo, valid=valid, motion=replace(pseudo.motion, pelvis_m=pelvis_m))
+    assert compare_clips(pseudo, true, fps_hz=10.0).tme_mm == pytest.approx(0, abs=1e-9)
+
+
+def test_a_rate_that_does_not_divide_the_clips_is_refused(true_clip: Clip) -> None:
+    with pytest.raises(StageFailed, match="10 fps is no multiple of 4 fps"):
+        compare_clips(true_clip, true_clip, fps_hz=4.0)
