@@ -192,11 +192,12 @@ def _table(body: list[str], layout: _Layout, path: Path, first_line: int) -> np.
 def _explain(body: list[str], layout: _Layout, path: Path, first_line: int) -> None:
     """Find the line at which the frames stop being regular, and raise with it."""
     due = [("", 0), *((bone, c.stop - c.start) for bone, c in layout.columns.items())]
-    position = 0
+    position, last_line = 0, first_line
     for line_number, line in enumerate(body, first_line):
         words = line.split()
         if not words:
             continue
+        last_line = line_number
         name, n_values = due[position % len(due)]
         if name == "" and not (len(words) == 1 and _FRAME_NUMBER.fullmatch(words[0])):
             raise BadMotionFile(
@@ -211,8 +212,7 @@ def _explain(body: list[str], layout: _Layout, path: Path, first_line: int) -> N
         position += 1
     if position % len(due):
         raise BadMotionFile(
-            f"{path}:{first_line + len(body)}: the last frame is not complete; the file is "
-            "truncated"
+            f"{path}:{last_line}: the last frame is not complete; the file is truncated"
         )
 
 

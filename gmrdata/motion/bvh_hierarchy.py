@@ -44,6 +44,8 @@ def read_hierarchy(lines: list[str], path: Path) -> Hierarchy:
         raise BadMotionFile(f"{path}:{len(lines)}: a brace of the hierarchy is not closed")
     if not tree.names:
         raise BadMotionFile(f"{path}: the hierarchy has no ROOT")
+    if not any(tree.channels):
+        raise BadMotionFile(f"{path}: the joints have no channels, so there is no motion to read")
     return tree
 
 

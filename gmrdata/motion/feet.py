@@ -14,7 +14,8 @@ SHORTEST_STAND_S = 0.1
 LARGEST_SPREAD_DEG = 15.0
 """Quartile distance of the pitch of standing feet, beyond which it says nothing about flat ones."""
 LARGEST_PITCH_DEG = 20.0
-LARGEST_ROLL_DEG = 45.0
+SMALLEST_SPLAY_DEG = 8.0
+LARGEST_SPLAY_MISMATCH_DEG = 4.0
 
 SIDES = ("left", "right")
 
@@ -43,7 +44,7 @@ def foot_corrections(
         zero pose that was found in the motion [deg].
     """
     flat = {
-        side: _flat_frame(rest_joints_m, tip, side)
+        side: _flat_frame(rest_joints_m, body_rest_joints_m, tip, side)
         for side, tip in zip(SIDES, toe_tips_m, strict=True)
     }
     pitches_deg = {
@@ -61,9 +62,9 @@ def foot_corrections(
 
 
 def _foot_bone(rest_joints_m: np.ndarray, side: str) -> np.ndarray:
-    """Ankle to toe joint (3,); straight ahead for a skeleton without toe joints [m]."""
+    """Ankle to toe joint (3,) [m]."""
     bone = rest_joints_m[JOINT[f"{side}_foot"]] - rest_joints_m[JOINT[f"{side}_ankle"]]
-    return bone if np.all(np.isfinite(bone)) else np.array([0.0, 0.0, 1.0])
+    return np.asarray(bone)
 
 
 def _heading(bone: np.ndarray) -> np.ndarray:
@@ -71,23 +72,32 @@ def _heading(bone: np.ndarray) -> np.ndarray:
     return np.asarray(Rotation.from_euler("y", np.arctan2(bone[0], bone[2])).as_matrix())
 
 
-def _flat_frame(rest_joints_m: np.ndarray, toe_tip_m: np.ndarray, side: str) -> np.ndarray:
+def _flat_frame(
+    rest_joints_m: np.ndarray, body_rest_joints_m: np.ndarray, toe_tip_m: np.ndarray, side: str
+) -> np.ndarray:
     """Axes of a foot in the zero pose, (3, 3): x sideways, y off the floor, z to the toes."""
     bone = _foot_bone(rest_joints_m, side)
-    roll = _roll(bone, toe_tip_m)
+    if not np.all(np.isfinite(bone)):  # no toe joint: as the body's
+        return _heading(_foot_bone(body_rest_joints_m, side))
+    leg = rest_joints_m[JOINT[f"{side}_ankle"]] - rest_joints_m[JOINT[f"{side}_hip"]]
+    roll = _roll(leg, bone, toe_tip_m)
     return roll @ _heading(roll.T @ bone)
 
 
-def _roll(foot_bone: np.ndarray, toe_bone: np.ndarray) -> np.ndarray:
-    """How the zero pose tilts a foot sideways: (3, 3), identity where it does not show."""
+def _roll(leg: np.ndarray, foot_bone: np.ndarray, toe_bone: np.ndarray) -> np.ndarray:
+    """How the zero pose tilts a foot sideways together with its leg: (3, 3), else identity.
+
+    Only a clear splay counts, and only if the foot's own plane is tilted by the same angle: in a
+    zero pose with flat feet, toes that point a little outwards tilt that plane, too.
+    """
+    splay_deg = np.rad2deg(np.arctan2(leg[0], -leg[1]))
     sideways = np.cross(toe_bone, foot_bone)
-    size = np.linalg.norm(toe_bone) * np.linalg.norm(foot_bone)
-    if not np.linalg.norm(sideways) > np.sin(np.deg2rad(5.0)) * size:
+    if abs(splay_deg) < SMALLEST_SPLAY_DEG or not np.linalg.norm(sideways) > 0.0:
         return np.eye(3)
-    level = sideways * [1.0, 0.0, 1.0]
-    if np.linalg.norm(level) < np.cos(np.deg2rad(LARGEST_ROLL_DEG)) * np.linalg.norm(sideways):
+    tilt_deg = np.rad2deg(np.arctan2(sideways[1], np.hypot(sideways[0], sideways[2])))
+    if abs(tilt_deg - splay_deg) > LARGEST_SPLAY_MISMATCH_DEG:
         return np.eye(3)
-    return minimal_rotation(level, sideways)
+    return minimal_rotation(sideways * [1.0, 0.0, 1.0], sideways)
 
 
 def _planted_pitch_deg(

@@ -12,12 +12,12 @@ with a constant C_j that turns the body's rest pose into the source's zero pose 
 - hip, knee, shoulder, elbow: the smallest rotation that takes the body's rest bone (thigh, shank,
   upper arm, forearm) to the source's.  Bone directions then are the source's, always.  The smallest
   rotation adds no twist: palms that look down in both rest poses look the same way afterwards.
-- ankle, foot: the zero pose may splay the legs and roll the feet with them (CMU: 20 degrees).  The
-  roll is the tilt of the plane through ankle, toe joint and toe tip, which is upright in a flat
-  foot. The heading of the body's ankle-to-toe bone is made the source's; its pitch is not, as that
-  only tells how high the ankle sits.  What pitch a flat foot has is read from the frames in which a
-  foot stands still (CMU's subjects differ by up to 15 degrees); without such frames the zero pose
-  is flat.
+- ankle, foot: the zero pose may splay the legs and roll the feet with them (CMU: 20 degrees).  That
+  shows in the plane through ankle, toe joint and toe tip, which is upright in a flat foot, and is
+  undone.  The heading of the body's ankle-to-toe bone is made the source's; its pitch is not, as
+  that only tells how high the ankle sits.  What pitch a flat foot has is read from the frames in
+  which a foot stands still (CMU's subjects differ by up to 15 degrees); without such frames the
+  zero pose is flat.
 - neck, head: CMU's zero pose looks up; its known pitch (`joint_maps.CMU_UPRIGHT_PITCH_DEG`) is
   undone.
 - pelvis, spine, collars, wrists, hands: none.  Both rest poses hold them upright, palms down.

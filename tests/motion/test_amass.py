@@ -1,0 +1,190 @@
+"""AMASS: keys of all releases, hands, betas, rates, pelvis; broken arrays say what is wrong."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, save_clip
+from gmrdata.errors import BadMotionFile, GmrdataError
+from gmrdata.motion.amass import SMPL_LEG_M
+from gmrdata.motion.read import read_motion
+from gmrdata.motion.rest_pose import leg_length_m
+
+HAND_COLUMNS = {72: (22, 23), 156: (22, 37), 165: (25, 40)}
+
+
+def _arrays(n_values: int = 156, n_frames: int = 6) -> dict[str, Any]:
+    rng = np.random.default_rng(5)
+    return {
+        "poses": rng.normal(scale=0.4, size=(n_frames, n_values)),
+        "trans": rng.normal(size=(n_frames, 3)),
+        "betas": rng.normal(size=16),
+        "gender": "female",
+        "mocap_framerate": 120.0,
+        "dmpls": np.zeros((n_frames, 8)),
+    }
+
+
+def _save(path: Path, arrays: dict[str, Any]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, **arrays)
+    return path
+
+
+@pytest.mark.parametrize("n_values", [72, 156, 165])
+def test_rotations_are_kept_on_any_body(
+    tmp_path: Path, small_body: BodyModel, n_values: int
+) -> None:
+    arrays = _arrays(n_values)
+    motion = read_motion(_save(tmp_path / "a_poses.npz", arrays), small_body, ground=False)
+    rotvecs = arrays["poses"].reshape(6, -1, 3)
+    left, right = HAND_COLUMNS[n_values]
+    expected = Rotation.from_rotvec(
+        np.concatenate([rotvecs[:, :22], rotvecs[:, [left, right]]], axis=1).reshape(-1, 3)
+    ).as_matrix()
+    found = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    np.testing.assert_allclose(found.reshape(-1, 3, 3), expected, atol=1e-12)
+    np.testing.assert_array_equal(motion.shape, np.zeros(10))
+    scale = leg_length_m(small_body.rest_joints_m(np.zeros(10))) / SMPL_LEG_M
+    np.testing.assert_allclose(motion.pelvis_m, arrays["trans"] * scale)
+    assert motion.source == (
+        f"a_poses.npz: 120 Hz (file), betas of the file not used, path x {scale:.4f}, "
+        "floor levelled by 0.0 deg"
+    )
+
+
+@pytest.mark.parametrize("gender", ["female", b"female", np.array("female"), np.array([b"Female"])])
+@pytest.mark.parametrize("rate", [60, 60.0, np.array(60), np.array([60.0])])
+@pytest.mark.parametrize("key", ["mocap_framerate", "mocap_frame_rate"])
+def test_the_pelvis_of_smpls_own_body_is_trans_and_j0(
+    tmp_path: Path, small_body: BodyModel, gender: Any, rate: Any, key: str
+) -> None:
+    arrays = _arrays() | {"gender": gender}
+    del arrays["mocap_framerate"]
+    path = _save(tmp_path / "a.npz", arrays | {key: rate})
+    smpl = replace(small_body, name="smpl-female")
+    motion = read_motion(path, smpl, ground=False)
+    np.testing.assert_allclose(motion.shape, arrays["betas"][:10])
+    np.testing.assert_allclose(motion.pelvis_m, arrays["trans"] + smpl.rest_pelvis_m(motion.shape))
+    assert motion.fps_hz == 60.0 and motion.gender == "female"
+    grounded = read_motion(path, smpl)
+    steps_m = np.linalg.norm(np.diff(grounded.pelvis_m, axis=0), axis=1)
+    np.testing.assert_allclose(steps_m, np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1))
+
+
+def test_betas_of_another_body_are_not_kept(tmp_path: Path, small_body: BodyModel) -> None:
+    path = _save(tmp_path / "a.npz", _arrays())
+    x_path = _save(tmp_path / "x.npz", _arrays(165))
+    female, male = (replace(small_body, name=f"smpl-{g}") for g in ("female", "male"))
+    for other in (read_motion(path, male), read_motion(x_path, female)):
+        np.testing.assert_array_equal(other.shape, np.zeros(10))
+        assert "betas of the file not used" in other.source
+
+
+def test_the_subjects_own_leg_length_scales_the_path(tmp_path: Path, small_body: BodyModel) -> None:
+    arrays = _arrays()
+    path = _save(tmp_path / "a.npz", arrays)
+    source_body = replace(small_body, name="smpl-female")
+    motion = read_motion(path, small_body, source_body=source_body, ground=False)
+    betas = arrays["betas"][:10]
+    leg_m = leg_length_m(source_body.rest_joints_m(betas))
+    scale = leg_length_m(small_body.rest_joints_m(np.zeros(10))) / leg_m
+    expected = (arrays["trans"] + source_body.rest_pelvis_m(betas)) * scale
+    np.testing.assert_allclose(motion.pelvis_m, expected)
+
+
+def test_a_clip_of_the_same_body_comes_back(tmp_path: Path, small_body: BodyModel) -> None:
+    motion = read_motion(_save(tmp_path / "a.npz", _arrays()), small_body)
+    clip = Clip("c", motion, np.ones(6, dtype=bool), np.full(6, -1), None)
+    save_clip(tmp_path / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    again = read_motion(tmp_path / "clip.npz", small_body, ground=False)
+    np.testing.assert_allclose(again.local_rotmats, motion.local_rotmats, atol=1e-12)
+    np.testing.assert_allclose(again.pelvis_m, motion.pelvis_m, atol=1e-12)
+    other = replace(small_body, name="other")
+    with pytest.raises(BadMotionFile, match="'small'; give that body as source_body"):
+        read_motion(tmp_path / "clip.npz", other)
+    camera = Clip("c", replace(motion, frame="camera"), clip.valid, clip.image_numbers, None)
+    save_clip(tmp_path / "camera.npz", camera, small_body.rest_pelvis_m(motion.shape))
+    with pytest.raises(BadMotionFile, match="camera frames"):
+        read_motion(tmp_path / "camera.npz", small_body)
+
+
+def test_cmus_index_wins_over_amass(tmp_path: Path, small_body: BodyModel) -> None:
+    for folder, name, fps_hz in (
+        ("CMU/62", "62_11_poses.npz", 60.0),
+        ("CMU/02", "02_03_stageii.npz", 120.0),
+        ("SFU/62", "62_11_poses.npz", 120.0),
+    ):
+        path = _save(tmp_path / folder / name, _arrays())
+        assert read_motion(path, small_body).fps_hz == fps_hz
+        assert read_motion(path, small_body, fps_hz=99).fps_hz == 99.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"mocap_framerate": None}, "no frame rate .*give it with fps_hz"),
+        ({"mocap_framerate": 0.0}, "0 Hz.*fps_hz"),
+        ({"mocap_framerate": -30.0}, "fps_hz"),
+        ({"mocap_framerate": 10000.0}, "10000 Hz.*fps_hz"),
+        ({"mocap_framerate": np.nan}, "mocap_framerate is not finite"),
+        ({"mocap_framerate": [1.0, 2.0]}, "not one number"),
+        ({"mocap_framerate": "fast"}, "mocap_framerate does not hold numbers"),
+        ({"poses": None}, "no AMASS motion, it has no array 'poses'"),
+        ({"trans": None}, "no array 'trans'"),
+        ({"poses": np.zeros((6, 150))}, r"poses are \(6, 150\).*SMPL"),
+        ({"poses": np.zeros(156)}, r"poses are \(156,\)"),
+        ({"poses": np.full((6, 156), np.nan)}, "poses is not finite at frame 0"),
+        ({"poses": np.full((6, 156), np.inf)}, "poses is not finite at frame 0"),
+        ({"trans": np.zeros((5, 3))}, r"trans is \(5, 3\) for 6 frames"),
+        ({"poses": np.zeros((1, 156)), "trans": np.zeros((1, 3))}, "1 frames are no motion"),
+        ({"poses": np.zeros((0, 156)), "trans": np.zeros((0, 3))}, "0 frames are no motion"),
+    ],
+)
+def test_broken_arrays(
+    tmp_path: Path, small_body: BodyModel, changes: dict[str, Any], words: str
+) -> None:
+    arrays = {key: v for key, v in (_arrays() | changes).items() if v is not None}
+    path = _save(tmp_path / "a.npz", arrays)
+    with pytest.raises(BadMotionFile, match=words) as caught:
+        read_motion(path, small_body)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["shape.npz", "02_03_stagei.npz", "female_stagei.npz"])
+def test_files_of_shapes_are_no_motions(tmp_path: Path, small_body: BodyModel, name: str) -> None:
+    path = _save(tmp_path / name, {"betas": np.zeros(16)})
+    with pytest.raises(BadMotionFile, match="holds a subject's shape and no motion"):
+        read_motion(path, small_body)
+
+
+def test_pickled_objects_are_not_opened(tmp_path: Path, small_body: BodyModel) -> None:
+    objects = np.array([{"a": 1}], dtype=object)
+    path = _save(tmp_path / "a.npz", _arrays() | {"marker_labels": objects})
+    with pytest.raises(BadMotionFile, match="plain arrays"):
+        read_motion(path, small_body)
+
+
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_damage_never_raises_anything_else(data, tmp_path: Path, small_body: BodyModel) -> None:
+    path = _save(tmp_path / "a.npz", _arrays(72, 2))
+    raw = path.read_bytes()
+    start = data.draw(st.integers(0, len(raw)))
+    stop = data.draw(st.integers(start, len(raw)))
+    path.write_bytes(raw[:start] + data.draw(st.binary(max_size=20)) + raw[stop:])
+    try:
+        motion = read_motion(path, small_body)
+    except GmrdataError as error:
+        assert str(path) in str(error)
+    else:
+        assert np.isfinite(motion.pelvis_m).all()

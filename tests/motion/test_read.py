@@ -1,0 +1,93 @@
+"""Finding motions in folders, and reading all real ones."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.body.model import BodyModel
+from gmrdata.errors import BadMotionFile, MissingInput
+from gmrdata.motion.read import find_motions, read_motion
+
+
+def _touch(path: Path) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("x")
+    return path
+
+
+def test_find_motions_takes_each_trial_once(tmp_path: Path) -> None:
+    folder = tmp_path / "motions"
+    for name in ("bvh/02_03.bvh", "bvh/02_04.bvh", "bvh/walk.bvh", "amc/02_03.amc", "amc/walk.amc",
+                 "amc/02.asf", "notes.txt", "one/run.bvh", "one/run.AMC"):  # fmt: skip
+        _touch(folder / name)
+    np.savez(folder / "02_03_poses.npz", poses=np.zeros(3))
+    np.savez(folder / "shape.npz", poses=np.zeros(3))
+    np.savez(folder / "02_03_stagei.npz", poses=np.zeros(3))
+    np.savez(folder / "cameras.npz", world_from_cam=np.zeros(3))
+    _touch(folder / "broken.npz")
+    found = [path.relative_to(folder).as_posix() for path in find_motions(folder)]
+    assert found == [
+        "02_03_poses.npz", "amc/02_03.amc", "amc/walk.amc", "broken.npz", "bvh/02_04.bvh",
+        "bvh/walk.bvh", "one/run.AMC",
+    ]  # fmt: skip
+
+
+def test_find_motions_stays_in_the_folder(tmp_path: Path) -> None:
+    outside = _touch(tmp_path / "outside" / "secret.bvh")
+    folder = tmp_path / "motions"
+    inside = _touch(folder / "a.bvh")
+    (folder / "file_link.bvh").symlink_to(outside)
+    (folder / "folder_link").symlink_to(outside.parent)
+    (folder / "loop").symlink_to(folder)
+    (folder / "dangling.bvh").symlink_to(folder / "nothing.bvh")
+    (folder / "folder.bvh").mkdir()
+    os.mkfifo(folder / "pipe.bvh")
+    assert find_motions(folder) == [inside]
+    with pytest.raises(MissingInput, match="no such folder"):
+        find_motions(tmp_path / "nowhere")
+
+
+def test_other_suffixes_are_refused(tmp_path: Path, small_body: BodyModel) -> None:
+    with pytest.raises(BadMotionFile, match=r"a\.fbx: no known motion format"):
+        read_motion(_touch(tmp_path / "a.fbx"), small_body)
+    for name in ("a.bvh", "a.amc", "a.npz"):
+        with pytest.raises(MissingInput, match="no such file"):
+            read_motion(tmp_path / name, small_body)
+
+
+def test_a_motion_that_is_read_twice_is_the_same(cmu_dir: Path, small_body: BodyModel) -> None:
+    first, second = (read_motion(cmu_dir / "amc" / "05_01.amc", small_body) for _ in range(2))
+    np.testing.assert_array_equal(first.local_rotmats, second.local_rotmats)
+    np.testing.assert_array_equal(first.pelvis_m, second.pelvis_m)
+    assert first.source == second.source
+    assert first.source.startswith("05_01.amc: skeleton 05.asf, 120 Hz (CMU's index), 0.0564444 m")
+
+
+@pytest.mark.slow
+def test_every_real_file_is_read(cmu_dir: Path, small_body: BodyModel) -> None:
+    files = sorted((cmu_dir / "bvh").glob("*.bvh")) + sorted((cmu_dir / "amc").glob("*.amc"))
+    assert len(files) == 256
+    frames = {}
+    for file in files:
+        motion = read_motion(file, small_body)
+        frames[file.stem] = motion.n_frames
+        assert motion.fps_hz == 120.0
+        rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+        unit = np.einsum("tjab,tjac->tjbc", rotmats, rotmats) - np.eye(3)
+        assert np.abs(unit).max() < 1e-9, file
+        assert np.isfinite(motion.pelvis_m).all(), file
+        # A person's pelvis stays within 3 m of the floor and does not leap (01_07 has one step
+        # of 0.2 m, as recorded).
+        assert motion.pelvis_m[:, 2].min() > -0.5 and motion.pelvis_m[:, 2].max() < 3.0, file
+        steps_m = np.linalg.norm(np.diff(motion.pelvis_m, axis=0), axis=1)
+        assert steps_m.max() < 0.25, file
+    # Without the added T-pose; 09_10 also lacks 4 rows without data.
+    assert (frames["02_03"], frames["08_02"], frames["08_04"], frames["08_05"]) == (
+        173,
+        309,
+        484,
+        298,
+    )
+    assert frames["09_10"] == 128

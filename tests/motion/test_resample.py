@@ -1,0 +1,101 @@
+"""Resampling: exact on samples, slerp between them, never across a gap."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from gmrdata.errors import BadRecipe
+from gmrdata.motion.motion import Motion
+from gmrdata.motion.resample import resample, resample_valid, slice_motion, valid_runs
+
+
+def _motion(n_frames: int, fps_hz: float, seed: int = 0) -> Motion:
+    rng = np.random.default_rng(seed)
+    rotmats = Rotation.random(n_frames * 24, random_state=rng).as_matrix()
+    rotmats = rotmats.reshape(n_frames, 24, 3, 3)
+    return Motion(
+        rotmats[:, 1:], rotmats[:, 0], rng.normal(size=(n_frames, 3)), np.zeros(10), fps_hz,
+        "small", "neutral", "world", "made up",
+    )  # fmt: skip
+
+
+@given(st.integers(2, 40), st.integers(1, 6), st.sampled_from([12.0, 30.0, 120.0, 59.94]))
+@settings(max_examples=30, deadline=None)
+def test_an_integer_ratio_takes_the_very_samples(n_frames: int, ratio: int, fps_hz: float) -> None:
+    motion = _motion(n_frames, fps_hz)
+    sampled = resample(motion, fps_hz / ratio)
+    for name in ("local_rotmats", "root_rotmats", "pelvis_m"):
+        np.testing.assert_array_equal(getattr(sampled, name), getattr(motion, name)[::ratio])
+    assert sampled.fps_hz == fps_hz / ratio
+    assert sampled.source == motion.source
+
+
+def test_a_start_on_a_sample_is_exact() -> None:
+    motion = _motion(25, 120.0)
+    sampled = resample(motion, 30.0, start_s=3 / 120)
+    np.testing.assert_array_equal(sampled.root_rotmats, motion.root_rotmats[3::4])
+
+
+@given(st.floats(7.0, 400.0), st.floats(0.0, 0.3))
+@settings(max_examples=30, deadline=None)
+def test_between_samples_it_is_slerp_and_lines(fps_hz: float, start_s: float) -> None:
+    motion = _motion(13, 30.0)
+    sampled = resample(motion, fps_hz, start_s=start_s)
+    times_s = start_s + np.arange(sampled.n_frames) / fps_hz
+    source_s = np.arange(13) / 30.0
+    assert times_s[-1] <= source_s[-1] + 1e-6 < times_s[-1] + 1 / fps_hz + 1e-6
+    times_s = np.clip(times_s, 0.0, source_s[-1])
+    expected = Slerp(source_s, Rotation.from_matrix(motion.local_rotmats[:, 4]))(times_s)
+    turned = expected.inv() * Rotation.from_matrix(sampled.local_rotmats[:, 4])
+    assert turned.magnitude().max() < 1e-4  # sample times within 1e-6 of a frame snap to it
+    for k in range(3):
+        lines = np.interp(times_s, source_s, motion.pelvis_m[:, k])
+        np.testing.assert_allclose(sampled.pelvis_m[:, k], lines, atol=1e-4)
+
+
+def test_there_and_back_is_the_same_motion() -> None:
+    motion = _motion(20, 10.0)
+    back = resample(resample(motion, 70.0), 10.0)
+    np.testing.assert_allclose(back.local_rotmats, motion.local_rotmats, atol=1e-12)
+
+
+def test_nothing_is_interpolated_across_a_gap() -> None:
+    motion = _motion(6, 10.0)
+    valid = np.array([True, True, False, False, True, True])
+    motion.pelvis_m[~valid] = np.nan
+    motion.root_rotmats[~valid] = np.nan
+    sampled = resample(motion, 20.0, valid=valid)
+    mask = resample_valid(valid, 10.0, 20.0)
+    assert mask.tolist() == [True, True, True, False, False, False, False, False, True, True, True]
+    assert (
+        np.isfinite(sampled.pelvis_m[mask]).all() and np.isfinite(sampled.root_rotmats[mask]).all()
+    )
+    np.testing.assert_allclose(sampled.pelvis_m[1], motion.pelvis_m[:2].mean(axis=0))
+    np.testing.assert_array_equal(sampled.pelvis_m[[3, 8]], motion.pelvis_m[[1, 4]])
+
+
+@given(st.lists(st.booleans(), max_size=30))
+def test_valid_runs_are_the_runs(flags: list[bool]) -> None:
+    runs = valid_runs(np.array(flags, dtype=bool))
+    rebuilt = np.zeros(len(flags), dtype=bool)
+    for start, stop in runs:
+        assert start < stop
+        assert not rebuilt[max(start - 1, 0) : stop].any()
+        rebuilt[start:stop] = True
+    assert rebuilt.tolist() == flags
+
+
+def test_wrong_arguments() -> None:
+    motion = _motion(10, 30.0)
+    for fps_hz in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(BadRecipe, match="not positive"):
+            resample(motion, fps_hz)
+    for start_s in (-0.1, 0.31, np.nan):
+        with pytest.raises(BadRecipe, match="outside a motion of 0.300 s"):
+            resample(motion, 30.0, start_s=start_s)
+    for start, stop in ((-1, 3), (3, 3), (0, 11)):
+        with pytest.raises(BadRecipe, match="made up: frames"):
+            slice_motion(motion, start, stop)
+    np.testing.assert_array_equal(slice_motion(motion, 2, 5).pelvis_m, motion.pelvis_m[2:5])
