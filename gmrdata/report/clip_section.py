@@ -108,9 +108,10 @@ _PATHS_CAPTION = (
 
 
 def _errors_caption(clip: ClipReport) -> str:
+    fps_hz = clip.figures_fps_hz or clip.true.motion.fps_hz
     return (
-        f"Errors over time at {clip.pseudo.motion.fps_hz:g} frames per second. Orientation and "
-        "translation: from one frame to the next, in the body’s own frame, so no alignment enters. "
+        f"Errors over time. Orientation and translation: over 1/{fps_hz:g} s from each frame on, "
+        "in the body’s own frame, so no alignment enters. "
         "Camera rotation: per frame, after one rotation of the recovered world. Bars for the "
         f"means: {BARS['ome_deg']:g}° and {BARS['tme_mm']:g} mm."
     )

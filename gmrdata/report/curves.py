@@ -15,8 +15,8 @@ from gmrdata.report.style import COLOURS, quiet
 
 def error_panels(figure: Figure, clip: ClipReport) -> None:
     """OME, TME, camera rotation and inliers of a clip over time, in four panels."""
-    series = error_series(clip.true, clip.pseudo)
-    between_s = 0.5 * (series.times_s[1:] + series.times_s[:-1])
+    series = error_series(clip.true, clip.pseudo, clip.figures_fps_hz)
+    between_s = series.motion_times_s
     panels = figure.subplots(2, 2, sharex=True)
     _error(panels[0, 0], between_s, series.ome_deg, "person", "Orientation motion error [°]")
     _error(panels[0, 1], between_s, series.tme_mm, "person", "Translation motion error [mm]")

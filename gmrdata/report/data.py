@@ -73,6 +73,9 @@ class ClipReport:
     """Errors of the pseudo clip."""
     quality: Quality
     """The reconstruction's own record."""
+    figures_fps_hz: float | None = None
+    """Rate at which the motions of `figures` were taken [Hz], of which the clips' rate is a
+    multiple; None for the clips' own rate."""
     predicted: Motion | None = None
     """GMR's world motion for this clip, accumulated from the first frame, if there is one."""
 

@@ -108,13 +108,25 @@ def test_close_up_of_a_person_at_the_edge_stays_in_the_frame(report: ReportData)
         assert close.shape == (380, 300, 3)
 
 
-def test_series_average_to_the_metrics(report: ReportData) -> None:
+@pytest.mark.parametrize("fps_hz", [None, 10.0, 5.0])
+def test_series_average_to_the_metrics(report: ReportData, fps_hz: float | None) -> None:
     clip = report.clips[0]
-    error = compare_clips(clip.pseudo, clip.true)
-    series = error_series(clip.true, clip.pseudo)
+    error = compare_clips(clip.pseudo, clip.true, fps_hz=fps_hz)
+    series = error_series(clip.true, clip.pseudo, fps_hz)
+    assert len(series.ome_deg) == len(series.motion_times_s) == (10 if fps_hz == 5.0 else 11)
+    assert series.motion_times_s[0] == pytest.approx(0.1 if fps_hz == 5.0 else 0.05)
     assert series.ome_deg.mean() == pytest.approx(error.ome_deg, rel=1e-9)
     assert series.tme_mm.mean() == pytest.approx(error.tme_mm, rel=1e-9)
     assert series.camera_rotation_deg.mean() == pytest.approx(error.camera_rotation_deg, rel=1e-9)
+
+
+@pytest.mark.parametrize("fps_hz", [20.0, 4.0])
+def test_a_rate_that_does_not_divide_the_clips_is_refused(
+    report: ReportData, fps_hz: float
+) -> None:
+    clip = report.clips[0]
+    with pytest.raises(BadFrames, match="10 fps is no multiple of the"):
+        error_series(clip.true, clip.pseudo, fps_hz)
 
 
 def test_series_leave_gaps_open(report: ReportData) -> None:
@@ -125,6 +137,18 @@ def test_series_leave_gaps_open(report: ReportData) -> None:
     assert np.flatnonzero(np.isnan(series.ome_deg)).tolist() == [3, 4]
     assert np.flatnonzero(np.isnan(series.tme_mm)).tolist() == [3, 4]
     assert np.flatnonzero(np.isnan(series.camera_rotation_deg)).tolist() == [4]
+
+
+def test_series_agree_with_the_metrics_beside_a_gap(report: ReportData) -> None:
+    clip = report.clips[0]
+    valid = clip.pseudo.valid.copy()
+    valid[[4, 9]] = False
+    pseudo = replace(clip.pseudo, valid=valid)
+    error = compare_clips(pseudo, clip.true, fps_hz=5.0)
+    series = error_series(clip.true, pseudo, 5.0)
+    assert np.flatnonzero(np.isfinite(series.ome_deg)).tolist() == [0, 1, 5, 6]
+    assert np.nanmean(series.ome_deg) == pytest.approx(error.ome_deg, rel=1e-9)
+    assert np.nanmean(series.tme_mm) == pytest.approx(error.tme_mm, rel=1e-9)
 
 
 def test_rows_are_paired_by_image(report: ReportData) -> None:
