@@ -13,7 +13,7 @@ class GmrRecipe(Config):
     recipe: Literal["gmr"]
     """Kind of recipe."""
     training: tuple[Path, ...] = ()
-    """Manifests to train on, relative to the recipe's folder; those on the command line otherwise."""
+    """Manifests to train on, relative to the recipe's folder; else those of the command line."""
     scored: tuple[Path, ...] = ()
     """Manifests to score on, relative to the recipe's folder."""
     body: Path | None = None
