@@ -127,10 +127,11 @@ def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: Trained
             tme_mm=error.tme_mm,
             camera_rotation_deg=error.camera_rotation_deg,
             scale_error_percent=error.scale_error_percent,
-            frames=error.frames,
+            frames=true.motion.n_frames,
             frames_with_camera=error.frames_with_camera,
         ),
         quality=_quality(paths.pseudo_gt_dir(clip.id)),
+        figures_fps_hz=FPS_HZ,
         predicted=predicted,
     )
 
