@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.body.model import BodyModel
-from gmrdata.errors import BadMotionFile, MissingInput
+from gmrdata.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.motion.amass import is_amass_extra, read_amass
 from gmrdata.motion.amc import read_amc
 from gmrdata.motion.bvh import read_bvh
@@ -55,8 +55,10 @@ def read_motion(
     Raises:
         MissingInput: the file, its skeleton or the joint map is not there.
         BadMotionFile: the file cannot be read; the message names the place and the remedy.
+        BadRecipe: `shape` is not one of `body`, or `unit_m` is not positive.
     """
     path = Path(path)
+    _check_options(path, body, unit_m, shape)
     suffix = path.suffix.lower()
     if suffix == ".npz":
         return read_amass(
@@ -100,6 +102,18 @@ def find_motions(folder: Path) -> list[Path]:
     ]
     as_amc = {_trial(file) for file in found if file.suffix.lower() == ".amc"}
     return sorted(f for f in found if f.suffix.lower() != ".bvh" or _trial(f) not in as_amc)
+
+
+def _check_options(
+    path: Path, body: BodyModel, unit_m: float | None, shape: np.ndarray | None
+) -> None:
+    if unit_m is not None and not 0.0 < unit_m < np.inf:
+        raise BadRecipe(f"{path}: unit_m is {unit_m}; a unit is a positive number of metres")
+    if shape is not None and (np.shape(shape) != (body.n_shape,) or not np.isfinite(shape).all()):
+        raise BadRecipe(
+            f"{path}: body {body.name} takes a shape of {body.n_shape} finite numbers; leave it out "
+            "for the mean shape"
+        )
 
 
 def _trial(file: Path) -> str:

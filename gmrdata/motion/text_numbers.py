@@ -20,7 +20,10 @@ def read_text(path: Path) -> str:
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise BadMotionFile(f"{path}: cannot be read ({error.strerror})") from None
     if not data.strip():
         raise BadMotionFile(f"{path}: the file is empty; fetch it again")
     if b"\0" in data:

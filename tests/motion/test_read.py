@@ -2,12 +2,13 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gmrdata.body.model import BodyModel
-from gmrdata.errors import BadMotionFile, MissingInput
+from gmrdata.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.motion.read import find_motions, read_motion
 
 
@@ -55,6 +56,16 @@ def test_other_suffixes_are_refused(tmp_path: Path, small_body: BodyModel) -> No
     for name in ("a.bvh", "a.amc", "a.npz"):
         with pytest.raises(MissingInput, match="no such file"):
             read_motion(tmp_path / name, small_body)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"unit_m": 0.0}, {"unit_m": -1.0}, {"unit_m": np.nan}, {"shape": np.zeros(3)},
+     {"shape": np.full(10, np.nan)}],
+)  # fmt: skip
+def test_wrong_options(tmp_path: Path, small_body: BodyModel, options: dict[str, Any]) -> None:
+    with pytest.raises(BadRecipe, match=r"a\.bvh"):
+        read_motion(_touch(tmp_path / "a.bvh"), small_body, **options)
 
 
 def test_a_motion_that_is_read_twice_is_the_same(cmu_dir: Path, small_body: BodyModel) -> None:
