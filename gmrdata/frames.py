@@ -153,7 +153,7 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _decoded_size(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of what OpenCV decodes; None for a truncated JPEG, which it fills with grey."""
+    """(width, height) of what OpenCV decodes; None for a cut-off JPEG, which it fills with grey."""
     import cv2
 
     if content.startswith(b"\xff\xd8") and b"\xff\xd9" not in content[-1024:]:

@@ -89,7 +89,7 @@ def silhouette(
     corners_px = corners_px[(np.abs(corners_px) < near_px).all(axis=(1, 2))]
     fixed_point = np.rint(corners_px * (1 << SUBPIXEL_BITS)).astype(np.int32)
     for triangle in fixed_point:
-        cv2.fillConvexPoly(mask, triangle, 255, lineType=cv2.LINE_8, shift=SUBPIXEL_BITS)
+        cv2.fillConvexPoly(mask, triangle, [255], lineType=cv2.LINE_8, shift=SUBPIXEL_BITS)
     return dilate(mask, dilate_px)
 
 

@@ -25,7 +25,7 @@ class SfmCameras:
     path: CameraPath
     """Translations are in an arbitrary unit; all zero for "rotation_only"."""
     geometry: Geometry
-    """"full": six degrees of freedom up to scale.  "rotation_only": a camera with a fixed centre."""
+    """"full": six degrees of freedom up to scale.  "rotation_only": the centre is fixed."""
     image_numbers: np.ndarray
     """(T,) int: number in the image's file name for each row."""
 

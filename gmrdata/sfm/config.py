@@ -11,11 +11,11 @@ class SfmConfig(Config):
     max_features: int = Field(default=2000, ge=100)
     """SIFT features per frame at most; the largest are kept."""
     first_octave: int = Field(default=0, ge=-1, le=2)
-    """First SIFT octave: -1 doubles the image first (slower, more features), 0 takes it as it is."""
+    """First SIFT octave: -1 doubles the image (slower, more features), 0 takes it as it is."""
     max_image_size_px: int = Field(default=1600, ge=64)
     """Longer side above which features are sought in a reduced image [px]."""
     overlap: int = Field(default=8, ge=1)
-    """Each frame is paired with those 1, 2, 4, ... 2^(overlap - 1) later: so many pairs per frame."""
+    """Each frame is paired with those 1, 2, 4, ... later: so many pairs per frame."""
     min_pair_inliers: int = Field(default=15, ge=8)
     """Matches that a pair of frames must share after geometric verification."""
     verification_error_px: float = Field(default=2.0, gt=0)

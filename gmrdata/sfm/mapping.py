@@ -1,4 +1,4 @@
-"""Cameras with six degrees of freedom: COLMAP's mappers, then a bundle adjustment of our own choice."""
+"""Cameras with six degrees of freedom: COLMAP's mappers, then a robust bundle adjustment."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -162,7 +162,12 @@ def _adjust(model: Any) -> None:
     options.ceres.solver_options.num_threads = 1
     options.ceres.solver_options.max_num_iterations = 50
     options.ceres.solver_options.function_tolerance = 1e-6
-    pycolmap.bundle_adjustment(model, options)
+    # Not `pycolmap.bundle_adjustment`, which turns its log back on.
+    problem = pycolmap.BundleAdjustmentConfig()
+    for image_id in sorted(model.reg_image_ids()):
+        problem.add_image(image_id)
+    problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    pycolmap.create_default_bundle_adjuster(options, problem, model).solve()
 
 
 def _drop_outliers(model: Any, max_error_px: float) -> None:

@@ -1,4 +1,4 @@
-"""Stage: cameras up to scale from frames, masks and intrinsics; the geometry is chosen by evidence."""
+"""Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits."""
 
 import tempfile
 from dataclasses import dataclass
@@ -103,7 +103,7 @@ def _checked(intrinsics_px: np.ndarray) -> np.ndarray:
         or min(matrix[0, 0], matrix[1, 1]) <= 0
     ):
         raise BadRecipe(
-            f"intrinsics {matrix.tolist()}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels"
+            f"intrinsics {matrix.tolist()}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] [px]"
         )
     return matrix
 
@@ -126,7 +126,7 @@ def _solve(
         rng = np.random.default_rng(config.seed)
         turning = solve_rotation_only(matches, intrinsics_px, config.rotation_only_inlier_px, rng)
         medians_px = turning.pair_medians_px
-        evidence = {
+        evidence: dict[str, Any] = {
             "rotation_only_median_px": _figure(np.median(turning.residuals_px)),
             "rotation_only_wide_median_px": _figure(np.percentile(medians_px, 90)),
             "rotation_only_share": _figure(
@@ -145,9 +145,9 @@ def _solve(
         mapped = map_frames(work_dir / "database.db", images, matches, intrinsics_px, config)
         if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
             raise NoReconstruction(
-                f"{images[0].parent}: matches in {len(matches.pairs)} pairs of frames, but no mapper "
-                "could build a model from them; the parallax may be too small, the intrinsics wrong "
-                "or the background moving"
+                f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper could "
+                "build a model; the parallax may be too small, the intrinsics wrong or "
+                "the background moving"
             )
         return _mapped_solution(mapped, evidence)
 
