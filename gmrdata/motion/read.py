@@ -111,8 +111,8 @@ def _check_options(
         raise BadRecipe(f"{path}: unit_m is {unit_m}; a unit is a positive number of metres")
     if shape is not None and (np.shape(shape) != (body.n_shape,) or not np.isfinite(shape).all()):
         raise BadRecipe(
-            f"{path}: body {body.name} takes a shape of {body.n_shape} finite numbers; leave it out "
-            "for the mean shape"
+            f"{path}: body {body.name} takes a shape of {body.n_shape} finite numbers; leave it "
+            "out for the mean shape"
         )
 
 
