@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from blender.clothes import vertex_colours
-from blender.scene import person_material
+from blender.scene import add_object, person_material
 from gmrdata.body.model import BodyModel
 
 COLOURS = "colours"
@@ -26,7 +26,7 @@ def add_person(
     attribute.data.foreach_set("color", colours.ravel())
     mesh.materials.append(person_material("person", COLOURS))
     mesh.update()
-    scene.collection.objects.link(bpy.data.objects.new("person", mesh))
+    add_object(scene, "person", mesh)
     return mesh
 
 

@@ -17,8 +17,8 @@ from blender.meshes import Mesh, ground_mesh, mesh_of
 PERSON_PASS = "person"
 SUN_ELEVATION_RAD = np.deg2rad(47.0)
 SUN_STRENGTH = 3.6
-SKY_LIGHT = (0.36, 0.44, 0.58)
-GROUND_LIGHT = (0.22, 0.18, 0.14)
+SKY_LIGHT = (0.43, 0.50, 0.63)
+GROUND_LIGHT = (0.27, 0.22, 0.17)
 
 
 def build_yard(scene: Any, yard: Yard, sun_azimuth_rad: float, rng: np.random.Generator) -> None:
@@ -32,7 +32,7 @@ def build_yard(scene: Any, yard: Yard, sun_azimuth_rad: float, rng: np.random.Ge
     _add_sky(scene, yard.sky)
 
 
-def add_mesh(scene: Any, name: str, mesh: Mesh, material: Any) -> Any:
+def add_mesh(scene: Any, name: str, mesh: Mesh, material: Any) -> None:
     """Make an object of a mesh."""
     data = bpy.data.meshes.new(name)
     data.from_pydata(mesh.vertices_m.tolist(), [], mesh.faces.tolist())
@@ -40,9 +40,18 @@ def add_mesh(scene: Any, name: str, mesh: Mesh, material: Any) -> Any:
     data.polygons.foreach_set("use_smooth", np.full(len(mesh.faces), mesh.smooth))
     data.materials.append(material)
     data.update()
-    thing = bpy.data.objects.new(name, data)
+    add_object(scene, name, data)
+
+
+def add_object(scene: Any, name: str, mesh: Any) -> None:
+    """Put a bpy mesh into the scene, seen by the camera and casting shadows.
+
+    Cycles follows one diffuse bounce even when told not to; hidden from it, surfaces cost a third
+    less time and add no grain.
+    """
+    thing = bpy.data.objects.new(name, mesh)
+    thing.visible_diffuse = False
     scene.collection.objects.link(thing)
-    return thing
 
 
 def image_of(name: str, picture: np.ndarray) -> Any:
@@ -121,7 +130,8 @@ def _shade(tree: Any, colour: Any) -> None:
 
 def _add_sun(scene: Any, azimuth_rad: float) -> None:
     lamp = bpy.data.lights.new("sun", "SUN")
-    lamp.energy, lamp.color, lamp.angle = SUN_STRENGTH, (1.0, 0.93, 0.82), np.deg2rad(0.5)
+    lamp.energy, lamp.color = SUN_STRENGTH, (1.0, 0.93, 0.82)
+    lamp.angle = 0.0  # sharp shadows have no grain
     sun = bpy.data.objects.new("sun", lamp)
     # A lamp shines along its -z: tilt it from the zenith, then turn it to the azimuth.
     sun.rotation_euler = (0.0, np.pi / 2 - SUN_ELEVATION_RAD, azimuth_rad)

@@ -40,7 +40,7 @@ class RenderConfig(Config):
     """The place."""
     engine: Literal["cycles"] = "cycles"
     """Blender's renderer: Cycles on the CPU."""
-    samples: int = Field(default=8, ge=1, le=4096)
+    samples: int = Field(default=6, ge=1, le=4096)
     """Rays per pixel; they smooth edges, the light has no noise."""
     jpeg_quality: int = Field(default=92, ge=1, le=100)
     """Quality of the frames' JPEG files."""
