@@ -134,7 +134,7 @@ def sfm(
         redo: Make anew what other settings made.
     """
     from gmrdata.sequence import SequenceConfig, regenerate_sequence
-    from gmrdata.sfm.reconstruct import SfmConfig
+    from gmrdata.sfm.config import SfmConfig
 
     made = regenerate_sequence(
         frames,

@@ -9,7 +9,8 @@ from gmrdata.video import extract_video, is_video
 from gmrdata.masks.folder import FolderMaskConfig, folder_masks
 from gmrdata.masks.silhouette import SilhouetteConfig, silhouette_masks
 from gmrdata.pseudogt.make import PseudoGtConfig, make_pseudo_gt
-from gmrdata.sfm.reconstruct import SfmConfig, reconstruct
+from gmrdata.sfm.config import SfmConfig
+from gmrdata.sfm.reconstruct import reconstruct
 
 
 class SequenceConfig(Config):
