@@ -12,6 +12,7 @@ from gmrdata.body.file import read_body
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip, load_clip
 from gmrdata.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
+from gmrdata.geometry.camera import CameraPath
 from gmrdata.render import RenderJob
 
 
@@ -21,17 +22,16 @@ def main(arguments: list[str]) -> int:
         job_path = parse(arguments)
         job = read_job(job_path)
         clip, body = load_clip(job.clip_path), read_body(job.body_path)
-        check(job, clip, body)
+        camera = camera_of(job, clip, body)
         _import_bpy(job.threads)
         from blender.render import render
 
-        assert clip.camera is not None
-        render(job, clip, body, clip.camera)
+        render(job, clip, body, camera)
     except GmrdataError as error:
         sys.stderr.write(f"error: {error}\n")
         return 1
     except OSError as error:
-        sys.stderr.write(f"error: {error.filename}: {error.strerror}\n")
+        sys.stderr.write(f"error: {error}\n")
         return 1
     return 0
 
@@ -57,19 +57,22 @@ def read_job(path: Path) -> RenderJob:
         raise BadRecipe(f"{path}: {where}: {first['msg']}") from None
 
 
-def check(job: RenderJob, clip: Clip, body: BodyModel) -> None:
-    """Say what is wrong with a clip before Blender is loaded."""
+def camera_of(job: RenderJob, clip: Clip, body: BodyModel) -> CameraPath:
+    """The clip's camera; what is wrong with the clip is said here, before Blender is loaded."""
     if clip.motion.frame != "world":
         raise BadMotionFile(f"{job.clip_path}: its motion is not in the world frame")
     if clip.camera is None:
         raise BadMotionFile(f"{job.clip_path}: has no camera; give it one with a camera programme")
     if not clip.camera.has_camera.all():
         raise BadMotionFile(f"{job.clip_path}: some frames have no camera; slice them off first")
+    if clip.camera.n_frames != clip.motion.n_frames:
+        raise BadMotionFile(f"{job.clip_path}: the camera has another number of frames")
     if clip.motion.body != body.name or len(clip.motion.shape) != body.n_shape:
         raise BadMotionFile(
             f"{job.clip_path}: made for body {clip.motion.body!r}, "
             f"and {job.body_path} is {body.name!r}"
         )
+    return clip.camera
 
 
 def _import_bpy(threads: int) -> None:

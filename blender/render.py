@@ -19,6 +19,7 @@ from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import RenderFailed
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.render import FRAME_LINE, RenderJob
+from gmrdata.store import atomic_path
 
 WORK_FOLDER = ".unfinished"
 
@@ -72,7 +73,7 @@ def set_up_cycles(scene: Any, job: RenderJob) -> None:
     render.use_compositing = True
     render.use_sequencer = False
     scene.view_settings.view_transform = "Standard"
-    # Uncompressed: it is read back at once, and written as a JPEG without Blender's dates in it.
+    # Uncompressed, since it is read back at once.
     render.image_settings.file_format = "BMP"
     render.image_settings.color_mode = "RGB"
 
@@ -109,11 +110,15 @@ def _render_frame(
         raise RenderFailed(f"frame {row}: Blender wrote no picture or no mask to {work_dir}")
     coverage = cv2.imread(str(coverages[0]), cv2.IMREAD_GRAYSCALE)
     coverages[0].unlink()
-    ready = work_dir / "ready.png", work_dir / "ready.jpg"
-    cv2.imwrite(str(ready[0]), np.where(coverage >= 128, 255, 0).astype(np.uint8))
-    cv2.imwrite(str(ready[1]), picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
-    ready[0].replace(mask)
-    ready[1].replace(frame)
+    _write_image(mask, np.where(coverage >= 128, 255, 0).astype(np.uint8), [])
+    _write_image(frame, picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+
+
+def _write_image(path: Path, pixels: np.ndarray, options: list[int]) -> None:
+    """Encode with OpenCV, which writes no dates, and put the file in place when it is complete."""
+    _, encoded = cv2.imencode(path.suffix, pixels, options)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(encoded.tobytes())
 
 
 def _sun_azimuth_rad(subject_m: np.ndarray, camera_m: np.ndarray) -> float:

@@ -106,21 +106,18 @@ def _shade(tree: Any, colour: Any) -> None:
     geometry = nodes.new("ShaderNodeNewGeometry")
     split = nodes.new("ShaderNodeSeparateXYZ")
     links.new(geometry.outputs["Normal"], split.inputs[0])
-    sky_share = nodes.new("ShaderNodeMath")
-    sky_share.operation = "MULTIPLY_ADD"
-    sky_share.inputs[1].default_value = sky_share.inputs[2].default_value = 0.5
-    links.new(split.outputs["Z"], sky_share.inputs[0])
-    light = nodes.new("ShaderNodeMixRGB")
-    light.inputs[1].default_value = (*GROUND_LIGHT, 1.0)
-    light.inputs[2].default_value = (*SKY_LIGHT, 1.0)
-    links.new(sky_share.outputs[0], light.inputs[0])
-    reflected = nodes.new("ShaderNodeMixRGB")
-    reflected.blend_type = "MULTIPLY"
-    reflected.inputs[0].default_value = 1.0
-    links.new(light.outputs[0], reflected.inputs[1])
-    links.new(colour, reflected.inputs[2])
+    light = nodes.new("ShaderNodeVectorMath")
+    light.operation = "MULTIPLY_ADD"
+    sky, ground = np.array(SKY_LIGHT), np.array(GROUND_LIGHT)
+    light.inputs[1].default_value = (sky - ground) / 2
+    light.inputs[2].default_value = (sky + ground) / 2
+    links.new(split.outputs["Z"], light.inputs[0])
+    reflected = nodes.new("ShaderNodeVectorMath")
+    reflected.operation = "MULTIPLY"
+    links.new(light.outputs["Vector"], reflected.inputs[0])
+    links.new(colour, reflected.inputs[1])
     emission = nodes.new("ShaderNodeEmission")
-    links.new(reflected.outputs[0], emission.inputs["Color"])
+    links.new(reflected.outputs["Vector"], emission.inputs["Color"])
     both = nodes.new("ShaderNodeAddShader")
     links.new(diffuse.outputs[0], both.inputs[0])
     links.new(emission.outputs[0], both.inputs[1])
@@ -153,5 +150,4 @@ def _add_sky(scene: Any, picture: np.ndarray) -> None:
     links.new(background.outputs[0], output.inputs["Surface"])
     # Seen by the camera only: as a light it would be sampled, and grainy.
     world.cycles.sampling_method = "NONE"
-    for kind in ("diffuse", "glossy", "transmission", "scatter"):
-        setattr(world.cycles_visibility, kind, False)
+    world.cycles_visibility.diffuse = False
