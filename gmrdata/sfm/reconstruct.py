@@ -145,9 +145,9 @@ def _solve(
         mapped = map_frames(work_dir / "database.db", images, matches, intrinsics_px, config)
         if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
             raise NoReconstruction(
-                f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper could "
-                "build a model; the parallax may be too small, the intrinsics wrong or "
-                "the background moving"
+                f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
+                "could build a model; the parallax may be too small, the intrinsics wrong or the "
+                "background moving"
             )
         return _mapped_solution(mapped, evidence)
 

@@ -1,7 +1,8 @@
 """Metres per unit of a reconstruction, with an error bar.
 
-The body is metric and known in the camera's frame, so its feet are at R p + s t in the world,
-linear in the scale s.  A planted foot stands still: at the true s many foot points do, at others none.
+The body is metric and known in the camera's frame, so its feet are at R p + s t in the world, which
+is linear in the scale s.  A planted foot stands still: at the true s many foot points do, at others
+none.
 """
 
 from dataclasses import dataclass
