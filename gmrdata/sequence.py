@@ -5,12 +5,12 @@ from pathlib import Path
 from gmrdata.body.load import anny_file
 from gmrdata.clip import camera_of, load_clip
 from gmrdata.config import Config
-from gmrdata.video import extract_video, is_video
 from gmrdata.masks.folder import FolderMaskConfig, folder_masks
 from gmrdata.masks.silhouette import SilhouetteConfig, silhouette_masks
 from gmrdata.pseudogt.make import PseudoGtConfig, make_pseudo_gt
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.reconstruct import reconstruct
+from gmrdata.video import extract_video, is_video
 
 
 class SequenceConfig(Config):

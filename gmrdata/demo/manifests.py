@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gmrdata.body.file import read_body
 from gmrdata.demo.motions import MotionFiles
 from gmrdata.demo.paths import DemoPaths
@@ -98,8 +100,8 @@ def quality_record(pseudo_gt_dir: Path) -> Quality:
         scale=record["scale"],
         scale_sigma=record["scale_sigma"],
         registered_share=record["registered_share"],
-        reprojection_error_px=record["mean_reprojection_error_px"],
-        inliers=record["mean_inliers"],
+        reprojection_error_px=record["mean_reprojection_px"],
+        inliers=float(np.mean(record["inliers_per_frame"])),
     )
 
 

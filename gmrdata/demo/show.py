@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gmrdata.body.file import read_body
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import load_clip
@@ -142,8 +144,8 @@ def _quality(pseudo_gt_dir: Path) -> Quality:
         geometry=record["geometry"],
         scale=record["scale"],
         scale_sigma=record["scale_sigma"],
-        reprojection_error_px=record["mean_reprojection_error_px"],
-        inliers=record["inliers"],
+        reprojection_error_px=record["mean_reprojection_px"],
+        inliers=np.array(record["inliers_per_frame"]),
     )
 
 
