@@ -14,6 +14,8 @@ CAMERA_CLEARANCE_M = 0.9
 SIGHT_CLEARANCE_M = 0.5
 WALL_MARGIN_M = 2.5
 SMALLEST_HALF_SIDE_M = 6.5
+CORNER_M = 1.0
+"""How far each row of houses goes on behind the next row: more than the houses stand back."""
 WALL_PX_PER_M = 90.0
 PROP_PX_PER_M = 200.0
 GROUND_PX = 2048
@@ -82,9 +84,10 @@ def _houses(centre: np.ndarray, half: np.ndarray, rng: np.random.Generator) -> l
         yaw_rad = side * np.pi / 2
         along, out = _direction(yaw_rad), _direction(yaw_rad - np.pi / 2)
         length, depth = (half[0], half[1]) if side % 2 == 0 else (half[1], half[0])
-        start = -float(length)
-        while start < length - 0.3:
-            width_m = float(min(rng.uniform(2.8, 4.8), length - start))
+        end = float(length) + CORNER_M
+        start = -end
+        while start < end - 0.3:
+            width_m = float(min(rng.uniform(2.8, 4.8), end - start))
             height_m = float(rng.uniform(4.6, 8.2))
             step_m = float(rng.uniform(0.0, 0.7))
             middle = centre + along * (start + width_m / 2) + out * (depth + step_m + 1.0)
