@@ -48,8 +48,7 @@ def list_images(folder: Path) -> list[Path]:
 def check_images(paths: list[Path]) -> tuple[int, int]:
     """Check that all images can be read and have one size.
 
-    Only headers and the end marks are read, so that a long sequence costs milliseconds; a file
-    whose header says nothing clear is decoded.
+    Only headers and end marks are looked at, so that a long sequence costs milliseconds.
 
     Returns:
         (width_px, height_px) of every image, as stored (an EXIF rotation is not applied).
@@ -124,8 +123,6 @@ def _image_size(path: Path) -> tuple[int, int]:
         raise BadFrames(f"{path}: empty file (0 bytes); extract or copy this frame again")
     size = _png_size(content) if content.startswith(PNG_SIGNATURE) else _jpeg_size(content)
     if size is None:
-        size = _decoded_size(content)
-    if size is None:
         raise BadFrames(f"{path}: truncated or not an image; extract or copy this frame again")
     return size
 
@@ -145,19 +142,11 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
     at = 2
     while at + 9 <= len(content) and content[at] == 0xFF:
         marker = content[at + 1]
+        if marker == 0xFF:  # a fill byte
+            at += 1
+            continue
         if marker in JPEG_START_OF_FRAME:
             height, width = struct.unpack(">HH", content[at + 5 : at + 9])
             return (width, height) if width and height else None
         at += 2 + struct.unpack(">H", content[at + 2 : at + 4])[0]
     return None
-
-
-def _decoded_size(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of what OpenCV decodes; None for a cut-off JPEG, which it fills with grey."""
-    import cv2
-
-    if content.startswith(b"\xff\xd8") and b"\xff\xd9" not in content[-1024:]:
-        return None
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), flags)
-    return None if image is None else (int(image.shape[1]), int(image.shape[0]))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.errors import NoReconstruction
+from gmrdata.errors import BadFrames, NoReconstruction
 from gmrdata.frames import read_gray, write_gray
 from gmrdata.masks.folder import find_mask
 from gmrdata.sfm.colmap import pycolmap
@@ -151,11 +151,14 @@ def _read(database_path: Path, images: list[Path]) -> Matches:
         row_of_id: dict[int, int] = {}
         keypoints_px = [np.zeros((0, 2))] * len(images)
         for image in database.read_all_images():
-            row = row_of_name[image.name]
+            row = row_of_name.pop(image.name)
             row_of_id[image.image_id] = row
             if database.exists_keypoints(image.image_id):
                 points = np.asarray(database.read_keypoints(image.image_id), dtype=np.float64)
                 keypoints_px[row] = points.reshape(len(points), -1)[:, :2]
+        if row_of_name:
+            unread = images[min(row_of_name.values())]
+            raise BadFrames(f"{unread}: cannot be decoded; extract or copy this frame again")
         pairs = []
         pair_ids, geometries = database.read_two_view_geometries()
         for pair_id, geometry in zip(pair_ids, geometries, strict=True):

@@ -1,0 +1,132 @@
+"""Silhouettes of the projected body."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.body.file import save_body
+from gmrdata.body.forward import motion_vertices_m
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, save_clip
+from gmrdata.errors import BadFrames, BadMotionFile
+from gmrdata.frames import read_gray
+from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov, project_cam
+from gmrdata.masks.silhouette import SilhouetteConfig, silhouette, silhouette_masks
+from gmrdata.motion.motion import Motion
+
+INTRINSICS_PX = intrinsics_from_fov(60.0, 160, 120)
+
+
+def square(x_px: float, y_px: float, side_px: float, depth_m: float) -> np.ndarray:
+    """Corners (4, 3) of an upright square whose image is given, in the camera frame [m]."""
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * side_px + [x_px, y_px]
+    rays = np.column_stack([corners, np.ones(4)]) @ np.linalg.inv(INTRINSICS_PX).T
+    return rays * depth_m
+
+
+FACES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def test_a_square_covers_exactly_its_pixels() -> None:
+    # Image corners on pixel centres: those pixels and all between are inside.
+    mask = silhouette(square(40.5, 30.5, 20, 2.0), FACES, INTRINSICS_PX, (160, 120))
+    expected = np.zeros((120, 160), np.uint8)
+    expected[30:51, 40:61] = 255
+    assert np.array_equal(mask, expected)
+
+
+def test_faces_behind_the_camera_leave_no_trace() -> None:
+    mask = silhouette(square(40.5, 30.5, 20, -2.0), FACES, INTRINSICS_PX, (160, 120))
+    assert not mask.any()
+
+
+@pytest.fixture
+def camera_clip(small_body: BodyModel) -> Clip:
+    """A person 4 m in front of the camera who turns a little."""
+    n = 3
+    turn = np.linspace(0, 0.6, n)
+    # SMPL's rest frame (y up) seen by a camera with y down: half a turn about x.
+    upside_down = np.diag([1.0, -1.0, -1.0])
+    about_y = np.zeros((n, 3, 3))
+    about_y[:, 0, 0] = about_y[:, 2, 2] = np.cos(turn)
+    about_y[:, 0, 2], about_y[:, 2, 0] = np.sin(turn), -np.sin(turn)
+    about_y[:, 1, 1] = 1.0
+    motion = Motion(
+        local_rotmats=np.tile(np.eye(3), (n, 23, 1, 1)),
+        root_rotmats=upside_down @ about_y,
+        pelvis_m=np.tile([0.2, 0.1, 4.0], (n, 1)),
+        shape=np.zeros(small_body.n_shape),
+        fps_hz=10.0,
+        body=small_body.name,
+        gender="neutral",
+        frame="camera",
+        source="test",
+    )
+    unknown = np.full((n, 4, 4), np.nan)
+    camera = CameraPath(INTRINSICS_PX, 160, 120, unknown, np.zeros(n, dtype=bool))
+    return Clip("turning", motion, np.ones(n, dtype=bool), np.arange(5, 5 + n), camera)
+
+
+@pytest.fixture
+def images_dir(tmp_path: Path) -> Path:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for i in (5, 6, 7):
+        cv2.imwrite(str(folder / f"image_{i:05d}.jpg"), np.full((120, 160, 3), 90, np.uint8))
+    return folder
+
+
+def written(tmp_path: Path, clip: Clip, body: BodyModel) -> tuple[Path, Path]:
+    save_body(tmp_path / "body.npz", body)
+    save_clip(tmp_path / "camera.npz", clip, body.rest_pelvis_m(clip.motion.shape))
+    return tmp_path / "camera.npz", tmp_path / "body.npz"
+
+
+def test_every_vertex_of_the_body_is_masked(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    clip_path, body_path = written(tmp_path, camera_clip, small_body)
+    config = SilhouetteConfig(dilate_px=2)
+    out_dir = silhouette_masks(clip_path, body_path, images_dir, tmp_path / "masks", config)
+    vertices_m = motion_vertices_m(small_body, camera_clip.motion)
+    for row, number in enumerate(camera_clip.image_numbers):
+        mask = read_gray(out_dir / f"image_{number:05d}.png", (160, 120))
+        assert set(np.unique(mask)) == {0, 255}
+        points_px = project_cam(vertices_m[row], INTRINSICS_PX)
+        x, y = np.floor(points_px).astype(int).T
+        assert (mask[y, x] == 255).all()
+        rows, columns = np.nonzero(mask)
+        assert columns.min() > points_px[:, 0].min() - 5
+        assert columns.max() < points_px[:, 0].max() + 5
+        assert rows.min() > points_px[:, 1].min() - 5 and rows.max() < points_px[:, 1].max() + 5
+
+
+def test_an_image_without_a_pose_is_an_error(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    clip = replace(camera_clip, image_numbers=np.array([5, 6, -1]))
+    clip_path, body_path = written(tmp_path, clip, small_body)
+    with pytest.raises(BadFrames, match=r"image_00007\.jpg: .*has no pose"):
+        silhouette_masks(clip_path, body_path, images_dir, tmp_path / "m", SilhouetteConfig())
+
+
+def test_a_clip_for_another_image_size_is_an_error(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    assert camera_clip.camera is not None
+    clip = replace(camera_clip, camera=replace(camera_clip.camera, width_px=120, height_px=160))
+    clip_path, body_path = written(tmp_path, clip, small_body)
+    with pytest.raises(BadFrames, match="160x120 px, but .* says 120x160 px"):
+        silhouette_masks(clip_path, body_path, images_dir, tmp_path / "m", SilhouetteConfig())
+
+
+def test_a_world_frame_clip_is_an_error(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    clip = replace(camera_clip, motion=replace(camera_clip.motion, frame="world"))
+    clip_path, body_path = written(tmp_path, clip, small_body)
+    with pytest.raises(BadMotionFile, match="camera-frame motion"):
+        silhouette_masks(clip_path, body_path, images_dir, tmp_path / "m", SilhouetteConfig())

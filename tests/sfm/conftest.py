@@ -1,0 +1,138 @@
+"""A small world to film: a textured room with boxes, drawn by casting one ray per pixel."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.geometry.camera import intrinsics_from_fov
+
+WIDTH_PX, HEIGHT_PX = 320, 180
+INTRINSICS_PX = intrinsics_from_fov(65.0, WIDTH_PX, HEIGHT_PX)
+TEXELS = 512
+TEXELS_PER_M = 64.0
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """A folder of frames and masks, and the cameras that took them."""
+
+    images_dir: Path
+    masks_dir: Path
+    intrinsics_px: np.ndarray
+    world_from_cam: np.ndarray
+
+
+def look_at(centre_m: np.ndarray, target_m: np.ndarray) -> np.ndarray:
+    """world_from_cam (4, 4) of a level camera."""
+    forward = (target_m - centre_m) / np.linalg.norm(target_m - centre_m)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    camera = np.eye(4)
+    camera[:3] = np.stack([right, np.cross(forward, right), forward, centre_m], axis=1)
+    return camera
+
+
+def _textures(rng: np.random.Generator) -> list[np.ndarray]:
+    textures = []
+    for _ in range(12):
+        image = np.zeros((TEXELS, TEXELS))
+        for cells in (16, 64, 160):
+            noise = rng.uniform(0, 1, (cells, cells))
+            image += cv2.resize(noise, (TEXELS, TEXELS), interpolation=cv2.INTER_CUBIC) / 3
+        textures.append(np.clip(255 * image, 0, 255).astype(np.uint8))
+    return textures
+
+
+ROOM = (np.array([-4.0, -4.0, 0.0]), np.array([4.0, 4.0, 3.0]))
+BOXES = (
+    (np.array([-2.6, 2.0, 0.0]), np.array([-1.7, 2.8, 1.6])),
+    (np.array([1.2, 1.4, 0.0]), np.array([2.2, 2.3, 1.1])),
+    (np.array([-0.6, 2.6, 0.0]), np.array([0.3, 3.3, 2.0])),
+)
+
+
+def draw(
+    world_from_cam: np.ndarray, textures: list[np.ndarray], person_m: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Image and mask (H, W) uint8 of the room; a textured box at `person_m` walks through it."""
+    u, v = np.meshgrid(np.arange(WIDTH_PX) + 0.5, np.arange(HEIGHT_PX) + 0.5)
+    pixels = np.stack([u, v, np.ones_like(u)], axis=-1)
+    rays = pixels @ np.linalg.inv(INTRINSICS_PX).T @ world_from_cam[:3, :3].T
+    rays = np.where(np.abs(rays) < 1e-9, 1e-9, rays)
+    centre = world_from_cam[:3, 3]
+    boxes = [ROOM, *BOXES]
+    if person_m is not None:
+        size_m = np.array([0.5, 0.5, 1.7])
+        boxes.append((person_m - size_m * [0.5, 0.5, 0.0], person_m + size_m * [0.5, 0.5, 1.0]))
+    nearest = np.full(u.shape, np.inf)
+    image, mask = np.zeros(u.shape, np.uint8), np.zeros(u.shape, np.uint8)
+    for b, (low, high) in enumerate(boxes):
+        ends = np.stack([(low - centre) / rays, (high - centre) / rays])
+        enter, leave = ends.min(axis=0), ends.max(axis=0)
+        # The room is seen from inside, everything else from outside.
+        hit_depth = leave.min(axis=-1) if b == 0 else enter.max(axis=-1)
+        side = leave.argmin(axis=-1) if b == 0 else enter.argmax(axis=-1)
+        hit = (enter.max(axis=-1) < leave.min(axis=-1)) & (hit_depth > 0) & (hit_depth < nearest)
+        nearest[hit] = hit_depth[hit]
+        point = centre + rays * hit_depth[..., None] - (low if b == len(BOXES) + 1 else 0.0)
+        for axis in range(3):
+            at = (np.delete(point, axis, axis=-1) * TEXELS_PER_M + 8 * TEXELS).astype(np.float32)
+            shade = cv2.remap(
+                textures[(3 * b + axis) % len(textures)],
+                np.mod(at[..., 0], TEXELS),
+                np.mod(at[..., 1], TEXELS),
+                cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_WRAP,
+            )
+            image = np.where(hit & (side == axis), shade, image)
+        mask = np.where(hit, 255 if b == len(BOXES) + 1 else 0, mask).astype(np.uint8)
+    return image, mask
+
+
+def _film(folder: Path, cameras: np.ndarray, person_m: np.ndarray) -> Filmed:
+    rng = np.random.default_rng(5)
+    textures = _textures(rng)
+    (folder / "frames").mkdir(parents=True)
+    (folder / "masks").mkdir()
+    for i, camera in enumerate(cameras):
+        image, mask = draw(camera, textures, person_m[i])
+        noisy = np.clip(image + rng.normal(0, 1.5, image.shape), 0, 255).astype(np.uint8)
+        cv2.imwrite(str(folder / "frames" / f"{i:05d}.jpg"), noisy, [cv2.IMWRITE_JPEG_QUALITY, 95])
+        cv2.imwrite(str(folder / "masks" / f"{i:05d}.png"), mask)
+    return Filmed(folder / "frames", folder / "masks", INTRINSICS_PX, cameras)
+
+
+@pytest.fixture(scope="session")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], Filmed]:
+    """Film a person who walks through the room: "pan", "dolly" or "arc", so many frames."""
+
+    def make(kind: str, n_frames: int) -> Filmed:
+        along = np.linspace(0, 1, n_frames)
+        person_m = np.stack([-1.2 + 2.4 * along, 0 * along + 0.4, 0 * along], axis=1)
+        centres = {
+            "pan": np.stack([0 * along, 0 * along - 3.0, 0 * along + 1.5], axis=1),
+            "dolly": np.stack([-1.0 + 2.0 * along, 0 * along - 3.0, 0 * along + 1.5], axis=1),
+            "arc": 3.2 * np.stack([np.sin(along), -np.cos(along), 0 * along], axis=1)
+            + [0.0, 0.4, 1.5],
+        }[kind]
+        targets = person_m + np.array([0.0, 0.0, 1.0])
+        cameras = np.array([look_at(c, t) for c, t in zip(centres, targets, strict=True)])
+        return _film(tmp_path_factory.mktemp(kind), cameras, person_m)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def pan(film: Callable[[str, int], Filmed]) -> Filmed:
+    """A camera on a tripod that follows the person."""
+    return film("pan", 12)
+
+
+@pytest.fixture(scope="session")
+def dolly(film: Callable[[str, int], Filmed]) -> Filmed:
+    """A camera on rails beside the person."""
+    return film("dolly", 12)
