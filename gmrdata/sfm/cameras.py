@@ -9,7 +9,7 @@ import numpy as np
 from gmrdata.clip import read_npz
 from gmrdata.errors import BadMotionFile
 from gmrdata.geometry.camera import CameraPath
-from gmrdata.store import atomic_path, read_json
+from gmrdata.store import write_npz, read_json
 
 CAMERAS_FILE = "cameras.npz"
 POINTS_FILE = "points.npz"
@@ -32,16 +32,15 @@ class SfmCameras:
 
 def save_cameras(path: Path, cameras: SfmCameras) -> None:
     """Write cameras as an .npz of plain arrays."""
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(
-            stream,
-            camera_intrinsics_px=cameras.path.intrinsics_px,
-            camera_size_px=np.array([cameras.path.width_px, cameras.path.height_px]),
-            world_from_cam=cameras.path.world_from_cam,
-            has_camera=cameras.path.has_camera,
-            geometry=np.array(cameras.geometry),
-            image_numbers=cameras.image_numbers,
-        )
+    arrays = {
+        "camera_intrinsics_px": cameras.path.intrinsics_px,
+        "camera_size_px": np.array([cameras.path.width_px, cameras.path.height_px]),
+        "world_from_cam": cameras.path.world_from_cam,
+        "has_camera": cameras.path.has_camera,
+        "geometry": np.array(cameras.geometry),
+        "image_numbers": cameras.image_numbers,
+    }
+    write_npz(path, arrays)
 
 
 def load_cameras(sfm_dir: Path) -> SfmCameras:
@@ -75,5 +74,4 @@ def load_quality(sfm_dir: Path) -> dict[str, Any]:
 
 def save_points(path: Path, points: np.ndarray, track_lengths: np.ndarray) -> None:
     """Write background points (N, 3), in the cameras' unit, and the frames that see each (N,)."""
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, xyz=points, track_lengths=track_lengths)
+    write_npz(path, {"xyz": points, "track_lengths": track_lengths})

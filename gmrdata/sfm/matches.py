@@ -68,6 +68,7 @@ def match_frames(
     database_path = work_dir / "database.db"
     _extract(images, masks_dir, intrinsics_px, size_px, work_dir, config)
     _match(database_path, config)
+    _sort_pairs(database_path)
     matches = _read(database_path, images)
     _require_usable(matches, images, masks_dir)
     return matches
@@ -97,11 +98,16 @@ def _extract(
     options.max_image_size = config.max_image_size_px
     options.sift.max_num_features = config.max_features
     options.sift.first_octave = config.first_octave
+    database_path, names = work_dir / "database.db", [image.name for image in images]
+    single = pycolmap.CameraMode.SINGLE
+    # Images get their ids here, in order; threads of the extraction would give them in any.
+    pycolmap.Database.open(database_path).close()
+    pycolmap.import_images(database_path, images[0].parent, single, names, reader)
     pycolmap.extract_features(
-        database_path=work_dir / "database.db",
+        database_path=database_path,
         image_path=images[0].parent,
-        image_names=[image.name for image in images],
-        camera_mode=pycolmap.CameraMode.SINGLE,
+        image_names=names,
+        camera_mode=single,
         reader_options=reader,
         extraction_options=options,
         device=pycolmap.Device.cpu,
@@ -132,6 +138,20 @@ def _verification(config: SfmConfig) -> Any:
     # A slow camera leaves matches where they are, as a watermark would.
     options.detect_watermark = False
     return options
+
+
+def _sort_pairs(database_path: Path) -> None:
+    """Put the pairs in order: threads write them as they finish, and mappers depend on it."""
+    database = pycolmap.Database.open(database_path)
+    try:
+        pair_ids, geometries = database.read_two_view_geometries()
+        database.clear_two_view_geometries()
+        for i in np.argsort(np.asarray(pair_ids, dtype=np.uint64)):
+            database.write_two_view_geometry(
+                *pycolmap.pair_id_to_image_pair(pair_ids[i]), geometries[i]
+            )
+    finally:
+        database.close()
 
 
 def pinhole_params(intrinsics_px: np.ndarray) -> tuple[float, float, float, float]:
