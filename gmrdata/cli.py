@@ -3,10 +3,10 @@
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
-from tyro.conf import Positional
+from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
 from gmrdata.errors import GmrdataError, MissingInput
 from gmrdata.progress import console
@@ -190,6 +190,16 @@ def manifest_diff(a: Positional[Path], b: Positional[Path]) -> None:
         sys.exit(1)
 
 
+def manifest(
+    verb: OmitSubcommandPrefixes[
+        Annotated[Any, subcommand("check", constructor=manifest_check)]
+        | Annotated[Any, subcommand("show", constructor=manifest_show)]
+        | Annotated[Any, subcommand("diff", constructor=manifest_diff)]
+    ],
+) -> None:
+    """Check, show or compare manifests."""
+
+
 def train(
     manifests: Positional[tuple[Path, ...]],
     out: Path,
@@ -290,9 +300,7 @@ VERBS: dict[str, Verb] = {
     "motions": motions,
     "render": render,
     "sfm": sfm,
-    "manifest check": manifest_check,
-    "manifest show": manifest_show,
-    "manifest diff": manifest_diff,
+    "manifest": manifest,
     "train": train,
     "evaluate": evaluate,
     "report": report,

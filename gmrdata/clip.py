@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.errors import BadMotionFile, MissingInput
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.motion.motion import Motion
-from gmrdata.store import atomic_path
+from gmrdata.store import write_npz
 
 MAX_UNPACKED_BYTES = 4 << 30
 """An .npz that unpacks to more is refused before it fills the memory."""
@@ -85,8 +85,7 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
             "has_camera": clip.camera.has_camera,
         }
     _check_arrays(path, {key: np.asarray(value) for key, value in arrays.items()})
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **arrays)
+    write_npz(path, arrays)
 
 
 def load_clip(path: Path) -> Clip:

@@ -2,6 +2,7 @@
 
 import fcntl
 import hashlib
+import io
 import json
 import os
 import platform
@@ -15,6 +16,9 @@ from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from gmrdata import __version__
 from gmrdata.config import Config
@@ -72,6 +76,19 @@ def atomic_path(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_npz(path: Path, arrays: Mapping[str, ArrayLike], *, compressed: bool = False) -> None:
+    """Write arrays as an .npz as a whole or not at all; the same arrays give the same bytes.
+
+    The archive is made in memory: a disk that fills up in the middle of one leaves zipfile with an
+    archive that it can neither finish nor give up quietly.
+    """
+    archive = io.BytesIO()
+    save = np.savez_compressed if compressed else np.savez
+    save(archive, **arrays)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(archive.getbuffer())
 
 
 def write_text(path: Path, text: str) -> None:

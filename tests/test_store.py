@@ -349,3 +349,25 @@ def test_commit_without_git(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     made(tmp_path / "out", Counter())
     assert read_json(tmp_path / "out" / "stage.json")["git_commit"] is None
     assert store.STAGE_FILE == "stage.json"
+
+
+def test_arrays_on_a_disk_that_fills_up_end_with_an_error_and_no_file(tmp_path: Path) -> None:
+    """zipfile used to print a traceback of its own when it was thrown away."""
+    script = (
+        "import resource, numpy; from pathlib import Path; from gmrdata.store import write_npz\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
+        "try:\n"
+        "    write_npz(Path('a.npz'), {'a': numpy.zeros(100_000)})\n"
+        "except OSError as error:\n"
+        "    print(error.errno)\n"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(Path(__file__).resolve().parent.parent)},
+    )
+    assert (answer.stdout, answer.stderr) == ("27\n", "")
+    assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,7 @@ from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import N_JOINTS, N_LOCAL
 from gmrdata.clip import read_npz
 from gmrdata.errors import BadBodyFile, BadMotionFile
-from gmrdata.store import atomic_path
+from gmrdata.store import write_npz
 
 FORMAT = "gmrdata-body/1"
 """Value of the key `format`."""
@@ -30,8 +30,7 @@ def save_body(path: Path, body: BodyModel) -> None:
             arrays[field.name] = np.array(value)
         elif value is not None:
             arrays[field.name] = value.astype(np.int32 if field.name == "faces" else np.float32)
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)
+    write_npz(path, arrays, compressed=True)
 
 
 def read_body(path: Path) -> BodyModel:

@@ -14,7 +14,7 @@ from gmrdata.errors import BadManifest, MissingInput
 from gmrdata.manifest.current import FileRecord, FolderRecord
 from gmrdata.paths import resolve_inside, safe_relative
 from gmrdata.progress import track
-from gmrdata.store import sha256_of_file, write_text
+from gmrdata.store import STAGE_FILE, sha256_of_file, write_text
 
 _LINE = re.compile(r"([0-9a-f]{64})\t(0|[1-9][0-9]{0,17})\t(.+)")
 BAR_FROM = 200
@@ -108,15 +108,16 @@ def read_listing(path: Path) -> list[ListedFile]:
 def files_below(folder: Path) -> list[str]:
     """Sorted relative paths of all files below a folder; links to folders are not entered.
 
+    Left out is the record of the stage that made the folder, since it holds times.
+
     Raises:
         MissingInput: there is no such folder.
     """
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
     real = folder.resolve()
-    return sorted(
-        p.relative_to(real).as_posix() for p in real.rglob("*") if not p.is_dir() or p.is_symlink()
-    )
+    files = (p for p in real.rglob("*") if not p.is_dir() or p.is_symlink())
+    return sorted(p.relative_to(real).as_posix() for p in files if p != real / STAGE_FILE)
 
 
 def relative_to_root(root: Path, path: Path) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from gmrdata.clip import read_npz
 from gmrdata.errors import BadMotionFile
 from gmrdata.geometry.camera import CameraPath
-from gmrdata.store import write_npz, read_json
+from gmrdata.store import read_json, write_npz
 
 CAMERAS_FILE = "cameras.npz"
 POINTS_FILE = "points.npz"

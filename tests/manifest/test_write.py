@@ -124,6 +124,21 @@ def test_a_reason_per_row(data_set: Path, walk_clip: clip_file.Clip) -> None:
         clip_entry(data_set, clip_path=path, dropped_reason=reasons[1:], **ENTRY)
 
 
+def test_a_stages_record_is_no_part_of_its_folder(data_set: Path) -> None:
+    """It holds times, so two runs of one recipe would not give the same manifest."""
+    before = (data_set / "set.yaml").read_bytes()
+    (data_set / "masks" / "stage.json").write_text('{"seconds": 1.5}')
+    check_manifest(data_set / "set.yaml")
+    entry = clip_entry(
+        data_set,
+        clip_path=data_set / "clips" / "walk.npz",
+        masks_dir=data_set / "masks",
+        **ENTRY,
+    )
+    assert entry.masks == read_manifest(data_set / "set.yaml").clips[1].masks
+    assert (data_set / "set.yaml").read_bytes() == before
+
+
 def test_two_manifests_share_a_folder(data_set: Path) -> None:
     """Found in use: listings named after the clip overwrote each other's masks."""
     other = data_set / "other_masks"
