@@ -175,7 +175,8 @@ def _read(database_path: Path, images: list[Path]) -> Matches:
             row_of_id[image.image_id] = row
             if database.exists_keypoints(image.image_id):
                 points = np.asarray(database.read_keypoints(image.image_id), dtype=np.float64)
-                keypoints_px[row] = points.reshape(len(points), -1)[:, :2]
+                if len(points):
+                    keypoints_px[row] = points[:, :2]
         if row_of_name:
             unread = images[min(row_of_name.values())]
             raise BadFrames(f"{unread}: cannot be decoded; extract or copy this frame again")
