@@ -30,6 +30,8 @@ class SfmConfig(Config):
     """Smallest share of verified matches that must agree with a pure rotation."""
     min_frames_registered: int = Field(default=3, ge=2)
     """A reconstruction with fewer cameras counts as none."""
+    min_frame_points: int = Field(default=15, ge=4)
+    """A frame that sees fewer background points has no camera, for six degrees of freedom."""
     max_reprojection_px: float = Field(default=2.0, gt=0)
     """Observations with a larger error are dropped before the last bundle adjustment [px]."""
     threads: int = Field(default=1, ge=1)

@@ -12,6 +12,8 @@ from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.matches import Matches, pinhole_params
 
 MIN_PNP_INLIERS = 20
+MIN_PARALLAX_DEG = 0.1
+"""Points with less hardly have a depth [deg]; COLMAP's usual 1 degree empties slow sequences."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +135,7 @@ def _finish(
         point_of_feature[row] = seen
         observations[row] = len(seen)
         errors.append(_errors_px(seen, matches.keypoints_px[row], cam_from_world, intrinsics_px))
+    _forget_weak(world_from_cam, observations, point_of_feature, config.min_frame_points)
     n_resected = _resect_rest(
         world_from_cam, observations, point_of_feature, matches, intrinsics_px
     )
@@ -148,6 +151,19 @@ def _finish(
         n_models,
         n_resected,
     )
+
+
+def _forget_weak(
+    world_from_cam: np.ndarray,
+    observations: np.ndarray,
+    point_of_feature: dict[int, dict[int, np.ndarray]],
+    min_points: int,
+) -> None:
+    """Take away cameras that too few points hold in place."""
+    for row in list(point_of_feature):
+        if observations[row] < min_points:
+            world_from_cam[row], observations[row] = np.nan, 0
+            del point_of_feature[row]
 
 
 def _adjust(model: Any) -> None:
@@ -173,7 +189,7 @@ def _adjust(model: Any) -> None:
 def _drop_outliers(model: Any, max_error_px: float) -> None:
     model.update_point_3d_errors()
     manager = pycolmap.ObservationManager(model)
-    manager.filter_all_points3D(max_error_px, 1.0)
+    manager.filter_all_points3D(max_error_px, MIN_PARALLAX_DEG)
 
 
 def _split(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,87 @@
+"""One geometry's answer, as it is written: cameras, points and the figures behind them."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from gmrdata.geometry import transforms
+from gmrdata.sfm.cameras import Geometry
+from gmrdata.sfm.config import SfmConfig
+from gmrdata.sfm.evidence import Evidence, figure
+from gmrdata.sfm.mapping import Mapped
+from gmrdata.sfm.rotation_only import RotationOnly
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Cameras of T frames up to a similarity, in the geometry that was chosen."""
+
+    geometry: Geometry
+    """"full" or "rotation_only"."""
+    world_from_cam: np.ndarray
+    """(T, 4, 4); NaN where `has_camera` is False."""
+    has_camera: np.ndarray
+    """(T,) bool."""
+    points: np.ndarray
+    """(N, 3) background points [unit of length of the cameras]; none for "rotation_only"."""
+    track_lengths: np.ndarray
+    """(N,) frames that see each point."""
+    quality: dict[str, Any]
+    """The figures, as plain JSON."""
+
+
+def turning_solution(turning: RotationOnly, evidence: Evidence, config: SfmConfig) -> Solution:
+    """A camera that only turns, about the origin."""
+    world_from_cam = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
+    world_from_cam[~turning.has_camera] = np.nan
+    agree = turning.residuals_px < config.rotation_only_inlier_px
+    rows = turning.pairs_rows[turning.pair_of_residual[agree]]
+    inliers = np.bincount(rows.ravel(), minlength=len(turning.has_camera))
+    quality = _quality(
+        "rotation_only", turning.has_camera, turning.residuals_px[agree], inliers, evidence
+    )
+    quality |= {"mapper": "rotation_only", "models": 1, "resected_frames": 0}
+    no_points, no_tracks = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    return Solution(
+        "rotation_only", world_from_cam, turning.has_camera, no_points, no_tracks, quality
+    )
+
+
+def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:
+    """A camera with six degrees of freedom."""
+    quality = _quality("full", mapped.has_camera, mapped.errors_px, mapped.observations, evidence)
+    quality |= {
+        "mapper": mapped.mapper,
+        "models": mapped.n_models,
+        "resected_frames": mapped.n_resected,
+        "points": len(mapped.points),
+        "median_track_length": figure(np.median(mapped.track_lengths)),
+    }
+    return Solution(
+        "full",
+        mapped.world_from_cam,
+        mapped.has_camera,
+        mapped.points,
+        mapped.track_lengths,
+        quality,
+    )
+
+
+def _quality(
+    geometry: Geometry,
+    has_camera: np.ndarray,
+    errors_px: np.ndarray,
+    inliers: np.ndarray,
+    evidence: Evidence,
+) -> dict[str, Any]:
+    return {
+        "geometry": geometry,
+        "frames": len(has_camera),
+        "frames_with_camera": int(has_camera.sum()),
+        "registered_share": figure(has_camera.mean()),
+        "mean_reprojection_px": figure(errors_px.mean()),
+        "median_reprojection_px": figure(np.median(errors_px)),
+        "inliers_per_frame": [int(count) for count in inliers],
+        "evidence": asdict(evidence),
+    }
