@@ -1,14 +1,18 @@
 """Which geometry the matches speak for: a camera that only turns, or one that also moves."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from gmrdata.sfm.config import SfmConfig
-from gmrdata.sfm.mapping import Mapped
-from gmrdata.sfm.matches import Matches
-from gmrdata.sfm.rotation_only import RotationOnly
+
+if TYPE_CHECKING:  # these load pycolmap
+    from gmrdata.sfm.mapping import Mapped
+    from gmrdata.sfm.matches import Matches
+    from gmrdata.sfm.rotation_only import RotationOnly
 
 PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
 PARALLAX_GROWTH = 2.5

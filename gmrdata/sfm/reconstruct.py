@@ -1,6 +1,6 @@
 """Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits."""
 
-import tempfile
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +65,11 @@ def reconstruct(
     def work(partial: Path) -> None:
         images = list_images(images_dir)
         size_px = check_images(images)
-        solution = _solve(images, masks_dir, matrix, size_px, config)
+        # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
+        work_dir = partial / "colmap"
+        work_dir.mkdir()
+        solution = _solve(work_dir, images, masks_dir, matrix, size_px, config)
+        shutil.rmtree(work_dir)
         numbers = np.array([image_number(image) for image in images])
         path = CameraPath(matrix, *size_px, solution.world_from_cam, solution.has_camera)
         save_cameras(partial / CAMERAS_FILE, SfmCameras(path, solution.geometry, numbers))
@@ -93,6 +97,7 @@ def _checked(intrinsics_px: np.ndarray) -> np.ndarray:
 
 
 def _solve(
+    work_dir: Path,
     images: list[Path],
     masks_dir: Path | None,
     intrinsics_px: np.ndarray,
@@ -104,21 +109,19 @@ def _solve(
     from gmrdata.sfm.matches import match_frames
     from gmrdata.sfm.rotation_only import solve_rotation_only
 
-    with tempfile.TemporaryDirectory(prefix="gmrdata-sfm-") as folder:
-        work_dir = Path(folder)
-        matches = match_frames(images, masks_dir, intrinsics_px, size_px, work_dir, config)
-        rng = np.random.default_rng(config.seed)
-        turning = solve_rotation_only(matches, intrinsics_px, config.rotation_only_inlier_px, rng)
-        evidence = weigh(turning, matches, config)
-        if evidence.verdict == "rotation_only":
-            return turning_solution(turning, evidence, config)
-        mapped = map_frames(work_dir / "database.db", images, matches, intrinsics_px, config)
-        if evidence.verdict == "either" and not explains_better(mapped, turning, config):
-            return turning_solution(turning, evidence, config)
-        if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
-            raise NoReconstruction(
-                f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
-                "could build a model; the parallax may be too small, the intrinsics wrong or the "
-                "background moving"
-            )
-        return mapped_solution(mapped, evidence)
+    matches = match_frames(images, masks_dir, intrinsics_px, size_px, work_dir, config)
+    rng = np.random.default_rng(config.seed)
+    turning = solve_rotation_only(matches, intrinsics_px, config.rotation_only_inlier_px, rng)
+    evidence = weigh(turning, matches, config)
+    if evidence.verdict == "rotation_only":
+        return turning_solution(turning, evidence, config)
+    mapped = map_frames(work_dir / "database.db", images, matches, intrinsics_px, config)
+    if evidence.verdict == "either" and not explains_better(mapped, turning, config):
+        return turning_solution(turning, evidence, config)
+    if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
+        raise NoReconstruction(
+            f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
+            "could build a model; the parallax may be too small, the intrinsics wrong or the "
+            "background moving"
+        )
+    return mapped_solution(mapped, evidence)

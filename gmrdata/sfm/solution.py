@@ -1,7 +1,9 @@
 """One geometry's answer, as it is written: cameras, points and the figures behind them."""
 
+from __future__ import annotations
+
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,8 +11,10 @@ from gmrdata.geometry import transforms
 from gmrdata.sfm.cameras import Geometry
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.evidence import Evidence, figure
-from gmrdata.sfm.mapping import Mapped
-from gmrdata.sfm.rotation_only import RotationOnly
+
+if TYPE_CHECKING:  # these load pycolmap
+    from gmrdata.sfm.mapping import Mapped
+    from gmrdata.sfm.rotation_only import RotationOnly
 
 
 @dataclass(frozen=True, eq=False)

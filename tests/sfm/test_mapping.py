@@ -1,0 +1,133 @@
+"""Both mappers, and frames that they leave out."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata.errors import BadFrames
+from gmrdata.frames import list_images
+from gmrdata.geometry import transforms
+from gmrdata.geometry.camera import project
+from gmrdata.sfm import mapping
+from gmrdata.sfm.config import SfmConfig
+from gmrdata.sfm.evidence import explains_better
+from gmrdata.sfm.matches import Matches, PairMatches, match_frames
+from gmrdata.sfm.rotation_only import solve_rotation_only
+
+SMALL = SfmConfig(max_features=1200, first_octave=-1)
+
+
+@pytest.fixture(scope="module")
+def arc(film: Callable[[str, int], Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Filmed frames, their matches and the folder with COLMAP's database."""
+    filmed = film("arc", 10)
+    work_dir = tmp_path_factory.mktemp("arc_work")
+    images = list_images(filmed.images_dir)
+    matches = match_frames(
+        images, filmed.masks_dir, filmed.intrinsics_px, (320, 180), work_dir, SMALL
+    )
+    return filmed, images, matches, work_dir
+
+
+def relative_angles_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
+    found_rel = np.swapaxes(found[:1, :3, :3], 1, 2) @ found[:, :3, :3]
+    true_rel = np.swapaxes(true[:1, :3, :3], 1, 2) @ true[:, :3, :3]
+    chord = np.linalg.norm(found_rel - true_rel, axis=(1, 2))
+    return np.rad2deg(2 * np.arcsin(chord / np.sqrt(8)))
+
+
+def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
+    filmed, images, matches, work_dir = arc
+    for name, run in (
+        ("g", mapping._run_global),
+        ("i", mapping._run_incremental),
+    ):
+        (work_dir / name).mkdir()
+        models = run(work_dir / "database.db", images, work_dir / name, SMALL)
+        best = max(models.values(), key=lambda model: model.num_reg_images())
+        mapped = mapping._finish(
+            best, name, len(models), images, matches, filmed.intrinsics_px, SMALL
+        )
+        assert mapped.has_camera.all()
+        assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
+        assert mapped.errors_px.max() < 3.0 and np.median(mapped.errors_px) < 0.5
+
+
+def test_the_incremental_mapper_steps_in_where_the_global_one_leaves_frames_out(
+    arc: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    filmed, images, matches, work_dir = arc
+    monkeypatch.setattr(mapping, "_run_global", lambda *_: {})
+    fresh_dir = work_dir / "fallback"
+    fresh_dir.mkdir()
+    (fresh_dir / "database.db").write_bytes((work_dir / "database.db").read_bytes())
+    mapped = mapping.map_frames(
+        fresh_dir / "database.db", images, matches, filmed.intrinsics_px, SMALL
+    )
+    assert mapped is not None and mapped.mapper == "incremental" and mapped.has_camera.all()
+
+
+def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc: Any) -> None:
+    filmed, images, matches, work_dir = arc
+    turning = solve_rotation_only(matches, filmed.intrinsics_px, 2.0, np.random.default_rng(0))
+    fresh_dir = work_dir / "better"
+    fresh_dir.mkdir()
+    (fresh_dir / "database.db").write_bytes((work_dir / "database.db").read_bytes())
+    mapped = mapping.map_frames(
+        fresh_dir / "database.db", images, matches, filmed.intrinsics_px, SMALL
+    )
+    assert mapped is not None and mapped.mapper == "global"
+    assert explains_better(mapped, turning, SMALL)
+    assert not explains_better(None, turning, SMALL)
+    fewer = replace(mapped, has_camera=np.arange(10) < 9)
+    assert not explains_better(fewer, turning, SMALL)
+
+
+def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours() -> None:
+    rng = np.random.default_rng(0)
+    intrinsics_px = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
+    points = rng.uniform([-2, -1, 4], [2, 1, 7], (80, 3))
+    cameras = np.tile(np.eye(4), (3, 1, 1))
+    cameras[:, 0, 3] = [0.0, 0.3, 0.6]
+    keypoints = [project(camera, points, intrinsics_px) for camera in cameras]
+    every = np.arange(80)
+    shuffled = rng.permutation(80)
+    keypoints[1] = keypoints[1][np.argsort(shuffled)]
+    pair = PairMatches(0, 1, np.stack([every, shuffled], axis=1), "CALIBRATED")
+    seen = dict(enumerate(points))
+    world_from_cam = cameras.copy()
+    world_from_cam[[1, 2]] = np.nan
+    observations = np.array([80, 0, 0])
+    placed = mapping._resect_rest(
+        world_from_cam, observations, {0: seen}, Matches(keypoints, [pair]), intrinsics_px
+    )
+    assert placed == 1 and observations.tolist() == [80, 80, 0]
+    assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6)
+    assert np.isnan(world_from_cam[2]).all()
+    assert np.allclose(transforms.invert(world_from_cam[1]) @ cameras[1], np.eye(4), atol=1e-6)
+
+
+def test_cameras_that_few_points_hold_are_forgotten() -> None:
+    world_from_cam = np.tile(np.eye(4), (3, 1, 1))
+    observations = np.array([40, 14, 15])
+    points: dict[int, dict[int, np.ndarray]] = {row: {} for row in range(3)}
+    mapping._forget_weak(world_from_cam, observations, points, 15)
+    assert np.isnan(world_from_cam[1]).all() and sorted(points) == [0, 2]
+    assert np.isfinite(world_from_cam[[0, 2]]).all() and observations.tolist() == [40, 0, 15]
+
+
+def test_a_frame_whose_inside_is_broken_is_named(dolly: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for image in list_images(dolly.images_dir)[:3]:
+        (folder / image.name).write_bytes(image.read_bytes())
+    content = (folder / "00001.jpg").read_bytes()
+    # Header and end mark stay, the tables between them go.
+    start = content.index(b"\xff\xdb")
+    (folder / "00001.jpg").write_bytes(content[:start] + content[content.index(b"\xff\xc0") :])
+    with pytest.raises(BadFrames, match=r"00001\.jpg: cannot be decoded"):
+        match_frames(list_images(folder), None, dolly.intrinsics_px, (320, 180), tmp_path, SMALL)
