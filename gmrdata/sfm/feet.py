@@ -1,10 +1,9 @@
 """Points of the feet that touch the ground, and when they stand still."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from gmrdata.body.model import BodyModel
+from gmrdata.body.subset import with_vertices
 from gmrdata.body.tree import JOINT
 from gmrdata.motion.motion import Motion
 
@@ -31,7 +30,7 @@ def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
 
     joints_m = motion_joints_m(body, motion)
     sole = np.array([_sole_vertices(body, motion.shape, side) for side in SIDES])
-    vertices_m = motion_vertices_m(_only_vertices(body, sole.ravel()), motion)
+    vertices_m = motion_vertices_m(with_vertices(body, sole.ravel()), motion)
     points = []
     for s, side in enumerate(SIDES):
         inner = joints_m[:, [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]]
@@ -67,15 +66,3 @@ def _sole_vertices(body: BodyModel, shape: np.ndarray, side: str) -> list[int]:
     ball_m = body.rest_joints_m(shape)[foot]
     nearest = np.linalg.norm(rest_m[sole][:, [0, 2]] - ball_m[[0, 2]], axis=1).argmin()
     return [int(sole[forward_m.argmin()]), int(sole[nearest]), int(sole[forward_m.argmax()])]
-
-
-def _only_vertices(body: BodyModel, vertices: np.ndarray) -> BodyModel:
-    """The same body with some of its vertices and no faces."""
-    return replace(
-        body,
-        template_m=body.template_m[vertices],
-        shape_dirs_m=body.shape_dirs_m[vertices],
-        skin_weights=body.skin_weights[vertices],
-        pose_dirs_m=None if body.pose_dirs_m is None else body.pose_dirs_m[vertices],
-        faces=np.zeros((0, 3), dtype=np.int64),
-    )

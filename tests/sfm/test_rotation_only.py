@@ -1,5 +1,9 @@
 """The solver for a camera that only turns, on exact and noisy made-up matches."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -95,3 +99,37 @@ def test_frames_without_matches_have_no_camera() -> None:
     )
     assert solution.has_camera.tolist() == [True] * 8 + [False]
     assert angles_deg(solution.world_from_cam_rotmats[:8], true[:8], 0).max() < 0.02
+
+
+THREADS_SCRIPT = """
+import hashlib, runpy, sys
+import os
+import subprocess
+import sys
+
+import numpy as np
+from gmrdata.sfm.rotation_only import solve_rotation_only
+here = runpy.run_path(sys.argv[1])
+matches = here["turning_matches"](here["panning_rotations"](60), 0.5, 0.1, np.random.default_rng(0))
+solution = solve_rotation_only(matches, here["INTRINSICS_PX"], 2.0, np.random.default_rng(1))
+print(hashlib.sha256(solution.world_from_cam_rotmats.tobytes()).hexdigest())
+"""
+
+
+def test_the_number_of_blas_threads_does_not_change_a_bit() -> None:
+    """A dense solver's sums depend on its threads; two workers on one machine must agree."""
+    digests = set()
+    for threads in ("1", "2", "4"):
+        answer = subprocess.run(
+            [sys.executable, "-c", THREADS_SCRIPT, __file__],
+            env={
+                **os.environ,
+                "OMP_NUM_THREADS": threads,
+                "OPENBLAS_NUM_THREADS": threads,
+            },
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        digests.add(answer.stdout)
+    assert len(digests) == 1
