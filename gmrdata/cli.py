@@ -99,7 +99,8 @@ def render(
         dry_run: List clips and frames, and do nothing.
     """
     from gmrdata.recipes import find_recipe, load_recipe
-    from gmrdata.synthetic import SyntheticRecipe, plan, render_set
+    from gmrdata.synthetic.recipe import SyntheticRecipe
+    from gmrdata.synthetic.render_set import plan, render_set
 
     loaded = load_recipe(find_recipe(recipe), SyntheticRecipe)
     if workers is not None:

@@ -4,7 +4,7 @@ import re
 import struct
 from collections import Counter
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 
@@ -22,10 +22,16 @@ def image_number(path: Path) -> int:
     Raises:
         BadFrames: the name holds no number.
     """
-    runs = re.findall(r"\d+", path.stem)
-    if not runs:
+    number = number_in_name(path.name)
+    if number is None:
         raise BadFrames(f"{path}: no number in the name; name frames like 00012.jpg")
-    return int(runs[-1])
+    return number
+
+
+def number_in_name(name: str) -> int | None:
+    """The last run of digits in a file name without its suffix, or None."""
+    runs = re.findall(r"[0-9]+", PurePosixPath(name).stem)
+    return int(runs[-1]) if runs else None
 
 
 def list_images(folder: Path) -> list[Path]:

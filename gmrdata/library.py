@@ -14,9 +14,8 @@ from gmrdata.errors import BadMotionFile, MissingInput
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.recipe import created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
-from gmrdata.motion.amc import find_asf
 from gmrdata.motion.motion import Motion
-from gmrdata.motion.read import find_motions, read_motion
+from gmrdata.motion.read import find_motions, input_files, read_motion
 from gmrdata.progress import console, track
 from gmrdata.sources import file_source, licence_of
 from gmrdata.store import run_stage
@@ -135,9 +134,7 @@ def _make_clip(
         clip = Clip(path.stem, motion, np.ones(n, dtype=bool), np.full(n, -1), None)
         save_clip(partial_dir / "clip.npz", clip, body.rest_pelvis_m(motion.shape))
 
-    inputs = {"motion": path, "body": body_path}
-    if path.suffix.lower() == ".amc":
-        inputs["skeleton"] = find_asf(path)
+    inputs = input_files(path) | {"body": body_path}
     if joint_map is not None:
         inputs["joint_map"] = joint_map
     return run_stage("motion", out_dir / "clips" / path.stem, config, inputs, work, redo=redo)

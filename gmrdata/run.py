@@ -38,7 +38,8 @@ def run_recipe(
             demo = load_recipe(path, DemoRecipe)
             return run_demo(demo, out_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo)
         case "synthetic":
-            from gmrdata.synthetic import SyntheticRecipe, render_set
+            from gmrdata.synthetic.recipe import SyntheticRecipe
+            from gmrdata.synthetic.render_set import render_set
 
             synthetic = load_recipe(path, SyntheticRecipe)
             return render_set(

@@ -10,7 +10,8 @@ from gmrdata.errors import BadRecipe, MissingInput
 from gmrdata.gmr.recipe import GmrRecipe
 from gmrdata.recipes import find_recipe, load_recipe, recipe_kind
 from gmrdata.run import run_recipe
-from gmrdata.synthetic import SyntheticRecipe, select
+from gmrdata.synthetic.recipe import SyntheticRecipe
+from gmrdata.synthetic.select import select
 
 MODELS = {"demo": DemoRecipe, "synthetic": SyntheticRecipe, "gmr": GmrRecipe}
 

@@ -13,10 +13,9 @@ from gmrdata.demo.paths import DemoPaths
 from gmrdata.demo.recipe import DemoClip, DemoRecipe, Training
 from gmrdata.errors import MissingInput
 from gmrdata.film import Film, film_motion, plan_clip
-from gmrdata.motion.amc import find_asf
 from gmrdata.motion.gait import embedded_motions, make_gait
 from gmrdata.motion.motion import Motion
-from gmrdata.motion.read import find_motions, read_motion
+from gmrdata.motion.read import find_motions, input_files, read_motion
 from gmrdata.motion.resample import resample
 from gmrdata.progress import track
 from gmrdata.store import run_stage
@@ -114,9 +113,9 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, re
             target = out_dir / paths.training_dir.name / f"{clip.id}.npz"
             save_clip(target, clip, body.rest_pelvis_m(clip.motion.shape))
 
-    inputs = {"body": paths.body} | {
-        f"file {path.name}": path for path in _with_skeletons((*files.filmed, *files.training))
-    }
+    inputs = {"body": paths.body}
+    for path in (*files.filmed, *files.training):
+        inputs |= {f"file {file.name}": file for file in input_files(path).values()}
     return run_stage("motions", paths.motions_dir, config, inputs, work, redo=redo)
 
 
@@ -168,9 +167,3 @@ def _fits(motion: Motion, film: Film) -> bool:
     path = motion.pelvis_m[:n_frames, :2]
     extent_m = float(np.ptp(path, axis=0).max())
     return n_frames >= SHORTEST_S * motion.fps_hz and LEAST_TRAVEL_M <= extent_m <= WIDEST_M
-
-
-def _with_skeletons(files: tuple[Path, ...]) -> list[Path]:
-    """The files and the ASF skeletons that their AMC files need."""
-    skeletons = {find_asf(path) for path in files if path.suffix.lower() == ".amc"}
-    return [*files, *sorted(skeletons)]

@@ -40,9 +40,14 @@ class DemoPaths:
         """The training motions, one clip file each."""
         return self.motions_dir / "training"
 
+    @property
+    def all_renders_dir(self) -> Path:
+        """The stage folders of all rendered clips."""
+        return self.root / "render"
+
     def render_dir(self, clip_id: str) -> Path:
         """Stage folder of a rendered clip: frames, person masks, and the truth."""
-        return self.root / "render" / clip_id
+        return self.all_renders_dir / clip_id
 
     def true_clip(self, clip_id: str) -> Path:
         """The motion and the camera as they were rendered."""

@@ -6,7 +6,6 @@ import yaml
 
 from gmrdata.body.keep import keep_body
 from gmrdata.body.load import load_body
-from gmrdata.clip import load_clip
 from gmrdata.demo.manifests import write_manifests
 from gmrdata.demo.motions import MotionFiles, choose_files, make_motions
 from gmrdata.demo.paths import DemoPaths
@@ -15,9 +14,9 @@ from gmrdata.demo.regenerate import regenerate
 from gmrdata.demo.show import show
 from gmrdata.evaluate.score import score_manifest
 from gmrdata.gmr.train import train
-from gmrdata.jobs import Job, Workers, count_files, run_jobs, worker_pool
+from gmrdata.jobs import Job, Workers, run_jobs, worker_pool
 from gmrdata.progress import console
-from gmrdata.render import render_clip
+from gmrdata.render_jobs import render_clips
 from gmrdata.store import write_text
 
 
@@ -55,7 +54,15 @@ def run_demo(
     make_motions(paths, recipe, files, redo=redo)
     with worker_pool(Workers(recipe.workers, scheduler)) as client:
         _step(3, "render")
-        _render(paths, recipe, client, redo)
+        render_clips(
+            {clip.id: paths.planned_clip(clip.id) for clip in recipe.clips},
+            paths.body,
+            paths.all_renders_dir,
+            recipe.render,
+            client,
+            paths.failures_dir,
+            redo=redo,
+        )
         _step(4, "masks, cameras, scale, world motion")
         _regenerate(paths, recipe, client, redo)
     _step(5, "manifests")
@@ -73,33 +80,6 @@ def run_demo(
 
 def _step(number: int, what: str) -> None:
     console.rule(f"[bold]{number}/8[/bold] {what}", align="left")
-
-
-def _render(paths: DemoPaths, recipe: DemoRecipe, client: object, redo: bool) -> None:
-    planned = [paths.planned_clip(clip.id) for clip in recipe.clips]
-    jobs = [
-        Job(
-            clip.id,
-            render_clip,
-            {
-                "clip_path": path,
-                "body_path": paths.body,
-                "out_dir": paths.render_dir(clip.id),
-                "config": recipe.render,
-                "redo": redo,
-            },
-        )
-        for clip, path in zip(recipe.clips, planned, strict=True)
-    ]
-    render_dirs = [paths.render_dir(clip.id) for clip in recipe.clips]
-    run_jobs(
-        "rendering frames",
-        jobs,
-        client,
-        paths.failures_dir,
-        units_total=sum(load_clip(path).motion.n_frames for path in planned),
-        units_done=lambda: count_files(render_dirs, "masks/[0-9]*.png"),
-    )
 
 
 def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: object, redo: bool) -> None:

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from gmrdata.body.forward import posed_vertices
 from gmrdata.body.model import BodyModel
+from gmrdata.body.subset import vertex_rows, with_vertices
 from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, StageFailed, TrainingDiverged
 from gmrdata.gmr.checkpoint import (
@@ -28,7 +29,6 @@ from gmrdata.gmr.held_out import held_out_runs, held_out_scores
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.usable import check_clips_fit
-from gmrdata.gmr.vertices import vertex_rows, with_vertices
 from gmrdata.progress import progress_bar
 from gmrdata.store import write_text
 

@@ -7,6 +7,7 @@ import numpy as np
 from gmrdata.clip import Clip
 from gmrdata.errors import BadMotionFile
 from gmrdata.motion.motion import Motion
+from gmrdata.motion.resample import resample, valid_runs
 
 MIN_FRAMES = 2
 """Frames that make one motion."""
@@ -20,12 +21,6 @@ class Run:
     """The clip that it comes from."""
     motion: Motion
     """The person, without gaps."""
-
-
-def valid_runs(valid: np.ndarray) -> list[tuple[int, int]]:
-    """Half-open row ranges in which `valid` (T,) is True throughout, in order."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], valid.astype(bool), [False]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Run]:
@@ -104,6 +99,4 @@ def check_finite(clip: Clip) -> None:
 
 
 def _resampled(motion: Motion, start: int, stop: int, fps_hz: float) -> Motion:
-    from gmrdata.motion.resample import resample
-
     return resample(take(motion, slice(start, stop), motion.fps_hz), fps_hz)

@@ -1,12 +1,12 @@
 """What a clip's arrays must satisfy before anyone trains on them or scores with them."""
 
-import re
 from collections.abc import Iterator
 from pathlib import PurePosixPath
 
 import numpy as np
 
 from gmrdata import clip as clip_file
+from gmrdata.frames import number_in_name
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.manifest.current import Clip
 from gmrdata.manifest.read import rows_in
@@ -50,7 +50,7 @@ def unmatched_rows(
         rows: (T,) bool: rows that need a file, if they have an image number.
         names: Paths in the listing.
     """
-    numbers = {image_number(name) for name in names}
+    numbers = {number_in_name(name) for name in names}
     wanted = {int(number) for number in clip.image_numbers[rows] if number >= 0}
     if missing := sorted(wanted - numbers):
         yield f"{field}.folder: none of number {some(missing)}, which a row names; put it back"
@@ -62,12 +62,6 @@ def mask_problems(images: list[str], masks: list[str]) -> Iterator[str]:
     stray = [name for name in masks if PurePosixPath(name).with_suffix("").as_posix() not in stems]
     if stray:
         yield f"masks.folder: {some(stray)} belongs to no image; a mask is named <image stem>.png"
-
-
-def image_number(name: str) -> int | None:
-    """The last number in an image's file name, or None."""
-    numbers = re.findall(r"[0-9]+", PurePosixPath(name).stem)
-    return int(numbers[-1]) if numbers else None
 
 
 def _disagreements(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:

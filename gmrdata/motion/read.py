@@ -10,7 +10,7 @@ import numpy as np
 from gmrdata.body.model import BodyModel
 from gmrdata.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.motion.amass import is_amass_extra, read_amass
-from gmrdata.motion.amc import read_amc
+from gmrdata.motion.amc import find_asf, read_amc
 from gmrdata.motion.bvh import read_bvh
 from gmrdata.motion.frame_rate import CMU_TRIAL
 from gmrdata.motion.joint_maps import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
@@ -78,6 +78,12 @@ def read_motion(
     return retarget(
         source, joints, body, shape=shape, upright_pitch_deg=upright, name=path.name, ground=ground
     )
+
+
+def input_files(path: Path) -> dict[str, Path]:
+    """The files that a motion is read from, by their role: an AMC needs its skeleton."""
+    skeleton = {"skeleton": find_asf(path)} if path.suffix.lower() == ".amc" else {}
+    return {"motion": path} | skeleton
 
 
 def find_motions(folder: Path) -> list[Path]:

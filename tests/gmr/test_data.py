@@ -13,7 +13,7 @@ from gmrdata.errors import BadManifest, BadMotionFile
 from gmrdata.gmr.config import Representation, WindowConfig
 from gmrdata.gmr.data import Batch, TrainingRun, make_batch, make_training_set, reverse
 from gmrdata.gmr.motion_deltas import accumulate, deltas
-from gmrdata.gmr.runs import runs_at, valid_runs
+from gmrdata.gmr.runs import runs_at
 from gmrdata.motion.motion import Motion
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
@@ -41,12 +41,6 @@ def frame_numbers(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[list[f
     runs = runs_at(clip, fps_hz, all_phases=all_phases)
     assert all(run.motion.fps_hz == fps_hz for run in runs)
     return [run.motion.pelvis_m[:, 0].tolist() for run in runs]
-
-
-def test_valid_runs() -> None:
-    assert valid_runs(np.array([0, 1, 1, 0, 1, 0, 0, 1, 1, 1], bool)) == [(1, 3), (4, 5), (7, 10)]
-    assert valid_runs(np.zeros(3, bool)) == []
-    assert valid_runs(np.ones(3, bool)) == [(0, 3)]
 
 
 def test_a_higher_rate_gives_all_phases() -> None:

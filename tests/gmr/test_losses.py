@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.body.forward import place, posed_vertices
 from gmrdata.body.model import BodyModel
+from gmrdata.body.subset import vertex_rows, with_vertices
 from gmrdata.gmr.config import LossConfig
 from gmrdata.gmr.losses import Motions, gmr_loss, vertex_l1_m
 from gmrdata.gmr.rotations import to_rotmats
-from gmrdata.gmr.vertices import vertex_rows, with_vertices
 
 B, N, V = 3, 6, 20
 KINDS: tuple[Literal["chordal", "angular", "axis-angle"], ...] = (

@@ -1,4 +1,4 @@
-"""Which vertices the vertex loss looks at."""
+"""Some of a body's vertices, where all of them are more than is needed."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from gmrdata.body.model import BodyModel
 
 
 def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> np.ndarray:
-    """Rows of the vertices to use, evenly spread over the body's list, ascending: (n,) int.
+    """Rows of n vertices, evenly spread over the body's list, ascending: (n,) int.
 
     All of them for None, or where the body has no more than asked for.
     """
@@ -18,7 +18,12 @@ def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> np.ndarray:
 
 
 def with_vertices(body: BodyModel, rows: np.ndarray) -> BodyModel:
-    """The same body with some of its vertices and no faces; joints and shapes stay as they are."""
+    """The same body with some of its vertices and no faces; joints and shapes stay as they are.
+
+    Args:
+        body: A body of V vertices.
+        rows: (n,) int indices of the vertices to keep.
+    """
     return replace(
         body,
         template_m=body.template_m[rows],

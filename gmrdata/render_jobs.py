@@ -1,0 +1,58 @@
+"""Render several clips at once, each in a worker of its own."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gmrdata.clip import load_clip
+from gmrdata.jobs import Job, count_files, run_jobs
+from gmrdata.render import RenderConfig, render_clip
+
+
+def render_clips(
+    planned: Mapping[str, Path],
+    body_path: Path,
+    out_dir: Path,
+    config: RenderConfig,
+    client: Any,
+    failures_dir: Path,
+    *,
+    redo: bool = False,
+) -> None:
+    """Render each planned clip to `out_dir/<id>`, with one progress bar over all frames.
+
+    Args:
+        planned: Clip file by id.
+        body_path: The clips' body.
+        out_dir: Gets one stage folder for each clip.
+        config: The recipe.
+        client: A Dask client.
+        failures_dir: Gets the reasons of clips that failed.
+        redo: Make anew what another recipe made.
+
+    Raises:
+        StageFailed: some clips failed; the others are done.
+    """
+    jobs = [
+        Job(
+            clip_id,
+            render_clip,
+            {
+                "clip_path": path,
+                "body_path": body_path,
+                "out_dir": out_dir / clip_id,
+                "config": config,
+                "redo": redo,
+            },
+        )
+        for clip_id, path in planned.items()
+    ]
+    folders = [out_dir / clip_id for clip_id in planned]
+    run_jobs(
+        "rendering frames",
+        jobs,
+        client,
+        failures_dir,
+        units_total=sum(load_clip(path).motion.n_frames for path in planned.values()),
+        units_done=lambda: count_files(folders, "masks/[0-9]*.png"),
+    )

@@ -1,0 +1,1 @@
+"""Synthetic sets: motions under camera programmes, rendered with exact truth."""

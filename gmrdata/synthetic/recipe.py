@@ -1,0 +1,56 @@
+"""What the recipe of a synthetic set may say."""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from gmrdata.config import Config
+from gmrdata.film import Film
+from gmrdata.geometry.programmes import Programme
+from gmrdata.render import RenderConfig
+
+
+class SyntheticClip(Config):
+    """One clip of a set."""
+
+    id: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    """Name of the clip and of its folders."""
+    trial: str | None = None
+    """Name of a motion file, without suffix."""
+    gait: str | None = None
+    """Or kind of embedded gait."""
+    programme: Programme
+    """Camera programme."""
+    duration_s: float | None = Field(default=None, gt=0)
+    """Length to film, from the motion's start [s]; the set's when left out."""
+
+    @model_validator(mode="after")
+    def _one_motion(self) -> "SyntheticClip":
+        if (self.trial is None) == (self.gait is None):
+            raise ValueError("give either `trial` or `gait`")
+        return self
+
+
+class SyntheticRecipe(Config):
+    """A set of clips to render."""
+
+    recipe: Literal["synthetic"]
+    """Kind of recipe."""
+    name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
+    """Name of the data set."""
+    version: str = "1.0.0"
+    """Its version, major.minor.patch."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of every random choice."""
+    body: str = "anny"
+    """Body model: "anny", or the path of an SMPL model file."""
+    workers: int = Field(default=2, ge=1)
+    """Worker processes, one thread each."""
+    published_list: str | None = None
+    """A published list whose trials are rendered, each under its programme."""
+    clips: tuple[SyntheticClip, ...] = ()
+    """Further clips."""
+    film: Film = Film()
+    """What the clips share."""
+    render: RenderConfig = RenderConfig()
+    """The Blender stage."""
