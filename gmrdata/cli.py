@@ -9,7 +9,7 @@ import tyro
 from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
 from gmrdata.errors import GmrdataError, MissingInput
-from gmrdata.progress import console
+from gmrdata.progress import answers, console
 
 Verb = Callable[..., None]
 
@@ -75,7 +75,7 @@ def motions(
         headings, rows = motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map)
         _print_table(headings, rows)
         return
-    console.print(make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, redo=redo))
+    _answer(make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, redo=redo))
 
 
 def render(
@@ -109,7 +109,7 @@ def render(
         headings, rows = plan(loaded, motions, out)
         _print_table(headings, rows)
         return
-    console.print(render_set(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+    _answer(render_set(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
 
 
 def sfm(
@@ -146,7 +146,7 @@ def sfm(
         body_path=_body_path(body),
         redo=redo,
     )
-    console.print(made, soft_wrap=True)
+    _answer(made)
 
 
 def manifest_check(paths: Positional[tuple[Path, ...]], hashes: bool = True) -> None:
@@ -161,7 +161,7 @@ def manifest_check(paths: Positional[tuple[Path, ...]], hashes: bool = True) -> 
     _need(paths, "a manifest file")
     for path in paths:
         check_manifest(path, hashes=hashes)
-        console.print(f"{path}: good")
+        _answer(f"{path}: good")
 
 
 def manifest_show(path: Positional[Path]) -> None:
@@ -186,7 +186,7 @@ def manifest_diff(a: Positional[Path], b: Positional[Path]) -> None:
 
     differences = diff_manifests(a, b)
     for line in differences:
-        console.print(line, markup=False)
+        _answer(line)
     if differences:
         sys.exit(1)
 
@@ -225,7 +225,7 @@ def train(
 
     _need(manifests, "a manifest file")
     config = load_recipe(find_recipe(recipe), GmrRecipe).train
-    console.print(
+    _answer(
         train_gmr(
             manifests, out, config, body_path=_body_path(body), held_out_paths=held_out, redo=redo
         )
@@ -255,7 +255,7 @@ def evaluate(
     scores = score_manifest(run, manifest, _body_path(body), out, redo=redo)
     headings, rows = score_rows(read_json(scores))
     _print_table(headings, rows)
-    console.print(scores, soft_wrap=True)
+    _answer(scores)
 
 
 def report(demo_out: Positional[Path]) -> None:
@@ -291,9 +291,7 @@ def run(
     """
     from gmrdata.run import run_recipe
 
-    console.print(
-        run_recipe(recipe, out, motions_dir=motions, scheduler=scheduler, redo=redo), soft_wrap=True
-    )
+    _answer(run_recipe(recipe, out, motions_dir=motions, scheduler=scheduler, redo=redo))
 
 
 VERBS: dict[str, Verb] = {
@@ -338,6 +336,10 @@ def _explain(error: OSError) -> str:
     return f"{error.filename or 'writing'}: {remedy}"
 
 
+def _answer(value: object) -> None:
+    answers.print(str(value), markup=False, soft_wrap=True)
+
+
 def _fail(message: str, code: int = 1) -> None:
     console.print(f"gmrdata: {message}", style="bold red", markup=False, soft_wrap=True)
     sys.exit(code)
@@ -358,4 +360,4 @@ def _print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None
     table = Table(*headings, box=None)
     for row in rows:
         table.add_row(*row)
-    console.print(table)
+    answers.print(table)

@@ -1,5 +1,7 @@
-"""One console and one progress bar for all long work."""
+"""Two consoles, one for progress and one for answers, and one progress bar for all long work."""
 
+import os
+import sys
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
@@ -14,6 +16,11 @@ from rich.progress import (
 )
 
 console = Console(stderr=True, highlight=False)
+"""Progress and errors, for the person who waits."""
+
+_KNOWN_WIDTH = sys.stdout.isatty() or "COLUMNS" in os.environ
+answers = Console(highlight=False, width=None if _KNOWN_WIDTH else 160)
+"""What was asked for, on standard output; wide where it is piped, so that no cell is cut."""
 
 Item = TypeVar("Item")
 

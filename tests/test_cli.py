@@ -88,7 +88,7 @@ def test_a_dry_run_of_the_demo_does_nothing(tmp_path: Path) -> None:
     out = tmp_path / "demo"
     answer = gmrdata("demo", "--dry-run", "--out", out)
     assert answer.returncode == 0, answer.stderr
-    assert "render circular" in answer.stderr and "to do" in answer.stderr
+    assert "render circular" in answer.stdout and "to do" in answer.stdout
     assert not out.exists()
 
 
@@ -116,4 +116,4 @@ def test_a_folder_without_write_permission_and_a_file_limit_end_without_half_fil
 def test_motions_are_listed(cmu_dir: Path) -> None:
     answer = gmrdata("motions", cmu_dir / "amc" / "02_03.amc", cmu_dir / "bvh" / "08_02.bvh")
     assert answer.returncode == 0, answer.stderr
-    assert "02_03.amc" in answer.stderr and "08_02.bvh" in answer.stderr
+    assert "02_03.amc" in answer.stdout and "08_02.bvh" in answer.stdout

@@ -13,7 +13,7 @@ from gmrdata.demo.paths import DemoPaths
 from gmrdata.demo.recipe import DemoClip, DemoRecipe
 from gmrdata.evaluate.pseudo_gt_error import compare_clips
 from gmrdata.gmr.infer import TrainedGmr, load_gmr, predict_world_motion
-from gmrdata.progress import console
+from gmrdata.progress import answers
 from gmrdata.report.bars import summary
 from gmrdata.report.data import (
     ClipFigures,
@@ -44,8 +44,8 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     write_json(paths.summary, figures)
     write_overview(paths.overview, report)
     write_report(paths.report, report)
-    console.print(summary_table(figures))
-    console.print(f"\n[bold]{paths.report}[/bold]", soft_wrap=True)
+    answers.print(summary_table(figures))
+    answers.print(f"\n[bold]{paths.report}[/bold]", soft_wrap=True)
     return paths.report
 
 

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.progress import console
+from gmrdata.progress import answers
 
 
 def show_manifest(path: Path) -> None:
@@ -18,7 +18,7 @@ def show_manifest(path: Path) -> None:
         MissingInput: there is no such file.
         BadManifest: not a manifest.
     """
-    console.print(manifest_table(path))
+    answers.print(manifest_table(path))
 
 
 def manifest_table(path: Path) -> Table:
@@ -31,7 +31,8 @@ def manifest_table(path: Path) -> Table:
     manifest = read_manifest(path)
     title = f"{manifest.name} {manifest.version} ({manifest.kind}), {len(manifest.clips)} clips"
     table = Table(title=title, caption=escape(_caption(manifest)))
-    for heading in ("clip", "source", "camera", "fps"):
+    table.add_column("clip", no_wrap=True)
+    for heading in ("source", "camera", "fps"):
         table.add_column(heading)
     for heading in ("frames", "kept", "seconds"):
         table.add_column(heading, justify="right")

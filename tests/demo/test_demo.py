@@ -42,11 +42,11 @@ def start(out: Path, recipe: Path, motions: Path) -> subprocess.Popen[str]:
     command = [sys.executable, "-c", "from gmrdata.cli import main; main()", "demo"]
     command += ["--out", str(out), "--recipe", str(recipe), "--motions", str(motions)]
     command += ["--trials", *TRIALS]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
 def finish(process: subprocess.Popen[str]) -> str:
-    _, said = process.communicate(timeout=900)
+    said, _ = process.communicate(timeout=900)
     assert process.returncode == 0, said
     return said
 
