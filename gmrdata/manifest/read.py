@@ -47,7 +47,7 @@ def load_clips(path: Path) -> list[Clip]:
 
     Args:
         path: The manifest; its files lie below its folder.  Their hashes are not checked here,
-            `gmrdata check` does that.
+            `gmrdata manifest check` does that.
 
     Raises:
         MissingInput: the manifest or a clip's file is not there.

@@ -16,7 +16,7 @@ def json_schema() -> dict[str, Any]:
     """JSON Schema (draft 2020-12) of `format: gmrdata/1`.
 
     It can't say everything: that kept and dropped ranges tile a clip, that ids are unique and that
-    paths stay inside are checked by `gmrdata check` alone.
+    paths stay inside are checked by `gmrdata manifest check` alone.
     """
     return ADAPTER.json_schema() | {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
