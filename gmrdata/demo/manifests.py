@@ -21,7 +21,8 @@ NO_CAMERA = "structure from motion found no camera for this frame"
 
 def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) -> None:
     """Write the three manifests; the same clips give the same bytes."""
-    by = created_by(recipe, {"demo": recipe.seed})
+    # How many workers there were decides nothing, so it is no part of what made the clips.
+    by = created_by(recipe.model_dump(mode="json", exclude={"workers"}), {"demo": recipe.seed})
     licence = _body_licence(paths)
     training = [
         _training_entry(paths, path, files) for path in sorted(paths.training_dir.glob("*.npz"))

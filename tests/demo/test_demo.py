@@ -38,6 +38,7 @@ def test_manifests_are_good_and_the_report_is_there(finished: tuple[DemoPaths, s
     paths, _ = finished
     for manifest in (paths.training_manifest, paths.synthetic_manifest, paths.pseudo_gt_manifest):
         check_manifest(manifest)
+        assert "workers" not in manifest.read_text()
     assert paths.report.stat().st_size > 100_000
     assert paths.overview.read_bytes()[:4] == b"\x89PNG"
 
