@@ -13,7 +13,7 @@ class DemoPaths:
 
     @property
     def recipe(self) -> Path:
-        """The recipe that runs here."""
+        """The recipe that made what is here; written when all stages are done."""
         return self.root / "recipe.yaml"
 
     @property

@@ -43,7 +43,6 @@ def run_demo(
         Path of the report.
     """
     paths = DemoPaths(out_dir.resolve())
-    write_text(paths.recipe, yaml.safe_dump(recipe.model_dump(mode="json"), sort_keys=False))
     _step(1, "body")
     keep_body(recipe.body, paths.body_dir, redo=redo)
     _step(2, "motions")
@@ -75,6 +74,7 @@ def run_demo(
             paths.gmr_dir, manifest, paths.body, paths.scores_dir(manifest.stem), redo=redo
         )
     _step(8, "report")
+    write_text(paths.recipe, yaml.safe_dump(recipe.model_dump(mode="json"), sort_keys=False))
     return show(paths, recipe)
 
 

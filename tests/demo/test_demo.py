@@ -57,6 +57,24 @@ def test_a_second_run_makes_nothing_anew(
     assert len(before) > 15
 
 
+def test_another_recipe_is_refused_and_leaves_what_is_there(
+    finished: tuple[DemoPaths, str],
+    recipe_path: Path,
+    cmu_dir: Path,
+    tmp_path: Path,
+    start_demo: Start,
+) -> None:
+    paths, _ = finished
+    before = paths.recipe.read_bytes()
+    other = tmp_path / "other.yaml"
+    other.write_text(recipe_path.read_text() + "seed: 5\n")
+    process = start_demo(paths.root, other, cmu_dir)
+    said, _ = process.communicate(timeout=300)
+    assert (process.returncode, "Traceback" in said) == (1, False)
+    assert "config.seed" in said and "--redo" in said
+    assert paths.recipe.read_bytes() == before
+
+
 def test_killed_at_random_moments_it_ends_with_the_same_manifests(
     finished: tuple[DemoPaths, str],
     recipe_path: Path,
