@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
-from gmrdata.errors import GmrdataError, MissingInput
+from gmrdata.errors import BadRecipe, GmrdataError, MissingInput
 from gmrdata.progress import answers, console
 
 Verb = Callable[..., None]
@@ -44,7 +44,7 @@ def demo(
 
     loaded = load_recipe(find_recipe(recipe), DemoRecipe)
     if workers is not None:
-        loaded = loaded.model_copy(update={"workers": workers})
+        loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
     if dry_run:
         _print_table(("stage", "state"), plan(loaded, out))
         return
@@ -104,7 +104,7 @@ def render(
 
     loaded = load_recipe(find_recipe(recipe), SyntheticRecipe)
     if workers is not None:
-        loaded = loaded.model_copy(update={"workers": workers})
+        loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
     if dry_run:
         headings, rows = plan(loaded, motions, out)
         _print_table(headings, rows)
@@ -343,6 +343,12 @@ def _answer(value: object) -> None:
 def _fail(message: str, code: int = 1) -> None:
     console.print(f"gmrdata: {message}", style="bold red", markup=False, soft_wrap=True)
     sys.exit(code)
+
+
+def _at_least_one(workers: int) -> int:
+    if workers < 1:
+        raise BadRecipe(f"--workers {workers}: at least one process has to do the work")
+    return workers
 
 
 def _need(values: tuple[Any, ...], what: str) -> None:

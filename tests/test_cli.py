@@ -81,6 +81,7 @@ def test_missing_things_are_named(tmp_path: Path) -> None:
     fails_cleanly(gmrdata("manifest", "check"), "Name a manifest file")
     fails_cleanly(gmrdata("demo", "--recipe", "no-such"), "no such recipe file")
     fails_cleanly(gmrdata("report", tmp_path), "recipe.yaml")
+    fails_cleanly(gmrdata("demo", "--workers", 0, "--out", tmp_path / "o"), "--workers 0")
     fails_cleanly(gmrdata("run", "no-such", "--out", tmp_path / "o"), "no such recipe file")
 
 
