@@ -86,6 +86,7 @@ def render(
     scheduler: str | None = None,
     redo: bool = False,
     dry_run: bool = False,
+    probe: bool = True,
 ) -> None:
     """Render synthetic clips with exact cameras and masks, and write their manifest.
 
@@ -96,19 +97,25 @@ def render(
         workers: Worker processes; the recipe's number when left out.
         scheduler: Address of a Dask cluster (tcp://host:port) for the clips.
         redo: Make anew what another recipe made.
-        dry_run: List clips and frames, and do nothing.
+        dry_run: List clips and frames with an estimate of time and disk, and make nothing.
+        probe: For the estimate of a dry run, render two frames in a temporary folder.
     """
     from gmrdata.recipes import find_recipe, load_recipe
     from gmrdata.synthetic.recipe import SyntheticRecipe
-    from gmrdata.synthetic.render_set import plan, render_set
 
     loaded = load_recipe(find_recipe(recipe), SyntheticRecipe)
     if workers is not None:
         loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
     if dry_run:
-        headings, rows = plan(loaded, motions, out)
-        _print_table(headings, rows)
+        from gmrdata.synthetic import dry_run as dry
+
+        planned = dry.dry_run(loaded, out, motions_dir=motions, probe=probe)
+        _print_table(dry.HEADINGS, planned.rows)
+        for line in dry.summary_lines(planned):
+            _answer(line)
         return
+    from gmrdata.synthetic.render_set import render_set
+
     _answer(render_set(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
 
 

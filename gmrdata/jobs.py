@@ -3,7 +3,7 @@
 import os
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,6 +36,19 @@ class Job:
     """A module-level function, so that a worker process can import it."""
     arguments: dict[str, Any] = field(default_factory=dict)
     """Keyword arguments of the call."""
+    retries: int = 0
+    """How often the call is made again after a StageFailed: a process that crashed may not crash
+    again, while bad input stays bad."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of jobs."""
+
+    results: dict[str, Any]
+    """Result of each job that finished, by job id."""
+    reasons: dict[str, str]
+    """Why each other job failed, by job id."""
 
 
 def run_jobs(
@@ -47,6 +60,30 @@ def run_jobs(
     units_total: int | None = None,
     units_done: Callable[[], int] | None = None,
 ) -> dict[str, Any]:
+    """Run every job as `try_jobs` does, for callers that need them all.
+
+    Returns:
+        Each job's result, by job id.
+
+    Raises:
+        StageFailed: at least one job failed; the message lists them with their reasons.
+    """
+    outcome = try_jobs(
+        description, jobs, client, failures_dir, units_total=units_total, units_done=units_done
+    )
+    raise_failures(description, outcome.reasons, len(jobs), failures_dir)
+    return outcome.results
+
+
+def try_jobs(
+    description: str,
+    jobs: Sequence[Job],
+    client: Any,
+    failures_dir: Path,
+    *,
+    units_total: int | None = None,
+    units_done: Callable[[], int] | None = None,
+) -> Outcome:
     """Run every job; a job that fails is recorded and the others go on.
 
     Args:
@@ -56,12 +93,6 @@ def run_jobs(
         failures_dir: Gets one text file with the reason for each job that failed.
         units_total: Length of the progress bar when it counts something finer than jobs.
         units_done: How many of those units exist by now.
-
-    Returns:
-        Each job's result, by job id.
-
-    Raises:
-        StageFailed: at least one job failed; the message lists them with their reasons.
     """
     futures = {
         job.id: client.submit(_call, job, key=f"{description}-{job.id}", pure=False) for job in jobs
@@ -74,15 +105,31 @@ def run_jobs(
             time.sleep(POLL_S)
         bar.update(task, completed=units_total or len(jobs))
     reasons = {id: _reason(future) for id, future in futures.items() if future.status != "finished"}
+    results = {id: future.result() for id, future in futures.items() if id not in reasons}
+    record_failures(failures_dir, reasons, results)
+    return Outcome(results, reasons)
+
+
+def record_failures(
+    failures_dir: Path, reasons: Mapping[str, str], finished: Iterable[str]
+) -> None:
+    """Write one text file for each job that failed, and remove those of jobs that now finished."""
     for id, reason in reasons.items():
         write_text(failures_dir / f"{id}.txt", reason)
+    for id in finished:
+        (failures_dir / f"{id}.txt").unlink(missing_ok=True)
+
+
+def raise_failures(
+    description: str, reasons: Mapping[str, str], n_jobs: int, failures_dir: Path
+) -> None:
+    """Raise StageFailed with the first line of each reason; nothing when there are none."""
     if reasons:
         listed = "\n".join(f"  {id}: {reason.splitlines()[0]}" for id, reason in reasons.items())
         raise StageFailed(
-            f"{description}: {len(reasons)} of {len(jobs)} failed "
+            f"{description}: {len(reasons)} of {n_jobs} failed "
             f"(whole messages in {failures_dir}):\n{listed}"
         )
-    return {id: future.result() for id, future in futures.items()}
 
 
 @contextmanager
@@ -128,14 +175,24 @@ def worker_pool(workers: Workers) -> Iterator[Any]:
 def _call(job: Job) -> Any:
     """In the worker: its progress bars would write over those of the process that waits."""
     console.quiet = True
-    return job.call(**job.arguments)
+    earlier: list[str] = []
+    while True:
+        try:
+            return job.call(**job.arguments)
+        except StageFailed as error:
+            if len(earlier) < job.retries:
+                earlier.append(str(error))
+                continue
+            for number, reason in enumerate(earlier, start=1):
+                error.add_note(f"attempt {number} of {job.retries + 1}: {reason}")
+            raise
 
 
 def _reason(future: Any) -> str:
     """What went wrong in one line; below it the traceback of an error that we did not foresee."""
     error = future.exception()
     if isinstance(error, GmrdataError | OSError):
-        return str(error)
+        return "\n".join([str(error), *getattr(error, "__notes__", ())])
     trace = "".join(traceback.format_tb(future.traceback()))
     return f"{type(error).__name__}: {error}\n{trace}"
 

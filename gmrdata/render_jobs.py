@@ -5,8 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from gmrdata.clip import load_clip
-from gmrdata.jobs import Job, count_files, run_jobs
+from gmrdata.jobs import Job, Outcome, count_files, raise_failures, try_jobs
 from gmrdata.render import RenderConfig, render_clip
+
+DESCRIPTION = "rendering frames"
+RETRIES = 1
+"""How often a crashed Blender process is started again."""
 
 
 def render_clips(
@@ -19,7 +23,28 @@ def render_clips(
     *,
     redo: bool = False,
 ) -> None:
+    """Render each planned clip as `try_render_clips` does, for callers that need them all.
+
+    Raises:
+        StageFailed: some clips failed; the others are done.
+    """
+    outcome = try_render_clips(planned, body_path, out_dir, config, client, failures_dir, redo=redo)
+    raise_failures(DESCRIPTION, outcome.reasons, len(planned), failures_dir)
+
+
+def try_render_clips(
+    planned: Mapping[str, Path],
+    body_path: Path,
+    out_dir: Path,
+    config: RenderConfig,
+    client: Any,
+    failures_dir: Path,
+    *,
+    redo: bool = False,
+) -> Outcome:
     """Render each planned clip to `out_dir/<id>`, with one progress bar over all frames.
+
+    A Blender process that ends without its result is started once more, at the next missing frame.
 
     Args:
         planned: Clip file by id.
@@ -30,8 +55,8 @@ def render_clips(
         failures_dir: Gets the reasons of clips that failed.
         redo: Make anew what another recipe made.
 
-    Raises:
-        StageFailed: some clips failed; the others are done.
+    Returns:
+        Each rendered clip's folder, and why the other clips failed.
     """
     jobs = [
         Job(
@@ -44,12 +69,13 @@ def render_clips(
                 "config": config,
                 "redo": redo,
             },
+            retries=RETRIES,
         )
         for clip_id, path in planned.items()
     ]
     folders = [out_dir / clip_id for clip_id in planned]
-    run_jobs(
-        "rendering frames",
+    return try_jobs(
+        DESCRIPTION,
         jobs,
         client,
         failures_dir,

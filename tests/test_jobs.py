@@ -1,13 +1,15 @@
 """Jobs on real Dask workers."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from distributed import LocalCluster
 
-from gmrdata.errors import BadFrames, StageFailed
-from gmrdata.jobs import Job, Workers, count_files, run_jobs, worker_pool
+from gmrdata.errors import BadFrames, RenderFailed, StageFailed
+from gmrdata.jobs import Job, Workers, count_files, run_jobs, try_jobs, worker_pool
 
 
 def write_process_id(path: Path) -> int:
@@ -21,6 +23,23 @@ def fail_on_purpose(name: str) -> None:
 
 def fail_unforeseen() -> None:
     [][0]
+
+
+def crash_until(path: Path, attempt: int) -> int:
+    """A process that dies by a signal in every attempt before this one."""
+    with path.open("a") as attempts:
+        attempts.write("x")
+    number = len(path.read_text())
+    if number < attempt:
+        died = subprocess.run([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"])
+        raise RenderFailed(f"attempt {number} ended with signal {-died.returncode}")
+    return number
+
+
+def fail_and_count(path: Path) -> None:
+    with path.open("a") as attempts:
+        attempts.write("x")
+    raise BadFrames(f"{path.name}: not an image")
 
 
 def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> None:
@@ -48,6 +67,29 @@ def test_one_failure_is_recorded_and_the_others_finish(tmp_path: Path) -> None:
     unforeseen = (tmp_path / "failed" / "worse.txt").read_text()
     assert unforeseen.startswith("IndexError") and "fail_unforeseen" in unforeseen
     assert (tmp_path / "done").exists()
+
+
+def test_a_crash_is_tried_again_and_bad_input_is_not(tmp_path: Path) -> None:
+    failed = tmp_path / "failed"
+    failed.mkdir()
+    (failed / "once.txt").write_text("what went wrong in an earlier run")
+    jobs = [
+        Job("once", crash_until, {"path": tmp_path / "once", "attempt": 2}, retries=1),
+        Job("twice", crash_until, {"path": tmp_path / "twice", "attempt": 3}, retries=1),
+        Job("bad", fail_and_count, {"path": tmp_path / "bad"}, retries=1),
+        Job("never", crash_until, {"path": tmp_path / "never", "attempt": 2}),
+    ]
+    with worker_pool(Workers(count=2)) as client:
+        outcome = try_jobs("rendering", jobs, client, failed)
+    assert outcome.results == {"once": 2}
+    assert outcome.reasons == {
+        "twice": "attempt 2 ended with signal 9\nattempt 1 of 2: attempt 1 ended with signal 9",
+        "bad": "bad: not an image",
+        "never": "attempt 1 ended with signal 9",
+    }
+    assert (tmp_path / "bad").read_text() == "x"
+    files = {path.stem: path.read_text() for path in failed.iterdir()}
+    assert files == outcome.reasons
 
 
 def test_a_running_scheduler_is_used(tmp_path: Path) -> None:

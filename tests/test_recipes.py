@@ -73,8 +73,8 @@ def test_a_published_list_is_rendered_as_far_as_its_motions_are_there(
 ) -> None:
     recipe = load_recipe(find_recipe("synthetic"), SyntheticRecipe)
     selection = select(recipe, cmu_dir)
-    assert [clip.id for clip in selection.clips] == ["02_03", "08_02", "08_04", "08_05"]
-    assert {clip.programme.kind for clip in selection.clips} == {"panning"}
+    assert [take.id for take in selection.takes] == ["02_03", "08_02", "08_04", "08_05"]
+    assert {take.camera_motion for take in selection.takes} == {"panning"}
     assert len(selection.missing) == 46
     with pytest.raises(MissingInput, match="Give their folder with --motions"):
         run_recipe("synthetic", tmp_path / "out")

@@ -23,6 +23,13 @@ def in_frame_share(
     Returns:
         0 to 1.  A frame without a camera counts as out of frame.
     """
+    return float(in_frame(camera, points_world_m, margin_share).mean())
+
+
+def in_frame(
+    camera: CameraPath, points_world_m: np.ndarray, margin_share: float = 0.0
+) -> np.ndarray:
+    """(T,) bool: frames with all points in view; `in_frame_share` has the arguments."""
     points = np.asarray(points_world_m, dtype=np.float64)
     points = points[:, None] if points.ndim == 2 else points
     points_px = project(camera.world_from_cam, points, camera.intrinsics_px)
@@ -30,7 +37,7 @@ def in_frame_share(
     size_px = np.array([camera.width_px, camera.height_px])
     # Comparisons with NaN are False: points behind the camera and frames without one drop out here.
     inside = (points_px >= border_px) & (points_px <= size_px - border_px)
-    return float(inside.all(axis=(1, 2)).mean())
+    return np.asarray(inside.all(axis=(1, 2)))
 
 
 def person_box(pelvis_world_m: np.ndarray) -> np.ndarray:

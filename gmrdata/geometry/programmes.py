@@ -43,7 +43,17 @@ class View(Config):
     """How late the camera follows the subject [s]."""
 
 
-class Circular(View):
+class Moving(View):
+    """A camera that moves, on wheels unless it is held in the hand."""
+
+    handheld_deg: float = Field(default=0.0, ge=0, le=5)
+    """Hand-held shake: standard deviation of the rotation per axis [degrees], with a 1/f spectrum
+    from 0.1 to 3 Hz."""
+    handheld_m: float = Field(default=0.0, ge=0, le=0.3)
+    """The same for the position per axis [m]."""
+
+
+class Circular(Moving):
     """On a circle round the middle of the subject's path, looking at the subject."""
 
     kind: Literal["circular"] = "circular"
@@ -55,7 +65,7 @@ class Circular(View):
     """Radius of the circle [m]; None: `distance_m`, or the smallest that frames all."""
 
 
-class Linear(View):
+class Linear(Moving):
     """Along a straight line at constant speed."""
 
     kind: Literal["linear"] = "linear"
@@ -67,13 +77,13 @@ class Linear(View):
     """Keep the orientation, or turn to the subject."""
 
 
-class Panning(View):
+class Panning(Moving):
     """A pure rotation about a fixed point: a tripod head that follows the subject."""
 
     kind: Literal["panning"] = "panning"
 
 
-class LinearPanning(View):
+class LinearPanning(Moving):
     """Along a straight line, slower than the subject, turning to it."""
 
     kind: Literal["linear_panning"] = "linear_panning"
@@ -155,6 +165,9 @@ def camera_path(
 
     def at(distance_m: float) -> CameraPath:
         world_from_cam = _MOVES[programme.kind](programme, scene, distance_m)
+        if isinstance(programme, Moving):
+            hand = programme.handheld_m, programme.handheld_deg
+            world_from_cam = _held(world_from_cam, scene.waves, *hand)
         has_camera = np.ones(len(pelvis), dtype=bool)
         return CameraPath(intrinsics_px, width_px, height_px, world_from_cam, has_camera)
 
@@ -284,11 +297,21 @@ def _panning(programme: Panning, scene: _Scene, distance_m: float) -> np.ndarray
 
 def _small(programme: Small, scene: _Scene, distance_m: float) -> np.ndarray:
     station = _station(programme, scene, _beside_rad(programme, scene), distance_m)
-    centres = station + programme.drift_m * scene.waves[:, :3]
-    world_from_cam = _fixed(centres, scene, station)
-    shake = Rotation.from_rotvec(np.deg2rad(programme.shake_deg) * scene.waves[:, 3:])
-    world_from_cam[:, :3, :3] = world_from_cam[:, :3, :3] @ shake.as_matrix()
-    return world_from_cam
+    at_rest = _fixed(np.tile(station, (len(scene.time_s), 1)), scene, station)
+    return _held(at_rest, scene.waves, programme.drift_m, programme.shake_deg)
+
+
+def _held(
+    world_from_cam: np.ndarray, waves: np.ndarray, drift_m: float, shake_deg: float
+) -> np.ndarray:
+    """Cameras (T, 4, 4) with a hand's unrest (T, 6) on them; the same for amplitudes of zero."""
+    held = world_from_cam.copy()
+    if drift_m > 0:
+        held[:, :3, 3] += drift_m * waves[:, :3]
+    if shake_deg > 0:
+        shake = Rotation.from_rotvec(np.deg2rad(shake_deg) * waves[:, 3:])
+        held[:, :3, :3] = held[:, :3, :3] @ shake.as_matrix()
+    return held
 
 
 def _static(programme: Static, scene: _Scene, distance_m: float) -> np.ndarray:

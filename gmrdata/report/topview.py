@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.ticker import MultipleLocator
 
+from gmrdata.clip import Clip
 from gmrdata.geometry import transforms
 from gmrdata.motion.motion import Motion
 from gmrdata.report.data import ClipReport
@@ -36,6 +37,23 @@ def top_view(axes: Axes, clip: ClipReport) -> float:
     if world_from_cam is not None:
         _camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
         _start(axes, world_from_cam[:, :3, 3], "camera", "camera", pelvis_m)
+    _path(axes, pelvis_m, "person", RECOVERED_WIDTH)
+    _start(axes, pelvis_m, "person", "person", None)
+    return _finish(axes)
+
+
+def true_top_view(axes: Axes, clip: Clip) -> float:
+    """Paths of the camera and the person of one clip alone, in its world [m].
+
+    Returns:
+        Spacing of the grid [m].
+    """
+    pelvis_m = clip.motion.pelvis_m
+    if clip.camera is not None:
+        poses = clip.camera.world_from_cam
+        tick_m = 0.09 * _extent_m([pelvis_m, poses[:, :3, 3]])
+        _camera(axes, poses, "camera", RECOVERED_WIDTH, tick_m)
+        _start(axes, poses[:, :3, 3], "camera", "camera", pelvis_m)
     _path(axes, pelvis_m, "person", RECOVERED_WIDTH)
     _start(axes, pelvis_m, "person", "person", None)
     return _finish(axes)

@@ -1,14 +1,16 @@
 """One clip before it is rendered: its motion, cut and centred, and its camera."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gmrdata.body.file import read_body
 from gmrdata.body.model import BodyModel
-from gmrdata.clip import save_clip
+from gmrdata.clip import camera_of, load_clip, save_clip
 from gmrdata.config import Config
 from gmrdata.film import Film, film_motion, plan_clip
+from gmrdata.geometry.static_twin import static_twin
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.motion import Motion
 from gmrdata.motion.read import input_files, read_motion
@@ -69,6 +71,50 @@ def make_plan(
     if motion_path is not None:
         inputs |= input_files(motion_path)
     return run_stage("plan", out_dir, config, inputs, work, redo=redo) / PLANNED_FILE
+
+
+class TwinConfig(Config):
+    """What decides a planned twin beside the clip that it is the twin of."""
+
+    id: str
+    """The twin's id."""
+
+
+def make_twin(
+    twin_id: str,
+    planned_path: Path,
+    body_path: Path,
+    out_dir: Path,
+    *,
+    redo: bool = False,
+) -> Path:
+    """Stage: a planned clip once more, with the motion of its camera off.
+
+    Args:
+        twin_id: The twin's id.
+        planned_path: The planned clip.
+        body_path: The set's body.
+        out_dir: The stage's folder.
+        redo: Make anew what another recipe made.
+
+    Returns:
+        Path of the clip file.
+
+    Raises:
+        BadRecipe: no static camera keeps the subject in frame.
+    """
+
+    def work(partial_dir: Path) -> None:
+        clip = load_clip(planned_path)
+        camera = static_twin(camera_of(clip), clip.motion.pelvis_m)
+        rest_pelvis_m = read_body(body_path).rest_pelvis_m(clip.motion.shape)
+        save_clip(
+            partial_dir / PLANNED_FILE, replace(clip, id=twin_id, camera=camera), rest_pelvis_m
+        )
+
+    inputs = {"clip": planned_path, "body": body_path}
+    config = TwinConfig(id=twin_id)
+    return run_stage("twin", out_dir, config, inputs, work, redo=redo) / PLANNED_FILE
 
 
 def _motion(

@@ -50,6 +50,12 @@ class SyntheticRecipe(Config):
     """A published list whose trials are rendered, each under its programme."""
     clips: tuple[SyntheticClip, ...] = ()
     """Further clips."""
+    camera_off: bool = False
+    """Render each clip a second time, as `<id>_off`, with the same motion and the same scene seed
+    under a static camera (Table 6).  A static clip has no such twin.  Crates and trees stand
+    elsewhere, since they keep clear of the camera."""
+    min_in_frame_share: float = Field(default=0.9, ge=0, le=1)
+    """A clip that has the whole person in frame in a smaller share of its frames gets a warning."""
     film: Film = Film()
     """What the clips share."""
     render: RenderConfig = RenderConfig()

@@ -1,40 +1,28 @@
 """Render a set of clips to a manifest."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gmrdata.body.file import read_body
 from gmrdata.body.keep import keep_body
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import load_clip
 from gmrdata.errors import MissingInput
-from gmrdata.jobs import Workers, worker_pool
+from gmrdata.jobs import Workers, raise_failures, record_failures, worker_pool
 from gmrdata.manifest.current import Clip, Quality
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.recipe import created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
-from gmrdata.progress import console
-from gmrdata.render_jobs import render_clips
+from gmrdata.progress import console, track
+from gmrdata.render_jobs import try_render_clips
 from gmrdata.sources import file_source, gait_source, licence_of
-from gmrdata.synthetic.plan import make_plan
-from gmrdata.synthetic.recipe import SyntheticClip, SyntheticRecipe
-from gmrdata.synthetic.select import select
-
-
-def plan(
-    recipe: SyntheticRecipe, motions_dir: Path | None, out_dir: Path
-) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    """A table of what `render_set` would do, without doing any of it."""
-    selection = select(recipe, motions_dir)
-    rows: list[Sequence[str]] = [
-        (
-            clip.id,
-            clip.trial or f"gait {clip.gait}",
-            clip.programme.kind,
-            "done" if _render_dir(out_dir, clip.id).is_dir() else "to do",
-        )
-        for clip in selection.clips
-    ]
-    rows += [(trial, trial, "", "no motion file") for trial in selection.missing]
-    return ("clip", "motion", "camera", "state"), rows
+from gmrdata.store import write_text
+from gmrdata.synthetic.in_view import IN_FRAME, whole_person_share
+from gmrdata.synthetic.index_page import write_index
+from gmrdata.synthetic.recipe import SyntheticRecipe
+from gmrdata.synthetic.select import Selection, Take, select
+from gmrdata.synthetic.sheet import make_sheet
+from gmrdata.synthetic.take import plan_takes
 
 
 def render_set(
@@ -47,73 +35,131 @@ def render_set(
 ) -> Path:
     """Render every clip whose motion is there, and list them in `out_dir/synthetic.yaml`.
 
+    Beside the manifest stand `index.html`, with a contact sheet and a plot of the paths of each
+    clip, and `warnings.txt` where a clip deserves one.  A clip that can't be planned or rendered
+    leaves its reason in `failed/<id>.txt` and the others go on; a manifest without some of its
+    clips has "incomplete" in its version.
+
     Returns:
         Path of the manifest.
 
     Raises:
         MissingInput: not one clip of the recipe can be rendered.
-        StageFailed: some clips failed; the others are done.
+        StageFailed: some clips failed; the others are done and the manifest lists them.
     """
     selection = select(recipe, motions_dir)
-    if not selection.clips:
+    if not selection.takes:
         raise MissingInput(
             f"recipe {recipe.name}: none of its trials found. Give their folder with --motions"
         )
     if selection.missing:
         console.print(f"no motion file for {', '.join(selection.missing)}: left out")
     out_dir = out_dir.resolve()
+    failures_dir = out_dir / "failed"
     body_path = keep_body(recipe.body, out_dir / "body", redo=redo)
-    planned = {
-        clip.id: make_plan(
-            clip,
-            index,
-            recipe,
-            selection.files.get(clip.trial or ""),
-            body_path,
-            out_dir / "plan" / clip.id,
-            redo=redo,
-        )
-        for index, clip in enumerate(selection.clips)
-    }
+    reasons = _render(recipe, selection, out_dir, body_path, failures_dir, scheduler, redo)
+    done = [take for take in selection.takes if take.id not in reasons]
+    manifest_path = out_dir / "synthetic.yaml"
+    if done:
+        _list(recipe, done, out_dir, read_body(body_path), bool(reasons), redo)
+    raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
+    return manifest_path
+
+
+def render_dir(out_dir: Path, clip_id: str) -> Path:
+    """Stage folder of a rendered clip."""
+    return out_dir / "render" / clip_id
+
+
+def _render(
+    recipe: SyntheticRecipe,
+    selection: Selection,
+    out_dir: Path,
+    body_path: Path,
+    failures_dir: Path,
+    scheduler: str | None,
+    redo: bool,
+) -> Mapping[str, str]:
+    """Plan and render; gives the reason of each clip that failed, by id."""
+    planned = plan_takes(recipe, selection, body_path, out_dir / "plan", redo=redo)
+    record_failures(failures_dir, planned.reasons, ())
+    if not planned.paths:
+        return planned.reasons
     with worker_pool(Workers(recipe.workers, scheduler)) as client:
-        render_clips(
-            planned,
+        outcome = try_render_clips(
+            planned.paths,
             body_path,
             out_dir / "render",
             recipe.render,
             client,
-            out_dir / "failed",
+            failures_dir,
             redo=redo,
         )
-    return write_manifest(
+    return {**planned.reasons, **outcome.reasons}
+
+
+def _list(
+    recipe: SyntheticRecipe,
+    takes: Sequence[Take],
+    out_dir: Path,
+    body: BodyModel,
+    incomplete: bool,
+    redo: bool,
+) -> None:
+    """Write the manifest, the warnings, the sheets and the index page of what was rendered."""
+    entries = [_entry(out_dir, take, body) for take in takes]
+    write_manifest(
         out_dir / "synthetic.yaml",
         name=recipe.name,
-        version=recipe.version,
+        version=_incomplete(recipe.version) if incomplete else recipe.version,
         kind="synthetic",
         description="Rendered clips with exact cameras and exact world motions.",
-        licence=f"clips as stated by each; body: {read_body(body_path).licence}",
-        clips=[_entry(out_dir, clip) for clip in selection.clips],
+        licence=f"clips as stated by each; body: {body.licence}",
+        clips=entries,
         created_by=created_by(recipe, {"render": recipe.seed}),
-        redo=redo,
+        redo=redo or incomplete,
     )
+    warnings = _warnings(entries, recipe.min_in_frame_share)
+    for line in warnings.values():
+        console.print(f"warning: {line}", style="yellow", markup=False)
+    if warnings:
+        write_text(out_dir / "warnings.txt", "".join(f"{line}\n" for line in warnings.values()))
+    else:
+        (out_dir / "warnings.txt").unlink(missing_ok=True)
+    for take in track(takes, "drawing contact sheets"):
+        make_sheet(render_dir(out_dir, take.id), out_dir / "sheets" / take.id)
+    write_index(out_dir / "index.html", recipe, entries, warnings)
 
 
-def _render_dir(out_dir: Path, clip_id: str) -> Path:
-    return out_dir / "render" / clip_id
+def _incomplete(version: str) -> str:
+    return f"{version}{'.' if '-' in version else '-'}incomplete"
 
 
-def _entry(out_dir: Path, clip: SyntheticClip) -> Clip:
-    folder = _render_dir(out_dir, clip.id)
+def _warnings(entries: Sequence[Clip], min_share: float) -> dict[str, str]:
+    """One line for each clip that has the person out of frame too often, by id."""
+    shares = {entry.id: (entry.quality or Quality()).figures[IN_FRAME] for entry in entries}
+    return {
+        id: f"clip {id}: the whole person is in {share:.0%} of the frames, less than "
+        f"{min_share:.0%}; give its camera more distance_m, or leave distance_m out"
+        for id, share in shares.items()
+        if share < min_share
+    }
+
+
+def _entry(out_dir: Path, take: Take, body: BodyModel) -> Clip:
+    folder = render_dir(out_dir, take.id)
+    clip = take.clip
     source = file_source(clip.trial) if clip.trial else gait_source(clip.gait or "")
+    share = whole_person_share(load_clip(folder / "clip.npz"), body)
     return clip_entry(
         out_dir,
-        id=clip.id,
+        id=take.id,
         clip_path=folder / "clip.npz",
         images_dir=folder / "frames",
         masks_dir=folder / "masks",
-        camera_motion=clip.programme.kind,
+        camera_motion=take.camera_motion,
         licence=licence_of(source),
         source=source,
-        quality=Quality(geometry="exact"),
+        quality=Quality(geometry="exact", figures={IN_FRAME: share}),
         recipe=stage_recipe(folder),
     )

@@ -1,12 +1,13 @@
 """Which clips of a recipe can be rendered: those whose motion is there."""
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
 from gmrdata import resources
 from gmrdata.errors import BadRecipe
 from gmrdata.geometry.programmes import Circular, Linear, LinearPanning, Panning, Programme, Small
-from gmrdata.manifest.current import ListManifest
+from gmrdata.manifest.current import CameraMotion, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.read import find_motions
 from gmrdata.synthetic.recipe import SyntheticClip, SyntheticRecipe
@@ -22,10 +23,30 @@ PROGRAMMES: dict[str, Programme] = {
 
 
 @dataclass(frozen=True)
+class Take:
+    """One clip to render: a clip of the recipe, or its twin with the camera's motion off."""
+
+    id: str
+    """Name of the clip in the manifest."""
+    clip: SyntheticClip
+    """The recipe's clip."""
+    index: int
+    """Its place among the clips that can be rendered."""
+    camera_off: bool = False
+    """Whether this is the twin."""
+
+    @property
+    def camera_motion(self) -> CameraMotion:
+        """Class of the camera's motion."""
+        return "static" if self.camera_off else self.clip.programme.kind
+
+
+@dataclass(frozen=True)
 class Selection:
     """The clips of a recipe that can be rendered, and those whose motion is not there."""
 
-    clips: tuple[SyntheticClip, ...]
+    takes: tuple[Take, ...]
+    """A clip's twin follows it."""
     files: dict[str, Path]
     """Motion file by trial."""
     missing: tuple[str, ...]
@@ -40,7 +61,22 @@ def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
     files = {} if motions_dir is None else {path.stem: path for path in find_motions(motions_dir)}
     there = tuple(clip for clip in wanted if clip.trial is None or clip.trial in files)
     missing = tuple(clip.trial for clip in wanted if clip.trial and clip.trial not in files)
-    return Selection(there, files, missing)
+    return Selection(_takes(there, recipe.camera_off), files, missing)
+
+
+def _takes(clips: tuple[SyntheticClip, ...], camera_off: bool) -> tuple[Take, ...]:
+    takes = []
+    for index, clip in enumerate(clips):
+        takes.append(Take(clip.id, clip, index))
+        if camera_off and clip.programme.kind != "static":
+            takes.append(Take(f"{clip.id}_off", clip, index, camera_off=True))
+    repeated = sorted(id for id, n in Counter(take.id for take in takes).items() if n > 1)
+    if repeated:
+        raise BadRecipe(
+            f"clip ids must be unique, but these are repeated: {', '.join(repeated)}; "
+            "rename clips (camera_off adds _off to each)"
+        )
+    return tuple(takes)
 
 
 def _listed(name: str | None) -> list[SyntheticClip]:

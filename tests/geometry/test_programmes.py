@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
+from scipy.spatial.transform import Rotation
 
 from gmrdata.errors import BadMotionFile, BadRecipe
 from gmrdata.geometry.camera import CameraPath
@@ -184,3 +185,30 @@ def test_out_of_frame_is_counted() -> None:
     points = np.array([[0.0, 0, 1], [0, -9, 1], [30, 0, 1], [0, 0, 1.2]])  # behind, aside
     assert in_frame_share(camera, points) == 0.5
     assert in_frame_share(camera, np.stack([points, points[:1].repeat(4, axis=0)], axis=1)) == 0.5
+
+
+@pytest.mark.parametrize(
+    "programme", [Circular(), Linear(), Panning(), LinearPanning()], ids=lambda p: p.kind
+)
+def test_a_hand_adds_its_unrest_to_every_moving_camera(programme: Programme) -> None:
+    pelvis = np.c_[np.linspace(-2, 2, 600), np.zeros(600), np.full(600, 0.95)]
+    wheels = programme.model_copy(update={"distance_m": 9.0})
+    hand = wheels.model_copy(update={"handheld_deg": 0.5, "handheld_m": 0.02})
+    smooth, held = film(wheels, pelvis), film(hand, pelvis)
+    moved_m = held.centres_world_m - smooth.centres_world_m
+    # 60 s hold the slowest wave seven times or more, so its standard deviation is there.
+    np.testing.assert_allclose(moved_m.std(axis=0), 0.02, rtol=0.1)
+    turned = smooth.world_from_cam[:, :3, :3].transpose(0, 2, 1) @ held.world_from_cam[:, :3, :3]
+    angles_deg = np.rad2deg(Rotation.from_matrix(turned).as_rotvec())
+    np.testing.assert_allclose(angles_deg.std(axis=0), 0.5, rtol=0.1)
+    # Energy falls with the frequency and ends below 3 Hz.
+    power = (np.abs(np.fft.rfft(moved_m * np.hanning(600)[:, None], axis=0)) ** 2).sum(axis=1)
+    hz = np.fft.rfftfreq(600, 1 / FPS_HZ)
+    bands = [power[(hz >= low) & (hz < high)].sum() for low, high in ((0.1, 0.5), (0.5, 1), (1, 3))]
+    assert bands[0] > bands[1] > bands[2] > 100 * power[hz >= 3.2].sum()
+
+
+def test_a_held_camera_keeps_the_person_in_frame() -> None:
+    pelvis = np.c_[np.linspace(-2, 2, N_FRAMES), np.zeros(N_FRAMES), np.full(N_FRAMES, 0.95)]
+    camera = film(Circular(handheld_deg=2.0, handheld_m=0.1), pelvis)
+    assert in_frame_share(camera, person_box(pelvis)) == 1.0
