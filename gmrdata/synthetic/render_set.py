@@ -6,6 +6,7 @@ from pathlib import Path
 from gmrdata.body.file import read_body
 from gmrdata.body.keep import keep_body
 from gmrdata.errors import MissingInput
+from gmrdata.fetch.trials import fetch_command
 from gmrdata.jobs import Workers, worker_pool
 from gmrdata.manifest.current import Clip, Quality
 from gmrdata.manifest.entry import clip_entry
@@ -37,6 +38,11 @@ def plan(
     return ("clip", "motion", "camera", "state"), rows
 
 
+def _how_to_get(missing: Sequence[str], motions_dir: Path | None) -> str:
+    command = fetch_command(missing, motions_dir)
+    return "" if command is None else f". To get what is missing:\n  {command}"
+
+
 def render_set(
     recipe: SyntheticRecipe,
     out_dir: Path,
@@ -58,9 +64,15 @@ def render_set(
     if not selection.clips:
         raise MissingInput(
             f"recipe {recipe.name}: none of its trials found. Give their folder with --motions"
+            + _how_to_get(selection.missing, motions_dir)
         )
     if selection.missing:
-        console.print(f"no motion file for {', '.join(selection.missing)}: left out")
+        console.print(
+            f"no motion file for {', '.join(selection.missing)}: left out"
+            + _how_to_get(selection.missing, motions_dir),
+            markup=False,
+            soft_wrap=True,
+        )
     out_dir = out_dir.resolve()
     body_path = keep_body(recipe.body, out_dir / "body", redo=redo)
     planned = {
