@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
@@ -49,6 +49,46 @@ def demo(
         _print_table(("stage", "state"), plan(loaded, out))
         return
     run_demo(loaded, out, motions_dir=motions, trials=trials, scheduler=scheduler, redo=redo)
+
+
+def fetch(
+    source: Positional[Literal["cmu"]],
+    trials: Positional[tuple[str, ...]] = (),
+    out: Path = Path("cmu"),
+    published_list: Annotated[str | None, tyro.conf.arg(name="list")] = None,
+    base_url: str | None = None,
+    timeout_s: float = 30.0,
+    redo: bool = False,
+    dry_run: bool = False,
+) -> None:
+    """Get motions (ASF/AMC) of the CMU motion capture database from CMU's site or a mirror.
+
+    Args:
+        source: Whose motions; there is cmu.
+        trials: Names of trials, like 02_03.
+        out: Folder for the files, their SHA256SUMS and fetched.json; what is there is kept.
+        published_list: Every trial of a list that gmrdata publishes, e.g. paper_table8.
+        base_url: A mirror of http://mocap.cs.cmu.edu/subjects.
+        timeout_s: Longest silence of the server [s].
+        redo: Fetch again files that are there and are not as recorded.
+        dry_run: List files and addresses, and do nothing.
+    """
+    import numpy as np
+
+    from gmrdata.fetch.cmu import fetch_trials, plan
+    from gmrdata.fetch.config import FetchConfig
+    from gmrdata.fetch.trials import CMU_URL, listed_trials
+
+    wanted = (*trials, *(listed_trials(published_list) if published_list is not None else ()))
+    _need(wanted, "trials like 02_03, or --list paper_table8")
+    if not timeout_s > 0:
+        raise BadRecipe(f"--timeout-s {timeout_s:g}: must be more than 0")
+    config = FetchConfig(base_url=base_url or CMU_URL, timeout_s=timeout_s)
+    if dry_run:
+        headings, rows = plan(wanted, out, config)
+        _print_table(headings, rows)
+        return
+    _answer(fetch_trials(wanted, out, config, np.random.default_rng(), redo=redo))
 
 
 def motions(
@@ -303,6 +343,7 @@ def run(
 
 VERBS: dict[str, Verb] = {
     "demo": demo,
+    "fetch": fetch,
     "motions": motions,
     "render": render,
     "sfm": sfm,

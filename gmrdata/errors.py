@@ -9,6 +9,10 @@ class MissingInput(GmrdataError):
     """A file or folder that was asked for is not there."""
 
 
+class FetchFailed(GmrdataError):
+    """A file could not be fetched, or what came is not the file."""
+
+
 class BadMotionFile(GmrdataError):
     """A motion file (BVH, ASF/AMC, AMASS npz) is broken, or of a kind that cannot be used."""
 

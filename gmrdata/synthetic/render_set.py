@@ -8,6 +8,7 @@ from gmrdata.body.keep import keep_body
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import load_clip
 from gmrdata.errors import MissingInput
+from gmrdata.fetch.trials import fetch_command
 from gmrdata.jobs import Workers, raise_failures, record_failures, worker_pool
 from gmrdata.manifest.current import Clip, Quality
 from gmrdata.manifest.entry import clip_entry
@@ -23,6 +24,11 @@ from gmrdata.synthetic.recipe import SyntheticRecipe
 from gmrdata.synthetic.select import Selection, Take, select
 from gmrdata.synthetic.sheet import make_sheet
 from gmrdata.synthetic.take import plan_takes
+
+
+def _how_to_get(missing: Sequence[str], motions_dir: Path | None) -> str:
+    command = fetch_command(missing, motions_dir)
+    return "" if command is None else f". To get what is missing:\n  {command}"
 
 
 def render_set(
@@ -51,9 +57,15 @@ def render_set(
     if not selection.takes:
         raise MissingInput(
             f"recipe {recipe.name}: none of its trials found. Give their folder with --motions"
+            + _how_to_get(selection.missing, motions_dir)
         )
     if selection.missing:
-        console.print(f"no motion file for {', '.join(selection.missing)}: left out")
+        console.print(
+            f"no motion file for {', '.join(selection.missing)}: left out"
+            + _how_to_get(selection.missing, motions_dir),
+            markup=False,
+            soft_wrap=True,
+        )
     out_dir = out_dir.resolve()
     failures_dir = out_dir / "failed"
     body_path = keep_body(recipe.body, out_dir / "body", redo=redo)

@@ -196,7 +196,7 @@ def test_ids_that_collide_with_twins_are_refused() -> None:
 
 def test_nothing_to_render_is_an_error(tmp_path: Path) -> None:
     trial = RECIPE.clips[0]
-    with pytest.raises(MissingInput, match="--motions"):
+    with pytest.raises(MissingInput, match=r"--motions(.|\n)*gmrdata fetch cmu 02_03 --out FOLDER"):
         render_set(RECIPE.model_copy(update={"clips": (trial,)}), tmp_path)
     with pytest.raises(BadRecipe, match="no clips"):
         render_set(RECIPE.model_copy(update={"clips": ()}), tmp_path)

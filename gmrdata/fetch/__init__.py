@@ -1,0 +1,1 @@
+"""Getting motion files from the site of those who captured them."""
