@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -84,7 +84,7 @@ def frame_files(out_dir: Path, config: RenderConfig, row: int, n_frames: int) ->
     return {name: out_dir / name / f"{row:05d}.{suffix}" for name, suffix in folders.items()}
 
 
-def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Path]:
+def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Any]:
     """What a recipe adds to a finished folder, as keywords of `manifest.entry.clip_entry`."""
     folders = {
         f"{name}_dir": out_dir / name

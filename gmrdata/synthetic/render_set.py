@@ -12,6 +12,7 @@ from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.recipe import created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.progress import console
+from gmrdata.render import optional_outputs
 from gmrdata.render_jobs import render_clips
 from gmrdata.sources import file_source, gait_source, licence_of
 from gmrdata.synthetic.plan import make_plan
@@ -92,7 +93,7 @@ def render_set(
         kind="synthetic",
         description="Rendered clips with exact cameras and exact world motions.",
         licence=f"clips as stated by each; body: {read_body(body_path).licence}",
-        clips=[_entry(out_dir, clip) for clip in selection.clips],
+        clips=[_entry(out_dir, clip, recipe) for clip in selection.clips],
         created_by=created_by(recipe, {"render": recipe.seed}),
         redo=redo,
     )
@@ -102,7 +103,7 @@ def _render_dir(out_dir: Path, clip_id: str) -> Path:
     return out_dir / "render" / clip_id
 
 
-def _entry(out_dir: Path, clip: SyntheticClip) -> Clip:
+def _entry(out_dir: Path, clip: SyntheticClip, recipe: SyntheticRecipe) -> Clip:
     folder = _render_dir(out_dir, clip.id)
     source = file_source(clip.trial) if clip.trial else gait_source(clip.gait or "")
     return clip_entry(
@@ -111,6 +112,7 @@ def _entry(out_dir: Path, clip: SyntheticClip) -> Clip:
         clip_path=folder / "clip.npz",
         images_dir=folder / "frames",
         masks_dir=folder / "masks",
+        **optional_outputs(folder, recipe.render),
         camera_motion=clip.programme.kind,
         licence=licence_of(source),
         source=source,

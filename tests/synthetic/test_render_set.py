@@ -23,7 +23,7 @@ RECIPE = SyntheticRecipe.model_validate(
             {"id": "gone", "trial": "99_99", "programme": {"kind": "static"}},
         ],
         "film": {"duration_s": 0.6, "fps_hz": 10, "width_px": 160, "height_px": 96},
-        "render": {"samples": 1},
+        "render": {"samples": 1, "joints": True, "depth": True, "flow": True, "video": True},
     }
 )
 
@@ -40,6 +40,10 @@ def test_the_manifest_is_good_and_lists_what_could_be_rendered(rendered: Path) -
     assert [clip.source.dataset for clip in manifest.clips] == ["CMU", "gmrdata"]
     assert [clip.motion.n_frames for clip in load_clips(rendered)] == [5, 6]
     assert manifest.clips[0].recipe is not None
+    for clip, n_frames in zip(manifest.clips, (5, 6), strict=True):
+        assert clip.depth is not None and clip.depth.count == n_frames
+        assert clip.flow is not None and clip.flow.count == n_frames - 1
+        assert clip.joints is not None and clip.video is not None and clip.normals is None
 
 
 def test_once_more_does_nothing_and_another_seed_is_refused(rendered: Path, cmu_dir: Path) -> None:
