@@ -12,6 +12,7 @@ from gmrdata.body.forward import motion_joints_m, motion_vertices_m
 from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import JOINT
 from gmrdata.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.errors import RenderFailed
 from gmrdata.geometry.camera import project, project_cam
 from gmrdata.geometry.programmes import Circular, camera_path
 from gmrdata.geometry.transforms import apply, invert
@@ -211,10 +212,9 @@ def test_joints_are_the_bodys_own_projected(full: Path, small_body: BodyModel) -
     assert joints.in_frame.all() and joints.visible.all()  # arms wide, nothing in the way
 
 
+@pytest.mark.slow
 def test_a_frame_with_a_file_missing_is_made_again(full: Path, job: Job, tmp_path: Path) -> None:
     """Blender is stopped after its first frame; of that, a pass is lost."""
-    from gmrdata.errors import RenderFailed
-
     out_dir = tmp_path / "stride"
     partial = out_dir.with_name("stride.partial")
 
