@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Depth, normals and flow of a frame: a second, short render with one ray per pixel centre.
 
-The picture's own rays are spread over a pixel and its neighbours, so a depth from them belongs to
-no known point.  Here the filter is so narrow that each ray goes through the centre of its pixel.
+The picture's rays are spread over a pixel and its neighbours, so what is averaged from them belongs
+to no known point.  Cycles' first ray goes through the centre of the pixel (seen in Blender 5.0.1);
+the filter is narrowed besides, so that nothing depends on that.
 """
 
 from collections.abc import Mapping
