@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render a clip: one frame after another, each with its mask, both complete or absent."""
+"""Render a clip: one frame after another, each with its mask and passes, complete or absent."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,21 +12,24 @@ import numpy as np
 
 from blender.camera import make_camera, place_camera, read_back
 from blender.layout import courtyard
+from blender.passes import add_surface_output, set_step, wants_surface, write_surface
 from blender.person import add_person, pose_person
 from blender.scene import PERSON_PASS, build_yard
+from blender.visibility import visible_joints
 from gmrdata.body.forward import motion_vertices_m
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import RenderFailed
 from gmrdata.geometry.camera import CameraPath
-from gmrdata.render import FRAME_LINE, RenderJob
+from gmrdata.joints2d import project_joints, save_joints
+from gmrdata.render import FRAME_LINE, RenderJob, frame_files
 from gmrdata.store import atomic_path
 
 WORK_FOLDER = ".unfinished"
 
 
 def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> None:
-    """Fill `job.out_dir` with frames/, masks/ and, last, clip.npz."""
+    """Fill `job.out_dir` with frames/, masks/, what the recipe asks for besides, and clip.npz."""
     config, motion = job.config, clip.motion
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -41,19 +45,29 @@ def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> N
     person = add_person(scene, body, motion.shape, vertices_m[0], person_rng)
     work_dir = job.out_dir / WORK_FOLDER
     shutil.rmtree(work_dir, ignore_errors=True)
-    for folder in (work_dir, job.out_dir / "frames", job.out_dir / "masks"):
-        folder.mkdir(parents=True, exist_ok=True)
+    work_dir.mkdir(parents=True)
     set_up_cycles(scene, job)
     add_mask_output(scene, work_dir)
+    tree = add_surface_output(scene, person, work_dir, config) if wants_surface(config) else None
     for row in range(motion.n_frames):
-        frame, mask = job.out_dir / f"frames/{row:05d}.jpg", job.out_dir / f"masks/{row:05d}.png"
-        if not (frame.is_file() and mask.is_file()):
+        files = frame_files(job.out_dir, config, row, motion.n_frames)
+        if not all(file.is_file() for file in files.values()):
             place_camera(camera, used.world_from_cam[row])
             pose_person(person, vertices_m[row])
-            _render_frame(scene, row, work_dir, frame, mask, config.jpeg_quality)
+            if "flow" in files:
+                set_step(person, vertices_m[row + 1] - vertices_m[row])
+            _render_frame(
+                scene, row, work_dir, files["frames"], files["masks"], config.jpeg_quality
+            )
+            if tree is not None:
+                write_surface(scene, tree, work_dir, config, files, used, row)
         print(f"{FRAME_LINE} {row}", flush=True)  # noqa: T201 - the parent process reads it
     shutil.rmtree(work_dir)
     rendered = Clip(clip.id, motion, clip.valid, np.arange(motion.n_frames), used)
+    if config.joints:
+        joints = project_joints(rendered, body)
+        seen = visible_joints(scene, person, body, vertices_m, joints.world_m, used.centres_world_m)
+        save_joints(job.out_dir / "joints.npz", replace(joints, visible=joints.in_frame & seen))
     save_clip(job.out_dir / "clip.npz", rendered, body.rest_pelvis_m(motion.shape))
 
 

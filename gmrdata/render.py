@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -15,6 +15,7 @@ from gmrdata.config import Config
 from gmrdata.errors import RenderFailed
 from gmrdata.progress import progress_bar
 from gmrdata.store import run_stage, write_json
+from gmrdata.video_out import write_video_of
 
 FRAME_LINE = "gmrdata-frame"
 """What the Blender process prints, with the frame's number, when a frame and its mask are there."""
@@ -44,6 +45,16 @@ class RenderConfig(Config):
     """Rays per pixel; they smooth edges, the light has no noise."""
     jpeg_quality: int = Field(default=92, ge=1, le=100)
     """Quality of the frames' JPEG files."""
+    joints: bool = False
+    """Also `joints.npz`: the 24 joints in the world, the camera and the image, with visibility."""
+    depth: bool = False
+    """Also `depth/00000.png`: depth along the optical axis, 16 bit [mm]."""
+    normals: bool = False
+    """Also `normals/00000.png`: normals in the camera's axes, 16 bit a channel."""
+    flow: bool = False
+    """Also `flow/00000.png`: motion of the surface in the image until the next frame [px / 64]."""
+    video: bool = False
+    """Also `video.mp4` of the frames, H.264."""
 
 
 class RenderJob(Config):
@@ -61,6 +72,31 @@ class RenderJob(Config):
     """Processor threads; the pictures don't depend on it."""
 
 
+def frame_files(out_dir: Path, config: RenderConfig, row: int, n_frames: int) -> dict[str, Path]:
+    """Files of one frame by folder, in the order in which they are written.
+
+    Flow leads to the next frame, so the last frame has none.
+    """
+    folders = {"frames": "jpg", "masks": "png"}
+    folders |= {name: "png" for name in ("depth", "normals", "flow") if getattr(config, name)}
+    if row == n_frames - 1:
+        folders.pop("flow", None)
+    return {name: out_dir / name / f"{row:05d}.{suffix}" for name, suffix in folders.items()}
+
+
+def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Any]:
+    """What a recipe adds to a finished folder, as keywords of `manifest.entry.clip_entry`."""
+    folders = {
+        f"{name}_dir": out_dir / name
+        for name in ("depth", "normals", "flow")
+        if getattr(config, name) and (out_dir / name).is_dir()  # one frame alone has no flow
+    }
+    files = {"joints_path": ("joints", "joints.npz"), "video_path": ("video", "video.mp4")}
+    return folders | {
+        key: out_dir / file for key, (name, file) in files.items() if getattr(config, name)
+    }
+
+
 def render_clip(
     clip_path: Path,
     body_path: Path,
@@ -74,7 +110,7 @@ def render_clip(
     """Render a clip: `frames/00000.jpg`, `masks/00000.png` (255 = person), and `clip.npz`.
 
     `clip.npz` holds the motion and the camera as Blender really used it.  A killed run goes on at
-    the next missing frame.
+    the next missing frame.  The recipe can ask for more: joints, depth, normals, flow, a video.
 
     Args:
         clip_path: Clip .npz with frame "world" and a camera for each frame.
@@ -112,6 +148,10 @@ def render_clip(
                     bar.advance(task)
 
             _run_blender(job, partial_dir, tell)
+        if config.video:
+            frames = sorted((partial_dir / "frames").glob("*.jpg"))
+            fps_hz = load_clip(clip_path).motion.fps_hz
+            write_video_of(frames, partial_dir / "video.mp4", fps_hz)
 
     inputs = {"clip": clip_path, "body": body_path}
     return run_stage("render", out_dir, config, inputs, work, resumable=True, redo=redo)

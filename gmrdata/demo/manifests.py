@@ -14,6 +14,7 @@ from gmrdata.manifest.current import Clip, Quality, Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.recipe import created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
+from gmrdata.render import optional_outputs
 from gmrdata.sources import file_source, gait_source, licence_of
 
 NO_CAMERA = "structure from motion found no camera for this frame"
@@ -68,6 +69,7 @@ def _true_entry(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, index:
         clip_path=paths.true_clip(clip.id),
         images_dir=paths.frames_dir(clip.id),
         masks_dir=paths.render_dir(clip.id) / "masks",
+        **optional_outputs(paths.render_dir(clip.id), recipe.render),
         camera_motion=clip.programme.kind,
         licence=licence_of(_source(recipe, files, index)),
         source=_source(recipe, files, index),

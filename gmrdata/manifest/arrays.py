@@ -1,13 +1,15 @@
 """What a clip's arrays must satisfy before anyone trains on them or scores with them."""
 
 from collections.abc import Iterator
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from gmrdata import clip as clip_file
+from gmrdata.errors import BadMotionFile
 from gmrdata.frames import number_in_name
 from gmrdata.geometry.camera import CameraPath
+from gmrdata.joints2d import load_joints
 from gmrdata.manifest.current import Clip
 from gmrdata.manifest.read import rows_in
 
@@ -56,12 +58,23 @@ def unmatched_rows(
         yield f"{field}.folder: none of number {some(missing)}, which a row names; put it back"
 
 
-def mask_problems(images: list[str], masks: list[str]) -> Iterator[str]:
-    """Masks that belong to no image; paths of the two listings."""
+def stray_problems(field: str, images: list[str], files: list[str]) -> Iterator[str]:
+    """Masks, depths, ... that belong to no image; paths of the two listings."""
     stems = {PurePosixPath(name).with_suffix("").as_posix() for name in images}
-    stray = [name for name in masks if PurePosixPath(name).with_suffix("").as_posix() not in stems]
+    stray = [name for name in files if PurePosixPath(name).with_suffix("").as_posix() not in stems]
     if stray:
-        yield f"masks.folder: {some(stray)} belongs to no image; a mask is named <image stem>.png"
+        yield f"{field}.folder: {some(stray)} belongs to no image; name it <image stem>.png"
+
+
+def joints_problems(path: Path, clip: clip_file.Clip) -> Iterator[str]:
+    """Whether a file of joints can be read and has the clip's rows."""
+    try:
+        n_rows = len(load_joints(path).visible)
+    except BadMotionFile as error:
+        yield f"joints: {error}"
+        return
+    if n_rows != clip.motion.n_frames:
+        yield f"joints: {n_rows} rows, the clip has {clip.motion.n_frames}; render it again"
 
 
 def _disagreements(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:

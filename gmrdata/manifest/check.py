@@ -1,7 +1,7 @@
 """Check a manifest against its files: none missing, changed or extra, and all of them usable."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +9,13 @@ import numpy as np
 
 from gmrdata.clip import load_clip
 from gmrdata.errors import BadManifest, BadMotionFile, MissingInput
-from gmrdata.manifest.arrays import array_problems, mask_problems, some, unmatched_rows
+from gmrdata.manifest.arrays import (
+    array_problems,
+    joints_problems,
+    some,
+    stray_problems,
+    unmatched_rows,
+)
 from gmrdata.manifest.current import Clip, FileRecord, FolderRecord, ListManifest, Manifest
 from gmrdata.manifest.listing import BAR_FROM, ListedFile, files_below, read_listing
 from gmrdata.manifest.read import join_problems, read_manifest, rows_in
@@ -55,7 +61,10 @@ class _Work:
 @contextmanager
 def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
     """A progress bar over all files if they are many; gives the function that counts one."""
-    n_files = sum(1 + sum(part.count + 1 for part in _folders(clip)) for clip in manifest.clips)
+    n_files = sum(
+        1 + len(_files(clip)) + sum(part.count + 1 for part in _folders(clip).values())
+        for clip in manifest.clips
+    )
     if n_files <= BAR_FROM:
         yield lambda: None
         return
@@ -64,22 +73,36 @@ def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
         yield lambda: bar.advance(task)
 
 
-def _folders(clip: Clip) -> list[FolderRecord]:
-    return [folder for folder in (clip.images, clip.masks) if folder is not None]
+def _folders(clip: Clip) -> dict[str, FolderRecord]:
+    records = {
+        "images": clip.images,
+        "masks": clip.masks,
+        "depth": clip.depth,
+        "normals": clip.normals,
+        "flow": clip.flow,
+    }
+    return {field: record for field, record in records.items() if record is not None}
+
+
+def _files(clip: Clip) -> dict[str, FileRecord]:
+    records = {"joints": clip.joints, "video": clip.video}
+    return {field: record for field, record in records.items() if record is not None}
 
 
 def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
     """One line per problem, field first."""
     names: dict[str, list[str]] = {}
-    for field, record in (("images", entry.images), ("masks", entry.masks)):
-        if record is not None:
-            files, problems = _listing(work, field, record)
-            names[field] = [file.path for file in files]
-            yield from problems
-            if files:
-                yield from _folder_problems(work, field, record, files)
-    if names.get("images") and names.get("masks"):
-        yield from mask_problems(names["images"], names["masks"])
+    for field, record in _folders(entry).items():
+        files, problems = _listing(work, field, record)
+        names[field] = [file.path for file in files]
+        yield from problems
+        if files:
+            yield from _folder_problems(work, field, record, files)
+    for field in [name for name in names if name != "images"]:
+        if names.get("images") and names[field]:
+            yield from stray_problems(field, names["images"], names[field])
+    for field, file in _files(entry).items():
+        yield from _file_problems(work, field, file)
     yield from _arrays_problems(work, entry, names)
     recipe = entry.recipe
     if recipe and recipe.sha256 != recipe_sha256(recipe.stage, recipe.config, recipe.inputs):
@@ -99,9 +122,14 @@ def _arrays_problems(work: _Work, entry: Clip, names: dict[str, list[str]]) -> I
     if clip.motion.n_frames != entry.n_frames:
         return  # rows can't be compared
     kept = rows_in(entry.kept, entry.n_frames)
-    for field, rows in (("images", np.ones_like(kept)), ("masks", kept)):
-        if names.get(field):
-            yield from unmatched_rows(field, clip, rows, names[field])
+    to_next = np.append(np.ones(entry.n_frames - 1, dtype=bool), False)
+    rows_with = {"images": np.ones_like(kept), "flow": kept & to_next}
+    for field in names:
+        if names[field]:
+            yield from unmatched_rows(field, clip, rows_with.get(field, kept), names[field])
+    if entry.joints is not None:
+        with suppress(ValueError, MissingInput):  # said where its hash was compared
+            yield from joints_problems(resolve_inside(work.root, entry.joints.path), clip)
 
 
 def _file_problems(work: _Work, field: str, record: FileRecord) -> Iterator[str]:

@@ -34,6 +34,11 @@ def clip_entry(
     id: str | None = None,
     images_dir: Path | None = None,
     masks_dir: Path | None = None,
+    depth_dir: Path | None = None,
+    normals_dir: Path | None = None,
+    flow_dir: Path | None = None,
+    joints_path: Path | None = None,
+    video_path: Path | None = None,
     dropped_reason: str | Sequence[str] = "not valid in the clip's file",
     quality: Quality | None = None,
     recipe: Recipe | None = None,
@@ -52,6 +57,11 @@ def clip_entry(
         id: The clip's id if the caller expects one; the file must agree.
         images_dir: Folder of images.
         masks_dir: Folder of masks.
+        depth_dir: Folder of depth images.
+        normals_dir: Folder of normal images.
+        flow_dir: Folder of flow images.
+        joints_path: The file of joints.
+        video_path: The images as a video.
         dropped_reason: Why rows are not valid: one reason, or T reasons of which those of dropped
             rows count.
         quality: How far the clip can be trusted.
@@ -89,6 +99,11 @@ def clip_entry(
         update={
             "images": _folder(root, images_dir),
             "masks": _folder(root, masks_dir),
+            "depth": _folder(root, depth_dir),
+            "normals": _folder(root, normals_dir),
+            "flow": _folder(root, flow_dir),
+            "joints": None if joints_path is None else file_record(root, joints_path),
+            "video": None if video_path is None else file_record(root, video_path),
         }
     )
 

@@ -81,8 +81,8 @@ def _caption(manifest: Manifest | ListManifest) -> str:
 
 
 def _size_bytes(clip: Clip) -> int:
-    folders = [folder for folder in (clip.images, clip.masks) if folder is not None]
-    return clip.arrays.size_bytes + sum(folder.size_bytes for folder in folders)
+    parts = (clip.images, clip.masks, clip.depth, clip.normals, clip.flow, clip.joints, clip.video)
+    return clip.arrays.size_bytes + sum(part.size_bytes for part in parts if part is not None)
 
 
 def _source(clip: Clip | ListedClip) -> str:

@@ -164,6 +164,16 @@ class Clip(_Part):
     """The images."""
     masks: FolderRecord | None = None
     """One mask per image, `<image stem>.png`, 8 bit: 255 = dynamic object, 0 = background."""
+    depth: FolderRecord | None = None
+    """Depth per image, `<image stem>.png`, 16 bit: millimetres along the optical axis, 0 = none."""
+    normals: FolderRecord | None = None
+    """Surface normals per image in the camera's axes, `<image stem>.png`, 16 bit a channel."""
+    flow: FolderRecord | None = None
+    """Flow to the next image per image but the last, `<image stem>.png`, KITTI's 16-bit form."""
+    joints: FileRecord | None = None
+    """The 24 joints in the world, the camera and the image, with visibility: an .npz."""
+    video: FileRecord | None = None
+    """The images as a video."""
     quality: Quality | None = None
     """How far the clip can be trusted."""
     recipe: Recipe | None = None

@@ -15,6 +15,7 @@ from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.recipe import created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.progress import console, track
+from gmrdata.render import optional_outputs
 from gmrdata.render_jobs import try_render_clips
 from gmrdata.sources import file_source, gait_source, licence_of
 from gmrdata.store import write_text
@@ -119,7 +120,7 @@ def _list(
     redo: bool,
 ) -> None:
     """Write the manifest, the warnings, the sheets and the index page of what was rendered."""
-    entries = [_entry(out_dir, take, body) for take in takes]
+    entries = [_entry(out_dir, take, body, recipe) for take in takes]
     write_manifest(
         out_dir / "synthetic.yaml",
         name=recipe.name,
@@ -128,7 +129,9 @@ def _list(
         description="Rendered clips with exact cameras and exact world motions.",
         licence=f"clips as stated by each; body: {body.licence}",
         clips=entries,
-        created_by=created_by(recipe, {"render": recipe.seed}),
+        created_by=created_by(
+            recipe.model_dump(mode="json", exclude={"workers"}), {"render": recipe.seed}
+        ),
         redo=redo or incomplete,
     )
     warnings = _warnings(entries, recipe.min_in_frame_share)
@@ -158,7 +161,7 @@ def _warnings(entries: Sequence[Clip], min_share: float) -> dict[str, str]:
     }
 
 
-def _entry(out_dir: Path, take: Take, body: BodyModel) -> Clip:
+def _entry(out_dir: Path, take: Take, body: BodyModel, recipe: SyntheticRecipe) -> Clip:
     folder = render_dir(out_dir, take.id)
     clip = take.clip
     source = file_source(clip.trial) if clip.trial else gait_source(clip.gait or "")
@@ -169,6 +172,7 @@ def _entry(out_dir: Path, take: Take, body: BodyModel) -> Clip:
         clip_path=folder / "clip.npz",
         images_dir=folder / "frames",
         masks_dir=folder / "masks",
+        **optional_outputs(folder, recipe.render),
         camera_motion=take.camera_motion,
         licence=licence_of(source),
         source=source,

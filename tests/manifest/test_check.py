@@ -13,9 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import BadManifest, MissingInput
+from gmrdata.joints2d import Joints2d, save_joints
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.entry import clip_entry
-from gmrdata.manifest.listing import folder_record
+from gmrdata.manifest.listing import file_record, folder_record
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.manifest.write import write_manifest
 
@@ -51,6 +52,96 @@ def with_arrays(data_set: Path, edit: Edit, **changed: np.ndarray) -> Path:
         arrays = dict(archive)
     np.savez(path, **(arrays | changed))
     return rehash(data_set, edit)
+
+
+EXTRAS = ("depth", "normals", "flow")
+
+
+def with_extras(data_set: Path, clip: Clip) -> Path:
+    """The data set again, with all that a clip may have besides; row 5, the last, no flow."""
+    for name in EXTRAS:
+        (data_set / name).mkdir()
+        for number in range(6 - (name == "flow")):
+            (data_set / name / f"{number:05d}.png").write_bytes(b"%d" % number)
+    shape = (clip.motion.n_frames, 24)
+    places_m, yes = np.zeros((*shape, 3)), np.ones(shape, bool)
+    save_joints(
+        data_set / "joints.npz", Joints2d(places_m, places_m, np.zeros((*shape, 2)), yes, yes)
+    )
+    (data_set / "video.mp4").write_bytes(b"a video")
+    old = read_manifest(data_set / "set.yaml").clips[WALK]
+    entry = clip_entry(
+        data_set,
+        clip_path=data_set / "clips" / "walk.npz",
+        images_dir=data_set / "frames",
+        masks_dir=data_set / "masks",
+        depth_dir=data_set / "depth",
+        normals_dir=data_set / "normals",
+        flow_dir=data_set / "flow",
+        joints_path=data_set / "joints.npz",
+        video_path=data_set / "video.mp4",
+        camera_motion="circular",
+        licence="CC0-1.0",
+        source=old.source,
+    )
+    return write_manifest(
+        data_set / "more.yaml",
+        name="more",
+        version="1.0.0",
+        description="A clip with everything.",
+        kind="synthetic",
+        licence="CC0-1.0",
+        clips=[entry],
+    )
+
+
+def test_passes_joints_and_video_are_listed_and_checked(data_set: Path, walk_clip: Clip) -> None:
+    path = with_extras(data_set, walk_clip)
+    check_manifest(path)
+    walk = read_manifest(path).clips[0]
+    assert [getattr(walk, name).count for name in EXTRAS] == [6, 6, 5]
+    (data_set / "depth" / "00001.png").write_bytes(b"7")
+    (data_set / "flow" / "00002.png").unlink()
+    (data_set / "video.mp4").write_bytes(b"another")
+    refused(
+        path,
+        "clip walk: depth: depth/00001.png has sha256",
+        "clip walk: flow: flow/00002.png is missing",
+        "clip walk: video: video.mp4 has sha256",
+    )
+
+
+def test_passes_of_other_images_are_found(data_set: Path, walk_clip: Clip) -> None:
+    with_extras(data_set, walk_clip)
+    (data_set / "flow" / "00001.png").rename(data_set / "flow" / "00009.png")
+    (data_set / "normals" / "00005.png").unlink()
+    walk_only = read_manifest(data_set / "more.yaml").clips[0]
+    shape = (3, 24)
+    places_m, yes = np.zeros((*shape, 3)), np.ones(shape, bool)
+    save_joints(
+        data_set / "joints.npz", Joints2d(places_m, places_m, np.zeros((*shape, 2)), yes, yes)
+    )
+    changed = {
+        name: folder_record(data_set, data_set / name, data_set / "listings" / f"{name}.tsv")
+        for name in EXTRAS
+    }
+    changed["joints"] = file_record(data_set, data_set / "joints.npz")
+    path = write_manifest(
+        data_set / "wrong.yaml",
+        name="wrong",
+        version="1.0.0",
+        description="The files don't fit the clip.",
+        kind="synthetic",
+        licence="CC0-1.0",
+        clips=[walk_only.model_copy(update=changed)],
+    )
+    refused(
+        path,
+        "flow.folder: 00009.png belongs to no image",
+        "flow.folder: none of number 1,",
+        "normals.folder: none of number 5,",
+        "joints: 3 rows, the clip has 6",
+    )
 
 
 def test_a_finished_data_set_passes(finished_data_set: Path) -> None:

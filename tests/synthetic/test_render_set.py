@@ -34,7 +34,7 @@ RECIPE = SyntheticRecipe.model_validate(
         ],
         "camera_off": True,
         "film": {"duration_s": 0.6, "fps_hz": 10, "width_px": 160, "height_px": 96},
-        "render": {"samples": 1},
+        "render": {"samples": 1, "joints": True, "depth": True, "flow": True, "video": True},
     }
 )
 
@@ -58,6 +58,10 @@ def test_the_manifest_is_good_and_lists_what_could_be_rendered(rendered: Path) -
     ]
     assert [clip.motion.n_frames for clip in load_clips(rendered)] == [5, 5, 6, 6]
     assert manifest.clips[0].recipe is not None
+    for clip, n_frames in zip(manifest.clips, (5, 6), strict=True):
+        assert clip.depth is not None and clip.depth.count == n_frames
+        assert clip.flow is not None and clip.flow.count == n_frames - 1
+        assert clip.joints is not None and clip.video is not None and clip.normals is None
 
 
 def test_a_twin_has_the_motion_of_its_clip_and_a_camera_that_rests(rendered: Path) -> None:

@@ -1,0 +1,230 @@
+"""A real render with everything that a recipe can add, against geometry worked out by itself."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.body.file import save_body
+from gmrdata.body.forward import motion_joints_m, motion_vertices_m
+from gmrdata.body.model import BodyModel
+from gmrdata.body.tree import JOINT
+from gmrdata.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.errors import RenderFailed
+from gmrdata.geometry.camera import project, project_cam
+from gmrdata.geometry.programmes import Circular, camera_path
+from gmrdata.geometry.transforms import apply, invert
+from gmrdata.joints2d import load_joints
+from gmrdata.motion.motion import Motion
+from gmrdata.passes import read_depth, read_flow, read_normals
+from gmrdata.render import RenderConfig, SceneConfig, frame_files, render_clip
+
+N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 320, 180
+PLAIN = RenderConfig(samples=1, scene=SceneConfig(seed=5))
+FULL = PLAIN.model_copy(
+    update={"joints": True, "depth": True, "normals": True, "flow": True, "video": True}
+)
+
+
+def striding(body: BodyModel) -> Motion:
+    """Three frames of someone who swings a leg and goes along x."""
+    local = np.tile(np.eye(3), (N_FRAMES, 23, 1, 1))
+    for row in range(N_FRAMES):
+        cos, sin = np.cos(0.3 * row), np.sin(0.3 * row)
+        local[row, JOINT["left_hip"] - 1, 1:, 1:] = [[cos, -sin], [sin, cos]]
+    pelvis_m = np.c_[0.1 * np.arange(N_FRAMES) + 3, np.full(N_FRAMES, -2), np.full(N_FRAMES, 0.95)]
+    root = np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (N_FRAMES, 1, 1))
+    shape = np.zeros(body.n_shape)
+    return Motion(local, root, pelvis_m, shape, 10.0, body.name, "neutral", "world", "a stride")
+
+
+class Job(NamedTuple):
+    """What a render starts from."""
+
+    clip_path: Path
+    body_path: Path
+
+
+@pytest.fixture(scope="module")
+def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
+    folder = tmp_path_factory.mktemp("job")
+    motion = striding(small_body)
+    camera = camera_path(
+        Circular(), motion.pelvis_m, 10.0, WIDTH_PX, HEIGHT_PX, 60.0, np.random.default_rng(2)
+    )
+    clip = Clip("stride", motion, np.ones(N_FRAMES, bool), np.full(N_FRAMES, -1), camera)
+    save_clip(folder / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    save_body(folder / "body.npz", small_body)
+    return Job(folder / "clip.npz", folder / "body.npz")
+
+
+@pytest.fixture(scope="module")
+def full(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out_dir = tmp_path_factory.mktemp("full") / "stride"
+    return render_clip(*job, out_dir, FULL, on_frame=lambda _: None)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files but the stage's record, which holds times."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != "stage.json"
+    }
+
+
+class Seen(NamedTuple):
+    """What rays through the centres of some pixels of the person meet, without Blender's help."""
+
+    pixels: tuple[np.ndarray, np.ndarray]
+    points_m: np.ndarray
+    next_m: np.ndarray
+    normals: np.ndarray
+    sure: np.ndarray
+    """False where two boxes share the surface, so that either may be the one that is seen."""
+
+
+def seen_by_rays(full: Path, body: BodyModel, row: int) -> Seen:
+    """Nearest hit of each ray with the posed triangles (Möller and Trumbore 1997)."""
+    clip = load_clip(full / "clip.npz")
+    camera, mask = camera_of(clip), cv2.imread(str(full / f"masks/{row:05d}.png"), 0)
+    inner = cv2.erode(mask, np.ones((5, 5), np.uint8)) > 0
+    y, x = np.nonzero(inner)
+    pixels = np.c_[x + 0.5, y + 0.5, np.ones(len(x))]
+    world_from_cam = camera.world_from_cam[row]
+    rays = pixels @ np.linalg.inv(camera.intrinsics_px).T @ world_from_cam[:3, :3].T
+    vertices_m = motion_vertices_m(body, clip.motion).astype(np.float64)
+    now, later = vertices_m[row][body.faces], vertices_m[min(row + 1, N_FRAMES - 1)][body.faces]
+    side_a, side_b = now[:, 1] - now[:, 0], now[:, 2] - now[:, 0]
+    p = np.cross(rays[:, None], side_b)
+    det = (p * side_a).sum(axis=-1)
+    from_corner = world_from_cam[:3, 3] - now[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = (p * from_corner).sum(axis=-1) / det
+        q = np.cross(from_corner, side_a)
+        v = rays @ q.T / det
+        depth_m = (q * side_b).sum(axis=-1) / det
+    hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (depth_m > 0)
+    depth_m = np.where(hit, depth_m, np.inf)
+    face, nearest_m = depth_m.argmin(axis=1), np.sort(depth_m, axis=1)
+    there = np.arange(len(face))
+    assert hit[there, face].all() and len(face) > 300
+    weights = np.c_[1 - u[there, face] - v[there, face], u[there, face], v[there, face]][..., None]
+    normals = np.cross(side_a, side_b)[face]
+    return Seen(
+        (y, x),
+        (weights * now[face]).sum(axis=1),
+        (weights * later[face]).sum(axis=1),
+        normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        nearest_m[:, 1] - nearest_m[:, 0] > 1e-3,
+    )
+
+
+def unprojected(full: Path, row: int) -> np.ndarray:
+    """(H, W, 3) world points [m] of a frame's depth; NaN in the sky."""
+    camera = camera_of(load_clip(full / "clip.npz"))
+    depth_m = read_depth(full / f"depth/{row:05d}.png")[..., None]
+    x, y = np.meshgrid(np.arange(WIDTH_PX) + 0.5, np.arange(HEIGHT_PX) + 0.5)
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(camera.intrinsics_px).T
+    points_cam_m = np.where(np.isfinite(depth_m), depth_m, np.nan) * rays
+    return apply(camera.world_from_cam[row], points_cam_m.reshape(-1, 3)).reshape(rays.shape)
+
+
+def test_passes_come_on_top_and_change_nothing_else(full: Path, job: Job, tmp_path: Path) -> None:
+    plain = contents(render_clip(*job, tmp_path / "plain", PLAIN, on_frame=lambda _: None))
+    more = contents(full)
+    assert {name: data for name, data in more.items() if name in plain} == plain
+    added = {f"{d}/{row:05d}.png" for d in ("depth", "normals") for row in range(N_FRAMES)}
+    added |= {f"flow/{row:05d}.png" for row in range(N_FRAMES - 1)}
+    assert set(more) - set(plain) == added | {"joints.npz", "video.mp4"}
+
+
+def test_unprojected_depth_is_the_surface_within_5_mm(full: Path, small_body: BodyModel) -> None:
+    for row in range(N_FRAMES):
+        seen = seen_by_rays(full, small_body, row)
+        off_m = np.linalg.norm(unprojected(full, row)[seen.pixels] - seen.points_m, axis=1)
+        assert off_m.max() < 0.005, f"row {row}: {off_m.max():.5f} m"
+
+
+def ground(full: Path, row: int) -> np.ndarray:
+    """(H, W) bool: pixels whose depth says that they are on the yard's floor."""
+    mask = cv2.imread(str(full / f"masks/{row:05d}.png"), cv2.IMREAD_GRAYSCALE)
+    outside = cv2.dilate(mask, np.ones((5, 5), np.uint8)) == 0
+    return outside & (np.abs(unprojected(full, row)[..., 2]) < 0.005)
+
+
+def test_the_floor_is_flat_and_the_sky_has_no_depth(full: Path) -> None:
+    for row in range(N_FRAMES):
+        points_m = unprojected(full, row)
+        assert ground(full, row).sum() > 5000
+        assert np.nanmin(points_m[..., 2]) > -0.02  # nothing is below the floor
+        sky = np.isnan(points_m).any(axis=-1)
+        assert (read_normals(full / f"normals/{row:05d}.png")[sky] == 0).all()
+
+
+def test_normals_are_those_of_the_surface_in_camera_axes(full: Path, small_body: BodyModel) -> None:
+    camera = camera_of(load_clip(full / "clip.npz"))
+    for row in range(N_FRAMES):
+        normals = read_normals(full / f"normals/{row:05d}.png")
+        up_cam = camera.world_from_cam[row, :3, :3].T @ (0.0, 0.0, 1.0)
+        on_ground = normals[ground(full, row)]
+        assert np.mean(np.abs(on_ground - up_cam).max(axis=1) < 1e-3) > 0.95
+        seen = seen_by_rays(full, small_body, row)
+        expected = seen.normals @ camera.world_from_cam[row, :3, :3]
+        # Shading is smooth over the boxes' edges, so that normals lean by up to 55 degrees.
+        assert ((normals[seen.pixels] * expected).sum(axis=1) > 0.55).all()
+
+
+def test_flow_leads_to_where_the_surface_is_in_the_next_frame(
+    full: Path, small_body: BodyModel
+) -> None:
+    camera = camera_of(load_clip(full / "clip.npz"))
+    for row in range(N_FRAMES - 1):
+        flow_px = read_flow(full / f"flow/{row:05d}.png")
+        seen = seen_by_rays(full, small_body, row)
+        y, x = seen.pixels
+        next_px = project(camera.world_from_cam[row + 1], seen.next_m, camera.intrinsics_px)
+        expected_px = next_px - np.c_[x + 0.5, y + 0.5]
+        off_px = np.abs(flow_px[seen.pixels] - expected_px)[seen.sure]
+        assert len(off_px) > 1000 and off_px.max() < 0.01
+        assert np.abs(expected_px).max() > 2
+        y, x = np.nonzero(ground(full, row))
+        points_m = unprojected(full, row)[y, x]
+        next_px = project(camera.world_from_cam[row + 1], points_m, camera.intrinsics_px)
+        assert np.abs(flow_px[y, x] - (next_px - np.c_[x + 0.5, y + 0.5])).max() < 0.2
+
+
+def test_joints_are_the_bodys_own_projected(full: Path, small_body: BodyModel) -> None:
+    clip, joints = load_clip(full / "clip.npz"), load_joints(full / "joints.npz")
+    camera = camera_of(clip)
+    world_m = motion_joints_m(small_body, clip.motion)
+    np.testing.assert_allclose(joints.world_m, world_m, atol=1e-7)  # body files: float32
+    np.testing.assert_allclose(
+        joints.camera_m, apply(invert(camera.world_from_cam), world_m), atol=1e-7
+    )
+    expected_px = project(camera.world_from_cam, world_m, camera.intrinsics_px)
+    np.testing.assert_allclose(joints.image_px, expected_px, atol=1e-4)
+    np.testing.assert_allclose(
+        project_cam(joints.camera_m, camera.intrinsics_px), joints.image_px, atol=1e-9
+    )
+    assert joints.in_frame.all() and joints.visible.all()  # arms wide, nothing in the way
+
+
+@pytest.mark.slow
+def test_a_frame_with_a_file_missing_is_made_again(full: Path, job: Job, tmp_path: Path) -> None:
+    """Blender is stopped after its first frame; of that, a pass is lost."""
+    out_dir = tmp_path / "stride"
+    partial = out_dir.with_name("stride.partial")
+
+    def stop(_: int) -> None:
+        raise RenderFailed("stopped by the test")
+
+    with pytest.raises(RenderFailed, match="stopped"):
+        render_clip(*job, out_dir, FULL, on_frame=stop)
+    first = frame_files(partial, FULL, 0, N_FRAMES)
+    assert set(first) == {"frames", "masks", "depth", "normals", "flow"}
+    first["flow"].unlink()
+    render_clip(*job, out_dir, FULL, threads=2, on_frame=lambda _: None)
+    assert contents(out_dir) == contents(full)

@@ -1,0 +1,100 @@
+"""Which joints the camera sees, on a body of boxes with a wall beside it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.body.file import save_body
+from gmrdata.body.forward import motion_joints_m, motion_vertices_m
+from gmrdata.body.model import BodyModel
+from gmrdata.body.tree import JOINT, JOINT_NAMES
+from gmrdata.motion.motion import Motion
+
+PLACES_M = {"front": (4.0, 0.0, 1.2), "left": (0.0, 4.0, 1.0), "behind the wall": (-4.0, 0.0, 1.0)}
+WALL_M = [(-1.0, -2.0, 0.0), (-1.0, 2.0, 0.0), (-1.0, 2.0, 0.8), (-1.0, -2.0, 0.8)]
+
+
+def turn(axis: int, angle_rad: float) -> np.ndarray:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    rotmat = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    rotmat[np.ix_([i, j], [i, j])] = [[cos, -sin], [sin, cos]]
+    return rotmat
+
+
+def standing(body: BodyModel) -> Motion:
+    """Facing +x, the left arm hanging down, the right forearm folded behind the back."""
+    n_frames = len(PLACES_M)
+    local = np.tile(np.eye(3), (n_frames, 23, 1, 1))
+    local[:, JOINT["left_shoulder"] - 1] = turn(2, -1.4)
+    local[:, JOINT["right_shoulder"] - 1] = turn(2, 1.4)
+    # The right forearm, along -x in the rest pose, points to the left, a little down and back.
+    along = np.array([0.9, -0.1, -0.4]) / np.linalg.norm([0.9, -0.1, -0.4])
+    third = np.cross(-along, [0.0, 1.0, 0.0])
+    third /= np.linalg.norm(third)
+    elbow = np.stack([-along, np.cross(third, -along), third], axis=1)
+    local[:, JOINT["right_elbow"] - 1] = turn(2, 1.4).T @ elbow
+    root = np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (n_frames, 1, 1))
+    pelvis_m = np.tile([0.0, 0.0, 0.95], (n_frames, 1))
+    shape = np.zeros(body.n_shape)
+    return Motion(local, root, pelvis_m, shape, 10.0, body.name, "neutral", "world", "standing")
+
+
+@pytest.fixture(scope="module")
+def seen(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
+    """Names of the visible joints for each place of the camera."""
+    folder = tmp_path_factory.mktemp("visibility")
+    motion = standing(small_body)
+    joints_m = motion_joints_m(small_body, motion)
+    np.savez(
+        folder / "case.npz",
+        vertices_m=motion_vertices_m(small_body, motion),
+        joints_m=joints_m,
+        centres_m=np.array(list(PLACES_M.values())),
+        wall_m=np.array(WALL_M),
+    )
+    save_body(folder / "body.npz", small_body)
+    script = Path(__file__).with_name("visibility_by_blender.py")
+    said = subprocess.run(
+        [sys.executable, script, folder / "case.npz", folder / "body.npz"],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(__file__).parents[2],
+        env={"PYTHONPATH": str(Path(__file__).parents[2])},
+    )
+    visible = json.loads(said.stdout.split("\nANSWER ")[1])
+    return {
+        place: {name for name, yes in zip(JOINT_NAMES, row, strict=True) if yes}
+        for place, row in zip(PLACES_M, visible, strict=True)
+    }
+
+
+LEFT = {name for name in JOINT_NAMES if name.startswith("left")}
+RIGHT = {name for name in JOINT_NAMES if name.startswith("right")}
+LOWER_LEGS = {f"{side}_{name}" for side in ("left", "right") for name in ("knee", "ankle", "foot")}
+
+
+def test_from_the_front_only_the_wrist_behind_the_back_is_hidden(
+    seen: dict[str, set[str]],
+) -> None:
+    assert set(JOINT_NAMES) - seen["front"] == {"right_wrist"}
+
+
+def test_from_the_side_the_body_hides_its_other_side(seen: dict[str, set[str]]) -> None:
+    # But for the forearm, which sticks out behind the back.
+    assert seen["left"] & RIGHT == {"right_wrist", "right_hand"}
+    # The left hand hangs before the hip.
+    assert seen["left"] & LEFT == LEFT - {"left_hip"}
+    assert {"head", "neck"} <= seen["left"] and "pelvis" not in seen["left"]
+
+
+def test_from_behind_the_hand_shows_and_a_low_wall_hides_the_legs(
+    seen: dict[str, set[str]],
+) -> None:
+    assert seen["behind the wall"] & LOWER_LEGS == set()
+    assert {"right_wrist", "head", "neck", "left_shoulder"} <= seen["behind the wall"]
