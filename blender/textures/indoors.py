@@ -118,7 +118,8 @@ def ceiling(size_px: int, metres: float, rng: np.random.Generator) -> np.ndarray
     image = weather(image, rng, 0.06)
     beam = max(int(0.16 * px_per_m), 2)
     for at in np.arange(0.3, metres, 1.4) * px_per_m:
-        image[int(at) : int(at) + beam] = floorboards(beam, size_px, (2 * px_per_m, beam), rng)
+        rows = image[int(at) : int(at) + beam]
+        rows[:] = floorboards(len(rows), size_px, (2 * px_per_m, beam), rng)
     return image
 
 

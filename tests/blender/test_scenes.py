@@ -54,7 +54,7 @@ def coarse_pictures() -> Iterator[None]:
         patch.setattr("blender.places.park.HEDGE_PX_PER_M", 20.0)
         patch.setattr("blender.places.room.WALL_PX_PER_M", 30.0)
         patch.setattr("blender.houses.WALL_PX_PER_M", 20.0)
-        patch.setattr("blender.props.PROP_PX_PER_M", 60.0)
+        patch.setattr("blender.props.PROP_PX_PER_M", 120.0)
         yield
 
 

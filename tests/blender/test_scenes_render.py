@@ -23,7 +23,7 @@ CENTRE_M = np.array([[5.0, 0.0, 1.5]])
 
 
 def save_view(folder: Path, body: BodyModel, target_m: tuple[float, float, float]) -> Path:
-    """A clip of one frame: someone at the origin, a camera five metres off that looks at a point."""
+    """A clip of one frame: someone at the origin, a camera five metres off, and where it looks."""
     motion = Motion(
         np.tile(np.eye(3), (1, 23, 1, 1)),
         STANDS[None],
@@ -73,12 +73,11 @@ def test_a_room_and_a_street_without_shadows_have_much_to_see(
 
 
 def test_the_sky_is_the_file(small_body: BodyModel, body_path: Path, tmp_path: Path) -> None:
-    """Looking straight along -x, up: the middle of an equirectangular picture is +x in Blender
-    turned by half, so a sky with one colour for each half of the compass tells left from right."""
+    """Looking up along -x, where a sky with a colour for each half of the compass shows both."""
     clip_path = save_view(tmp_path, small_body, (4.9, 0.0, 1.9))
     sky_path = tmp_path / "sky.hdr"
     linear = np.zeros((16, 32, 3), np.float32)
-    linear[:, :16], linear[:, 16:] = (0.0, 0.0, 0.25), (0.25, 0.0, 0.0)  # BGR: red, then blue
+    linear[:, :16], linear[:, 16:] = (0.0, 0.0, 0.25), (0.25, 0.0, 0.0)  # red, then blue
     assert cv2.imwrite(str(sky_path), linear)
     scene = SceneConfig(hdri_path=sky_path)
     out_dir = tmp_path / "out"
