@@ -7,6 +7,9 @@ import numpy as np
 
 from blender.layout import Thing
 
+TAPER = np.array([0.66, 0.84, 1.0])
+"""The top of a tapering box, as a share of its foot."""
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -26,8 +29,14 @@ def mesh_of(thing: Thing, rng: np.random.Generator) -> Mesh:
     """The mesh of a thing, in the world."""
     if thing.solid == "box":
         unit, faces, uv, smooth = (*_box(thing.size_m, thing.picture_m), False)
+    elif thing.solid == "taper":
+        unit, faces, uv, smooth = (*_box(thing.size_m, thing.picture_m), False)
+        unit = np.where(unit[:, 2:] > 0, unit * TAPER, unit)
     elif thing.solid == "cylinder":
         unit, faces, uv, smooth = (*_cylinder(32), False)
+    elif thing.solid == "wheel":
+        unit, faces, uv, smooth = (*_cylinder(32), False)
+        unit = unit[:, [0, 2, 1]] * [1, 1, -1]  # the axis from z to y, still right-handed
     else:
         unit, faces, uv, smooth = (*_blob(28, 18, rng), True)
     cos, sin = np.cos(thing.yaw_rad), np.sin(thing.yaw_rad)

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from blender.clothes import vertex_colours
+from blender.light import Light
 from blender.scene import add_object, person_material
 from gmrdata.body.model import BodyModel
 
@@ -14,7 +15,12 @@ COLOURS = "colours"
 
 
 def add_person(
-    scene: Any, body: BodyModel, shape: np.ndarray, vertices_m: np.ndarray, rng: np.random.Generator
+    scene: Any,
+    body: BodyModel,
+    shape: np.ndarray,
+    vertices_m: np.ndarray,
+    light: Light,
+    rng: np.random.Generator,
 ) -> Any:
     """Add the body, dressed, in the pose of (V, 3) vertices [m]; gives its bpy mesh."""
     mesh = bpy.data.meshes.new("person")
@@ -24,7 +30,7 @@ def add_person(
     colours = np.ones((len(vertices_m), 4), np.float32)
     colours[:, :3] = vertex_colours(body, shape, rng)
     attribute.data.foreach_set("color", colours.ravel())
-    mesh.materials.append(person_material("person", COLOURS))
+    mesh.materials.append(person_material("person", COLOURS, light))
     mesh.update()
     add_object(scene, "person", mesh)
     return mesh

@@ -11,9 +11,13 @@ import cv2
 import numpy as np
 
 from blender.camera import make_camera, place_camera, read_back
-from blender.layout import courtyard
+from blender.light import Light
 from blender.passes import add_surface_output, set_step, wants_surface, write_surface
 from blender.person import add_person, pose_person
+from blender.places.courtyard import courtyard
+from blender.places.park import park
+from blender.places.room import room
+from blender.places.street import street
 from blender.scene import PERSON_PASS, build_yard
 from blender.visibility import visible_joints
 from gmrdata.body.forward import motion_vertices_m
@@ -26,6 +30,7 @@ from gmrdata.render import FRAME_LINE, RenderJob, frame_files
 from gmrdata.store import atomic_path
 
 WORK_FOLDER = ".unfinished"
+PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
 
 
 def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> None:
@@ -39,10 +44,12 @@ def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> N
     )
     camera = make_camera(scene, wanted)
     used = read_back(scene, camera, wanted)
-    yard = courtyard(motion.pelvis_m, wanted.centres_world_m, yard_rng)
-    build_yard(scene, yard, _sun_azimuth_rad(motion.pelvis_m, wanted.centres_world_m), mesh_rng)
+    paths_m = motion.pelvis_m, wanted.centres_world_m
+    light = Light(config.scene.lit_by, _sun_azimuth_rad(*paths_m))
+    yard = PLACES[config.scene.kind](*paths_m, yard_rng)
+    build_yard(scene, yard, light, config.scene.hdri_path, mesh_rng)
     vertices_m = motion_vertices_m(body, motion)
-    person = add_person(scene, body, motion.shape, vertices_m[0], person_rng)
+    person = add_person(scene, body, motion.shape, vertices_m[0], light, person_rng)
     work_dir = job.out_dir / WORK_FOLDER
     shutil.rmtree(work_dir, ignore_errors=True)
     work_dir.mkdir(parents=True)

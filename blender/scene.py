@@ -1,35 +1,65 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The yard as Blender objects, with light that has no noise of its own.
+"""A place as Blender objects: meshes, materials, lamp and sky."""
 
-Cycles at a few samples a pixel is grainy where light is sampled over the whole sky, and grain that
-changes with each frame spoils the matching of features.  So the sky's light is computed exactly, as
-an emission that depends on the surface's direction, and only the sun is traced, for its shadows.
-"""
-
+from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
 from blender.layout import Yard
+from blender.light import Light, add_lamp, add_sky, add_sun, reflect_light
 from blender.meshes import Mesh, ground_mesh, mesh_of
+from gmrdata.errors import RenderFailed
 
 PERSON_PASS = "person"
-SUN_ELEVATION_RAD = np.deg2rad(47.0)
-SUN_STRENGTH = 3.6
-SKY_LIGHT = (0.43, 0.50, 0.63)
-GROUND_LIGHT = (0.27, 0.22, 0.17)
 
 
-def build_yard(scene: Any, yard: Yard, sun_azimuth_rad: float, rng: np.random.Generator) -> None:
-    """Add ground, things, sky and sun to an empty bpy scene."""
+def build_yard(
+    scene: Any, yard: Yard, light: Light, hdri_path: Path | None, rng: np.random.Generator
+) -> None:
+    """Add ground, things, sky and lamp to an empty bpy scene.
+
+    Args:
+        scene: The bpy scene.
+        yard: What to build.
+        light: What falls on it.
+        hdri_path: A file to show as the sky instead of the yard's own.
+        rng: Chooses the shapes of foliage.
+
+    Raises:
+        RenderFailed: Blender can't read the file of the sky.
+    """
     ground = ground_mesh(yard.ground_centre_m, yard.ground_side_m)
-    add_mesh(scene, "ground", ground, picture_material("ground", yard.ground))
+    add_mesh(scene, "ground", ground, picture_material("ground", yard.ground, light))
     for number, thing in enumerate(yard.things):
         name = f"thing{number:03d}"
-        add_mesh(scene, name, mesh_of(thing, rng), picture_material(name, thing.picture))
-    _add_sun(scene, sun_azimuth_rad)
-    _add_sky(scene, yard.sky)
+        add_mesh(scene, name, mesh_of(thing, rng), picture_material(name, thing.picture, light))
+    if light.kind == "sun":
+        add_sun(scene, light.azimuth_rad)
+    if yard.lamp_m is not None:
+        add_lamp(scene, yard.lamp_m, yard.ground_side_m**2)
+    if hdri_path is not None:
+        add_sky(scene, load_sky(hdri_path))
+    elif yard.sky is not None:
+        add_sky(scene, image_of("sky", yard.sky))
+
+
+def load_sky(path: Path) -> Any:
+    """A Blender image of a file.
+
+    Raises:
+        RenderFailed: there is no picture in it.
+    """
+    try:
+        image = bpy.data.images.load(str(path))
+    except RuntimeError as error:
+        raise RenderFailed(f"{path}: Blender can't read this sky ({error})") from None
+    if not image.size[0]:
+        raise RenderFailed(
+            f"{path}: Blender finds no picture in this sky; give an equirectangular .hdr or .exr"
+        )
+    return image
 
 
 def add_mesh(scene: Any, name: str, mesh: Mesh, material: Any) -> None:
@@ -66,22 +96,22 @@ def image_of(name: str, picture: np.ndarray) -> Any:
     return image
 
 
-def picture_material(name: str, picture: np.ndarray) -> Any:
+def picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
     """A matt surface with a picture."""
     material, tree = _empty_material(name)
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image = image_of(name, picture)
     texture.interpolation = "Linear"
-    _shade(tree, texture.outputs["Color"])
+    _shade(tree, texture.outputs["Color"], light)
     return material
 
 
-def person_material(name: str, attribute: str) -> Any:
+def person_material(name: str, attribute: str, light: Light) -> Any:
     """A matt surface with colours from a vertex attribute; its pixels are marked as a person."""
     material, tree = _empty_material(name)
     colour = tree.nodes.new("ShaderNodeAttribute")
     colour.attribute_name = attribute
-    _shade(tree, colour.outputs["Color"])
+    _shade(tree, colour.outputs["Color"], light)
     mark = tree.nodes.new("ShaderNodeOutputAOV")
     mark.aov_name = PERSON_PASS
     mark.inputs["Value"].default_value = 1.0
@@ -98,56 +128,15 @@ def _empty_material(name: str) -> tuple[Any, Any]:
     return material, material.node_tree
 
 
-def _shade(tree: Any, colour: Any) -> None:
-    """Diffuse reflection of the sun, of half a sphere of sky, and of half a sphere of ground."""
+def _shade(tree: Any, colour: Any, light: Light) -> None:
+    """Diffuse reflection of the lamp, and of what comes from all round."""
     nodes, links = tree.nodes, tree.links
     diffuse = nodes.new("ShaderNodeBsdfDiffuse")
     links.new(colour, diffuse.inputs["Color"])
-    geometry = nodes.new("ShaderNodeNewGeometry")
-    split = nodes.new("ShaderNodeSeparateXYZ")
-    links.new(geometry.outputs["Normal"], split.inputs[0])
-    light = nodes.new("ShaderNodeVectorMath")
-    light.operation = "MULTIPLY_ADD"
-    sky, ground = np.array(SKY_LIGHT), np.array(GROUND_LIGHT)
-    light.inputs[1].default_value = (sky - ground) / 2
-    light.inputs[2].default_value = (sky + ground) / 2
-    links.new(split.outputs["Z"], light.inputs[0])
-    reflected = nodes.new("ShaderNodeVectorMath")
-    reflected.operation = "MULTIPLY"
-    links.new(light.outputs["Vector"], reflected.inputs[0])
-    links.new(colour, reflected.inputs[1])
     emission = nodes.new("ShaderNodeEmission")
-    links.new(reflected.outputs["Vector"], emission.inputs["Color"])
+    links.new(reflect_light(tree, colour, light), emission.inputs["Color"])
     both = nodes.new("ShaderNodeAddShader")
     links.new(diffuse.outputs[0], both.inputs[0])
     links.new(emission.outputs[0], both.inputs[1])
     output = nodes.new("ShaderNodeOutputMaterial")
     links.new(both.outputs[0], output.inputs["Surface"])
-
-
-def _add_sun(scene: Any, azimuth_rad: float) -> None:
-    lamp = bpy.data.lights.new("sun", "SUN")
-    lamp.energy, lamp.color = SUN_STRENGTH, (1.0, 0.93, 0.82)
-    lamp.angle = 0.0  # sharp shadows have no grain
-    sun = bpy.data.objects.new("sun", lamp)
-    # A lamp shines along its -z: tilt it from the zenith, then turn it to the azimuth.
-    sun.rotation_euler = (0.0, np.pi / 2 - SUN_ELEVATION_RAD, azimuth_rad)
-    scene.collection.objects.link(sun)
-
-
-def _add_sky(scene: Any, picture: np.ndarray) -> None:
-    world = bpy.data.worlds.new("sky")
-    scene.world = world
-    if world.node_tree is None:  # before Blender 5.0
-        world.use_nodes = True
-    nodes, links = world.node_tree.nodes, world.node_tree.links
-    nodes.clear()
-    texture = nodes.new("ShaderNodeTexEnvironment")
-    texture.image = image_of("sky", picture)
-    background = nodes.new("ShaderNodeBackground")
-    links.new(texture.outputs["Color"], background.inputs["Color"])
-    output = nodes.new("ShaderNodeOutputWorld")
-    links.new(background.outputs[0], output.inputs["Surface"])
-    # Seen by the camera only: as a light it would be sampled, and grainy.
-    world.cycles.sampling_method = "NONE"
-    world.cycles_visibility.diffuse = False

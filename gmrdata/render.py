@@ -14,6 +14,7 @@ from gmrdata.clip import load_clip
 from gmrdata.config import Config
 from gmrdata.errors import RenderFailed
 from gmrdata.progress import progress_bar
+from gmrdata.scene_config import SceneConfig
 from gmrdata.store import run_stage, write_json
 from gmrdata.video_out import write_video_of
 
@@ -23,15 +24,6 @@ LOG_FILE = "blender.log"
 LOG_LINES = 12
 PACKAGES_DIR = Path(__file__).resolve().parent.parent
 """Where the packages `gmrdata` and `blender` are, side by side in a checkout and in a wheel."""
-
-
-class SceneConfig(Config):
-    """The place that the person is filmed in."""
-
-    kind: Literal["courtyard"] = "courtyard"
-    """A paved yard between houses, with crates, drums, pillars, bushes and trees."""
-    seed: int = Field(default=0, ge=0)
-    """Chooses houses, things, pictures on them, and clothes."""
 
 
 class RenderConfig(Config):
@@ -134,7 +126,7 @@ def render_clip(
             clip_path=clip_path.resolve(),
             body_path=body_path.resolve(),
             out_dir=partial_dir.resolve(),
-            config=config,
+            config=config.model_copy(update={"scene": config.scene.with_full_paths()}),
             threads=threads,
         )
         with ExitStack() as stack:
@@ -153,7 +145,7 @@ def render_clip(
             fps_hz = load_clip(clip_path).motion.fps_hz
             write_video_of(frames, partial_dir / "video.mp4", fps_hz)
 
-    inputs = {"clip": clip_path, "body": body_path}
+    inputs = {"clip": clip_path, "body": body_path} | config.scene.inputs
     return run_stage("render", out_dir, config, inputs, work, resumable=True, redo=redo)
 
 

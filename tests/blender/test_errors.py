@@ -129,7 +129,7 @@ def test_broken_job_files(tmp_path: Path, body_path: Path) -> None:
     assert code == 1 and said.startswith(f"error: {broken}: the file: Invalid JSON")
     config = RenderConfig().model_dump() | {"scene": {"kind": "moon", "seed": 0}}
     code, said = run_blender(str(job_file(tmp_path, body_path, body_path, config=config)))
-    assert code == 1 and "config.scene.kind: Input should be 'courtyard'" in said
+    assert code == 1 and "config.scene.kind: Input should be 'courtyard', 'street'" in said
     code, said = run_blender()
     assert code == 1 and "usage: python -m blender job.json" in said
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from blender.layout import Thing, Yard, courtyard, is_free
+from blender.layout import Thing, Yard, is_free
 from blender.meshes import mesh_of
+from blender.places.courtyard import courtyard
 from gmrdata.geometry.programmes import Circular, Panning, Programme, camera_path
 
 
@@ -59,7 +60,7 @@ def test_pictures_are_colours() -> None:
         assert np.isfinite(picture).all() and picture.min() >= 0 and picture.max() <= 1.0
 
 
-@pytest.mark.parametrize("solid", ["box", "cylinder", "blob"])
+@pytest.mark.parametrize("solid", ["box", "taper", "cylinder", "wheel", "blob"])
 def test_solids_are_closed_and_face_outwards(solid: str) -> None:
     thing = Thing(
         solid,  # type: ignore[arg-type]
@@ -81,10 +82,17 @@ def test_solids_are_closed_and_face_outwards(solid: str) -> None:
         ).sum()
         / 6
     )
-    full_m3 = {"box": 3.0, "cylinder": 3.0 * np.pi / 4, "blob": np.pi / 2}[solid]
-    assert volume_m3 == pytest.approx(
-        full_m3, rel={"box": 1e-9, "cylinder": 0.02, "blob": 0.5}[solid]
-    )
+    round_m3 = 3.0 * np.pi / 4
+    # A frustum's volume is the mean of foot, top and four middles, weighted as in Simpson's rule.
+    taper_m3 = 3.0 * (1 + 4 * 0.83 * 0.92 + 0.66 * 0.84) / 6
+    full_m3, rel = {
+        "box": (3.0, 1e-9),
+        "taper": (taper_m3, 1e-9),
+        "cylinder": (round_m3, 0.02),
+        "wheel": (round_m3, 0.02),
+        "blob": (np.pi / 2, 0.5),
+    }[solid]
+    assert volume_m3 == pytest.approx(full_m3, rel=rel)
     assert mesh.uv.shape == (*mesh.faces.shape, 2)
 
 

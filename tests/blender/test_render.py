@@ -21,7 +21,8 @@ from gmrdata.errors import RenderFailed
 from gmrdata.geometry.camera import project
 from gmrdata.geometry.programmes import Circular, camera_path
 from gmrdata.motion.motion import Motion
-from gmrdata.render import RenderConfig, SceneConfig, render_clip
+from gmrdata.render import RenderConfig, render_clip
+from gmrdata.scene_config import SceneConfig
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 4, 320, 180
 CONFIG = RenderConfig(samples=4, scene=SceneConfig(seed=5))

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A street: a road with parked cars between pavements and houses, closed off at both ends."""
+
+import numpy as np
+
+from blender.houses import houses_round
+from blender.layout import Thing, Yard, darken_contacts, direction, is_free, surroundings
+from blender.props import crates, drum, lamp, pillar, planter, scatter
+from blender.textures.road import car_body, car_roof, car_windows, random_paint, road, tyre
+from blender.textures.sky import sky
+
+WALL_MARGIN_M = 3.0
+SMALLEST_HALF_SIDE_M = 6.5
+PAVEMENT_M = 2.4
+GROUND_PX = 2560
+CAR_M = np.array([4.1, 1.75, 0.62])
+CAR_STEP_M = 5.2
+
+
+def street(
+    subject_world_m: np.ndarray, camera_world_m: np.ndarray, rng: np.random.Generator
+) -> Yard:
+    """A street along the longer side of what the subject and the camera cover.
+
+    Nothing stands within about a metre of the subject or the camera, or between them.
+
+    Args:
+        subject_world_m: (T, 3) pelvis path [m].
+        camera_world_m: (T, 3) optical centres [m].
+        rng: Chooses everything else.
+    """
+    paths = subject_world_m[:, :2], camera_world_m[:, :2]
+    centre, half = surroundings(*paths, WALL_MARGIN_M, SMALLEST_HALF_SIDE_M)
+    along = int(half[1] > half[0])
+    half[along] += 3.0
+    yaw_rad = along * np.pi / 2
+    road_m = 2 * float(half[1 - along] - PAVEMENT_M)
+    houses = houses_round(centre, half, (6.0, 11.0), rng)
+    cars = _cars(centre, float(half[along]), road_m, yaw_rad, paths, rng)
+    makers = (lamp, lamp, planter, crates, drum, pillar)
+    props = [
+        thing
+        for side in (-1, 1)
+        for thing in scatter(
+            makers, (0.3, 0.5), 9, _pavement(centre, half, along, side), paths, rng
+        )
+    ]
+    things = (*houses, *cars, *props)
+    side_m = float(2 * half.max() + 3.0)
+    ground = np.ascontiguousarray(np.rot90(road(GROUND_PX, side_m, road_m, rng), along))
+    darken_contacts(ground, things, centre, side_m)
+    return Yard(centre, side_m, ground, things, sky(1024, 512, rng))
+
+
+def _pavement(
+    centre: np.ndarray, half: np.ndarray, along: int, side: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and half sides of one pavement [m]."""
+    middle, extent = centre.copy(), half.copy()
+    middle[1 - along] += side * (half[1 - along] - PAVEMENT_M / 2)
+    extent[1 - along] = PAVEMENT_M / 2
+    return middle, extent
+
+
+def _cars(
+    centre: np.ndarray,
+    half_length_m: float,
+    road_m: float,
+    yaw_rad: float,
+    paths: tuple[np.ndarray, np.ndarray],
+    rng: np.random.Generator,
+) -> list[Thing]:
+    """Cars along both kerbs, where they are in nobody's way."""
+    ahead, aside = direction(yaw_rad), direction(yaw_rad + np.pi / 2)
+    cars = []
+    for side in (-1, 1):
+        for s in np.arange(-half_length_m + 2.8, half_length_m - 2.4, CAR_STEP_M):
+            place = (
+                centre + ahead * (s + rng.uniform(-0.3, 0.3)) + aside * side * (road_m / 2 - 1.05)
+            )
+            parts = [place + ahead * offset_m for offset_m in (-1.4, 0.0, 1.4)]
+            if all(is_free(part, 1.15, *paths) for part in parts) and rng.random() < 0.9:
+                cars += _car(place, yaw_rad + np.pi * int(rng.integers(2)), rng)
+    return cars
+
+
+def _car(place: np.ndarray, yaw_rad: float, rng: np.random.Generator) -> list[Thing]:
+    paint = random_paint(rng)
+    ahead, aside = direction(yaw_rad), direction(yaw_rad + np.pi / 2)
+    width_m = CAR_M[1] - 0.1
+
+    def box(solid: str, x_m: float, low_m: float, size_m: np.ndarray, picture: np.ndarray) -> Thing:
+        centre_m = np.array([*(place + ahead * x_m), low_m + size_m[2] / 2])
+        return Thing(solid, centre_m, size_m, yaw_rad, picture, None)  # type: ignore[arg-type]
+
+    long_m = float(rng.uniform(2.0, 2.7))
+    parts = [
+        box("box", 0.0, 0.26, CAR_M, car_body(paint, rng)),
+        box("taper", -0.25, 0.88, np.array([long_m, width_m, 0.54]), car_windows(paint, rng)),
+        box(
+            "box",
+            -0.25,
+            1.40,
+            np.array([long_m * 0.69, width_m * 0.86, 0.05]),
+            car_roof(paint, rng),
+        ),
+        box("box", 0.0, 0.87, CAR_M * [0.98, 0.94, 0.05], car_roof(paint, rng)),
+    ]
+    rubber = tyre(rng)
+    for x_m in (-1.25, 1.25):
+        for y_m in (-0.8, 0.8):
+            spot = place + ahead * x_m + aside * y_m
+            size_m = np.array([0.62, 0.22, 0.62])
+            parts.append(Thing("wheel", np.array([*spot, 0.31]), size_m, yaw_rad, rubber, None))
+    return parts

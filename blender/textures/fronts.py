@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""House fronts."""
+
+import numpy as np
+
+from blender.textures.base import PLASTERS, SHUTTERS, noise, pick, weather
+from blender.textures.prints import poster
+
+
+def facade(
+    width_m: float, height_m: float, px_per_m: float, rng: np.random.Generator
+) -> np.ndarray:
+    """A house front: plaster or brick, windows with shutters, a door, posters, and a dirty foot."""
+    height, width = int(height_m * px_per_m), int(width_m * px_per_m)
+    image = np.empty((height, width, 3), np.float32)
+    image[:] = pick(rng, PLASTERS)
+    image = weather(image, rng, 0.07)
+    if rng.random() < 0.45:
+        _bricks(image, 0, height, px_per_m, rng)
+    else:
+        # Where plaster has come off, the bricks show.
+        bricks = image.copy()
+        _bricks(bricks, 0, height, px_per_m, rng)
+        bare = noise(height, width, rng, max(int(1.2 * px_per_m), 8), 6, 0.6) > 1.1
+        image[bare] = bricks[bare]
+    _windows(image, width_m, height_m, px_per_m, rng)
+    for _ in range(int(rng.integers(3, 7))):
+        size = rng.uniform((0.35, 0.5), (0.75, 1.05)) * px_per_m
+        x = int(rng.uniform(0, max(width - size[0], 1)))
+        y = int(height - rng.uniform(1.1, 2.3) * px_per_m)
+        poster(image[y : y + int(size[1]), x : x + int(size[0])], rng)
+    above_m = (height - np.arange(height)) / px_per_m
+    image *= (1 - 0.45 * np.exp(-above_m / 0.35))[:, None, None].astype(np.float32)
+    return weather(image, rng, 0.05)
+
+
+def _bricks(
+    image: np.ndarray, top: int, bottom: int, px_per_m: float, rng: np.random.Generator
+) -> None:
+    width, joint = image.shape[1], max(int(0.012 * px_per_m), 1)
+    base = np.array([0.55, 0.30, 0.22]) * rng.uniform(0.8, 1.2)
+    image[top:bottom] = (0.66, 0.62, 0.56)
+    row_px, brick_px = 0.085 * px_per_m, 0.25 * px_per_m
+    for row in range(int((bottom - top) / row_px) + 1):
+        y0, y1 = int(top + row * row_px), min(int(top + (row + 1) * row_px) - joint, bottom)
+        for x in np.arange(-brick_px / 2 * (row % 2), width, brick_px):
+            x0, x1 = max(int(x), 0), max(int(x + brick_px) - joint, 0)
+            image[y0:y1, x0:x1] = np.clip(
+                base * rng.normal(1, 0.17) + rng.normal(0, 0.02, 3), 0.05, 0.9
+            )
+
+
+def _windows(
+    image: np.ndarray, width_m: float, height_m: float, px_per_m: float, rng: np.random.Generator
+) -> None:
+    columns = max(int(width_m / 1.6), 1)
+    shutter, frame = pick(rng, SHUTTERS), pick(rng, ((0.88, 0.86, 0.82), (0.35, 0.26, 0.2)))
+    door = int(rng.integers(columns))
+    for floor in range(int((height_m - 0.6) / 2.6)):
+        for column in range(columns):
+            x_m = (column + 0.5) * width_m / columns + rng.uniform(-0.1, 0.1)
+            is_door = floor == 0 and column == door
+            sill_m = 0.0 if is_door else floor * 2.7 + rng.uniform(0.95, 1.05)
+            size_m = (0.95, 2.1) if is_door else (0.72, 1.2)
+            x0, x1 = ((x_m - size_m[0] / 2) * px_per_m, (x_m + size_m[0] / 2) * px_per_m)
+            y0, y1 = ((height_m - sill_m - size_m[1]) * px_per_m, (height_m - sill_m) * px_per_m)
+            _opening(
+                image, [int(v) for v in (x0, x1, y0, y1)], px_per_m, (frame, shutter), is_door, rng
+            )
+
+
+def _opening(
+    image: np.ndarray,
+    edges: list[int],
+    px_per_m: float,
+    colours: tuple[np.ndarray, np.ndarray],
+    is_door: bool,
+    rng: np.random.Generator,
+) -> None:
+    x0, x1, y0, y1 = edges
+    frame, shutter = colours
+    border = max(int(0.07 * px_per_m), 1)
+    image[max(y0 - border, 0) : y1 + border, max(x0 - border, 0) : x1 + border] = frame * 0.9
+    if is_door:
+        image[y0:y1, x0:x1] = shutter
+        for panel in range(4):
+            top = y0 + border + panel * (y1 - y0) // 4
+            image[top : top + (y1 - y0) // 4 - 2 * border, x0 + border : x1 - border] = (
+                shutter * 0.72
+            )
+        return
+    glass = image[y0:y1, x0:x1]
+    if glass.size:
+        shine = noise(len(glass), glass.shape[1], rng, max(len(glass) // 2, 4), 4, 0.6)
+        glass[:] = np.clip(0.2 + 0.09 * shine[..., None] * np.array([0.9, 1.0, 1.2]), 0.03, 0.7)
+    middle, bar = (x0 + x1) // 2, max(border // 3, 1)
+    image[y0:y1, middle - bar : middle + bar] = frame
+    for k in (1, 2):
+        y = y0 + k * (y1 - y0) // 3
+        image[y - bar : y + bar, x0:x1] = frame
+    wing = (x1 - x0) // 2
+    for left in (x0 - wing - border, x1 + border):
+        image[y0:y1, max(left, 0) : max(left + wing, 0)] = shutter
+        for y in range(y0, y1, max(int(0.07 * px_per_m), 2)):
+            image[y : y + max(int(0.02 * px_per_m), 1), max(left, 0) : max(left + wing, 0)] = (
+                shutter * 0.6
+            )
