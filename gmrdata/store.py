@@ -27,7 +27,16 @@ from gmrdata.errors import BadRecord, MissingInput, StaleOutput
 STAGE_FILE = "stage.json"
 RECIPE_FILE = "recipe.json"
 _LOCK_NAME = re.compile(r"\..+\.lock")
-RECORDED_PACKAGES = ("numpy", "scipy", "torch", "pycolmap", "opencv-python-headless", "bpy", "anny")
+RECORDED_PACKAGES = (
+    "numpy",
+    "scipy",
+    "torch",
+    "pycolmap",
+    "opencv-python-headless",
+    "bpy",
+    "anny",
+    "av",
+)
 
 
 def sha256_of_file(path: Path) -> str:
