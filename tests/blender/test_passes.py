@@ -19,7 +19,9 @@ from gmrdata.geometry.transforms import apply, invert
 from gmrdata.joints2d import load_joints
 from gmrdata.motion.motion import Motion
 from gmrdata.passes import read_depth, read_flow, read_normals
-from gmrdata.render import RenderConfig, SceneConfig, frame_files, render_clip
+from gmrdata.render import RenderConfig, frame_files, render_clip
+from gmrdata.scene_config import SceneConfig
+from gmrdata.store import sha256_of_file
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 320, 180
 PLAIN = RenderConfig(samples=1, scene=SceneConfig(seed=5))
@@ -66,10 +68,10 @@ def full(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return render_clip(*job, out_dir, FULL, on_frame=lambda _: None)
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    """All files but the stage's record, which holds times."""
+def contents(folder: Path) -> dict[str, str]:
+    """Hashes of all files but the stage's record, which holds times."""
     return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
+        path.relative_to(folder).as_posix(): sha256_of_file(path)
         for path in sorted(folder.rglob("*"))
         if path.is_file() and path.name != "stage.json"
     }

@@ -23,6 +23,7 @@ from gmrdata.geometry.programmes import Circular, camera_path
 from gmrdata.motion.motion import Motion
 from gmrdata.render import RenderConfig, render_clip
 from gmrdata.scene_config import SceneConfig
+from gmrdata.store import sha256_of_file
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 4, 320, 180
 CONFIG = RenderConfig(samples=4, scene=SceneConfig(seed=5))
@@ -77,10 +78,10 @@ def rendered(clip_path: Path, body_path: Path, tmp_path_factory: pytest.TempPath
     return out_dir
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    """All files but the stage's record, which holds times."""
+def contents(folder: Path) -> dict[str, str]:
+    """Hashes of all files but the stage's record, which holds times."""
     return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
+        path.relative_to(folder).as_posix(): sha256_of_file(path)
         for path in sorted(folder.rglob("*"))
         if path.is_file() and path.name != "stage.json"
     }
