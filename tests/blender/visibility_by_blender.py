@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from blender.light import Light
 from blender.person import add_person
 from blender.scene import add_object
 from blender.visibility import visible_joints
@@ -21,7 +22,12 @@ body = read_body(Path(sys.argv[2]))
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 person = add_person(
-    scene, body, np.zeros(body.n_shape), arrays["vertices_m"][0], np.random.default_rng(0)
+    scene,
+    body,
+    np.zeros(body.n_shape),
+    arrays["vertices_m"][0],
+    Light("sun", 0.0),
+    np.random.default_rng(0),
 )
 wall = bpy.data.meshes.new("wall")
 wall.from_pydata(arrays["wall_m"].tolist(), [], [(0, 1, 2, 3)])
