@@ -40,8 +40,8 @@ def write_video(frames: Iterable[np.ndarray], path: Path, fps_hz: float, *, crf:
         stream = container.add_stream("libx264", rate=rate)
         stream.pix_fmt = "yuv420p"
         stream.thread_count = 1  # more would be allowed to change the bytes
-        # x264 has threads of its own, among them one that looks ahead; on a busy machine their
-        # timing decided bytes.
+        # x264 has threads of its own, among them one that looks ahead.  One of each still doesn't
+        # make the bytes repeat on every machine; the frames' files are what is exact.
         threads = "threads=1:lookahead-threads=1:sync-lookahead=0"
         stream.options = {"crf": str(crf), "preset": "medium", "x264-params": threads}
         for frame in frames:
