@@ -40,10 +40,10 @@ def write_video(frames: Iterable[np.ndarray], path: Path, fps_hz: float, *, crf:
         stream = container.add_stream("libx264", rate=rate)
         stream.pix_fmt = "yuv420p"
         stream.thread_count = 1  # more would be allowed to change the bytes
-        # x264 has threads of its own, among them one that looks ahead.  One of each still doesn't
-        # make the bytes repeat on every machine; the frames' files are what is exact.
-        threads = "threads=1:lookahead-threads=1:sync-lookahead=0"
-        stream.options = {"crf": str(crf), "preset": "medium", "x264-params": threads}
+        # x264's assembly looks past the ends of rows when it weighs its choices, so that what lay
+        # there by chance decided bytes in about one of eight files.  Its C code does not.
+        plain_c = "threads=1:asm=0"
+        stream.options = {"crf": str(crf), "preset": "medium", "x264-params": plain_c}
         for frame in frames:
             even = _even(path, frame, size)
             if size is None:
