@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.body.model import BodyModel
+from gmrdata.body.model import PHENOTYPES, BodyModel
 from gmrdata.body.tree import N_JOINTS, N_LOCAL
 from gmrdata.clip import read_npz
 from gmrdata.errors import BadBodyFile, BadMotionFile
@@ -14,6 +14,8 @@ from gmrdata.store import write_npz
 
 FORMAT = "gmrdata-body/1"
 """Value of the key `format`."""
+
+_OPTIONAL = ("pose_dirs_m", "adult_shapes", "adult_phenotypes")
 
 
 def save_body(path: Path, body: BodyModel) -> None:
@@ -45,7 +47,7 @@ def read_body(path: Path) -> BodyModel:
         raise BadBodyFile(f"{path}: not a body file of gmrdata (its format is not {FORMAT!r})")
     values: dict[str, Any] = {}
     for field in fields(BodyModel):
-        if field.name not in arrays and field.name != "pose_dirs_m":
+        if field.name not in arrays and field.name not in _OPTIONAL:
             raise BadBodyFile(f"{path}: the array {field.name} is missing")
         values[field.name] = _in_memory(arrays.get(field.name))
     body = BodyModel(**values)
@@ -74,6 +76,7 @@ def check_body(path: Path, body: BodyModel) -> None:
             that do not sum to 1; the message names the array.
     """
     n_vertices, n_shape = len(body.template_m), body.shape_dirs_m.shape[-1]
+    n_adults = 0 if body.adult_shapes is None else len(body.adult_shapes)
     expected = {
         "template_m": (n_vertices, 3),
         "shape_dirs_m": (n_vertices, 3, n_shape),
@@ -82,6 +85,8 @@ def check_body(path: Path, body: BodyModel) -> None:
         "skin_weights": (n_vertices, N_JOINTS),
         "faces": (len(body.faces), 3),
         "pose_dirs_m": (n_vertices, 3, 9 * N_LOCAL),
+        "adult_shapes": (n_adults, n_shape),
+        "adult_phenotypes": (n_adults, len(PHENOTYPES)),
     }
     for name, shape in expected.items():
         array = getattr(body, name)
@@ -91,6 +96,8 @@ def check_body(path: Path, body: BodyModel) -> None:
             raise BadBodyFile(f"{path}: {name} has the shape {array.shape}, expected {shape}")
         if not np.isfinite(array).all():
             raise BadBodyFile(f"{path}: {name} holds values that are not finite")
+    if (body.adult_shapes is None) != (body.adult_phenotypes is None):
+        raise BadBodyFile(f"{path}: adult_shapes and adult_phenotypes belong together")
     if len(body.faces) == 0 or body.faces.min() < 0 or body.faces.max() >= n_vertices:
         raise BadBodyFile(f"{path}: faces must name vertices 0 to {n_vertices - 1}")
     if np.abs(body.skin_weights.sum(axis=1) - 1).max() > 1e-4 or body.skin_weights.min() < -1e-4:

@@ -13,11 +13,9 @@ import torch
 from torch import Tensor
 
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m as motion_joints_m
+from gmrdata.body.skin import motion_vertices_m as motion_vertices_m
 from gmrdata.body.tree import N_JOINTS, N_LOCAL, PARENTS
-from gmrdata.motion.motion import Motion
-
-CHUNK_BYTES = 128 << 20
-"""Memory that the numpy conveniences may take for one chunk of frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,51 +107,6 @@ def place(root_rotmats: Tensor, pelvis_m: Tensor, points: Tensor) -> Tensor:
     return points @ root_rotmats.transpose(-1, -2) + pelvis_m[..., None, :]
 
 
-def motion_joints_m(body: BodyModel, motion: Motion) -> np.ndarray:
-    """Joints of a motion, (T, 24, 3) float64 [m], in the motion's frame.
-
-    Raises:
-        ValueError: the motion's shape does not fit the body.
-    """
-    with torch.no_grad():
-        joints_m, _ = posed_joints(
-            body, torch.as_tensor(motion.shape), _tensor(motion.local_rotmats)
-        )
-        placed_m: np.ndarray = place(
-            _tensor(motion.root_rotmats), _tensor(motion.pelvis_m), joints_m
-        ).numpy()
-    return placed_m
-
-
-def motion_vertices_m(
-    body: BodyModel, motion: Motion, rows: np.ndarray | slice | None = None
-) -> np.ndarray:
-    """Vertices of a motion, (n, V, 3) float32 [m], in the motion's frame.
-
-    Args:
-        body: The body.
-        motion: The motion.
-        rows: Which of the motion's T frames: an index array, a bool mask or a slice; None for all.
-
-    Raises:
-        ValueError: the motion's shape does not fit the body.
-    """
-    numbers = np.arange(motion.n_frames)[slice(None) if rows is None else rows]
-    n_vertices = len(body.template_m)
-    vertices_m = np.empty((len(numbers), n_vertices, 3), dtype=np.float32)
-    # Per vertex: 12 numbers of the blended transform, and about as many in temporaries.
-    chunk = max(1, CHUNK_BYTES // (n_vertices * 24 * 4))
-    shape = torch.as_tensor(motion.shape)
-    with torch.no_grad():
-        for start in range(0, len(numbers), chunk):
-            now = numbers[start : start + chunk]
-            posed_m = posed_vertices(body, shape, _tensor(motion.local_rotmats[now]).float())
-            vertices_m[start : start + chunk] = place(
-                _tensor(motion.root_rotmats[now]), _tensor(motion.pelvis_m[now]), posed_m.double()
-            ).numpy()
-    return vertices_m
-
-
 def _chain(rest_joints_m: Tensor, local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
     """Forward kinematics down the tree (Loper et al. 2015, eq. 4)."""
     batch = torch.broadcast_shapes(rest_joints_m.shape[:-2], local_rotmats.shape[:-3])
@@ -209,10 +162,6 @@ def _make_tensors(body: BodyModel, like: Tensor) -> _BodyTensors:
         skin_weights=convert(body.skin_weights),
         pose_dirs_m=None if pose_dirs_m is None else convert(pose_dirs_m).flatten(0, 1),
     )
-
-
-def _tensor(array: np.ndarray) -> Tensor:
-    return torch.as_tensor(array, dtype=torch.float64)
 
 
 def _check_sizes(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> None:

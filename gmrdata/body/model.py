@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+PHENOTYPES = ("gender", "age", "muscle", "weight", "height", "proportions")
+"""Anny's, each from 0 to 1: gender 0 is male and 1 female; age 2/3 is young and 1 old."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodyModel:
@@ -32,6 +35,10 @@ class BodyModel:
     without them."""
     licence: str
     """Terms under which renders and arrays of this body may be passed on."""
+    adult_shapes: np.ndarray | None = None
+    """(N, S) shapes of usual adults, to draw people from; None for a body without such a list."""
+    adult_phenotypes: np.ndarray | None = None
+    """(N, 6) `PHENOTYPES` of those adults."""
 
     @property
     def n_shape(self) -> int:

@@ -31,6 +31,9 @@ from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, draw_style
 from gmrdata.motion.leg_ik import Leg
 from gmrdata.motion.motion import Motion
 
+N_DRAWN = 10
+"""Shape coefficients that vary, as many as SMPL's; further ones of a body stay at the mean."""
+
 __all__ = ["GAIT_KINDS", "draw_shape", "embedded_motions", "gait_with_contacts", "make_gait"]
 
 
@@ -142,8 +145,11 @@ def gait_with_contacts(
 
 
 def draw_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
-    """Draw a build: (S,) normal coefficients, kept within two deviations."""
-    return np.clip(rng.normal(0.0, 1.0, body.n_shape), -2.0, 2.0)
+    """Draw a build: (S,) normal coefficients, kept within two deviations, the first ten of them."""
+    shape = np.zeros(body.n_shape)
+    drawn = min(body.n_shape, N_DRAWN)
+    shape[:drawn] = np.clip(rng.normal(0.0, 1.0, drawn), -2.0, 2.0)
+    return shape
 
 
 def _check(kind: str, duration_s: float, fps_hz: float) -> None:

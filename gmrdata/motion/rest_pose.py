@@ -125,6 +125,24 @@ def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarr
     return np.asarray(Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix())
 
 
+def limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:
+    """C of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
+
+    Args:
+        source_rest_m: (24, 3) zero pose of the source in rest axes [m].
+        body_rest_m: (24, 3) rest joints of the body [m].
+
+    Returns:
+        `{SMPL joint: (3, 3)}`, the smallest such rotations.
+    """
+    return {
+        start: minimal_rotation(
+            body_rest_m[end] - body_rest_m[start], source_rest_m[end] - source_rest_m[start]
+        )
+        for start, end in LIMBS
+    }
+
+
 def _nearest_axis(vector: np.ndarray) -> tuple[np.ndarray, float]:
     """The signed coordinate axis (3,) next to a vector, and the angle between them [deg]."""
     axis = np.zeros(3)

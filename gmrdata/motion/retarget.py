@@ -43,10 +43,9 @@ from gmrdata.motion.feet import foot_corrections
 from gmrdata.motion.ground import put_on_floor
 from gmrdata.motion.motion import Motion
 from gmrdata.motion.rest_pose import (
-    LIMBS,
     check_size,
     leg_length_m,
-    minimal_rotation,
+    limb_corrections,
     smpl_joints_m,
     source_from_rest_axes,
 )
@@ -108,7 +107,7 @@ def retarget(
         source.fps_hz,
     )
     corrections = (
-        _limb_corrections(source_rest_m, body_rest_m)
+        limb_corrections(source_rest_m, body_rest_m)
         | feet
         | {
             JOINT[joint]: Rotation.from_euler("x", -pitch_deg, degrees=True).as_matrix()
@@ -148,16 +147,6 @@ def gender_of(body: BodyModel) -> str:
     """ "female" or "male" for a body whose name ends so, else "neutral"."""
     ending = body.name.rpartition("-")[2]
     return ending if ending in ("female", "male") else "neutral"
-
-
-def _limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:
-    """C of hips, knees, shoulders and elbows."""
-    return {
-        start: minimal_rotation(
-            body_rest_m[end] - body_rest_m[start], source_rest_m[end] - source_rest_m[start]
-        )
-        for start, end in LIMBS
-    }
 
 
 def _local_rotmats(

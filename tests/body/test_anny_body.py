@@ -98,12 +98,12 @@ def test_shapes_are_adults(anny: BodyModel) -> None:
         return float(np.ptp((anny.template_m + anny.shape_dirs_m @ shape)[:, 1]))
 
     zero, first = np.zeros(anny.n_shape), np.eye(anny.n_shape)[0]
-    assert anny.n_shape == 10
+    assert anny.n_shape == 16
     assert 1.62 < height_m(zero) < 1.76
     assert 1.45 < height_m(-2 * first) < height_m(zero) - 0.1
     assert height_m(zero) + 0.1 < height_m(2 * first) < 1.95
     sizes = np.sqrt((anny.shape_dirs_m**2).sum(axis=(0, 1)))
-    assert (np.diff(sizes) < 0).all()
+    assert (np.diff(sizes[:10]) < 0).all() and (np.diff(sizes[10:]) < 0).all()
     flat = np.concatenate([anny.joint_shape_dirs_m, anny.shape_dirs_m]).reshape(-1, anny.n_shape)
     unit = flat / np.linalg.norm(flat, axis=0)
     np.testing.assert_allclose(unit.T @ unit, np.eye(anny.n_shape), atol=1e-4)

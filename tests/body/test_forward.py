@@ -12,15 +12,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from gmrdata.body import forward
-from gmrdata.body.forward import (
-    motion_joints_m,
-    motion_vertices_m,
-    place,
-    posed_joints,
-    posed_vertices,
-)
+from gmrdata.body import skin
+from gmrdata.body.forward import place, posed_joints, posed_vertices
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m, motion_vertices_m
 from gmrdata.body.tree import JOINT, MIRRORED, PARENTS
 from gmrdata.motion.motion import Motion
 
@@ -214,7 +209,7 @@ def test_motions_are_placed_frame_by_frame(
     small_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     motion = random_motion(np.random.default_rng(6), 7)
-    monkeypatch.setattr(forward, "CHUNK_BYTES", 3 * len(small_body.template_m) * 96)
+    monkeypatch.setattr(skin, "CHUNK_BYTES", 3 * len(small_body.template_m) * 48)
     joints_m = motion_joints_m(small_body, motion)
     vertices_m = motion_vertices_m(small_body, motion)
     assert joints_m.shape == (7, 24, 3)
@@ -230,6 +225,19 @@ def test_motions_are_placed_frame_by_frame(
     np.testing.assert_allclose(some_m, vertices_m[[5, 1]], atol=1e-6)
     assert motion_vertices_m(small_body, motion, slice(2, 4)).shape[0] == 2
     assert motion_vertices_m(small_body, motion, np.zeros(7, dtype=bool)).shape[0] == 0
+
+
+def test_numpy_bends_a_body_with_the_pose_as_torch_does(small_body: BodyModel) -> None:
+    rng = np.random.default_rng(8)
+    bends_m = 0.01 * rng.normal(size=(len(small_body.template_m), 3, 207))
+    body = dataclasses.replace(small_body, pose_dirs_m=bends_m)
+    motion = random_motion(rng, 3)
+    shape, local = torch.as_tensor(motion.shape), torch.as_tensor(motion.local_rotmats)
+    root, pelvis_m = torch.as_tensor(motion.root_rotmats), torch.as_tensor(motion.pelvis_m)
+    expected_m = place(root, pelvis_m, posed_vertices(body, shape, local))
+    np.testing.assert_allclose(motion_vertices_m(body, motion), expected_m, atol=3e-6)
+    expected_m = place(root, pelvis_m, posed_joints(body, shape, local)[0])
+    np.testing.assert_allclose(motion_joints_m(body, motion), expected_m, atol=1e-12)
 
 
 def test_wrong_sizes_are_named(small_body: BodyModel) -> None:

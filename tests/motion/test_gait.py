@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmrdata.body.forward import motion_joints_m, motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m, motion_vertices_m
 from gmrdata.body.tree import JOINT
 from gmrdata.errors import BadRecipe
 from gmrdata.motion.gait import GAIT_KINDS, embedded_motions, gait_with_contacts, make_gait

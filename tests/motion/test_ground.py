@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.forward import motion_joints_m, motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m, motion_vertices_m
 from gmrdata.body.tree import JOINT
 from gmrdata.motion.feet import foot_corrections
 from gmrdata.motion.ground import put_on_floor, sole_points_m

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.forward import motion_joints_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m
 from gmrdata.body.tree import JOINT, JOINT_NAMES
 from gmrdata.errors import BadMotionFile
 from gmrdata.motion.amc import read_amc

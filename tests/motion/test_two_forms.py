@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.body.forward import motion_joints_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m
 from gmrdata.motion.amc import read_amc
 from gmrdata.motion.bvh import read_bvh
 from gmrdata.motion.read import read_motion
