@@ -4,30 +4,17 @@ Each programme is a pure function of time and of the subject's path, so the same
 Blender, tests, and cameras that are never rendered.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from gmrdata.config import Config
-from gmrdata.errors import BadMotionFile, BadRecipe
+from gmrdata.errors import BadMotionFile
+from gmrdata.geometry import moves
 from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov
-from gmrdata.geometry.framing import in_frame_share, person_box
-from gmrdata.geometry.look_at import look_at, smooth_path
-from gmrdata.geometry.transforms import rigid
-
-FOLLOW_SIGMA_S = 0.35
-"""Low-pass on the subject's path: steps bob at about 2 Hz, and an operator doesn't follow those."""
-STANDING_M = 0.5
-"""A subject that ends this close to its start has no walking direction."""
-SLOWEST_M_PER_S = 0.3
-"""Speed of a travelling camera whose subject stays in place."""
-FRAME_MARGIN_SHARE = 0.03
-DISTANCES_M = np.arange(2.0, 25.01, 0.25)
-"""Distances that are tried, nearest first, until the subject stays in frame."""
+from gmrdata.geometry.distance import nearest_in_frame
+from gmrdata.geometry.subject_path import SubjectPath, subject_path
 
 
 class View(Config):
@@ -114,20 +101,6 @@ Programme = Annotated[
 ]
 
 
-@dataclass(frozen=True, eq=False)
-class _Scene:
-    """What a programme knows of its subject, and the random choices that it may use."""
-
-    time_s: np.ndarray  # (T,), 0 at the middle of the clip
-    target_m: np.ndarray  # (T, 3) smoothed pelvis
-    centre_m: np.ndarray  # (3,) middle of the path
-    heading_rad: float  # walking direction
-    speed_m_per_s: float  # along the walking direction, 0 when standing
-    side: float  # +1 or -1: which side of the path the camera takes
-    jitter_rad: float
-    waves: np.ndarray  # (T, 6) smooth unit noise: 3 of position, 3 of rotation
-
-
 def camera_path(
     programme: Programme,
     pelvis_world_m: np.ndarray,
@@ -160,170 +133,84 @@ def camera_path(
         raise BadMotionFile(
             f"the subject's path must be (T, 3) finite numbers, this one is {pelvis.shape}"
         )
-    scene = _scene(programme, pelvis, fps_hz, rng)
+    subject = subject_path(pelvis, fps_hz, programme.lag_s, rng)
     intrinsics_px = intrinsics_from_fov(hfov_deg, width_px, height_px)
 
     def at(distance_m: float) -> CameraPath:
-        world_from_cam = _MOVES[programme.kind](programme, scene, distance_m)
-        if isinstance(programme, Moving):
-            hand = programme.handheld_m, programme.handheld_deg
-            world_from_cam = _held(world_from_cam, scene.waves, *hand)
+        world_from_cam = _world_from_cam(programme, subject, distance_m)
         has_camera = np.ones(len(pelvis), dtype=bool)
         return CameraPath(intrinsics_px, width_px, height_px, world_from_cam, has_camera)
 
     given_m = programme.distance_m
     if isinstance(programme, Circular) and programme.radius_m is not None:
         given_m = programme.radius_m
-    return at(given_m) if given_m is not None else _nearest_in_frame(at, pelvis, programme.kind)
+    return at(given_m) if given_m is not None else nearest_in_frame(at, pelvis, programme.kind)
 
 
-def _nearest_in_frame(
-    at: Callable[[float], CameraPath], pelvis: np.ndarray, kind: str
-) -> CameraPath:
-    box = person_box(pelvis)
-    for distance_m in DISTANCES_M:
-        camera = at(float(distance_m))
-        if in_frame_share(camera, box, FRAME_MARGIN_SHARE) == 1.0:
-            return camera
-    raise BadRecipe(
-        f"a {kind} camera can't keep the subject in frame from any distance up to "
-        f"{DISTANCES_M[-1]:.0f} m; widen hfov_deg, shorten the clip, or give distance_m"
+def _world_from_cam(programme: Programme, subject: SubjectPath, distance_m: float) -> np.ndarray:
+    """The programme's camera (T, 4, 4) at a distance [m]."""
+    if isinstance(programme, Circular):
+        steady = _circular(programme, subject, distance_m)
+    elif isinstance(programme, Linear):
+        place_m, centres_m = _travel(programme, subject, distance_m, share=1.0)
+        steady = (
+            moves.following(subject, centres_m)
+            if programme.look == "subject"
+            else moves.looking_ahead(subject, centres_m, place_m)
+        )
+    elif isinstance(programme, LinearPanning):
+        _, centres_m = _travel(programme, subject, distance_m, share=0.5)
+        steady = moves.following(subject, centres_m)
+    else:
+        azimuth_rad = _beside_rad(programme, subject)
+        place_m = moves.station(subject, azimuth_rad, distance_m, programme.height_m)
+        centres_m = moves.at_rest(subject, place_m)
+        steady = (
+            moves.following(subject, centres_m)
+            if isinstance(programme, Panning)
+            else moves.looking_ahead(subject, centres_m, place_m)
+        )
+    if isinstance(programme, Moving):
+        return moves.held(subject, steady, programme.handheld_m, programme.handheld_deg)
+    if isinstance(programme, Small):
+        return moves.held(subject, steady, programme.drift_m, programme.shake_deg)
+    return steady
+
+
+def _circular(programme: Circular, subject: SubjectPath, distance_m: float) -> np.ndarray:
+    turn = 1.0 if programme.direction == "counterclockwise" else -1.0
+    # On this side the camera travels with the subject, which keeps their distance even.
+    chosen_rad = subject.heading_rad - turn * np.pi / 2 + subject.jitter_rad
+    rate_rad_per_s = turn * np.deg2rad(programme.rate_deg_per_s)
+    centres_m = moves.circle(
+        subject,
+        _azimuth_rad(programme, chosen_rad),
+        rate_rad_per_s,
+        distance_m,
+        programme.height_m,
     )
+    return moves.following(subject, centres_m)
 
 
-def _scene(
-    programme: Programme, pelvis: np.ndarray, fps_hz: float, rng: np.random.Generator
-) -> _Scene:
-    n_frames = len(pelvis)
-    time_s = (np.arange(n_frames) - (n_frames - 1) / 2) / fps_hz
-    target = smooth_path(pelvis, fps_hz, FOLLOW_SIGMA_S, programme.lag_s)
-    # The same draws in the same order for every programme, so that seeds are comparable.
-    any_heading_rad, side = rng.uniform(-np.pi, np.pi), rng.choice([-1.0, 1.0])
-    jitter_rad = np.deg2rad(rng.uniform(-8, 8))
-    waves = _hand_waves(time_s, rng)
-    span = pelvis[-1, :2] - pelvis[0, :2]
-    walks = np.linalg.norm(span) > STANDING_M
-    return _Scene(
-        time_s=time_s,
-        target_m=target,
-        centre_m=(pelvis.min(axis=0) + pelvis.max(axis=0)) / 2,
-        heading_rad=float(np.arctan2(span[1], span[0]) if walks else any_heading_rad),
-        speed_m_per_s=float(np.linalg.norm(span) * fps_hz / (n_frames - 1)) if walks else 0.0,
-        side=float(side),
-        jitter_rad=float(jitter_rad),
-        waves=waves,
-    )
+def _travel(
+    programme: Linear | LinearPanning, subject: SubjectPath, distance_m: float, share: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Place (3,) in the middle of the clip and centres (T, 3) of a camera on a straight line."""
+    if programme.move == "truck":
+        azimuth_rad = _beside_rad(programme, subject)
+        along_rad = azimuth_rad + np.pi / 2
+    else:
+        azimuth_rad = _azimuth_rad(programme, subject.heading_rad + subject.jitter_rad)
+        along_rad = azimuth_rad
+    place_m = moves.station(subject, azimuth_rad, distance_m, programme.height_m)
+    return place_m, moves.line(subject, place_m, along_rad, programme.speed_m_per_s, share)
 
 
-def _hand_waves(time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(T, 6) smooth noise of unit variance: sway below 1 Hz and some tremor above, as 1/f."""
-    frequencies_hz = np.array([0.15, 0.35, 0.7, 1.3, 2.4]) * rng.uniform(0.8, 1.2, (6, 5))
-    phases_rad = rng.uniform(0, 2 * np.pi, (6, 5))
-    amplitudes = 1 / frequencies_hz
-    amplitudes /= np.sqrt((amplitudes**2).sum(axis=1, keepdims=True) / 2)
-    angles = 2 * np.pi * frequencies_hz * time_s[:, None, None] + phases_rad
-    return np.asarray((amplitudes * np.sin(angles)).sum(axis=-1))
-
-
-def _direction(angle_rad: float) -> np.ndarray:
-    return np.array([np.cos(angle_rad), np.sin(angle_rad), 0.0])
+def _beside_rad(view: View, subject: SubjectPath) -> float:
+    """Azimuth of a camera beside the path, where a walk crosses the picture."""
+    chosen_rad = subject.heading_rad + subject.side * np.pi / 2 + subject.jitter_rad
+    return _azimuth_rad(view, chosen_rad)
 
 
 def _azimuth_rad(view: View, chosen_rad: float) -> float:
     return chosen_rad if view.azimuth_deg is None else float(np.deg2rad(view.azimuth_deg))
-
-
-def _beside_rad(view: View, scene: _Scene) -> float:
-    """Azimuth of a camera beside the path, where a walk crosses the picture."""
-    return _azimuth_rad(view, scene.heading_rad + scene.side * np.pi / 2 + scene.jitter_rad)
-
-
-def _station(view: View, scene: _Scene, azimuth_rad: float, distance_m: float) -> np.ndarray:
-    """The camera's place (3,) at the middle of the clip [m]."""
-    place = scene.centre_m + distance_m * _direction(azimuth_rad)
-    return np.array([place[0], place[1], view.height_m])
-
-
-def _fixed(centres_m: np.ndarray, scene: _Scene, station_m: np.ndarray) -> np.ndarray:
-    """Cameras (T, 4, 4) with one orientation: from the station to the middle of the path."""
-    return rigid(look_at(station_m, scene.centre_m), centres_m)
-
-
-def _circular(programme: Circular, scene: _Scene, distance_m: float) -> np.ndarray:
-    turn = 1.0 if programme.direction == "counterclockwise" else -1.0
-    # On this side the camera travels with the subject, which keeps their distance even.
-    middle_rad = _azimuth_rad(programme, scene.heading_rad - turn * np.pi / 2 + scene.jitter_rad)
-    angles_rad = middle_rad + turn * np.deg2rad(programme.rate_deg_per_s) * scene.time_s
-    centres = np.stack([_station(programme, scene, a, distance_m) for a in angles_rad])
-    return rigid(look_at(centres, scene.target_m), centres)
-
-
-def _travel(
-    programme: Linear | LinearPanning, scene: _Scene, distance_m: float, share: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Station (3,) and centres (T, 3) of a camera on a straight line."""
-    heading = _direction(scene.heading_rad)
-    if programme.move == "truck":
-        azimuth_rad = _beside_rad(programme, scene)
-        along = _direction(azimuth_rad + np.pi / 2)
-    else:
-        azimuth_rad = _azimuth_rad(programme, scene.heading_rad + scene.jitter_rad)
-        along = _direction(azimuth_rad)
-    along = along if along @ heading >= 0 else -along
-    speed = programme.speed_m_per_s
-    if speed is None:
-        speed = max(share * scene.speed_m_per_s * float(along @ heading), SLOWEST_M_PER_S)
-    station = _station(programme, scene, azimuth_rad, distance_m)
-    return station, station + speed * scene.time_s[:, None] * along
-
-
-def _linear(programme: Linear, scene: _Scene, distance_m: float) -> np.ndarray:
-    station, centres = _travel(programme, scene, distance_m, share=1.0)
-    if programme.look == "subject":
-        return rigid(look_at(centres, scene.target_m), centres)
-    return _fixed(centres, scene, station)
-
-
-def _linear_panning(programme: LinearPanning, scene: _Scene, distance_m: float) -> np.ndarray:
-    _, centres = _travel(programme, scene, distance_m, share=0.5)
-    return rigid(look_at(centres, scene.target_m), centres)
-
-
-def _panning(programme: Panning, scene: _Scene, distance_m: float) -> np.ndarray:
-    station = _station(programme, scene, _beside_rad(programme, scene), distance_m)
-    centres = np.tile(station, (len(scene.time_s), 1))
-    return rigid(look_at(centres, scene.target_m), centres)
-
-
-def _small(programme: Small, scene: _Scene, distance_m: float) -> np.ndarray:
-    station = _station(programme, scene, _beside_rad(programme, scene), distance_m)
-    at_rest = _fixed(np.tile(station, (len(scene.time_s), 1)), scene, station)
-    return _held(at_rest, scene.waves, programme.drift_m, programme.shake_deg)
-
-
-def _held(
-    world_from_cam: np.ndarray, waves: np.ndarray, drift_m: float, shake_deg: float
-) -> np.ndarray:
-    """Cameras (T, 4, 4) with a hand's unrest (T, 6) on them; the same for amplitudes of zero."""
-    held = world_from_cam.copy()
-    if drift_m > 0:
-        held[:, :3, 3] += drift_m * waves[:, :3]
-    if shake_deg > 0:
-        shake = Rotation.from_rotvec(np.deg2rad(shake_deg) * waves[:, 3:])
-        held[:, :3, :3] = held[:, :3, :3] @ shake.as_matrix()
-    return held
-
-
-def _static(programme: Static, scene: _Scene, distance_m: float) -> np.ndarray:
-    station = _station(programme, scene, _beside_rad(programme, scene), distance_m)
-    return _fixed(np.tile(station, (len(scene.time_s), 1)), scene, station)
-
-
-_MOVES: dict[str, Callable[..., np.ndarray]] = {
-    "circular": _circular,
-    "linear": _linear,
-    "linear_panning": _linear_panning,
-    "panning": _panning,
-    "small": _small,
-    "static": _static,
-}

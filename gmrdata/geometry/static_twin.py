@@ -6,9 +6,9 @@ import numpy as np
 
 from gmrdata.errors import BadRecipe
 from gmrdata.geometry.camera import CameraPath
+from gmrdata.geometry.distance import DISTANCES_M, FRAME_MARGIN_SHARE
 from gmrdata.geometry.framing import in_frame_share, person_box
 from gmrdata.geometry.look_at import look_at
-from gmrdata.geometry.programmes import DISTANCES_M, FRAME_MARGIN_SHARE
 from gmrdata.geometry.transforms import rigid
 
 STEP_M = 0.25
