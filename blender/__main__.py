@@ -3,7 +3,9 @@
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import ValidationError
 
@@ -11,26 +13,31 @@ from blender.parent import die_with_parent
 from gmrdata.body.file import read_body
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip, load_clip
+from gmrdata.config import Config
 from gmrdata.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.render import RenderJob
 
+JobKind = TypeVar("JobKind", bound=Config)
 
-def main(arguments: list[str]) -> int:
-    """Run a job; the exit code is 0, or 1 with a message on stderr."""
+
+def main(arguments: list[str]) -> None:
+    """Render the clip of a job file."""
+    job_path = parse(arguments)
+    job = read_job(job_path, RenderJob)
+    clip, body = load_clip(job.clip_path), read_body(job.body_path)
+    camera = camera_of(job, clip, body)
+    import_bpy(job.threads)
+    from blender.render import render
+
+    render(job, clip, body, camera)
+
+
+def run(work: Callable[[], None]) -> int:
+    """Do the work; the exit code is 0, or 1 with a message on stderr."""
     try:
-        job_path = parse(arguments)
-        job = read_job(job_path)
-        clip, body = load_clip(job.clip_path), read_body(job.body_path)
-        camera = camera_of(job, clip, body)
-        _import_bpy(job.threads)
-        from blender.render import render
-
-        render(job, clip, body, camera)
-    except GmrdataError as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 1
-    except OSError as error:
+        work()
+    except (GmrdataError, OSError) as error:
         sys.stderr.write(f"error: {error}\n")
         return 1
     return 0
@@ -45,12 +52,12 @@ def parse(arguments: list[str]) -> Path:
     return Path(arguments[0])
 
 
-def read_job(path: Path) -> RenderJob:
+def read_job(path: Path, kind: type[JobKind]) -> JobKind:
     """Read and check a job file."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such job file")
     try:
-        return RenderJob.model_validate_json(path.read_bytes())
+        return kind.model_validate_json(path.read_bytes())
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"
@@ -75,7 +82,7 @@ def camera_of(job: RenderJob, clip: Clip, body: BodyModel) -> CameraPath:
     return clip.camera
 
 
-def _import_bpy(threads: int) -> None:
+def import_bpy(threads: int) -> None:
     """Import bpy with as many processors in sight as it may use.
 
     Its thread library counts them once, at import; with more than Cycles is told to use, an idle
@@ -92,4 +99,4 @@ def _import_bpy(threads: int) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(run(lambda: main(sys.argv[1:])))

@@ -4,6 +4,7 @@
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gmrdata.errors import BadRecipe
 from gmrdata.geometry.camera import CameraPath
@@ -49,21 +50,46 @@ def make_camera(scene: Any, camera_path: CameraPath) -> Any:
     return camera
 
 
-def place_camera(camera: Any, world_from_cam: np.ndarray) -> None:
-    """Move the Blender camera to a transform (4, 4) with OpenCV axes."""
-    import mathutils
+def animate_camera(camera: Any, world_from_cam: np.ndarray) -> None:
+    """Let the Blender camera be at transform t of (T, 4, 4), with OpenCV axes, in frame t.
 
-    camera.matrix_world = mathutils.Matrix(swap_axes(world_from_cam).tolist())
+    Between frames it goes straight and turns evenly, and beyond the ends it goes on, which only
+    matters while a shutter is open.
+    """
+    import bpy
+    from bpy_extras.anim_utils import action_ensure_channelbag_for_slot
+
+    transforms = swap_axes(world_from_cam)
+    camera.rotation_mode = "QUATERNION"
+    camera.animation_data_create().action = action = bpy.data.actions.new("camera")
+    camera.animation_data.action_slot = slot = action.slots.new("OBJECT", "camera")
+    bag = action_ensure_channelbag_for_slot(action, slot)
+    places = {"location": transforms[:, :3, 3], "rotation_quaternion": _quaternions(transforms)}
+    frames = np.arange(len(transforms))
+    for channel, values in places.items():
+        for index, value in enumerate(values.T):
+            curve = bag.fcurves.new(channel, index=index)
+            curve.keyframe_points.add(len(frames))
+            curve.keyframe_points.foreach_set("co", np.c_[frames, value].ravel())
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+            curve.extrapolation = "LINEAR"
+            curve.update()
+
+
+def _quaternions(transforms: np.ndarray) -> np.ndarray:
+    """Unit quaternions (T, 4), real part first, without a jump of sign from frame to frame."""
+    quaternions = Rotation.from_matrix(transforms[:, :3, :3]).as_quat(scalar_first=True)
+    turns = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0
+    signs = np.where(np.r_[False, np.cumsum(turns) % 2 == 1], -1.0, 1.0)
+    return signs[:, None] * quaternions
 
 
 def read_back(scene: Any, camera: Any, wanted: CameraPath) -> CameraPath:
-    """The camera as Blender uses it (single precision), for every frame of the wanted path."""
-    import bpy
-
+    """The animated camera as Blender uses it (single precision), in every frame."""
     world_from_cam = np.empty_like(wanted.world_from_cam)
-    for row, transform in enumerate(wanted.world_from_cam):
-        place_camera(camera, transform)
-        bpy.context.view_layer.update()
+    for row in range(len(world_from_cam)):
+        scene.frame_set(row)
         world_from_cam[row] = swap_axes(np.array(camera.matrix_world))
     render, data = scene.render, camera.data
     width_px, height_px = int(render.resolution_x), int(render.resolution_y)

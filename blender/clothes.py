@@ -1,69 +1,174 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Skin, hair and clothes as vertex colours, from the skinning weights."""
+"""Skin and clothes painted onto a body, by where in the rest pose each texel is."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from blender.atlas import Atlas
+from blender.head import paint_head
+from blender.outfit import Outfit
+from blender.patterns import Cloth, colours_at, waves
 from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import JOINT, JOINT_NAMES
+from gmrdata.body.tree import JOINT
 
-SKINS = ((0.87, 0.66, 0.53), (0.78, 0.56, 0.42), (0.62, 0.42, 0.30), (0.45, 0.29, 0.20))
-HAIRS = ((0.10, 0.07, 0.05), (0.24, 0.15, 0.08), (0.52, 0.37, 0.18), (0.35, 0.14, 0.07))
-SHIRTS = ((0.72, 0.13, 0.12), (0.10, 0.32, 0.58), (0.93, 0.88, 0.78), (0.90, 0.60, 0.10))
-TROUSERS = ((0.13, 0.17, 0.30), (0.24, 0.22, 0.20), (0.42, 0.36, 0.26), (0.10, 0.10, 0.11))
-SHOES = ((0.90, 0.89, 0.86), (0.22, 0.12, 0.07), (0.08, 0.08, 0.09))
+_HEAD = ("neck", "head")
+_ARMS = tuple(f"{s}_{j}" for s in ("left", "right") for j in ("shoulder", "elbow", "wrist", "hand"))
+_LEGS = tuple(f"{s}_{j}" for s in ("left", "right") for j in ("hip", "knee", "ankle", "foot"))
 
-_TORSO = (
-    "spine1",
-    "spine2",
-    "spine3",
-    "left_collar",
-    "right_collar",
-    "left_shoulder",
-    "right_shoulder",
-)
-_LEGS = ("pelvis", "left_hip", "right_hip", "left_knee", "right_knee")
-_FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")
+TORSO_RADIUS_M, ARM_RADIUS_M, LEG_RADIUS_M = 0.15, 0.05, 0.08
+"""By which an angle round a limb becomes a length on its cloth."""
 
 
-def vertex_colours(body: BodyModel, shape: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(V, 3) linear colours: a person in a T-shirt, trousers and shoes.
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where M texels are on a body in the T-pose, metres from its landmarks."""
+
+    rest_m: np.ndarray
+    """(M, 3) x to the left, y up, z to the front."""
+    on_head: np.ndarray
+    """(M,) share of neck and head in the skin, 0 to 1."""
+    on_arms: np.ndarray
+    """(M,) share of the arms."""
+    joints_m: np.ndarray
+    """(24, 3) rest joints."""
+
+    def joint(self, name: str) -> np.ndarray:
+        """(3,) a rest joint [m]."""
+        return np.asarray(self.joints_m[JOINT[name]])
+
+    @property
+    def is_arm(self) -> np.ndarray:
+        """(M,) bool."""
+        return self.on_arms > 0.5
+
+    @property
+    def is_leg(self) -> np.ndarray:
+        """(M,) bool: below the hips."""
+        return np.asarray(self.rest_m[:, 1] < self.joint("left_hip")[1])
+
+
+def paint(body: BodyModel, shape: np.ndarray, outfit: Outfit, atlas: Atlas) -> np.ndarray:
+    """(H, W, 3) sRGB picture of a dressed body.
 
     Args:
-        body: Its weights say which vertex belongs to which limb.
+        body: Its weights say which skin belongs to which limb.
         shape: (S,) shape coefficients.
-        rng: Chooses the colours.
+        outfit: What to paint.
+        atlas: The atlas of the body's faces.
     """
-    skin, hair, shirt, trousers, shoes = (
-        np.array(colours[int(rng.integers(len(colours)))])
-        for colours in (SKINS, HAIRS, SHIRTS, TROUSERS, SHOES)
-    )
     rest_m = body.template_m + body.shape_dirs_m @ np.asarray(shape, dtype=np.float64)
-    joints_m = body.rest_joints_m(shape)
-    colours = np.tile(skin, (len(rest_m), 1))
-    on = {
-        name: body.skin_weights[:, [JOINT[j] for j in joints]].sum(axis=1)
-        for name, joints in (("torso", _TORSO), ("legs", _LEGS), ("feet", _FEET))
-    }
-    is_torso = on["torso"] > 0.5
-    colours[is_torso] = shirt
-    waist_m = joints_m[JOINT["spine1"], 1] + 0.02
-    is_legs = (on["legs"] > 0.5) | (is_torso & (rest_m[:, 1] < waist_m))
-    colours[is_legs] = trousers
-    ankle_m = joints_m[[JOINT["left_ankle"], JOINT["right_ankle"]], 1].mean()
-    is_feet = on["feet"] > 0.5
-    colours[is_feet] = np.where((rest_m[is_feet, 1] > ankle_m + 0.03)[:, None], trousers, shoes)
-    colours[_hair(body, rest_m)] = hair
-    return np.asarray(colours**2.2, dtype=np.float32)
+    shares = [
+        body.skin_weights[:, [JOINT[joint] for joint in joints]].sum(axis=1)
+        for joints in (_HEAD, _ARMS)
+    ]
+    at = atlas.spread(body.faces, np.column_stack([rest_m, *shares]))
+    places = Places(at[:, :3], at[:, 3], at[:, 4], body.rest_joints_m(shape))
+    colours = np.tile(outfit.skin.astype(np.float32), (len(at), 1))
+    colours *= 1 + 0.015 * waves(places.rest_m, 25.0, outfit.seed)[:, None]
+    _paint_feet(colours, places, outfit)
+    _paint_legs(colours, places, outfit)
+    _paint_top(colours, places, outfit)
+    head = body.skin_weights[:, JOINT["head"]] > 0.5
+    if head.any():
+        box_m = np.stack([rest_m[head].min(axis=0), rest_m[head].max(axis=0)])
+        paint_head(colours, places.rest_m, places.on_head, box_m, places.joint("neck"), outfit)
+    return atlas.picture(np.clip(colours, 0, 1))
 
 
-def _hair(body: BodyModel, rest_m: np.ndarray) -> np.ndarray:
-    """(V,) bool: the top and the back of the head."""
-    owner = np.array(JOINT_NAMES)[body.skin_weights.argmax(axis=1)]
-    head = owner == "head"
-    if not head.any():
-        return head
-    low, high = rest_m[head].min(axis=0), rest_m[head].max(axis=0)
-    up = (rest_m[:, 1] - low[1]) / max(high[1] - low[1], 1e-6)
-    front = (rest_m[:, 2] - low[2]) / max(high[2] - low[2], 1e-6)
-    # A slanting hairline: the forehead is bare to four fifths of the height, the neck to a third.
-    return np.asarray(head & (up > 0.36 + 0.5 * np.clip((front - 0.3) / 0.55, 0, 1)))
+def _paint_feet(colours: np.ndarray, places: Places, outfit: Outfit) -> None:
+    height_m = places.rest_m[:, 1]
+    ankle_m, floor_m = places.joint("left_ankle")[1], height_m.min()
+    shoe_top_m = ankle_m + outfit.boot_m + 0.005
+    colours[height_m < shoe_top_m + outfit.sock_m] = outfit.socks
+    colours[height_m < shoe_top_m] = outfit.shoes
+    # A lighter tongue and laces, and a sole that shows.
+    ahead_m = places.rest_m[:, 2] - places.joint("left_ankle")[2]
+    aside_m = np.abs(np.abs(places.rest_m[:, 0]) - places.joint("left_foot")[0])
+    laces = (ahead_m > 0.02) & (ahead_m < 0.10) & (aside_m < 0.018)
+    colours[laces & (height_m < shoe_top_m) & (height_m > floor_m + 0.045)] = outfit.soles
+    colours[height_m < floor_m + 0.012] = outfit.soles
+
+
+def _paint_legs(colours: np.ndarray, places: Places, outfit: Outfit) -> None:
+    height_m = places.rest_m[:, 1]
+    hip_m, knee_m, ankle_m = (places.joint(f"left_{name}")[1] for name in ("hip", "knee", "ankle"))
+    waist_m = _waist_m(places)
+    end_m = np.interp(outfit.leg_end, [0, 1, 2], [hip_m - 0.08, knee_m, ankle_m])
+    covered = (height_m < waist_m) & (height_m > end_m) & ~places.is_arm
+    _sew(colours, places, outfit.legs, covered, around_torso=outfit.skirt)
+    if outfit.side_stripe is not None and not outfit.skirt:
+        outside = np.abs(places.rest_m[:, 0]) - np.abs(places.joint("left_knee")[0])
+        stripe = np.abs(places.rest_m[:, 2] - places.joint("left_knee")[2]) < 0.014
+        colours[covered & stripe & (outside > 0.02)] = outfit.side_stripe
+    if outfit.belt is not None:
+        colours[covered & (height_m > waist_m - 0.035)] = outfit.belt
+
+
+def _paint_top(colours: np.ndarray, places: Places, outfit: Outfit) -> None:
+    inner = _top_region(places, outfit.sleeve, outfit.hem, outfit.neckline_m)
+    _sew(colours, places, outfit.top, inner)
+    if outfit.print_colour is not None:
+        _paint_print(colours, places, outfit, inner)
+    if outfit.jacket is not None:
+        open_m = 0.025 + 0.06 * np.clip(places.rest_m[:, 1] - _waist_m(places), 0, 0.4)
+        is_open = (np.abs(places.rest_m[:, 0]) < open_m) & (places.rest_m[:, 2] > _axis_z(places))
+        outer = _top_region(places, 1.96, outfit.hem + 0.2, 0.0) & ~is_open
+        _sew(colours, places, outfit.jacket, outer)
+
+
+def _top_region(places: Places, sleeve: float, hem: float, neckline_m: float) -> np.ndarray:
+    """(M,) bool: what a top covers; lengths as in `Outfit`."""
+    aside_m, height_m = np.abs(places.rest_m[:, 0]), places.rest_m[:, 1]
+    joints = [abs(places.joint(f"left_{name}")[0]) for name in ("shoulder", "elbow", "wrist")]
+    cuff_m = np.interp(sleeve, [0, 1, 2], joints)
+    waist_m = _waist_m(places) - 0.01
+    hem_m = np.interp(hem, [0, 1], [waist_m, places.joint("left_hip")[1] - 0.04])
+    covered = (places.on_head < 0.5) & (height_m > hem_m)
+    covered &= ~(places.is_arm & (aside_m > cuff_m))
+    if neckline_m:
+        front = places.rest_m[:, 2] > places.joint("neck")[2]
+        above_m = height_m - (places.joint("neck")[1] - 0.05 - neckline_m)
+        covered &= ~(front & (aside_m < 0.65 * above_m))
+    return covered
+
+
+def _paint_print(colours: np.ndarray, places: Places, outfit: Outfit, covered: np.ndarray) -> None:
+    """Squares on the chest, the same to the left and to the right."""
+    side_m, middle_m = 0.19, places.joint("spine3")[1] + 0.06
+    column = np.floor((places.rest_m[:, 0] / side_m + 0.5) * 8).astype(int)
+    row = np.floor(((places.rest_m[:, 1] - middle_m) / side_m + 0.5) * 8).astype(int)
+    inside = covered & (places.rest_m[:, 2] > _axis_z(places) + 0.02)
+    inside &= (column >= 0) & (column < 8) & (row >= 0) & (row < 8)
+    inside[inside] = outfit.print_bits[row[inside], column[inside]]
+    colours[inside] = outfit.print_colour
+
+
+def _sew(
+    colours: np.ndarray,
+    places: Places,
+    cloth: Cloth,
+    covered: np.ndarray,
+    *,
+    around_torso: bool = False,
+) -> None:
+    """Paint a cloth where it covers the skin; it runs round torso, arms and legs."""
+    arm, leg = places.is_arm[covered], places.is_leg[covered] & (not around_torso)
+    x, y, z = places.rest_m[covered].T
+    elbow, knee = places.joint("left_elbow"), places.joint("left_knee")
+    across_m = TORSO_RADIUS_M * np.arctan2(x, z - _axis_z(places))
+    along_m = y - places.joint("spine2")[1]
+    across_m[arm] = ARM_RADIUS_M * np.arctan2(z[arm] - elbow[2], y[arm] - elbow[1])
+    along_m[arm] = abs(places.joint("left_shoulder")[0]) - np.abs(x[arm])
+    across_m[leg] = LEG_RADIUS_M * np.arctan2(np.abs(x[leg]) - abs(knee[0]), z[leg] - knee[2])
+    along_m[leg] = y[leg] - knee[1]
+    colours[covered] = colours_at(cloth, across_m, along_m)
+
+
+def _waist_m(places: Places) -> float:
+    return float(places.joint("spine1")[1]) + 0.02
+
+
+def _axis_z(places: Places) -> float:
+    """Middle of the trunk from back to front [m]."""
+    return float(places.joint("spine2")[2]) + 0.03

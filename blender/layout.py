@@ -10,6 +10,7 @@ import numpy as np
 SUBJECT_CLEARANCE_M = 1.1
 CAMERA_CLEARANCE_M = 0.9
 SIGHT_CLEARANCE_M = 0.5
+PERSON_M = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,12 @@ class Yard:
     """(H, W, 3) equirectangular; None: none to be seen."""
     lamp_m: np.ndarray | None = None
     """(3,) the lamp of a closed room, world [m]."""
+
+
+def main_colours(yard: Yard) -> np.ndarray:
+    """(N, 3) mean colours of the ground and of what stands higher than a person."""
+    tall = [thing.picture for thing in yard.things if thing.size_m[2] > PERSON_M]
+    return np.array([picture.mean(axis=(0, 1)) for picture in (yard.ground, *tall)])
 
 
 def surroundings(
@@ -82,6 +89,21 @@ def is_free(
     return bool(np.linalg.norm(nearest - place_m, axis=1).min() > radius_m + SIGHT_CLEARANCE_M)
 
 
+def with_ways(
+    subject_m: np.ndarray, camera_m: np.ndarray, ways_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Paths (N, 3) of subject and camera to lay a place out for, with the ways of others [m].
+
+    A way counts as both: things keep clear of it, but may stand in the line of sight to it.
+
+    Args:
+        subject_m: (T, 3) [m].
+        camera_m: (T, 3) [m].
+        ways_m: (W, 3) points that extras come by [m].
+    """
+    return np.concatenate([subject_m, ways_m]), np.concatenate([camera_m, ways_m])
+
+
 def direction(angle_rad: float) -> np.ndarray:
     """Unit vector (2,) at an angle from x to y."""
     return np.array([np.cos(angle_rad), np.sin(angle_rad)])
@@ -91,14 +113,16 @@ def darken_contacts(
     ground: np.ndarray, things: tuple[Thing, ...], centre: np.ndarray, side_m: float
 ) -> None:
     """Soft shadows round what stands on the ground: light without bounces makes none."""
-    px_per_m = len(ground) / side_m
-    cover = np.zeros(ground.shape[:2], np.float32)
+    rows = len(ground) // 4  # of the shadows, which are soft: a quarter is fine enough
+    px_per_m = rows / side_m
+    cover = np.zeros((rows, rows), np.float32)
     for thing in things:
         if thing.centre_m[2] - thing.size_m[2] / 2 > 0.05:
             continue
         middle = (thing.centre_m[:2] - centre + side_m / 2) * px_per_m
         size = thing.size_m[:2] * px_per_m
         # Row 0 is the far side (+y), so angles turn the other way.
-        box = ((middle[0], len(ground) - middle[1]), tuple(size), -np.rad2deg(thing.yaw_rad))
+        box = ((middle[0], rows - middle[1]), tuple(size), -np.rad2deg(thing.yaw_rad))
         cv2.fillConvexPoly(cover, cv2.boxPoints(box).astype(np.int32), (1.0,))
-    ground *= 1 - 0.65 * cv2.GaussianBlur(cover, (0, 0), 0.16 * px_per_m)[..., None]
+    light = 1 - np.float32(0.65) * cv2.GaussianBlur(cover, (0, 0), 0.16 * px_per_m)
+    ground *= cv2.resize(light, ground.shape[1::-1])[..., None]

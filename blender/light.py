@@ -20,7 +20,8 @@ LAMP_W_PER_M2 = 7.5
 HAZE_TILT_RAD = np.deg2rad(35.0)
 """Angle from the zenith to the brightest part of an overcast sky."""
 
-Kind = Literal["sun", "overcast", "indoor"]
+Kind = Literal["sun", "overcast", "indoor", "traced"]
+"""`traced`: a file's own lamps and sky light everything, and no light is in the materials."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,7 @@ class Light:
             "sun": (0.43, 0.50, 0.63),
             "overcast": (1.16, 1.20, 1.26),
             "indoor": (0.62, 0.58, 0.52),
+            "traced": (0.0, 0.0, 0.0),
         }
         return np.array(colours[self.kind])
 
@@ -48,6 +50,7 @@ class Light:
             "sun": (0.27, 0.22, 0.17),
             "overcast": (0.24, 0.23, 0.22),
             "indoor": (0.50, 0.44, 0.37),
+            "traced": (0.0, 0.0, 0.0),
         }
         return np.array(colours[self.kind])
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Depth, normals and flow of a frame: a second, short render with one ray per pixel centre.
+"""Depth, normals, flow and instances: a second, short render with one ray per pixel centre.
 
-The picture's rays are spread over a pixel and its neighbours, so what is averaged from them belongs
-to no known point.  Cycles' first ray goes through the centre of the pixel (seen in Blender 5.0.1);
-the filter is narrowed besides, so that nothing depends on that.
+The picture's rays are spread over a pixel, so what is averaged from them belongs to no known point.
+Cycles' first ray goes through the centre of the pixel (seen in Blender 5.0.1); the filter is
+narrowed besides, so that nothing depends on that.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,18 +14,23 @@ from typing import Any
 import bpy
 import numpy as np
 
+from blender.actors import Actor
+from blender.engine import traced
+from blender.scene import CUT_OUT
 from gmrdata.errors import RenderFailed
 from gmrdata.geometry.camera import CameraPath, project_cam
 from gmrdata.geometry.transforms import apply, invert
-from gmrdata.passes import write_depth, write_flow, write_normals
+from gmrdata.passes import write_depth, write_flow, write_instances, write_normals
 from gmrdata.render import RenderConfig
 
 STEP = "step"
 """Name of the mesh attribute and of the pass: how far the surface moves until the next frame."""
+INSTANCE = "instance"
+"""Name of the pass that numbers what moves: 1 for the first actor, 0 for all that stands still."""
 NARROWEST_FILTER_PX = 0.01
-_FILES = {"depth": "FLOAT", "normals": "VECTOR", STEP: "RGBA"}
+_FILES = {"depth": "FLOAT", "normals": "VECTOR", STEP: "RGBA", INSTANCE: "FLOAT"}
 """Base name and socket type of what Blender writes."""
-_SOCKETS = {"depth": "Depth", "normals": "Normal", STEP: STEP}
+_SOCKETS = {"depth": "Depth", "normals": "Normal", STEP: STEP, INSTANCE: INSTANCE}
 
 
 @dataclass(frozen=True)
@@ -38,19 +43,23 @@ class Surface:
     """Unit normals, world frame; zeros without such a pass."""
     step_m: np.ndarray
     """How far the surface point moves until the next frame, world frame [m]."""
+    instances: np.ndarray
+    """(H, W) number of the actor, 0 for none."""
 
 
 def wants_surface(config: RenderConfig) -> bool:
     """Whether a recipe asks for anything that the second render gives."""
-    return config.depth or config.normals or config.flow
+    return config.depth or config.normals or config.flow or config.instances
 
 
-def add_surface_output(scene: Any, person: Any, work_dir: Path, config: RenderConfig) -> Any:
+def add_surface_output(
+    scene: Any, actors: Sequence[Actor], work_dir: Path, config: RenderConfig
+) -> Any:
     """Make the compositor tree that writes the passes of a recipe as EXR files.
 
     Args:
         scene: The bpy scene.
-        person: The person's bpy mesh; gets the attribute that flow needs.
+        actors: All that moves; gets the attribute that flow needs, and is numbered from 1.
         work_dir: Folder for the files.
         config: The recipe.
 
@@ -62,13 +71,23 @@ def add_surface_output(scene: Any, person: Any, work_dir: Path, config: RenderCo
     if config.flow:
         aov = layer.aovs.add()
         aov.name, aov.type = STEP, "COLOR"
-        person.attributes.new(STEP, "FLOAT_VECTOR", "POINT")
-        _mark_step(person.materials[0].node_tree)
+        for actor in actors:
+            actor.mesh.attributes.new(STEP, "FLOAT_VECTOR", "POINT")
+        for material in {material for actor in actors for material in actor.mesh.materials}:
+            _mark_step(material.node_tree)
+    if config.instances:
+        aov = layer.aovs.add()
+        aov.name, aov.type = INSTANCE, "VALUE"
+        for number, actor in enumerate(actors, start=1):
+            for material in actor.mesh.materials:  # no two actors share one
+                _mark_instance(material.node_tree, number)
     tree = bpy.data.node_groups.new("surface", "CompositorNodeTree")
     layers = tree.nodes.new("CompositorNodeRLayers")
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
     tree.links.new(layers.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs[0])
-    for name in ("depth", *(["normals"] if config.normals else []), *([STEP] * config.flow)):
+    wanted = {"depth": True, "normals": config.normals, STEP: config.flow}
+    wanted[INSTANCE] = config.instances
+    for name in (name for name, is_wanted in wanted.items() if is_wanted):
         files = tree.nodes.new("CompositorNodeOutputFile")
         files.directory, files.file_name = str(work_dir), ""
         files.file_output_items.new(_FILES[name], name)
@@ -80,11 +99,12 @@ def add_surface_output(scene: Any, person: Any, work_dir: Path, config: RenderCo
     return tree
 
 
-def set_step(person: Any, step_m: np.ndarray) -> None:
-    """Tell the mesh how far each vertex moves until the next frame: (V, 3) [m], world frame."""
+def set_step(actor: Actor, row: int) -> None:
+    """Tell the actor's mesh how far each vertex moves from frame `row` to the next."""
+    step_m = actor.vertices_m[row + 1] - actor.vertices_m[row]
     values = np.ascontiguousarray(step_m, dtype=np.float32).ravel()
-    person.attributes[STEP].data.foreach_set("vector", values)
-    person.update()
+    actor.mesh.attributes[STEP].data.foreach_set("vector", values)
+    actor.mesh.update()
 
 
 def write_surface(
@@ -121,6 +141,8 @@ def write_surface(
             surface, camera.intrinsics_px, world_from_cam[row], world_from_cam[row + 1]
         )
         write_flow(files["flow"], flow_px)
+    if "instances" in files:
+        write_instances(files["instances"], surface.instances)
 
 
 def render_surface(scene: Any, tree: Any, work_dir: Path, config: RenderConfig) -> Surface:
@@ -130,13 +152,17 @@ def render_surface(scene: Any, tree: Any, work_dir: Path, config: RenderConfig) 
         RenderFailed: Blender wrote a pass not at all, or in another size.
     """
     cycles, pictures = scene.cycles, scene.compositing_node_group
-    samples, filter_px = cycles.samples, cycles.filter_width
-    cycles.samples, cycles.filter_width = 1, NARROWEST_FILTER_PX
+    samples, kind, blur = cycles.samples, cycles.pixel_filter_type, scene.render.use_motion_blur
+    cycles.samples, cycles.pixel_filter_type = 1, "BLACKMAN_HARRIS"
+    cycles.filter_width = NARROWEST_FILTER_PX
+    scene.render.use_motion_blur = False  # the passes are of one moment
     scene.compositing_node_group = tree
     try:
-        bpy.ops.render.render(write_still=False)
+        with traced(scene):
+            bpy.ops.render.render(write_still=False)
     finally:
-        cycles.samples, cycles.filter_width = samples, filter_px
+        cycles.samples, cycles.pixel_filter_type = samples, kind
+        scene.render.use_motion_blur = blur
         scene.compositing_node_group = pictures
     size_px = scene.render.resolution_x, scene.render.resolution_y
     depth_m = _take(work_dir, "depth", size_px)[..., 0].astype(np.float64)
@@ -146,6 +172,9 @@ def render_surface(scene: Any, tree: Any, work_dir: Path, config: RenderConfig) 
         depth_m,
         _take(work_dir, "normals", size_px) if config.normals else nothing,
         _take(work_dir, STEP, size_px) if config.flow else nothing,
+        np.rint(
+            _take(work_dir, INSTANCE, size_px)[..., 0] if config.instances else nothing[..., 0]
+        ),
     )
 
 
@@ -185,7 +214,21 @@ def _mark_step(tree: Any) -> None:
     attribute.attribute_name = STEP
     mark = tree.nodes.new("ShaderNodeOutputAOV")
     mark.aov_name = STEP
-    tree.links.new(attribute.outputs["Vector"], mark.inputs["Color"])
+    step = attribute.outputs["Vector"]
+    if CUT_OUT in tree.nodes:
+        there = tree.nodes.new("ShaderNodeVectorMath")
+        there.operation = "SCALE"
+        tree.links.new(step, there.inputs[0])
+        tree.links.new(tree.nodes[CUT_OUT].outputs[0], there.inputs["Scale"])
+        step = there.outputs["Vector"]
+    tree.links.new(step, mark.inputs["Color"])
+
+
+def _mark_instance(tree: Any, number: int) -> None:
+    """Let a material hand its actor's number to the pass."""
+    mark = tree.nodes.new("ShaderNodeOutputAOV")
+    mark.aov_name = INSTANCE
+    mark.inputs["Value"].default_value = number
 
 
 def _take(work_dir: Path, name: str, size_px: tuple[int, int]) -> np.ndarray:

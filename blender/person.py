@@ -1,42 +1,83 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The person as a Blender mesh that is given new vertices for each frame."""
+"""The person of a clip as a bpy mesh, dressed."""
 
 from typing import Any
 
 import bpy
 import numpy as np
 
-from blender.clothes import vertex_colours
+from blender.atlas import lay_out
+from blender.clothes import paint
 from blender.light import Light
-from blender.scene import add_object, person_material
+from blender.outfit import draw_outfit
+from blender.scene import moving_picture_material
 from gmrdata.body.model import BodyModel
+from gmrdata.body.people import phenotypes_of
+from gmrdata.body.texture import read_picture, read_uv
+from gmrdata.person_config import TextureConfig
 
-COLOURS = "colours"
+UV = "uv"
 
 
-def add_person(
-    scene: Any,
+def person_mesh(
+    name: str,
     body: BodyModel,
     shape: np.ndarray,
     vertices_m: np.ndarray,
     light: Light,
     rng: np.random.Generator,
+    *,
+    surroundings: np.ndarray | None = None,
+    texture: TextureConfig | None = None,
 ) -> Any:
-    """Add the body, dressed, in the pose of (V, 3) vertices [m]; gives its bpy mesh."""
-    mesh = bpy.data.meshes.new("person")
+    """The body, dressed, in the pose of (V, 3) vertices [m]; gives a bpy mesh of that name.
+
+    Args:
+        name: Of the mesh, its material and its picture.
+        body: The body.
+        shape: (S,) its shape.
+        vertices_m: (V, 3) [m].
+        light: What falls on it.
+        rng: Chooses skin, hair and clothes.
+        surroundings: (N, 3) sRGB colours that the clothes should differ from.
+        texture: A picture to wear instead.
+
+    Raises:
+        BadBodyFile: the texture's files can't be read, or don't fit the body.
+    """
+    mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices_m.tolist(), [], body.faces.tolist())
     mesh.polygons.foreach_set("use_smooth", np.ones(len(body.faces), dtype=bool))
-    attribute = mesh.color_attributes.new(COLOURS, "FLOAT_COLOR", "POINT")
-    colours = np.ones((len(vertices_m), 4), np.float32)
-    colours[:, :3] = vertex_colours(body, shape, rng)
-    attribute.data.foreach_set("color", colours.ravel())
-    mesh.materials.append(person_material("person", COLOURS, light))
+    if texture is None:
+        uv, picture = dressed(body, shape, rng, surroundings)
+    else:
+        uv, picture = read_uv(texture.uv, body.faces), read_picture(texture.image)
+    mesh.uv_layers.new(name=UV).data.foreach_set("uv", uv.astype(np.float32).ravel())
+    mesh.materials.append(moving_picture_material(name, picture, light))
     mesh.update()
-    add_object(scene, "person", mesh)
     return mesh
 
 
-def pose_person(mesh: Any, vertices_m: np.ndarray) -> None:
-    """Move the mesh's vertices to (V, 3) places in the world [m]."""
-    mesh.vertices.foreach_set("co", np.ascontiguousarray(vertices_m, dtype=np.float32).ravel())
-    mesh.update()
+def dressed(
+    body: BodyModel,
+    shape: np.ndarray,
+    rng: np.random.Generator,
+    surroundings: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Picture coordinates per corner (F, 3, 2) and the picture (H, W, 3), sRGB, of someone."""
+    phenotypes = phenotypes_of(body, shape) or {"gender": _gender(body), "age": 0.75}
+    outfit = draw_outfit(
+        rng, female=phenotypes["gender"], age=phenotypes["age"], surroundings=surroundings
+    )
+    atlas = lay_out(body.template_m, body.faces)
+    return atlas.uv, paint(body, shape, outfit, atlas)
+
+
+def _gender(body: BodyModel) -> float:
+    ending = body.name.rpartition("-")[2]
+    return {"female": 1.0, "male": 0.0}.get(ending, 0.5)
+
+
+def joint_of_face(body: BodyModel) -> np.ndarray:
+    """(F,) joint with the largest share in each face of the body."""
+    return np.asarray(body.skin_weights[body.faces].sum(axis=1).argmax(axis=1))

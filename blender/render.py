@@ -10,99 +10,90 @@ import bpy
 import cv2
 import numpy as np
 
-from blender.camera import make_camera, place_camera, read_back
-from blender.light import Light
+from blender.clearance import measure_clearance
+from blender.engine import set_up_render, traced
 from blender.passes import add_surface_output, set_step, wants_surface, write_surface
-from blender.person import add_person, pose_person
-from blender.places.courtyard import courtyard
-from blender.places.park import park
-from blender.places.room import room
-from blender.places.street import street
-from blender.scene import PERSON_PASS, build_yard
+from blender.scene import MOVING_PASS
+from blender.stage import Stage, save_blend, set_stage
 from blender.visibility import visible_joints
-from gmrdata.body.forward import motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.character_record import CHARACTER_FILE, save_character
+from gmrdata.clearance import save_clearance
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import RenderFailed
+from gmrdata.extras.files import save_extras
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.joints2d import project_joints, save_joints
-from gmrdata.render import FRAME_LINE, RenderJob, frame_files
+from gmrdata.render import EXTRAS_FOLDER, FRAME_LINE, RenderJob, frame_files
 from gmrdata.store import atomic_path
 
 WORK_FOLDER = ".unfinished"
-PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
+SCENE_FOLDER = "scene"
 
 
 def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> None:
     """Fill `job.out_dir` with frames/, masks/, what the recipe asks for besides, and clip.npz."""
-    config, motion = job.config, clip.motion
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    # Separate streams, so that a change of the clothes leaves the yard as it is.
-    yard_rng, mesh_rng, person_rng = (
-        np.random.default_rng(seed) for seed in np.random.SeedSequence(config.scene.seed).spawn(3)
-    )
-    camera = make_camera(scene, wanted)
-    used = read_back(scene, camera, wanted)
-    paths_m = motion.pelvis_m, wanted.centres_world_m
-    light = Light(config.scene.lit_by, _sun_azimuth_rad(*paths_m))
-    yard = PLACES[config.scene.kind](*paths_m, yard_rng)
-    build_yard(scene, yard, light, config.scene.hdri_path, mesh_rng)
-    vertices_m = motion_vertices_m(body, motion)
-    person = add_person(scene, body, motion.shape, vertices_m[0], light, person_rng)
+    config, n_frames = job.config, clip.motion.n_frames
     work_dir = job.out_dir / WORK_FOLDER
     shutil.rmtree(work_dir, ignore_errors=True)
     work_dir.mkdir(parents=True)
-    set_up_cycles(scene, job)
+    scene_dir = job.out_dir / SCENE_FOLDER if config.blend else work_dir
+    scene_dir.mkdir(exist_ok=True)
+    stage = set_stage(job, clip, body, wanted, scene_dir)
+    scene, used = stage.scene, stage.camera
+    if config.scene.backdrop is None:  # a backdrop was looked at when the stage was set
+        _check_clearance(stage, clip, job.out_dir)
+    set_up_render(scene, job)
     add_mask_output(scene, work_dir)
-    tree = add_surface_output(scene, person, work_dir, config) if wants_surface(config) else None
-    for row in range(motion.n_frames):
-        files = frame_files(job.out_dir, config, row, motion.n_frames)
+    if config.blend:
+        save_blend(stage, scene_dir)
+    tree = None
+    if wants_surface(config):
+        tree = add_surface_output(scene, stage.actors, work_dir, config)
+    for row in range(n_frames):
+        files = frame_files(job.out_dir, config, row, n_frames)
         if not all(file.is_file() for file in files.values()):
-            place_camera(camera, used.world_from_cam[row])
-            pose_person(person, vertices_m[row])
+            scene.frame_set(row)
             if "flow" in files:
-                set_step(person, vertices_m[row + 1] - vertices_m[row])
+                for actor in stage.actors:
+                    set_step(actor, row)
             _render_frame(
                 scene, row, work_dir, files["frames"], files["masks"], config.jpeg_quality
             )
             if tree is not None:
                 write_surface(scene, tree, work_dir, config, files, used, row)
         print(f"{FRAME_LINE} {row}", flush=True)  # noqa: T201 - the parent process reads it
+    _write_truth(job, clip, body, stage)
     shutil.rmtree(work_dir)
-    rendered = Clip(clip.id, motion, clip.valid, np.arange(motion.n_frames), used)
+
+
+def _write_truth(job: RenderJob, clip: Clip, body: BodyModel, stage: Stage) -> None:
+    """Write clip.npz, when all that the recipe asks for besides is there."""
+    config, used = job.config, stage.camera
+    rendered = Clip(clip.id, clip.motion, clip.valid, np.arange(clip.motion.n_frames), used)
     if config.joints:
         joints = project_joints(rendered, body)
-        seen = visible_joints(scene, person, body, vertices_m, joints.world_m, used.centres_world_m)
+        seen = visible_joints(stage.scene, stage.person, joints.world_m, used.centres_world_m)
         save_joints(job.out_dir / "joints.npz", replace(joints, visible=joints.in_frame & seen))
-    save_clip(job.out_dir / "clip.npz", rendered, body.rest_pelvis_m(motion.shape))
+    save_extras(job.out_dir / EXTRAS_FOLDER, config.scene.extras.names, stage.cast, rendered, body)
+    if stage.figure is not None:
+        save_character(job.out_dir / CHARACTER_FILE, stage.figure.record(used))
+    save_clip(job.out_dir / "clip.npz", rendered, body.rest_pelvis_m(clip.motion.shape))
 
 
-def set_up_cycles(scene: Any, job: RenderJob) -> None:
-    """Cycles on the CPU, without anything that differs from run to run."""
-    render, cycles = scene.render, scene.cycles
-    render.engine = "CYCLES"
-    cycles.device = "CPU"
-    cycles.samples = job.config.samples
-    cycles.use_adaptive_sampling = False
-    cycles.use_denoising = False
-    cycles.use_light_tree = False  # one lamp
-    cycles.max_bounces = 0  # the sky's light is in the materials
-    render.use_persistent_data = True
-    render.threads_mode = "FIXED"
-    render.threads = job.threads
-    render.use_compositing = True
-    render.use_sequencer = False
-    scene.view_settings.view_transform = "Standard"
-    # Uncompressed, since it is read back at once.
-    render.image_settings.file_format = "BMP"
-    render.image_settings.color_mode = "RGB"
+def _check_clearance(stage: Stage, clip: Clip, out_dir: Path) -> None:
+    """Write clearance.json; raises RenderFailed when the camera or the person touches a thing."""
+    moving = {actor.name for actor in stage.actors}
+    still = [o for o in stage.scene.objects if o.type == "MESH" and o.name not in moving]
+    clearance = measure_clearance(still, stage.camera.centres_world_m, clip.motion.pelvis_m)
+    if clearance is not None:
+        save_clearance(out_dir, clearance)
 
 
 def add_mask_output(scene: Any, work_dir: Path) -> None:
-    """Let the compositor write the share of each pixel that the person covers, as coverage.png."""
+    """Let the compositor write coverage.png: the share of each pixel that moves by itself."""
     aov = scene.view_layers[0].aovs.add()
-    aov.name, aov.type = PERSON_PASS, "VALUE"
+    aov.name, aov.type = MOVING_PASS, "VALUE"
     tree = bpy.data.node_groups.new("masks", "CompositorNodeTree")
     scene.compositing_node_group = tree
     layers = tree.nodes.new("CompositorNodeRLayers")
@@ -115,16 +106,18 @@ def add_mask_output(scene: Any, work_dir: Path) -> None:
     files.format.media_type = "IMAGE"
     files.format.file_format = "PNG"
     files.format.color_mode, files.format.color_depth = "BW", "8"
-    tree.links.new(layers.outputs[PERSON_PASS], files.inputs[0])
+    tree.links.new(layers.outputs[MOVING_PASS], files.inputs[0])
 
 
 def _render_frame(
     scene: Any, row: int, work_dir: Path, frame: Path, mask: Path, jpeg_quality: int
 ) -> None:
     scene.cycles.seed = row
-    scene.frame_set(row)
     scene.render.filepath = str(work_dir / "frame.bmp")
     bpy.ops.render.render(write_still=True)
+    if scene.render.engine != "CYCLES":  # EEVEE's edges lie up to a pixel off
+        with traced(scene):
+            bpy.ops.render.render(write_still=False)
     picture = cv2.imread(str(work_dir / "frame.bmp"), cv2.IMREAD_COLOR)
     coverages = list(work_dir.glob("*coverage*.png"))
     if picture is None or len(coverages) != 1:
@@ -132,7 +125,8 @@ def _render_frame(
     coverage = cv2.imread(str(coverages[0]), cv2.IMREAD_GRAYSCALE)
     coverages[0].unlink()
     _write_image(mask, np.where(coverage >= 128, 255, 0).astype(np.uint8), [])
-    _write_image(frame, picture, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+    options = [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality] if frame.suffix == ".jpg" else []
+    _write_image(frame, picture, options)
 
 
 def _write_image(path: Path, pixels: np.ndarray, options: list[int]) -> None:
@@ -140,9 +134,3 @@ def _write_image(path: Path, pixels: np.ndarray, options: list[int]) -> None:
     _, encoded = cv2.imencode(path.suffix, pixels, options)
     with atomic_path(path) as temporary:
         temporary.write_bytes(encoded.tobytes())
-
-
-def _sun_azimuth_rad(subject_m: np.ndarray, camera_m: np.ndarray) -> float:
-    """Sun from behind the camera, off to a side, as seen at the middle of the clip."""
-    x, y = (camera_m - subject_m)[len(camera_m) // 2, :2]
-    return float(np.arctan2(y, x) + np.deg2rad(55))

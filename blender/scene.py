@@ -12,7 +12,10 @@ from blender.light import Light, add_lamp, add_sky, add_sun, reflect_light
 from blender.meshes import Mesh, ground_mesh, mesh_of
 from gmrdata.errors import RenderFailed
 
-PERSON_PASS = "person"
+MOVING_PASS = "moving"
+"""Name of the pass that is 1 where something moves by itself: a person, a car."""
+CUT_OUT = "cut out"
+"""Name of the node that is 1 where a material with holes is, 0 in the holes."""
 
 
 def build_yard(
@@ -73,8 +76,8 @@ def add_mesh(scene: Any, name: str, mesh: Mesh, material: Any) -> None:
     add_object(scene, name, data)
 
 
-def add_object(scene: Any, name: str, mesh: Any) -> None:
-    """Put a bpy mesh into the scene, seen by the camera and casting shadows.
+def add_object(scene: Any, name: str, mesh: Any) -> Any:
+    """Put a bpy mesh into the scene, seen by the camera and casting shadows; gives its object.
 
     Cycles follows one diffuse bounce even when told not to; hidden from it, surfaces cost a third
     less time and add no grain.
@@ -82,6 +85,7 @@ def add_object(scene: Any, name: str, mesh: Any) -> None:
     thing = bpy.data.objects.new(name, mesh)
     thing.visible_diffuse = False
     scene.collection.objects.link(thing)
+    return thing
 
 
 def image_of(name: str, picture: np.ndarray) -> Any:
@@ -106,16 +110,57 @@ def picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
     return material
 
 
-def person_material(name: str, attribute: str, light: Light) -> Any:
-    """A matt surface with colours from a vertex attribute; its pixels are marked as a person."""
-    material, tree = _empty_material(name)
-    colour = tree.nodes.new("ShaderNodeAttribute")
-    colour.attribute_name = attribute
-    _shade(tree, colour.outputs["Color"], light)
-    mark = tree.nodes.new("ShaderNodeOutputAOV")
-    mark.aov_name = PERSON_PASS
-    mark.inputs["Value"].default_value = 1.0
+def moving_picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
+    """A matt surface with a picture, marked as moving."""
+    material = picture_material(name, picture, light)
+    mark_as_moving(material.node_tree)
     return material
+
+
+def repaint(material: Any, colour: Any, light: Light, alpha: Any = None) -> None:
+    """Make a material matt and mark it as moving.
+
+    Args:
+        material: The bpy material.
+        colour: The output of one of its nodes that has the colour.
+        light: What falls on it.
+        alpha: The output that has the opacity; where it is below one half there is nothing.
+    """
+    material.cycles.emission_sampling = "NONE"
+    tree = material.node_tree
+    _shade(tree, colour, light)
+    mark_as_moving(tree)
+    if alpha is not None:
+        _cut_out(tree, alpha)
+
+
+def _cut_out(tree: Any, alpha: Any) -> None:
+    """Let there be nothing where opacity is below one half, neither in the picture nor in passes.
+
+    Cycles adds up what a pass gets from all surfaces that a ray goes through.
+    """
+    nodes, links = tree.nodes, tree.links
+    there = nodes.new("ShaderNodeMath")
+    there.name, there.operation = CUT_OUT, "GREATER_THAN"
+    there.inputs[1].default_value = 0.5
+    links.new(alpha, there.inputs[0])
+    output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
+    surface = output.inputs["Surface"].links[0].from_socket
+    mix, nothing = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeBsdfTransparent")
+    links.new(there.outputs[0], mix.inputs[0])
+    links.new(nothing.outputs[0], mix.inputs[1])
+    links.new(surface, mix.inputs[2])
+    links.new(mix.outputs[0], output.inputs["Surface"])
+    for node in nodes:
+        if node.bl_idname == "ShaderNodeOutputAOV":
+            links.new(there.outputs[0], node.inputs["Value"])
+
+
+def mark_as_moving(tree: Any) -> None:
+    """Let a material's pixels count as something that moves."""
+    mark = tree.nodes.new("ShaderNodeOutputAOV")
+    mark.aov_name = MOVING_PASS
+    mark.inputs["Value"].default_value = 1.0
 
 
 def _empty_material(name: str) -> tuple[Any, Any]:

@@ -14,8 +14,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from blender.person import pose_person
-from gmrdata.body.model import BodyModel
+from blender.actors import Actor
 from gmrdata.body.tree import N_JOINTS, PARENTS
 
 SKIN_WITHIN_M = 0.20
@@ -25,9 +24,7 @@ STEPS = 2
 
 def visible_joints(
     scene: Any,
-    person: Any,
-    body: BodyModel,
-    vertices_m: np.ndarray,
+    person: Actor,
     joints_m: np.ndarray,
     centres_m: np.ndarray,
 ) -> np.ndarray:
@@ -35,21 +32,19 @@ def visible_joints(
 
     Args:
         scene: The bpy scene.
-        person: The person's bpy mesh.
-        body: The person's body.
-        vertices_m: (T, V, 3) its vertices, world frame.
+        person: The person, with the joint of each face.
         joints_m: (T, 24, 3) its joints, world frame.
         centres_m: (T, 3) the camera's places, world frame.
 
     Returns:
         (T, 24) bool.
     """
-    part_of_face = body.skin_weights[body.faces].sum(axis=1).argmax(axis=1)
+    if person.joint_of_face is None:
+        raise ValueError(f"{person.name} has no joints")
     related = _bones_between() <= STEPS
     visible = np.zeros(joints_m.shape[:2], dtype=bool)
     for row in range(len(joints_m)):
-        pose_person(person, vertices_m[row])
-        bpy.context.view_layer.update()
+        scene.frame_set(row)
         graph = bpy.context.evaluated_depsgraph_get()
         origin = Vector(centres_m[row])
         for joint in range(N_JOINTS):
@@ -59,9 +54,9 @@ def visible_joints(
             )
             if not hit:
                 visible[row, joint] = True
-            elif thing.data.name == person.name:
+            elif thing.name == person.name:
                 left_m = (origin + to_joint - place).length
-                part = part_of_face[face]
+                part = person.joint_of_face[face]
                 visible[row, joint] = bool(related[joint, part]) and left_m <= SKIN_WITHIN_M
     return visible
 

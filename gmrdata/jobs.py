@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from gmrdata.errors import GmrdataError, StageFailed
@@ -104,8 +105,16 @@ def try_jobs(
             bar.update(task, completed=done)
             time.sleep(POLL_S)
         bar.update(task, completed=units_total or len(jobs))
-    reasons = {id: _reason(future) for id, future in futures.items() if future.status != "finished"}
-    results = {id: future.result() for id, future in futures.items() if id not in reasons}
+    results: dict[str, Any] = {}
+    reasons: dict[str, str] = {}
+    for id, future in futures.items():
+        # Not by its status: a worker that dies now takes its results along, and Dask makes them
+        # again, for which these two wait.
+        error = future.exception()
+        if error is None:
+            results[id] = future.result()
+        else:
+            reasons[id] = _reason(error, future.traceback())
     record_failures(failures_dir, reasons, results)
     return Outcome(results, reasons)
 
@@ -162,7 +171,7 @@ def worker_pool(workers: Workers) -> Iterator[Any]:
             n_workers=workers.count,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
             memory_limit=0,
             env=environment,
             silence_logs="CRITICAL",
@@ -188,12 +197,18 @@ def _call(job: Job) -> Any:
             raise
 
 
-def _reason(future: Any) -> str:
+def _reason(error: BaseException, where: TracebackType | None) -> str:
     """What went wrong in one line; below it the traceback of an error that we did not foresee."""
-    error = future.exception()
+    from dask.distributed import KilledWorker
+
     if isinstance(error, GmrdataError | OSError):
         return "\n".join([str(error), *getattr(error, "__notes__", ())])
-    trace = "".join(traceback.format_tb(future.traceback()))
+    if isinstance(error, KilledWorker):
+        return (
+            "its worker process was killed again and again, as the system does when memory runs "
+            "out. Run again to go on, with fewer workers"
+        )
+    trace = "".join(traceback.format_tb(where))
     return f"{type(error).__name__}: {error}\n{trace}"
 
 

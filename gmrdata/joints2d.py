@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m
 from gmrdata.body.tree import N_JOINTS
 from gmrdata.clip import Clip, camera_of, read_npz
 from gmrdata.errors import BadMotionFile
@@ -36,8 +37,6 @@ def project_joints(clip: Clip, body: BodyModel) -> Joints2d:
     Raises:
         BadMotionFile: the clip has no camera.
     """
-    from gmrdata.body.forward import motion_joints_m  # torch; the file needs none
-
     camera = camera_of(clip)
     world_m = motion_joints_m(body, clip.motion)
     camera_m = apply(invert(camera.world_from_cam), world_m)

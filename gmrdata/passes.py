@@ -1,4 +1,4 @@
-"""Depth, normals and flow of a frame as 16-bit PNG, which every image library reads as it is.
+"""Depth, normals, flow and instances of a frame as PNG, which every image library reads as it is.
 
 `cv2.imread(path, cv2.IMREAD_UNCHANGED)` gives the stored numbers, colours in the order blue, green,
 red.  The flow's form is that of KITTI's 2015 benchmark (http://www.cvlibs.net/datasets/kitti).
@@ -82,10 +82,29 @@ def read_flow(path: Path) -> np.ndarray:
     return np.where(stored[..., :1] > 0, flow_px, np.nan)
 
 
-def _write(path: Path, pixels: np.ndarray) -> None:
+def write_instances(path: Path, instances: np.ndarray) -> None:
+    """Write (H, W) numbers of what is seen, 0 for the background: 8 bit."""
+    _write(path, instances, np.uint8)
+
+
+def read_instances(path: Path) -> np.ndarray:
+    """(H, W) uint8 numbers of a file by `write_instances`.
+
+    Raises:
+        BadFrames: not there, or no such file.
+    """
     import cv2
 
-    _, encoded = cv2.imencode(".png", pixels.astype(np.uint16))
+    stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
+    if stored is None or stored.dtype != np.uint8 or stored.ndim != 2:
+        raise BadFrames(f"{path}: missing, or not such an 8-bit PNG; render this frame again")
+    return stored
+
+
+def _write(path: Path, pixels: np.ndarray, kind: type[np.integer] = np.uint16) -> None:
+    import cv2
+
+    _, encoded = cv2.imencode(".png", pixels.astype(kind))
     with atomic_path(path) as temporary:
         temporary.write_bytes(encoded.tobytes())
 

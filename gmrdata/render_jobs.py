@@ -1,6 +1,6 @@
 """Render several clips at once, each in a worker of its own."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,10 @@ def render_clips(
     Raises:
         StageFailed: some clips failed; the others are done.
     """
-    outcome = try_render_clips(planned, body_path, out_dir, config, client, failures_dir, redo=redo)
+    configs = dict.fromkeys(planned, config)
+    outcome = try_render_clips(
+        planned, body_path, out_dir, configs, client, failures_dir, redo=redo
+    )
     raise_failures(DESCRIPTION, outcome.reasons, len(planned), failures_dir)
 
 
@@ -36,10 +39,11 @@ def try_render_clips(
     planned: Mapping[str, Path],
     body_path: Path,
     out_dir: Path,
-    config: RenderConfig,
+    configs: Mapping[str, RenderConfig],
     client: Any,
     failures_dir: Path,
     *,
+    layouts: Mapping[str, Sequence[Path]] | None = None,
     redo: bool = False,
 ) -> Outcome:
     """Render each planned clip to `out_dir/<id>`, with one progress bar over all frames.
@@ -50,9 +54,10 @@ def try_render_clips(
         planned: Clip file by id.
         body_path: The clips' body.
         out_dir: Gets one stage folder for each clip.
-        config: The recipe.
+        configs: The recipe of each clip, by id.
         client: A Dask client.
         failures_dir: Gets the reasons of clips that failed.
+        layouts: By id, the planned clips that share a place with a clip, itself among them.
         redo: Make anew what another recipe made.
 
     Returns:
@@ -66,8 +71,9 @@ def try_render_clips(
                 "clip_path": path,
                 "body_path": body_path,
                 "out_dir": out_dir / clip_id,
-                "config": config,
+                "config": configs[clip_id],
                 "redo": redo,
+                "layout_paths": tuple((layouts or {}).get(clip_id, ())),
             },
             retries=RETRIES,
         )

@@ -3,17 +3,17 @@
 
 import numpy as np
 
+from blender.car import car_things
 from blender.houses import houses_round
 from blender.layout import Thing, Yard, darken_contacts, direction, is_free, surroundings
 from blender.props import crates, drum, lamp, pillar, planter, scatter
-from blender.textures.road import car_body, car_roof, car_windows, random_paint, road, tyre
+from blender.textures.road import road
 from blender.textures.sky import sky
 
 WALL_MARGIN_M = 3.0
 SMALLEST_HALF_SIDE_M = 6.5
 PAVEMENT_M = 2.4
 GROUND_PX = 2560
-CAR_M = np.array([4.1, 1.75, 0.62])
 CAR_STEP_M = 5.2
 
 
@@ -80,36 +80,5 @@ def _cars(
             )
             parts = [place + ahead * offset_m for offset_m in (-1.4, 0.0, 1.4)]
             if all(is_free(part, 1.15, *paths) for part in parts) and rng.random() < 0.9:
-                cars += _car(place, yaw_rad + np.pi * int(rng.integers(2)), rng)
+                cars += car_things(place, yaw_rad + np.pi * int(rng.integers(2)), rng)
     return cars
-
-
-def _car(place: np.ndarray, yaw_rad: float, rng: np.random.Generator) -> list[Thing]:
-    paint = random_paint(rng)
-    ahead, aside = direction(yaw_rad), direction(yaw_rad + np.pi / 2)
-    width_m = CAR_M[1] - 0.1
-
-    def box(solid: str, x_m: float, low_m: float, size_m: np.ndarray, picture: np.ndarray) -> Thing:
-        centre_m = np.array([*(place + ahead * x_m), low_m + size_m[2] / 2])
-        return Thing(solid, centre_m, size_m, yaw_rad, picture, None)  # type: ignore[arg-type]
-
-    long_m = float(rng.uniform(2.0, 2.7))
-    parts = [
-        box("box", 0.0, 0.26, CAR_M, car_body(paint, rng)),
-        box("taper", -0.25, 0.88, np.array([long_m, width_m, 0.54]), car_windows(paint, rng)),
-        box(
-            "box",
-            -0.25,
-            1.40,
-            np.array([long_m * 0.69, width_m * 0.86, 0.05]),
-            car_roof(paint, rng),
-        ),
-        box("box", 0.0, 0.87, CAR_M * [0.98, 0.94, 0.05], car_roof(paint, rng)),
-    ]
-    rubber = tyre(rng)
-    for x_m in (-1.25, 1.25):
-        for y_m in (-0.8, 0.8):
-            spot = place + ahead * x_m + aside * y_m
-            size_m = np.array([0.62, 0.22, 0.62])
-            parts.append(Thing("wheel", np.array([*spot, 0.31]), size_m, yaw_rad, rubber, None))
-    return parts

@@ -39,19 +39,47 @@ def noise(
         octaves: Number of grids.
         fall: Amplitude of each grid relative to the coarser one before.
     """
-    total, power = np.zeros((height, width), np.float32), 0.0
+    total, power = np.zeros((4, 4), np.float32), 0.0
     for octave in range(octaves):
         cell = max(coarsest / 2**octave, 1.0)
-        grid = rng.standard_normal((int(height / cell) + 4, int(width / cell) + 4))
-        size = (int(grid.shape[1] * cell), int(grid.shape[0] * cell))
-        layer = cv2.resize(grid.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)
-        total += fall**octave * layer[:height, :width]
+        size = (int(width / cell) + 4, int(height / cell) + 4)
+        # Each grid is added to the coarser ones at its own size: only the last is a large one.
+        coarser = cv2.resize(total, size, interpolation=cv2.INTER_CUBIC)
+        layer = rng.standard_normal(size[::-1], dtype=np.float32)
+        total = np.asarray(coarser + np.float32(fall**octave) * layer, np.float32)
         power += fall ** (2 * octave)
-    return total / np.float32(np.sqrt(power))
+    full_px = int(size[0] * cell), int(size[1] * cell)
+    full = np.asarray(cv2.resize(total, full_px, interpolation=cv2.INTER_CUBIC), np.float32)
+    return full[:height, :width] * np.float32(1 / np.sqrt(power))
+
+
+def ellipses(
+    image: np.ndarray,
+    half_axes_px: np.ndarray,
+    colours: np.ndarray,
+    rng: np.random.Generator,
+) -> None:
+    """Draw N ellipses anywhere on an image and turned anyhow, one over the other.
+
+    Args:
+        image: (H, W, 3), changed in place.
+        half_axes_px: (N, 2) [px].
+        colours: (N, 3).
+        rng: Chooses places and turns.
+    """
+    count, (height, width) = len(colours), image.shape[:2]
+    places = rng.uniform((0, 0), (width, height), (count, 2)).astype(int).tolist()
+    axes = np.maximum(half_axes_px, 1).astype(int).tolist()
+    turns_deg = rng.uniform(0, 360, count).tolist()
+    for place, pair, turn_deg, colour in zip(
+        places, axes, turns_deg, colours.tolist(), strict=True
+    ):
+        cv2.ellipse(image, place, pair, turn_deg, 0, 360, colour, -1, cv2.LINE_AA)
 
 
 def weather(image: np.ndarray, rng: np.random.Generator, amount: float) -> np.ndarray:
     """Stains, grain and a dirty foot."""
     height, width = image.shape[:2]
     stains = noise(height, width, rng, max(height // 3, 8), 7, 0.75)
-    return np.clip(image * (1 + amount * stains[..., None]), 0.02, 0.95).astype(np.float32)
+    stained = image * (1 + np.float32(amount) * stains[..., None])
+    return np.clip(stained, 0.02, 0.95, out=stained).astype(np.float32, copy=False)

@@ -43,11 +43,11 @@ def _bricks(
     row_px, brick_px = 0.085 * px_per_m, 0.25 * px_per_m
     for row in range(int((bottom - top) / row_px) + 1):
         y0, y1 = int(top + row * row_px), min(int(top + (row + 1) * row_px) - joint, bottom)
-        for x in np.arange(-brick_px / 2 * (row % 2), width, brick_px):
-            x0, x1 = max(int(x), 0), max(int(x + brick_px) - joint, 0)
-            image[y0:y1, x0:x1] = np.clip(
-                base * rng.normal(1, 0.17) + rng.normal(0, 0.02, 3), 0.05, 0.9
-            )
+        starts = np.arange(-brick_px / 2 * (row % 2), width, brick_px)
+        shades = base * rng.normal(1, 0.17, (len(starts), 1))
+        shades = np.clip(shades + rng.normal(0, 0.02, (len(starts), 3)), 0.05, 0.9)
+        for x, shade in zip(starts.tolist(), shades.tolist(), strict=True):
+            image[y0:y1, max(int(x), 0) : max(int(x + brick_px) - joint, 0)] = shade
 
 
 def _windows(

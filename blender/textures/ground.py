@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-from blender.textures.base import POSTERS, pick, weather
+from blender.textures.base import POSTERS, ellipses, pick, weather
 
 
 def paving(size_px: int, metres: float, rng: np.random.Generator) -> np.ndarray:
@@ -50,9 +50,6 @@ def leaves(image: np.ndarray, px_per_m: float, rng: np.random.Generator, count: 
     colours = np.array(
         [(0.72, 0.38, 0.12), (0.80, 0.62, 0.16), (0.46, 0.50, 0.18), (0.42, 0.2, 0.1)]
     )
-    for _ in range(count):
-        at = tuple(int(v) for v in rng.uniform(0, len(image), 2))
-        axes = tuple(max(int(v * px_per_m), 1) for v in rng.uniform((0.025, 0.015), (0.07, 0.035)))
-        colour = np.clip(colours[int(rng.integers(4))] * rng.uniform(0.7, 1.2), 0, 0.95)
-        angle = float(rng.uniform(0, 360))
-        cv2.ellipse(image, at, axes, angle, 0, 360, tuple(map(float, colour)), -1, cv2.LINE_AA)
+    shades = colours[rng.integers(4, size=count)] * rng.uniform(0.7, 1.2, (count, 1))
+    half_axes_px = px_per_m * rng.uniform((0.025, 0.015), (0.07, 0.035), (count, 2))
+    ellipses(image, half_axes_px, np.clip(shades, 0, 0.95), rng)

@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-from blender.textures.base import Colour, noise, pick, weather
+from blender.textures.base import Colour, ellipses, noise, pick, weather
 from blender.textures.ground import leaves
 
 FLOWERS: tuple[Colour, ...] = (
@@ -57,7 +57,7 @@ def _paths(image: np.ndarray, px_per_m: float, rng: np.random.Generator) -> None
     stones = 0.75 * stones + 0.11 * noise(size, size, rng, int(1.5 * px_per_m), 6, 0.9)
     gravel = np.array([0.60, 0.53, 0.42], np.float32) * (1 + 0.5 * stones[..., None])
     share = np.clip((0.9 - ragged) / 0.1, 0, 1)[..., None]
-    image[:] = image * (1 - share) + gravel * share
+    image += share * (gravel - image)
 
 
 def hedge(width_m: float, height_m: float, px_per_m: float, rng: np.random.Generator) -> np.ndarray:
@@ -68,13 +68,11 @@ def hedge(width_m: float, height_m: float, px_per_m: float, rng: np.random.Gener
     count = int(420 * width_m * height_m)
     tint = pick(rng, ((0.26, 0.44, 0.14), (0.34, 0.46, 0.16), (0.22, 0.38, 0.20)))
     blossom = pick(rng, FLOWERS)
-    for i in range(count):
-        at = tuple(int(v) for v in rng.uniform(0, 1, 2) * (width, height))
-        axes = tuple(max(int(v * px_per_m), 1) for v in rng.uniform((0.025, 0.015), (0.07, 0.035)))
-        shade = tint * (0.4 + 0.9 * i / count) * rng.uniform(0.65, 1.35)
-        colour = blossom if rng.random() < 0.02 else np.clip(shade, 0, 0.9)
-        angle = float(rng.uniform(0, 360))
-        cv2.ellipse(image, at, axes, angle, 0, 360, tuple(map(float, colour)), -1, cv2.LINE_AA)
+    lighter = np.linspace(0.4, 1.3, count)[:, None]
+    shades = np.clip(tint * lighter * rng.uniform(0.65, 1.35, (count, 1)), 0, 0.9)
+    shades[rng.random(count) < 0.02] = blossom
+    half_axes_px = px_per_m * rng.uniform((0.025, 0.015), (0.07, 0.035), (count, 2))
+    ellipses(image, half_axes_px, shades, rng)
     return weather(image, rng, 0.12)
 
 

@@ -4,8 +4,11 @@
 import cv2
 import numpy as np
 
-from blender.textures.base import POSTERS, WOODS, noise, pick, weather
+from blender.textures.base import POSTERS, WOODS, ellipses, noise, pick, weather
 from blender.textures.prints import poster
+
+LEAVES = 1500
+"""Leaves on a picture of foliage."""
 
 
 def planks(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray:
@@ -43,14 +46,11 @@ def foliage(size_px: int, rng: np.random.Generator) -> np.ndarray:
     image = np.empty((size_px, size_px, 3), np.float32)
     image[:] = (0.06, 0.10, 0.04)
     blossom = pick(rng, POSTERS)
-    for i in range(1500):
-        at = tuple(int(v) for v in rng.uniform(0, size_px, 2))
-        axes = (int(rng.uniform(0.012, 0.03) * size_px), int(rng.uniform(0.006, 0.012) * size_px))
-        green = np.array([0.28, 0.46, 0.14]) * (0.45 + 0.9 * i / 1500) * rng.uniform(0.7, 1.3)
-        colour = blossom if rng.random() < 0.04 else green
-        angle = float(rng.uniform(0, 360))
-        shade = tuple(float(c) for c in np.clip(colour, 0, 0.9))
-        cv2.ellipse(image, at, axes, angle, 0, 360, shade, -1, cv2.LINE_AA)
+    lighter = np.linspace(0.45, 1.35, LEAVES)[:, None]
+    shades = np.array([0.28, 0.46, 0.14]) * lighter * rng.uniform(0.7, 1.3, (LEAVES, 1))
+    shades[rng.random(LEAVES) < 0.04] = blossom
+    half_axes_px = size_px * rng.uniform((0.012, 0.006), (0.03, 0.012), (LEAVES, 2))
+    ellipses(image, half_axes_px, np.clip(shades, 0, 0.9), rng)
     return image
 
 

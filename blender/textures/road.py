@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-from blender.textures.base import Colour, noise, pick, weather
+from blender.textures.base import Colour, ellipses, noise, pick, weather
 from blender.textures.ground import leaves, paving
 
 CARS: tuple[Colour, ...] = (
@@ -50,11 +50,9 @@ def _asphalt(height: int, width: int, px_per_m: float, rng: np.random.Generator)
         steps = rng.normal(0, 0.12 * px_per_m, (30, 2)) + rng.normal(0, 0.07 * px_per_m, 2)
         line = rng.uniform(0, 1, 2) * (width, height) + np.cumsum(steps, axis=0)
         cv2.polylines(image, [line.astype(np.int32)], False, (0.12, 0.12, 0.12), 1, cv2.LINE_AA)
-    for _ in range(int(3.0 * width * height / px_per_m**2)):
-        at = tuple(int(v) for v in rng.uniform(0, 1, 2) * (width, height))
-        axes = tuple(max(int(v * px_per_m), 1) for v in rng.uniform(0.015, 0.09, 2))
-        shade = float(rng.choice([0.14, 0.2, 0.5, 0.6]))
-        cv2.ellipse(image, at, axes, rng.uniform(0, 180), 0, 360, (shade,) * 3, -1, cv2.LINE_AA)
+    count = int(3.0 * width * height / px_per_m**2)
+    shades = np.repeat(rng.choice([0.14, 0.2, 0.5, 0.6], (count, 1)), 3, axis=1)
+    ellipses(image, px_per_m * rng.uniform(0.015, 0.09, (count, 2)), shades, rng)
     return image
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
-from blender.camera import make_camera, place_camera, read_back
+from blender.camera import animate_camera, make_camera, read_back
 from gmrdata.geometry.camera import CameraPath
 
 arrays = np.load(sys.argv[1])
@@ -24,11 +24,11 @@ wanted = CameraPath(
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 camera = make_camera(scene, wanted)
+animate_camera(camera, transforms)
 used = read_back(scene, camera, wanted)
 points_px = []
-for world_from_cam, points_m in zip(transforms, arrays["points_world_m"], strict=True):
-    place_camera(camera, world_from_cam)
-    bpy.context.view_layer.update()
+for row, points_m in enumerate(arrays["points_world_m"]):
+    scene.frame_set(row)
     views = [world_to_camera_view(scene, camera, Vector(p)) for p in points_m]
     # Blender's view coordinates are 0..1 from the lower left corner.
     points_px.append([[v.x * width_px, (1 - v.y) * height_px] for v in views])

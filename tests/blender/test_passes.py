@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gmrdata.body.file import save_body
-from gmrdata.body.forward import motion_joints_m, motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m, motion_vertices_m
 from gmrdata.body.tree import JOINT
 from gmrdata.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.errors import RenderFailed

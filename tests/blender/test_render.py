@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from gmrdata.body.file import save_body
-from gmrdata.body.forward import motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_vertices_m
 from gmrdata.body.tree import JOINT
 from gmrdata.clip import Clip, load_clip, save_clip
 from gmrdata.errors import RenderFailed
@@ -25,6 +25,7 @@ from gmrdata.render import RenderConfig, render_clip
 from gmrdata.scene_config import SceneConfig
 from gmrdata.store import sha256_of_file
 
+REPOSITORY = Path(__file__).resolve().parents[2]
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 4, 320, 180
 CONFIG = RenderConfig(samples=4, scene=SceneConfig(seed=5))
 
@@ -90,7 +91,7 @@ def contents(folder: Path) -> dict[str, str]:
 def test_the_folder_holds_frames_masks_and_the_clip_and_nothing_else(rendered: Path) -> None:
     names = [f"frames/{i:05d}.jpg" for i in range(N_FRAMES)]
     names += [f"masks/{i:05d}.png" for i in range(N_FRAMES)]
-    assert sorted(contents(rendered)) == sorted([*names, "clip.npz"])
+    assert sorted(contents(rendered)) == sorted([*names, "clearance.json", "clip.npz"])
     for row in range(N_FRAMES):
         frame = cv2.imread(str(rendered / f"frames/{row:05d}.jpg"), cv2.IMREAD_UNCHANGED)
         mask = cv2.imread(str(rendered / f"masks/{row:05d}.png"), cv2.IMREAD_UNCHANGED)
@@ -153,6 +154,12 @@ def test_another_run_with_other_threads_gives_the_same_bytes(
         clip_path, body_path, tmp_path / "again", CONFIG, threads=2, on_frame=lambda _: None
     )
     assert contents(tmp_path / "again") == contents(rendered)
+
+
+def test_the_blender_process_has_no_use_for_torch() -> None:
+    """Loading it takes longer than a clip's scene: a twentieth of the time of a short clip."""
+    code = "import sys, blender.__main__, blender.render; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY).returncode == 0
 
 
 def blender_pids(folder: Path) -> list[int]:

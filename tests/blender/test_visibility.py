@@ -1,20 +1,29 @@
-"""Which joints the camera sees, on a body of boxes with a wall beside it."""
+"""Which joints the camera sees, on a body of boxes with a wall beside it and someone passing."""
 
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gmrdata.body.file import save_body
-from gmrdata.body.forward import motion_joints_m, motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m, motion_vertices_m
 from gmrdata.body.tree import JOINT, JOINT_NAMES
 from gmrdata.motion.motion import Motion
 
-PLACES_M = {"front": (4.0, 0.0, 1.2), "left": (0.0, 4.0, 1.0), "behind the wall": (-4.0, 0.0, 1.0)}
+PLACES_M = {
+    "front": (4.0, 0.0, 1.2),
+    "left": (0.0, 4.0, 1.0),
+    "behind the wall": (-4.0, 0.0, 1.0),
+    "passer-by in front": (4.0, 0.0, 1.0),
+    "passer-by behind": (4.0, 0.0, 1.0),
+}
+PASSER_BY_X_M = (9.0, 9.0, 9.0, 1.0, -3.0)
+"""Where someone else stands in each of these cases, in the same pose."""
 WALL_M = [(-1.0, -2.0, 0.0), (-1.0, 2.0, 0.0), (-1.0, 2.0, 0.8), (-1.0, -2.0, 0.8)]
 
 
@@ -50,9 +59,12 @@ def seen(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> dic
     folder = tmp_path_factory.mktemp("visibility")
     motion = standing(small_body)
     joints_m = motion_joints_m(small_body, motion)
+    aside_m = np.c_[PASSER_BY_X_M, np.zeros((len(PLACES_M), 2))]
+    passer_by = replace(motion, pelvis_m=motion.pelvis_m + aside_m)
     np.savez(
         folder / "case.npz",
         vertices_m=motion_vertices_m(small_body, motion),
+        passer_by_m=motion_vertices_m(small_body, passer_by),
         joints_m=joints_m,
         centres_m=np.array(list(PLACES_M.values())),
         wall_m=np.array(WALL_M),
@@ -98,3 +110,9 @@ def test_from_behind_the_hand_shows_and_a_low_wall_hides_the_legs(
 ) -> None:
     assert seen["behind the wall"] & LOWER_LEGS == set()
     assert {"right_wrist", "head", "neck", "left_shoulder"} <= seen["behind the wall"]
+
+
+def test_a_passer_by_hides_what_is_behind_them_and_nothing_else(seen: dict[str, set[str]]) -> None:
+    trunk = {"pelvis", "spine1", "spine2", "spine3", "neck", "head"}
+    assert seen["passer-by in front"] & trunk == set()
+    assert seen["passer-by behind"] == set(JOINT_NAMES) - {"right_wrist"}

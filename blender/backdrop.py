@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A user's .blend file as the place: what it shows, and nothing of what it would do."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from gmrdata.errors import BadBackdrop
+from gmrdata.scene_config import BackdropConfig
+
+
+def add_backdrop(scene: Any, config: BackdropConfig) -> None:
+    """Put the meshes, lamps and sky of a file into an empty bpy scene.
+
+    They come as they were saved: no animation, driver or script of the file is run.
+
+    Args:
+        scene: The bpy scene.
+        config: Which file, and where our world lies in its.
+
+    Raises:
+        BadBackdrop: the file can't be read, is of a newer Blender, shows nothing, or needs others.
+    """
+    theirs = _load(config)
+    _require_all_inside(config.path)
+    _freeze()
+    for thing in [thing for thing in theirs.objects if thing.type == "CAMERA"]:
+        bpy.data.objects.remove(thing)
+    things = list(theirs.objects)
+    for group in theirs.collection.children:
+        scene.collection.children.link(group)
+    for thing in theirs.collection.objects:
+        scene.collection.objects.link(thing)
+    _copy_exclusions(theirs.view_layers[0].layer_collection, scene.view_layers[0].layer_collection)
+    scene.world = theirs.world
+    view, their_view = scene.view_settings, theirs.view_settings
+    view.view_transform, view.look = their_view.view_transform, their_view.look
+    view.exposure, view.gamma = their_view.exposure, their_view.gamma
+    bpy.data.scenes.remove(theirs)
+    _move_to_our_world(scene, things, config)
+    for thing in things:  # rays meet what is shown in the viewport
+        thing.hide_viewport = thing.hide_render
+    if not any(thing.type == "MESH" and not thing.hide_render for thing in things):
+        raise BadBackdrop(f"{config.path}: has no mesh that is rendered; film another scene")
+
+
+def _load(config: BackdropConfig) -> Any:
+    """The file's scene, appended beside ours."""
+    path = config.path
+    # Off by default; said here, since a file's drivers and scripts must never run.
+    bpy.context.preferences.filepaths.use_scripts_auto_execute = False
+    try:
+        with bpy.data.libraries.load(str(path), link=False) as (there, wanted):
+            wanted.scenes = [_choose(config, list(there.scenes))]
+    except OSError as error:
+        said = str(error).strip()
+        raise BadBackdrop(
+            f"{path}: Blender {bpy.app.version_string} can't read it ({said}); "
+            "give a .blend file that this Blender or an older one saved"
+        ) from None
+    library = next(each for each in bpy.data.libraries if Path(each.filepath).name == path.name)
+    version = tuple(library.version)
+    if version[:2] > bpy.app.version[:2]:
+        raise BadBackdrop(
+            f"{path}: saved by Blender {version[0]}.{version[1]}, newer than this "
+            f"{bpy.app.version_string}; save it with an older one"
+        )
+    return wanted.scenes[0]
+
+
+def _choose(config: BackdropConfig, names: list[str]) -> str:
+    if config.scene_name is None and len(names) == 1:
+        return names[0]
+    if config.scene_name in names:
+        return str(config.scene_name)
+    wanted = "" if config.scene_name is None else f" and not {config.scene_name!r}"
+    raise BadBackdrop(
+        f"{config.path}: has the scenes {', '.join(names) or '(none)'}{wanted}; "
+        "name one of them as backdrop.scene_name"
+    )
+
+
+def _require_all_inside(path: Path) -> None:
+    """Only the .blend counts in the recipe's hashes, so nothing may come from elsewhere."""
+    outside = [
+        image.name
+        for image in bpy.data.images
+        if image.source in ("FILE", "SEQUENCE", "MOVIE", "TILED") and not len(image.packed_files)
+    ]
+    outside += [each.name for each in bpy.data.libraries if Path(each.filepath).name != path.name]
+    if outside:
+        raise BadBackdrop(
+            f"{path}: needs other files ({', '.join(sorted(outside))}). In Blender: File, External "
+            "Data, Pack Resources (and Pack Linked Libraries), then save"
+        )
+
+
+def _freeze() -> None:
+    """Drop the actions and drivers of everything, which so stays as it was saved."""
+    for block in _everything():
+        if hasattr(block, "animation_data_clear"):
+            block.animation_data_clear()
+        tree = getattr(block, "node_tree", None)
+        if tree is not None:
+            tree.animation_data_clear()
+    for text in list(bpy.data.texts):
+        bpy.data.texts.remove(text)
+
+
+def _everything() -> Iterator[Any]:
+    data = bpy.data
+    for group in (data.objects, data.meshes, data.materials, data.lights, data.worlds):
+        yield from group
+    for group in (data.shape_keys, data.node_groups, data.curves, data.armatures, data.lattices):
+        yield from group
+    for group in (data.scenes, data.collections, data.volumes, data.pointclouds, data.metaballs):
+        yield from group
+
+
+def _copy_exclusions(theirs: Any, ours: Any) -> None:
+    """Leave out the collections that are switched off in the file."""
+    by_name = {child.name: child for child in ours.children}
+    for child in theirs.children:
+        if child.name in by_name:
+            by_name[child.name].exclude = child.exclude
+            _copy_exclusions(child, by_name[child.name])
+
+
+def _move_to_our_world(scene: Any, things: list[Any], config: BackdropConfig) -> None:
+    """Turn and shift all that the file has, by way of a parent, so that its origin is ours."""
+    yaw_rad = np.deg2rad(config.yaw_deg)
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    ours_from_theirs = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    parent = bpy.data.objects.new("backdrop", None)
+    parent.location = ours_from_theirs @ -np.array(config.origin_m)
+    parent.rotation_euler = (0.0, 0.0, -yaw_rad)
+    for thing in things:
+        if thing.parent is None:
+            thing.parent = parent
+    scene.collection.objects.link(parent)
+    if scene.world is not None and scene.world.node_tree is not None:
+        _turn_sky(scene.world.node_tree, yaw_rad)
+
+
+def _turn_sky(tree: Any, yaw_rad: float) -> None:
+    """Look into a sky's picture in the file's direction."""
+    for sky in [node for node in tree.nodes if node.type == "TEX_ENVIRONMENT"]:
+        turn = tree.nodes.new("ShaderNodeVectorRotate")
+        turn.rotation_type = "Z_AXIS"
+        turn.inputs["Angle"].default_value = yaw_rad
+        links = sky.inputs["Vector"].links
+        if links:
+            source = links[0].from_socket
+        else:
+            source = tree.nodes.new("ShaderNodeTexCoord").outputs["Generated"]
+        tree.links.new(source, turn.inputs["Vector"])
+        tree.links.new(turn.outputs["Vector"], sky.inputs["Vector"])

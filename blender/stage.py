@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Everything of a clip that stands or moves in front of the camera, and the camera, animated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from blender.actors import Actor, add_actor
+from blender.backdrop import add_backdrop
+from blender.camera import animate_camera, make_camera, read_back
+from blender.collisions import require_clear
+from blender.extras import add_extras
+from blender.layout import main_colours, with_ways
+from blender.light import Light
+from blender.person import joint_of_face, person_mesh
+from blender.places.courtyard import courtyard
+from blender.places.park import park
+from blender.places.room import room
+from blender.places.street import street
+from blender.rigged import Figure, bring_in
+from blender.scene import build_yard
+from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_joints_m, motion_vertices_m
+from gmrdata.clip import Clip, camera_of, load_clip
+from gmrdata.errors import RenderFailed
+from gmrdata.extras.cast import Cast, make_cast
+from gmrdata.geometry.camera import CameraPath
+from gmrdata.render import RenderJob
+
+PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A scene that is ready to be rendered; row t of the clip is its frame t."""
+
+    scene: Any
+    """The bpy scene."""
+    camera: CameraPath
+    """The camera as Blender uses it."""
+    person: Actor
+    """The person whose motion is the clip's."""
+    cast: Cast
+    """Who and what moves besides; perhaps for longer than the clip."""
+    extras: tuple[Actor, ...]
+    """The same as actors."""
+    figure: Figure | None = None
+    """What is known of the character that the person is, if it isn't the body."""
+
+    @property
+    def actors(self) -> tuple[Actor, ...]:
+        """All that moves, in the order of the instance numbers 1, 2, ..."""
+        return (self.person, *self.extras)
+
+
+def set_stage(
+    job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath, cache_dir: Path
+) -> Stage:
+    """Build a clip's scene in an empty Blender.
+
+    Args:
+        job: The job.
+        clip: The clip.
+        body: Its body.
+        wanted: Its camera.
+        cache_dir: Gets the vertex caches, and must stay while Blender renders.
+    """
+    config, motion = job.config, clip.motion
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 0, motion.n_frames - 1
+    scene.render.fps, scene.render.fps_base = round(motion.fps_hz * 1000), 1000.0
+    # Separate streams, so that a change of the clothes leaves the yard as it is.
+    yard_rng, mesh_rng, person_rng = (
+        np.random.default_rng(seed) for seed in np.random.SeedSequence(config.scene.seed).spawn(3)
+    )
+    backdrop = config.scene.backdrop
+    if backdrop is not None:  # before all that moves, for it freezes what is there
+        add_backdrop(scene, backdrop)
+    camera = make_camera(scene, wanted)
+    animate_camera(camera, wanted.world_from_cam)
+    used = read_back(scene, camera, wanted)  # while nothing else has to move with it
+    sharing = [load_clip(path) for path in job.layout_paths] or [clip]
+    cast = make_cast(config.scene.extras, sharing, body, config.scene.seed)
+    colours = None
+    if backdrop is None:
+        light = Light(config.scene.lit_by, _sun_azimuth_rad(sharing[0]))
+        yard = PLACES[config.scene.kind](*with_ways(*_paths_m(sharing), cast.ground_m), yard_rng)
+        build_yard(scene, yard, light, config.scene.hdri_path, mesh_rng)
+        colours = main_colours(yard)
+    else:
+        light = Light("traced", 0.0)
+        if not backdrop.allow_collisions:
+            joints_m = motion_joints_m(body, motion)
+            require_clear(scene, backdrop.path, joints_m, wanted.centres_world_m)
+    figure = None
+    if config.character is None:
+        vertices_m, faces_of = motion_vertices_m(body, motion), joint_of_face(body)
+        if config.person.seed is not None:
+            person_rng = np.random.default_rng(config.person.seed)
+        mesh = person_mesh(
+            "person",
+            body,
+            motion.shape,
+            vertices_m[0],
+            light,
+            person_rng,
+            surroundings=colours,
+            texture=config.person.texture,
+        )
+    else:
+        figure = bring_in("person", config.character, body, motion, light)
+        mesh, vertices_m, faces_of = figure.mesh, figure.vertices_m, figure.joint_of_face
+    person = add_actor(scene, mesh, vertices_m, cache_dir / "person.pc2", joint_of_face=faces_of)
+    extras = add_extras(scene, config.scene, cast, motion.n_frames, body, light, cache_dir)
+    return Stage(scene, used, person, cast, extras, figure)
+
+
+def save_blend(stage: Stage, folder: Path) -> None:
+    """Save the scene as `scene.blend`, next to the vertex caches, so that the folder can move.
+
+    Raises:
+        RenderFailed: Blender can't write it.
+    """
+    caches = [modifier for actor in stage.actors for modifier in actor.object.modifiers]
+    full_paths = [cache.filepath for cache in caches]
+    for cache in caches:
+        cache.filepath = f"//{Path(cache.filepath).name}"
+    for image in bpy.data.images:
+        if image.source == "GENERATED":
+            image.pack()
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), copy=True, compress=True)
+    except RuntimeError as error:
+        raise RenderFailed(f"{folder / 'scene.blend'}: {error}") from None
+    for cache, path in zip(caches, full_paths, strict=True):
+        cache.filepath = path
+
+
+def _paths_m(clips: Sequence[Clip]) -> tuple[np.ndarray, np.ndarray]:
+    """Pelvis (N, 3) and camera (N, 3) of all clips that share a place, row by row [m]."""
+    pelvis = [clip.motion.pelvis_m for clip in clips]
+    camera = [camera_of(clip).centres_world_m for clip in clips]
+    return np.concatenate(pelvis), np.concatenate(camera)
+
+
+def _sun_azimuth_rad(clip: Clip) -> float:
+    """Sun from behind the camera, off to a side, as seen at the middle of the clip."""
+    subject_m, camera_m = _paths_m([clip])
+    x, y = (camera_m - subject_m)[len(camera_m) // 2, :2]
+    return float(np.arctan2(y, x) + np.deg2rad(55))

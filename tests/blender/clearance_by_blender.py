@@ -1,0 +1,47 @@
+"""Runs in its own process: the clearance of paths in a yard of two boxes, printed as JSON.
+
+Usage: clearance_by_blender.py cases.json, a mapping of names to {camera_m, pelvis_m}, (T, 3) each.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from blender.clearance import GROUND, measure_clearance
+from blender.layout import Thing
+from blender.meshes import ground_mesh, mesh_of
+from blender.scene import add_object
+from gmrdata.errors import RenderFailed
+
+
+def add(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices.tolist(), [], faces.tolist())
+    add_object(bpy.context.scene, name, mesh)
+
+
+bpy.ops.wm.read_factory_settings(use_empty=True)
+ground = ground_mesh(np.zeros(2), 40.0)
+add(GROUND, ground.vertices_m, ground.faces)
+rng = np.random.default_rng(0)
+picture = np.zeros((2, 2, 3), np.float32)
+# A box of 2 m round (5, 0, 1), and a thin wall at y = 3 from x = -1 to 1, turned into place.
+for number, (centre, size, yaw) in enumerate(
+    [((5, 0, 1), (2, 2, 2), 0.0), ((0, 3, 1), (0.02, 2, 2), np.pi / 2)]
+):
+    thing = Thing("box", np.array(centre, float), np.array(size, float), yaw, picture, None)
+    mesh = mesh_of(thing, rng)
+    add(f"thing{number}", mesh.vertices_m, mesh.faces)
+objects = [thing for thing in bpy.context.scene.objects if thing.type == "MESH"]
+answers = {"nothing": measure_clearance(objects[:1], np.zeros((1, 3)), np.ones((1, 3)))}
+for name, case in json.loads(Path(sys.argv[1]).read_text()).items():
+    paths = np.array(case["camera_m"], float), np.array(case["pelvis_m"], float)
+    try:
+        found = measure_clearance(objects, *paths)
+        answers[name] = found and found.model_dump()
+    except RenderFailed as error:
+        answers[name] = str(error)
+sys.stdout.write("\nANSWER " + json.dumps(answers) + "\n")

@@ -1,0 +1,92 @@
+"""How near the camera and the person come to what stands about, by Blender's own surfaces."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gmrdata.clearance import Clearance, clearance_figures, save_clearance
+from gmrdata.errors import BadRecord
+
+# A box fills x 4 to 6, y -1 to 1, z 0 to 2; a wall 2 cm thick stands at y = 3, x -1 to 1, z 0 to 2.
+PERSON = [[0.0, 0.0, 1.0], [0.5, 0.0, 1.0]]
+CASES = {
+    "clear": {"camera_m": [[0.0, -4.0, 1.5], [1.0, -4.0, 1.5]], "pelvis_m": PERSON},
+    "behind the wall for a frame": {
+        "camera_m": [[0.0, 4.0, 1.5], [3.0, 4.0, 1.5]],
+        "pelvis_m": [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]],
+    },
+    "through the wall from one frame to the next": {
+        "camera_m": [[0.5, 2.0, 1.5], [0.5, 4.0, 1.5]],
+        "pelvis_m": PERSON,
+    },
+    "touches": {"camera_m": [[3.0, 0.0, 1.5], [3.97, 0.0, 1.5]], "pelvis_m": PERSON},
+    "inside": {"camera_m": [[5.0, 0.0, 1.0], [5.1, 0.0, 1.0]], "pelvis_m": PERSON},
+    "walks into the box": {
+        "camera_m": [[0.0, -4.0, 1.5]] * 3,
+        "pelvis_m": [[3.0, 0.0, 1.0], [3.5, 0.0, 1.0], [4.5, 0.0, 1.0]],
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    path = tmp_path_factory.mktemp("clearance") / "cases.json"
+    path.write_text(json.dumps(CASES))
+    root = Path(__file__).parents[2]
+    said = subprocess.run(
+        [sys.executable, Path(__file__).with_name("clearance_by_blender.py"), path],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=root,
+        env={"PYTHONPATH": str(root)},
+    )
+    found: dict[str, Any] = json.loads(said.stdout.split("\nANSWER ")[1])
+    return found
+
+
+def test_distances_are_those_to_the_nearest_surface(answers: dict[str, Any]) -> None:
+    assert answers["nothing"] is None  # the ground doesn't count
+    clear = answers["clear"]
+    # From (1, -4, 1.5) to the box's edge x = 4, y = -1; from (0, 0, 1) to the wall's face.
+    assert clear["camera_m"] == pytest.approx(18**0.5, abs=1e-4)
+    assert clear["person_m"] == pytest.approx(2.99, abs=1e-4)
+    assert clear["sight_share"] == 1.0
+
+
+def test_what_hides_the_person_is_counted(answers: dict[str, Any]) -> None:
+    hidden = answers["behind the wall for a frame"]
+    assert hidden["sight_share"] == 0.5
+    assert hidden["camera_m"] == pytest.approx(0.99, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("case", "message"),
+    [
+        ("through the wall from one frame to the next", "frame 1: the camera's path leads through"),
+        ("touches", "frame 1: the camera's path leads through"),
+        ("inside", "hides the person from the camera in every frame"),
+        ("walks into the box", "frame 2: the person's path leads through"),
+    ],
+)
+def test_a_path_through_a_thing_is_an_error(
+    answers: dict[str, Any], case: str, message: str
+) -> None:
+    assert message in answers[case] and "scene.seed" in answers[case]
+
+
+def test_the_figures_come_back_from_the_file(tmp_path: Path) -> None:
+    assert clearance_figures(tmp_path) == {}
+    save_clearance(tmp_path, Clearance(camera_m=1.25, person_m=0.8, sight_share=0.75))
+    assert clearance_figures(tmp_path) == {
+        "camera_clearance_m": 1.25,
+        "person_clearance_m": 0.8,
+        "clear_sight_share": 0.75,
+    }
+    (tmp_path / "clearance.json").write_text('{"camera_m": -1, "person_m": 1, "sight_share": 1}')
+    with pytest.raises(BadRecord, match="greater than 0; render the clip again"):
+        clearance_figures(tmp_path)

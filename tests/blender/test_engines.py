@@ -1,0 +1,202 @@
+"""Renderers: which can run here, clear words where one can't, and pictures of each."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from gmrdata.body.file import save_body
+from gmrdata.body.forward import motion_vertices_m
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.engines import find_renderer
+from gmrdata.errors import EngineMissing
+from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov, project
+from gmrdata.geometry.look_at import look_at
+from gmrdata.geometry.transforms import rigid
+from gmrdata.motion.motion import Motion
+from gmrdata.render import RenderConfig, render_clip
+from gmrdata.store import read_json, sha256_of_file
+
+N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 160, 90
+SHARP = RenderConfig(samples=8, image_format="png", depth=True, normals=True, flow=True)
+STEP_M = 0.5
+
+
+@pytest.fixture(scope="module")
+def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Someone with wide arms who is carried to the side, half a metre a frame."""
+    folder = tmp_path_factory.mktemp("job")
+    motion = Motion(
+        np.tile(np.eye(3), (N_FRAMES, 23, 1, 1)),
+        np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (N_FRAMES, 1, 1)),
+        np.c_[np.zeros(N_FRAMES), STEP_M * (np.arange(N_FRAMES) - 1), np.full(N_FRAMES, 0.95)],
+        np.zeros(small_body.n_shape),
+        10.0,
+        small_body.name,
+        "neutral",
+        "world",
+        "is carried",
+    )
+    centre_m = np.tile([4.0, 0.0, 1.2], (N_FRAMES, 1))
+    pose = rigid(look_at(centre_m, np.tile([0.0, 0.0, 1.0], (N_FRAMES, 1))), centre_m)
+    intrinsics_px = intrinsics_from_fov(60.0, WIDTH_PX, HEIGHT_PX)
+    camera = CameraPath(intrinsics_px, WIDTH_PX, HEIGHT_PX, pose, np.ones(N_FRAMES, bool))
+    clip = Clip("carried", motion, np.ones(N_FRAMES, bool), np.full(N_FRAMES, -1), camera)
+    save_clip(folder / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    save_body(folder / "body.npz", small_body)
+    return folder / "clip.npz", folder / "body.npz"
+
+
+@pytest.fixture(scope="module")
+def sharp(job: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Cycles, png, with the scene saved beside."""
+    out_dir = tmp_path_factory.mktemp("sharp") / "carried"
+    config = SHARP.model_copy(update={"blend": True})
+    return render_clip(*job, out_dir, config, on_frame=lambda _: None)
+
+
+def read(path: Path) -> np.ndarray:
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None, path
+    return np.asarray(image).astype(int)
+
+
+def same_files(a: Path, b: Path, *folders: str) -> bool:
+    names = [path.relative_to(a) for folder in folders for path in sorted((a / folder).iterdir())]
+    assert len(names) >= len(folders) * (N_FRAMES - 1)
+    return all(sha256_of_file(a / name) == sha256_of_file(b / name) for name in names)
+
+
+def without_opengl(code: str) -> subprocess.CompletedProcess[str]:
+    """Run code where no OpenGL library offers itself."""
+    environment = os.environ | {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("engine", ["eevee", "workbench"])
+def test_without_opengl_it_is_said_before_any_frame(engine: str) -> None:
+    answer = without_opengl(
+        "from gmrdata.engines import find_renderer\n"
+        "from gmrdata.errors import EngineMissing\n"
+        f"try: print(find_renderer({engine!r}, 'cpu'))\n"
+        "except EngineMissing as error: print('missing:', error)"
+    )
+    assert answer.stdout.startswith(f"missing: engine: {engine}: ")
+    assert "Take `engine: cycles`" in answer.stdout and "libegl1" in answer.stdout
+
+
+def test_cycles_on_the_cpu_needs_no_trial() -> None:
+    assert find_renderer("cycles", "cpu") == "Cycles on the CPU"
+
+
+def test_without_a_gpu_the_devices_are_named(job: tuple[Path, Path], tmp_path: Path) -> None:
+    try:
+        found = find_renderer("cycles", "gpu")
+    except EngineMissing as error:
+        assert "Cycles finds no GPU here, only " in str(error) and "(CPU)" in str(error)
+    else:
+        pytest.skip(f"there is a GPU: {found}")
+    config = RenderConfig(device="gpu")
+    with pytest.raises(EngineMissing, match="device: cpu"):
+        render_clip(*job, tmp_path / "out", config, on_frame=lambda _: None)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("said", [{"device": "gpu"}, {"shutter": 0.5}])
+def test_what_eevee_has_not(said: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        RenderConfig.model_validate({"engine": "eevee"} | said)
+
+
+def test_png_frames_are_lossless_and_the_record_names_the_renderer(sharp: Path) -> None:
+    assert read_json(sharp / "stage.json")["renderer"] == "Cycles on the CPU"
+    names = sorted(path.name for path in (sharp / "frames").iterdir())
+    assert names == [f"{row:05d}.png" for row in range(N_FRAMES)]
+    assert read(sharp / "frames/00000.png").shape == (HEIGHT_PX, WIDTH_PX, 3)
+
+
+@pytest.mark.slow
+def test_eevee_shows_the_same_place_with_the_same_truth(
+    sharp: Path, job: tuple[Path, Path], tmp_path: Path
+) -> None:
+    try:
+        renderer = find_renderer("eevee", "cpu")
+    except EngineMissing as error:
+        pytest.skip(str(error))
+    config = SHARP.model_copy(update={"engine": "eevee"})
+    out_dir = render_clip(*job, tmp_path / "eevee", config, on_frame=lambda _: None)
+    assert read_json(out_dir / "stage.json")["renderer"] == renderer
+    assert same_files(sharp, out_dir, "masks", "depth", "normals", "flow")
+    for row in range(N_FRAMES):
+        ours = read(out_dir / f"frames/{row:05d}.png")
+        off = np.abs(ours - read(sharp / f"frames/{row:05d}.png"))
+        assert np.median(off) < 8 and ours.std() > 25  # one place, one light, other edges
+
+
+def coverage(clip: Clip, body: BodyModel, shutter: float) -> np.ndarray:
+    """(H, W) share of each pixel that the projected mesh covers in frame 1 while a shutter is open.
+
+    Drawn eight times as fine, at 17 moments; between frames the person goes straight.
+    """
+    fine, camera = 8, camera_of(clip)
+    vertices_m = motion_vertices_m(body, clip.motion)[1].astype(np.float64)
+    total = np.zeros((HEIGHT_PX, WIDTH_PX))
+    moments = (np.arange(17) + 0.5) / 17 - 0.5
+    for moment in moments:
+        there_m = vertices_m + np.array([0.0, shutter * moment * STEP_M, 0.0])
+        points_px = project(camera.world_from_cam[1], there_m, camera.intrinsics_px)
+        canvas = np.zeros((HEIGHT_PX * fine, WIDTH_PX * fine), np.uint8)
+        for face in np.round((points_px * fine - 0.5) * 16).astype(np.int32)[body.faces]:
+            cv2.fillConvexPoly(canvas, face, (255,), shift=4)
+        total += cv2.resize(canvas, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA) / 255
+    return total / len(moments)
+
+
+def test_an_open_shutter_smears_the_person_and_leaves_the_truth(
+    sharp: Path, job: tuple[Path, Path], tmp_path: Path, small_body: BodyModel
+) -> None:
+    shutter = 0.3  # 5 px of 17 px a frame
+    config = SHARP.model_copy(update={"shutter": shutter, "samples": 32})
+    blurred = render_clip(*job, tmp_path / "blurred", config, on_frame=lambda _: None)
+    assert same_files(sharp, blurred, "depth", "normals", "flow")
+    assert sha256_of_file(sharp / "clip.npz") == sha256_of_file(blurred / "clip.npz")
+    clip = load_clip(job[0])
+    smeared, still = coverage(clip, small_body, shutter), coverage(clip, small_body, 0.0)
+    mask, expected = read(blurred / "masks/00001.png") > 0, smeared >= 0.5
+    iou = (mask & expected).sum() / (mask | expected).sum()
+    assert expected.sum() > 300 and iou > 0.85, f"IoU {iou:.3f}"
+    # The colours mix where the person is for a part of the time, and nowhere else.
+    frames = [read(folder / "frames/00001.png") for folder in (blurred, sharp)]
+    change = np.abs(frames[0] - frames[1]).mean(axis=-1)
+    mixed = np.abs(smeared - still) > 0.25
+    untouched = cv2.dilate((smeared > 0).astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
+    assert mixed.sum() > 200
+    assert change[mixed].mean() > 3 * change[untouched].mean()
+
+
+def test_a_saved_scene_renders_the_same_pixels_elsewhere(sharp: Path, tmp_path: Path) -> None:
+    (sharp / "scene").rename(tmp_path / "moved")
+    try:
+        code = (
+            "import bpy, sys\n"
+            "bpy.ops.wm.open_mainfile(filepath=sys.argv[1])\n"
+            "scene = bpy.context.scene\n"
+            "scene.frame_set(1)\n"
+            "scene.cycles.seed = 1\n"
+            "scene.compositing_node_group = None\n"
+            "scene.render.filepath = sys.argv[2]\n"
+            "bpy.ops.render.render(write_still=True)\n"
+        )
+        picture = tmp_path / "again.bmp"
+        command = [sys.executable, "-c", code, str(tmp_path / "moved/scene.blend"), str(picture)]
+        subprocess.run(command, check=True, capture_output=True)
+    finally:
+        (tmp_path / "moved").rename(sharp / "scene")
+    np.testing.assert_array_equal(read(picture), read(sharp / "frames/00001.png"))

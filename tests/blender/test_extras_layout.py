@@ -1,0 +1,120 @@
+"""A place leaves the extras their ways and closes round them; without them it is as it was."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from blender.layout import Yard, with_ways
+from blender.meshes import mesh_of
+from blender.places.courtyard import courtyard
+from blender.places.park import park
+from blender.places.room import room
+from blender.places.street import PAVEMENT_M, street
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, camera_of
+from gmrdata.extras.cast import Cast, make_cast
+from gmrdata.extras.config import Extras
+from gmrdata.extras.drive import CAR_SIZE_M
+from gmrdata.film import Film, film_motion, plan_clip
+from gmrdata.geometry.programmes import Circular, Panning, Programme
+from gmrdata.motion.gait import make_gait
+
+PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
+CASES: list[tuple[str, Programme]] = [
+    ("courtyard", Circular()),
+    ("street", Circular()),
+    ("park", Panning()),
+    ("room", Panning()),
+]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse_pictures() -> Iterator[None]:
+    """Few pixels, which is most of the work; what stands where is as ever."""
+    with pytest.MonkeyPatch.context() as patch:
+        for kind in ("courtyard", "street", "park"):
+            patch.setattr(f"blender.places.{kind}.GROUND_PX", 384)
+        patch.setattr("blender.places.room.FLOOR_PX", 384)
+        patch.setattr("blender.places.park.HEDGE_PX_PER_M", 20.0)
+        patch.setattr("blender.places.room.WALL_PX_PER_M", 30.0)
+        patch.setattr("blender.houses.WALL_PX_PER_M", 20.0)
+        patch.setattr("blender.props.PROP_PX_PER_M", 120.0)
+        yield
+
+
+def filmed(body: BodyModel, programme: Programme, seed: int) -> Clip:
+    rng = np.random.default_rng(seed)
+    motion = film_motion(make_gait("walk", 4.0, 10.0, body, rng), Film(fps_hz=10))
+    return plan_clip("clip", motion, programme, Film(), rng)
+
+
+def yard_of(kind: str, clip: Clip, ways_m: np.ndarray) -> Yard:
+    paths = clip.motion.pelvis_m, camera_of(clip).centres_world_m
+    return PLACES[kind](*with_ways(*paths, ways_m), np.random.default_rng(3))
+
+
+def cast_of(kind: str, clip: Clip, body: BodyModel) -> Cast:
+    cars = 0 if kind == "room" else 1
+    return make_cast(Extras(company=1, passers_by=2, cars=cars), [clip], body, 5)
+
+
+def what_stands(yard: Yard) -> list[list[float]]:
+    return [[*t.centre_m, *t.size_m, t.yaw_rad, float(t.picture.mean())] for t in yard.things]
+
+
+@pytest.mark.parametrize(("kind", "programme"), CASES, ids=lambda case: getattr(case, "kind", case))
+def test_nothing_stands_in_the_extras_ways(
+    small_body: BodyModel, kind: str, programme: Programme
+) -> None:
+    clip = filmed(small_body, programme, seed=6)
+    cast = cast_of(kind, clip, small_body)
+    yard = yard_of(kind, clip, cast.ground_m)
+    walks = [
+        np.concatenate([walker.pelvis_m[:, :2] for walker in cast.walkers]),
+        *(car.world_from_car[:, :2, 3] for car in cast.cars),
+    ]
+    rooms_m = [np.array([0.4, 0.4])]
+    for car in cast.cars:
+        half_m = CAR_SIZE_M[:2] / 2 + 0.05
+        rooms_m.append(half_m if abs(car.ahead[0]) > 0.5 else half_m[::-1])
+    for thing in yard.things:
+        vertices_m = mesh_of(thing, np.random.default_rng(0)).vertices_m
+        low, high = vertices_m.min(axis=0), vertices_m.max(axis=0)
+        if low[2] > 1.2:
+            continue  # a crown or a lantern; people pass below its edge
+        for path_m, room_m in zip(walks, rooms_m, strict=True):
+            inside = (path_m > low[:2] - room_m) & (path_m < high[:2] + room_m)
+            assert not inside.all(axis=1).any(), thing
+    side_m = yard.ground_side_m / 2
+    for path_m, room_m in zip(walks, rooms_m, strict=True):
+        assert (np.abs(path_m - yard.ground_centre_m) + room_m < side_m).all()
+
+
+def test_a_car_keeps_to_the_road(small_body: BodyModel) -> None:
+    for seed in range(2):
+        clip = filmed(small_body, Circular(), seed)
+        cast = cast_of("street", clip, small_body)
+        yard = yard_of("street", clip, cast.ground_m)
+        parked = [thing for thing in yard.things if thing.solid == "taper"]
+        car = cast.cars[0]
+        along = int(abs(car.ahead[1]) > 0.5)
+        # Houses stand 3 m beyond all ways, and the pavement is narrower than that.
+        low, high = cast.ground_m[:, :2].min(axis=0), cast.ground_m[:, :2].max(axis=0)
+        assert (high - low)[along] > (high - low)[1 - along]
+        for thing in parked:  # along the same road
+            assert abs(np.sin(thing.yaw_rad - along * np.pi / 2)) < 1e-9
+            gap_m = np.abs(car.world_from_car[:, :2, 3] - thing.centre_m[:2])[:, 1 - along]
+            assert (gap_m > CAR_SIZE_M[1]).all()
+        assert PAVEMENT_M + CAR_SIZE_M[1] / 2 < 3.0 + 0.5
+
+
+@pytest.mark.parametrize("kind", ["courtyard", "room"])
+def test_who_is_in_nobodys_way_changes_nothing(small_body: BodyModel, kind: str) -> None:
+    """A place depends on the extras only through its size and through what has to give way."""
+    clip = filmed(small_body, Panning(), seed=2)
+    bare = yard_of(kind, clip, np.empty((0, 3)))
+    company_m = clip.motion.pelvis_m * [0.999, 0.999, 1.0]
+    assert what_stands(yard_of(kind, clip, company_m)) == what_stands(bare)
+    far_m = clip.motion.pelvis_m + np.array([20.0, 0.0, 0.0])
+    assert what_stands(yard_of(kind, clip, far_m)) != what_stands(bare)
