@@ -16,6 +16,7 @@ from gmrdata.geometry.camera import CameraPath
 from gmrdata.jobs import count_files
 from gmrdata.motion.resample import slice_motion
 from gmrdata.render import RenderConfig, render_clip
+from gmrdata.synthetic.draw import render_config
 from gmrdata.synthetic.recipe import SyntheticRecipe
 from gmrdata.synthetic.render_set import render_dir
 from gmrdata.synthetic.select import select
@@ -97,7 +98,9 @@ def dry_run(
         todo = [id for id in clips if not render_dir(out_dir, id).is_dir()]
         measured = None
         if probe and todo:
-            measured = probe_clip(clips[todo[0]], body_path, recipe.render, Path(folder) / "probe")
+            take = next(take for take in selection.takes if take.id == todo[0])
+            config = render_config(recipe, take.clip)
+            measured = probe_clip(clips[take.id], body_path, config, Path(folder) / "probe")
     rows: list[Sequence[str]] = []
     for take in selection.takes:
         done = "to do" if take.id in todo else "done"
@@ -131,7 +134,7 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
     Args:
         clip: A planned clip.
         body_path: Its body.
-        config: The set's settings.
+        config: Its settings.
         folder: Where to; the caller removes it.
 
     Raises:

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmrdata.body.forward import motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_vertices_m
 from gmrdata.clip import Clip, camera_of
 from gmrdata.geometry.framing import in_frame
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gmrdata.manifest.current import Clip, Quality
 from gmrdata.report.markup import figure, pairs, table, text
+from gmrdata.scene_config import SceneConfig
 from gmrdata.store import write_text
 from gmrdata.synthetic.in_view import IN_FRAME
 from gmrdata.synthetic.recipe import SyntheticRecipe
@@ -59,6 +60,7 @@ def _section(clip: Clip, warning: str | None) -> str:
     rows = [
         ("motion", text(f"{clip.source.dataset} {clip.source.sequence}")),
         ("camera", text(clip.camera_motion)),
+        ("place", text(_place(clip))),
         ("licence", text(clip.licence)),
     ]
     if warning:
@@ -82,6 +84,14 @@ def _picture(clip: Clip, name: str, alt: str) -> str:
         f'<img src="sheets/{text(clip.id)}/{name}" alt="{text(alt)}" loading="lazy" '
         'style="max-width:100%">'
     )
+
+
+def _place(clip: Clip) -> str:
+    """Where the clip was filmed, as its recipe says."""
+    if clip.recipe is None:
+        return "unknown"
+    scene = SceneConfig.model_validate(clip.recipe.config["scene"])
+    return f"{scene.kind}, {scene.lit_by}, seed {scene.seed}"
 
 
 def _in_frame(clip: Clip) -> float:

@@ -1,4 +1,4 @@
-"""One clip before it is rendered: its motion, cut and centred, and its camera."""
+"""One clip before it is rendered: its person, its motion, cut and centred, and its camera."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +7,7 @@ import numpy as np
 
 from gmrdata.body.file import read_body
 from gmrdata.body.model import BodyModel
+from gmrdata.body.people import draw_person
 from gmrdata.clip import camera_of, load_clip, save_clip
 from gmrdata.config import Config
 from gmrdata.film import Film, film_motion, plan_clip
@@ -15,7 +16,8 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.motion.motion import Motion
 from gmrdata.motion.read import input_files, read_motion
 from gmrdata.store import run_stage
-from gmrdata.synthetic.recipe import SyntheticClip, SyntheticRecipe
+from gmrdata.synthetic.draw import clip_rng
+from gmrdata.synthetic.recipe import PeopleConfig, SyntheticClip, SyntheticRecipe
 
 PLANNED_FILE = "clip.npz"
 
@@ -24,16 +26,17 @@ class PlanConfig(Config):
     """What decides one planned clip."""
 
     seed: int
-    """Seed of the gait and of the camera."""
+    """Seed of the person, the gait and the camera."""
     clip: SyntheticClip
     """The clip."""
     film: Film
     """What the set's clips share."""
+    people: PeopleConfig
+    """Who is filmed."""
 
 
 def make_plan(
     clip: SyntheticClip,
-    index: int,
     recipe: SyntheticRecipe,
     motion_path: Path | None,
     body_path: Path,
@@ -44,8 +47,7 @@ def make_plan(
     """Stage: the planned clip.
 
     Args:
-        clip: The clip.
-        index: Its place in the recipe, which makes its random choices its own.
+        clip: The clip; its random choices hang on the set's seed and its id alone.
         recipe: The recipe.
         motion_path: The motion file; None for an embedded gait.
         body_path: The set's body.
@@ -61,12 +63,19 @@ def make_plan(
 
     def work(partial_dir: Path) -> None:
         body = read_body(body_path)
-        rng = np.random.default_rng([recipe.seed, index])
-        motion = film_motion(_motion(clip, film, motion_path, body, rng), film)
+        shape = _shape(clip, recipe, body)
+        rng = clip_rng(recipe.seed, clip.id, "motion")
+        motion = film_motion(_motion(clip, film, motion_path, body, shape, rng), film)
         planned = plan_clip(clip.id, motion, clip.programme, film, rng)
         save_clip(partial_dir / PLANNED_FILE, planned, body.rest_pelvis_m(motion.shape))
 
-    config = PlanConfig(seed=recipe.seed, clip=clip, film=film)
+    # The place doesn't matter to the plan: another one must not make it stale.
+    config = PlanConfig(
+        seed=recipe.seed,
+        clip=clip.model_copy(update={"scene": None}),
+        film=film,
+        people=recipe.people,
+    )
     inputs = {"body": body_path}
     if motion_path is not None:
         inputs |= input_files(motion_path)
@@ -122,8 +131,18 @@ def _motion(
     film: Film,
     motion_path: Path | None,
     body: BodyModel,
+    shape: np.ndarray | None,
     rng: np.random.Generator,
 ) -> Motion:
     if motion_path is not None:
-        return read_motion(motion_path, body)
-    return make_gait(clip.gait or "", film.duration_s, 30.0, body, rng)
+        return read_motion(motion_path, body, shape=shape)
+    return make_gait(clip.gait or "", film.duration_s, 30.0, body, rng, shape=shape)
+
+
+def _shape(clip: SyntheticClip, recipe: SyntheticRecipe, body: BodyModel) -> np.ndarray | None:
+    """The person's shape (S,); None: as the motion has it."""
+    if clip.shape is not None:
+        return np.array(clip.shape)
+    if not recipe.people.vary:
+        return None
+    return draw_person(body, clip_rng(recipe.seed, clip.id, "person"), recipe.people.spread)

@@ -4,10 +4,12 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from gmrdata.character import Character
 from gmrdata.config import Config
 from gmrdata.film import Film
 from gmrdata.geometry.programmes import Programme
 from gmrdata.render import RenderConfig
+from gmrdata.scene_config import SceneConfig
 
 
 class SyntheticClip(Config):
@@ -23,12 +25,29 @@ class SyntheticClip(Config):
     """Camera programme."""
     duration_s: float | None = Field(default=None, gt=0)
     """Length to film, from the motion's start [s]; the set's when left out."""
+    shape: tuple[float, ...] | None = None
+    """Shape coefficients of the person, as many as the body has; `people` decides when left out."""
+    scene: SceneConfig | None = None
+    """The clip's place; drawn from the set's `scenes`, or that of `render`, when left out."""
+    character: Character | None = None
+    """A rigged character to film in this clip; that of `render`, if any, when left out."""
 
     @model_validator(mode="after")
     def _one_motion(self) -> "SyntheticClip":
         if (self.trial is None) == (self.gait is None):
             raise ValueError("give either `trial` or `gait`")
         return self
+
+
+class PeopleConfig(Config):
+    """Who is filmed."""
+
+    vary: bool = False
+    """Whether each clip has a person, skin, hair and clothes of its own, drawn by the set's seed
+    and the clip's id; else a file's motion has the body's mean shape, a gait one of its own, and
+    the scene's seed chooses the clothes."""
+    spread: float = Field(default=1.0, ge=0, le=1.2)
+    """How far shapes go from the mean; 1: as adults do in the body's own distribution."""
 
 
 class SyntheticRecipe(Config):
@@ -51,11 +70,15 @@ class SyntheticRecipe(Config):
     clips: tuple[SyntheticClip, ...] = ()
     """Further clips."""
     camera_off: bool = False
-    """Render each clip a second time, as `<id>_off`, with the same motion and the same scene seed
-    under a static camera (Table 6).  A static clip has no such twin.  Crates and trees stand
-    elsewhere, since they keep clear of the camera."""
+    """Render each clip a second time, as `<id>_off`, with the same motion in the same place under
+    a static camera (Table 6).  A static clip has no such twin."""
     min_in_frame_share: float = Field(default=0.9, ge=0, le=1)
     """A clip that has the whole person in frame in a smaller share of its frames gets a warning."""
+    people: PeopleConfig = PeopleConfig()
+    """Who is filmed."""
+    scenes: tuple[SceneConfig, ...] = ()
+    """Places of which each clip draws one, by the set's seed and its id; a place without a `seed`
+    gets one of the clip's own too.  None: all clips are in the place of `render`."""
     film: Film = Film()
     """What the clips share."""
     render: RenderConfig = RenderConfig()

@@ -6,6 +6,8 @@ from pathlib import Path
 from gmrdata.body.file import read_body
 from gmrdata.body.keep import keep_body
 from gmrdata.body.model import BodyModel
+from gmrdata.character_record import CHARACTER_FILE, load_character, residual_figures
+from gmrdata.clearance import clearance_figures
 from gmrdata.clip import load_clip
 from gmrdata.errors import MissingInput
 from gmrdata.fetch.trials import fetch_command
@@ -18,7 +20,8 @@ from gmrdata.progress import console, track
 from gmrdata.render import optional_outputs
 from gmrdata.render_jobs import try_render_clips
 from gmrdata.sources import file_source, gait_source, licence_of
-from gmrdata.store import write_text
+from gmrdata.store import remove_orphans, write_text
+from gmrdata.synthetic.draw import render_config
 from gmrdata.synthetic.in_view import IN_FRAME, whole_person_share
 from gmrdata.synthetic.index_page import write_index
 from gmrdata.synthetic.recipe import SyntheticRecipe
@@ -55,6 +58,27 @@ def render_set(
         StageFailed: some clips failed; the others are done and the manifest lists them.
     """
     selection = select(recipe, motions_dir)
+    require_takes(recipe, selection, motions_dir)
+    out_dir = out_dir.resolve()
+    failures_dir = out_dir / "failed"
+    for folder in (out_dir, failures_dir, *out_dir.glob("listings/**/")):
+        remove_orphans(folder)
+    body_path = keep_body(recipe.body, out_dir / "body", redo=redo)
+    reasons = _render(recipe, selection, out_dir, body_path, failures_dir, scheduler, redo)
+    done = [take for take in selection.takes if take.id not in reasons]
+    manifest_path = out_dir / "synthetic.yaml"
+    if done:
+        _list(recipe, done, out_dir, read_body(body_path), bool(reasons), redo)
+    raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
+    return manifest_path
+
+
+def require_takes(recipe: SyntheticRecipe, selection: Selection, motions_dir: Path | None) -> None:
+    """Say which motions are missing.
+
+    Raises:
+        MissingInput: not one clip of the recipe has its motion.
+    """
     if not selection.takes:
         raise MissingInput(
             f"recipe {recipe.name}: none of its trials found. Give their folder with --motions"
@@ -67,16 +91,6 @@ def render_set(
             markup=False,
             soft_wrap=True,
         )
-    out_dir = out_dir.resolve()
-    failures_dir = out_dir / "failed"
-    body_path = keep_body(recipe.body, out_dir / "body", redo=redo)
-    reasons = _render(recipe, selection, out_dir, body_path, failures_dir, scheduler, redo)
-    done = [take for take in selection.takes if take.id not in reasons]
-    manifest_path = out_dir / "synthetic.yaml"
-    if done:
-        _list(recipe, done, out_dir, read_body(body_path), bool(reasons), redo)
-    raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
-    return manifest_path
 
 
 def render_dir(out_dir: Path, clip_id: str) -> Path:
@@ -103,12 +117,23 @@ def _render(
             planned.paths,
             body_path,
             out_dir / "render",
-            recipe.render,
+            {take.id: render_config(recipe, take.clip) for take in selection.takes},
             client,
             failures_dir,
+            layouts=layouts_of(selection.takes, planned.paths),
             redo=redo,
         )
     return {**planned.reasons, **outcome.reasons}
+
+
+def layouts_of(takes: Sequence[Take], paths: Mapping[str, Path]) -> dict[str, list[Path]]:
+    """By id of a clip or its twin: the planned paths of both, which share one place (Table 6)."""
+    sharing: dict[str, list[Path]] = {}
+    for take in takes:
+        if take.id in paths:
+            sharing.setdefault(take.clip.id, []).append(paths[take.id])
+    together = {take.id: sharing.get(take.clip.id, []) for take in takes}
+    return {id: shared for id, shared in together.items() if len(shared) > 1}
 
 
 def _list(
@@ -165,17 +190,24 @@ def _entry(out_dir: Path, take: Take, body: BodyModel, recipe: SyntheticRecipe) 
     folder = render_dir(out_dir, take.id)
     clip = take.clip
     source = file_source(clip.trial) if clip.trial else gait_source(clip.gait or "")
-    share = whole_person_share(load_clip(folder / "clip.npz"), body)
+    config = render_config(recipe, clip)
+    licence = licence_of(source)
+    if config.character is None:
+        figures = {IN_FRAME: whole_person_share(load_clip(folder / "clip.npz"), body)}
+    else:
+        record = load_character(folder / CHARACTER_FILE)
+        figures = {IN_FRAME: float(record.in_frame.mean())} | residual_figures(record)
+        licence = f"{licence}; character: {config.character.licence}"
     return clip_entry(
         out_dir,
         id=take.id,
         clip_path=folder / "clip.npz",
         images_dir=folder / "frames",
         masks_dir=folder / "masks",
-        **optional_outputs(folder, recipe.render),
+        **optional_outputs(folder, config),
         camera_motion=take.camera_motion,
-        licence=licence_of(source),
+        licence=licence,
         source=source,
-        quality=Quality(geometry="exact", figures={IN_FRAME: share}),
+        quality=Quality(geometry="exact", figures={**figures, **clearance_figures(folder)}),
         recipe=stage_recipe(folder),
     )

@@ -30,8 +30,6 @@ class Take:
     """Name of the clip in the manifest."""
     clip: SyntheticClip
     """The recipe's clip."""
-    index: int
-    """Its place among the clips that can be rendered."""
     camera_off: bool = False
     """Whether this is the twin."""
 
@@ -66,10 +64,10 @@ def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
 
 def _takes(clips: tuple[SyntheticClip, ...], camera_off: bool) -> tuple[Take, ...]:
     takes = []
-    for index, clip in enumerate(clips):
-        takes.append(Take(clip.id, clip, index))
+    for clip in clips:
+        takes.append(Take(clip.id, clip))
         if camera_off and clip.programme.kind != "static":
-            takes.append(Take(f"{clip.id}_off", clip, index, camera_off=True))
+            takes.append(Take(f"{clip.id}_off", clip, camera_off=True))
     repeated = sorted(id for id, n in Counter(take.id for take in takes).items() if n > 1)
     if repeated:
         raise BadRecipe(

@@ -51,8 +51,8 @@ def make_sheet(rendered_dir: Path, out_dir: Path, config: SheetConfig | None = N
 
     def work(partial_dir: Path) -> None:
         clip = load_clip(clip_path)
-        _write(partial_dir / CONTACT_FILE, contact_sheet(rendered_dir, config.n_frames))
-        _write(partial_dir / PATHS_FILE, _paths_picture(clip))
+        write_bytes(partial_dir / CONTACT_FILE, contact_sheet(rendered_dir, config.n_frames))
+        write_bytes(partial_dir / PATHS_FILE, paths_picture(clip))
 
     inputs = {
         "clip": clip_path,
@@ -84,7 +84,9 @@ def contact_sheet(rendered_dir: Path, n_frames: int) -> bytes:
     return encoded.tobytes()
 
 
-def _paths_picture(clip: Clip) -> bytes:
+def paths_picture(clip: Clip) -> bytes:
+    """PNG bytes: the paths of camera and person from above."""
+
     def draw(figure: Figure) -> None:
         true_top_view(figure.subplots(), clip)
 
@@ -98,6 +100,7 @@ def _read(path: Path, mode: int) -> np.ndarray:
     return np.asarray(image)
 
 
-def _write(path: Path, data: bytes) -> None:
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file as a whole or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)

@@ -61,7 +61,6 @@ def _plan(
     """The take's planned clip; a twin's is made of that of its clip."""
     planned = make_plan(
         take.clip,
-        take.index,
         recipe,
         selection.files.get(take.clip.trial or ""),
         body_path,

@@ -80,7 +80,10 @@ def test_every_clip_has_the_whole_person_in_frame_as_its_masks_say(rendered: Pat
     manifest = read_manifest(rendered)
     assert isinstance(manifest, Manifest)
     for clip in manifest.clips:
-        assert clip.quality is not None and clip.quality.figures == {"in_frame_share": 1.0}
+        assert clip.quality is not None
+        figures = clip.quality.figures
+        assert (figures["in_frame_share"], figures["clear_sight_share"]) == (1.0, 1.0)
+        assert figures["camera_clearance_m"] > 0.5 and figures["person_clearance_m"] > 0.5
         for path in (rendered.parent / "render" / clip.id / "masks").glob("*.png"):
             mask = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
             assert mask is not None and mask.max() == 255
@@ -152,7 +155,7 @@ def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path: Path, anny: ob
     )
     check_manifest(tmp_path / "synthetic.yaml")
     assert manifest.clips[0].quality is not None
-    assert manifest.clips[0].quality.figures == {"in_frame_share": 0.0}
+    assert manifest.clips[0].quality.figures["in_frame_share"] == 0.0
     assert (
         (tmp_path / "warnings.txt").read_text().startswith("clip near: the whole person is in 0%")
     )
