@@ -111,8 +111,8 @@ def _write_silhouettes(
     partial: Path,
     config: SilhouetteConfig,
 ) -> None:
-    from gmrdata.body.forward import motion_vertices_m
     from gmrdata.body.load import load_body
+    from gmrdata.body.skin import motion_vertices_m
 
     if clip.motion.frame != "camera" or clip.camera is None:
         raise BadMotionFile(f"{clip_path}: silhouettes need a camera-frame motion with intrinsics")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gmrdata.body.file import save_body
-from gmrdata.body.forward import motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_vertices_m
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import BadFrames, BadMotionFile
 from gmrdata.frames import read_gray

@@ -1,0 +1,250 @@
+"""Masks from torchvision's Mask R-CNN (He et al., 2017), trained on COCO: instances, united.
+
+Needs the extra `maskrcnn`.  torchvision's compiled operators fit one build of torch only, so it is
+imported where the network is made, and an installation that doesn't fit is told with its remedy.
+"""
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gmrdata.clip import read_npz
+from gmrdata.config import Config
+from gmrdata.errors import BadDetector, FetchFailed, MissingExtra, MissingInput, StageFailed
+from gmrdata.frames import check_images, list_images, read_color, write_gray
+from gmrdata.masks.boxes import Detections, fill_boxes
+from gmrdata.masks.coco import CATEGORY_NUMBERS, DYNAMIC, CocoClasses, class_indices
+from gmrdata.masks.silhouette import dilate
+from gmrdata.masks.tracks import TrackConfig, TrackedFrame, track
+from gmrdata.progress import track as with_bar
+from gmrdata.store import run_stage, write_npz
+
+Segmenter = Callable[[np.ndarray], Mapping[str, np.ndarray]]
+
+
+class MaskRcnnConfig(Config):
+    """What the network looks for, and how its instances become masks."""
+
+    network: Literal["maskrcnn_resnet50_fpn", "maskrcnn_resnet50_fpn_v2"] = (
+        "maskrcnn_resnet50_fpn_v2"
+    )
+    """torchvision's name of the network."""
+    classes: CocoClasses = DYNAMIC
+    """COCO's names of what moves; people, vehicles and animals unless other names are given."""
+    min_score: float = Field(default=0.5, gt=0, le=1)
+    """An object is masked if its score reaches this in some frame of its track."""
+    weak_score: float = Field(default=0.2, gt=0, le=1)
+    """Instances down to this score count in a track that reaches `min_score`."""
+    mask_threshold: float = Field(default=0.5, gt=0, lt=1)
+    """A pixel belongs to an instance if the network's probability reaches this."""
+    dilate_px: int = Field(default=8, ge=0)
+    """Radius by which the masked part is widened [px]."""
+    tracks: TrackConfig = TrackConfig()
+    """How instances of neighbouring frames are joined; frames between get a filled box."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where the network runs."""
+
+    @model_validator(mode="after")
+    def _scores_fit(self) -> "MaskRcnnConfig":
+        if self.weak_score > self.min_score:
+            raise ValueError("weak_score: must not be above min_score")
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Instances:
+    """What the network found in one frame."""
+
+    found: Detections
+    """Boxes, scores and classes of N instances."""
+    masks: np.ndarray
+    """(N, H, W) bool."""
+
+
+def maskrcnn_masks(
+    weights_path: Path | None,
+    images_dir: Path,
+    out_dir: Path,
+    config: MaskRcnnConfig,
+    *,
+    redo: bool = False,
+) -> Path:
+    """Stage: `<image stem>.png` per image, 255 on people, vehicles and animals.
+
+    A run that was stopped goes on at the next frame that the network has not seen.
+
+    Args:
+        weights_path: The network's state dict as torch.save wrote it; None to let torchvision
+            fetch its own (COCO_V1).
+        images_dir: The frames.
+        out_dir: Folder to make.
+        config: The recipe.
+        redo: Replace a folder that another recipe made.
+
+    Raises:
+        MissingExtra: torchvision is not installed, or doesn't fit torch.
+        MissingInput: there is no such file or folder.
+        BadDetector: the weights are not those of this network.
+        FetchFailed: torchvision could not fetch its weights.
+        BadFrames: a frame is missing, unreadable or of another size than the others.
+    """
+
+    def work(partial: Path) -> None:
+        images = list_images(images_dir)
+        size_px = check_images(images)
+        seen = _segment_all(weights_path, images, partial, config)
+        chosen = track([_load(path).found for path in seen], config.min_score, config.tracks)
+        for image, path, choice in zip(images, seen, chosen, strict=True):
+            mask = united_mask(_load(path), choice, size_px, config.dilate_px)
+            write_gray(partial / f"{image.stem}.png", mask)
+        shutil.rmtree(partial / "seen")
+
+    inputs = {"images": images_dir} | ({} if weights_path is None else {"weights": weights_path})
+    return run_stage("maskrcnn_masks", out_dir, config, inputs, work, resumable=True, redo=redo)
+
+
+def instances_of(output: Mapping[str, np.ndarray], config: MaskRcnnConfig) -> Instances:
+    """The wanted instances of the network's answer for one frame.
+
+    Args:
+        output: `boxes` (N, 4) [px], `scores` (N,), `labels` (N,) category numbers of COCO, and
+            `masks` (N, 1, H, W) probabilities.
+        config: The recipe.
+    """
+    wanted = class_indices(config.classes)
+    index_of_number = {CATEGORY_NUMBERS[index]: index for index in wanted}
+    rows = np.array(
+        [
+            row
+            for row, (label, score) in enumerate(
+                zip(output["labels"].tolist(), output["scores"].tolist(), strict=True)
+            )
+            if label in index_of_number and score >= config.weak_score
+        ],
+        dtype=np.int64,
+    )
+    found = Detections(
+        output["boxes"][rows].astype(np.float64),
+        output["scores"][rows].astype(np.float64),
+        np.array([index_of_number[int(n)] for n in output["labels"][rows]], dtype=np.int64),
+    )
+    return Instances(found, output["masks"][rows, 0] >= config.mask_threshold)
+
+
+def united_mask(
+    instances: Instances, choice: TrackedFrame, size_px: tuple[int, int], dilate_px: int
+) -> np.ndarray:
+    """The chosen instances and the filled boxes of one frame, widened: (H, W) uint8, 255 inside."""
+    mask = fill_boxes(choice.filled_px, size_px)
+    mask[instances.masks[choice.rows].any(axis=0)] = 255
+    return dilate(mask, dilate_px)
+
+
+def open_segmenter(weights_path: Path | None, config: MaskRcnnConfig) -> Segmenter:
+    """A function from a BGR picture (H, W, 3) to the network's answer as arrays.
+
+    Raises:
+        MissingExtra, MissingInput, BadDetector, FetchFailed: as `maskrcnn_masks` says.
+    """
+    import torch
+
+    detection = _import_detection()
+    if config.device == "cuda" and not torch.cuda.is_available():
+        raise StageFailed("no GPU here that torch can use. Segment with device: cpu")
+    make = getattr(detection, config.network)
+    if weights_path is None:
+        network = _with_own_weights(make)
+    else:
+        network = make(weights=None, weights_backbone=None)
+        _load_weights(network, config.network, weights_path)
+    network = network.eval().to(config.device)
+
+    def segment(image: np.ndarray) -> Mapping[str, np.ndarray]:
+        rgb = np.ascontiguousarray(image[:, :, ::-1].transpose(2, 0, 1), dtype=np.float32) / 255
+        with torch.inference_mode():
+            answer = network([torch.from_numpy(rgb).to(config.device)])[0]
+        return {key: value.cpu().numpy() for key, value in answer.items()}
+
+    return segment
+
+
+def _import_detection() -> Any:
+    try:
+        from torchvision.models import detection
+    except ImportError as error:
+        raise MissingExtra(
+            f"Mask R-CNN needs torchvision ({error}). Install the extra: "
+            "pip install 'gmrdata[maskrcnn]'; or mask with --masks onnx, or with a folder of masks"
+        ) from None
+    except (RuntimeError, OSError) as error:
+        import torch
+
+        raise MissingExtra(
+            f"torchvision does not fit torch {torch.__version__} ({error}). Install the pair that "
+            "was built together, from one source; or mask with --masks onnx, or with a folder"
+        ) from None
+    return detection
+
+
+def _with_own_weights(make: Callable[..., Any]) -> Any:
+    try:
+        return make(weights="COCO_V1")
+    except (OSError, RuntimeError) as error:
+        raise FetchFailed(
+            f"torchvision could not fetch the weights of {make.__name__} ({error}). "
+            "Run again, or pass a file of them"
+        ) from None
+
+
+def _load_weights(network: Any, name: str, path: Path) -> None:
+    import torch
+
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file of weights")
+    remedy = "give the state dict of this network as torchvision publishes it"
+    try:
+        # weights_only: tensors and containers, nothing that a pickle could run.
+        state = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception:  # errors of many kinds, whose texts advise to load the file unsafely
+        raise BadDetector(f"{path}: truncated, or not a file of plain tensors; {remedy}") from None
+    try:
+        network.load_state_dict(state)
+    except (RuntimeError, TypeError, AttributeError):
+        raise BadDetector(f"{path}: holds other tensors than {name}; {remedy}") from None
+
+
+def _segment_all(
+    weights_path: Path | None, images: list[Path], partial: Path, config: MaskRcnnConfig
+) -> list[Path]:
+    """One file of instances per frame, so that a stopped run keeps what it has."""
+    segment = open_segmenter(weights_path, config)
+    paths = []
+    for image in with_bar(images, "segmenting"):
+        path = partial / "seen" / f"{image.stem}.npz"
+        if not path.is_file():
+            _save(path, instances_of(segment(read_color(image)), config))
+        paths.append(path)
+    return paths
+
+
+def _save(path: Path, instances: Instances) -> None:
+    arrays = {
+        "boxes_px": instances.found.boxes_px,
+        "scores": instances.found.scores,
+        "classes": instances.found.classes,
+        "masks": np.packbits(instances.masks, axis=-1),
+        "width_px": np.array(instances.masks.shape[-1]),
+    }
+    write_npz(path, arrays, compressed=True)
+
+
+def _load(path: Path) -> Instances:
+    arrays = read_npz(path)
+    masks = np.unpackbits(arrays["masks"], axis=-1, count=int(arrays["width_px"]))
+    found = Detections(arrays["boxes_px"], arrays["scores"], arrays["classes"])
+    return Instances(found, masks.astype(bool))

@@ -1,0 +1,214 @@
+"""Masks from a YOLOX detector in an ONNX file, run by OpenCV: boxes, joined over time, filled."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gmrdata.config import Config
+from gmrdata.errors import BadDetector
+from gmrdata.frames import check_images, list_images, read_color, write_gray
+from gmrdata.masks.boxes import (
+    Detections,
+    detections_as_json,
+    detections_from_json,
+    fill_boxes,
+    grow,
+    keep_best,
+)
+from gmrdata.masks.coco import DYNAMIC, CocoClasses, class_indices
+from gmrdata.masks.onnx_file import read_inputs
+from gmrdata.masks.tracks import TrackConfig, track
+from gmrdata.masks.yolox import STRIDES_PX, decode, letterbox, problem_with
+from gmrdata.progress import track as with_bar
+from gmrdata.store import read_json, run_stage, write_json
+
+Detector = Callable[[np.ndarray], Detections]
+DETECTIONS_FILE = "detections.json"
+
+
+class OnnxConfig(Config):
+    """What the detector looks for, and how its boxes become masks."""
+
+    classes: CocoClasses = DYNAMIC
+    """COCO's names of what moves; people, vehicles and animals unless other names are given."""
+    min_score: float = Field(default=0.35, gt=0, le=1)
+    """An object is masked if its score reaches this in some frame of its track."""
+    weak_score: float = Field(default=0.15, gt=0, le=1)
+    """Boxes down to this score count in a track that reaches `min_score`."""
+    nms_iou: float = Field(default=0.5, gt=0, le=1)
+    """Overlap from which the weaker of two boxes of one class is dropped."""
+    input_sizes_px: tuple[tuple[int, int], ...] = ()
+    """Sizes (width, height) of the network's input, multiples of 32; the boxes of several are
+    united, and twice the model's size finds smaller people.  The model's own size if none [px]."""
+    grow_share: float = Field(default=0.05, ge=0)
+    """Boxes are widened on each side by this share of their shorter side."""
+    dilate_px: int = Field(default=4, ge=0)
+    """Boxes are widened on each side by this as well [px]."""
+    tracks: TrackConfig = TrackConfig()
+    """How boxes of neighbouring frames are joined."""
+
+    @model_validator(mode="after")
+    def _values_fit(self) -> "OnnxConfig":
+        if self.weak_score > self.min_score:
+            raise ValueError("weak_score: must not be above min_score")
+        for size_px in self.input_sizes_px:
+            if min(size_px) < STRIDES_PX[-1] or any(side % STRIDES_PX[-1] for side in size_px):
+                raise ValueError(
+                    f"input_sizes_px: {size_px[0]}x{size_px[1]}: sides must be multiples of 32"
+                )
+        return self
+
+
+def onnx_masks(
+    model_path: Path,
+    images_dir: Path,
+    out_dir: Path,
+    config: OnnxConfig,
+    *,
+    redo: bool = False,
+) -> Path:
+    """Stage: `<image stem>.png` per image, 255 in the boxes found, and `detections.json`.
+
+    A run that was stopped goes on at the next frame that the detector has not seen.
+
+    Args:
+        model_path: YOLOX on COCO's 80 classes as an ONNX file with raw output.
+        images_dir: The frames.
+        out_dir: Folder to make.
+        config: The recipe.
+        redo: Replace a folder that another recipe made.
+
+    Raises:
+        MissingInput: there is no such model or folder.
+        BadDetector: not an ONNX file, truncated, or a network of another layout.
+        BadFrames: a frame is missing, unreadable or of another size than the others.
+    """
+
+    def work(partial: Path) -> None:
+        images = list_images(images_dir)
+        size_px = check_images(images)
+        found = _detect_all(model_path, images, partial, config)
+        chosen = track(found, config.min_score, config.tracks)
+        for image, frame, choice in zip(images, found, chosen, strict=True):
+            boxes_px = np.concatenate([frame.boxes_px[choice.rows], choice.filled_px])
+            boxes_px = grow(boxes_px, config.grow_share, config.dilate_px)
+            write_gray(partial / f"{image.stem}.png", fill_boxes(boxes_px, size_px))
+        record = {
+            image.stem: {
+                "found": detections_as_json(frame),
+                "masked": choice.rows.tolist(),
+                "filled_px": np.round(choice.filled_px, 2).tolist(),
+            }
+            for image, frame, choice in zip(images, found, chosen, strict=True)
+        }
+        write_json(partial / DETECTIONS_FILE, record)
+        shutil.rmtree(partial / "seen")
+
+    inputs = {"model": model_path, "images": images_dir}
+    return run_stage("onnx_masks", out_dir, config, inputs, work, resumable=True, redo=redo)
+
+
+def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
+    """A function from a BGR picture (H, W, 3) to what it shows, weak boxes too.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadDetector: not an ONNX file, truncated, or a network of another layout.
+    """
+    own_size_px = _input_size_px(model_path)
+    net = _open(model_path)
+    sizes_px = config.input_sizes_px
+    if not sizes_px:
+        if own_size_px is None:
+            raise BadDetector(f"{model_path}: leaves its input's size open; give input_sizes_px")
+        sizes_px = (own_size_px,)
+    indices = class_indices(config.classes)
+
+    def detect(image: np.ndarray) -> Detections:
+        found = []
+        for size_px in sizes_px:
+            blob, input_from_frame = letterbox(image, size_px)
+            output = _forward(net, blob, model_path)
+            problem = problem_with(output, size_px)
+            if problem is not None:
+                raise BadDetector(f"{model_path}: {problem}")
+            found.append(decode(output, size_px, input_from_frame, indices, config.weak_score))
+        every = Detections(
+            np.concatenate([f.boxes_px for f in found]),
+            np.concatenate([f.scores for f in found]),
+            np.concatenate([f.classes for f in found]),
+        )
+        return keep_best(every, config.nms_iou)
+
+    return detect
+
+
+def _detect_all(
+    model_path: Path, images: list[Path], partial: Path, config: OnnxConfig
+) -> list[Detections]:
+    """Detections of all frames, one file each, so that a stopped run keeps what it has."""
+    detect = open_detector(model_path, config)
+    found = []
+    for image in with_bar(images, "detecting"):
+        seen = partial / "seen" / f"{image.stem}.json"
+        if not seen.is_file():
+            write_json(seen, detections_as_json(detect(read_color(image))))
+        # Read back, so that a resumed run works on the very same numbers.
+        found.append(detections_from_json(read_json(seen)))
+    return found
+
+
+def _input_size_px(model_path: Path) -> tuple[int, int] | None:
+    """(width, height) that a model names; None if it leaves them open."""
+    inputs = read_inputs(model_path)
+    shape = inputs[0].shape if len(inputs) == 1 else ()
+    if len(shape) != 4 or shape[1] not in (3, None):
+        named = ", ".join(f"{known.name} {known.shape}" for known in inputs) or "none"
+        raise BadDetector(
+            f"{model_path}: not YOLOX: it should have one input of the shape "
+            f"(1, 3, height, width), but has {named}"
+        )
+    return None if shape[2] is None or shape[3] is None else (shape[3], shape[2])
+
+
+def _open(model_path: Path) -> Any:
+    import cv2
+
+    content = np.frombuffer(model_path.read_bytes(), dtype=np.uint8)
+    try:
+        net = cv2.dnn.readNetFromONNX(content)
+        names = net.getUnconnectedOutLayersNames()
+    except cv2.error as error:
+        raise BadDetector(
+            f"{model_path}: OpenCV can't open this network ({_short(error)}); "
+            "fetch or export the model again"
+        ) from None
+    if len(names) != 1:
+        raise BadDetector(
+            f"{model_path}: not YOLOX: it should have one output, but has {', '.join(names)}"
+        )
+    net.setPreferableBackend(cv2.dnn.DNN_BACKEND_OPENCV)
+    return net
+
+
+def _forward(net: Any, blob: np.ndarray, model_path: Path) -> np.ndarray:
+    import cv2
+
+    try:
+        net.setInput(blob)
+        return np.asarray(net.forward())
+    except cv2.error as error:
+        raise BadDetector(
+            f"{model_path}: OpenCV can't run this network on {blob.shape[3]}x{blob.shape[2]} px "
+            f"({_short(error)})"
+        ) from None
+
+
+def _short(error: Exception) -> str:
+    """The first sentence of an OpenCV error, without its place in OpenCV's source."""
+    lines = str(error).strip().splitlines()
+    return lines[0].split("error: ")[-1].split(" in function")[0] if lines else "no reason given"

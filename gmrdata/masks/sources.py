@@ -1,0 +1,220 @@
+"""What a recipe may say of masks: where they come from, one source or several united."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import Field, ValidationError
+
+from gmrdata.config import Config
+from gmrdata.errors import BadRecipe, MissingInput
+from gmrdata.masks.folder import FolderMaskConfig, folder_masks
+from gmrdata.masks.maskrcnn import MaskRcnnConfig, maskrcnn_masks
+from gmrdata.masks.onnx import OnnxConfig, onnx_masks
+from gmrdata.masks.silhouette import SilhouetteConfig, silhouette_masks
+from gmrdata.masks.union import UnionConfig, unite_masks
+from gmrdata.recipes import find_recipe, load_recipe
+from gmrdata.store import STAGE_FILE, stage_seconds
+
+Settings = TypeVar("Settings", bound=Config)
+
+
+class SilhouetteSource(SilhouetteConfig):
+    """The projected body of the sequence; needs no network."""
+
+    kind: Literal["silhouette"] = "silhouette"
+    """Kind of source."""
+
+
+class FolderSource(FolderMaskConfig):
+    """A folder of masks that another tool made."""
+
+    kind: Literal["folder"] = "folder"
+    """Kind of source."""
+    path: Path
+    """The folder; one mask for each frame, `<image stem>.png` or `<image file name>.png`."""
+
+
+class OnnxSource(OnnxConfig):
+    """A YOLOX detector in an ONNX file, run by OpenCV."""
+
+    kind: Literal["onnx"] = "onnx"
+    """Kind of source."""
+    model: Path
+    """The ONNX file; a relative path counts from where the command runs."""
+
+
+class MaskRcnnSource(MaskRcnnConfig):
+    """torchvision's Mask R-CNN; needs the extra `maskrcnn`."""
+
+    kind: Literal["maskrcnn"] = "maskrcnn"
+    """Kind of source."""
+    weights: Path | None = None
+    """File of the network's state dict; torchvision fetches its own when left out."""
+
+
+MaskSource = Annotated[
+    SilhouetteSource | FolderSource | OnnxSource | MaskRcnnSource, Field(discriminator="kind")
+]
+
+
+class MasksConfig(UnionConfig):
+    """Masks of one sequence."""
+
+    sources: tuple[MaskSource, ...] = Field(default=(SilhouetteSource(),), min_length=1)
+    """Where masks come from; a pixel is masked if any source says so."""
+
+
+class MasksRecipe(MasksConfig):
+    """Masks of any frames, as a file for `gmrdata masks --sources` and `gmrdata sfm --masks`."""
+
+    recipe: Literal["masks"]
+    """Kind of recipe."""
+
+
+def make_masks(
+    images_dir: Path,
+    out_dir: Path,
+    config: MasksConfig,
+    *,
+    clip_path: Path | None = None,
+    body_path: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
+
+    Args:
+        images_dir: The frames.
+        out_dir: Folder of the union to make.
+        config: The recipe.
+        clip_path: Camera-frame clip, which silhouettes need.
+        body_path: Its body, which silhouettes need.
+        redo: Replace folders that another recipe made.
+
+    Raises:
+        MissingInput: a silhouette without clip and body, or a file that is not there.
+        GmrdataError: what the stage of each source says.
+    """
+    made: dict[str, Path] = {}
+    for name, source in zip(_names(config.sources), config.sources, strict=True):
+        made[name] = _make(
+            source, images_dir, sources_dir(out_dir) / name, clip_path, body_path, redo
+        )
+    return unite_masks(made, images_dir, out_dir, _settings(config, UnionConfig), redo=redo)
+
+
+def masks_named(
+    names: Sequence[str],
+    *,
+    model: Path | None = None,
+    weights: Path | None = None,
+    classes: tuple[str, ...] = (),
+) -> MasksConfig:
+    """The sources that a command line names.
+
+    Args:
+        names: "silhouette", "onnx", "maskrcnn", a folder of masks, or a recipe file (.yaml) of kind
+            `masks`, whose sources all count and whose other settings hold.
+        model: ONNX file, which "onnx" needs.
+        weights: State dict for "maskrcnn"; torchvision fetches its own when None.
+        classes: COCO's names of what "onnx" and "maskrcnn" look for; theirs when empty.
+
+    Raises:
+        MissingInput: "onnx" without a model, or a name that is neither of these nor a folder.
+        BadRecipe: a class that COCO lacks, a broken recipe, or an option that nothing uses.
+    """
+    chosen: dict[str, Any] = {"classes": classes} if classes else {}
+    sources: list[MaskSource] = []
+    settings: dict[str, Any] = {}
+    try:
+        for name in names:
+            if name == "silhouette":
+                sources.append(SilhouetteSource())
+            elif name == "onnx":
+                if model is None:
+                    raise MissingInput("masks from a detector (onnx) need its file: pass --model")
+                sources.append(OnnxSource(model=model, **chosen))
+            elif name == "maskrcnn":
+                sources.append(MaskRcnnSource(weights=weights, **chosen))
+            elif name.endswith(".yaml"):
+                recipe = load_recipe(find_recipe(name), MasksRecipe)
+                sources += recipe.sources
+                settings = dict(_settings(recipe, UnionConfig))
+            else:
+                sources.append(FolderSource(path=_folder(name)))
+    except ValidationError as error:
+        raise BadRecipe("; ".join(found["msg"] for found in error.errors())) from None
+    _require_used(names, {"--model": model, "--weights": weights, "--classes": classes})
+    return MasksConfig(sources=tuple(sources), **settings)
+
+
+def _folder(name: str) -> Path:
+    if not Path(name).is_dir():
+        raise MissingInput(
+            f"{name}: no such folder of masks; name silhouette, onnx, maskrcnn, a folder of masks "
+            "or a recipe (.yaml)"
+        )
+    return Path(name)
+
+
+def _require_used(names: Sequence[str], options: dict[str, object]) -> None:
+    """An option that no source reads is a mistake, not a default."""
+    used_by = {"--model": ("onnx",), "--weights": ("maskrcnn",), "--classes": ("onnx", "maskrcnn")}
+    for option, value in options.items():
+        if value and not set(used_by[option]) & set(names):
+            raise BadRecipe(f"{option} is for {' and '.join(used_by[option])}, which is not named")
+
+
+def sources_dir(masks_dir: Path) -> Path:
+    """The folder with each source's own masks."""
+    return masks_dir.with_name(f"{masks_dir.name}_by")
+
+
+def masks_seconds(masks_dir: Path) -> float:
+    """Wall time that masks took, their sources included [s]."""
+    stages = [path.parent for path in sorted(sources_dir(masks_dir).glob(f"*/{STAGE_FILE}"))]
+    return sum(stage_seconds(folder) for folder in (masks_dir, *stages))
+
+
+def _names(sources: Sequence[MaskSource]) -> list[str]:
+    """The kinds, numbered where one occurs more than once."""
+    total, seen = Counter(source.kind for source in sources), Counter[str]()
+    names = []
+    for source in sources:
+        seen[source.kind] += 1
+        repeated = total[source.kind] > 1
+        names.append(f"{source.kind}_{seen[source.kind]}" if repeated else source.kind)
+    return names
+
+
+def _make(
+    source: MaskSource,
+    images_dir: Path,
+    out_dir: Path,
+    clip_path: Path | None,
+    body_path: Path | None,
+    redo: bool,
+) -> Path:
+    match source:
+        case SilhouetteSource():
+            if clip_path is None or body_path is None:
+                raise MissingInput(
+                    "masks from the silhouette need the camera-frame body: pass --camera-body"
+                )
+            settings = _settings(source, SilhouetteConfig)
+            return silhouette_masks(clip_path, body_path, images_dir, out_dir, settings, redo=redo)
+        case FolderSource():
+            folder = _settings(source, FolderMaskConfig)
+            return folder_masks(source.path, images_dir, out_dir, folder, redo=redo)
+        case OnnxSource():
+            onnx = _settings(source, OnnxConfig)
+            return onnx_masks(source.model, images_dir, out_dir, onnx, redo=redo)
+        case MaskRcnnSource():
+            network = _settings(source, MaskRcnnConfig)
+            return maskrcnn_masks(source.weights, images_dir, out_dir, network, redo=redo)
+
+
+def _settings(source: Config, model: type[Settings]) -> Settings:
+    """A source's settings without its files, whose hashes stand in the record instead."""
+    return model(**{name: getattr(source, name) for name in model.model_fields})

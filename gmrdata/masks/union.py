@@ -1,0 +1,108 @@
+"""Masks of several sources as one, checked frame by frame."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.config import Config
+from gmrdata.frames import check_images, list_images, read_gray, write_gray
+from gmrdata.masks.folder import find_mask
+from gmrdata.progress import console
+from gmrdata.store import read_json, run_stage, write_json
+
+Shares = dict[str, dict[str, float]]
+"""Masked share of each frame's picture, by frame and source."""
+RECORD_FILE = "masks.json"
+NAMED_FRAMES = 5
+
+
+class UnionConfig(Config):
+    """When a mask is suspicious."""
+
+    max_masked_share: float = Field(default=0.9, gt=0, le=1)
+    """A mask that covers more of its frame than this is reported: too little background is left."""
+
+
+def unite_masks(
+    source_dirs: Mapping[str, Path],
+    images_dir: Path,
+    out_dir: Path,
+    config: UnionConfig,
+    *,
+    redo: bool = False,
+) -> Path:
+    """Stage: one `<image stem>.png` per image, 255 where any source says so, and `masks.json`.
+
+    Args:
+        source_dirs: Folders of masks (255 = dynamic) by the name of what made them.
+        images_dir: The frames.
+        out_dir: Folder to make.
+        config: The recipe.
+        redo: Replace a folder that another recipe made.
+
+    Raises:
+        BadFrames: a source has no mask for a frame, or one of another size; the message names it.
+    """
+
+    def work(partial: Path) -> None:
+        images = list_images(images_dir)
+        size_px = check_images(images)
+        shares: Shares = {}
+        for image in images:
+            masks = {
+                name: read_gray(find_mask(folder, image), size_px) > 127
+                for name, folder in source_dirs.items()
+            }
+            united = np.any(list(masks.values()), axis=0)
+            write_gray(partial / f"{image.stem}.png", 255 * united.astype(np.uint8))
+            by_source = {name: _share(mask) for name, mask in masks.items()}
+            shares[image.stem] = by_source | {"united": _share(united)}
+        record = {
+            "sources": list(source_dirs),
+            "masked_share": shares,
+            "covered": _where(shares, lambda share: share > config.max_masked_share),
+            "unmasked": _where(shares, lambda share: share == 0.0),
+        }
+        write_json(partial / RECORD_FILE, record)
+
+    inputs = {"images": images_dir} | {f"masks {name}": path for name, path in source_dirs.items()}
+    made = run_stage("masks", out_dir, config, inputs, work, redo=redo)
+    _report(made, config)
+    return made
+
+
+def _share(mask: np.ndarray) -> float:
+    """Share of a picture that is masked, to six digits."""
+    return float(f"{float(mask.mean()):.6g}")
+
+
+def _where(shares: Shares, holds: Callable[[float], bool]) -> list[str]:
+    return [stem for stem, by_source in shares.items() if holds(by_source["united"])]
+
+
+def _report(masks_dir: Path, config: UnionConfig) -> None:
+    """Name the frames that a person should look at; none of this need be wrong."""
+    record = read_json(masks_dir / RECORD_FILE)
+    shares = record["masked_share"]
+    if record["covered"]:
+        _say(
+            f"{masks_dir}: more than {config.max_masked_share:.0%} of the picture is masked in "
+            f"{_named(record['covered'])}. Look at these masks: such frames may get no camera"
+        )
+    if record["unmasked"]:
+        _say(
+            f"{masks_dir}: nothing is masked in {_named(record['unmasked'])} "
+            f"({len(record['unmasked'])} of {len(shares)}). If somebody is to be seen there, "
+            "lower the score that the detector asks for, or unite it with another source"
+        )
+
+
+def _named(stems: list[str]) -> str:
+    more = len(stems) - NAMED_FRAMES
+    return f"frame {', '.join(stems[:NAMED_FRAMES])}" + (f" and {more} more" if more > 0 else "")
+
+
+def _say(line: str) -> None:
+    console.print(line, markup=False, soft_wrap=True)
