@@ -98,6 +98,22 @@ def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
     return np.asarray(image)
 
 
+def read_color(path: Path) -> np.ndarray:
+    """Read an image as (H, W, 3) uint8 BGR, as stored: an EXIF rotation is not applied.
+
+    Raises:
+        BadFrames: not there, or can't be decoded.
+    """
+    import cv2
+
+    # Of 16 bits the upper 8 are kept; grey becomes three equal channels.
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    image = cv2.imread(str(path), flags) if path.is_file() else None
+    if image is None:
+        raise BadFrames(f"{path}: missing or cannot be decoded; extract or copy this frame again")
+    return np.asarray(image)
+
+
 def write_gray(path: Path, image: np.ndarray) -> None:
     """Write (H, W) uint8 as PNG, as a whole or not at all."""
     import cv2

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 
@@ -15,7 +15,7 @@ CAMERAS_FILE = "cameras.npz"
 POINTS_FILE = "points.npz"
 QUALITY_FILE = "quality.json"
 
-Geometry = Literal["full", "rotation_only"]
+Geometry = Literal["full", "rotation_only", "static"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +23,10 @@ class SfmCameras:
     """Cameras that structure from motion found."""
 
     path: CameraPath
-    """Translations are in an arbitrary unit; all zero for "rotation_only"."""
+    """Translations are in an arbitrary unit; all zero but for "full"."""
     geometry: Geometry
-    """"full": six degrees of freedom up to scale.  "rotation_only": the centre is fixed."""
+    """"full": six degrees of freedom up to scale.  "rotation_only": the centre is fixed.
+    "static": so is the orientation."""
     image_numbers: np.ndarray
     """(T,) int: number in the image's file name for each row."""
 
@@ -61,8 +62,10 @@ def load_cameras(sfm_dir: Path) -> SfmCameras:
             arrays["world_from_cam"],
             arrays["has_camera"],
         )
-        geometry: Geometry = "full" if str(arrays["geometry"]) == "full" else "rotation_only"
-        return SfmCameras(camera_path, geometry, arrays["image_numbers"])
+        geometry = str(arrays["geometry"])
+        if geometry not in get_args(Geometry):
+            raise ValueError(f"unknown geometry {geometry!r}")
+        return SfmCameras(camera_path, cast("Geometry", geometry), arrays["image_numbers"])
     except (KeyError, ValueError) as error:
         raise BadMotionFile(f"{path}: not cameras of gmrdata ({error}); run sfm again") from None
 
@@ -75,3 +78,17 @@ def load_quality(sfm_dir: Path) -> dict[str, Any]:
 def save_points(path: Path, points: np.ndarray, track_lengths: np.ndarray) -> None:
     """Write background points (N, 3), in the cameras' unit, and the frames that see each (N,)."""
     write_npz(path, {"xyz": points, "track_lengths": track_lengths})
+
+
+def load_points(sfm_dir: Path) -> np.ndarray:
+    """Background points (N, 3) of a reconstruction's folder, in the cameras' unit.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: truncated, or not points.
+    """
+    path = sfm_dir / POINTS_FILE
+    points = read_npz(path).get("xyz")
+    if points is None or points.ndim != 2 or points.shape[1] != 3:
+        raise BadMotionFile(f"{path}: not points of gmrdata; run sfm again")
+    return points

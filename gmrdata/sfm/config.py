@@ -8,6 +8,17 @@ from gmrdata.config import Config
 class SfmConfig(Config):
     """Cameras from frames: features, pairs, verification, choice of geometry, refinement."""
 
+    keyframe_step: float = Field(default=0.04, ge=0, le=0.5)
+    """How far the background moves from one keyframe to the next, as a share of the frame's longer
+    side; 0: every frame is a keyframe."""
+    keyframe_gap: int = Field(default=15, ge=1)
+    """Frames from one keyframe to the next at most."""
+    min_keyframes: int = Field(default=12, ge=2)
+    """Keyframes at least, evenly spread where the motion asks for fewer: mappers need pairs."""
+    keyframe_image_size_px: int = Field(default=640, ge=64)
+    """Longer side of the reduced frames on which keyframes are chosen [px]."""
+    followed_points: int = Field(default=500, ge=20)
+    """Points of a keyframe that are followed into the frames between, at most."""
     max_features: int = Field(default=2000, ge=100)
     """SIFT features per frame at most; the largest are kept."""
     first_octave: int = Field(default=0, ge=-1, le=2)
@@ -28,6 +39,9 @@ class SfmConfig(Config):
     """Residual up to which a match agrees with a pure rotation [px]."""
     rotation_only_share: float = Field(default=0.85, gt=0, le=1)
     """Smallest share of verified matches that must agree with a pure rotation."""
+    static_px: float = Field(default=0.3, ge=0)
+    """A camera that only turns, and moves the middle of its image by less than this, is static
+    [px]."""
     min_frames_registered: int = Field(default=3, ge=2)
     """A reconstruction with fewer cameras counts as none."""
     min_frame_points: int = Field(default=15, ge=4)
@@ -35,6 +49,6 @@ class SfmConfig(Config):
     max_reprojection_px: float = Field(default=2.0, gt=0)
     """Observations with a larger error are dropped before the last bundle adjustment [px]."""
     threads: int = Field(default=1, ge=1)
-    """Threads for features and matching; mapping always uses one, so that results repeat."""
+    """Threads for finding features; all else uses one, so that results repeat."""
     seed: int = Field(default=0, ge=0)
     """Seed of every random choice."""

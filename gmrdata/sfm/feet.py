@@ -26,7 +26,7 @@ def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
         (T, 2, 5, 3) [m]: left and right; ankle joint, foot joint (ball of the foot), and the
         sole's heel, ball and toe vertices.
     """
-    from gmrdata.body.forward import motion_joints_m, motion_vertices_m
+    from gmrdata.body.skin import motion_joints_m, motion_vertices_m
 
     joints_m = motion_joints_m(body, motion)
     sole = np.array([_sole_vertices(body, motion.shape, side) for side in SIDES])

@@ -1,6 +1,6 @@
 """Cameras with six degrees of freedom: COLMAP's mappers, then a robust bundle adjustment."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,9 @@ import numpy as np
 from gmrdata.geometry import transforms
 from gmrdata.sfm.colmap import pycolmap
 from gmrdata.sfm.config import SfmConfig
-from gmrdata.sfm.matches import Matches, pinhole_params
+from gmrdata.sfm.matches import Matches
+from gmrdata.sfm.placing import SeenPoints, place_frames
 
-MIN_PNP_INLIERS = 20
 MIN_PARALLAX_DEG = 0.1
 """Points with less hardly have a depth [deg]; COLMAP's usual 1 degree empties slow sequences."""
 
@@ -38,6 +38,8 @@ class Mapped:
     """Separate models that the mapper returned; the largest was taken."""
     n_resected: int
     """Frames that the mapper left out and that were placed against its points afterwards."""
+    seen: SeenPoints
+    """Points that the mapper's frames see."""
 
 
 def map_frames(
@@ -71,6 +73,33 @@ def map_frames(
             if found[-1].has_camera.all():
                 break
     return max(found, key=lambda m: (m.has_camera.sum(), m.observations.sum()), default=None)
+
+
+def place_between(
+    keys: Mapped, key_rows: np.ndarray, matches: Matches, intrinsics_px: np.ndarray
+) -> Mapped:
+    """A reconstruction of K keyframes, with the frames between them placed against its points.
+
+    Args:
+        keys: The reconstruction.
+        key_rows: (K,) rows of the keyframes.
+        matches: Matches of all T frames.
+        intrinsics_px: (3, 3) calibration matrix [px].
+    """
+    n = matches.n_frames
+    world_from_cam = np.full((n, 4, 4), np.nan)
+    observations = np.zeros(n, dtype=np.int64)
+    world_from_cam[key_rows], observations[key_rows] = keys.world_from_cam, keys.observations
+    seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
+    between = sorted(set(range(n)) - {int(row) for row in key_rows})
+    place_frames(between, world_from_cam, observations, seen, matches, intrinsics_px)
+    return replace(
+        keys,
+        world_from_cam=world_from_cam,
+        has_camera=np.isfinite(world_from_cam[:, 0, 0]),
+        observations=observations,
+        seen=seen,
+    )
 
 
 def _run_global(
@@ -120,7 +149,7 @@ def _finish(
     world_from_cam = np.full((n, 4, 4), np.nan)
     observations = np.zeros(n, dtype=np.int64)
     errors: list[np.ndarray] = []
-    point_of_feature: dict[int, dict[int, np.ndarray]] = {}
+    point_of_feature: SeenPoints = {}
     # Sorted by name, since COLMAP keeps them in hash tables.
     for image_id in sorted(model.reg_image_ids()):
         image = model.image(image_id)
@@ -136,8 +165,9 @@ def _finish(
         observations[row] = len(seen)
         errors.append(_errors_px(seen, matches.keypoints_px[row], cam_from_world, intrinsics_px))
     _forget_weak(world_from_cam, observations, point_of_feature, config.min_frame_points)
-    n_resected = _resect_rest(
-        world_from_cam, observations, point_of_feature, matches, intrinsics_px
+    missing = [row for row in range(n) if row not in point_of_feature]
+    n_resected = place_frames(
+        missing, world_from_cam, observations, point_of_feature, matches, intrinsics_px
     )
     point_ids = sorted(model.point3D_ids())
     return Mapped(
@@ -150,13 +180,14 @@ def _finish(
         mapper,
         n_models,
         n_resected,
+        point_of_feature,
     )
 
 
 def _forget_weak(
     world_from_cam: np.ndarray,
     observations: np.ndarray,
-    point_of_feature: dict[int, dict[int, np.ndarray]],
+    point_of_feature: SeenPoints,
     min_points: int,
 ) -> None:
     """Take away cameras that too few points hold in place."""
@@ -207,42 +238,3 @@ def _errors_px(
     points_cam = transforms.apply(cam_from_world, np.array(list(seen.values())))
     image_px = (points_cam / points_cam[:, 2:]) @ intrinsics_px.T
     return np.asarray(np.linalg.norm(image_px[:, :2] - keypoints_px[list(seen)], axis=1))
-
-
-def _resect_rest(
-    world_from_cam: np.ndarray,
-    observations: np.ndarray,
-    point_of_feature: dict[int, dict[int, np.ndarray]],
-    matches: Matches,
-    intrinsics_px: np.ndarray,
-) -> int:
-    """Place frames without a camera by the points that their matched neighbours see."""
-    camera = pycolmap.Camera(
-        model="PINHOLE",
-        width=round(2 * intrinsics_px[0, 2]),
-        height=round(2 * intrinsics_px[1, 2]),
-        params=list(pinhole_params(intrinsics_px)),
-    )
-    missing = [row for row in range(matches.n_frames) if row not in point_of_feature]
-    placed = 0
-    for row in missing:
-        found: dict[int, np.ndarray] = {}
-        for pair in matches.pairs:
-            if row not in (pair.first, pair.second):
-                continue
-            other = pair.second if pair.first == row else pair.first
-            mine = pair.features[:, 0 if pair.first == row else 1]
-            theirs = pair.features[:, 1 if pair.first == row else 0]
-            seen = point_of_feature.get(other, {})
-            found |= {int(a): seen[int(b)] for a, b in zip(mine, theirs, strict=True) if b in seen}
-        if len(found) < MIN_PNP_INLIERS:
-            continue
-        answer = pycolmap.estimate_and_refine_absolute_pose(
-            matches.keypoints_px[row][list(found)], np.array(list(found.values())), camera
-        )
-        if answer is not None and answer["num_inliers"] >= MIN_PNP_INLIERS:
-            cam_from_world = transforms.rigid(*_split(answer["cam_from_world"].matrix()))
-            world_from_cam[row] = transforms.invert(cam_from_world)
-            observations[row] = answer["num_inliers"]
-            placed += 1
-    return placed

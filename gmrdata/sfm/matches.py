@@ -115,12 +115,13 @@ def _extract(
 
 
 def _match(database_path: Path, config: SfmConfig) -> None:
+    # One thread: with two, pycolmap 4.2.1 now and then gives other matches for the same features.
     matching = pycolmap.FeatureMatchingOptions()
-    matching.num_threads = config.threads
+    matching.num_threads = 1
     pairing = pycolmap.SequentialPairingOptions()
     pairing.overlap = config.overlap
     pairing.quadratic_overlap = True
-    pairing.num_threads = config.threads
+    pairing.num_threads = 1
     pycolmap.match_sequential(
         database_path=database_path,
         matching_options=matching,

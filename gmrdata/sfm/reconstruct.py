@@ -1,6 +1,7 @@
 """Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,24 +105,40 @@ def _solve(
     size_px: tuple[int, int],
     config: SfmConfig,
 ) -> Solution:
-    """Match, try a pure rotation, and map with six degrees of freedom where that doesn't do."""
-    from gmrdata.sfm.mapping import map_frames
-    from gmrdata.sfm.matches import match_frames
-    from gmrdata.sfm.rotation_only import solve_rotation_only
+    """Solve keyframes, as a pure rotation where that does, then place the frames between them."""
+    from gmrdata.sfm.between import with_frames_between
+    from gmrdata.sfm.keyframes import choose_keyframes
+    from gmrdata.sfm.mapping import map_frames, place_between
+    from gmrdata.sfm.matches import Matches, match_frames
+    from gmrdata.sfm.rotation_only import RotationOnly, solve_rotation_only
 
-    matches = match_frames(images, masks_dir, intrinsics_px, size_px, work_dir, config)
-    rng = np.random.default_rng(config.seed)
-    turning = solve_rotation_only(matches, intrinsics_px, config.rotation_only_inlier_px, rng)
+    keys = choose_keyframes(images, masks_dir, size_px, config)
+    key_images = [images[row] for row in keys.rows]
+    matches = match_frames(key_images, masks_dir, intrinsics_px, size_px, work_dir, config)
+
+    def turn(of: Matches) -> RotationOnly:
+        rng = np.random.default_rng(config.seed)
+        return solve_rotation_only(of, intrinsics_px, config.rotation_only_inlier_px, rng)
+
+    turning = turn(matches)
     evidence = weigh(turning, matches, config)
-    if evidence.verdict == "rotation_only":
-        return turning_solution(turning, evidence, config)
-    mapped = map_frames(work_dir / "database.db", images, matches, intrinsics_px, config)
-    if evidence.verdict == "either" and not explains_better(mapped, turning, config):
-        return turning_solution(turning, evidence, config)
-    if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
+    mapped = None
+    if evidence.verdict != "rotation_only":
+        mapped = map_frames(work_dir / "database.db", key_images, matches, intrinsics_px, config)
+    everything = with_frames_between(matches, keys.rows, images, masks_dir, size_px, config)
+    if evidence.verdict == "rotation_only" or (
+        evidence.verdict == "either" and not explains_better(mapped, turning, config)
+    ):
+        focal_px = float(intrinsics_px[0, 0])
+        solution = turning_solution(turn(everything), evidence, focal_px, config)
+    elif mapped is not None and mapped.has_camera.sum() >= config.min_frames_registered:
+        placed = place_between(mapped, keys.rows, everything, intrinsics_px)
+        solution = mapped_solution(placed, evidence)
+    else:
         raise NoReconstruction(
             f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
             "could build a model; the parallax may be too small, the intrinsics wrong or the "
             "background moving"
         )
-    return mapped_solution(mapped, evidence)
+    choice = {"keyframes": keys.rows.tolist(), "cuts_after_frames": keys.cuts.tolist()}
+    return replace(solution, quality=solution.quality | choice)

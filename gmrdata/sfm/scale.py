@@ -1,57 +1,24 @@
-"""Metres per unit of a reconstruction, with an error bar.
+"""Metres per unit of a reconstruction, with an error bar, from independent cues.
 
-The body is metric and known in the camera's frame, so its feet are at R p + s t in the world, which
-is linear in the scale s.  A planted foot stands still: at the true s many foot points do, at others
-none.
+The person is metric, so their planted feet stand still (`planted_feet`) and on the triangulated
+ground (`ground_contact`) at the true scale only.  A data set's own metric camera path tells its
+length over short times, where it hardly drifts (`short_windows`).
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
-from pydantic import Field
 
 from gmrdata.body.model import BodyModel
-from gmrdata.config import Config
-from gmrdata.errors import NoReconstruction
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.motion.motion import Motion
 from gmrdata.sfm.cameras import Geometry
+from gmrdata.sfm.cues import CueEstimate, ScaleConfig
 from gmrdata.sfm.feet import foot_points_m
-
-
-class ScaleConfig(Config):
-    """How metric scale is found."""
-
-    slip_m_per_s: float = Field(default=0.25, gt=0)
-    """Speed below which a foot point may be planted [m/s]."""
-    slip_floor_m: float = Field(default=0.005, gt=0)
-    """Distance between frames that counts as standing still at any frame rate [m]."""
-    residual_m: float = Field(default=0.005, gt=0)
-    """Distance from its stance's mean at which a planted point's weight is halved (Cauchy) [m]."""
-    creep_m_per_s: float = Field(default=0.01, ge=0)
-    """Speed at which planted feet of captured motion creep in one direction; part of the error bar.
-    On 55 CMU takes feet made the scale too small by 0.5 % (circling camera) to 1.1 % (tracking
-    camera), which is 0.01 m/s relative to those cameras [m/s]."""
-    grid_steps: int = Field(default=600, ge=50)
-    """Scales that the search tries."""
-    min_stances: int = Field(default=2, ge=1)
-    """Planted feet that a scale needs at least."""
-
-
-@dataclass(frozen=True)
-class CueEstimate:
-    """What one source of evidence says about the scale."""
-
-    name: str
-    """"planted_feet"."""
-    scale: float
-    """Metres per unit of the reconstruction."""
-    sigma: float
-    """Standard error of `scale`, same unit."""
-    support: int
-    """Independent observations behind it: stances for "planted_feet"."""
-    residual_m: float
-    """Root mean square of what the cue leaves unexplained [m]."""
+from gmrdata.sfm.ground_contact import ground_contact_scale
+from gmrdata.sfm.planted_feet import planted_feet_scale
+from gmrdata.sfm.short_windows import short_windows_scale
 
 
 @dataclass(frozen=True)
@@ -61,9 +28,18 @@ class ScaleEstimate:
     scale: float | None
     """Metres per unit of the reconstruction; None where scale doesn't enter."""
     sigma: float | None
-    """Standard error of `scale`."""
+    """Standard error of `scale`; widened where the cues disagree."""
     cues: tuple[CueEstimate, ...]
     """Each source of evidence by itself."""
+
+    @property
+    def disagreement(self) -> float | None:
+        """Largest difference of two cues, in its standard errors; None for one cue."""
+        apart = [
+            abs(a.scale - b.scale) / float(np.hypot(a.sigma, b.sigma))
+            for a, b in combinations(self.cues, 2)
+        ]
+        return max(apart, default=None)
 
 
 def estimate_scale(
@@ -72,6 +48,9 @@ def estimate_scale(
     body: BodyModel,
     geometry: Geometry,
     config: ScaleConfig,
+    *,
+    points: np.ndarray | None = None,
+    tracked: np.ndarray | None = None,
 ) -> ScaleEstimate:
     """Metric scale of a camera path from the person who walks in front of it.
 
@@ -79,142 +58,44 @@ def estimate_scale(
         camera_path: T cameras up to scale.
         camera_motion: The person in those cameras' frames, T frames.
         body: The person's body.
-        geometry: "rotation_only" has no scale to be found.
+        geometry: Only "full" has a scale to be found.
         config: The recipe.
+        points: (N, 3) background points in the cameras' unit, for the cue of the ground.
+        tracked: (T, 4, 4) metric world_from_cam of the data set, right over short times; NaN where
+            unknown.
 
     Raises:
         NoReconstruction: no foot stands still at any scale, or the camera hardly moves.
     """
-    if geometry == "rotation_only":
+    if geometry != "full":
         return ScaleEstimate(None, None, ())
     feet_cam_m = foot_points_m(body, camera_motion)
-    cues = (planted_feet_scale(camera_path, feet_cam_m, camera_motion.fps_hz, config),)
-    return fuse(cues)
+    fps_hz = camera_motion.fps_hz
+    feet = planted_feet_scale(camera_path, feet_cam_m, fps_hz, config)
+    cues = [feet]
+    if points is not None:
+        up_cam = camera_motion.root_rotmats[:, :, 1]
+        found = ground_contact_scale(
+            camera_path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config
+        )
+        cues += [] if found is None else [found]
+    if tracked is not None:
+        found = short_windows_scale(camera_path, tracked, fps_hz, config)
+        cues += [] if found is None else [found]
+    return fuse(tuple(cues))
 
 
 def fuse(cues: tuple[CueEstimate, ...]) -> ScaleEstimate:
-    """Mean of the cues, weighted by their inverse variances."""
-    weights = np.array([cue.sigma**-2 for cue in cues])
-    scale = float(weights @ [cue.scale for cue in cues] / weights.sum())
-    return ScaleEstimate(scale, float(weights.sum() ** -0.5), cues)
+    """Mean of the cues, weighted by their inverse variances.
 
-
-def planted_feet_scale(
-    camera_path: CameraPath, feet_cam_m: np.ndarray, fps_hz: float, config: ScaleConfig
-) -> CueEstimate:
-    """Scale at which feet stand still while they are planted.
-
-    A search over s minimises, over all steps between frames, the truncated displacement of the
-    foot point that moves least.  Then stances are taken at that s, and s is the least-squares
-    answer to "every planted point stays at its stance's mean", with Cauchy weights, iterated.
-
-    Args:
-        camera_path: T cameras up to scale.
-        feet_cam_m: (T, 2, K, 3) points of both feet, camera frame [m].
-        fps_hz: Frame rate [Hz].
-        config: The recipe.
-
-    Raises:
-        NoReconstruction: no foot stands still at any scale, or the camera hardly moves.
+    Where they scatter more than their errors allow, the error of the mean is widened by the square
+    root of chi-square per degree of freedom (Birge 1932).
     """
-    turned_m = np.einsum("tij,tfkj->tfki", camera_path.world_from_cam[:, :3, :3], feet_cam_m)
-    centres = camera_path.centres_world_m
-    slip_m = config.slip_floor_m + config.slip_m_per_s / fps_hz
-    scale = _search(turned_m, centres, slip_m, config)
-    for _ in range(10):
-        stances = _stances(turned_m, centres, scale, slip_m)
-        if len(stances) < config.min_stances:
-            raise NoReconstruction(
-                f"scale: only {len(stances)} planted feet found, {config.min_stances} needed; the "
-                "clip is too short, or the feet are never still"
-            )
-        terms = np.array([_stance_terms(*stance, scale, config) for stance in stances])
-        before, scale = scale, float(-terms[:, 0].sum() / terms[:, 1].sum())
-        if abs(scale - before) < 1e-9 * scale:
-            break
-    speed = np.nanmedian(np.linalg.norm(np.diff(centres, axis=0), axis=1)) * fps_hz
-    sigma = float(np.hypot(_standard_error(terms, scale), config.creep_m_per_s / speed))
-    residual_m = float(np.sqrt(terms[:, 2].sum() / terms[:, 3].sum()))
-    return CueEstimate("planted_feet", scale, sigma, len(stances), residual_m)
-
-
-def _search(turned_m: np.ndarray, centres: np.ndarray, slip_m: float, config: ScaleConfig) -> float:
-    """The scale of a logarithmic grid at which the least moving foot points move least."""
-    steps_m = np.diff(turned_m, axis=0).reshape(len(turned_m) - 1, -1, 3)
-    moves = np.diff(centres, axis=0)
-    known = np.isfinite(steps_m).all(axis=(1, 2)) & np.isfinite(moves).all(axis=1)
-    steps_m, moves = steps_m[known], moves[known]
-    squares = (moves**2).sum(axis=1)
-    moving = squares > 1e-12 * max(1e-300, float((centres[np.isfinite(centres)] ** 2).max()))
-    candidates = -np.einsum("nkj,nj->nk", steps_m[moving], moves[moving]) / squares[moving, None]
-    candidates = candidates[candidates > 0]
-    if candidates.size < 4:
-        raise NoReconstruction("scale: the camera hardly moves, so its path has no scale")
-    low, high = np.percentile(candidates, [1, 99])
-    grid = np.geomspace(low / 3, high * 3, config.grid_steps)
-    costs = []
-    for scale in grid:
-        least = ((steps_m + scale * moves[:, None]) ** 2).sum(axis=2).min(axis=1)
-        costs.append(np.minimum(least, slip_m**2).sum())
-    return float(grid[int(np.argmin(costs))])
-
-
-def _stances(
-    turned_m: np.ndarray, centres: np.ndarray, scale: float, slip_m: float
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Stances of each foot at a scale, as (points (n, K, 3) [m], centres (n, 3), planted (n-1, K)).
-
-    A foot is down between two frames if one of its points stands still between them.
-    """
-    world_m = turned_m + scale * centres[:, None, None]
-    still = np.linalg.norm(np.diff(world_m, axis=0), axis=-1) < slip_m
-    stances = []
-    for foot in range(turned_m.shape[1]):
-        down = still[:, foot].any(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], down, [False]]).astype(int)))
-        for start, stop in edges.reshape(-1, 2):
-            rows = slice(start, stop + 1)
-            stances.append((turned_m[rows, foot], centres[rows], still[start:stop, foot]))
-    return stances
-
-
-def _stance_terms(
-    points_m: np.ndarray,
-    centres: np.ndarray,
-    still: np.ndarray,
-    scale: float,
-    config: ScaleConfig,
-) -> tuple[float, float, float, float]:
-    """Sums of A.B, B.B, squared residual and weight over one stance.
-
-    A and B are points and centres less their means over each run in which the point stands still;
-    the residual of a planted point is A + s B.
-    """
-    ab = bb = rr = ww = 0.0
-    for k in range(points_m.shape[1]):
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], still[:, k], [False]]).astype(int)))
-        for start, stop in edges.reshape(-1, 2):
-            rows = slice(start, stop + 1)
-            a = points_m[rows, k] - points_m[rows, k].mean(axis=0)
-            b = centres[rows] - centres[rows].mean(axis=0)
-            squares = ((a + scale * b) ** 2).sum(axis=1)
-            weight = 1.0 / (1.0 + squares / config.residual_m**2)
-            ab += float(weight @ (a * b).sum(axis=1))
-            bb += float(weight @ (b * b).sum(axis=1))
-            rr += float(weight @ squares)
-            ww += float(weight.sum())
-    return ab, bb, rr, ww
-
-
-def _standard_error(terms: np.ndarray, scale: float) -> float:
-    """Jackknife over stances, but not less than what the residuals themselves allow."""
-    ab, bb, rr, ww = terms.T
-    n = len(terms)
-    residual_variance = rr.sum() / ww.sum()
-    # Points of one foot move together: a stance counts as its mean weight per point, not their sum.
-    from_residuals = np.sqrt(residual_variance / bb.sum())
-    if n < 3:
-        return float(2.0 * from_residuals)
-    left_out = -(ab.sum() - ab) / (bb.sum() - bb)
-    jackknife = np.sqrt((n - 1) / n * ((left_out - left_out.mean()) ** 2).sum())
-    return float(max(jackknife, from_residuals, 1e-12 * scale))
+    scales, weights = (
+        np.array([cue.scale for cue in cues]),
+        np.array([cue.sigma**-2 for cue in cues]),
+    )
+    scale = float(weights @ scales / weights.sum())
+    chi_square = float(weights @ (scales - scale) ** 2)
+    widened = max(1.0, chi_square / max(1, len(cues) - 1)) ** 0.5
+    return ScaleEstimate(scale, float(weights.sum() ** -0.5) * widened, cues)

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gmrdata.geometry import transforms
 from gmrdata.sfm.cameras import Geometry
@@ -22,34 +23,49 @@ class Solution:
     """Cameras of T frames up to a similarity, in the geometry that was chosen."""
 
     geometry: Geometry
-    """"full" or "rotation_only"."""
+    """"full", "rotation_only" or "static"."""
     world_from_cam: np.ndarray
     """(T, 4, 4); NaN where `has_camera` is False."""
     has_camera: np.ndarray
     """(T,) bool."""
     points: np.ndarray
-    """(N, 3) background points [unit of length of the cameras]; none for "rotation_only"."""
+    """(N, 3) background points [unit of length of the cameras]; none but for "full"."""
     track_lengths: np.ndarray
     """(N,) frames that see each point."""
     quality: dict[str, Any]
     """The figures, as plain JSON."""
 
 
-def turning_solution(turning: RotationOnly, evidence: Evidence, config: SfmConfig) -> Solution:
-    """A camera that only turns, about the origin."""
-    world_from_cam = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
+def turning_solution(
+    turning: RotationOnly, evidence: Evidence, focal_px: float, config: SfmConfig
+) -> Solution:
+    """A camera at the origin that only turns, or does not move at all."""
+    turn_rad = _largest_turn_rad(turning)
+    static = focal_px * turn_rad <= config.static_px
+    geometry: Geometry = "static" if static else "rotation_only"
+    rotmats = np.tile(np.eye(3), (len(turning.has_camera), 1, 1))
+    if not static:
+        rotmats = turning.world_from_cam_rotmats
+    world_from_cam = transforms.rigid(rotmats, np.zeros(3))
     world_from_cam[~turning.has_camera] = np.nan
     agree = turning.residuals_px < config.rotation_only_inlier_px
     rows = turning.pairs_rows[turning.pair_of_residual[agree]]
     inliers = np.bincount(rows.ravel(), minlength=len(turning.has_camera))
-    quality = _quality(
-        "rotation_only", turning.has_camera, turning.residuals_px[agree], inliers, evidence
-    )
-    quality |= {"mapper": "rotation_only", "models": 1, "resected_frames": 0}
+    quality = _quality(geometry, turning.has_camera, turning.residuals_px[agree], inliers, evidence)
+    quality |= {
+        "mapper": "rotation_only",
+        "models": 1,
+        "resected_frames": 0,
+        "largest_turn_deg": figure(np.rad2deg(turn_rad)),
+    }
     no_points, no_tracks = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
-    return Solution(
-        "rotation_only", world_from_cam, turning.has_camera, no_points, no_tracks, quality
-    )
+    return Solution(geometry, world_from_cam, turning.has_camera, no_points, no_tracks, quality)
+
+
+def _largest_turn_rad(turning: RotationOnly) -> float:
+    """Largest angle between a frame's orientation and the mean of all [rad]."""
+    rotations = Rotation.from_matrix(turning.world_from_cam_rotmats[turning.has_camera])
+    return float((rotations.mean().inv() * rotations).magnitude().max())
 
 
 def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:

@@ -10,12 +10,10 @@ import pytest
 
 from gmrdata.errors import BadFrames
 from gmrdata.frames import list_images
-from gmrdata.geometry import transforms
-from gmrdata.geometry.camera import project
 from gmrdata.sfm import mapping
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.evidence import explains_better
-from gmrdata.sfm.matches import Matches, PairMatches, match_frames
+from gmrdata.sfm.matches import match_frames
 from gmrdata.sfm.rotation_only import solve_rotation_only
 
 SMALL = SfmConfig(max_features=1200, first_octave=-1)
@@ -85,30 +83,6 @@ def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc: Any) -> None:
     assert not explains_better(None, turning, SMALL)
     fewer = replace(mapped, has_camera=np.arange(10) < 9)
     assert not explains_better(fewer, turning, SMALL)
-
-
-def test_a_left_out_frame_is_placed_by_the_points_of_its_neighbours() -> None:
-    rng = np.random.default_rng(0)
-    intrinsics_px = np.array([[300.0, 0, 160], [0, 300.0, 90], [0, 0, 1]])
-    points = rng.uniform([-2, -1, 4], [2, 1, 7], (80, 3))
-    cameras = np.tile(np.eye(4), (3, 1, 1))
-    cameras[:, 0, 3] = [0.0, 0.3, 0.6]
-    keypoints = [project(camera, points, intrinsics_px) for camera in cameras]
-    every = np.arange(80)
-    shuffled = rng.permutation(80)
-    keypoints[1] = keypoints[1][np.argsort(shuffled)]
-    pair = PairMatches(0, 1, np.stack([every, shuffled], axis=1), "CALIBRATED")
-    seen = dict(enumerate(points))
-    world_from_cam = cameras.copy()
-    world_from_cam[[1, 2]] = np.nan
-    observations = np.array([80, 0, 0])
-    placed = mapping._resect_rest(
-        world_from_cam, observations, {0: seen}, Matches(keypoints, [pair]), intrinsics_px
-    )
-    assert placed == 1 and observations.tolist() == [80, 80, 0]
-    assert world_from_cam[1] == pytest.approx(cameras[1], abs=1e-6)
-    assert np.isnan(world_from_cam[2]).all()
-    assert np.allclose(transforms.invert(world_from_cam[1]) @ cameras[1], np.eye(4), atol=1e-6)
 
 
 def test_cameras_that_few_points_hold_are_forgotten() -> None:

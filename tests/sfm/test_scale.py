@@ -13,8 +13,9 @@ from gmrdata.geometry.programmes import Circular, Linear, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.motion import Motion
 from gmrdata.pseudogt.compose import camera_motion
+from gmrdata.sfm.cues import CueEstimate, ScaleConfig
 from gmrdata.sfm.feet import SOLE_POINTS, foot_points_m, standing
-from gmrdata.sfm.scale import CueEstimate, ScaleConfig, estimate_scale, fuse
+from gmrdata.sfm.scale import estimate_scale, fuse
 
 PROGRAMMES = {"circular": Circular(), "linear": Linear()}
 
@@ -121,7 +122,13 @@ def test_cues_are_weighted_by_their_variances() -> None:
     far = CueEstimate("other", 3.0, 0.2, 5, 0.01)
     fused = fuse((near, far))
     assert fused.scale == pytest.approx((2.0 / 0.01 + 3.0 / 0.04) / (1 / 0.01 + 1 / 0.04))
-    assert fused.sigma == pytest.approx((1 / 0.01 + 1 / 0.04) ** -0.5)
+    # They are further apart than they say, so the mean is worse than either says.
+    chi_square = ((2.0 - fused.scale) / 0.1) ** 2 + ((3.0 - fused.scale) / 0.2) ** 2
+    assert chi_square > 1
+    assert fused.sigma == pytest.approx((chi_square / (1 / 0.01 + 1 / 0.04)) ** 0.5)
+    assert fused.disagreement == pytest.approx(1 / np.hypot(0.1, 0.2))
+    alone = fuse((near,))
+    assert alone.disagreement is None and alone.sigma == pytest.approx(0.1)
 
 
 def test_sole_points_lie_on_the_ground_while_they_stand(small_body: BodyModel) -> None:

@@ -1,0 +1,60 @@
+"""The recipe of metric scale, and what one source of evidence says about it."""
+
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from gmrdata.config import Config
+
+
+class ScaleConfig(Config):
+    """How metric scale is found."""
+
+    slip_m_per_s: float = Field(default=0.25, gt=0)
+    """Speed below which a foot point may be planted [m/s]."""
+    slip_floor_m: float = Field(default=0.005, gt=0)
+    """Distance between frames that counts as standing still at any frame rate [m]."""
+    residual_m: float = Field(default=0.005, gt=0)
+    """Distance from its stance's mean at which a planted point's weight is halved (Cauchy) [m]."""
+    creep_m_per_s: float = Field(default=0.01, ge=0)
+    """Speed at which planted feet of captured motion creep in one direction; part of the error bar.
+    On 55 CMU takes feet made the scale too small by 0.5 % (circling camera) to 1.1 % (tracking
+    camera), which is 0.01 m/s relative to those cameras [m/s]."""
+    grid_steps: int = Field(default=600, ge=50)
+    """Scales that the search tries."""
+    min_stances: int = Field(default=2, ge=1)
+    """Planted feet that a scale needs at least."""
+    ground_radius_m: float = Field(default=2.5, gt=0)
+    """The ground is what lies this near to planted feet, seen from above [m]."""
+    ground_height_m: float = Field(default=0.4, gt=0)
+    """And this near to them in height, while the scale is only roughly known [m]."""
+    ground_inlier_m: float = Field(default=0.03, gt=0)
+    """Distance from the plane of the ground at which a point's weight is halved (Cauchy) [m]."""
+    min_ground_points: int = Field(default=25, ge=3)
+    """Points on the ground that its plane needs at least."""
+    contact_sigma_m: float = Field(default=0.012, gt=0)
+    """Standard error of the body's soles above the ground, the same in all frames [m]."""
+    window_s: float = Field(default=1.0, gt=0)
+    """Time over which a data set's own camera path is compared [s]."""
+    drift_m_per_s: float = Field(default=0.07, ge=0)
+    """Speed at which such a path may drift along its own direction, which nothing shows: 1 degree/s
+    about a person 4 m away; part of the error bar [m/s]."""
+    drift_time_s: float = Field(default=4.0, gt=0)
+    """Time over which the drift of such a path keeps its direction: windows this far apart count as
+    independent [s]."""
+
+
+@dataclass(frozen=True)
+class CueEstimate:
+    """What one source of evidence says about the scale."""
+
+    name: str
+    """"planted_feet", "ground_contact" or "short_windows"."""
+    scale: float
+    """Metres per unit of the reconstruction."""
+    sigma: float
+    """Standard error of `scale`, same unit."""
+    support: int
+    """Independent observations behind it: stances, points of the ground, or windows."""
+    residual_m: float
+    """Root mean square of what the cue leaves unexplained [m]."""
