@@ -1,0 +1,120 @@
+"""What is in a 3DPW folder, as tables."""
+
+from pathlib import Path
+from typing import get_args
+
+from gmrdata.errors import BadRecipe, BadSequence, GmrdataError
+from gmrdata.progress import track
+from gmrdata.threedpw.layout import (
+    SEQUENCE_NAME,
+    SequenceFiles,
+    find_sequences,
+    require_name,
+    require_one_split,
+    splits_of,
+)
+from gmrdata.threedpw.read import read_found, read_sequence
+from gmrdata.threedpw.valid import ValidRule, dropped_ranges, unusable_reasons
+
+HEADINGS = ("sequence", "split", "people", "frames", "size [px]", "usable", "problems")
+RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "usable, or why not")
+
+
+def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
+    """A row per sequence under a root.  One that can't be read doesn't stop the others.
+
+    Args:
+        root: The folder that holds `imageFiles` and `sequenceFiles`.
+        rule: Name of a rule for valid frames.
+
+    Returns:
+        Rows for `HEADINGS`, and how many of them say why a sequence can't be read.
+
+    Raises:
+        MissingInput: no 3DPW folder.
+        BadRecipe: no such rule.
+    """
+    known = known_rule(rule)
+    found = find_sequences(root)
+    splits = splits_of(found)
+    rows: list[tuple[str, ...]] = []
+    n_bad = 0
+    for files in track(found, "reading sequences"):
+        try:
+            require_name(files.name)
+            require_one_split(files.name, splits[files.name])
+            rows.append(_row(files, known))
+        except (GmrdataError, OSError) as error:
+            # Not the name as it is: it could hold anything, even escape codes for the terminal.
+            name = files.name if SEQUENCE_NAME.fullmatch(files.name) else repr(files.name)
+            rows.append((name, files.split, "-", "-", "-", "-", str(error)))
+            n_bad += 1
+    return rows, n_bad
+
+
+def bad_summary(root: Path, n_bad: int, n_sequences: int) -> BadSequence:
+    """The error that ends a listing in which sequences could not be read."""
+    return BadSequence(f"{root}: {n_bad} of {n_sequences} sequences can't be used, see the table")
+
+
+def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+    """Rows for `RANGE_HEADINGS`: the ranges of each person that are not usable, and the rest.
+
+    Args:
+        root: The folder that holds `imageFiles` and `sequenceFiles`.
+        name: Name of the sequence.
+        rule: Name of a rule for valid frames.
+
+    Returns:
+        The rows, and the sequence's problems.
+
+    Raises:
+        GmrdataError: as `read_sequence`; or no such rule.
+    """
+    known = known_rule(rule)
+    sequence = read_sequence(root, name)
+    rows: list[tuple[str, ...]] = []
+    for index, person in enumerate(sequence.arrays.people):
+        reasons = unusable_reasons(sequence, index, known)
+        kept = sum(reason == "" for reason in reasons)
+        who = (str(index), person.gender)
+        rows.append((*who, "0", str(len(reasons) - 1), str(kept), _share(reasons)))
+        rows += [
+            (*who, str(start), str(stop - 1), str(stop - start), reason)
+            for start, stop, reason in dropped_ranges(reasons)
+        ]
+    return rows, sequence.problems
+
+
+def known_rule(rule: str) -> ValidRule:
+    """A rule's name as its type.
+
+    Raises:
+        BadRecipe: there is no such rule.
+    """
+    for known in get_args(ValidRule):
+        if rule == known:
+            return known
+    raise BadRecipe(
+        f"no rule {rule!r} for valid frames; there are {', '.join(get_args(ValidRule))}"
+    )
+
+
+def _row(files: SequenceFiles, rule: ValidRule) -> tuple[str, ...]:
+    sequence = read_found(files)
+    people = sequence.arrays.people
+    reasons = [unusable_reasons(sequence, index, rule) for index in range(len(people))]
+    genders = ", ".join(person.gender for person in people)
+    return (
+        files.name,
+        files.split,
+        f"{len(people)} ({genders})",
+        str(sequence.n_frames),
+        f"{sequence.images.width_px}x{sequence.images.height_px}",
+        ", ".join(map(_share, reasons)),
+        "; ".join(sequence.problems),
+    )
+
+
+def _share(reasons: list[str]) -> str:
+    return f"{100 * sum(reason == '' for reason in reasons) / len(reasons):.1f} %"
