@@ -17,9 +17,17 @@ from gmrdata.geometry.camera import CameraPath
 from gmrdata.motion.motion import Motion
 from gmrdata.pseudogt.compose import metric_cameras, world_motion
 from gmrdata.pseudogt.level import level_from_world
-from gmrdata.sfm.cameras import QUALITY_FILE, SfmCameras, load_cameras, load_quality
+from gmrdata.sfm.cameras import (
+    QUALITY_FILE,
+    Geometry,
+    SfmCameras,
+    load_cameras,
+    load_points,
+    load_quality,
+)
+from gmrdata.sfm.cues import ScaleConfig
 from gmrdata.sfm.feet import SOLE_POINTS, foot_points_m, standing
-from gmrdata.sfm.scale import ScaleConfig, ScaleEstimate, estimate_scale
+from gmrdata.sfm.scale import ScaleEstimate, estimate_scale
 from gmrdata.store import run_stage, write_json
 
 CLIP_FILE = "clip.npz"
@@ -74,7 +82,9 @@ def make_pseudo_gt(
         usable = path.has_camera & camera_clip.valid
         if usable.sum() < 2:
             raise NoReconstruction(f"{camera_clip.id}: {usable.sum()} frames have pose and camera")
-        clip, estimate = compose_clip(camera_clip, path, cameras, body, config)
+        clip, estimate = compose_clip(
+            camera_clip, path, cameras.geometry, load_points(sfm_dir), body, config
+        )
         rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
         save_clip(partial / CLIP_FILE, clip, rest_pelvis_m)
         write_json(partial / QUALITY_FILE, _quality(clip, estimate, load_quality(sfm_dir)))
@@ -86,7 +96,8 @@ def make_pseudo_gt(
 def compose_clip(
     camera_clip: Clip,
     path: CameraPath,
-    cameras: SfmCameras,
+    geometry: Geometry,
+    points: np.ndarray,
     body: BodyModel,
     config: PseudoGtConfig,
 ) -> tuple[Clip, ScaleEstimate]:
@@ -95,13 +106,16 @@ def compose_clip(
     Args:
         camera_clip: T frames with the person in the camera frame.
         path: Cameras of the same T frames, up to scale.
-        cameras: The reconstruction that they came from.
+        geometry: What the reconstruction found the camera to do.
+        points: (N, 3) its background points, in the cameras' unit.
         body: The clip's body.
         config: The recipe.
     """
     usable = path.has_camera & camera_clip.valid
     known = replace(path, world_from_cam=_blanked(path.world_from_cam, usable))
-    estimate = estimate_scale(known, camera_clip.motion, body, cameras.geometry, config.scale)
+    estimate = estimate_scale(
+        known, camera_clip.motion, body, geometry, config.scale, points=points
+    )
     scale = 1.0 if estimate.scale is None else estimate.scale
     metric = metric_cameras(path.world_from_cam, scale)
     filled = fill_gaps(metric, path.has_camera)
@@ -173,6 +187,7 @@ def _quality(clip: Clip, estimate: ScaleEstimate, sfm_quality: dict[str, Any]) -
         "valid_frames": int(clip.valid.sum()),
         "scale": _figure(estimate.scale),
         "scale_sigma": _figure(estimate.sigma),
+        "scale_disagreement": _figure(estimate.disagreement),
         "scale_cues": [
             {key: _figure(v) if isinstance(v, float) else v for key, v in asdict(cue).items()}
             for cue in estimate.cues

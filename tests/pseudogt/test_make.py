@@ -18,7 +18,14 @@ from gmrdata.geometry.programmes import Circular, Panning, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.pseudogt.compose import camera_motion, metric_cameras
 from gmrdata.pseudogt.make import PseudoGtConfig, fill_gaps, make_pseudo_gt
-from gmrdata.sfm.cameras import CAMERAS_FILE, QUALITY_FILE, SfmCameras, save_cameras
+from gmrdata.sfm.cameras import (
+    CAMERAS_FILE,
+    POINTS_FILE,
+    QUALITY_FILE,
+    SfmCameras,
+    save_cameras,
+    save_points,
+)
 from gmrdata.store import read_json, write_json
 
 
@@ -57,6 +64,7 @@ def reconstruction(folder: Path, clip: Clip, geometry: str, lost: list[int]) -> 
         path, "full" if geometry == "full" else "rotation_only", clip.image_numbers
     )
     save_cameras(folder / CAMERAS_FILE, cameras)
+    save_points(folder / POINTS_FILE, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
     write_json(folder / QUALITY_FILE, {"geometry": geometry, "registered_share": 1.0})
     return folder
 

@@ -1,0 +1,234 @@
+"""Whether a pseudo ground truth can be used: the whole sequence, and each of its frames.
+
+Every check compares one figure with one threshold of the recipe, and what fails says both.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+from scipy.spatial.transform import Rotation
+
+from gmrdata.clip import Clip, camera_of
+from gmrdata.config import Config
+from gmrdata.geometry import transforms
+from gmrdata.sfm.scale import ScaleEstimate
+
+
+class VerdictConfig(Config):
+    """What a sequence and its frames must keep to."""
+
+    min_registered_share: float = Field(default=0.7, ge=0, le=1)
+    """Share of the images that have a camera."""
+    max_reprojection_px: float = Field(default=1.0, gt=0)
+    """Mean reprojection error of the background [px]."""
+    max_scale_sigma_share: float = Field(default=0.06, gt=0)
+    """Standard error of the metric scale, as a share of the scale."""
+    max_cue_disagreement: float = Field(default=3.5, gt=0)
+    """Difference between two cues of the scale, in its standard errors."""
+    max_cuts_share: float = Field(default=0.05, ge=0)
+    """Share of the steps between images at which the picture changes to another place."""
+    min_kept_share: float = Field(default=0.5, ge=0, le=1)
+    """Share of the frames that must be left."""
+    min_inliers: int = Field(default=25, ge=0)
+    """Background points or matches that hold a frame's camera."""
+    max_speed_m_per_s: float = Field(default=8.0, gt=0)
+    """Speed of the camera from one frame to the next [m/s]."""
+    max_turn_deg_per_s: float = Field(default=500.0, gt=0)
+    """Turning speed of the camera from one frame to the next [degrees/s]."""
+    window_s: float = Field(default=0.5, gt=0)
+    """Time over which camera motion is compared with the data set's own [s]."""
+    max_window_deg: float = Field(default=4.0, gt=0)
+    """Difference from the data set's own rotation over that time [degrees]."""
+    max_window_m: float = Field(default=0.25, gt=0)
+    """Difference from the data set's own displacement over that time [m]."""
+    min_run: int = Field(default=10, ge=1)
+    """Frames that a kept range has at least."""
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Frames start, start + 1, ..., stop - 1 that must not be used."""
+
+    start: int
+    """First frame."""
+    stop: int
+    """One past the last frame."""
+    reason: str
+    """Why."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was decided, and on what."""
+
+    accepted: bool
+    """Whether the sequence can be used, but for the dropped ranges."""
+    reasons: tuple[str, ...]
+    """Why not, for a rejected one."""
+    dropped: tuple[Dropped, ...]
+    """Ranges in ascending order."""
+    kept_share: float
+    """Share of the frames that are left, 0 to 1."""
+
+
+def judge(
+    clip: Clip,
+    sfm_quality: dict[str, Any],
+    estimate: ScaleEstimate,
+    config: VerdictConfig,
+    *,
+    unusable: Sequence[str] | None = None,
+    tracked: np.ndarray | None = None,
+) -> Verdict:
+    """Judge a pseudo ground truth by its own figures.
+
+    Args:
+        clip: The pseudo ground truth: T frames, world frame, with its cameras.
+        sfm_quality: The reconstruction's `quality.json`; its frames are those of the clip.
+        estimate: The metric scale.
+        config: The thresholds.
+        unusable: T texts: why the data set itself doesn't vouch for a frame; empty where it does.
+        tracked: (T, 4, 4) metric world_from_cam of the data set; NaN where unknown.
+    """
+    reasons = frame_reasons(clip, sfm_quality, config, unusable=unusable, tracked=tracked)
+    reasons = _without_short_runs(reasons, config.min_run)
+    kept_share = float(np.mean([not reason for reason in reasons]))
+    failed = _sequence_reasons(sfm_quality, estimate, kept_share, config)
+    return Verdict(not failed, tuple(failed), tuple(_ranges(reasons)), kept_share)
+
+
+def frame_reasons(
+    clip: Clip,
+    sfm_quality: dict[str, Any],
+    config: VerdictConfig,
+    *,
+    unusable: Sequence[str] | None = None,
+    tracked: np.ndarray | None = None,
+) -> list[str]:
+    """Why each of the T frames must not be used; empty where it may.  Arguments as in `judge`."""
+    camera, fps_hz = camera_of(clip), clip.motion.fps_hz
+    n = camera.n_frames
+    reasons = list(unusable) if unusable is not None else [""] * n
+    _mark(reasons, ~camera.has_camera, "no camera was found")
+    inliers = np.array(sfm_quality.get("inliers_per_frame", [config.min_inliers] * n))
+    _mark(reasons, inliers < config.min_inliers, f"fewer than {config.min_inliers} inliers")
+    steps = _relative(camera.world_from_cam, 1)
+    fast = np.linalg.norm(steps[:, :3, 3], axis=1) * fps_hz > config.max_speed_m_per_s
+    fast |= _angles_deg(steps) * fps_hz > config.max_turn_deg_per_s
+    _mark(reasons, _both_sides(fast, 1, n), "the camera jumps")
+    if tracked is not None:
+        step = max(1, round(config.window_s * fps_hz))
+        off = _disagrees(camera.world_from_cam, tracked, step, config)
+        _mark(reasons, _both_sides(off, step, n), "the camera moves otherwise than the data set's")
+    return reasons
+
+
+def _disagrees(
+    world_from_cam: np.ndarray, tracked: np.ndarray, step: int, config: VerdictConfig
+) -> np.ndarray:
+    """(T - step,) bool: windows in which the two cameras move differently."""
+    ours, theirs = _relative(world_from_cam, step), _relative(tracked, step)
+    apart = transforms.invert(ours) @ theirs
+    apart_m = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
+    # A comparison with NaN is False: what is unknown doesn't disagree.
+    return (_angles_deg(apart) > config.max_window_deg) | (apart_m > config.max_window_m)
+
+
+def _relative(world_from_cam: np.ndarray, step: int) -> np.ndarray:
+    """(T - step, 4, 4) motion over `step` frames, in the axes of the first camera of each."""
+    return np.asarray(transforms.invert(world_from_cam[:-step]) @ world_from_cam[step:])
+
+
+def _angles_deg(moves: np.ndarray) -> np.ndarray:
+    """(N,) rotation angles of transforms (N, 4, 4); NaN where unknown."""
+    known = np.isfinite(moves).all(axis=(1, 2))
+    angles = np.full(len(moves), np.nan)
+    if known.any():
+        angles[known] = Rotation.from_matrix(moves[known, :3, :3]).magnitude()
+    return np.rad2deg(angles)
+
+
+def _both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:
+    """(n,) bool: frames at either end of a marked step."""
+    first, last = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    first[: n - step], last[step:] = steps, steps
+    return first | last
+
+
+def _mark(reasons: list[str], bad: np.ndarray, reason: str) -> None:
+    for row in np.flatnonzero(bad):
+        reasons[row] = reasons[row] or reason
+
+
+def _without_short_runs(reasons: list[str], min_run: int) -> list[str]:
+    result: list[str] = []
+    for kept, group in groupby(reasons, key=lambda reason: not reason):
+        run = list(group)
+        short = kept and len(run) < min_run and len(run) < len(reasons)
+        result += [f"only {len(run)} usable frames in a row"] * len(run) if short else run
+    return result
+
+
+def _ranges(reasons: list[str]) -> list[Dropped]:
+    ranges, start = [], 0
+    for reason, group in groupby(reasons):
+        stop = start + len(list(group))
+        if reason:
+            ranges.append(Dropped(start, stop, reason))
+        start = stop
+    return ranges
+
+
+def _sequence_reasons(
+    sfm_quality: dict[str, Any],
+    estimate: ScaleEstimate,
+    kept_share: float,
+    config: VerdictConfig,
+) -> list[str]:
+    registered = float(sfm_quality.get("registered_share", 1.0))
+    error_px = float(sfm_quality.get("mean_reprojection_px", 0.0))
+    cuts = len(sfm_quality.get("cuts_after_frames", []))
+    cuts_share = cuts / max(1, int(sfm_quality.get("frames", 2)) - 1)
+    checks = [
+        (
+            registered < config.min_registered_share,
+            f"{registered:.0%} of the images have a camera, fewer than "
+            f"{config.min_registered_share:.0%}",
+        ),
+        (
+            error_px > config.max_reprojection_px,
+            f"the mean reprojection error is {error_px:.2f} px, more than "
+            f"{config.max_reprojection_px:g} px",
+        ),
+        (
+            cuts_share > config.max_cuts_share,
+            f"the picture changes to another place {cuts} times: images out of order, black, or "
+            "of several takes",
+        ),
+        (
+            kept_share < config.min_kept_share,
+            f"{kept_share:.0%} of the frames can be used, fewer than {config.min_kept_share:.0%}",
+        ),
+    ]
+    if estimate.scale is not None and estimate.sigma is not None:
+        share = estimate.sigma / estimate.scale
+        checks.append(
+            (
+                share > config.max_scale_sigma_share,
+                f"the metric scale is uncertain by {share:.1%}, more than "
+                f"{config.max_scale_sigma_share:.1%}",
+            )
+        )
+    if estimate.disagreement is not None:
+        checks.append(
+            (
+                estimate.disagreement > config.max_cue_disagreement,
+                f"two cues of the scale are {estimate.disagreement:.1f} standard errors apart, "
+                f"more than {config.max_cue_disagreement:g}",
+            )
+        )
+    return [reason for fails, reason in checks if fails]
