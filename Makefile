@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup demo test lint bench bench-render clean
 
 setup: $(READY)
 
@@ -26,6 +26,10 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m pytest benchmarks -m bench -o python_files='bench_*.py' -s
+
+# The Blender stage alone; `make bench` runs it too. ARGS=--small only tries every part.
+bench-render: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_render.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 clean:
 	rm -rf out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,84 @@
+"""How many background points of each rendered frame the COLMAP stage is sure of."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from render.clips import MOVING, walk_clip
+from render.scale import Scale
+
+from gmrdata.clip import camera_of, load_clip
+from gmrdata.frames import check_images, list_images
+from gmrdata.jobs import Job, Workers, run_jobs, worker_pool
+from gmrdata.render import RenderConfig, render_clip
+from gmrdata.scene_config import SceneConfig
+from gmrdata.sfm.cameras import QUALITY_FILE, load_cameras
+from gmrdata.sfm.config import SfmConfig
+from gmrdata.sfm.matches import match_frames
+from gmrdata.sfm.reconstruct import reconstruct
+from gmrdata.store import read_json
+
+
+def measure_inliers(root: Path, body_path: Path, scale: Scale) -> list[dict[str, Any]]:
+    """Render every place with every moving programme, and find the cameras again."""
+    names = [(place, name) for place in scale.sfm_places for name in scale.sfm_programmes]
+    jobs = []
+    for place, name in names:
+        folder = root / f"{place}_{name}"
+        folder.mkdir(parents=True)
+        walk_clip(folder / "clip.npz", body_path, MOVING[name], scale.sfm_frames, scale.sfm_size_px)
+        jobs.append(Job(folder.name, _render_and_reconstruct, {"folder": folder, "place": place}))
+        jobs[-1].arguments["body_path"] = body_path
+    with worker_pool(Workers(2)) as client:
+        results = run_jobs("structure from motion", jobs, client, root / "failed")
+    return [
+        {"place": place, "programme": name} | results[f"{place}_{name}"] for place, name in names
+    ]
+
+
+def _render_and_reconstruct(folder: Path, place: str, body_path: Path) -> dict[str, Any]:
+    config = RenderConfig(scene=SceneConfig.model_validate({"kind": place, "seed": 1}))
+    out_dir = render_clip(
+        folder / "clip.npz", body_path, folder / "render", config, on_frame=lambda _: None
+    )
+    intrinsics_px = camera_of(load_clip(out_dir / "clip.npz")).intrinsics_px
+    sfm_dir = reconstruct(
+        out_dir / "frames", out_dir / "masks", intrinsics_px, folder / "sfm", SfmConfig()
+    )
+    quality = read_json(sfm_dir / QUALITY_FILE)
+    if quality["geometry"] == "full":
+        inliers = np.array(quality["inliers_per_frame"])
+    else:  # there each pair of frames counts for itself, and a point many times
+        inliers = _turning_points(out_dir, sfm_dir, intrinsics_px, folder / "matches")
+    return {
+        "geometry": quality["geometry"],
+        "frames": quality["frames"],
+        "frames_with_camera": quality["frames_with_camera"],
+        "inliers_median": float(np.median(inliers)),
+        "inliers_least": int(inliers.min()),
+        "reprojection_px": quality["median_reprojection_px"],
+    }
+
+
+def _turning_points(
+    rendered: Path, sfm_dir: Path, intrinsics_px: np.ndarray, work_dir: Path
+) -> np.ndarray:
+    """(T,) features of each frame with a match that agrees with the solved rotations."""
+    images, config = list_images(rendered / "frames"), SfmConfig()
+    work_dir.mkdir()
+    matches = match_frames(
+        images, rendered / "masks", intrinsics_px, check_images(images), work_dir, config
+    )
+    rotations = load_cameras(sfm_dir).path.world_from_cam[:, :3, :3]
+    found: list[set[int]] = [set() for _ in images]
+    for pair in matches.pairs:
+        second_from_first = rotations[pair.second].T @ rotations[pair.first]
+        turn_px = intrinsics_px @ second_from_first @ np.linalg.inv(intrinsics_px)
+        first_px = matches.keypoints_px[pair.first][pair.features[:, 0]]
+        there = np.c_[first_px, np.ones(len(first_px))] @ turn_px.T
+        second_px = matches.keypoints_px[pair.second][pair.features[:, 1]]
+        residuals_px = np.linalg.norm(there[:, :2] / there[:, 2:] - second_px, axis=1)
+        agree = pair.features[residuals_px < config.rotation_only_inlier_px]
+        found[pair.first].update(agree[:, 0].tolist())
+        found[pair.second].update(agree[:, 1].tolist())
+    return np.array([len(features) for features in found])
