@@ -127,6 +127,7 @@ def render(
     redo: bool = False,
     dry_run: bool = False,
     probe: bool = True,
+    preview: bool = False,
 ) -> None:
     """Render synthetic clips with exact cameras and masks, and write their manifest.
 
@@ -139,6 +140,7 @@ def render(
         redo: Make anew what another recipe made.
         dry_run: List clips and frames with an estimate of time and disk, and make nothing.
         probe: For the estimate of a dry run, render two frames in a temporary folder.
+        preview: Only draw a few small frames and the paths of each clip, to OUT/preview/index.html.
     """
     from gmrdata.recipes import find_recipe, load_recipe
     from gmrdata.synthetic.recipe import SyntheticRecipe
@@ -154,16 +156,63 @@ def render(
         for line in dry.summary_lines(planned):
             _answer(line)
         return
+    if preview:
+        from gmrdata.synthetic.preview import preview_set
+
+        _answer(preview_set(loaded, out, motions_dir=motions, scheduler=scheduler))
+        return
     from gmrdata.synthetic.render_set import render_set
 
     _answer(render_set(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+
+
+def masks(
+    frames: Positional[Path],
+    out: Path,
+    sources: tuple[str, ...] = ("onnx",),
+    model: Path | None = None,
+    weights: Path | None = None,
+    classes: tuple[str, ...] = (),
+    camera_body: Path | None = None,
+    body: str = "anny",
+    redo: bool = False,
+) -> None:
+    """Mask what moves in frames or a video: people, vehicles, animals, or a known body.
+
+    Args:
+        frames: Folder of numbered images, or a video file.
+        out: Output folder: masks/ (`<image stem>.png`, 255 = dynamic), masks_by/ with each
+            source's own, sheet/contact.jpg to look at, and frames/ of a video. A run that was
+            stopped goes on at the next missing frame.
+        sources: Where masks come from; several are united: onnx (a YOLOX detector), maskrcnn
+            (torchvision's, extra `maskrcnn`), silhouette (the projected body), a folder of masks,
+            or a recipe (.yaml) of kind `masks`.
+        model: ONNX file of the detector: YOLOX on COCO, raw output.
+        weights: State dict of Mask R-CNN; torchvision fetches its own when left out.
+        classes: COCO's names of what to mask; people, vehicles and animals when left out.
+        camera_body: Clip file (.npz) in the camera's frame, for the silhouette.
+        body: "anny", or the path of the body model of that clip.
+        redo: Make anew what other settings made.
+    """
+    from gmrdata.masks.of_frames import masks_of_frames
+    from gmrdata.masks.sources import masks_named
+
+    _need(sources, "a source of masks: --sources onnx")
+    config = masks_named(sources, model=model, weights=weights, classes=classes)
+    for made in masks_of_frames(
+        frames, out, config, clip_path=camera_body, body_path=_body_path(body), redo=redo
+    ):
+        _answer(made)
 
 
 def sfm(
     frames: Path,
     camera_body: Path,
     out: Path,
-    masks: Path | None = None,
+    masks: tuple[str, ...] = ("silhouette",),
+    model: Path | None = None,
+    weights: Path | None = None,
+    classes: tuple[str, ...] = (),
     body: str = "anny",
     seed: int = 0,
     redo: bool = False,
@@ -174,22 +223,28 @@ def sfm(
         frames: Folder of numbered images, or a video file.
         camera_body: Clip file (.npz) whose motion is in the camera's frame; its intrinsics are
             used as they are.
-        out: Output folder: masks/, sfm/, pseudo_gt/.
-        masks: Folder of masks `<image stem>.png`, 255 = dynamic; the body's silhouette when left
-            out.
+        out: Output folder: masks/, masks_by/, sfm/, pseudo_gt/.
+        masks: Where masks of what moves come from; several are united: silhouette (the projected
+            body), onnx (a YOLOX detector), maskrcnn (torchvision's, extra `maskrcnn`), a folder of
+            masks `<image stem>.png` with 255 = dynamic, or a recipe (.yaml) of kind `masks`.
+        model: ONNX file of the detector: YOLOX on COCO, raw output.
+        weights: State dict of Mask R-CNN; torchvision fetches its own when left out.
+        classes: COCO's names of what to mask; people, vehicles and animals when left out.
         body: "anny", or the path of the body model of the clip.
         seed: Seed of the reconstruction.
         redo: Make anew what other settings made.
     """
+    from gmrdata.masks.sources import masks_named
     from gmrdata.sequence import SequenceConfig, regenerate_sequence
     from gmrdata.sfm.config import SfmConfig
 
+    _need(masks, "a source of masks: --masks silhouette")
+    config = masks_named(masks, model=model, weights=weights, classes=classes)
     made = regenerate_sequence(
         frames,
         camera_body,
         out,
-        SequenceConfig(sfm=SfmConfig(seed=seed)),
-        masks_dir=masks,
+        SequenceConfig(masks=config, sfm=SfmConfig(seed=seed)),
         body_path=_body_path(body),
         redo=redo,
     )
@@ -246,6 +301,48 @@ def manifest(
     ],
 ) -> None:
     """Check, show or compare manifests."""
+
+
+def threedpw_list(root: Path, rule: str = "campose_valid") -> None:
+    """List the sequences of a 3DPW folder: people, frames, image size, usable share, problems.
+
+    A sequence that can't be read is listed with the reason; then the exit code is 1.
+
+    Args:
+        root: The folder that holds imageFiles and sequenceFiles.
+        rule: Which frames count as valid: campose_valid, 3dpw_eval, glamr, vibe or slahmr.
+    """
+    from gmrdata.threedpw.listing import HEADINGS, bad_summary, sequence_rows
+
+    rows, n_bad = sequence_rows(root, rule)
+    _print_table(HEADINGS, rows)
+    if n_bad:
+        raise bad_summary(root, n_bad, len(rows))
+
+
+def threedpw_show(sequence: Positional[str], root: Path, rule: str = "campose_valid") -> None:
+    """Show one sequence of 3DPW: its people, and which frames of each can't be used and why.
+
+    Args:
+        sequence: Name of the sequence, like courtyard_arguing_00.
+        root: The folder that holds imageFiles and sequenceFiles.
+        rule: Which frames count as valid: campose_valid, 3dpw_eval, glamr, vibe or slahmr.
+    """
+    from gmrdata.threedpw.listing import RANGE_HEADINGS, range_rows
+
+    rows, problems = range_rows(root, sequence, rule)
+    _print_table(RANGE_HEADINGS, rows)
+    for problem in problems:
+        _answer(problem)
+
+
+def threedpw(
+    verb: OmitSubcommandPrefixes[
+        Annotated[Any, subcommand("list", constructor=threedpw_list)]
+        | Annotated[Any, subcommand("show", constructor=threedpw_show)]
+    ],
+) -> None:
+    """Look into a 3DPW folder: which sequences and frames of it can be used, and why not."""
 
 
 def train(
@@ -346,8 +443,10 @@ VERBS: dict[str, Verb] = {
     "fetch": fetch,
     "motions": motions,
     "render": render,
+    "masks": masks,
     "sfm": sfm,
     "manifest": manifest,
+    "threedpw": threedpw,
     "train": train,
     "evaluate": evaluate,
     "report": report,
@@ -409,9 +508,11 @@ def _body_path(body: str) -> Path | None:
 
 
 def _print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(*headings, box=None)
+    # Without this "[s]" in a heading is the sign for crossed-out text, and is not shown.
+    table = Table(*map(escape, headings), box=None)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     answers.print(table)

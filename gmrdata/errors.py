@@ -21,6 +21,10 @@ class BadBodyFile(GmrdataError):
     """A body model file is broken, or holds something else."""
 
 
+class BadCharacter(GmrdataError):
+    """A rigged character's file is broken, or has no skeleton that fits the 24 joints."""
+
+
 class UnsafePickle(GmrdataError):
     """A pickle wants to import something that is not plain data.  Nothing of it was run."""
 
@@ -31,6 +35,18 @@ class BrokenPickle(GmrdataError):
 
 class BadFrames(GmrdataError):
     """Images or masks are missing, of different sizes, or not images."""
+
+
+class BadSequence(GmrdataError):
+    """A sequence of a dataset (3DPW) is broken, or not laid out as that dataset is."""
+
+
+class BadDetector(GmrdataError):
+    """A detector's model file is broken, or holds a network of another layout."""
+
+
+class MissingExtra(GmrdataError):
+    """A package of an extra is not installed, or cannot be imported."""
 
 
 class BadManifest(GmrdataError):
@@ -59,6 +75,14 @@ class StageFailed(GmrdataError):
 
 class RenderFailed(StageFailed):
     """The Blender process ended without its result."""
+
+
+class BadBackdrop(GmrdataError):
+    """A .blend file can't be the place of a clip."""
+
+
+class EngineMissing(GmrdataError):
+    """A renderer or a device that was asked for can't run on this machine."""
 
 
 class NoReconstruction(StageFailed):

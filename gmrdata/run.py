@@ -47,6 +47,10 @@ def run_recipe(
             )
         case "gmr":
             return _train_and_score(path, out_dir, redo)
+        case "masks":
+            raise BadRecipe(
+                f"{path}: a recipe of masks needs frames: gmrdata masks FRAMES --sources {name}"
+            )
         case kind:
             raise BadRecipe(f"{path}: unknown kind {kind!r}; there are demo, synthetic and gmr")
 

@@ -27,10 +27,13 @@ from gmrdata.errors import BadRecord, MissingInput, StaleOutput
 STAGE_FILE = "stage.json"
 RECIPE_FILE = "recipe.json"
 _LOCK_NAME = re.compile(r"\..+\.lock")
+_TEMPORARY_NAME = re.compile(r"\..+\.(?P<pid>\d+)-\d+\.tmp(\..*)?")
+"""What `atomic_path` calls the file that a process writes."""
 RECORDED_PACKAGES = (
     "numpy",
     "scipy",
     "torch",
+    "torchvision",
     "pycolmap",
     "opencv-python-headless",
     "bpy",
@@ -87,6 +90,24 @@ def atomic_path(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def remove_orphans(folder: Path) -> None:
+    """Remove what `atomic_path` left right in a folder for processes that were killed."""
+    for leftover in folder.glob(".*.tmp*"):
+        written_by = _TEMPORARY_NAME.fullmatch(leftover.name)
+        if written_by and leftover.is_file() and not _is_running(int(written_by["pid"])):
+            leftover.unlink(missing_ok=True)
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # somebody else's
+        return True
+    return True
+
+
 def write_npz(path: Path, arrays: Mapping[str, ArrayLike], *, compressed: bool = False) -> None:
     """Write arrays as an .npz as a whole or not at all; the same arrays give the same bytes.
 
@@ -131,7 +152,7 @@ def run_stage(
     out_dir: Path,
     config: Config,
     inputs: Mapping[str, Path],
-    work: Callable[[Path], None],
+    work: Callable[[Path], Mapping[str, Any] | None],
     *,
     resumable: bool = False,
     redo: bool = False,
@@ -146,7 +167,8 @@ def run_stage(
         out_dir: The folder to make.
         config: The recipe.
         inputs: Files and folders that the result depends on; their hashes are recorded.
-        work: Fills the folder that it is given.
+        work: Fills the folder that it is given; may return facts for the record that don't decide
+            the result, such as the device that was used.
         resumable: Hand a killed run's unfinished folder to `work` again instead of an empty one.
             `work` must then write each of its files atomically and skip those that are there.
         redo: Throw away a result that another recipe made.
@@ -177,8 +199,8 @@ def run_stage(
         _remove_temporaries(partial)
         write_json(partial / RECIPE_FILE, recipe)
         start_s = time.monotonic()
-        work(partial)
-        write_json(partial / STAGE_FILE, recipe | _provenance(time.monotonic() - start_s))
+        facts = dict(work(partial) or {})
+        write_json(partial / STAGE_FILE, recipe | facts | _provenance(time.monotonic() - start_s))
         (partial / RECIPE_FILE).unlink()
         # Two renames, so that at no time a half-deleted folder has the result's name.
         if out_dir.exists():

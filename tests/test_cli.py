@@ -33,7 +33,10 @@ def gmrdata(*arguments: object, **options: object) -> subprocess.CompletedProces
     return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
 
-@pytest.mark.parametrize("verb", [*VERBS, "manifest check", "manifest show", "manifest diff"])
+SUBVERBS = ("manifest check", "manifest show", "manifest diff", "threedpw list", "threedpw show")
+
+
+@pytest.mark.parametrize("verb", [*VERBS, *SUBVERBS])
 def test_help_of_each_verb_says_what_it_does(verb: str) -> None:
     answer = gmrdata(*verb.split(), "--help", env={"COLUMNS": "200", "PATH": "/usr/bin"})
     assert answer.returncode == 0, answer.stderr

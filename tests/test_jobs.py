@@ -1,10 +1,12 @@
 """Jobs on real Dask workers."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import dask
 import pytest
 from distributed import LocalCluster
 
@@ -40,6 +42,17 @@ def fail_and_count(path: Path) -> None:
     with path.open("a") as attempts:
         attempts.write("x")
     raise BadFrames(f"{path.name}: not an image")
+
+
+def kill_own_process() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def kill_own_process_once(path: Path, dies: bool) -> None:
+    with path.open("a") as attempts:
+        attempts.write("x")
+    if dies and path.read_text() == "x":
+        kill_own_process()
 
 
 def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> None:
@@ -90,6 +103,33 @@ def test_a_crash_is_tried_again_and_bad_input_is_not(tmp_path: Path) -> None:
     assert (tmp_path / "bad").read_text() == "x"
     files = {path.stem: path.read_text() for path in failed.iterdir()}
     assert files == outcome.reasons
+
+
+def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path: Path) -> None:
+    jobs = [
+        Job("hungry", kill_own_process),
+        Job("good", write_process_id, {"path": tmp_path / "done"}),
+    ]
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        worker_pool(Workers(count=1)) as client,
+    ):
+        outcome = try_jobs("rendering", jobs[:1], client, tmp_path / "failed")
+        # The pool goes on with a new worker.
+        assert set(run_jobs("writing", jobs[1:], client, tmp_path / "failed")) == {"good"}
+    assert outcome.results == {}
+    assert outcome.reasons["hungry"].startswith("its worker process was killed again and again")
+
+
+def test_a_worker_that_dies_once_is_replaced(tmp_path: Path) -> None:
+    jobs = [
+        Job(str(i), kill_own_process_once, {"path": tmp_path / str(i), "dies": i == 1})
+        for i in range(4)
+    ]
+    with worker_pool(Workers(count=2)) as client:
+        outcome = try_jobs("rendering", jobs, client, tmp_path / "failed")
+    assert (set(outcome.results), outcome.reasons) == ({"0", "1", "2", "3"}, {})
+    assert (tmp_path / "1").read_text() == "xx"
 
 
 def test_a_running_scheduler_is_used(tmp_path: Path) -> None:

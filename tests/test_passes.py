@@ -12,9 +12,11 @@ from gmrdata.errors import BadFrames
 from gmrdata.passes import (
     read_depth,
     read_flow,
+    read_instances,
     read_normals,
     write_depth,
     write_flow,
+    write_instances,
     write_normals,
 )
 
@@ -36,6 +38,10 @@ def test_what_is_written_is_read(seed: int, tmp_path_factory: pytest.TempPathFac
     flow_px = rng.uniform(-511, 511, (5, 7, 2))
     write_flow(path, flow_px)
     assert np.abs(read_flow(path) - flow_px).max() <= 1 / 128 + 1e-9
+    instances = rng.integers(0, 256, (5, 7))
+    write_instances(path, instances)
+    assert read_instances(path).dtype == np.uint8
+    np.testing.assert_array_equal(read_instances(path), instances)
 
 
 def test_pixels_without_a_value(tmp_path: Path) -> None:
@@ -70,3 +76,6 @@ def test_other_images_are_refused(tmp_path: Path) -> None:
     for read in (read_flow, read_normals):
         with pytest.raises(BadFrames, match="16-bit"):
             read(path)
+    for wrong in (path, tmp_path / "absent.png"):
+        with pytest.raises(BadFrames, match="8-bit"):
+            read_instances(wrong)

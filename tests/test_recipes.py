@@ -8,12 +8,18 @@ from gmrdata import resources
 from gmrdata.demo.recipe import DemoRecipe
 from gmrdata.errors import BadRecipe, MissingInput
 from gmrdata.gmr.recipe import GmrRecipe
+from gmrdata.masks.sources import MasksRecipe
 from gmrdata.recipes import find_recipe, load_recipe, recipe_kind
 from gmrdata.run import run_recipe
 from gmrdata.synthetic.recipe import SyntheticRecipe
 from gmrdata.synthetic.select import select
 
-MODELS = {"demo": DemoRecipe, "synthetic": SyntheticRecipe, "gmr": GmrRecipe}
+MODELS = {
+    "demo": DemoRecipe,
+    "synthetic": SyntheticRecipe,
+    "gmr": GmrRecipe,
+    "masks": MasksRecipe,
+}
 
 
 @pytest.mark.parametrize("name", resources.recipe_names())
@@ -64,7 +70,10 @@ def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -
     path.write_text("recipe: sing\n")
     with pytest.raises(BadRecipe, match="unknown kind 'sing'; there are demo, synthetic and gmr"):
         run_recipe(str(path), tmp_path / "out")
-    with pytest.raises(MissingInput, match="carries only: demo, gmr, synthetic"):
+    path.write_text("recipe: masks\nsources: [{kind: silhouette}]\n")
+    with pytest.raises(BadRecipe, match="needs frames: gmrdata masks FRAMES --sources"):
+        run_recipe(str(path), tmp_path / "out")
+    with pytest.raises(MissingInput, match="carries only: demo, gmr, masks, synthetic"):
         find_recipe("nothing")
 
 

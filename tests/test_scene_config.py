@@ -28,7 +28,10 @@ def test_light_suits_the_place(said: dict[str, str], lit_by: str) -> None:
         ({"kind": "room", "light": "sun"}, "a room has no other"),
         ({"kind": "street", "light": "indoor"}, "`indoor` is for a room"),
         ({"kind": "room", "hdri_path": "sky.hdr"}, "no sky is seen from a room"),
-        ({"kind": "moon"}, "Input should be 'courtyard', 'street', 'park' or 'room'"),
+        ({"kind": "room", "extras": {"cars": 1}}, "a car doesn't fit a room"),
+        ({"extras": {"dogs": 1}}, "Extra inputs are not permitted"),
+        ({"extras": {"passers_by": -1}}, "greater than or equal to 0"),
+        ({"kind": "moon"}, "Input should be 'courtyard', 'street', 'park', 'room' or 'blend'"),
     ],
 )
 def test_what_cannot_be(said: dict[str, str], message: str) -> None:
@@ -43,4 +46,8 @@ def test_a_sky_is_an_input_with_a_full_path_for_the_renderer(
     scene = SceneConfig(hdri_path=Path("sky.hdr"))
     assert scene.inputs == {"hdri": Path("sky.hdr")}
     assert scene.with_full_paths().hdri_path == tmp_path / "sky.hdr"
+    (tmp_path / "a.bvh").touch()
+    scene = SceneConfig.model_validate({"extras": {"passers_by": 1, "motions": ["a.bvh"]}})
+    assert scene.inputs == {"extras_motion0": Path("a.bvh")}
+    assert scene.with_full_paths().extras.motions == (tmp_path / "a.bvh",)
     assert SceneConfig().inputs == {} and SceneConfig().with_full_paths() == SceneConfig()

@@ -17,6 +17,7 @@ from gmrdata.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.store import (
     atomic_path,
     read_json,
+    remove_orphans,
     run_stage,
     sha256_of_file,
     sha256_of_path,
@@ -371,3 +372,23 @@ def test_arrays_on_a_disk_that_fills_up_end_with_an_error_and_no_file(tmp_path: 
     )
     assert (answer.stdout, answer.stderr) == ("27\n", "")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_only_what_killed_processes_left_is_removed(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    orphan = tmp_path / f".index.html.{dead.pid}-140.tmp.html"
+    written_now = tmp_path / f".index.html.{os.getpid()}-140.tmp.html"
+    users_own = tmp_path / ".notes.tmp"
+    for path in (orphan, written_now, users_own):
+        path.write_text("half a fi")
+    remove_orphans(tmp_path)
+    assert names(tmp_path) == sorted([written_now.name, users_own.name])
+    remove_orphans(tmp_path / "not there")
+    # The name is the one that a killed process leaves.
+    with pytest.raises(KeyboardInterrupt), atomic_path(tmp_path / "a.txt") as temporary:
+        temporary.write_text("half")
+        (tmp_path / temporary.name.replace(str(os.getpid()), str(dead.pid))).write_text("half")
+        raise KeyboardInterrupt
+    remove_orphans(tmp_path)
+    assert names(tmp_path) == sorted([written_now.name, users_own.name])

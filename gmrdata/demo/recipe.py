@@ -61,6 +61,15 @@ class DemoRecipe(Config):
     """The network and its training."""
 
     @model_validator(mode="after")
+    def _masks_fit_the_body(self) -> "DemoRecipe":
+        if self.render.character is not None:
+            raise ValueError(
+                "render.character: the demo draws its masks from the body; "
+                "use a synthetic recipe for rigged characters"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _ids_are_unique(self) -> "DemoRecipe":
         ids = [clip.id for clip in self.clips]
         if len(ids) != len(set(ids)):

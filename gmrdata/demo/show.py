@@ -13,6 +13,7 @@ from gmrdata.demo.paths import DemoPaths
 from gmrdata.demo.recipe import DemoClip, DemoRecipe
 from gmrdata.evaluate.pseudo_gt_error import compare_clips
 from gmrdata.gmr.infer import TrainedGmr, load_gmr, predict_world_motion
+from gmrdata.masks.sources import masks_seconds
 from gmrdata.progress import answers
 from gmrdata.report.bars import summary
 from gmrdata.report.data import (
@@ -98,7 +99,7 @@ def _seconds(paths: DemoPaths, recipe: DemoRecipe) -> dict[str, float]:
         "body": stage_seconds(paths.body_dir),
         "motions": stage_seconds(paths.motions_dir),
         "render": longest([paths.render_dir(i) for i in ids]),
-        "masks": longest([paths.masks_dir(i) for i in ids]),
+        "masks": max(masks_seconds(paths.masks_dir(i)) for i in ids),
         "cameras": longest([paths.sfm_dir(i) for i in ids]),
         "world motion": longest([paths.pseudo_gt_dir(i) for i in ids]),
         "train": stage_seconds(paths.gmr_dir),

@@ -6,6 +6,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from gmrdata import clip as clip_file
+from gmrdata.character_record import load_character
 from gmrdata.errors import BadMotionFile
 from gmrdata.frames import number_in_name
 from gmrdata.geometry.camera import CameraPath
@@ -75,6 +76,17 @@ def joints_problems(path: Path, clip: clip_file.Clip) -> Iterator[str]:
         return
     if n_rows != clip.motion.n_frames:
         yield f"joints: {n_rows} rows, the clip has {clip.motion.n_frames}; render it again"
+
+
+def character_problems(path: Path, clip: clip_file.Clip) -> Iterator[str]:
+    """Whether a character's residual can be read and has the clip's rows."""
+    try:
+        n_rows = len(load_character(path).in_frame)
+    except BadMotionFile as error:
+        yield f"character: {error}"
+        return
+    if n_rows != clip.motion.n_frames:
+        yield f"character: {n_rows} rows, the clip has {clip.motion.n_frames}; render it again"
 
 
 def _disagreements(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:

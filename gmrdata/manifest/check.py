@@ -11,6 +11,7 @@ from gmrdata.clip import load_clip
 from gmrdata.errors import BadManifest, BadMotionFile, MissingInput
 from gmrdata.manifest.arrays import (
     array_problems,
+    character_problems,
     joints_problems,
     some,
     stray_problems,
@@ -80,13 +81,15 @@ def _folders(clip: Clip) -> dict[str, FolderRecord]:
         "depth": clip.depth,
         "normals": clip.normals,
         "flow": clip.flow,
+        "instances": clip.instances,
     }
     return {field: record for field, record in records.items() if record is not None}
 
 
 def _files(clip: Clip) -> dict[str, FileRecord]:
-    records = {"joints": clip.joints, "video": clip.video}
-    return {field: record for field, record in records.items() if record is not None}
+    records = {"joints": clip.joints, "video": clip.video, "character": clip.character}
+    extras = {f"extras[{n}].arrays": extra.arrays for n, extra in enumerate(clip.extras)}
+    return {field: record for field, record in records.items() if record is not None} | extras
 
 
 def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
@@ -130,6 +133,9 @@ def _arrays_problems(work: _Work, entry: Clip, names: dict[str, list[str]]) -> I
     if entry.joints is not None:
         with suppress(ValueError, MissingInput):  # said where its hash was compared
             yield from joints_problems(resolve_inside(work.root, entry.joints.path), clip)
+    if entry.character is not None:
+        with suppress(ValueError, MissingInput):
+            yield from character_problems(resolve_inside(work.root, entry.character.path), clip)
 
 
 def _file_problems(work: _Work, field: str, record: FileRecord) -> Iterator[str]:

@@ -12,6 +12,7 @@ from gmrdata.manifest.current import (
     CameraMotion,
     Clip,
     DroppedRange,
+    Extra,
     FolderRecord,
     FrameRange,
     Quality,
@@ -37,8 +38,11 @@ def clip_entry(
     depth_dir: Path | None = None,
     normals_dir: Path | None = None,
     flow_dir: Path | None = None,
+    instances_dir: Path | None = None,
     joints_path: Path | None = None,
     video_path: Path | None = None,
+    extras_paths: Sequence[Path] = (),
+    character_path: Path | None = None,
     dropped_reason: str | Sequence[str] = "not valid in the clip's file",
     quality: Quality | None = None,
     recipe: Recipe | None = None,
@@ -60,8 +64,11 @@ def clip_entry(
         depth_dir: Folder of depth images.
         normals_dir: Folder of normal images.
         flow_dir: Folder of flow images.
+        instances_dir: Folder of instance images.
         joints_path: The file of joints.
         video_path: The images as a video.
+        extras_paths: The extras' files, in the order of their instance numbers from 2 on.
+        character_path: The residual of the character that is seen.
         dropped_reason: Why rows are not valid: one reason, or T reasons of which those of dropped
             rows count.
         quality: How far the clip can be trusted.
@@ -102,8 +109,14 @@ def clip_entry(
             "depth": _folder(root, depth_dir),
             "normals": _folder(root, normals_dir),
             "flow": _folder(root, flow_dir),
+            "instances": _folder(root, instances_dir),
+            "extras": tuple(
+                Extra(instance=number, arrays=file_record(root, path))
+                for number, path in enumerate(extras_paths, start=2)
+            ),
             "joints": None if joints_path is None else file_record(root, joints_path),
             "video": None if video_path is None else file_record(root, video_path),
+            "character": None if character_path is None else file_record(root, character_path),
         }
     )
 

@@ -17,6 +17,8 @@ from gmrdata.progress import track
 from gmrdata.store import STAGE_FILE, sha256_of_file, write_text
 
 _LINE = re.compile(r"([0-9a-f]{64})\t(0|[1-9][0-9]{0,17})\t(.+)")
+RECORDS = (STAGE_FILE, "masks.json")
+"""Files at the top of a folder that are about the folder, and no part of what it holds."""
 BAR_FROM = 200
 """Folders with more files than this show a progress bar."""
 
@@ -108,7 +110,8 @@ def read_listing(path: Path) -> list[ListedFile]:
 def files_below(folder: Path) -> list[str]:
     """Sorted relative paths of all files below a folder; links to folders are not entered.
 
-    Left out is the record of the stage that made the folder, since it holds times.
+    Left out are the records of what made the folder: the stage's, which holds times, and that of
+    found masks, which is no image's.
 
     Raises:
         MissingInput: there is no such folder.
@@ -117,7 +120,9 @@ def files_below(folder: Path) -> list[str]:
         raise MissingInput(f"{folder}: no such folder")
     real = folder.resolve()
     files = (p for p in real.rglob("*") if not p.is_dir() or p.is_symlink())
-    return sorted(p.relative_to(real).as_posix() for p in files if p != real / STAGE_FILE)
+    return sorted(
+        p.relative_to(real).as_posix() for p in files if p.parent != real or p.name not in RECORDS
+    )
 
 
 def relative_to_root(root: Path, path: Path) -> str:

@@ -81,7 +81,9 @@ def _caption(manifest: Manifest | ListManifest) -> str:
 
 
 def _size_bytes(clip: Clip) -> int:
-    parts = (clip.images, clip.masks, clip.depth, clip.normals, clip.flow, clip.joints, clip.video)
+    folders = (clip.images, clip.masks, clip.depth, clip.normals, clip.flow, clip.instances)
+    files = (clip.joints, clip.video, *(extra.arrays for extra in clip.extras))
+    parts = (*folders, *files)
     return clip.arrays.size_bytes + sum(part.size_bytes for part in parts if part is not None)
 
 

@@ -133,6 +133,15 @@ class Quality(_Part):
     """Further numbers by name; a unit stands in the name."""
 
 
+class Extra(_Part):
+    """Someone or something that moves through a clip beside its person."""
+
+    instance: Annotated[int, Field(ge=2, le=255)]
+    """Its number in `instances`."""
+    arrays: FileRecord
+    """Its .npz: a clip's for a person (`company_1`, `passer_by_1`), transforms for a `car_1`."""
+
+
 class Clip(_Part):
     """One person in one take."""
 
@@ -170,10 +179,17 @@ class Clip(_Part):
     """Surface normals per image in the camera's axes, `<image stem>.png`, 16 bit a channel."""
     flow: FolderRecord | None = None
     """Flow to the next image per image but the last, `<image stem>.png`, KITTI's 16-bit form."""
+    instances: FolderRecord | None = None
+    """Who is seen per image, `<image stem>.png`, 8 bit: 0 background, 1 the person, 2... extras."""
+    extras: tuple[Extra, ...] = ()
+    """Who and what moves besides, with the truth of each."""
     joints: FileRecord | None = None
     """The 24 joints in the world, the camera and the image, with visibility: an .npz."""
     video: FileRecord | None = None
     """The images as a video."""
+    character: FileRecord | None = None
+    """The joints of the rigged character that is seen in place of the body, and how far they are
+    from the body's: an .npz."""
     quality: Quality | None = None
     """How far the clip can be trusted."""
     recipe: Recipe | None = None

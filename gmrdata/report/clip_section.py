@@ -21,6 +21,7 @@ CLOSE_UP_PX = (300, 380)
 _GEOMETRY_WORDS = {
     "full": "full (the camera translates)",
     "rotation_only": "rotation only (the camera pans)",
+    "static": "static (the camera doesn't move)",
 }
 
 

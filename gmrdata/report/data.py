@@ -36,7 +36,7 @@ class Quality:
     """What the reconstruction knows about itself, without the truth."""
 
     geometry: str
-    """"full", or "rotation_only" for a camera that only pans."""
+    """"full", "rotation_only" for a camera that only pans, or "static"."""
     scale: float | None = None
     """Metres per unit of the reconstruction; None where it doesn't enter."""
     scale_sigma: float | None = None

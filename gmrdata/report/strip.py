@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gmrdata.body.forward import motion_vertices_m
+from gmrdata.body.skin import motion_vertices_m
 from gmrdata.errors import BadFrames
 from gmrdata.frames import image_number, list_images
 from gmrdata.geometry import transforms

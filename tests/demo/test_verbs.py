@@ -38,6 +38,31 @@ def test_sfm_regenerates_one_sequence_as_the_demo_did(finished: Finished, tmp_pa
     np.testing.assert_array_equal(made.motion.root_rotmats, before.motion.root_rotmats)
 
 
+def test_sfm_unites_the_silhouette_with_a_detector(
+    finished: Finished, shared_data: Path, tmp_path: Path
+) -> None:
+    paths, _ = finished
+    model, out = shared_data / "models" / "yolox_nano.onnx", tmp_path / "out"
+    if not model.is_file():
+        pytest.skip(f"the detector's weights are not at {model}")
+    answer = gmrdata(
+        "sfm",
+        *("--frames", paths.frames_dir("panning")),
+        *("--camera-body", paths.camera_clip("panning")),
+        *("--masks", "silhouette", "onnx", "--model", model),
+        *("--body", paths.body),
+        *("--out", out),
+    )
+    assert answer.returncode == 0, answer.stderr
+    shares = read_json(out / "masks" / "masks.json")
+    assert shares["sources"] == ["silhouette", "onnx"]
+    # The detector sees the rendered person too, and a box covers more than a silhouette.
+    assert all(s["onnx"] > s["silhouette"] for s in shares["masked_share"].values())
+    quality = read_json(out / "sfm" / "quality.json")
+    assert quality["frames_with_camera"] == len(shares["masked_share"])
+    assert quality["geometry"] == "rotation_only"
+
+
 def test_sfm_names_the_frame_that_is_missing_or_broken(finished: Finished, tmp_path: Path) -> None:
     paths, _ = finished
     frames = tmp_path / "frames"

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from gmrdata.body.file import save_body
-from gmrdata.body.forward import motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_vertices_m
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import BadManifest, StaleOutput
 from gmrdata.evaluate import score

@@ -54,7 +54,7 @@ def with_arrays(data_set: Path, edit: Edit, **changed: np.ndarray) -> Path:
     return rehash(data_set, edit)
 
 
-EXTRAS = ("depth", "normals", "flow")
+EXTRAS = ("depth", "normals", "flow", "instances")
 
 
 def with_extras(data_set: Path, clip: Clip) -> Path:
@@ -69,6 +69,8 @@ def with_extras(data_set: Path, clip: Clip) -> Path:
         data_set / "joints.npz", Joints2d(places_m, places_m, np.zeros((*shape, 2)), yes, yes)
     )
     (data_set / "video.mp4").write_bytes(b"a video")
+    (data_set / "passer_by_1.npz").write_bytes(b"someone")
+    (data_set / "car_1.npz").write_bytes(b"a car")
     old = read_manifest(data_set / "set.yaml").clips[WALK]
     entry = clip_entry(
         data_set,
@@ -78,6 +80,8 @@ def with_extras(data_set: Path, clip: Clip) -> Path:
         depth_dir=data_set / "depth",
         normals_dir=data_set / "normals",
         flow_dir=data_set / "flow",
+        instances_dir=data_set / "instances",
+        extras_paths=[data_set / "passer_by_1.npz", data_set / "car_1.npz"],
         joints_path=data_set / "joints.npz",
         video_path=data_set / "video.mp4",
         camera_motion="circular",
@@ -99,7 +103,13 @@ def test_passes_joints_and_video_are_listed_and_checked(data_set: Path, walk_cli
     path = with_extras(data_set, walk_clip)
     check_manifest(path)
     walk = read_manifest(path).clips[0]
-    assert [getattr(walk, name).count for name in EXTRAS] == [6, 6, 5]
+    assert [getattr(walk, name).count for name in EXTRAS] == [6, 6, 5, 6]
+    assert [(extra.instance, extra.arrays.path) for extra in walk.extras] == [
+        (2, "passer_by_1.npz"),
+        (3, "car_1.npz"),
+    ]
+    (data_set / "car_1.npz").write_bytes(b"a bus")
+    (data_set / "passer_by_1.npz").unlink()
     (data_set / "depth" / "00001.png").write_bytes(b"7")
     (data_set / "flow" / "00002.png").unlink()
     (data_set / "video.mp4").write_bytes(b"another")
@@ -108,6 +118,8 @@ def test_passes_joints_and_video_are_listed_and_checked(data_set: Path, walk_cli
         "clip walk: depth: depth/00001.png has sha256",
         "clip walk: flow: flow/00002.png is missing",
         "clip walk: video: video.mp4 has sha256",
+        "clip walk: extras[0].arrays: passer_by_1.npz is missing",
+        "clip walk: extras[1].arrays: car_1.npz has sha256",
     )
 
 

@@ -198,7 +198,10 @@ class Blur(Config):
 
 def test_recipe_of_a_stage(data_set: Path, edit: Callable) -> None:
     frame = data_set / "frames" / "00000.jpg"
-    work = lambda partial: (partial / "x").write_bytes(b"x")  # noqa: E731
+
+    def work(partial: Path) -> None:
+        (partial / "x").write_bytes(b"x")
+
     out_dir = run_stage("blur", data_set / "blurred", Blur(), {"image": frame}, work)
     recipe = stage_recipe(out_dir)
     assert recipe.config == {"radius_px": 3, "cache": "blur"}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.forward import motion_vertices_m
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_vertices_m
 from gmrdata.clip import Clip
 from gmrdata.geometry import camera, transforms
 from gmrdata.geometry.camera import CameraPath

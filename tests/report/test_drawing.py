@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.forward import motion_vertices_m
+from gmrdata.body.skin import motion_vertices_m
 from gmrdata.errors import BadFrames
 from gmrdata.evaluate.pseudo_gt_error import compare_clips
 from gmrdata.geometry import transforms
