@@ -14,6 +14,7 @@ from gmrdata.masks.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.masks.onnx import OnnxConfig, onnx_masks
 from gmrdata.masks.silhouette import SilhouetteConfig, silhouette_masks
 from gmrdata.masks.union import UnionConfig, unite_masks
+from gmrdata.people import PersonFiles
 from gmrdata.recipes import find_recipe, load_recipe
 from gmrdata.store import STAGE_FILE, stage_seconds
 
@@ -78,8 +79,7 @@ def make_masks(
     out_dir: Path,
     config: MasksConfig,
     *,
-    clip_path: Path | None = None,
-    body_path: Path | None = None,
+    people: tuple[PersonFiles, ...] = (),
     redo: bool = False,
 ) -> Path:
     """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
@@ -88,19 +88,16 @@ def make_masks(
         images_dir: The frames.
         out_dir: Folder of the union to make.
         config: The recipe.
-        clip_path: Camera-frame clip, which silhouettes need.
-        body_path: Its body, which silhouettes need.
+        people: Camera-frame clips and their bodies, which silhouettes need.
         redo: Replace folders that another recipe made.
 
     Raises:
-        MissingInput: a silhouette without clip and body, or a file that is not there.
+        MissingInput: silhouettes without people, or a file that is not there.
         GmrdataError: what the stage of each source says.
     """
     made: dict[str, Path] = {}
     for name, source in zip(_names(config.sources), config.sources, strict=True):
-        made[name] = _make(
-            source, images_dir, sources_dir(out_dir) / name, clip_path, body_path, redo
-        )
+        made[name] = _make(source, images_dir, sources_dir(out_dir) / name, people, redo)
     return unite_masks(made, images_dir, out_dir, _settings(config, UnionConfig), redo=redo)
 
 
@@ -192,18 +189,17 @@ def _make(
     source: MaskSource,
     images_dir: Path,
     out_dir: Path,
-    clip_path: Path | None,
-    body_path: Path | None,
+    people: tuple[PersonFiles, ...],
     redo: bool,
 ) -> Path:
     match source:
         case SilhouetteSource():
-            if clip_path is None or body_path is None:
+            if not people:
                 raise MissingInput(
                     "masks from the silhouette need the camera-frame body: pass --camera-body"
                 )
             settings = _settings(source, SilhouetteConfig)
-            return silhouette_masks(clip_path, body_path, images_dir, out_dir, settings, redo=redo)
+            return silhouette_masks(people, images_dir, out_dir, settings, redo=redo)
         case FolderSource():
             folder = _settings(source, FolderMaskConfig)
             return folder_masks(source.path, images_dir, out_dir, folder, redo=redo)
