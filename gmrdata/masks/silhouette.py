@@ -1,5 +1,6 @@
 """Masks from the bodies themselves: their skinned meshes, projected, filled and widened."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Literal
 
@@ -38,6 +39,7 @@ def silhouette_masks(
     out_dir: Path,
     config: SilhouetteConfig,
     *,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where the people are, 0 elsewhere.
@@ -47,6 +49,7 @@ def silhouette_masks(
         images_dir: The frames.
         out_dir: Folder to make.
         config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace a folder that another recipe made.
 
     Raises:
@@ -55,7 +58,7 @@ def silhouette_masks(
     """
 
     def work(partial: Path) -> None:
-        _write_silhouettes(people, images_dir, partial, config)
+        _write_silhouettes(people, list_images(images_dir, left_out), partial, config)
 
     inputs = stage_inputs(people) | {"images": images_dir}
     return run_stage("silhouette_masks", out_dir, config, inputs, work, redo=redo)
@@ -111,11 +114,10 @@ def dilate(mask: np.ndarray, radius_px: int) -> np.ndarray:
 
 
 def _write_silhouettes(
-    people: tuple[PersonFiles, ...], images_dir: Path, partial: Path, config: SilhouetteConfig
+    people: tuple[PersonFiles, ...], images: list[Path], partial: Path, config: SilhouetteConfig
 ) -> None:
     from gmrdata.body.load import load_body
 
-    images = list_images(images_dir)
     size_px = check_images(images)
     clips = [_clip(person.clip_path, images[0], size_px) for person in people]
     bodies = [load_body(str(person.body_path)) for person in people]

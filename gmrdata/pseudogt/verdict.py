@@ -17,7 +17,6 @@ from gmrdata.config import Config
 from gmrdata.geometry import transforms
 from gmrdata.sfm.scale import ScaleEstimate
 
-
 ANOTHER_PLACE = "no camera was found: the picture shows another place, beyond a cut"
 
 
@@ -130,6 +129,7 @@ def judge(
     config: VerdictConfig,
     *,
     unusable: Sequence[str] | None = None,
+    doubts: Sequence[str] = (),
     tracked: np.ndarray | None = None,
 ) -> Verdict:
     """Judge a pseudo ground truth by its own figures.
@@ -141,13 +141,14 @@ def judge(
         estimate: The metric scale.
         config: The thresholds.
         unusable: T texts: why the data set itself doesn't vouch for a frame; empty where it does.
+        doubts: Why the data set's sequence can't be used at all.
         tracked: (T, 4, 4) metric world_from_cam of the data set; NaN where unknown.
     """
     reasons = frame_reasons(clip, sfm_quality, sfm_rows, config, unusable=unusable, tracked=tracked)
     reasons = _without_short_runs(reasons, round(config.min_run_s * clip.motion.fps_hz))
     vouched = sum(not reason for reason in unusable) if unusable is not None else len(reasons)
     kept_share = sum(not reason for reason in reasons) / max(1, vouched)
-    failed = _sequence_reasons(sfm_quality, estimate, kept_share, config)
+    failed = [*doubts, *_sequence_reasons(sfm_quality, estimate, kept_share, config)]
     return Verdict(not failed, tuple(failed), tuple(ranges(reasons)), len(reasons))
 
 

@@ -1,4 +1,4 @@
-"""Stage: what a sequence of 3DPW gives, as clips: people in the camera's frame, and its own path."""
+"""Stage: a sequence of 3DPW as clips: people in the camera's frame, and the set's own path."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +69,7 @@ def make_people(
         _write(read_found(files), body_paths, rule, partial)
 
     inputs = {"sequence": files.pickle_path}
-    # The images decide which frames can be used; a folder that is missing is the reader's to report.
+    # The images decide which frames can be used; that there are none is the reader's to say.
     inputs |= {"images": files.image_dir} if files.image_dir.is_dir() else {}
     inputs |= {f"body_{number}": path for number, path in enumerate(body_paths)}
     config = PeopleConfig(name=files.name, split=files.split, valid_rule=rule)

@@ -1,4 +1,4 @@
-"""Regenerate a data set in 3DPW's layout: every sequence a job, a verdict for each, one manifest."""
+"""A data set in 3DPW's layout: every sequence a job, a verdict for each, one manifest."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -20,8 +20,8 @@ from gmrdata.masks.silhouette import (
     silhouette,
     silhouette_masks,
 )
-from gmrdata.people import PersonFiles
 from gmrdata.motion.motion import Motion
+from gmrdata.people import PersonFiles
 
 INTRINSICS_PX = intrinsics_from_fov(60.0, 160, 120)
 
@@ -117,6 +117,8 @@ def test_an_image_without_a_pose_is_an_error(
     people = written(tmp_path, clip, small_body)
     with pytest.raises(BadFrames, match=r"image_00007\.jpg: .*has no pose"):
         silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
+    made = silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig(), left_out=(7,))
+    assert sorted(p.name for p in made.glob("*.png")) == ["image_00005.png", "image_00006.png"]
 
 
 def test_a_clip_for_another_image_size_is_an_error(
@@ -141,7 +143,7 @@ def test_a_world_frame_clip_is_an_error(
 def test_two_people_are_masked_both(
     camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
 ) -> None:
-    moved_m = camera_clip.motion.pelvis_m + [0.6, 0.0, 0.5]
+    moved_m = camera_clip.motion.pelvis_m + np.array([0.6, 0.0, 0.5])
     other = replace(camera_clip, motion=replace(camera_clip.motion, pelvis_m=moved_m))
     (first,) = written(tmp_path, camera_clip, small_body)
     (tmp_path / "b").mkdir()
