@@ -68,7 +68,7 @@ class Verdict:
     accepted: bool
     """Whether the sequence can be used, but for the dropped ranges."""
     reasons: tuple[str, ...]
-    """Why not, for a rejected one."""
+    """Why not, for a rejected one; and what a person decided, for any."""
     dropped: tuple[Dropped, ...]
     """Ranges in ascending order."""
     kept_share: float
@@ -98,7 +98,7 @@ def judge(
     reasons = _without_short_runs(reasons, config.min_run)
     kept_share = float(np.mean([not reason for reason in reasons]))
     failed = _sequence_reasons(sfm_quality, estimate, kept_share, config)
-    return Verdict(not failed, tuple(failed), tuple(_ranges(reasons)), kept_share)
+    return Verdict(not failed, tuple(failed), tuple(dropped_ranges(reasons)), kept_share)
 
 
 def frame_reasons(
@@ -125,6 +125,17 @@ def frame_reasons(
         off = _disagrees(camera.world_from_cam, tracked, step, config)
         _mark(reasons, _both_sides(off, step, n), "the camera moves otherwise than the data set's")
     return reasons
+
+
+def dropped_ranges(reasons: Sequence[str]) -> list[Dropped]:
+    """Runs of frames that share a reason, of T texts; an empty one is a frame that may be used."""
+    ranges, start = [], 0
+    for reason, group in groupby(reasons):
+        stop = start + len(list(group))
+        if reason:
+            ranges.append(Dropped(start, stop, reason))
+        start = stop
+    return ranges
 
 
 def _disagrees(
@@ -171,16 +182,6 @@ def _without_short_runs(reasons: list[str], min_run: int) -> list[str]:
         short = kept and len(run) < min_run and len(run) < len(reasons)
         result += [f"only {len(run)} usable frames in a row"] * len(run) if short else run
     return result
-
-
-def _ranges(reasons: list[str]) -> list[Dropped]:
-    ranges, start = [], 0
-    for reason, group in groupby(reasons):
-        stop = start + len(list(group))
-        if reason:
-            ranges.append(Dropped(start, stop, reason))
-        start = stop
-    return ranges
 
 
 def _sequence_reasons(
