@@ -1,5 +1,7 @@
 """Arithmetic of frame ranges, with sets of frames as the oracle."""
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,4 +32,4 @@ def test_counts_are_those_of_sets_of_frames(a: list[FrameRange], b: list[FrameRa
 def test_merged_ranges_hold_the_same_frames_and_do_not_meet(a: list[FrameRange]) -> None:
     parts = merged(a)
     assert {row for start, stop in parts for row in range(start, stop)} == frames(a)
-    assert all(stop < later for (_, stop), (later, _) in zip(parts, parts[1:], strict=False))
+    assert all(stop < later for (_, stop), (later, _) in pairwise(parts))
