@@ -67,7 +67,9 @@ def _gather(
     turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frames (M, 2) of matches, and both image points (M, 2) from the principal point, over K."""
-    frames, first, second = [], [], []
+    frames: list[np.ndarray] = []
+    first: list[np.ndarray] = []
+    second: list[np.ndarray] = []
     centre_px, focal_px = intrinsics_px[:2, 2], np.diag(intrinsics_px)[:2]
     for pair in matches.pairs:
         if not (turning.has_camera[pair.first] and turning.has_camera[pair.second]):
