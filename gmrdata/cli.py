@@ -9,6 +9,7 @@ import tyro
 from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
 from gmrdata.errors import BadRecipe, GmrdataError, MissingInput
+from gmrdata.people import PersonFiles
 from gmrdata.progress import answers, console
 
 Verb = Callable[..., None]
@@ -199,9 +200,8 @@ def masks(
 
     _need(sources, "a source of masks: --sources onnx")
     config = masks_named(sources, model=model, weights=weights, classes=classes)
-    for made in masks_of_frames(
-        frames, out, config, clip_path=camera_body, body_path=_body_path(body), redo=redo
-    ):
+    people = () if camera_body is None else _one_person(camera_body, body)
+    for made in masks_of_frames(frames, out, config, people=people, redo=redo):
         _answer(made)
 
 
@@ -242,10 +242,9 @@ def sfm(
     config = masks_named(masks, model=model, weights=weights, classes=classes)
     made = regenerate_sequence(
         frames,
-        camera_body,
+        _one_person(camera_body, body),
         out,
         SequenceConfig(masks=config, sfm=SfmConfig(seed=seed)),
-        body_path=_body_path(body),
         redo=redo,
     )
     _answer(made)
@@ -303,6 +302,49 @@ def manifest(
     """Check, show or compare manifests."""
 
 
+def threedpw_regenerate(
+    root: Path,
+    out: Path,
+    recipe: str = "threedpw",
+    sequences: tuple[str, ...] = (),
+    workers: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+    dry_run: bool = False,
+) -> None:
+    """World-frame pseudo ground truth of a 3DPW folder, a verdict for each sequence, a manifest.
+
+    Args:
+        root: The folder that holds imageFiles and sequenceFiles.
+        out: Output folder: pseudo_gt.yaml, verdicts.json, sequences/. A run that was stopped goes
+            on where it was.
+        recipe: A recipe file of kind `threedpw`, or the name of one that travels with gmrdata.
+        sequences: Names of sequences; all when left out.
+        workers: Worker processes; the recipe's number when left out.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the sequences.
+        redo: Make anew what another recipe made.
+        dry_run: Say what would be done, and do nothing.
+    """
+    from gmrdata.recipes import find_recipe, load_recipe
+    from gmrdata.regenerate import regenerate_set as stage
+    from gmrdata.regenerate.recipe import ThreedpwRecipe
+    from gmrdata.regenerate.verdicts import HEADINGS, table_row
+    from gmrdata.store import read_json
+
+    loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
+    if workers is not None:
+        loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
+    if sequences:
+        loaded = loaded.model_copy(update={"sequences": sequences})
+    if dry_run:
+        _print_table(stage.HEADINGS, stage.plan(loaded, root, out))
+        return
+    made = stage.regenerate_set(loaded, root, out, scheduler=scheduler, redo=redo)
+    rows = read_json(made.with_name("verdicts.json"))
+    _print_table(HEADINGS, [table_row(row) for row in rows])
+    _answer(made)
+
+
 def threedpw_list(root: Path, rule: str = "campose_valid") -> None:
     """List the sequences of a 3DPW folder: people, frames, image size, usable share, problems.
 
@@ -355,12 +397,16 @@ def threedpw_compare(manifest: Positional[Path], out: Path | None = None) -> Non
 
 def threedpw(
     verb: OmitSubcommandPrefixes[
-        Annotated[Any, subcommand("list", constructor=threedpw_list)]
+        Annotated[Any, subcommand("regenerate", constructor=threedpw_regenerate)]
+        | Annotated[Any, subcommand("list", constructor=threedpw_list)]
         | Annotated[Any, subcommand("show", constructor=threedpw_show)]
         | Annotated[Any, subcommand("compare", constructor=threedpw_compare)]
     ],
 ) -> None:
-    """Look into a 3DPW folder: which sequences and frames of it can be used, and why not."""
+    """World-frame pseudo ground truth of a 3DPW folder, or a look into it.
+
+    `gmrdata threedpw --root 3DPW --out OUT` is short for `gmrdata threedpw regenerate ...`.
+    """
 
 
 def train(
@@ -474,9 +520,12 @@ VERBS: dict[str, Verb] = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["threedpw"] and given[1:2] and given[1] in ("--root", "--out"):
+        given.insert(1, "regenerate")
     try:
         tyro.extras.subcommand_cli_from_dict(
-            VERBS, prog="gmrdata", description="World-frame human motion data.", args=arguments
+            VERBS, prog="gmrdata", description="World-frame human motion data.", args=given
         )
     except GmrdataError as error:
         _fail(str(error))
@@ -519,6 +568,12 @@ def _at_least_one(workers: int) -> int:
 def _need(values: tuple[Any, ...], what: str) -> None:
     if not values:
         raise MissingInput(f"nothing given. Name {what}")
+
+
+def _one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
+    from gmrdata.body.load import anny_file
+
+    return (PersonFiles(clip_path, _body_path(body) or anny_file()),)
 
 
 def _body_path(body: str) -> Path | None:

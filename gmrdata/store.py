@@ -180,11 +180,7 @@ def run_stage(
         MissingInput: an input is not there.
         StaleOutput: the folder was made by another recipe or from other inputs.
     """
-    recipe = {
-        "stage": name,
-        "config": config.model_dump(mode="json"),
-        "inputs": {key: sha256_of_path(path) for key, path in sorted(inputs.items())},
-    }
+    recipe = _recipe(name, config, inputs)
     partial = out_dir.with_name(out_dir.name + ".partial")
     retired = out_dir.with_name(f".{out_dir.name}.old")
     out_dir.parent.mkdir(parents=True, exist_ok=True)
@@ -208,6 +204,19 @@ def run_stage(
         partial.rename(out_dir)
         shutil.rmtree(retired, ignore_errors=True)
     return out_dir
+
+
+def is_made(name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path]) -> bool:
+    """Whether `run_stage` would find its folder complete; arguments as there."""
+    return _read_recipe(out_dir / STAGE_FILE) == _recipe(name, config, inputs)
+
+
+def _recipe(name: str, config: Config, inputs: Mapping[str, Path]) -> dict[str, Any]:
+    return {
+        "stage": name,
+        "config": config.model_dump(mode="json"),
+        "inputs": {key: sha256_of_path(path) for key, path in sorted(inputs.items())},
+    }
 
 
 def stage_seconds(out_dir: Path) -> float:

@@ -10,6 +10,8 @@ from gmrdata.body.load import load_body
 from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import JOINT, PARENTS
 
+pytest_plugins = ("tests.filming",)
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 SHARED_DATA = REPOSITORY.parent / "shared" / "data"
 

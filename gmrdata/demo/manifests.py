@@ -1,10 +1,7 @@
 """The demo's three manifests: what was trained on, what was rendered, and what was regenerated."""
 
-import json
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from gmrdata.body.file import read_body
 from gmrdata.demo.motions import MotionFiles
@@ -14,10 +11,9 @@ from gmrdata.manifest.current import Clip, Quality, Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.recipe import created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
+from gmrdata.pseudogt.entry import dropped_reasons, load_record, quality_record
 from gmrdata.render import optional_outputs
 from gmrdata.sources import file_source, gait_source, licence_of
-
-NO_CAMERA = "structure from motion found no camera for this frame"
 
 
 def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) -> None:
@@ -80,31 +76,19 @@ def _true_entry(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, index:
 
 def _pseudo_entry(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, index: int) -> Clip:
     clip = recipe.clips[index]
+    record = load_record(paths.pseudo_gt_dir(clip.id))
     return clip_entry(
         paths.root,
         id=clip.id,
         clip_path=paths.pseudo_clip(clip.id),
         images_dir=paths.frames_dir(clip.id),
         masks_dir=paths.masks_dir(clip.id),
-        camera_motion=clip.programme.kind,
+        camera_motion=record["camera_motion"],
         licence=licence_of(_source(recipe, files, index)),
         source=_source(recipe, files, index),
-        dropped_reason=NO_CAMERA,
-        quality=quality_record(paths.pseudo_gt_dir(clip.id)),
+        dropped_reason=dropped_reasons(record, 0),
+        quality=quality_record(record, 0),
         recipe=stage_recipe(paths.pseudo_gt_dir(clip.id)),
-    )
-
-
-def quality_record(pseudo_gt_dir: Path) -> Quality:
-    """What the pseudo-GT stage knows about its own result, for the manifest."""
-    record = json.loads((pseudo_gt_dir / "quality.json").read_text())
-    return Quality(
-        geometry=record["geometry"],
-        scale=record["scale"],
-        scale_sigma=record["scale_sigma"],
-        registered_share=record["registered_share"],
-        reprojection_error_px=record["mean_reprojection_px"],
-        inliers=float(np.mean(record["inliers_per_frame"])),
     )
 
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from gmrdata.people import person_file
+
 
 @dataclass(frozen=True)
 class DemoPaths:
@@ -83,7 +85,7 @@ class DemoPaths:
 
     def pseudo_clip(self, clip_id: str) -> Path:
         """The regenerated world motion and the metric camera."""
-        return self.pseudo_gt_dir(clip_id) / "clip.npz"
+        return self.pseudo_gt_dir(clip_id) / person_file(0)
 
     @property
     def training_manifest(self) -> Path:

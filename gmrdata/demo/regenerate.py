@@ -9,6 +9,7 @@ from gmrdata.body.file import read_body
 from gmrdata.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.config import Config
 from gmrdata.demo.paths import DemoPaths
+from gmrdata.people import PersonFiles
 from gmrdata.pseudogt.compose import camera_motion
 from gmrdata.sequence import SequenceConfig, regenerate_sequence
 from gmrdata.store import run_stage
@@ -28,10 +29,9 @@ def regenerate(root: Path, clip_id: str, config: SequenceConfig, redo: bool) -> 
     _remove_truth(paths, clip_id, redo)
     return regenerate_sequence(
         paths.frames_dir(clip_id),
-        paths.camera_clip(clip_id),
+        (PersonFiles(paths.camera_clip(clip_id), paths.body),),
         paths.regenerated_dir(clip_id),
         config,
-        body_path=paths.body,
         redo=redo,
     )
 

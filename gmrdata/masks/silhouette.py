@@ -1,14 +1,18 @@
-"""Masks from the body itself: its skinned mesh, projected, filled and widened."""
+"""Masks from the bodies themselves: their skinned meshes, projected, filled and widened."""
 
+from collections.abc import Collection
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from gmrdata.clip import Clip, load_clip
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, camera_of, load_clip
 from gmrdata.config import Config
 from gmrdata.errors import BadFrames, BadMotionFile
 from gmrdata.frames import check_images, image_number, list_images, write_gray
+from gmrdata.people import PersonFiles, stage_inputs
 from gmrdata.store import run_stage
 
 NEAREST_DEPTH_M = 0.05
@@ -17,40 +21,46 @@ SUBPIXEL_BITS = 4
 
 
 class SilhouetteConfig(Config):
-    """How the projected body becomes a mask of what must not be used as background."""
+    """How the projected bodies become a mask of what must not be used as background."""
 
     dilate_px: int = Field(default=8, ge=0)
-    """Radius by which the silhouette is widened, for clothes, hair and fit errors [px]."""
+    """Radius by which the silhouettes are widened, for clothes, hair and fit errors [px]."""
+    bridge_frames: int = Field(default=15, ge=0)
+    """A person whose body is not valid in a frame may be anywhere that the next valid ones before
+    and after show, if both are at most so far away [frames]."""
+    without_body: Literal["everything", "nothing"] = "everything"
+    """What is masked in a frame that is further from valid ones: all of it, or, where another
+    source looks for people as well, nothing for this person."""
 
 
 def silhouette_masks(
-    clip_path: Path,
-    body_path: Path,
+    people: tuple[PersonFiles, ...],
     images_dir: Path,
     out_dir: Path,
     config: SilhouetteConfig,
     *,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
-    """Stage: one `<image stem>.png` per image, 255 where the person is, 0 elsewhere.
+    """Stage: one `<image stem>.png` per image, 255 where the people are, 0 elsewhere.
 
     Args:
-        clip_path: Clip whose motion is in the camera frame, with intrinsics and image numbers.
-        body_path: The clip's body model.
+        people: Clips in the camera frame, with intrinsics and image numbers, and their bodies.
         images_dir: The frames.
         out_dir: Folder to make.
         config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace a folder that another recipe made.
 
     Raises:
-        BadFrames: an image has no row in the clip, or the sizes differ.
-        BadMotionFile: the clip is not in the camera frame, or has no intrinsics.
+        BadFrames: an image has no row in a clip, or the sizes differ.
+        BadMotionFile: a clip is not in the camera frame, or has no intrinsics.
     """
 
     def work(partial: Path) -> None:
-        _write_silhouettes(load_clip(clip_path), clip_path, body_path, images_dir, partial, config)
+        _write_silhouettes(people, list_images(images_dir, left_out), partial, config)
 
-    inputs = {"clip": clip_path, "body": body_path, "images": images_dir}
+    inputs = stage_inputs(people) | {"images": images_dir}
     return run_stage("silhouette_masks", out_dir, config, inputs, work, redo=redo)
 
 
@@ -104,33 +114,69 @@ def dilate(mask: np.ndarray, radius_px: int) -> np.ndarray:
 
 
 def _write_silhouettes(
-    clip: Clip,
-    clip_path: Path,
-    body_path: Path,
-    images_dir: Path,
-    partial: Path,
-    config: SilhouetteConfig,
+    people: tuple[PersonFiles, ...], images: list[Path], partial: Path, config: SilhouetteConfig
 ) -> None:
     from gmrdata.body.load import load_body
+
+    size_px = check_images(images)
+    clips = [_clip(person.clip_path, images[0], size_px) for person in people]
+    bodies = [load_body(str(person.body_path)) for person in people]
+    rows = [
+        _rows_of_images(clip, person.clip_path, images)
+        for clip, person in zip(clips, people, strict=True)
+    ]
+    for number, image in enumerate(images):
+        mask = np.zeros(size_px[::-1], dtype=np.uint8)
+        for clip, body, row in zip(clips, bodies, (r[number] for r in rows), strict=True):
+            mask |= _mask_of_person(clip, body, row, size_px, config)
+        write_gray(partial / f"{image.stem}.png", mask)
+
+
+def _mask_of_person(
+    clip: Clip, body: BodyModel, row: int, size_px: tuple[int, int], config: SilhouetteConfig
+) -> np.ndarray:
     from gmrdata.body.skin import motion_vertices_m
 
+    shown = rows_that_show(clip.valid, row, config.bridge_frames)
+    if not shown:
+        everything = 255 if config.without_body == "everything" else 0
+        return np.full(size_px[::-1], everything, dtype=np.uint8)
+    mask = np.zeros(size_px[::-1], dtype=np.uint8)
+    intrinsics_px = camera_of(clip).intrinsics_px
+    for vertices_cam_m in motion_vertices_m(body, clip.motion, rows=np.array(shown)):
+        mask |= silhouette(vertices_cam_m, body.faces, intrinsics_px, size_px, config.dilate_px)
+    return mask
+
+
+def rows_that_show(valid: np.ndarray, row: int, bridge_frames: int) -> list[int]:
+    """Rows whose bodies cover where a person may be at a row: it, or its valid neighbours.
+
+    Args:
+        valid: (T,) bool: rows whose body is right.
+        row: The row.
+        bridge_frames: How far away the neighbours may be; one alone will do at an end of the clip.
+
+    Returns:
+        One or two rows; none where the person may be anywhere.
+    """
+    if valid[row]:
+        return [row]
+    known = np.flatnonzero(valid)
+    before, after = known[known < row][-1:], known[known > row][:1]
+    near = [int(r) for r in (*before, *after) if abs(r - row) <= bridge_frames]
+    return near if len(near) == len(before) + len(after) else []
+
+
+def _clip(clip_path: Path, image: Path, size_px: tuple[int, int]) -> Clip:
+    clip = load_clip(clip_path)
     if clip.motion.frame != "camera" or clip.camera is None:
         raise BadMotionFile(f"{clip_path}: silhouettes need a camera-frame motion with intrinsics")
-    images = list_images(images_dir)
-    size_px = check_images(images)
     if size_px != (clip.camera.width_px, clip.camera.height_px):
         raise BadFrames(
-            f"{images[0]}: {size_px[0]}x{size_px[1]} px, but {clip_path} says "
+            f"{image}: {size_px[0]}x{size_px[1]} px, but {clip_path} says "
             f"{clip.camera.width_px}x{clip.camera.height_px} px"
         )
-    rows = _rows_of_images(clip, clip_path, images)
-    body = load_body(str(body_path))
-    for image, row in zip(images, rows, strict=True):
-        vertices_cam_m = motion_vertices_m(body, clip.motion, rows=np.array([row]))[0]
-        mask = silhouette(
-            vertices_cam_m, body.faces, clip.camera.intrinsics_px, size_px, config.dilate_px
-        )
-        write_gray(partial / f"{image.stem}.png", mask)
+    return clip
 
 
 def _rows_of_images(clip: Clip, clip_path: Path, images: list[Path]) -> list[int]:

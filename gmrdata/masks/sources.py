@@ -1,7 +1,7 @@
 """What a recipe may say of masks: where they come from, one source or several united."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -14,6 +14,7 @@ from gmrdata.masks.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.masks.onnx import OnnxConfig, onnx_masks
 from gmrdata.masks.silhouette import SilhouetteConfig, silhouette_masks
 from gmrdata.masks.union import UnionConfig, unite_masks
+from gmrdata.people import PersonFiles
 from gmrdata.recipes import find_recipe, load_recipe
 from gmrdata.store import STAGE_FILE, stage_seconds
 
@@ -78,8 +79,8 @@ def make_masks(
     out_dir: Path,
     config: MasksConfig,
     *,
-    clip_path: Path | None = None,
-    body_path: Path | None = None,
+    people: tuple[PersonFiles, ...] = (),
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
@@ -88,20 +89,19 @@ def make_masks(
         images_dir: The frames.
         out_dir: Folder of the union to make.
         config: The recipe.
-        clip_path: Camera-frame clip, which silhouettes need.
-        body_path: Its body, which silhouettes need.
+        people: Camera-frame clips and their bodies, which silhouettes need.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace folders that another recipe made.
 
     Raises:
-        MissingInput: a silhouette without clip and body, or a file that is not there.
+        MissingInput: silhouettes without people, or a file that is not there.
         GmrdataError: what the stage of each source says.
     """
     made: dict[str, Path] = {}
     for name, source in zip(_names(config.sources), config.sources, strict=True):
-        made[name] = _make(
-            source, images_dir, sources_dir(out_dir) / name, clip_path, body_path, redo
-        )
-    return unite_masks(made, images_dir, out_dir, _settings(config, UnionConfig), redo=redo)
+        made[name] = _make(source, images_dir, sources_dir(out_dir) / name, people, left_out, redo)
+    union = _settings(config, UnionConfig)
+    return unite_masks(made, images_dir, out_dir, union, left_out=left_out, redo=redo)
 
 
 def masks_named(
@@ -192,27 +192,33 @@ def _make(
     source: MaskSource,
     images_dir: Path,
     out_dir: Path,
-    clip_path: Path | None,
-    body_path: Path | None,
+    people: tuple[PersonFiles, ...],
+    left_out: Collection[int],
     redo: bool,
 ) -> Path:
     match source:
         case SilhouetteSource():
-            if clip_path is None or body_path is None:
+            if not people:
                 raise MissingInput(
                     "masks from the silhouette need the camera-frame body: pass --camera-body"
                 )
             settings = _settings(source, SilhouetteConfig)
-            return silhouette_masks(clip_path, body_path, images_dir, out_dir, settings, redo=redo)
+            return silhouette_masks(
+                people, images_dir, out_dir, settings, left_out=left_out, redo=redo
+            )
         case FolderSource():
             folder = _settings(source, FolderMaskConfig)
-            return folder_masks(source.path, images_dir, out_dir, folder, redo=redo)
+            return folder_masks(
+                source.path, images_dir, out_dir, folder, left_out=left_out, redo=redo
+            )
         case OnnxSource():
             onnx = _settings(source, OnnxConfig)
-            return onnx_masks(source.model, images_dir, out_dir, onnx, redo=redo)
+            return onnx_masks(source.model, images_dir, out_dir, onnx, left_out=left_out, redo=redo)
         case MaskRcnnSource():
             network = _settings(source, MaskRcnnConfig)
-            return maskrcnn_masks(source.weights, images_dir, out_dir, network, redo=redo)
+            return maskrcnn_masks(
+                source.weights, images_dir, out_dir, network, left_out=left_out, redo=redo
+            )
 
 
 def _settings(source: Config, model: type[Settings]) -> Settings:

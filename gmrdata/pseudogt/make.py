@@ -1,22 +1,24 @@
-"""Stage: world-frame pseudo ground truth from recovered cameras and a camera-frame body."""
+"""Stage: world-frame pseudo ground truth from recovered cameras and camera-frame bodies."""
 
-from dataclasses import asdict, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pydantic import Field
 from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, load_clip, save_clip
-from gmrdata.config import Config
+from gmrdata.clip import Clip, load_clip, read_npz, save_clip
 from gmrdata.errors import BadMotionFile, NoReconstruction
 from gmrdata.geometry import transforms
 from gmrdata.geometry.camera import CameraPath
-from gmrdata.motion.motion import Motion
+from gmrdata.people import PersonFiles, person_file, stage_inputs
 from gmrdata.pseudogt.compose import metric_cameras, world_motion
+from gmrdata.pseudogt.config import PseudoGtConfig
 from gmrdata.pseudogt.level import level_from_world
+from gmrdata.pseudogt.override import overridden
+from gmrdata.pseudogt.record import quality_of
+from gmrdata.pseudogt.verdict import Verdict, judge
 from gmrdata.sfm.cameras import (
     QUALITY_FILE,
     Geometry,
@@ -25,105 +27,136 @@ from gmrdata.sfm.cameras import (
     load_points,
     load_quality,
 )
-from gmrdata.sfm.cues import ScaleConfig
 from gmrdata.sfm.feet import SOLE_POINTS, foot_points_m, standing
-from gmrdata.sfm.scale import ScaleEstimate, estimate_scale
-from gmrdata.store import run_stage, write_json
+from gmrdata.sfm.scale import ScaleEstimate, SeenPerson, estimate_scale
+from gmrdata.store import read_json, run_stage, write_json
 
-CLIP_FILE = "clip.npz"
-
-
-class PseudoGtConfig(Config):
-    """Metric world poses from cameras up to scale.  Nothing is smoothed."""
-
-    scale: ScaleConfig = Field(default=ScaleConfig())
-    """How metric scale is found."""
+TRACKED_KEY = "world_from_cam"
 
 
 def make_pseudo_gt(
     sfm_dir: Path,
-    camera_clip_path: Path,
-    body_path: Path,
+    people: tuple[PersonFiles, ...],
     out_dir: Path,
     config: PseudoGtConfig,
     *,
+    tracked_path: Path | None = None,
+    doubts_path: Path | None = None,
     redo: bool = False,
 ) -> Path:
     """Compose camera-frame poses with recovered cameras (eqs. 6-8) into a metric, level world.
 
-    Frames without a camera keep an interpolated pose, so that every array is finite, and are not
-    valid; their `world_from_cam` is NaN.
+    All people of a sequence share one world: one camera solution, one scale, one levelling.  Frames
+    without a camera keep an interpolated pose and are not valid; their `world_from_cam` is NaN.
 
     Args:
         sfm_dir: Folder that `gmrdata.sfm.reconstruct.reconstruct` made.
-        camera_clip_path: Clip with the person in the camera frame, and image numbers.
-        body_path: The clip's body model.
-        out_dir: Folder to make: `clip.npz` and `quality.json`.
+        people: The people, all with the same rows.
+        out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
         config: The recipe.
+        tracked_path: .npz with `world_from_cam` (T, 4, 4): the data set's own metric cameras, right
+            over short times; NaN where unknown.
+        doubts_path: .json with `frames`: for each person T texts that say why the data set itself
+            does not vouch for a frame, empty where it does; and `sequence`: texts that say why it
+            can't be used at all.
         redo: Replace a folder that another recipe made.
 
     Returns:
         `out_dir`.
 
     Raises:
-        BadMotionFile: the clip is not in the camera frame.
-        NoReconstruction: no frame of the clip has a camera, or no scale can be found.
+        BadMotionFile: a clip is not in the camera frame, or has other rows than the first.
+        NoReconstruction: no frame has pose and camera, or no scale can be found.
     """
 
     def work(partial: Path) -> None:
         from gmrdata.body.load import load_body
 
-        camera_clip = load_clip(camera_clip_path)
-        if camera_clip.motion.frame != "camera":
-            raise BadMotionFile(f"{camera_clip_path}: the motion is not in the camera frame")
-        cameras = load_cameras(sfm_dir)
-        body = load_body(str(body_path))
-        path = _cameras_of_rows(cameras, camera_clip)
-        usable = path.has_camera & camera_clip.valid
-        if usable.sum() < 2:
-            raise NoReconstruction(f"{camera_clip.id}: {usable.sum()} frames have pose and camera")
-        clip, estimate = compose_clip(
-            camera_clip, path, cameras.geometry, load_points(sfm_dir), body, config
+        clips = [_camera_clip(person.clip_path) for person in people]
+        bodies = [load_body(str(person.body_path)) for person in people]
+        cameras, quality = load_cameras(sfm_dir), load_quality(sfm_dir)
+        rows = _rows_of_images(cameras, clips[0])
+        tracked = None if tracked_path is None else read_npz(tracked_path)[TRACKED_KEY]
+        world_clips, estimate = compose_clips(
+            clips,
+            _camera_path(cameras, rows),
+            cameras.geometry,
+            load_points(sfm_dir),
+            bodies,
+            config,
+            tracked=tracked,
         )
-        rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
-        save_clip(partial / CLIP_FILE, clip, rest_pelvis_m)
-        write_json(partial / QUALITY_FILE, _quality(clip, estimate, load_quality(sfm_dir)))
+        doubts = {} if doubts_path is None else read_json(doubts_path)
+        verdicts: list[Verdict] = []
+        for number, clip in enumerate(world_clips):
+            verdict = judge(
+                clip,
+                quality,
+                rows,
+                estimate,
+                config.verdict,
+                unusable=doubts["frames"][number] if doubts else None,
+                doubts=doubts.get("sequence", ()),
+                tracked=tracked,
+            )
+            if config.override is not None:
+                verdict = overridden(verdict, config.override, ~clip.valid)
+            verdicts.append(verdict)
+            rest_pelvis_m = bodies[number].rest_pelvis_m(clip.motion.shape)
+            kept = replace(clip, valid=clip.valid & verdict.kept)
+            save_clip(partial / person_file(number), kept, rest_pelvis_m)
+        record = quality_of(world_clips, verdicts, estimate, quality, config)
+        write_json(partial / QUALITY_FILE, record)
 
-    inputs = {"sfm": sfm_dir, "clip": camera_clip_path, "body": body_path}
+    inputs = {"sfm": sfm_dir} | stage_inputs(people)
+    inputs |= {} if tracked_path is None else {"tracked": tracked_path}
+    inputs |= {} if doubts_path is None else {"doubts": doubts_path}
     return run_stage("pseudo_gt", out_dir, config, inputs, work, redo=redo)
 
 
-def compose_clip(
-    camera_clip: Clip,
+def compose_clips(
+    camera_clips: Sequence[Clip],
     path: CameraPath,
     geometry: Geometry,
     points: np.ndarray,
-    body: BodyModel,
+    bodies: Sequence[BodyModel],
     config: PseudoGtConfig,
-) -> tuple[Clip, ScaleEstimate]:
-    """The clip in a metric, level world, and the scale that made it metric.
+    *,
+    tracked: np.ndarray | None = None,
+) -> tuple[list[Clip], ScaleEstimate]:
+    """The clips in one metric, level world, and the scale that made it metric.
 
     Args:
-        camera_clip: T frames with the person in the camera frame.
-        path: Cameras of the same T frames, up to scale.
+        camera_clips: Each person over the same T frames, in the camera frame.
+        path: Cameras of these frames, up to scale.
         geometry: What the reconstruction found the camera to do.
         points: (N, 3) its background points, in the cameras' unit.
-        body: The clip's body.
+        bodies: Each person's body.
         config: The recipe.
+        tracked: (T, 4, 4) the data set's own metric cameras, or None.
+
+    Raises:
+        NoReconstruction: nobody has two frames with pose and camera, or no scale can be found.
     """
-    usable = path.has_camera & camera_clip.valid
-    known = replace(path, world_from_cam=_blanked(path.world_from_cam, usable))
-    estimate = estimate_scale(
-        known, camera_clip.motion, body, geometry, config.scale, points=points
-    )
+    usable = [path.has_camera & clip.valid for clip in camera_clips]
+    if max(rows.sum() for rows in usable) < 2:
+        raise NoReconstruction(f"{camera_clips[0].id}: no two frames have both pose and camera")
+    seen = [
+        SeenPerson(clip.motion, body, replace(path, world_from_cam=_blanked(path, rows)))
+        for clip, body, rows in zip(camera_clips, bodies, usable, strict=True)
+        if rows.any()
+    ]
+    estimate = estimate_scale(seen, geometry, config.scale, points=points, tracked=tracked)
     scale = 1.0 if estimate.scale is None else estimate.scale
-    metric = metric_cameras(path.world_from_cam, scale)
-    filled = fill_gaps(metric, path.has_camera)
-    motion = world_motion(camera_clip.motion, filled)
-    level = _level(motion, filled, usable, body, config)
-    levelled = world_motion(camera_clip.motion, level @ filled)
-    camera = replace(path, world_from_cam=_blanked(level @ filled, path.has_camera))
-    return Clip(camera_clip.id, levelled, usable, camera_clip.image_numbers, camera), estimate
+    filled = fill_gaps(metric_cameras(path.world_from_cam, scale), path.has_camera)
+    level = _level(camera_clips, filled, usable, bodies, config)
+    camera = replace(path, world_from_cam=level @ filled)
+    camera = replace(camera, world_from_cam=_blanked(camera, path.has_camera))
+    clips = [
+        Clip(clip.id, world_motion(clip.motion, level @ filled), rows, clip.image_numbers, camera)
+        for clip, rows in zip(camera_clips, usable, strict=True)
+    ]
+    return clips, estimate
 
 
 def fill_gaps(world_from_cam: np.ndarray, has_camera: np.ndarray) -> np.ndarray:
@@ -143,57 +176,52 @@ def fill_gaps(world_from_cam: np.ndarray, has_camera: np.ndarray) -> np.ndarray:
     return filled
 
 
-def _cameras_of_rows(cameras: SfmCameras, clip: Clip) -> CameraPath:
-    """The camera of each row of the clip, found by the image's number."""
+def _camera_clip(path: Path) -> Clip:
+    clip = load_clip(path)
+    if clip.motion.frame != "camera":
+        raise BadMotionFile(f"{path}: the motion is not in the camera frame")
+    return clip
+
+
+def _rows_of_images(cameras: SfmCameras, clip: Clip) -> np.ndarray:
+    """(T,) the camera's row for each row of the clip, by the image's number; -1 without one."""
     row_of_number = {int(number): row for row, number in enumerate(cameras.image_numbers)}
-    n = clip.motion.n_frames
-    world_from_cam, has_camera = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=bool)
-    for row, number in enumerate(clip.image_numbers):
-        source = row_of_number.get(int(number))
-        if source is not None and cameras.path.has_camera[source]:
-            world_from_cam[row] = cameras.path.world_from_cam[source]
-            has_camera[row] = True
+    return np.array([row_of_number.get(int(number), -1) for number in clip.image_numbers])
+
+
+def _camera_path(cameras: SfmCameras, rows: np.ndarray) -> CameraPath:
+    """The cameras of the clips' rows."""
+    has_camera = (rows >= 0) & cameras.path.has_camera[rows]
+    world_from_cam = np.full((len(rows), 4, 4), np.nan)
+    world_from_cam[has_camera] = cameras.path.world_from_cam[rows[has_camera]]
     return replace(cameras.path, world_from_cam=world_from_cam, has_camera=has_camera)
 
 
-def _blanked(world_from_cam: np.ndarray, keep: np.ndarray) -> np.ndarray:
-    return np.where(keep[:, None, None], world_from_cam, np.nan)
+def _blanked(path: CameraPath, keep: np.ndarray) -> np.ndarray:
+    return np.where(keep[:, None, None], path.world_from_cam, np.nan)
 
 
 def _level(
-    motion: Motion,
+    camera_clips: Sequence[Clip],
     world_from_cam: np.ndarray,
-    usable: np.ndarray,
-    body: BodyModel,
+    usable: Sequence[np.ndarray],
+    bodies: Sequence[BodyModel],
     config: PseudoGtConfig,
 ) -> np.ndarray:
-    soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
-    soles_m = np.where(usable[:, None, None, None], soles_m, np.nan)
-    slip_m = config.scale.slip_floor_m + config.scale.slip_m_per_s / motion.fps_hz
-    planted_m = soles_m[standing(soles_m, slip_m)]
-    first = int(np.flatnonzero(usable)[0])
+    """level_from_world (4, 4), from everybody's bodies and planted feet."""
+    root_rotmats, pelvis_m, planted_m = [], [], []
+    for clip, rows, body in zip(camera_clips, usable, bodies, strict=True):
+        motion = world_motion(clip.motion, world_from_cam)
+        soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
+        soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
+        slip_m = config.scale.slip_floor_m + config.scale.slip_m_per_s / motion.fps_hz
+        planted_m.append(soles_m[standing(soles_m, slip_m)])
+        root_rotmats.append(motion.root_rotmats[rows])
+        pelvis_m.append(motion.pelvis_m[rows])
+    first = int(np.flatnonzero(np.any(usable, axis=0))[0])
     return level_from_world(
-        motion.root_rotmats[usable],
-        motion.pelvis_m[usable],
-        planted_m,
+        np.concatenate(root_rotmats),
+        np.concatenate(pelvis_m),
+        np.concatenate(planted_m),
         world_from_cam[first, :3, 2],
     )
-
-
-def _quality(clip: Clip, estimate: ScaleEstimate, sfm_quality: dict[str, Any]) -> dict[str, Any]:
-    """The reconstruction's figures, and those of the scale, as plain JSON."""
-    return sfm_quality | {
-        "clip_frames": clip.motion.n_frames,
-        "valid_frames": int(clip.valid.sum()),
-        "scale": _figure(estimate.scale),
-        "scale_sigma": _figure(estimate.sigma),
-        "scale_disagreement": _figure(estimate.disagreement),
-        "scale_cues": [
-            {key: _figure(v) if isinstance(v, float) else v for key, v in asdict(cue).items()}
-            for cue in estimate.cues
-        ],
-    }
-
-
-def _figure(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.6g}")

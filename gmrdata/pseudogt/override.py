@@ -53,31 +53,25 @@ class Override(Config):
         return f"a person decided: {self.because}"
 
 
-def overridden(
-    verdict: Verdict, reasons: list[str], override: Override, unusable: np.ndarray
-) -> tuple[Verdict, list[str]]:
+def overridden(verdict: Verdict, override: Override, unusable: np.ndarray) -> Verdict:
     """Let a person's decision replace that of the thresholds.
 
     Args:
-        verdict: What the thresholds say of the sequence.
-        reasons: Why each of its T frames must not be used; empty where it may.  A frame that
-            either these or `verdict.dropped` name is dropped.
+        verdict: What the thresholds say of T frames.
         override: What the person decided.
         unusable: (T,) bool: frames without a camera or a pose, which nobody can keep.
 
     Returns:
-        The verdict, and T reasons that say the same as its dropped ranges.  A verdict that a person
-        reversed lists, after their decision, the reasons that they overruled.
+        The verdict.  One that a person reversed lists, after their decision, the reasons that they
+        overruled.
 
     Raises:
         BadRecipe: a range reaches beyond the sequence.
     """
-    n = len(reasons)
+    n = verdict.n_frames
     if unusable.shape != (n,):
         raise ValueError(f"unusable {unusable.shape} for {n} frames")
-    decided = list(reasons)
-    for part in verdict.dropped:
-        decided[part.start : part.stop] = [part.reason] * (part.stop - part.start)
+    decided = verdict.frame_reasons
     kept, dropped = _frames("keep", override.keep, n), _frames("drop", override.drop, n)
     for row in range(n):
         if unusable[row]:
@@ -86,9 +80,7 @@ def overridden(
             decided[row] = override.decision
         elif kept[row]:
             decided[row] = ""
-    kept_share = float(np.mean([not reason for reason in decided])) if n else 0.0
-    changed = replace(verdict, dropped=tuple(dropped_ranges(decided)), kept_share=kept_share)
-    return _judged(changed, override), decided
+    return _judged(replace(verdict, dropped=tuple(dropped_ranges(decided))), override)
 
 
 def _judged(verdict: Verdict, override: Override) -> Verdict:

@@ -4,7 +4,7 @@ Every check compares one figure with one threshold of the recipe, and what fails
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import groupby
 from typing import Any
 
@@ -16,6 +16,8 @@ from gmrdata.clip import Clip, camera_of
 from gmrdata.config import Config
 from gmrdata.geometry import transforms
 from gmrdata.sfm.scale import ScaleEstimate
+
+ANOTHER_PLACE = "no camera was found: the picture shows another place, beyond a cut"
 
 
 class VerdictConfig(Config):
@@ -32,7 +34,7 @@ class VerdictConfig(Config):
     max_cuts_share: float = Field(default=0.05, ge=0)
     """Share of the steps between images at which the picture changes to another place."""
     min_kept_share: float = Field(default=0.5, ge=0, le=1)
-    """Share of the frames that must be left."""
+    """Share of the frames for which the data set vouches that must be left."""
     min_inliers: int = Field(default=25, ge=0)
     """Background points or matches that hold a frame's camera."""
     max_speed_m_per_s: float = Field(default=8.0, gt=0)
@@ -45,8 +47,8 @@ class VerdictConfig(Config):
     """Difference from the data set's own rotation over that time [degrees]."""
     max_window_m: float = Field(default=0.25, gt=0)
     """Difference from the data set's own displacement over that time [m]."""
-    min_run: int = Field(default=10, ge=1)
-    """Frames that a kept range has at least."""
+    min_run_s: float = Field(default=0.3, ge=0)
+    """A kept range is at least this long [s]."""
 
 
 @dataclass(frozen=True)
@@ -71,39 +73,89 @@ class Verdict:
     """Why not, for a rejected one; and what a person decided, for any."""
     dropped: tuple[Dropped, ...]
     """Ranges in ascending order."""
-    kept_share: float
-    """Share of the frames that are left, 0 to 1."""
+    n_frames: int
+    """Number of frames T."""
+
+    @property
+    def kept(self) -> np.ndarray:
+        """(T,) bool: frames outside the dropped ranges."""
+        kept = np.ones(self.n_frames, dtype=bool)
+        for run in self.dropped:
+            kept[run.start : run.stop] = False
+        return kept
+
+    @property
+    def kept_share(self) -> float:
+        """Share of the frames that are left, 0 to 1."""
+        return float(self.kept.mean())
+
+    @property
+    def frame_reasons(self) -> list[str]:
+        """T texts: why each frame is dropped; empty where it isn't."""
+        reasons = [""] * self.n_frames
+        for run in self.dropped:
+            reasons[run.start : run.stop] = [run.reason] * (run.stop - run.start)
+        return reasons
+
+    def as_record(self, clip_id: str) -> dict[str, Any]:
+        """The verdict of one clip as plain JSON."""
+        return {
+            "id": clip_id,
+            "frames": self.n_frames,
+            "kept_frames": int(self.kept.sum()),
+            "kept_share": float(f"{self.kept_share:.6g}"),
+            "accepted": self.accepted,
+            "reasons": list(self.reasons),
+            "dropped": [asdict(run) for run in self.dropped],
+        }
+
+
+def dropped_ranges(reasons: Sequence[str]) -> list[Dropped]:
+    """Runs of frames that share a reason; frames with an empty one are in none."""
+    found, start = [], 0
+    for reason, group in groupby(reasons):
+        stop = start + len(list(group))
+        if reason:
+            found.append(Dropped(start, stop, reason))
+        start = stop
+    return found
 
 
 def judge(
     clip: Clip,
     sfm_quality: dict[str, Any],
+    sfm_rows: np.ndarray,
     estimate: ScaleEstimate,
     config: VerdictConfig,
     *,
     unusable: Sequence[str] | None = None,
+    doubts: Sequence[str] = (),
     tracked: np.ndarray | None = None,
 ) -> Verdict:
     """Judge a pseudo ground truth by its own figures.
 
     Args:
         clip: The pseudo ground truth: T frames, world frame, with its cameras.
-        sfm_quality: The reconstruction's `quality.json`; its frames are those of the clip.
+        sfm_quality: The reconstruction's `quality.json`.
+        sfm_rows: (T,) row of the reconstruction for each frame; -1 for a frame without an image.
         estimate: The metric scale.
         config: The thresholds.
         unusable: T texts: why the data set itself doesn't vouch for a frame; empty where it does.
+        doubts: Why the data set's sequence can't be used at all.
         tracked: (T, 4, 4) metric world_from_cam of the data set; NaN where unknown.
     """
-    reasons = frame_reasons(clip, sfm_quality, config, unusable=unusable, tracked=tracked)
-    reasons = _without_short_runs(reasons, config.min_run)
-    kept_share = float(np.mean([not reason for reason in reasons]))
-    failed = _sequence_reasons(sfm_quality, estimate, kept_share, config)
-    return Verdict(not failed, tuple(failed), tuple(dropped_ranges(reasons)), kept_share)
+    reasons = frame_reasons(clip, sfm_quality, sfm_rows, config, unusable=unusable, tracked=tracked)
+    reasons = _without_short_runs(reasons, round(config.min_run_s * clip.motion.fps_hz))
+    vouched = sum(not reason for reason in unusable) if unusable is not None else len(reasons)
+    kept_share = sum(not reason for reason in reasons) / max(1, vouched)
+    failed = [*doubts, *_sequence_reasons(sfm_quality, estimate, kept_share, config)]
+    return Verdict(not failed, tuple(failed), tuple(dropped_ranges(reasons)), len(reasons))
 
 
 def frame_reasons(
     clip: Clip,
     sfm_quality: dict[str, Any],
+    sfm_rows: np.ndarray,
     config: VerdictConfig,
     *,
     unusable: Sequence[str] | None = None,
@@ -113,8 +165,11 @@ def frame_reasons(
     camera, fps_hz = camera_of(clip), clip.motion.fps_hz
     n = camera.n_frames
     reasons = list(unusable) if unusable is not None else [""] * n
+    _mark(reasons, sfm_rows < 0, "it has no image")
+    _mark(reasons, _behind_cut(sfm_quality, sfm_rows, camera.has_camera), ANOTHER_PLACE)
     _mark(reasons, ~camera.has_camera, "no camera was found")
-    inliers = np.array(sfm_quality.get("inliers_per_frame", [config.min_inliers] * n))
+    _mark(reasons, ~clip.valid, "the body is not known")
+    inliers = np.array(sfm_quality["inliers_per_frame"])[sfm_rows]
     _mark(reasons, inliers < config.min_inliers, f"fewer than {config.min_inliers} inliers")
     steps = _relative(camera.world_from_cam, 1)
     fast = np.linalg.norm(steps[:, :3, 3], axis=1) * fps_hz > config.max_speed_m_per_s
@@ -127,15 +182,14 @@ def frame_reasons(
     return reasons
 
 
-def dropped_ranges(reasons: Sequence[str]) -> list[Dropped]:
-    """Runs of frames that share a reason, of T texts; an empty one is a frame that may be used."""
-    ranges, start = [], 0
-    for reason, group in groupby(reasons):
-        stop = start + len(list(group))
-        if reason:
-            ranges.append(Dropped(start, stop, reason))
-        start = stop
-    return ranges
+def _behind_cut(
+    sfm_quality: dict[str, Any], sfm_rows: np.ndarray, has_camera: np.ndarray
+) -> np.ndarray:
+    """(T,) bool: frames of a stretch between two cuts in which no frame has a camera."""
+    cuts = np.array(sfm_quality.get("cuts_after_frames", []), dtype=int)
+    stretch = np.searchsorted(cuts, sfm_rows)
+    placed = np.unique(stretch[has_camera])
+    return ~np.isin(stretch, placed) & (len(cuts) > 0)
 
 
 def _disagrees(
@@ -212,7 +266,8 @@ def _sequence_reasons(
         ),
         (
             kept_share < config.min_kept_share,
-            f"{kept_share:.0%} of the frames can be used, fewer than {config.min_kept_share:.0%}",
+            f"{kept_share:.0%} of the data set's valid frames can be used, fewer than "
+            f"{config.min_kept_share:.0%}",
         ),
     ]
     if estimate.scale is not None and estimate.sigma is not None:

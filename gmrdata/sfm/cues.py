@@ -58,3 +58,5 @@ class CueEstimate:
     """Independent observations behind it: stances, points of the ground, or windows."""
     residual_m: float
     """Root mean square of what the cue leaves unexplained [m]."""
+    person: int | None = None
+    """Whose feet, counted from 0; None for a cue that needs nobody."""

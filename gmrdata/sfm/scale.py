@@ -5,12 +5,14 @@ ground (`ground_contact`) at the true scale only.  A data set's own metric camer
 length over short times, where it hardly drifts (`short_windows`).
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from gmrdata.body.model import BodyModel
+from gmrdata.errors import NoReconstruction
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.motion.motion import Motion
 from gmrdata.sfm.cameras import Geometry
@@ -42,22 +44,30 @@ class ScaleEstimate:
         return max(apart, default=None)
 
 
+@dataclass(frozen=True, eq=False)
+class SeenPerson:
+    """A person whose metric body is known in the frames of the cameras whose scale is sought."""
+
+    motion: Motion
+    """T frames, camera frame."""
+    body: BodyModel
+    """Their body."""
+    camera_path: CameraPath
+    """T cameras up to scale; NaN where the camera or this person's motion is unknown."""
+
+
 def estimate_scale(
-    camera_path: CameraPath,
-    camera_motion: Motion,
-    body: BodyModel,
+    people: Sequence[SeenPerson],
     geometry: Geometry,
     config: ScaleConfig,
     *,
     points: np.ndarray | None = None,
     tracked: np.ndarray | None = None,
 ) -> ScaleEstimate:
-    """Metric scale of a camera path from the person who walks in front of it.
+    """Metric scale of a camera path from those who walk in front of it.
 
     Args:
-        camera_path: T cameras up to scale.
-        camera_motion: The person in those cameras' frames, T frames.
-        body: The person's body.
+        people: One or more people, all seen by one camera over the same T frames.
         geometry: Only "full" has a scale to be found.
         config: The recipe.
         points: (N, 3) background points in the cameras' unit, for the cue of the ground.
@@ -65,24 +75,52 @@ def estimate_scale(
             unknown.
 
     Raises:
-        NoReconstruction: no foot stands still at any scale, or the camera hardly moves.
+        NoReconstruction: not one cue finds a scale: no foot stands still at any, or the camera
+            hardly moves.
     """
     if geometry != "full":
         return ScaleEstimate(None, None, ())
-    feet_cam_m = foot_points_m(body, camera_motion)
-    fps_hz = camera_motion.fps_hz
-    feet = planted_feet_scale(camera_path, feet_cam_m, fps_hz, config)
-    cues = [feet]
-    if points is not None:
-        up_cam = camera_motion.root_rotmats[:, :, 1]
-        found = ground_contact_scale(
-            camera_path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config
-        )
-        cues += [] if found is None else [found]
+    cues: list[CueEstimate] = []
+    reasons: list[str] = []
+    for number, person in enumerate(people):
+        try:
+            found = _of_person(person, points, config)
+            cues += [replace(cue, person=number) for cue in found]
+        except NoReconstruction as error:
+            reasons.append(str(error))
     if tracked is not None:
-        found = short_windows_scale(camera_path, tracked, fps_hz, config)
-        cues += [] if found is None else [found]
+        fps_hz = people[0].motion.fps_hz
+        path = replace(people[0].camera_path, world_from_cam=_known_to_any(people))
+        windows = short_windows_scale(path, tracked, fps_hz, config)
+        cues += [] if windows is None else [windows]
+    if not cues:
+        raise NoReconstruction("; ".join(reasons))
     return fuse(tuple(cues))
+
+
+def _of_person(
+    person: SeenPerson, points: np.ndarray | None, config: ScaleConfig
+) -> list[CueEstimate]:
+    """The cues that one person's feet give; the ground's needs a rough scale to begin with."""
+    feet_cam_m = foot_points_m(person.body, person.motion)
+    fps_hz = person.motion.fps_hz
+    feet = planted_feet_scale(person.camera_path, feet_cam_m, fps_hz, config)
+    if points is None:
+        return [feet]
+    up_cam = person.motion.root_rotmats[:, :, 1]
+    ground = ground_contact_scale(
+        person.camera_path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config
+    )
+    return [feet] if ground is None else [feet, ground]
+
+
+def _known_to_any(people: Sequence[SeenPerson]) -> np.ndarray:
+    """Cameras (T, 4, 4) of the frames in which anybody's motion is known."""
+    known = people[0].camera_path.world_from_cam.copy()
+    for person in people[1:]:
+        missing = ~np.isfinite(known[:, 0, 0])
+        known[missing] = person.camera_path.world_from_cam[missing]
+    return known
 
 
 def fuse(cues: tuple[CueEstimate, ...]) -> ScaleEstimate:

@@ -14,8 +14,14 @@ from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import BadFrames, BadMotionFile
 from gmrdata.frames import read_gray
 from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov, project_cam
-from gmrdata.masks.silhouette import SilhouetteConfig, silhouette, silhouette_masks
+from gmrdata.masks.silhouette import (
+    SilhouetteConfig,
+    rows_that_show,
+    silhouette,
+    silhouette_masks,
+)
 from gmrdata.motion.motion import Motion
+from gmrdata.people import PersonFiles
 
 INTRINSICS_PX = intrinsics_from_fov(60.0, 160, 120)
 
@@ -79,18 +85,18 @@ def images_dir(tmp_path: Path) -> Path:
     return folder
 
 
-def written(tmp_path: Path, clip: Clip, body: BodyModel) -> tuple[Path, Path]:
+def written(tmp_path: Path, clip: Clip, body: BodyModel) -> tuple[PersonFiles, ...]:
     save_body(tmp_path / "body.npz", body)
     save_clip(tmp_path / "camera.npz", clip, body.rest_pelvis_m(clip.motion.shape))
-    return tmp_path / "camera.npz", tmp_path / "body.npz"
+    return (PersonFiles(tmp_path / "camera.npz", tmp_path / "body.npz"),)
 
 
 def test_every_vertex_of_the_body_is_masked(
     camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
 ) -> None:
-    clip_path, body_path = written(tmp_path, camera_clip, small_body)
+    people = written(tmp_path, camera_clip, small_body)
     config = SilhouetteConfig(dilate_px=2)
-    out_dir = silhouette_masks(clip_path, body_path, images_dir, tmp_path / "masks", config)
+    out_dir = silhouette_masks(people, images_dir, tmp_path / "masks", config)
     vertices_m = motion_vertices_m(small_body, camera_clip.motion)
     for row, number in enumerate(camera_clip.image_numbers):
         mask = read_gray(out_dir / f"image_{number:05d}.png", (160, 120))
@@ -108,9 +114,11 @@ def test_an_image_without_a_pose_is_an_error(
     camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
 ) -> None:
     clip = replace(camera_clip, image_numbers=np.array([5, 6, -1]))
-    clip_path, body_path = written(tmp_path, clip, small_body)
+    people = written(tmp_path, clip, small_body)
     with pytest.raises(BadFrames, match=r"image_00007\.jpg: .*has no pose"):
-        silhouette_masks(clip_path, body_path, images_dir, tmp_path / "m", SilhouetteConfig())
+        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
+    made = silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig(), left_out=(7,))
+    assert sorted(p.name for p in made.glob("*.png")) == ["image_00005.png", "image_00006.png"]
 
 
 def test_a_clip_for_another_image_size_is_an_error(
@@ -118,15 +126,75 @@ def test_a_clip_for_another_image_size_is_an_error(
 ) -> None:
     assert camera_clip.camera is not None
     clip = replace(camera_clip, camera=replace(camera_clip.camera, width_px=120, height_px=160))
-    clip_path, body_path = written(tmp_path, clip, small_body)
+    people = written(tmp_path, clip, small_body)
     with pytest.raises(BadFrames, match="160x120 px, but .* says 120x160 px"):
-        silhouette_masks(clip_path, body_path, images_dir, tmp_path / "m", SilhouetteConfig())
+        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
 
 
 def test_a_world_frame_clip_is_an_error(
     camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
 ) -> None:
     clip = replace(camera_clip, motion=replace(camera_clip.motion, frame="world"))
-    clip_path, body_path = written(tmp_path, clip, small_body)
+    people = written(tmp_path, clip, small_body)
     with pytest.raises(BadMotionFile, match="camera-frame motion"):
-        silhouette_masks(clip_path, body_path, images_dir, tmp_path / "m", SilhouetteConfig())
+        silhouette_masks(people, images_dir, tmp_path / "m", SilhouetteConfig())
+
+
+def test_two_people_are_masked_both(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    moved_m = camera_clip.motion.pelvis_m + np.array([0.6, 0.0, 0.5])
+    other = replace(camera_clip, motion=replace(camera_clip.motion, pelvis_m=moved_m))
+    (first,) = written(tmp_path, camera_clip, small_body)
+    (tmp_path / "b").mkdir()
+    (second,) = written(tmp_path / "b", other, small_body)
+    alone = [
+        silhouette_masks((person,), images_dir, tmp_path / f"m{i}", SilhouetteConfig())
+        for i, person in enumerate((first, second))
+    ]
+    both = silhouette_masks((first, second), images_dir, tmp_path / "both", SilhouetteConfig())
+    for path in sorted(both.glob("*.png")):
+        masks = [read_gray(folder / path.name) for folder in alone]
+        assert np.array_equal(read_gray(path), masks[0] | masks[1])
+        assert (masks[0] != masks[1]).any()
+
+
+def test_where_a_body_is_not_valid_its_neighbours_are_masked(
+    camera_clip: Clip, small_body: BodyModel, images_dir: Path, tmp_path: Path
+) -> None:
+    clip = replace(camera_clip, valid=np.array([True, False, True]))
+    people = written(tmp_path, clip, small_body)
+    masks = silhouette_masks(people, images_dir, tmp_path / "masks", SilhouetteConfig())
+    before, between, after = (read_gray(path) for path in sorted(masks.glob("*.png")))
+    assert np.array_equal(between, before | after)
+
+
+@pytest.mark.parametrize(("without_body", "value"), [("everything", 255), ("nothing", 0)])
+def test_a_body_that_is_unknown_for_long_masks_all_or_nothing(
+    without_body: str,
+    value: int,
+    camera_clip: Clip,
+    small_body: BodyModel,
+    images_dir: Path,
+    tmp_path: Path,
+) -> None:
+    pelvis_m = camera_clip.motion.pelvis_m.copy()
+    pelvis_m[1] = np.nan
+    motion = replace(camera_clip.motion, pelvis_m=pelvis_m)
+    clip = replace(camera_clip, motion=motion, valid=np.array([True, False, True]))
+    config = SilhouetteConfig.model_validate({"bridge_frames": 0, "without_body": without_body})
+    people = written(tmp_path, clip, small_body)
+    masks = silhouette_masks(people, images_dir, tmp_path / "masks", config)
+    between = read_gray(sorted(masks.glob("*.png"))[1])
+    assert (between == value).all()
+
+
+def test_rows_that_show_where_a_person_may_be() -> None:
+    valid = np.array([False, True, False, False, True, False, False, False])
+    assert rows_that_show(valid, 1, 5) == [1]
+    assert rows_that_show(valid, 2, 2) == [1, 4]
+    assert rows_that_show(valid, 3, 1) == []  # the one before is two rows away
+    assert rows_that_show(valid, 0, 1) == [1]
+    assert rows_that_show(valid, 7, 3) == [4]
+    assert rows_that_show(valid, 7, 2) == []
+    assert rows_that_show(np.zeros(4, dtype=bool), 2, 9) == []

@@ -16,8 +16,10 @@ from gmrdata.geometry import transforms
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.geometry.programmes import Circular, Panning, camera_path
 from gmrdata.motion.gait import make_gait
+from gmrdata.people import PersonFiles, person_file
 from gmrdata.pseudogt.compose import camera_motion, metric_cameras
-from gmrdata.pseudogt.make import PseudoGtConfig, fill_gaps, make_pseudo_gt
+from gmrdata.pseudogt.config import PseudoGtConfig
+from gmrdata.pseudogt.make import fill_gaps, make_pseudo_gt
 from gmrdata.sfm.cameras import (
     CAMERAS_FILE,
     POINTS_FILE,
@@ -65,7 +67,14 @@ def reconstruction(folder: Path, clip: Clip, geometry: str, lost: list[int]) -> 
     )
     save_cameras(folder / CAMERAS_FILE, cameras)
     save_points(folder / POINTS_FILE, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
-    write_json(folder / QUALITY_FILE, {"geometry": geometry, "registered_share": 1.0})
+    write_json(
+        folder / QUALITY_FILE,
+        {
+            "geometry": geometry,
+            "registered_share": 1.0,
+            "inliers_per_frame": [100 * bool(known) for known in has_camera],
+        },
+    )
     return folder
 
 
@@ -73,18 +82,20 @@ def made(tmp_path: Path, clip: Clip, body: BodyModel, geometry: str, lost: list[
     save_body(tmp_path / "body.npz", body)
     save_clip(tmp_path / "in.npz", as_input(clip), body.rest_pelvis_m(clip.motion.shape))
     sfm_dir = reconstruction(tmp_path / "sfm", clip, geometry, lost)
-    return make_pseudo_gt(
-        sfm_dir, tmp_path / "in.npz", tmp_path / "body.npz", tmp_path / "out", PseudoGtConfig()
-    )
+    people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
+    return make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
 
 
 def test_exact_cameras_give_back_the_true_motion(small_body: BodyModel, tmp_path: Path) -> None:
     true = true_clip(small_body, Circular())
     out_dir = made(tmp_path, true, small_body, "full", [])
-    found, quality = load_clip(out_dir / "clip.npz"), read_json(out_dir / "quality.json")
+    found, quality = load_clip(out_dir / person_file(0)), read_json(out_dir / "quality.json")
     assert found.motion.frame == "world" and found.valid.all()
     assert quality["scale"] == pytest.approx(0.37, rel=0.005)
-    assert quality["geometry"] == "full" and quality["valid_frames"] == true.motion.n_frames
+    assert (
+        quality["geometry"] == "full"
+        and quality["people"][0]["kept_frames"] == true.motion.n_frames
+    )
     assert quality["scale_cues"][0]["name"] == "planted_feet"
     error = compare_clips(found, true)
     assert error.ome_deg < 1e-4 and error.tme_mm < 2.0
@@ -99,7 +110,7 @@ def test_a_pan_needs_no_scale(small_body: BodyModel, tmp_path: Path) -> None:
     out_dir = made(tmp_path, true, small_body, "rotation_only", [])
     quality = read_json(out_dir / "quality.json")
     assert quality["scale"] is None and quality["scale_sigma"] is None
-    error = compare_clips(load_clip(out_dir / "clip.npz"), true)
+    error = compare_clips(load_clip(out_dir / person_file(0)), true)
     assert error.ome_deg < 1e-4 and error.tme_mm < 1e-3
 
 
@@ -108,7 +119,7 @@ def test_frames_without_a_camera_are_not_valid_but_finite(
 ) -> None:
     true = true_clip(small_body, Circular())
     lost = [0, 7, 8, true.motion.n_frames - 1]
-    found = load_clip(made(tmp_path, true, small_body, "full", lost) / "clip.npz")
+    found = load_clip(made(tmp_path, true, small_body, "full", lost) / person_file(0))
     assert np.flatnonzero(~found.valid).tolist() == lost
     assert found.camera is not None
     assert np.array_equal(found.camera.has_camera, found.valid)
@@ -134,7 +145,7 @@ def test_gaps_are_filled_between_neighbours() -> None:
 
 def test_no_common_frame_is_an_error(small_body: BodyModel, tmp_path: Path) -> None:
     true = true_clip(small_body, Circular())
-    with pytest.raises(NoReconstruction, match="walk: 0 frames have pose and camera"):
+    with pytest.raises(NoReconstruction, match="walk: no two frames have both pose and camera"):
         made(tmp_path, true, small_body, "full", list(range(true.motion.n_frames)))
     assert not (tmp_path / "out").exists()
 
@@ -145,6 +156,5 @@ def test_a_world_frame_clip_is_refused(small_body: BodyModel, tmp_path: Path) ->
     save_clip(tmp_path / "in.npz", true, small_body.rest_pelvis_m(true.motion.shape))
     sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
     with pytest.raises(BadMotionFile, match="not in the camera frame"):
-        make_pseudo_gt(
-            sfm_dir, tmp_path / "in.npz", tmp_path / "body.npz", tmp_path / "out", PseudoGtConfig()
-        )
+        people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
+        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())

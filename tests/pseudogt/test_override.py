@@ -1,5 +1,6 @@
 """A person's decision on verdicts, with sets of frames as the oracle."""
 
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -16,14 +17,14 @@ N = 20
 USABLE = np.zeros(N, dtype=bool)
 NO_CAMERA = [""] * 15 + ["no camera was found"] * 5
 REJECTED = Verdict(
-    False, ("60% of the images have a camera", "a cut"), tuple(dropped_ranges(NO_CAMERA)), 0.75
+    False, ("60% of the images have a camera", "a cut"), tuple(dropped_ranges(NO_CAMERA)), N
 )
-ACCEPTED = Verdict(True, (), tuple(dropped_ranges(NO_CAMERA)), 0.75)
+ACCEPTED = Verdict(True, (), tuple(dropped_ranges(NO_CAMERA)), N)
 
 
 def test_a_person_accepts_what_was_rejected_and_the_overruled_reasons_stay() -> None:
     override = Override(verdict="accepted", because="the cut is a flash")
-    verdict, reasons = overridden(REJECTED, NO_CAMERA, override, USABLE)
+    verdict = overridden(REJECTED, override, USABLE)
     assert verdict == Verdict(
         True,
         (
@@ -32,20 +33,19 @@ def test_a_person_accepts_what_was_rejected_and_the_overruled_reasons_stay() -> 
             "overruled: a cut",
         ),
         REJECTED.dropped,
-        0.75,
+        N,
     )
-    assert reasons == NO_CAMERA
 
 
 def test_a_person_rejects_what_was_accepted() -> None:
     override = Override(verdict="rejected", because=" the body floats ")
-    verdict, _ = overridden(ACCEPTED, NO_CAMERA, override, USABLE)
+    verdict = overridden(ACCEPTED, override, USABLE)
     assert not verdict.accepted
     assert verdict.reasons == ("a person decided: the body floats",)
 
 
 def test_a_person_agrees_with_a_rejection_and_its_reasons_stay() -> None:
-    verdict, _ = overridden(REJECTED, NO_CAMERA, Override(verdict="rejected", because="x"), USABLE)
+    verdict = overridden(REJECTED, Override(verdict="rejected", because="x"), USABLE)
     assert verdict.reasons == ("a person decided: x", *REJECTED.reasons)
 
 
@@ -54,7 +54,10 @@ def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:
     unusable = np.arange(N) == 14
     reasons = ["" if row < 13 else "the camera jumps" for row in range(N)]
     for before in (REJECTED, ACCEPTED):
-        verdict, after = overridden(before, reasons, override, unusable)
+        lost_too = [a or b for a, b in zip(NO_CAMERA, reasons, strict=True)]
+        judged = replace(before, dropped=tuple(dropped_ranges(lost_too)))
+        verdict = overridden(judged, override, unusable)
+        after = verdict.frame_reasons
         assert (verdict.accepted, verdict.reasons) == (before.accepted, before.reasons)
         said, jumps, lost = override.decision, "the camera jumps", "no camera was found"
         # 14 can't be kept, 16 is dropped by the person although they also keep it.
@@ -71,26 +74,26 @@ def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:
 def test_a_frame_that_cannot_be_used_says_so_even_where_nothing_had_a_reason() -> None:
     override = Override(because="all good", keep=((0, N),))
     unusable = np.arange(N) < 3
-    verdict, reasons = overridden(Verdict(True, (), (), 1.0), [""] * N, override, unusable)
+    verdict = overridden(Verdict(True, (), (), N), override, unusable)
     assert verdict.dropped == (Dropped(0, 3, "the frame has no camera or no pose"),)
-    assert [bool(reason) for reason in reasons] == unusable.tolist()
+    assert [bool(reason) for reason in verdict.frame_reasons] == unusable.tolist()
 
 
 def test_nobody_can_accept_a_sequence_without_frames() -> None:
     override = Override(verdict="accepted", because="I like it", drop=((0, 15),))
-    verdict, _ = overridden(REJECTED, NO_CAMERA, override, np.arange(N) >= 15)
+    verdict = overridden(REJECTED, override, np.arange(N) >= 15)
     assert not verdict.accepted
     assert verdict.kept_share == 0
     assert verdict.reasons[-1] == "no frame can be used"
     drop_all = Override(because="blurred", drop=((0, N),))
-    verdict, _ = overridden(ACCEPTED, NO_CAMERA, drop_all, USABLE)
+    verdict = overridden(ACCEPTED, drop_all, USABLE)
     assert (verdict.accepted, verdict.reasons) == (False, ("no frame can be used",))
 
 
 def test_ranges_beyond_the_sequence_are_refused() -> None:
     override = Override(because="x", keep=((15, 21),))
     with pytest.raises(BadRecipe, match=r"keep 15\.\.21: the sequence has 20 frames"):
-        overridden(ACCEPTED, NO_CAMERA, override, USABLE)
+        overridden(ACCEPTED, override, USABLE)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +132,6 @@ texts = st.lists(st.sampled_from(["", "", "jumps", "few inliers"]), min_size=N, 
     drop=ranges,
     unusable=masks,
     before=texts,
-    also=texts,
     decided=st.sampled_from(["accepted", "rejected"]),
 )
 def test_what_is_kept_is_what_sets_of_frames_say(
@@ -137,15 +139,14 @@ def test_what_is_kept_is_what_sets_of_frames_say(
     drop: tuple[tuple[int, int], ...],
     unusable: np.ndarray,
     before: list[str],
-    also: list[str],
     decided: str,
 ) -> None:
     override = Override.model_validate(
         {"verdict": decided, "because": "seen", "keep": keep, "drop": drop}
     )
-    given_verdict = Verdict(True, (), tuple(dropped_ranges(also)), 0.0)
-    verdict, reasons = overridden(given_verdict, before, override, unusable)
-    passed = {row for row in range(N) if not before[row] and not also[row]}
+    verdict = overridden(Verdict(True, (), tuple(dropped_ranges(before)), N), override, unusable)
+    reasons = verdict.frame_reasons
+    passed = {row for row in range(N) if not before[row]}
     expected = (passed | _rows(keep)) - _rows(drop) - set(np.flatnonzero(unusable))
     kept = {row for row in range(N) if not reasons[row]}
     assert kept == expected
@@ -157,9 +158,8 @@ def test_what_is_kept_is_what_sets_of_frames_say(
     assert runs == [(part.reason, part.stop - part.start) for part in verdict.dropped]
     # Nothing but the ranges of the person changes a frame, and twice is as once.
     for row in set(range(N)) - _rows(keep) - _rows(drop) - set(np.flatnonzero(unusable)):
-        assert reasons[row] == (also[row] or before[row])
-    again, same = overridden(verdict, reasons, override, unusable)
-    assert (again.dropped, same) == (verdict.dropped, reasons)
+        assert reasons[row] == before[row]
+    assert overridden(verdict, override, unusable).dropped == verdict.dropped
 
 
 def _rows(parts: tuple[tuple[int, int], ...]) -> set[int]:

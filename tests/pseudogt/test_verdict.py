@@ -16,6 +16,7 @@ from gmrdata.sfm.cues import CueEstimate
 from gmrdata.sfm.scale import ScaleEstimate, fuse
 
 N, FPS_HZ = 90, 30.0
+ROWS = np.arange(N)
 CONFIG = VerdictConfig()
 GOOD: dict[str, Any] = {
     "registered_share": 1.0,
@@ -58,9 +59,9 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
     tracked = circling() @ rigid(Rotation.from_rotvec([0, 1.0, 0]).as_matrix(), np.zeros(3))
     same_motion = rigid(np.eye(3), np.array([5.0, 1, 0])) @ circling()
     for other in (None, same_motion):
-        assert judge(clip, GOOD, SCALE, CONFIG, tracked=other) == Verdict(True, (), (), 1.0)
+        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=other) == Verdict(True, (), (), N)
     # Another direction of view of the data set's camera is another motion in its own axes.
-    assert not judge(clip, GOOD, SCALE, CONFIG, tracked=tracked).accepted
+    assert not judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=tracked).accepted
 
 
 @pytest.mark.parametrize(
@@ -74,41 +75,41 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
 def test_a_sequence_that_misses_a_limit_is_rejected_with_both_figures(
     clip: Clip, figures: dict[str, Any], reason: str
 ) -> None:
-    verdict = judge(clip, GOOD | figures, SCALE, CONFIG)
+    verdict = judge(clip, GOOD | figures, ROWS, SCALE, CONFIG)
     assert not verdict.accepted and len(verdict.reasons) == 1 and reason in verdict.reasons[0]
 
 
 def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
     vague = fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01),))
-    assert "uncertain by 10.0%" in judge(clip, GOOD, vague, CONFIG).reasons[0]
+    assert "uncertain by 10.0%" in judge(clip, GOOD, ROWS, vague, CONFIG).reasons[0]
     apart = fuse(
         (
             CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01),
             CueEstimate("ground_contact", 2.15, 0.02, 99, 0.01),
         )
     )
-    (reason,) = judge(clip, GOOD, apart, CONFIG).reasons
+    (reason,) = judge(clip, GOOD, ROWS, apart, CONFIG).reasons
     assert "5.3 standard errors apart" in reason
     # Where scale doesn't enter, nothing is said of it.
-    assert judge(clip, GOOD, ScaleEstimate(None, None, ()), CONFIG).accepted
+    assert judge(clip, GOOD, ROWS, ScaleEstimate(None, None, ()), CONFIG).accepted
 
 
 def test_frames_without_a_camera_are_dropped(clip: Clip) -> None:
-    verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, SCALE, CONFIG)
+    verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
     assert verdict.accepted and verdict.kept_share == pytest.approx(78 / 90)
     assert verdict.dropped == (Dropped(40, 52, "no camera was found"),)
 
 
 def test_what_the_data_set_does_not_vouch_for_is_dropped_with_its_own_reason(clip: Clip) -> None:
     unusable = ["campose_valid is 0" if row < 20 else "" for row in range(N)]
-    verdict = judge(clip, GOOD, SCALE, CONFIG, unusable=unusable)
+    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, unusable=unusable)
     assert verdict.dropped == (Dropped(0, 20, "campose_valid is 0"),)
 
 
 def test_few_inliers_drop_a_frame_and_what_is_too_short_beside_it(clip: Clip) -> None:
     inliers = [200] * N
     inliers[30:35] = inliers[40:45] = [10] * 5
-    verdict = judge(clip, GOOD | {"inliers_per_frame": inliers}, SCALE, CONFIG)
+    verdict = judge(clip, GOOD | {"inliers_per_frame": inliers}, ROWS, SCALE, CONFIG)
     assert verdict.dropped == (
         Dropped(30, 35, "fewer than 25 inliers"),
         Dropped(35, 40, "only 5 usable frames in a row"),
@@ -119,11 +120,11 @@ def test_few_inliers_drop_a_frame_and_what_is_too_short_beside_it(clip: Clip) ->
 def test_a_jump_drops_the_frames_beside_it(clip: Clip) -> None:
     after = camera_of(clip).world_from_cam[50:].copy()
     after[:, :3, 3] += [0.0, 0.0, 0.5]  # 15 m/s for one frame
-    verdict = judge(changed(clip, slice(50, N), after), GOOD, SCALE, CONFIG)
+    verdict = judge(changed(clip, slice(50, N), after), GOOD, ROWS, SCALE, CONFIG)
     assert verdict.dropped == (Dropped(49, 51, "the camera jumps"),)
     turned = camera_of(clip).world_from_cam[50:].copy()
     turned[:, :3, :3] = turned[:, :3, :3] @ Rotation.from_rotvec([0, 0.4, 0]).as_matrix()
-    verdict = judge(changed(clip, slice(50, N), turned), GOOD, SCALE, CONFIG)
+    verdict = judge(changed(clip, slice(50, N), turned), GOOD, ROWS, SCALE, CONFIG)
     assert verdict.dropped == (Dropped(49, 51, "the camera jumps"),)
 
 
@@ -133,15 +134,56 @@ def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip: Clip
         Rotation.from_rotvec(np.deg2rad(8) * time[:, None] * [0.0, 0.0, 1.0]).as_matrix(),
         0.6 * time[:, None] * [1.0, 0.0, 0.0],
     )
-    assert judge(clip, GOOD, SCALE, CONFIG, tracked=drift @ circling()).accepted
+    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=drift @ circling()).accepted
     slower = circling()[np.arange(N) // 2]  # wrong intrinsics look like this
-    (reason,) = judge(clip, GOOD, SCALE, CONFIG, tracked=slower).reasons
-    assert reason.startswith("0% of the frames can be used")
+    (reason,) = judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=slower).reasons
+    assert reason.startswith("0% of the data set's valid frames can be used")
     unknown = np.full((N, 4, 4), np.nan)
-    assert judge(clip, GOOD, SCALE, CONFIG, tracked=unknown).accepted
+    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=unknown).accepted
 
 
 def test_no_usable_frame_is_a_rejection(clip: Clip) -> None:
-    verdict = judge(replace(clip, id="x"), GOOD, SCALE, CONFIG, unusable=["bad"] * N)
+    verdict = judge(replace(clip, id="x"), GOOD, ROWS, SCALE, CONFIG, unusable=["bad"] * N)
     assert not verdict.accepted and verdict.kept_share == 0.0
     assert verdict.dropped == (Dropped(0, N, "bad"),)
+
+
+def test_frames_beyond_a_cut_say_so(clip: Clip) -> None:
+    lost = changed(clip, slice(60, N), np.nan)
+    verdict = judge(lost, GOOD | {"cuts_after_frames": [59]}, ROWS, SCALE, CONFIG)
+    assert verdict.accepted
+    (run,) = verdict.dropped
+    assert (run.start, run.stop) == (60, N) and "beyond a cut" in run.reason
+
+
+def test_frames_without_an_image_are_dropped(clip: Clip) -> None:
+    """The reconstruction has fewer rows then, so its figures are looked up by row."""
+    rows = np.r_[np.arange(50), -1, np.arange(50, N - 1)]
+    figures = {"frames": N - 1, "inliers_per_frame": [200] * 50 + [3] + [200] * (N - 52)}
+    lost = changed(clip, slice(50, 51), np.nan)
+    verdict = judge(lost, GOOD | figures, rows, SCALE, CONFIG)
+    assert [(run.start, run.stop, run.reason) for run in verdict.dropped] == [
+        (50, 51, "it has no image"),
+        (51, 52, "fewer than 25 inliers"),
+    ]
+
+
+def test_doubts_about_the_data_set_reject_the_sequence(clip: Clip) -> None:
+    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, doubts=["the intrinsics are wrong"])
+    assert not verdict.accepted and verdict.reasons == ("the intrinsics are wrong",)
+
+
+def test_few_valid_frames_are_not_held_against_a_sequence(clip: Clip) -> None:
+    unusable = ["campose_valid is 0"] * 60 + [""] * 30
+    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, unusable=unusable)
+    assert verdict.accepted and verdict.kept_share == pytest.approx(1 / 3)
+    assert np.array_equal(verdict.kept, np.arange(N) >= 60)
+
+
+def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
+    verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
+    record = verdict.as_record("c")
+    assert record["kept_frames"] == N - 12 and record["accepted"]
+    assert [reason != "" for reason in verdict.frame_reasons] == (~verdict.kept).tolist()
+    (run,) = record["dropped"]
+    assert run["start"] == 40 and run["stop"] == 52

@@ -15,7 +15,7 @@ from gmrdata.motion.motion import Motion
 from gmrdata.pseudogt.compose import camera_motion
 from gmrdata.sfm.cues import CueEstimate, ScaleConfig
 from gmrdata.sfm.feet import SOLE_POINTS, foot_points_m, standing
-from gmrdata.sfm.scale import estimate_scale, fuse
+from gmrdata.sfm.scale import SeenPerson, estimate_scale, fuse
 
 PROGRAMMES = {"circular": Circular(), "linear": Linear()}
 
@@ -51,7 +51,7 @@ def test_scale_is_found_to_two_percent(
     motion, path = filmed(gait, programme, small_body, seed=3)
     found = seen_through(path, metres_per_unit, 0.002, 0.0003, seed=1)
     person = camera_motion(motion, path.world_from_cam)
-    estimate = estimate_scale(found, person, small_body, "full", ScaleConfig())
+    estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
     assert estimate.scale == pytest.approx(metres_per_unit, rel=0.02)
     (cue,) = estimate.cues
     assert cue.name == "planted_feet" and cue.support >= 5 and cue.residual_m < 0.01
@@ -63,7 +63,7 @@ def test_the_unit_of_length_does_not_matter(small_body: BodyModel) -> None:
     scales = []
     for unit in (1.0, 1e-3, 1e3):
         found = seen_through(path, unit, 0.0, 0.0, seed=0)
-        estimate = estimate_scale(found, person, small_body, "full", ScaleConfig())
+        estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
         assert estimate.scale is not None and estimate.sigma is not None
         scales.append((estimate.scale / unit, estimate.sigma / unit))
     assert np.ptp(scales, axis=0) == pytest.approx([0, 0], abs=1e-6)
@@ -76,7 +76,9 @@ def test_errors_stay_within_their_bars(small_body: BodyModel) -> None:
             motion, path = filmed("walk", programme, small_body, seed)
             found = seen_through(path, 2.0, 0.006, 0.001, seed)
             person = camera_motion(motion, path.world_from_cam)
-            estimate = estimate_scale(found, person, small_body, "full", ScaleConfig())
+            estimate = estimate_scale(
+                [SeenPerson(person, small_body, found)], "full", ScaleConfig()
+            )
             assert estimate.scale is not None and estimate.sigma is not None
             assert estimate.sigma < 0.03 * estimate.scale
             inside += abs(estimate.scale - 2.0) < 2 * estimate.sigma
@@ -89,14 +91,16 @@ def test_frames_without_a_camera_are_left_out(small_body: BodyModel) -> None:
     person = camera_motion(motion, path.world_from_cam)
     found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
     found.world_from_cam[[0, 9, 10, 30]] = np.nan
-    estimate = estimate_scale(found, person, small_body, "full", ScaleConfig())
+    estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
     assert estimate.scale == pytest.approx(3.0, rel=0.01)
 
 
 def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
     person = camera_motion(motion, path.world_from_cam)
-    estimate = estimate_scale(path, person, small_body, "rotation_only", ScaleConfig())
+    estimate = estimate_scale(
+        [SeenPerson(person, small_body, path)], "rotation_only", ScaleConfig()
+    )
     assert estimate.scale is None and estimate.sigma is None and estimate.cues == ()
 
 
@@ -105,7 +109,7 @@ def test_a_camera_that_does_not_move_has_no_scale(small_body: BodyModel) -> None
     still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
     person = camera_motion(motion, still.world_from_cam)
     with pytest.raises(NoReconstruction, match="camera hardly moves"):
-        estimate_scale(still, person, small_body, "full", ScaleConfig())
+        estimate_scale([SeenPerson(person, small_body, still)], "full", ScaleConfig())
 
 
 def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
@@ -114,7 +118,7 @@ def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
     flying = replace(motion, pelvis_m=rng.normal(0, 3.0, motion.pelvis_m.shape))
     person = camera_motion(flying, path.world_from_cam)
     with pytest.raises(NoReconstruction, match="planted feet found"):
-        estimate_scale(path, person, small_body, "full", ScaleConfig(min_stances=4))
+        estimate_scale([SeenPerson(person, small_body, path)], "full", ScaleConfig(min_stances=4))
 
 
 def test_cues_are_weighted_by_their_variances() -> None:
@@ -141,3 +145,30 @@ def test_sole_points_lie_on_the_ground_while_they_stand(small_body: BodyModel) -
     heading = motion.pelvis_m[-1] - motion.pelvis_m[0]
     along = soles_m.mean(axis=0) @ (heading / np.linalg.norm(heading))
     assert (np.diff(along, axis=1) > 0).all()
+
+
+def test_two_people_give_a_cue_each(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    other, _ = filmed("side_step", "circular", small_body, seed=1)
+    found = seen_through(path, 3.0, 0.002, 0.0003, seed=0)
+    half = replace(found, world_from_cam=found.world_from_cam.copy())
+    half.world_from_cam[20:] = np.nan
+    n = min(motion.n_frames, other.n_frames)
+    assert n == motion.n_frames
+    people = [
+        SeenPerson(camera_motion(motion, path.world_from_cam), small_body, found),
+        SeenPerson(camera_motion(other, path.world_from_cam), small_body, half),
+    ]
+    estimate = estimate_scale(people, "full", ScaleConfig())
+    assert [cue.person for cue in estimate.cues] == [0, 1]
+    assert estimate.scale == pytest.approx(3.0, rel=0.02)
+
+
+def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
+    person = camera_motion(motion, path.world_from_cam)
+    unknown = replace(found, world_from_cam=np.full_like(found.world_from_cam, np.nan))
+    people = [SeenPerson(person, small_body, unknown), SeenPerson(person, small_body, found)]
+    estimate = estimate_scale(people, "full", ScaleConfig())
+    assert [cue.person for cue in estimate.cues] == [1]

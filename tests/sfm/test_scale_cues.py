@@ -16,7 +16,7 @@ from gmrdata.pseudogt.compose import camera_motion
 from gmrdata.sfm.cues import CueEstimate, ScaleConfig
 from gmrdata.sfm.feet import foot_points_m
 from gmrdata.sfm.ground_contact import ground_contact_scale
-from gmrdata.sfm.scale import estimate_scale
+from gmrdata.sfm.scale import SeenPerson, estimate_scale
 from gmrdata.sfm.short_windows import short_windows_scale
 
 CONFIG = ScaleConfig()
@@ -129,11 +129,9 @@ def test_all_cues_together_are_better_than_feet_alone(small_body: BodyModel) -> 
     motion, path = walk(small_body, Circular())
     found, points = reconstructed(path, scenery(motion, 0.01, 600))
     person = camera_motion(motion, path.world_from_cam)
-    feet = estimate_scale(found, person, small_body, "full", CONFIG)
+    feet = estimate_scale([SeenPerson(person, small_body, found)], "full", CONFIG)
     every = estimate_scale(
-        found,
-        person,
-        small_body,
+        [SeenPerson(person, small_body, found)],
         "full",
         CONFIG,
         points=points,

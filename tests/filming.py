@@ -93,13 +93,13 @@ def draw(
     return image, mask
 
 
-def _film(folder: Path, cameras: np.ndarray, person_m: np.ndarray) -> Filmed:
+def _film(folder: Path, cameras: np.ndarray, person_m: np.ndarray | None) -> Filmed:
     rng = np.random.default_rng(5)
     textures = _textures(rng)
     (folder / "frames").mkdir(parents=True)
     (folder / "masks").mkdir()
     for i, camera in enumerate(cameras):
-        image, mask = draw(camera, textures, person_m[i])
+        image, mask = draw(camera, textures, None if person_m is None else person_m[i])
         noisy = np.clip(image + rng.normal(0, 1.5, image.shape), 0, 255).astype(np.uint8)
         cv2.imwrite(str(folder / "frames" / f"{i:05d}.jpg"), noisy, [cv2.IMWRITE_JPEG_QUALITY, 95])
         cv2.imwrite(str(folder / "masks" / f"{i:05d}.png"), mask)
@@ -107,10 +107,13 @@ def _film(folder: Path, cameras: np.ndarray, person_m: np.ndarray) -> Filmed:
 
 
 @pytest.fixture(scope="session")
-def film(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], Filmed]:
-    """Film a person who walks through the room: "pan", "dolly" or "arc", so many frames."""
+def film(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Filmed]:
+    """Film a person who walks through the room: "pan", "dolly" or "arc", so many frames.
 
-    def make(kind: str, n_frames: int) -> Filmed:
+    Without a person, the same cameras film the room alone.
+    """
+
+    def make(kind: str, n_frames: int, person: bool = True) -> Filmed:
         along = np.linspace(0, 1, n_frames)
         person_m = np.stack([-1.2 + 2.4 * along, 0 * along + 0.4, 0 * along], axis=1)
         centres = {
@@ -121,18 +124,18 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, int], Filme
         }[kind]
         targets = person_m + np.array([0.0, 0.0, 1.0])
         cameras = np.array([look_at(c, t) for c, t in zip(centres, targets, strict=True)])
-        return _film(tmp_path_factory.mktemp(kind), cameras, person_m)
+        return _film(tmp_path_factory.mktemp(kind), cameras, person_m if person else None)
 
     return make
 
 
 @pytest.fixture(scope="session")
-def pan(film: Callable[[str, int], Filmed]) -> Filmed:
+def pan(film: Callable[..., Filmed]) -> Filmed:
     """A camera on a tripod that follows the person."""
     return film("pan", 12)
 
 
 @pytest.fixture(scope="session")
-def dolly(film: Callable[[str, int], Filmed]) -> Filmed:
+def dolly(film: Callable[..., Filmed]) -> Filmed:
     """A camera on rails beside the person."""
     return film("dolly", 12)

@@ -1,0 +1,27 @@
+"""The people of one sequence, as files that stages hand on."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class PersonFiles:
+    """One person of a sequence."""
+
+    clip_path: Path
+    """Clip with the person in the camera frame, intrinsics and image numbers."""
+    body_path: Path
+    """The clip's body model."""
+
+
+def person_file(number: int) -> str:
+    """Name of a person's clip in a stage's folder; people are counted from 0."""
+    return f"person_{number}.npz"
+
+
+def stage_inputs(people: tuple[PersonFiles, ...]) -> dict[str, Path]:
+    """The files by role, for a stage's record."""
+    inputs: dict[str, Path] = {}
+    for number, person in enumerate(people):
+        inputs |= {f"clip_{number}": person.clip_path, f"body_{number}": person.body_path}
+    return inputs

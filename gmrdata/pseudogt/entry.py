@@ -1,0 +1,64 @@
+"""What a manifest says of a pseudo ground truth: its quality record, and why rows are dropped."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.manifest.current import Quality
+from gmrdata.sfm.cameras import QUALITY_FILE
+from gmrdata.store import read_json
+
+
+def load_record(pseudo_gt_dir: Path) -> dict[str, Any]:
+    """The figures of a pseudo ground truth (`quality.json`)."""
+    return dict(read_json(pseudo_gt_dir / QUALITY_FILE))
+
+
+def quality_record(record: dict[str, Any], person: int) -> Quality:
+    """A person's quality record.
+
+    Args:
+        record: What `load_record` gave.
+        person: Which person, from 0.
+    """
+    judged = record["people"][person]
+    inliers = record.get("inliers_per_frame")
+    return Quality(
+        geometry=record.get("geometry"),
+        verdict="accepted" if judged["accepted"] else "rejected",
+        reasons=tuple(judged["reasons"]),
+        scale=record.get("scale"),
+        scale_sigma=record.get("scale_sigma"),
+        registered_share=record.get("registered_share"),
+        reprojection_error_px=record.get("mean_reprojection_px"),
+        inliers=None if inliers is None else float(np.mean(inliers)),
+        figures=_figures(record, judged),
+    )
+
+
+def dropped_reasons(record: dict[str, Any], person: int) -> list[str]:
+    """Why each row of a person's clip is dropped, (T,) texts: all rows of a rejected one."""
+    judged = record["people"][person]
+    reasons = [""] * judged["frames"]
+    for run in judged["dropped"]:
+        reasons[run["start"] : run["stop"]] = [run["reason"]] * (run["stop"] - run["start"])
+    if not judged["accepted"]:
+        rejected = f"the sequence is rejected: {'; '.join(judged['reasons'])}"
+        reasons = [reason or rejected for reason in reasons]
+    return reasons
+
+
+def _figures(record: dict[str, Any], judged: dict[str, Any]) -> dict[str, float]:
+    """The class's figures and the scale's cues by name, as far as they are known."""
+    figures: dict[str, Any] = {"kept_share": judged["kept_share"]}
+    figures |= {
+        f"camera_{name}": value
+        for name, value in record.get("camera_motion_figures", {}).items()
+        if not isinstance(value, bool)
+    }
+    figures["scale_disagreement_sigma"] = record.get("scale_disagreement")
+    for cue in record.get("scale_cues", ()):
+        name = cue["name"] if cue["person"] is None else f"{cue['name']}_p{cue['person']}"
+        figures |= {f"scale_{name}": cue["scale"], f"scale_{name}_sigma": cue["sigma"]}
+    return {name: float(value) for name, value in figures.items() if value is not None}
