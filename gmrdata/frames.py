@@ -3,6 +3,7 @@
 import re
 import struct
 from collections import Counter
+from collections.abc import Collection
 from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
@@ -34,8 +35,13 @@ def number_in_name(name: str) -> int | None:
     return int(runs[-1]) if runs else None
 
 
-def list_images(folder: Path) -> list[Path]:
+def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
     """The .jpg and .png files of a folder in the order of their numbers.
+
+    Args:
+        folder: The folder.
+        left_out: Numbers of images that the caller knows to be unusable: they are not listed, and
+            neither they nor their absence is an error.
 
     Raises:
         MissingInput: there is no such folder.
@@ -44,10 +50,14 @@ def list_images(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of images")
     paths = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
+    paths = [path for path in paths if image_number(path) not in left_out]
     paths.sort(key=lambda path: (image_number(path), path.name))
     if len(paths) < 2:
-        raise BadFrames(f"{folder}: {len(paths)} image(s); at least 2 frames (.jpg or .png) needed")
-    _require_one_each(folder, [image_number(path) for path in paths])
+        but = f" but {len(left_out)} left out" if left_out else ""
+        raise BadFrames(
+            f"{folder}: {len(paths)} image(s){but}; at least 2 frames (.jpg or .png) needed"
+        )
+    _require_one_each(folder, [image_number(path) for path in paths], left_out)
     return paths
 
 
@@ -125,14 +135,15 @@ def write_gray(path: Path, image: np.ndarray) -> None:
         temporary.write_bytes(encoded.tobytes())
 
 
-def _require_one_each(folder: Path, numbers: list[int]) -> None:
+def _require_one_each(folder: Path, numbers: list[int], left_out: Collection[int]) -> None:
     for before, after in pairwise(numbers):
         if before == after:
             raise BadFrames(f"{folder}: two images have the number {after}; keep one of them")
-        if after > before + 1:
-            missing = f"{before + 1}" if after == before + 2 else f"{before + 1} to {after - 1}"
+        missing = [number for number in range(before + 1, after) if number not in left_out]
+        if missing:
+            named = f"{missing[0]}" if len(missing) == 1 else f"{missing[0]} to {missing[-1]}"
             raise BadFrames(
-                f"{folder}: frame {missing} missing between {before} and {after}; "
+                f"{folder}: frame {named} missing between {before} and {after}; "
                 "put it back, or renumber the frames without a gap"
             )
 

@@ -83,6 +83,19 @@ def test_numbers_that_do_not_run_through(names: list[str], said: str, tmp_path: 
         list_images(tmp_path)
 
 
+def test_left_out_numbers_are_not_listed_and_not_missed(tmp_path: Path) -> None:
+    put(tmp_path, "1.jpg", "2.jpg", "4.jpg", "5.jpg", "5.png", "8.jpg")
+    left_out = {3, 5, 6, 7, 99}
+    names = [path.name for path in list_images(tmp_path, left_out)]
+    assert names == ["1.jpg", "2.jpg", "4.jpg", "8.jpg"]
+    with pytest.raises(BadFrames, match="frame 6 missing between 4 and 8"):
+        list_images(tmp_path, left_out - {6})
+    with pytest.raises(BadFrames, match="two images have the number 5"):
+        list_images(tmp_path, left_out - {5})
+    with pytest.raises(BadFrames, match=r"1 image\(s\) but 4 left out; at least 2"):
+        list_images(tmp_path, (1, 2, 4, 5))
+
+
 def test_one_frame_of_another_size_is_named(tmp_path: Path) -> None:
     paths = put(tmp_path, "1.jpg", "2.jpg") + put(tmp_path, "0.png", size_px=(30, 40))
     with pytest.raises(BadFrames, match=r"0\.png: 30x40 px, other frames are 40x30 px"):

@@ -1,5 +1,6 @@
 """Masks that another tool made: checked, and brought to one sense and one naming."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Literal
 
@@ -28,6 +29,7 @@ def folder_masks(
     out_dir: Path,
     config: FolderMaskConfig,
     *,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic.
@@ -37,6 +39,7 @@ def folder_masks(
         images_dir: The frames.
         out_dir: Folder to make.
         config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace a folder that another recipe made.
 
     Raises:
@@ -45,7 +48,7 @@ def folder_masks(
     """
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir)
+        images = list_images(images_dir, left_out)
         size_px = check_images(images)
         for image in images:
             masked = read_gray(find_mask(masks_dir, image), size_px) > 127

@@ -5,7 +5,7 @@ imported where the network is made, and an installation that doesn't fit is told
 """
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -72,6 +72,7 @@ def maskrcnn_masks(
     out_dir: Path,
     config: MaskRcnnConfig,
     *,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 on people, vehicles and animals.
@@ -84,6 +85,7 @@ def maskrcnn_masks(
         images_dir: The frames.
         out_dir: Folder to make.
         config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace a folder that another recipe made.
 
     Raises:
@@ -95,7 +97,7 @@ def maskrcnn_masks(
     """
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir)
+        images = list_images(images_dir, left_out)
         size_px = check_images(images)
         seen = _segment_all(weights_path, images, partial, config)
         chosen = track([_load(path).found for path in seen], config.min_score, config.tracks)

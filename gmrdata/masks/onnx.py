@@ -1,7 +1,7 @@
 """Masks from a YOLOX detector in an ONNX file, run by OpenCV: boxes, joined over time, filled."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +69,7 @@ def onnx_masks(
     out_dir: Path,
     config: OnnxConfig,
     *,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 in the boxes found, and `detections.json`.
@@ -80,6 +81,7 @@ def onnx_masks(
         images_dir: The frames.
         out_dir: Folder to make.
         config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace a folder that another recipe made.
 
     Raises:
@@ -89,7 +91,7 @@ def onnx_masks(
     """
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir)
+        images = list_images(images_dir, left_out)
         size_px = check_images(images)
         found = _detect_all(model_path, images, partial, config)
         chosen = track(found, config.min_score, config.tracks)

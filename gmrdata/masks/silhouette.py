@@ -1,5 +1,6 @@
 """Masks from the body itself: its skinned mesh, projected, filled and widened."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ def silhouette_masks(
     out_dir: Path,
     config: SilhouetteConfig,
     *,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where the person is, 0 elsewhere.
@@ -40,6 +42,7 @@ def silhouette_masks(
         images_dir: The frames.
         out_dir: Folder to make.
         config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace a folder that another recipe made.
 
     Raises:
@@ -48,7 +51,8 @@ def silhouette_masks(
     """
 
     def work(partial: Path) -> None:
-        _write_silhouettes(load_clip(clip_path), clip_path, body_path, images_dir, partial, config)
+        images = list_images(images_dir, left_out)
+        _write_silhouettes(load_clip(clip_path), clip_path, body_path, images, partial, config)
 
     inputs = {"clip": clip_path, "body": body_path, "images": images_dir}
     return run_stage("silhouette_masks", out_dir, config, inputs, work, redo=redo)
@@ -107,7 +111,7 @@ def _write_silhouettes(
     clip: Clip,
     clip_path: Path,
     body_path: Path,
-    images_dir: Path,
+    images: list[Path],
     partial: Path,
     config: SilhouetteConfig,
 ) -> None:
@@ -116,7 +120,6 @@ def _write_silhouettes(
 
     if clip.motion.frame != "camera" or clip.camera is None:
         raise BadMotionFile(f"{clip_path}: silhouettes need a camera-frame motion with intrinsics")
-    images = list_images(images_dir)
     size_px = check_images(images)
     if size_px != (clip.camera.width_px, clip.camera.height_px):
         raise BadFrames(

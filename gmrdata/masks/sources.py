@@ -1,7 +1,7 @@
 """What a recipe may say of masks: where they come from, one source or several united."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -80,6 +80,7 @@ def make_masks(
     *,
     clip_path: Path | None = None,
     body_path: Path | None = None,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
@@ -90,6 +91,7 @@ def make_masks(
         config: The recipe.
         clip_path: Camera-frame clip, which silhouettes need.
         body_path: Its body, which silhouettes need.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace folders that another recipe made.
 
     Raises:
@@ -99,9 +101,10 @@ def make_masks(
     made: dict[str, Path] = {}
     for name, source in zip(_names(config.sources), config.sources, strict=True):
         made[name] = _make(
-            source, images_dir, sources_dir(out_dir) / name, clip_path, body_path, redo
+            source, images_dir, sources_dir(out_dir) / name, clip_path, body_path, left_out, redo
         )
-    return unite_masks(made, images_dir, out_dir, _settings(config, UnionConfig), redo=redo)
+    union = _settings(config, UnionConfig)
+    return unite_masks(made, images_dir, out_dir, union, left_out=left_out, redo=redo)
 
 
 def masks_named(
@@ -194,6 +197,7 @@ def _make(
     out_dir: Path,
     clip_path: Path | None,
     body_path: Path | None,
+    left_out: Collection[int],
     redo: bool,
 ) -> Path:
     match source:
@@ -203,16 +207,22 @@ def _make(
                     "masks from the silhouette need the camera-frame body: pass --camera-body"
                 )
             settings = _settings(source, SilhouetteConfig)
-            return silhouette_masks(clip_path, body_path, images_dir, out_dir, settings, redo=redo)
+            return silhouette_masks(
+                clip_path, body_path, images_dir, out_dir, settings, left_out=left_out, redo=redo
+            )
         case FolderSource():
             folder = _settings(source, FolderMaskConfig)
-            return folder_masks(source.path, images_dir, out_dir, folder, redo=redo)
+            return folder_masks(
+                source.path, images_dir, out_dir, folder, left_out=left_out, redo=redo
+            )
         case OnnxSource():
             onnx = _settings(source, OnnxConfig)
-            return onnx_masks(source.model, images_dir, out_dir, onnx, redo=redo)
+            return onnx_masks(source.model, images_dir, out_dir, onnx, left_out=left_out, redo=redo)
         case MaskRcnnSource():
             network = _settings(source, MaskRcnnConfig)
-            return maskrcnn_masks(source.weights, images_dir, out_dir, network, redo=redo)
+            return maskrcnn_masks(
+                source.weights, images_dir, out_dir, network, left_out=left_out, redo=redo
+            )
 
 
 def _settings(source: Config, model: type[Settings]) -> Settings:

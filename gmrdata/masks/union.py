@@ -1,6 +1,6 @@
 """Masks of several sources as one, checked frame by frame."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ def unite_masks(
     out_dir: Path,
     config: UnionConfig,
     *,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where any source says so, and `masks.json`.
@@ -40,6 +41,7 @@ def unite_masks(
         images_dir: The frames.
         out_dir: Folder to make.
         config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no mask.
         redo: Replace a folder that another recipe made.
 
     Raises:
@@ -47,7 +49,7 @@ def unite_masks(
     """
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir)
+        images = list_images(images_dir, left_out)
         size_px = check_images(images)
         shares: Shares = {}
         for image in images:

@@ -1,6 +1,7 @@
 """Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits."""
 
 import shutil
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,16 +41,18 @@ def reconstruct(
     out_dir: Path,
     config: SfmConfig,
     *,
+    left_out: Collection[int] = (),
     redo: bool = False,
 ) -> Path:
     """Find the camera of every frame, up to one similarity of the world.
 
     Args:
-        images_dir: Frames with consecutive numbers, all of one size.
+        images_dir: Frames with consecutive numbers, but for those left out, all of one size.
         masks_dir: Masks (255 = dynamic, not used), one per frame; None to use whole frames.
         intrinsics_px: (3, 3) calibration matrix, without skew, kept fixed [px].
         out_dir: Folder to make: `cameras.npz`, `points.npz`, `quality.json`.
         config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no camera and no row.
         redo: Replace a folder that another recipe made.
 
     Returns:
@@ -64,7 +67,7 @@ def reconstruct(
     recipe = _SfmRecipe(sfm=config, intrinsics_px=tuple(tuple(row) for row in matrix.tolist()))
 
     def work(partial: Path) -> None:
-        images = list_images(images_dir)
+        images = list_images(images_dir, left_out)
         size_px = check_images(images)
         # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
         work_dir = partial / "colmap"

@@ -111,6 +111,10 @@ def test_an_image_without_a_pose_is_an_error(
     clip_path, body_path = written(tmp_path, clip, small_body)
     with pytest.raises(BadFrames, match=r"image_00007\.jpg: .*has no pose"):
         silhouette_masks(clip_path, body_path, images_dir, tmp_path / "m", SilhouetteConfig())
+    made = silhouette_masks(
+        clip_path, body_path, images_dir, tmp_path / "m", SilhouetteConfig(), left_out=(7,)
+    )
+    assert sorted(p.name for p in made.glob("*.png")) == ["image_00005.png", "image_00006.png"]
 
 
 def test_a_clip_for_another_image_size_is_an_error(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gmrdata.errors import BadRecipe, MissingInput
+from gmrdata.errors import BadFrames, BadRecipe, MissingInput
 from gmrdata.frames import read_gray
 from gmrdata.masks.sources import (
     FolderSource,
@@ -125,6 +125,18 @@ def test_two_folders_are_united_and_stand_in_the_record(noise_dir: Path, tmp_pat
     parts = [out_dir, *(out_dir.parent / "masks_by").glob("folder_*")]
     seconds = [json.loads((part / "stage.json").read_text())["seconds"] for part in parts]
     assert masks_seconds(out_dir) == pytest.approx(sum(seconds))
+
+
+def test_left_out_images_get_no_mask_and_make_no_error(noise_dir: Path, tmp_path: Path) -> None:
+    (noise_dir / "00001.png").write_bytes(b"")
+    (tmp_path / "a").mkdir()
+    for i in (0, 2):
+        cv2.imwrite(str(tmp_path / "a" / f"{i:05d}.png"), np.full((48, 64), 255, np.uint8))
+    config = MasksConfig(sources=(FolderSource(path=tmp_path / "a"),))
+    with pytest.raises(BadFrames, match=r"00001\.png: empty file"):
+        make_masks(noise_dir, tmp_path / "masks", config)
+    out_dir = make_masks(noise_dir, tmp_path / "masks", config, left_out={1})
+    assert sorted(path.name for path in out_dir.glob("*.png")) == ["00000.png", "00002.png"]
 
 
 def test_a_silhouette_needs_the_body(noise_dir: Path, tmp_path: Path) -> None:

@@ -151,6 +151,19 @@ def test_a_missing_mask_is_an_error(dolly: Any, tmp_path: Path) -> None:
         )
 
 
+def test_left_out_frames_get_no_row(dolly: Any, tmp_path: Path) -> None:
+    shutil.copytree(dolly.images_dir, tmp_path / "frames")
+    (tmp_path / "frames" / "00004.jpg").unlink()
+    (tmp_path / "frames" / "00005.jpg").write_bytes(b"")
+    arguments = (tmp_path / "frames", dolly.masks_dir, dolly.intrinsics_px, tmp_path / "out", SMALL)
+    with pytest.raises(BadFrames, match="frame 4 missing between 3 and 5"):
+        reconstruct(*arguments)
+    cameras = load_cameras(reconstruct(*arguments, left_out={4, 5}))
+    rows = [0, 1, 2, 3, *range(6, 12)]
+    assert cameras.image_numbers.tolist() == rows and cameras.path.has_camera.all()
+    assert centre_errors_m(cameras, dolly.world_from_cam[rows]).max() < 0.015
+
+
 def test_frames_of_different_sizes_are_an_error(dolly: Any, tmp_path: Path) -> None:
     shutil.copytree(dolly.images_dir, tmp_path / "frames")
     cv2.imwrite(str(tmp_path / "frames" / "00005.jpg"), np.zeros((90, 160), np.uint8))
