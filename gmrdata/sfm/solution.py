@@ -54,7 +54,7 @@ def turning_solution(
     quality = _quality(geometry, turning.has_camera, turning.residuals_px[agree], inliers, evidence)
     quality |= {
         "mapper": "rotation_only",
-        "models": 1,
+        "models": [],
         "resected_frames": 0,
         "largest_turn_deg": figure(np.rad2deg(turn_rad)),
     }
@@ -73,7 +73,7 @@ def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:
     quality = _quality("full", mapped.has_camera, mapped.errors_px, mapped.observations, evidence)
     quality |= {
         "mapper": mapped.mapper,
-        "models": mapped.n_models,
+        "models": [asdict(record) for record in mapped.models],
         "resected_frames": mapped.n_resected,
         "points": len(mapped.points),
         "median_track_length": figure(np.median(mapped.track_lengths)),
