@@ -40,7 +40,7 @@ class Mapped:
     n_resected: int
     """Frames that the mapper left out and that were placed against its points afterwards."""
     seen: SeenPoints
-    """Points that the mapper's frames see."""
+    """Points that each frame with a camera sees."""
 
 
 def map_frames(

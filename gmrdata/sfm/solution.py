@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +12,8 @@ from gmrdata.geometry import transforms
 from gmrdata.sfm.cameras import Geometry
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.evidence import Evidence, figure
+from gmrdata.sfm.short_gaps import fill_short_gaps
+from gmrdata.sfm.timeline import Timeline
 
 if TYPE_CHECKING:  # these load pycolmap
     from gmrdata.sfm.mapping import Mapped
@@ -32,6 +34,8 @@ class Solution:
     """(N, 3) background points [unit of length of the cameras]; none but for "full"."""
     track_lengths: np.ndarray
     """(N,) frames that see each point."""
+    interpolated: np.ndarray
+    """(T,) bool: frames whose camera was interpolated."""
     quality: dict[str, Any]
     """The figures, as plain JSON."""
 
@@ -59,7 +63,8 @@ def turning_solution(
         "largest_turn_deg": figure(np.rad2deg(turn_rad)),
     }
     no_points, no_tracks = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
-    return Solution(geometry, world_from_cam, turning.has_camera, no_points, no_tracks, quality)
+    has_camera, none = turning.has_camera, np.zeros_like(turning.has_camera)
+    return Solution(geometry, world_from_cam, has_camera, no_points, no_tracks, none, quality)
 
 
 def _largest_turn_rad(turning: RotationOnly) -> float:
@@ -84,7 +89,25 @@ def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:
         mapped.has_camera,
         mapped.points,
         mapped.track_lengths,
+        np.zeros_like(mapped.has_camera),
         quality,
+    )
+
+
+def with_short_gaps_filled(solution: Solution, timeline: Timeline, max_gap_frames: int) -> Solution:
+    """The solution with cameras interpolated over short gaps, marked, and named in the figures.
+
+    The other figures are about the cameras that were found.
+    """
+    filled, interpolated = fill_short_gaps(
+        solution.world_from_cam, solution.has_camera, timeline, max_gap_frames
+    )
+    return replace(
+        solution,
+        world_from_cam=filled,
+        has_camera=solution.has_camera | interpolated,
+        interpolated=interpolated,
+        quality=solution.quality | {"interpolated": np.flatnonzero(interpolated).tolist()},
     )
 
 
