@@ -53,8 +53,8 @@ def run_recipe(
             )
         case "threedpw":
             raise BadRecipe(
-                f"{path}: a recipe of 3DPW needs its folder: gmrdata threedpw --root 3DPW --out OUT "
-                f"--recipe {name}"
+                f"{path}: a recipe of 3DPW needs its folder: "
+                f"gmrdata threedpw --root 3DPW --out OUT --recipe {name}"
             )
         case kind:
             raise BadRecipe(f"{path}: unknown kind {kind!r}; there are demo, synthetic and gmr")
