@@ -3,13 +3,16 @@
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
 from gmrdata.errors import BadRecipe, GmrdataError, MissingInput
 from gmrdata.progress import answers, console
+
+if TYPE_CHECKING:
+    from gmrdata.synthetic.recipe import SyntheticRecipe
 
 Verb = Callable[..., None]
 
@@ -149,12 +152,7 @@ def render(
     if workers is not None:
         loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
     if dry_run:
-        from gmrdata.synthetic import dry_run as dry
-
-        planned = dry.dry_run(loaded, out, motions_dir=motions, probe=probe)
-        _print_table(dry.HEADINGS, planned.rows)
-        for line in dry.summary_lines(planned):
-            _answer(line)
+        _dry_run(loaded, out, motions, probe)
         return
     if preview:
         from gmrdata.synthetic.preview import preview_set
@@ -336,13 +334,51 @@ def threedpw_show(sequence: Positional[str], root: Path, rule: str = "campose_va
         _answer(problem)
 
 
+def threedpw_twin(
+    recipe: Positional[str],
+    out: Path,
+    motions: Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+    dry_run: bool = False,
+    probe: bool = True,
+) -> None:
+    """Render sequences with 3DPW's layout and faults, and keep the truth aside.
+
+    Args:
+        recipe: A recipe file of kind `threedpw_twin`, or the name of one that travels with gmrdata.
+        out: Output folder: 3DPW/ (the dataset), truth/ (exact clips, twins.json), render_set/. A
+            run that was stopped goes on at the next missing frame.
+        motions: Folder of motion files that the recipe's clips name.
+        workers: Worker processes; the recipe's number when left out.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the clips.
+        redo: Make anew what another recipe made.
+        dry_run: List clips and frames with an estimate of time and disk, and make nothing.
+        probe: For the estimate of a dry run, render two frames in a temporary folder.
+    """
+    from gmrdata.recipes import find_recipe, load_recipe
+    from gmrdata.threedpw.twin_recipe import TwinRecipe
+    from gmrdata.threedpw.twin_set import SET_FOLDER, make_twins
+
+    loaded = load_recipe(find_recipe(recipe), TwinRecipe)
+    if workers is not None:
+        clips = loaded.set.model_copy(update={"workers": _at_least_one(workers)})
+        loaded = loaded.model_copy(update={"set": clips})
+    if dry_run:
+        _dry_run(loaded.set, out / SET_FOLDER, motions, probe)
+        return
+    _answer(make_twins(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+
+
 def threedpw(
     verb: OmitSubcommandPrefixes[
         Annotated[Any, subcommand("list", constructor=threedpw_list)]
         | Annotated[Any, subcommand("show", constructor=threedpw_show)]
+        | Annotated[Any, subcommand("twin", constructor=threedpw_twin)]
     ],
 ) -> None:
-    """Look into a 3DPW folder: which sequences and frames of it can be used, and why not."""
+    """Look into a 3DPW folder, or make one whose truth is known."""
 
 
 def train(
@@ -505,6 +541,15 @@ def _need(values: tuple[Any, ...], what: str) -> None:
 
 def _body_path(body: str) -> Path | None:
     return None if body == "anny" else Path(body)
+
+
+def _dry_run(recipe: "SyntheticRecipe", out: Path, motions: Path | None, probe: bool) -> None:
+    from gmrdata.synthetic import dry_run as dry
+
+    planned = dry.dry_run(recipe, out, motions_dir=motions, probe=probe)
+    _print_table(dry.HEADINGS, planned.rows)
+    for line in dry.summary_lines(planned):
+        _answer(line)
 
 
 def _print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
