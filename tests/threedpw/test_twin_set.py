@@ -12,10 +12,12 @@ from gmrdata.body.file import read_body
 from gmrdata.body.model import BodyModel
 from gmrdata.cli import main
 from gmrdata.clip import Clip, camera_of, load_clip
+from gmrdata.errors import StageFailed, StaleOutput
 from gmrdata.geometry.camera import project
 from gmrdata.pseudogt.compose import camera_motion
 from gmrdata.recipes import find_recipe, load_recipe
 from gmrdata.store import read_json
+from gmrdata.synthetic.recipe import SyntheticClip
 from gmrdata.threedpw.camera_frame import camera_clip
 from gmrdata.threedpw.listing import sequence_rows
 from gmrdata.threedpw.read import read_sequence
@@ -198,3 +200,32 @@ def test_faults_hang_on_the_seed_and_the_name_alone(out: Path, tmp_path: Path) -
 
 def reseeded(seed: int) -> TwinRecipe:
     return RECIPE.model_copy(update={"set": RECIPE.set.model_copy(update={"seed": seed})})
+
+
+@pytest.mark.slow
+def test_another_split_is_refused_and_with_redo_leaves_no_second_file(
+    out: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(out, tmp_path / "copy")
+    moved = RECIPE.model_copy(update={"splits": {}})
+    clip = RECIPE.set.clips[1]
+    with pytest.raises(StaleOutput, match=r"config\.split"):
+        write_sequence_twin(moved, clip, tmp_path / "copy")
+    write_sequence_twin(moved, clip, tmp_path / "copy", redo=True)
+    found = sorted((tmp_path / "copy" / "3DPW").rglob("park_walk_00.pkl"))
+    assert [path.parent.name for path in found] == ["test"]
+    assert read_sequence(tmp_path / "copy" / "3DPW", "park_walk_00").problems == ()
+
+
+@pytest.mark.slow
+def test_a_clip_that_fails_is_named_and_the_others_are_written(out: Path, tmp_path: Path) -> None:
+    shutil.copytree(out / "render_set", tmp_path / "render_set")
+    programme = {"kind": "linear", "speed_m_per_s": 50.0}
+    gone = SyntheticClip.model_validate({"id": "gone_00", "gait": "walk", "programme": programme})
+    clips = (gone, *RECIPE.set.clips)
+    recipe = RECIPE.model_copy(update={"set": RECIPE.set.model_copy(update={"clips": clips})})
+    with pytest.raises(StageFailed, match="gone_00: a linear camera can't keep"):
+        make_twins(recipe, tmp_path)
+    assert files_of(tmp_path / "3DPW") == files_of(out / "3DPW")
+    listed = read_json(tmp_path / "truth" / "twins.json")["sequences"]
+    assert [sequence["name"] for sequence in listed] == [clip.id for clip in RECIPE.set.clips]
