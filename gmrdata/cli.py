@@ -378,11 +378,29 @@ def threedpw_show(sequence: Positional[str], root: Path, rule: str = "campose_va
         _answer(problem)
 
 
+def threedpw_compare(manifest: Positional[Path], out: Path | None = None) -> None:
+    """Lay a pseudo ground truth of 3DPW beside Table 7 of the GMR paper, row by row.
+
+    Args:
+        manifest: A manifest of kind pseudo_gt, or the folder that holds one.
+        out: CSV file for the rows, besides the table.
+    """
+    from gmrdata.threedpw.compare import compare_with_table7
+    from gmrdata.threedpw.compare_table import HEADINGS, summary, table_rows, write_csv
+
+    rows = compare_with_table7(manifest)
+    _print_table(HEADINGS, table_rows(rows))
+    _answer(summary(rows))
+    if out is not None:
+        _answer(write_csv(out, rows))
+
+
 def threedpw(
     verb: OmitSubcommandPrefixes[
         Annotated[Any, subcommand("regenerate", constructor=threedpw_regenerate)]
         | Annotated[Any, subcommand("list", constructor=threedpw_list)]
         | Annotated[Any, subcommand("show", constructor=threedpw_show)]
+        | Annotated[Any, subcommand("compare", constructor=threedpw_compare)]
     ],
 ) -> None:
     """World-frame pseudo ground truth of a 3DPW folder, or a look into it.

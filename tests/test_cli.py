@@ -33,7 +33,10 @@ def gmrdata(*arguments: object, **options: object) -> subprocess.CompletedProces
     return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
 
-SUBVERBS = ("manifest check", "manifest show", "manifest diff", "threedpw list", "threedpw show")
+SUBVERBS = (
+    "manifest check", "manifest show", "manifest diff",
+    "threedpw list", "threedpw show", "threedpw compare",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("verb", [*VERBS, *SUBVERBS])

@@ -50,7 +50,8 @@ def clip_entry(
     """Make a clip's manifest entry from the files that a stage left; hashes them all.
 
     The kept ranges are the rows where the clip's `valid` is True and no reason speaks against
-    them.  The listing of a folder `a/frames` goes to `root/listings/a/frames.tsv`, outside the stage's finished folder.
+    them.  The listing of a folder `a/frames` goes to `root/listings/a/frames.tsv`, outside the
+    stage's finished folder.
 
     Args:
         root: The manifest's folder; everything lies below it.

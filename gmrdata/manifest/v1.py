@@ -118,7 +118,7 @@ class Quality(_Part):
     verdict: Literal["accepted", "rejected"] | None = None
     """Whether the stage that made the clip vouches for it."""
     reasons: tuple[Text, ...] = ()
-    """Why, if rejected."""
+    """Why, if rejected; and of either verdict, what a person decided of it."""
     scale: Number | None = None
     """Metres per unit of the reconstruction."""
     scale_sigma: Number | None = None

@@ -2,6 +2,7 @@
 
 from gmrdata.config import Config
 from gmrdata.geometry.motion_class import MotionClassConfig
+from gmrdata.pseudogt.override import Override
 from gmrdata.pseudogt.verdict import VerdictConfig
 from gmrdata.sfm.cues import ScaleConfig
 
@@ -13,5 +14,7 @@ class PseudoGtConfig(Config):
     """How metric scale is found."""
     verdict: VerdictConfig = VerdictConfig()
     """What a sequence and its frames must keep to."""
+    override: Override | None = None
+    """What a person decided of the sequence."""
     motion_class: MotionClassConfig = MotionClassConfig()
     """Where one class of camera motion ends and the next begins."""

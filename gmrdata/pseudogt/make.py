@@ -16,6 +16,7 @@ from gmrdata.people import PersonFiles, person_file, stage_inputs
 from gmrdata.pseudogt.compose import metric_cameras, world_motion
 from gmrdata.pseudogt.config import PseudoGtConfig
 from gmrdata.pseudogt.level import level_from_world
+from gmrdata.pseudogt.override import overridden
 from gmrdata.pseudogt.record import quality_of
 from gmrdata.pseudogt.verdict import Verdict, judge
 from gmrdata.sfm.cameras import (
@@ -98,6 +99,8 @@ def make_pseudo_gt(
                 doubts=doubts.get("sequence", ()),
                 tracked=tracked,
             )
+            if config.override is not None:
+                verdict = overridden(verdict, config.override, ~clip.valid)
             verdicts.append(verdict)
             rest_pelvis_m = bodies[number].rest_pelvis_m(clip.motion.shape)
             kept = replace(clip, valid=clip.valid & verdict.kept)

@@ -70,7 +70,7 @@ class Verdict:
     accepted: bool
     """Whether the sequence can be used, but for the dropped ranges."""
     reasons: tuple[str, ...]
-    """Why not, for a rejected one."""
+    """Why not, for a rejected one; and what a person decided, for any."""
     dropped: tuple[Dropped, ...]
     """Ranges in ascending order."""
     n_frames: int
@@ -110,7 +110,7 @@ class Verdict:
         }
 
 
-def ranges(reasons: Sequence[str]) -> list[Dropped]:
+def dropped_ranges(reasons: Sequence[str]) -> list[Dropped]:
     """Runs of frames that share a reason; frames with an empty one are in none."""
     found, start = [], 0
     for reason, group in groupby(reasons):
@@ -149,7 +149,7 @@ def judge(
     vouched = sum(not reason for reason in unusable) if unusable is not None else len(reasons)
     kept_share = sum(not reason for reason in reasons) / max(1, vouched)
     failed = [*doubts, *_sequence_reasons(sfm_quality, estimate, kept_share, config)]
-    return Verdict(not failed, tuple(failed), tuple(ranges(reasons)), len(reasons))
+    return Verdict(not failed, tuple(failed), tuple(dropped_ranges(reasons)), len(reasons))
 
 
 def frame_reasons(

@@ -37,23 +37,22 @@ def regenerate_one(
     """
     require_name(files.name)
     paths = SetPaths(root)
-    given = make_people(
-        files, body_paths, paths.people_dir(files.name), recipe.valid_rule, redo=redo
-    )
+    given = make_people(files, body_paths, paths.people_dir(files.name), recipe, redo=redo)
     out_dir = paths.pseudo_gt_dir(files.name)
     inputs = {"images": files.image_dir, "people": paths.people_dir(files.name)}
-    if is_unsolved(out_dir, recipe.sequence, inputs):
+    config = recipe.of_sequence(files.name)
+    if is_unsolved(out_dir, config, inputs):
         return out_dir
     try:
         return regenerate_sequence(
             files.image_dir,
             given.people,
             paths.sequence_dir(files.name),
-            recipe.sequence,
+            config,
             tracked_path=given.tracked_path,
             doubts_path=given.doubts_path,
             left_out=given.left_out,
             redo=redo,
         )
     except NoReconstruction as error:
-        return make_unsolved(given, str(error), out_dir, recipe.sequence, inputs, redo=redo)
+        return make_unsolved(given, str(error), out_dir, config, inputs, redo=redo)

@@ -1,6 +1,6 @@
 """Stage: a sequence of 3DPW as clips: people in the camera's frame, and the set's own path."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,14 @@ from gmrdata.body.file import read_body
 from gmrdata.clip import camera_of, save_clip
 from gmrdata.config import Config
 from gmrdata.people import PersonFiles, person_file
+from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.store import read_json, run_stage, write_json, write_npz
 from gmrdata.threedpw.camera_frame import camera_clip, world_clip
+from gmrdata.threedpw.intrinsics_check import (
+    IntrinsicsConfig,
+    estimate_focal,
+    intrinsics_reason,
+)
 from gmrdata.threedpw.layout import SequenceFiles
 from gmrdata.threedpw.read import Sequence3DPW, read_found
 from gmrdata.threedpw.valid import ValidRule, unusable_reasons
@@ -27,6 +33,8 @@ class PeopleConfig(Config):
     """Its split."""
     valid_rule: ValidRule
     """Which frames of a person the data set vouches for."""
+    intrinsics: IntrinsicsConfig
+    """How the intrinsics are checked."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +55,7 @@ def make_people(
     files: SequenceFiles,
     body_paths: tuple[Path, ...],
     out_dir: Path,
-    rule: ValidRule,
+    recipe: ThreedpwRecipe,
     *,
     redo: bool = False,
 ) -> SequencePeople:
@@ -58,7 +66,7 @@ def make_people(
         files: The sequence.
         body_paths: Bodies to choose from.
         out_dir: Folder to make.
-        rule: Which frames count as valid.
+        recipe: Which frames count as valid, and how the intrinsics are checked.
         redo: Replace a folder that another recipe made.
 
     Raises:
@@ -66,13 +74,18 @@ def make_people(
     """
 
     def work(partial: Path) -> None:
-        _write(read_found(files), body_paths, rule, partial)
+        _write(read_found(files), body_paths, recipe, partial)
 
     inputs = {"sequence": files.pickle_path}
     # The images decide which frames can be used; that there are none is the reader's to say.
     inputs |= {"images": files.image_dir} if files.image_dir.is_dir() else {}
     inputs |= {f"body_{number}": path for number, path in enumerate(body_paths)}
-    config = PeopleConfig(name=files.name, split=files.split, valid_rule=rule)
+    config = PeopleConfig(
+        name=files.name,
+        split=files.split,
+        valid_rule=recipe.valid_rule,
+        intrinsics=recipe.intrinsics,
+    )
     return load_people(run_stage("people", out_dir, config, inputs, work, redo=redo), body_paths)
 
 
@@ -92,8 +105,9 @@ def load_people(people_dir: Path, body_paths: tuple[Path, ...]) -> SequencePeopl
 
 
 def _write(
-    sequence: Sequence3DPW, body_paths: tuple[Path, ...], rule: ValidRule, partial: Path
+    sequence: Sequence3DPW, body_paths: tuple[Path, ...], recipe: ThreedpwRecipe, partial: Path
 ) -> None:
+    rule = recipe.valid_rule
     bodies = [read_body(path) for path in body_paths]
     names = [body.name for body in bodies]
     chosen, reasons = [], []
@@ -107,11 +121,15 @@ def _write(
         known = camera_of(world_clip(sequence, number, bodies, rule))
         tracked[known.has_camera] = known.world_from_cam[known.has_camera]
     write_npz(partial / TRACKED_FILE, {"world_from_cam": tracked})
-    write_json(partial / DOUBTS_FILE, {"frames": reasons, "sequence": []})
+    focal = estimate_focal(sequence, bodies, recipe.intrinsics, rule)
+    wrong = intrinsics_reason(focal, recipe.intrinsics)
+    doubts = {"frames": reasons, "sequence": [] if wrong is None else [wrong]}
+    write_json(partial / DOUBTS_FILE, doubts)
     record = {
         "bodies": chosen,
         "genders": [person.gender for person in sequence.arrays.people],
         "left_out": [row for row, fault in enumerate(sequence.images.faults) if fault],
         "problems": list(sequence.problems),
+        "focal": None if focal is None else asdict(focal),
     }
     write_json(partial / PEOPLE_FILE, record)

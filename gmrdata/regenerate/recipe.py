@@ -5,7 +5,9 @@ from typing import Literal
 from pydantic import Field
 
 from gmrdata.config import Config
+from gmrdata.pseudogt.override import Override
 from gmrdata.sequence import SequenceConfig
+from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
 from gmrdata.threedpw.valid import ValidRule
 
 
@@ -26,7 +28,19 @@ class ThreedpwRecipe(Config):
     """Which frames of a person the data set vouches for."""
     sequences: tuple[str, ...] = ()
     """Names of sequences; all when empty."""
+    overrides: dict[str, Override] = Field(default_factory=dict)
+    """What a person decided of sequences, by name."""
+    intrinsics: IntrinsicsConfig = IntrinsicsConfig()
+    """How the data set's intrinsics are checked against its 2D keypoints."""
     workers: int = Field(default=2, ge=1)
     """Worker processes, one thread each."""
     sequence: SequenceConfig = SequenceConfig()
     """Masks, cameras, scale, verdict."""
+
+    def of_sequence(self, name: str) -> SequenceConfig:
+        """The stages' recipe for one sequence, with a person's decision on it."""
+        if name not in self.overrides:
+            return self.sequence
+        decided = {"override": self.overrides[name]}
+        pseudo_gt = self.sequence.pseudo_gt.model_copy(update=decided)
+        return self.sequence.model_copy(update={"pseudo_gt": pseudo_gt})

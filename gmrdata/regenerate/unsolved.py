@@ -10,7 +10,7 @@ import numpy as np
 from gmrdata.body.file import read_body
 from gmrdata.clip import Clip, load_clip, save_clip
 from gmrdata.people import person_file
-from gmrdata.pseudogt.verdict import Verdict, ranges
+from gmrdata.pseudogt.verdict import Verdict, dropped_ranges
 from gmrdata.regenerate.people import SequencePeople
 from gmrdata.sequence import SequenceConfig
 from gmrdata.sfm.cameras import QUALITY_FILE
@@ -60,5 +60,5 @@ def make_unsolved(
 
 
 def _judged(clip: Clip, doubts: list[str], reason: str) -> dict[str, Any]:
-    dropped = ranges([doubt or "there is no reconstruction" for doubt in doubts])
+    dropped = dropped_ranges([doubt or "there is no reconstruction" for doubt in doubts])
     return Verdict(False, (reason,), tuple(dropped), len(doubts)).as_record(clip.id)

@@ -9,6 +9,7 @@ import numpy as np
 from gmrdata.geometry import transforms
 from gmrdata.sfm.colmap import pycolmap
 from gmrdata.sfm.config import SfmConfig
+from gmrdata.sfm.focal_check import FreedFocal, freed_focal
 from gmrdata.sfm.matches import Matches
 from gmrdata.sfm.placing import SeenPoints, place_frames
 
@@ -40,6 +41,8 @@ class Mapped:
     """Frames that the mapper left out and that were placed against its points afterwards."""
     seen: SeenPoints
     """Points that the mapper's frames see."""
+    focal: FreedFocal | None = None
+    """The focal length that the model would choose; None where it doesn't say."""
 
 
 def map_frames(
@@ -181,6 +184,7 @@ def _finish(
         n_models,
         n_resected,
         point_of_feature,
+        freed_focal(model),
     )
 
 

@@ -56,6 +56,8 @@ def _search(turned_m: np.ndarray, centres: np.ndarray, slip_m: float, config: Sc
     steps_m = np.diff(turned_m, axis=0).reshape(len(turned_m) - 1, -1, 3)
     moves = np.diff(centres, axis=0)
     known = np.isfinite(steps_m).all(axis=(1, 2)) & np.isfinite(moves).all(axis=1)
+    if not known.any():
+        raise NoReconstruction("scale: no two frames in a row have both pose and camera")
     steps_m, moves = steps_m[known], moves[known]
     squares = (moves**2).sum(axis=1)
     moving = squares > 1e-12 * max(1e-300, float((centres[np.isfinite(centres)] ** 2).max()))

@@ -78,6 +78,12 @@ def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:
         "points": len(mapped.points),
         "median_track_length": figure(np.median(mapped.track_lengths)),
     }
+    if mapped.focal is not None:
+        sigma = mapped.focal.sigma
+        quality |= {
+            "focal_factor": figure(mapped.focal.factor),
+            "focal_sigma": None if sigma is None else figure(sigma),
+        }
     return Solution(
         "full",
         mapped.world_from_cam,
