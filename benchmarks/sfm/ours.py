@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from render.timing import run_python
-from sfm.command import GMRDATA
 
 from gmrdata.clip import Clip
 from gmrdata.manifest.current import Clip as ClipEntry
@@ -82,7 +81,7 @@ def regenerate(
         recipe: A recipe that travels with gmrdata, or a file.
         workers: Worker processes.
     """
-    words: list[str | Path] = [*GMRDATA, "threedpw", "regenerate", "--root", root]
+    words: list[str | Path] = ["-m", "gmrdata", "threedpw", "regenerate", "--root", root]
     words += ["--out", out_dir, "--recipe", recipe, "--workers", str(workers)]
     words += ["--sequences", *sequences] if sequences else []
     run_python(*words)

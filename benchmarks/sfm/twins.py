@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from render.timing import run_python
-from sfm.command import GMRDATA
 
 from gmrdata.store import read_json
 from gmrdata.threedpw.layout import SequenceFiles, find_sequence
@@ -47,5 +46,5 @@ def make_twins(recipe: str | Path, folder: Path, motions_dir: Path | None = None
         motions_dir: The motions that the recipe names.
     """
     motions: list[str | Path] = [] if motions_dir is None else ["--motions", motions_dir]
-    run_python(*GMRDATA, "threedpw", "twin", recipe, *motions, "--out", folder)
+    run_python("-m", "gmrdata", "threedpw", "twin", recipe, *motions, "--out", folder)
     return Twins(folder)
