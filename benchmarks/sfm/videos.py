@@ -34,8 +34,10 @@ def measure_videos(video_dir: Path, model: Path, out_dir: Path) -> list[dict[str
     dog = extract_video(video_dir / "dog.mp4", out_dir / "dog" / "frames")
     phone = _numbered(video_dir / "static_people", out_dir / "static_people" / "frames")
     return [
-        _row("dog", dog, DOG_FOCAL_PX, model, out_dir / "dog"),
-        _row("static_people", phone, PHONE_FOCAL_PX, model, out_dir / "static_people"),
+        _row("dog", dog, DOG_FOCAL_PX, None, model, out_dir / "dog"),
+        _row(
+            "static_people", phone, PHONE_FOCAL_PX, BACKGROUND_M, model, out_dir / "static_people"
+        ),
     ]
 
 
@@ -47,7 +49,15 @@ def _numbered(folder: Path, out_dir: Path) -> Path:
     return out_dir
 
 
-def _row(id: str, frames: Path, focal_px: float, model: Path, out_dir: Path) -> dict[str, Any]:
+def _row(
+    id: str,
+    frames: Path,
+    focal_px: float,
+    background_m: float | None,
+    model: Path,
+    out_dir: Path,
+) -> dict[str, Any]:
+    """Cameras of one video; in metres only where the background's distance is known."""
     config = MasksConfig(sources=(OnnxSource(model=model),))
     masks_dir = make_masks(frames, out_dir / "masks", config)
     width_px, height_px = check_images(list_images(frames))
@@ -62,14 +72,14 @@ def _row(id: str, frames: Path, focal_px: float, model: Path, out_dir: Path) -> 
         "frames_with_camera": quality["frames_with_camera"],
         "geometry": quality["geometry"],
         "mean_reprojection_px": quality["mean_reprojection_px"],
-        "camera_extent_m": _extent_m(sfm_dir),
+        "camera_extent_m": None if background_m is None else _extent_m(sfm_dir, background_m),
         "seconds": round(masks_seconds(masks_dir) + stage_seconds(sfm_dir), 2),
     }
 
 
-def _extent_m(sfm_dir: Path) -> float:
-    """Extent of the camera path where the background's middle is `BACKGROUND_M` away [m]; 0 for a
-    camera that only turns."""
+def _extent_m(sfm_dir: Path, background_m: float) -> float:
+    """Extent of the camera path where the background's middle is so far away [m]; 0 for a camera
+    that only turns."""
     path = load_cameras(sfm_dir).path
     centres = path.centres_world_m[path.has_camera]
     points = load_points(sfm_dir)
@@ -77,4 +87,4 @@ def _extent_m(sfm_dir: Path) -> float:
         return 0.0
     distance = float(np.median(np.linalg.norm(points - centres.mean(axis=0), axis=1)))
     extent = float(np.linalg.norm(np.ptp(centres, axis=0)))
-    return float(f"{BACKGROUND_M * extent / distance:.4g}")
+    return float(f"{background_m * extent / distance:.4g}")
