@@ -61,8 +61,7 @@ def test_a_long_sequence(sfm: Session) -> None:
 
 def test_what_is_broken_is_caught(sfm: Session) -> None:
     twins = sfm.twins
-    good = next(name for name in sorted(twins.classes) if twins.classes[name] in MOVING)
-    other = next(name for name in sorted(twins.classes) if name != good)
+    good, other = good_and_other(sfm)
     rng, masks_dir = np.random.default_rng(4), sfm.made.folder(good, "masks")
     out_dir = sfm.work_dir / "broken"
     broken = break_sequence(
@@ -77,6 +76,15 @@ def test_what_is_broken_is_caught(sfm: Session) -> None:
             at_most("without the true cause", sum(not row["names_the_cause"] for row in rows), 0),
         ]
     )
+
+
+def good_and_other(sfm: Session) -> tuple[str, str]:
+    """An accepted sequence with a moving camera, and one of another place."""
+    twins, verdicts = sfm.twins, sfm.made.verdicts
+    moving = [name for name in sorted(twins.classes) if twins.classes[name] in MOVING]
+    good = next((name for name in moving if verdicts[name]["accepted"]), moving[0])
+    places = twins.places
+    return good, next(name for name in sorted(places) if places[name] != places[good])
 
 
 def test_real_videos(sfm: Session, shared_data: Path) -> None:

@@ -33,7 +33,9 @@ class Breakage:
     """One way to break a sequence, and what must be said of it."""
 
     id: str
-    """Name of the broken sequence."""
+    """What was done."""
+    sequence: str
+    """Name of the broken sequence; it must not name the cause, since reasons hold paths."""
     cause: re.Pattern[str]
     """What a reason that names the true cause says."""
     half: bool
@@ -41,12 +43,19 @@ class Breakage:
 
 
 BREAKAGES = (
-    Breakage("textureless", re.compile(r"textur|featureless|too few features"), half=False),
-    Breakage("shuffled", re.compile(r"out of order|shuffle"), half=False),
-    Breakage("wrong_intrinsics", re.compile(r"intrinsics|focal length"), half=False),
-    Breakage("masked_everywhere", re.compile(r"\bmask(s|ed)?\b"), half=False),
-    Breakage("half_black", re.compile(r"\bblack\b|\bdark\b|no light"), half=True),
-    Breakage("cut", re.compile(r"another place|another scene|\bcut\b|several takes"), half=True),
+    Breakage(
+        "textureless", "twin_00", re.compile(r"textur|featureless|too few features"), half=False
+    ),
+    Breakage("shuffled", "twin_01", re.compile(r"out of order|shuffle"), half=False),
+    Breakage("wrong_intrinsics", "twin_02", re.compile(r"intrinsics|focal length"), half=False),
+    Breakage("masked_everywhere", "twin_03", re.compile(r"\bmask(s|ed)?\b"), half=False),
+    Breakage("half_black", "twin_04", re.compile(r"\bblack\b|\bdark\b|no light"), half=True),
+    Breakage(
+        "cut",
+        "twin_05",
+        re.compile(r"another place|another scene|\bcut\b|several takes"),
+        half=True,
+    ),
 )
 
 
@@ -106,11 +115,13 @@ def break_sequence(
         focal = WRONG_FOCAL if broken.id == "wrong_intrinsics" else 1.0
         intrinsics_px = arrays.intrinsics_px * [[focal], [focal], [1.0]]
         intrinsics_px[:2, 2] = arrays.intrinsics_px[:2, 2]
-        files = SequenceFiles(root, broken.id, SPLIT)
+        files = SequenceFiles(root, broken.sequence, SPLIT)
         files.image_dir.mkdir(parents=True)
         for row in range(n_frames):
             files.image_path(row).write_bytes(images[broken.id](row))
-        write_sequence(root, SPLIT, replace(arrays, name=broken.id, intrinsics_px=intrinsics_px))
+        write_sequence(
+            root, SPLIT, replace(arrays, name=broken.sequence, intrinsics_px=intrinsics_px)
+        )
     return Broken(root, _white_recipe(good, out_dir, recipe, n_frames), n_frames)
 
 
@@ -138,7 +149,7 @@ def _jpeg(image: np.ndarray) -> bytes:
 
 def _white_recipe(good: SequenceFiles, out_dir: Path, recipe: str, n_frames: int) -> Path:
     """The recipe, with masks that cover everything as its only source."""
-    folder = out_dir / "white_masks"
+    folder = out_dir / "white"
     folder.mkdir()
     white = np.full(read_color(good.image_path(0)).shape[:2], 255, np.uint8)
     content = cv2.imencode(".png", white)[1].tobytes()
@@ -147,6 +158,6 @@ def _white_recipe(good: SequenceFiles, out_dir: Path, recipe: str, n_frames: int
     settings = yaml.safe_load(find_recipe(recipe).read_text(encoding="utf-8"))
     sequence = settings.setdefault("sequence", {})
     sequence["masks"] = {"sources": [{"kind": "folder", "path": str(folder.resolve())}]}
-    path = out_dir / "white_masks.yaml"
+    path = out_dir / "white.yaml"
     path.write_text(yaml.safe_dump(settings), encoding="utf-8")
     return path

@@ -25,20 +25,21 @@ def measure_broken(broken: Broken, out_dir: Path, recipe: str) -> list[dict[str,
         out_dir: Folder to make.
         recipe: The recipe by name.
     """
-    names = tuple(each.id for each in BREAKAGES if each.id != WHITE)
+    names = tuple(each.sequence for each in BREAKAGES if each.id != WHITE)
     made = regenerate(broken.root, out_dir / "broken", sequences=names, recipe=recipe)
+    covered = next(each.sequence for each in BREAKAGES if each.id == WHITE)
     white = regenerate(
-        broken.root, out_dir / "white", sequences=(WHITE,), recipe=broken.white_recipe
+        broken.root, out_dir / "white", sequences=(covered,), recipe=broken.white_recipe
     )
     rows = []
     for each in BREAKAGES:
-        files = SequenceFiles(broken.root, each.id, "test")
+        files = SequenceFiles(broken.root, each.sequence, "test")
         rows.append(_row(each, white if each.id == WHITE else made, files))
     return rows
 
 
 def _row(breakage: Breakage, made: Regenerated, files: SequenceFiles) -> dict[str, Any]:
-    verdict, entries = made.verdicts[breakage.id], made.entries(breakage.id)
+    verdict, entries = made.verdicts[files.name], made.entries(files.name)
     bad = np.zeros(read_sequence_file(files.pickle_path).n_frames, dtype=bool)
     bad[len(bad) // 2 if breakage.half else 0 :] = True
     if verdict["accepted"]:
@@ -48,6 +49,7 @@ def _row(breakage: Breakage, made: Regenerated, files: SequenceFiles) -> dict[st
         reason = _reason_for(entries, bad)
     else:
         caught, reason = True, "; ".join(verdict["reasons"])
+    reason = reason.replace(f"{files.root}/", "")
     named = [other.id for other in BREAKAGES if other.cause.search(reason)]
     return {
         "id": breakage.id,
@@ -61,7 +63,12 @@ def _row(breakage: Breakage, made: Regenerated, files: SequenceFiles) -> dict[st
 
 
 def _only_bad_dropped(entry: ClipEntry, files: SequenceFiles, person: int, bad: np.ndarray) -> bool:
-    """No bad frame is kept, and most of the good ones for which the data set vouches are."""
+    """No bad frame is kept, and most of the good ones for which the data set vouches are.
+
+    A person who is rejected has no frame to be judged by.
+    """
+    if entry.quality is not None and entry.quality.verdict == "rejected":
+        return True
     kept = np.zeros(len(bad), dtype=bool)
     for part in entry.kept:
         kept[part.start : part.stop] = True

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from render.timing import run_python
 
@@ -29,8 +30,16 @@ class Twins:
     @property
     def classes(self) -> dict[str, str]:
         """What the camera does, by sequence."""
-        rows = read_json(self.truth_dir / "twins.json")["sequences"]
-        return {row["name"]: row["class_true"] for row in rows}
+        return {row["name"]: row["class_true"] for row in self._rows}
+
+    @property
+    def places(self) -> dict[str, str]:
+        """Kind of place, by sequence."""
+        return {row["name"]: row["scene"]["kind"] for row in self._rows}
+
+    @property
+    def _rows(self) -> list[dict[str, Any]]:
+        return list(read_json(self.truth_dir / "twins.json")["sequences"])
 
     def files(self, name: str) -> SequenceFiles:
         """A sequence's files."""
