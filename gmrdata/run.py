@@ -51,6 +51,11 @@ def run_recipe(
             raise BadRecipe(
                 f"{path}: a recipe of masks needs frames: gmrdata masks FRAMES --sources {name}"
             )
+        case "threedpw":
+            raise BadRecipe(
+                f"{path}: a recipe of 3DPW needs its folder: gmrdata threedpw --root 3DPW --out OUT "
+                f"--recipe {name}"
+            )
         case kind:
             raise BadRecipe(f"{path}: unknown kind {kind!r}; there are demo, synthetic and gmr")
 

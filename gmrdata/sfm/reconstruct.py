@@ -114,6 +114,7 @@ def _solve(
     from gmrdata.sfm.mapping import map_frames, place_between
     from gmrdata.sfm.matches import Matches, match_frames
     from gmrdata.sfm.rotation_only import RotationOnly, solve_rotation_only
+    from gmrdata.sfm.turning_focal import turning_focal
 
     keys = choose_keyframes(images, masks_dir, size_px, config)
     key_images = [images[row] for row in keys.rows]
@@ -133,7 +134,8 @@ def _solve(
         evidence.verdict == "either" and not explains_better(mapped, turning, config)
     ):
         focal_px = float(intrinsics_px[0, 0])
-        solution = turning_solution(turn(everything), evidence, focal_px, config)
+        freed = turning_focal(turning, matches, intrinsics_px)
+        solution = turning_solution(turn(everything), evidence, focal_px, config, freed)
     elif mapped is not None and mapped.has_camera.sum() >= config.min_frames_registered:
         placed = place_between(mapped, keys.rows, everything, intrinsics_px)
         solution = mapped_solution(placed, evidence)

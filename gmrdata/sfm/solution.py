@@ -14,6 +14,7 @@ from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.evidence import Evidence, figure
 
 if TYPE_CHECKING:  # these load pycolmap
+    from gmrdata.sfm.focal_check import FreedFocal
     from gmrdata.sfm.mapping import Mapped
     from gmrdata.sfm.rotation_only import RotationOnly
 
@@ -37,7 +38,11 @@ class Solution:
 
 
 def turning_solution(
-    turning: RotationOnly, evidence: Evidence, focal_px: float, config: SfmConfig
+    turning: RotationOnly,
+    evidence: Evidence,
+    focal_px: float,
+    config: SfmConfig,
+    freed: FreedFocal | None = None,
 ) -> Solution:
     """A camera at the origin that only turns, or does not move at all."""
     turn_rad = _largest_turn_rad(turning)
@@ -58,6 +63,7 @@ def turning_solution(
         "resected_frames": 0,
         "largest_turn_deg": figure(np.rad2deg(turn_rad)),
     }
+    quality |= _focal_figures(freed)
     no_points, no_tracks = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
     return Solution(geometry, world_from_cam, turning.has_camera, no_points, no_tracks, quality)
 
@@ -78,12 +84,7 @@ def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:
         "points": len(mapped.points),
         "median_track_length": figure(np.median(mapped.track_lengths)),
     }
-    if mapped.focal is not None:
-        sigma = mapped.focal.sigma
-        quality |= {
-            "focal_factor": figure(mapped.focal.factor),
-            "focal_sigma": None if sigma is None else figure(sigma),
-        }
+    quality |= _focal_figures(mapped.focal)
     return Solution(
         "full",
         mapped.world_from_cam,
@@ -92,6 +93,13 @@ def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:
         mapped.track_lengths,
         quality,
     )
+
+
+def _focal_figures(freed: FreedFocal | None) -> dict[str, Any]:
+    """The focal length that the background asks for, over the given one; None where it doesn't."""
+    if freed is None or freed.sigma is None:
+        return {"focal_factor": None, "focal_sigma": None}
+    return {"focal_factor": figure(freed.factor), "focal_sigma": figure(freed.sigma)}
 
 
 def _quality(
