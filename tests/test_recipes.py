@@ -14,6 +14,7 @@ from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.run import run_recipe
 from gmrdata.synthetic.recipe import SyntheticRecipe
 from gmrdata.synthetic.select import select
+from gmrdata.threedpw.twin_recipe import TwinRecipe
 
 MODELS = {
     "demo": DemoRecipe,
@@ -21,6 +22,7 @@ MODELS = {
     "gmr": GmrRecipe,
     "masks": MasksRecipe,
     "threedpw": ThreedpwRecipe,
+    "threedpw_twin": TwinRecipe,
 }
 
 
@@ -70,7 +72,7 @@ def test_a_wrong_recipe_is_refused_with_file_and_place(
 def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("recipe: sing\n")
-    with pytest.raises(BadRecipe, match="unknown kind 'sing'; there are demo, synthetic and gmr"):
+    with pytest.raises(BadRecipe, match="unknown kind 'sing'; there are demo, synthetic, threed"):
         run_recipe(str(path), tmp_path / "out")
     path.write_text("recipe: masks\nsources: [{kind: silhouette}]\n")
     with pytest.raises(BadRecipe, match="needs frames: gmrdata masks FRAMES --sources"):

@@ -175,7 +175,9 @@ def frame_reasons(
     _mark(reasons, ~camera.has_camera, "no camera was found")
     _mark(reasons, ~clip.valid, "the body is not known")
     inliers = np.array(sfm_quality["inliers_per_frame"])[sfm_rows]
-    _mark(reasons, inliers < config.min_inliers, f"fewer than {config.min_inliers} inliers")
+    # An interpolated camera has none of its own; it is marked, and held by its neighbours.
+    few = (inliers < config.min_inliers) & ~np.isin(sfm_rows, sfm_quality.get("interpolated", []))
+    _mark(reasons, few, f"fewer than {config.min_inliers} inliers")
     steps = _relative(camera.world_from_cam, 1)
     fast = np.linalg.norm(steps[:, :3, 3], axis=1) * fps_hz > config.max_speed_m_per_s
     fast |= _angles_deg(steps) * fps_hz > config.max_turn_deg_per_s

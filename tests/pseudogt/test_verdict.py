@@ -201,3 +201,9 @@ def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
     assert [reason != "" for reason in verdict.frame_reasons] == (~verdict.kept).tolist()
     (run,) = record["dropped"]
     assert run["start"] == 40 and run["stop"] == 52
+
+
+def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
+    inliers = [200] * 40 + [0] * 3 + [200] * (N - 43)
+    figures = {"inliers_per_frame": inliers, "interpolated": [40, 41, 42]}
+    assert judge(clip, GOOD | figures, ROWS, SCALE, CONFIG).kept.all()
