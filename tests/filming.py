@@ -7,7 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from gmrdata.geometry import transforms
 from gmrdata.geometry.camera import intrinsics_from_fov
 
 WIDTH_PX, HEIGHT_PX = 320, 180
@@ -93,7 +95,8 @@ def draw(
     return image, mask
 
 
-def _film(folder: Path, cameras: np.ndarray, person_m: np.ndarray | None) -> Filmed:
+def film_cameras(folder: Path, cameras: np.ndarray, person_m: np.ndarray | None) -> Filmed:
+    """Film the room through cameras (T, 4, 4), with a person at (T, 3) on its floor, or empty."""
     rng = np.random.default_rng(5)
     textures = _textures(rng)
     (folder / "frames").mkdir(parents=True)
@@ -104,6 +107,15 @@ def _film(folder: Path, cameras: np.ndarray, person_m: np.ndarray | None) -> Fil
         cv2.imwrite(str(folder / "frames" / f"{i:05d}.jpg"), noisy, [cv2.IMWRITE_JPEG_QUALITY, 95])
         cv2.imwrite(str(folder / "masks" / f"{i:05d}.png"), mask)
     return Filmed(folder / "frames", folder / "masks", INTRINSICS_PX, cameras)
+
+
+def motion_errors(found: np.ndarray, true: np.ndarray, step: int) -> tuple[float, float]:
+    """Root mean square errors [degrees, unit] of the motions over so many frames."""
+    moves = [transforms.invert(cameras[:-step]) @ cameras[step:] for cameras in (found, true)]
+    apart = np.swapaxes(moves[0][:, :3, :3], 1, 2) @ moves[1][:, :3, :3]
+    degrees = np.rad2deg(Rotation.from_matrix(apart).magnitude())
+    lengths = np.linalg.norm(moves[0][:, :3, 3] - moves[1][:, :3, 3], axis=1)
+    return float(np.sqrt(np.mean(degrees**2))), float(np.sqrt(np.mean(lengths**2)))
 
 
 @pytest.fixture(scope="session")
@@ -124,7 +136,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Filmed]:
         }[kind]
         targets = person_m + np.array([0.0, 0.0, 1.0])
         cameras = np.array([look_at(c, t) for c, t in zip(centres, targets, strict=True)])
-        return _film(tmp_path_factory.mktemp(kind), cameras, person_m if person else None)
+        return film_cameras(tmp_path_factory.mktemp(kind), cameras, person_m if person else None)
 
     return make
 

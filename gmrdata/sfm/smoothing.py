@@ -156,7 +156,9 @@ def _noise(held: csc_array, differ: csr_array, k: int) -> np.ndarray:
     n = differ.shape[0] // k
     sample = np.unique(np.linspace(0, n - 1, min(n, NOISE_SAMPLES)).round().astype(np.int64))
     chosen = differ[(k * sample[:, None] + np.arange(k)).ravel()].toarray()
-    spread = np.einsum("mi,im->m", chosen, splu(held).solve(chosen.T))
+    # One by one: a solver of many right sides waits for BLAS threads longer than it works.
+    factors = splu(held)
+    spread = np.array([(one * factors.solve(one)).sum() for one in chosen])
     variance = np.median(spread.reshape(-1, k // 3, 3).mean(axis=2), axis=0)
     # A second difference has the variance of 1 + 4 + 1 frames.
     return np.asarray(np.sqrt(variance / 6))

@@ -22,6 +22,7 @@ from gmrdata.sfm.refining import refine_turning
 from gmrdata.sfm.rotation_only import solve_rotation_only
 from gmrdata.sfm.smoothing import second_differences, smooth_cameras
 from gmrdata.sfm.timeline import Timeline
+from tests.filming import motion_errors
 
 INTRINSICS_PX = np.array([[300.0, 0, 160], [0, 310.0, 90], [0, 0, 1]])
 CONFIG = SfmConfig()
@@ -56,15 +57,6 @@ def held(n: int, deg: float, share: float) -> csr_array:
     """Information of n cameras with such errors."""
     sigmas = np.tile(np.repeat([np.deg2rad(deg), share * UNIT], 3), n)
     return csr_array(np.diag(sigmas**-2))
-
-
-def motion_errors(found: np.ndarray, true: np.ndarray, step: int) -> tuple[float, float]:
-    """Root mean square errors [degrees, unit] of the motions over so many frames."""
-    moves = [transforms.invert(cameras[:-step]) @ cameras[step:] for cameras in (found, true)]
-    apart = np.swapaxes(moves[0][:, :3, :3], 1, 2) @ moves[1][:, :3, :3]
-    degrees = np.rad2deg(Rotation.from_matrix(apart).magnitude())
-    lengths = np.linalg.norm(moves[0][:, :3, 3] - moves[1][:, :3, 3], axis=1)
-    return float(np.sqrt(np.mean(degrees**2))), float(np.sqrt(np.mean(lengths**2)))
 
 
 def test_information_is_the_inverse_covariance_of_least_squares() -> None:
@@ -223,6 +215,7 @@ def test_a_turning_camera_is_smoothed_by_its_matches() -> None:
     )
 
 
+@pytest.mark.slow
 def test_filmed_motions_get_better(film: Callable[[str, int], Any], tmp_path: Path) -> None:
     filmed = film("arc", 40)
     errors = []
