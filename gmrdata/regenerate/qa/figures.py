@@ -46,7 +46,7 @@ def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
               record.get("scale_disagreement"), config.max_cue_disagreement),
         *_kept_rows(found, config),
     ]  # fmt: skip
-    return [*rows, _focal_row(found.people.get("focal"), recipe.intrinsics)]
+    return [*rows, focal_row(found.people.get("focal"), recipe.intrinsics)]
 
 
 def frame_rows(found: Found, config: VerdictConfig) -> list[Row]:
@@ -110,7 +110,7 @@ def _kept_rows(found: Found, config: VerdictConfig) -> list[Row]:
     return rows
 
 
-def _focal_row(focal: dict[str, Any] | None, config: IntrinsicsConfig) -> Row:
+def focal_row(focal: dict[str, Any] | None, config: IntrinsicsConfig) -> Row:
     limit = f"1 ± {config.max_focal_deviation:g}, beyond it by {config.sigmas:g} standard errors"
     name = "focal length that the 2D keypoints ask for, over the given one"
     if focal is None:

@@ -24,6 +24,8 @@ class Listed:
     """Path of its page, below the index."""
     n_frames: int
     """Number of its frames; 0 if unknown."""
+    note: str
+    """The first reason, or most of what was dropped."""
     thumbnail: bytes
     """JPEG of one frame; empty if there is none."""
     thumbnail_size_px: tuple[int, int]
@@ -70,7 +72,6 @@ def _row(one: Listed) -> tuple[str, ...]:
     if row["scale"] is not None and row["scale_sigma"] is not None:
         sortable = row["scale_sigma"] / row["scale"]
         scale = f"{row['scale']:.4g} ± {100 * sortable:.1f} %"
-    reasons = [*row["reasons"], ""]
     width_px, height_px = one.thumbnail_size_px
     picture = image(one.thumbnail, "jpeg", "", width_px, height_px) if one.thumbnail else "<i></i>"
     link = f'<a href="{text(quote(one.page))}">{text(name)}</a>'
@@ -81,5 +82,5 @@ def _row(one: Listed) -> tuple[str, ...]:
         str(one.n_frames or NO_FIGURE),
         f'<span data-sort="{row["kept_share"]}">{row["kept_share"]:.1%}</span>',
         f'<span data-sort="{sortable}">{text(scale)}</span>',
-        f'<span class="words-cell">{text(reasons[0])}</span>',
+        f'<span class="words-cell">{text(one.note)}</span>',
     )

@@ -7,10 +7,12 @@ from typing import Any
 
 from gmrdata.progress import track
 from gmrdata.regenerate.paths import SetPaths
+from gmrdata.regenerate.qa.frames_section import read_frames
 from gmrdata.regenerate.qa.gather import Found, gather
 from gmrdata.regenerate.qa.index_page import Listed, index_page
+from gmrdata.regenerate.qa.kinds import counts_of, kinds_of
 from gmrdata.regenerate.qa.sequence_page import sequence_page
-from gmrdata.regenerate.qa.tiles import THUMBNAIL_WIDTH_PX, Tile, frame_tiles, jpeg
+from gmrdata.regenerate.qa.tiles import THUMBNAIL_WIDTH_PX, jpeg
 from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.store import remove_orphans, write_text
 from gmrdata.threedpw.layout import SEQUENCE_NAME, SequenceFiles
@@ -67,12 +69,12 @@ def _write(path: Path, page: str) -> None:
 
 
 def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> Listed:
-    tiles: list[Tile] = []
-    if found.files is not None:
-        tiles = frame_tiles(found.files, paths.masks_dir(found.files.name), found.n_frames)
+    # Without a name that can be trusted there is nothing to show, and the folder isn't asked for.
+    name = "" if found.files is None else found.files.name
+    frames = read_frames(found, paths.masks_dir(name))
     page = paths.pages_dir / page_name(found.name)
-    _write(page, sequence_page(found, tiles, recipe, paths))
-    pictures = [tile.picture for tile in tiles if tile.picture is not None]
+    _write(page, sequence_page(found, frames, recipe, paths))
+    pictures = [tile.picture for tile in frames.tiles if tile.picture is not None]
     thumbnail, size_px = b"", (0, 0)
     if pictures:
         middle = pictures[len(pictures) // 2]
@@ -82,6 +84,18 @@ def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> Listed
         row=found.row,
         page=page.relative_to(paths.root).as_posix(),
         n_frames=found.n_frames,
+        note=_note(found),
         thumbnail=thumbnail,
         thumbnail_size_px=size_px,
     )
+
+
+def _note(found: Found) -> str:
+    """Why the sequence is rejected or, if it isn't, most of what was dropped of it."""
+    if found.row["reasons"]:
+        return str(found.row["reasons"][0])
+    counts = counts_of(found.reasons, kinds_of(found.reasons))
+    if not counts:
+        return ""
+    kind, n = next(iter(counts.items()))
+    return f"{sum(counts.values())} frames dropped, {n} of them: {kind.words}"

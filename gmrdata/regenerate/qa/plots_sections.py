@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from gmrdata.regenerate.qa.aligned import align_tracked
 from gmrdata.regenerate.qa.gather import Found
-from gmrdata.regenerate.qa.kinds import Kind, kinds_of
+from gmrdata.regenerate.qa.kinds import Kind, counts_of, kinds_of
 from gmrdata.regenerate.qa.paths_plot import PERSON_ROLES, draw_paths
 from gmrdata.regenerate.qa.scale_plot import cue_words, draw_scale
 from gmrdata.regenerate.qa.style import swatch
@@ -40,14 +40,15 @@ def time_section(found: Found, recipe: ThreedpwRecipe) -> str:
 
 def _legend(found: Found, kinds: dict[str, Kind]) -> str:
     parts = []
-    if found.is_solved:
-        parts += [f"{swatch('var(--good)')} kept"]
-        if not found.row["accepted"]:
-            parts[-1] = f"{swatch('var(--rule)')} within the thresholds, but rejected"
-    else:
-        parts += [f"{swatch('var(--rule)')} the data set vouches for it"]
-    for kind in dict.fromkeys(kinds.values()):
-        n = sum(kinds[r] == kind for person in found.reasons for r in person if r)
+    accepted = [person["accepted"] for person in found.record.get("people", ())]
+    with_kept = [i for i, reasons in enumerate(found.reasons) if "" in reasons]
+    if not found.is_solved and with_kept:
+        parts.append(f"{swatch('var(--rule)')} the data set vouches for it")
+    if any(accepted[i] for i in with_kept if found.is_solved):
+        parts.append(f"{swatch('var(--good)')} kept")
+    if any(not accepted[i] for i in with_kept if found.is_solved):
+        parts.append(f"{swatch('var(--rule)')} within the thresholds, but rejected")
+    for kind, n in counts_of(found.reasons, kinds).items():
         parts.append(f"{swatch(kind.colour)} {text(kind.words)} ({n})")
     return " &emsp;".join(parts)
 
@@ -66,7 +67,8 @@ def _ranges(found: Found) -> str:
     listed = table(("person", "frames", "number", "reason"), rows, "Dropped ranges, as counted "
                    "from 0 in the sequence.")  # fmt: skip
     opened = " open" if len(rows) <= OPEN_RANGES else ""
-    return f"<details{opened}><summary>{len(rows)} dropped ranges</summary>{listed}</details>"
+    counted = "One dropped range" if len(rows) == 1 else f"{len(rows)} dropped ranges"
+    return f"<details{opened}><summary>{counted}</summary>{listed}</details>"
 
 
 def _wrapped(words: str) -> str:

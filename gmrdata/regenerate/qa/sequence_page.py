@@ -5,15 +5,15 @@ from urllib.parse import quote
 
 from gmrdata.errors import GmrdataError
 from gmrdata.regenerate.paths import SetPaths
+from gmrdata.regenerate.qa.frames_section import Frames, frames_section
 from gmrdata.regenerate.qa.gather import Found
 from gmrdata.regenerate.qa.plots_sections import paths_section, scale_section, time_section
 from gmrdata.regenerate.qa.style import QA_STYLE, small
-from gmrdata.regenerate.qa.tiles import Tile, jpeg
 from gmrdata.regenerate.qa.verdict_section import class_section, verdict_section
 from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.report.clip_section import GEOMETRY_WORDS
 from gmrdata.report.document import document
-from gmrdata.report.markup import figure, image, text
+from gmrdata.report.markup import text
 
 STAGE_FILES = {
     "people": ("people.json", "doubts.json"),
@@ -24,12 +24,12 @@ STAGE_FILES = {
 """What the stages leave for people to read, beside their records."""
 
 
-def sequence_page(found: Found, tiles: list[Tile], recipe: ThreedpwRecipe, paths: SetPaths) -> str:
+def sequence_page(found: Found, frames: Frames, recipe: ThreedpwRecipe, paths: SetPaths) -> str:
     """The page as HTML; the same sequence gives the same bytes.
 
     Args:
         found: The sequence.
-        tiles: Some of its frames.
+        frames: Some of its frames.
         recipe: The set's recipe.
         paths: Where the set keeps what; the page stands in `paths.pages_dir`.
     """
@@ -46,7 +46,7 @@ def sequence_page(found: Found, tiles: list[Tile], recipe: ThreedpwRecipe, paths
             lambda: class_section(found, recipe),
             lambda: reconstruction_section(found),
         ]
-    makers += [lambda: frames_section(tiles), lambda: files_section(found, paths)]
+    makers += [lambda: frames_section(frames), lambda: files_section(found, paths)]
     return document(found.name, header, [_made(maker) for maker in makers], QA_STYLE)
 
 
@@ -110,28 +110,6 @@ def _focal(record: dict[str, float | None]) -> str | None:
     if factor is None:
         return None
     return f"{factor:.4g}" if sigma is None else f"{factor:.4g} ± {sigma:.2g}"
-
-
-def frames_section(tiles: list[Tile]) -> str:
-    """HTML: the strip of frames with their masks."""
-    if not tiles:
-        return "<section><h2>Frames</h2><p>There is no folder of images to show.</p></section>"
-    return (
-        '<section><h2>Frames</h2><div class="tiles six">'
-        + "".join(map(_tile, tiles))
-        + "</div><p class='figcaption'>Evenly spaced frames; what is masked is tinted and "
-        "outlined: no background point is sought there.</p></section>"
-    )
-
-
-def _tile(tile: Tile) -> str:
-    name = f"frame {tile.image_number}"
-    problem = f'<p class="bad">{text(tile.problem)}</p>' if tile.problem else ""
-    if tile.picture is None:
-        return f"<div><p>{name}</p>{problem}</div>"
-    height_px, width_px = tile.picture.shape[:2]
-    picture = image(jpeg(tile.picture), "jpeg", name, width_px, height_px)
-    return f"<div>{figure(picture, '')}<span>{name}</span>{problem}</div>"
 
 
 def files_section(found: Found, paths: SetPaths) -> str:

@@ -1,5 +1,6 @@
 """Some frames of a sequence with their masks, as small pictures."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,23 +31,45 @@ class Tile:
     """Why there is no picture, or no mask on it; empty if there are both."""
 
 
-def frame_tiles(files: SequenceFiles, masks_dir: Path, n_frames: int) -> list[Tile]:
-    """Evenly spaced frames of a sequence.
+def spaced(numbers: Sequence[int]) -> list[int]:
+    """A few of some frames, evenly spaced from the first to the last."""
+    at = np.linspace(0, len(numbers) - 1, min(N_TILES, len(numbers))).round().astype(int)
+    return [numbers[i] for i in at]
 
-    Args:
-        files: The sequence.
-        masks_dir: Its masks, there or not.
-        n_frames: Number of frames T; 0 if unknown: then as many as there are images.
-    """
+
+def image_numbers(files: SequenceFiles) -> list[int]:
+    """Numbers of the images that lie in a sequence's folder, in order; none if it leads out."""
     try:
         require_inside(files.root, files.image_dir)
     except GmrdataError:
         return []
-    numbers = list(range(n_frames)) or _numbers(files.image_dir)
-    if not numbers or not files.image_dir.is_dir():
-        return []
-    chosen = np.linspace(0, len(numbers) - 1, min(N_TILES, len(numbers))).round().astype(int)
-    return [_tile(files, masks_dir, numbers[at]) for at in chosen]
+    found = [number_in_name(path.name) for path in files.image_dir.glob("image_*.jpg")]
+    return sorted(number for number in found if number is not None)
+
+
+def read_tile(files: SequenceFiles, masks_dir: Path, number: int) -> Tile:
+    """One frame with its mask; a file that can't be read is named, and no error.
+
+    Args:
+        files: The sequence.
+        masks_dir: Its masks, there or not.
+        number: The frame.
+    """
+    path = files.image_path(number)
+    try:
+        # A link could show a file from anywhere on the page.
+        require_inside(files.root, path)
+        image = read_color(path)
+    except (GmrdataError, OSError) as error:
+        return Tile(number, None, str(error))
+    mask, problem = np.zeros(image.shape[:2], np.uint8), "no masks were made"
+    if masks_dir.is_dir():
+        try:
+            mask = read_gray(find_mask(masks_dir, path), (image.shape[1], image.shape[0]))
+            problem = ""
+        except (GmrdataError, OSError) as error:
+            problem = str(error)
+    return Tile(number, masked_tile(image, mask, TILE_WIDTH_PX), problem)
 
 
 def jpeg(picture: np.ndarray, width_px: int | None = None) -> bytes:
@@ -58,26 +81,3 @@ def jpeg(picture: np.ndarray, width_px: int | None = None) -> bytes:
     if not ok:
         raise BadFrames(f"a picture of {picture.shape} can't be encoded as JPEG")
     return encoded.tobytes()
-
-
-def _tile(files: SequenceFiles, masks_dir: Path, number: int) -> Tile:
-    path = files.image_path(number)
-    try:
-        # A link could show a file from anywhere on the page.
-        require_inside(files.root, path)
-        image = read_color(path)
-    except (GmrdataError, OSError) as error:
-        return Tile(number, None, str(error))
-    no_mask = np.zeros(image.shape[:2], np.uint8)
-    if not masks_dir.is_dir():
-        return Tile(number, masked_tile(image, no_mask, TILE_WIDTH_PX), "no masks were made")
-    try:
-        mask = read_gray(find_mask(masks_dir, path), (image.shape[1], image.shape[0]))
-    except (GmrdataError, OSError) as error:
-        return Tile(number, masked_tile(image, no_mask, TILE_WIDTH_PX), str(error))
-    return Tile(number, masked_tile(image, mask, TILE_WIDTH_PX), "")
-
-
-def _numbers(image_dir: Path) -> list[int]:
-    found = [number_in_name(path.name) for path in image_dir.glob("image_*.jpg")]
-    return sorted(number for number in found if number is not None)

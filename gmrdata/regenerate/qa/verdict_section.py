@@ -14,7 +14,12 @@ def verdict_section(found: Found, recipe: ThreedpwRecipe) -> str:
     judged = found.record.get("people", ())
     parts = [_person(number, person) for number, person in enumerate(judged)]
     if not parts:
-        parts = [_said(False, "Rejected", found.message.splitlines() or found.row["reasons"])]
+        parts = [_said(False, "Rejected", list(found.row["reasons"]))]
+    if len(found.message.splitlines()) > 1:
+        parts.append(
+            f"<details><summary>The whole message</summary><pre>{text(found.message)}</pre>"
+            "</details>"
+        )
     problems = "".join(f"<li>{text(problem)}</li>" for problem in found.people.get("problems", ()))
     if problems:
         parts.append(f"<h3>What the data set’s files lack</h3><ul>{problems}</ul>")
