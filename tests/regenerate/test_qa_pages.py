@@ -1,6 +1,7 @@
 """The pages of a regenerated set say what was decided, point to files, and survive broken ones."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from gmrdata.regenerate.paths import SetPaths
 from gmrdata.regenerate.qa.gather import gather
 from gmrdata.regenerate.qa.pages import write_pages
 from gmrdata.regenerate.regenerate_set import choose, regenerate_set
-from gmrdata.store import read_json
+from gmrdata.sfm.cameras import load_cameras, save_cameras
+from gmrdata.store import read_json, write_json
 from tests.regenerate.html_pages import Page
 
 pytestmark = pytest.mark.slow
@@ -133,8 +135,39 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
 ) -> None:
     files = choose(filmed_set.root, ["arc_00"])[0][0]
     row = read_json(copied_out / "verdicts.json")[0]
-    found = gather(row, "", files, SetPaths(copied_out))
-    assert found.sfm_rows is not None
-    assert found.sfm_rows.tolist() == list(range(36))
-    assert found.frames_of([3, 35]).tolist() == [3, 35]
-    assert found.kept.all() and found.world_from_cam is not None and not found.missing
+    paths = SetPaths(copied_out)
+    whole = gather(row, "", files, paths)
+    assert whole.sfm_rows is not None and whole.sfm_rows.tolist() == list(range(36))
+    assert whole.kept.all() and whole.world_from_cam is not None and not whole.missing
+    cameras = load_cameras(paths.sfm_dir("arc_00"))
+    left = np.flatnonzero(~np.isin(np.arange(36), [7, 20]))
+    path = replace(
+        cameras.path,
+        world_from_cam=cameras.path.world_from_cam[left],
+        has_camera=cameras.path.has_camera[left],
+    )
+    fewer = replace(cameras, path=path, image_numbers=left)
+    save_cameras(paths.sfm_dir("arc_00") / "cameras.npz", fewer)
+    quality_path = paths.pseudo_gt_dir("arc_00") / "quality.json"
+    record = read_json(quality_path)
+    record |= {"cuts_after_frames": [6], "interpolated": [19, 33]}
+    record["inliers_per_frame"] = record["inliers_per_frame"][:34]
+    write_json(quality_path, record)
+    found = gather(row, "", files, paths)
+    assert found.frames_of([6, 7, 18, 19, 33]).tolist() == [6, 8, 19, 21, 35]
+    draw(filmed_set, copied_out)
+    words = Page(copied_out / "qa" / "arc_00.html").words
+    assert "Cuts1" in words and "Interpolated frames2" in words
+
+
+def test_a_joined_model_is_listed_with_what_became_of_it(copied_out: Path, filmed_set: Any) -> None:
+    quality_path = SetPaths(copied_out).pseudo_gt_dir("arc_00") / "quality.json"
+    models = [
+        {"frames": 30, "kept": True, "reason": "the largest"},
+        {"frames": 6, "kept": False, "reason": "it shares <nothing>"},
+    ]
+    write_json(quality_path, read_json(quality_path) | {"models": models})
+    draw(filmed_set, copied_out)
+    page = Page(copied_out / "qa" / "arc_00.html")
+    assert "Models2" in page.words and "30 frames, kept: the largest" in page.words
+    assert "6 frames, dropped: it shares <nothing>" in page.words

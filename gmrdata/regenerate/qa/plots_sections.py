@@ -33,7 +33,8 @@ def time_section(found: Found, recipe: ThreedpwRecipe) -> str:
     if found.world_from_cam is not None:
         caption += (
             "<br>Dashed red: the threshold, with a dot where it is passed; a figure over some time "
-            "stands at the frame where that time begins. Dashed black: a cut."
+            "stands at the frame where that time begins. Dashed black: a cut. "
+            "Diamonds: frames whose camera is interpolated."
         )
     return f"<section><h2>Frames over time</h2>{figure(picture, caption)}{_ranges(found)}</section>"
 

@@ -79,6 +79,8 @@ def _inliers(axes: Axes, found: Found, fewest: int) -> None:
         known = found.sfm_rows >= 0
         counts[known] = recorded[found.sfm_rows[known]]
     _limited(axes, counts, fewest, "Inliers per frame", at_least=True)
+    between = found.frames_of(found.record.get("interpolated", []))
+    axes.plot(between, np.zeros(len(between)), "d", color=COLOURS["bad"], markersize=4, zorder=4)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
 
