@@ -69,7 +69,7 @@ def mask_sheet(images_dir: Path, masks_dir: Path, config: MaskSheetConfig) -> np
     size_px = check_images(images)
     spaced = np.linspace(0, len(images) - 1, min(config.n_frames, len(images))).round().astype(int)
     tiles = [
-        _tile(
+        masked_tile(
             read_color(images[i]),
             read_gray(find_mask(masks_dir, images[i]), size_px),
             config.tile_width_px,
@@ -79,7 +79,8 @@ def mask_sheet(images_dir: Path, masks_dir: Path, config: MaskSheetConfig) -> np
     return tile_sheet(tiles, COLUMNS, GAP_PX)
 
 
-def _tile(image: np.ndarray, mask: np.ndarray, width_px: int) -> np.ndarray:
+def masked_tile(image: np.ndarray, mask: np.ndarray, width_px: int) -> np.ndarray:
+    """A frame (H, W, 3) BGR made small, with its mask (H, W) tinted and outlined."""
     import cv2
 
     from gmrdata.report.overlay import draw_mask_outline

@@ -40,12 +40,18 @@ def quality_record(record: dict[str, Any], person: int) -> Quality:
 def dropped_reasons(record: dict[str, Any], person: int) -> list[str]:
     """Why each row of a person's clip is dropped, (T,) texts: all rows of a rejected one."""
     judged = record["people"][person]
-    reasons = [""] * judged["frames"]
-    for run in judged["dropped"]:
-        reasons[run["start"] : run["stop"]] = [run["reason"]] * (run["stop"] - run["start"])
+    reasons = judged_reasons(judged)
     if not judged["accepted"]:
         rejected = f"the sequence is rejected: {'; '.join(judged['reasons'])}"
         reasons = [reason or rejected for reason in reasons]
+    return reasons
+
+
+def judged_reasons(judged: dict[str, Any]) -> list[str]:
+    """Why each frame of one person is dropped by itself, (T,) texts; empty where it isn't."""
+    reasons = [""] * judged["frames"]
+    for run in judged["dropped"]:
+        reasons[run["start"] : run["stop"]] = [run["reason"]] * (run["stop"] - run["start"])
     return reasons
 
 

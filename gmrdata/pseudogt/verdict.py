@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from gmrdata.clip import Clip, camera_of
 from gmrdata.config import Config
-from gmrdata.geometry import transforms
+from gmrdata.pseudogt.moves import angles_deg, relative_moves, window_differences
 from gmrdata.sfm.scale import ScaleEstimate
 
 ANOTHER_PLACE = "no camera was found: the picture shows another place, beyond a cut"
@@ -178,9 +177,9 @@ def frame_reasons(
     # An interpolated camera has none of its own; it is marked, and held by its neighbours.
     few = (inliers < config.min_inliers) & ~np.isin(sfm_rows, sfm_quality.get("interpolated", []))
     _mark(reasons, few, f"fewer than {config.min_inliers} inliers")
-    steps = _relative(camera.world_from_cam, 1)
+    steps = relative_moves(camera.world_from_cam, 1)
     fast = np.linalg.norm(steps[:, :3, 3], axis=1) * fps_hz > config.max_speed_m_per_s
-    fast |= _angles_deg(steps) * fps_hz > config.max_turn_deg_per_s
+    fast |= angles_deg(steps) * fps_hz > config.max_turn_deg_per_s
     _mark(reasons, _both_sides(fast, 1, n), "the camera jumps")
     if tracked is not None:
         step = max(1, round(config.window_s * fps_hz))
@@ -203,25 +202,9 @@ def _disagrees(
     world_from_cam: np.ndarray, tracked: np.ndarray, step: int, config: VerdictConfig
 ) -> np.ndarray:
     """(T - step,) bool: windows in which the two cameras move differently."""
-    ours, theirs = _relative(world_from_cam, step), _relative(tracked, step)
-    apart = transforms.invert(ours) @ theirs
-    apart_m = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
+    apart_deg, apart_m = window_differences(world_from_cam, tracked, step)
     # A comparison with NaN is False: what is unknown doesn't disagree.
-    return (_angles_deg(apart) > config.max_window_deg) | (apart_m > config.max_window_m)
-
-
-def _relative(world_from_cam: np.ndarray, step: int) -> np.ndarray:
-    """(T - step, 4, 4) motion over `step` frames, in the axes of the first camera of each."""
-    return np.asarray(transforms.invert(world_from_cam[:-step]) @ world_from_cam[step:])
-
-
-def _angles_deg(moves: np.ndarray) -> np.ndarray:
-    """(N,) rotation angles of transforms (N, 4, 4); NaN where unknown."""
-    known = np.isfinite(moves).all(axis=(1, 2))
-    angles = np.full(len(moves), np.nan)
-    if known.any():
-        angles[known] = Rotation.from_matrix(moves[known, :3, :3]).magnitude()
-    return np.rad2deg(angles)
+    return (apart_deg > config.max_window_deg) | (apart_m > config.max_window_m)
 
 
 def _both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:

@@ -26,6 +26,16 @@ class SetPaths:
         """Why sequences failed, one text file each."""
         return self.root / "failed"
 
+    @property
+    def index_page(self) -> Path:
+        """Every sequence at a glance."""
+        return self.root / "index.html"
+
+    @property
+    def pages_dir(self) -> Path:
+        """A page for each sequence."""
+        return self.root / "qa"
+
     def body_dir(self, number: int) -> Path:
         """Stage: a body of the recipe."""
         return self.root / "bodies" / f"body_{number}"
@@ -37,6 +47,14 @@ class SetPaths:
     def people_dir(self, name: str) -> Path:
         """Stage: the people as the cameras see them."""
         return self.sequence_dir(name) / "people"
+
+    def masks_dir(self, name: str) -> Path:
+        """Stage: the masks."""
+        return self.sequence_dir(name) / "masks"
+
+    def sfm_dir(self, name: str) -> Path:
+        """Stage: the cameras."""
+        return self.sequence_dir(name) / "sfm"
 
     def pseudo_gt_dir(self, name: str) -> Path:
         """Stage: the world motions, or why there are none."""

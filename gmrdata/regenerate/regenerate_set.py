@@ -12,6 +12,7 @@ from gmrdata.manifest.write import write_manifest
 from gmrdata.regenerate.entries import sequence_entries
 from gmrdata.regenerate.one_sequence import regenerate_one
 from gmrdata.regenerate.paths import SetPaths
+from gmrdata.regenerate.qa.pages import write_pages
 from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.regenerate.verdicts import failed_row, verdict_row
 from gmrdata.store import remove_orphans, write_json
@@ -34,7 +35,8 @@ def regenerate_set(
     scheduler: str | None = None,
     redo: bool = False,
 ) -> Path:
-    """Make world motions of all sequences, `verdicts.json`, and the manifest `pseudo_gt.yaml`.
+    """Make world motions of all sequences, `verdicts.json`, the manifest `pseudo_gt.yaml`, and
+    pages to look at: `index.html` and `qa/<sequence>.html`.
 
     A sequence that can't be read or masked leaves its reason in `failed/<name>.txt`, and the others
     go on; one without a reconstruction is listed as rejected.  A run that was stopped goes on.
@@ -147,7 +149,7 @@ def _list(
     paths: SetPaths,
     redo: bool,
 ) -> None:
-    """Write the verdicts of all sequences, and the manifest of those that have files."""
+    """Write the verdicts and pages of all sequences, and the manifest of those with files."""
     done = [files for files in chosen if files.name not in reasons]
     rows = [verdict_row(files, paths) for files in done]
     rows += [
@@ -156,13 +158,24 @@ def _list(
         if files.name in reasons
     ]
     rows += [failed_row(name, "", reason) for name, reason in refused.items()]
-    write_json(paths.verdicts, sorted(rows, key=lambda row: str(row["sequence"])))
-    if not done:
-        return
+    rows.sort(key=lambda row: str(row["sequence"]))
+    write_json(paths.verdicts, rows)
+    if done:
+        _write_manifest(recipe, done, bool(reasons), paths, redo)
+    write_pages(rows, chosen, reasons, recipe, paths)
+
+
+def _write_manifest(
+    recipe: ThreedpwRecipe,
+    done: Sequence[SequenceFiles],
+    is_incomplete: bool,
+    paths: SetPaths,
+    redo: bool,
+) -> None:
     write_manifest(
         paths.manifest,
         name=recipe.name,
-        version=f"{recipe.version}-incomplete" if reasons else recipe.version,
+        version=f"{recipe.version}-incomplete" if is_incomplete else recipe.version,
         kind="pseudo_gt",
         description="World-frame pseudo ground truth, regenerated from frames, intrinsics and "
         "camera-frame bodies.",
@@ -171,5 +184,5 @@ def _list(
         created_by=created_by(
             recipe.model_dump(mode="json", exclude={"workers"}), {"sfm": recipe.sequence.sfm.seed}
         ),
-        redo=redo or bool(reasons),
+        redo=redo or is_incomplete,
     )

@@ -18,7 +18,7 @@ JPEG_QUALITY = 88
 CLOSE_UP_PX = (300, 380)
 """Width and height of a close-up: people stand."""
 
-_GEOMETRY_WORDS = {
+GEOMETRY_WORDS = {
     "full": "full (the camera translates)",
     "rotation_only": "rotation only (the camera pans)",
     "static": "static (the camera doesn't move)",
@@ -120,7 +120,7 @@ def _errors_caption(clip: ClipReport) -> str:
 
 def _record(clip: ClipReport) -> str:
     quality = clip.quality
-    rows = [("Geometry", _GEOMETRY_WORDS.get(quality.geometry, quality.geometry))]
+    rows = [("Geometry", GEOMETRY_WORDS.get(quality.geometry, quality.geometry))]
     if quality.scale is None:
         rows.append(("Metric scale", "does not enter"))
     else:

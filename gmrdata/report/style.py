@@ -119,6 +119,8 @@ def _inline(document: str) -> str:
     element = document[document.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
     element = re.sub(r'(<g\b[^>]*?) id="[^"]*"', r"\1", element)
+    # A hundredth of a point is finer than any screen, and long curves are mostly digits.
+    element = re.sub(r"(\.[0-9]{2})[0-9]+", r"\1", element)
     # The size is the viewBox's; the page's column gives the width.
     element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
     element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)

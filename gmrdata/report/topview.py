@@ -30,16 +30,16 @@ def top_view(axes: Axes, clip: ClipReport) -> float:
     paths_m = [true_m, pelvis_m]
     if clip.true.camera is not None:
         paths_m.append(clip.true.camera.centres_world_m)
-    tick_m = 0.09 * _extent_m(paths_m)
+    tick_m = 0.09 * extent_m(paths_m)
     if clip.true.camera is not None:
-        _camera(axes, clip.true.camera.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
-    _path(axes, true_m, "person-pale", TRUE_WIDTH)
+        draw_camera(axes, clip.true.camera.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
+    draw_path(axes, true_m, "person-pale", TRUE_WIDTH)
     if world_from_cam is not None:
-        _camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
-        _start(axes, world_from_cam[:, :3, 3], "camera", "camera", pelvis_m)
-    _path(axes, pelvis_m, "person", RECOVERED_WIDTH)
-    _start(axes, pelvis_m, "person", "person", None)
-    return _finish(axes)
+        draw_camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
+        mark_start(axes, world_from_cam[:, :3, 3], "camera", "camera", pelvis_m)
+    draw_path(axes, pelvis_m, "person", RECOVERED_WIDTH)
+    mark_start(axes, pelvis_m, "person", "person", None)
+    return finish_view(axes)
 
 
 def true_top_view(axes: Axes, clip: Clip) -> float:
@@ -51,12 +51,12 @@ def true_top_view(axes: Axes, clip: Clip) -> float:
     pelvis_m = clip.motion.pelvis_m
     if clip.camera is not None:
         poses = clip.camera.world_from_cam
-        tick_m = 0.09 * _extent_m([pelvis_m, poses[:, :3, 3]])
-        _camera(axes, poses, "camera", RECOVERED_WIDTH, tick_m)
-        _start(axes, poses[:, :3, 3], "camera", "camera", pelvis_m)
-    _path(axes, pelvis_m, "person", RECOVERED_WIDTH)
-    _start(axes, pelvis_m, "person", "person", None)
-    return _finish(axes)
+        tick_m = 0.09 * extent_m([pelvis_m, poses[:, :3, 3]])
+        draw_camera(axes, poses, "camera", RECOVERED_WIDTH, tick_m)
+        mark_start(axes, poses[:, :3, 3], "camera", "camera", pelvis_m)
+    draw_path(axes, pelvis_m, "person", RECOVERED_WIDTH)
+    mark_start(axes, pelvis_m, "person", "person", None)
+    return finish_view(axes)
 
 
 def motion_top_view(axes: Axes, true: Motion, predicted: Motion) -> float:
@@ -72,10 +72,10 @@ def motion_top_view(axes: Axes, true: Motion, predicted: Motion) -> float:
         true.root_rotmats[0], true.pelvis_m[0]
     ) @ transforms.invert(transforms.rigid(predicted.root_rotmats[0], predicted.pelvis_m[0]))
     predicted_m = transforms.apply(true_from_predicted, predicted.pelvis_m)
-    _path(axes, true.pelvis_m, "person-pale", TRUE_WIDTH)
-    _path(axes, predicted_m, "gmr", RECOVERED_WIDTH)
+    draw_path(axes, true.pelvis_m, "person-pale", TRUE_WIDTH)
+    draw_path(axes, predicted_m, "gmr", RECOVERED_WIDTH)
     axes.plot(*true.pelvis_m[0, :2], "o", color=COLOURS["ink"], markersize=5, zorder=5)
-    return _finish(axes)
+    return finish_view(axes)
 
 
 def aligned_paths(clip: ClipReport) -> tuple[np.ndarray, np.ndarray | None]:
@@ -92,21 +92,32 @@ def aligned_paths(clip: ClipReport) -> tuple[np.ndarray, np.ndarray | None]:
     return pelvis_m, np.where(good[:, None, None], world_from_cam, np.nan)
 
 
-def _extent_m(paths_m: list[np.ndarray]) -> float:
+def extent_m(paths_m: list[np.ndarray]) -> float:
+    """The longer side of what holds all paths (T, 2 or 3), seen from above [m]."""
     points_m = np.concatenate(paths_m)[:, :2]
     return float(np.nanmax(np.nanmax(points_m, axis=0) - np.nanmin(points_m, axis=0)))
 
 
-def _path(axes: Axes, points_m: np.ndarray, role: str, width_pt: float) -> None:
-    axes.plot(points_m[:, 0], points_m[:, 1], color=COLOURS[role], linewidth=width_pt, zorder=3)
+def draw_path(
+    axes: Axes, points_m: np.ndarray, role: str, width_pt: float, style: str = "-"
+) -> None:
+    """A path (T, 2 or 3) [m]; NaN leaves a gap."""
+    axes.plot(
+        points_m[:, 0],
+        points_m[:, 1],
+        color=COLOURS[role],
+        linewidth=width_pt,
+        linestyle=style,
+        zorder=3,
+    )
 
 
-def _camera(
+def draw_camera(
     axes: Axes, world_from_cam: np.ndarray, role: str, width_pt: float, tick_m: float
 ) -> None:
     """A camera's path with strokes along its optical axis, which shrink as it looks up or down."""
     centres_m = world_from_cam[:, :2, 3]
-    _path(axes, centres_m, role, width_pt)
+    draw_path(axes, centres_m, role, width_pt)
     known = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
     if not len(known):
         return
@@ -124,7 +135,7 @@ def _camera(
     )
 
 
-def _start(
+def mark_start(
     axes: Axes, points_m: np.ndarray, role: str, name: str, away_from_m: np.ndarray | None
 ) -> None:
     """A dot where a path starts, and its name on the side that has room."""
@@ -153,7 +164,7 @@ def _label(axes: Axes, text: str, point_m: np.ndarray, role: str, away: np.ndarr
     )
 
 
-def _finish(axes: Axes) -> float:
+def finish_view(axes: Axes) -> float:
     """Equal axes in metres, with room for the labels, on a square grid; gives its spacing [m]."""
     axes.margins(0.14)
     axes.set_aspect("equal", adjustable="datalim")

@@ -1,10 +1,10 @@
 """The index page of a synthetic set: every clip's contact sheet and paths."""
 
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 
 from gmrdata.manifest.current import Clip, Quality
+from gmrdata.report.document import document
 from gmrdata.report.markup import figure, pairs, table, text
 from gmrdata.scene_config import SceneConfig
 from gmrdata.store import write_text
@@ -24,20 +24,15 @@ def write_index(
         clips: The manifest's clips, in the order of the page.
         warnings: A line for each clip that deserves one, by id.
     """
-    style = resources.files("gmrdata.report").joinpath("report.css").read_text(encoding="utf-8")
     n_frames = sum(clip.n_frames for clip in clips)
     seconds = sum(clip.n_frames / clip.fps_hz for clip in clips)
-    sections = "\n".join(_section(clip, warnings.get(clip.id)) for clip in clips)
-    title = text(f"{recipe.name} {recipe.version}")
-    write_text(
-        path,
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{title}</title>\n<style>\n{style}</style></head>\n<body>\n"
-        f'<header><h1>{title}</h1><p class="lead">{len(clips)} clips, {n_frames} frames, '
-        f"{seconds:.1f} s; exact cameras and masks.</p></header>\n<main>\n"
-        f"{_overview(clips)}\n{sections}\n</main>\n</body></html>\n",
+    title = f"{recipe.name} {recipe.version}"
+    header = (
+        f'<h1>{text(title)}</h1><p class="lead">{len(clips)} clips, {n_frames} frames, '
+        f"{seconds:.1f} s; exact cameras and masks.</p>"
     )
+    sections = [_section(clip, warnings.get(clip.id)) for clip in clips]
+    write_text(path, document(title, header, [_overview(clips), *sections]))
     return path
 
 

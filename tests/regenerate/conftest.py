@@ -15,6 +15,7 @@ from gmrdata.clip import Clip, camera_of
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.motion.gait import make_gait
 from gmrdata.regenerate.recipe import ThreedpwRecipe
+from gmrdata.regenerate.regenerate_set import regenerate_set
 from gmrdata.threedpw.build import sequence_arrays
 from gmrdata.threedpw.keypoints import KeypointConfig, detected_keypoints
 from gmrdata.threedpw.layout import SequenceFiles
@@ -98,6 +99,14 @@ def _arrays(name: str, clips: Sequence[Clip], body: BodyModel) -> Any:
         for clip in clips
     ]
     return sequence_arrays(name, clips, body, ["female"] * len(clips), keypoints_px)
+
+
+@pytest.fixture(scope="session")
+def made_set(filmed_set: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What was regenerated from the data set; tests leave it as it is."""
+    out_dir = tmp_path_factory.mktemp("regenerated") / "out"
+    regenerate_set(filmed_set.recipe(), filmed_set.root, out_dir)
+    return out_dir
 
 
 @pytest.fixture

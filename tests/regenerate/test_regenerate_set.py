@@ -20,13 +20,6 @@ from gmrdata.store import read_json
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def made_set(filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out_dir = tmp_path_factory.mktemp("regenerated") / "out"
-    regenerate_set(filmed_set.recipe(), filmed_set.root, out_dir)
-    return out_dir
-
-
 def clip_path(out_dir: Path, name: str, person: int) -> Path:
     return out_dir / "sequences" / name / "pseudo_gt" / f"person_{person}.npz"
 
@@ -59,18 +52,20 @@ def test_two_people_share_one_right_world(made_set: Path, filmed_set: Any) -> No
 
 def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_set: Path, filmed_set: Any) -> None:
     before = {path: path.stat().st_mtime_ns for path in (made_set / "sequences").rglob("*")}
-    manifest = (made_set / "pseudo_gt.yaml").read_bytes()
+    written = ["pseudo_gt.yaml", "index.html", "qa/arc_00.html", "qa/pan_00.html"]
+    contents = [(made_set / path).read_bytes() for path in written]
     regenerate_set(filmed_set.recipe(), filmed_set.root, made_set)
     after = {path: path.stat().st_mtime_ns for path in (made_set / "sequences").rglob("*.npz")}
     assert all(before[path] == time for path, time in after.items())
-    assert (made_set / "pseudo_gt.yaml").read_bytes() == manifest
+    assert [(made_set / path).read_bytes() for path in written] == contents
     rows = plan(filmed_set.recipe(), filmed_set.root, made_set)
     assert [row[2] for row in rows] == ["done", "done"]
 
 
 def test_two_workers_make_the_same_bytes(made_set: Path, filmed_set: Any, tmp_path: Path) -> None:
     regenerate_set(filmed_set.recipe(workers=2), filmed_set.root, tmp_path / "two")
-    for path in ["pseudo_gt.yaml", "verdicts.json"]:
+    pages = ["index.html", "qa/arc_00.html", "qa/pan_00.html"]
+    for path in ["pseudo_gt.yaml", "verdicts.json", *pages]:
         assert (tmp_path / "two" / path).read_bytes() == (made_set / path).read_bytes()
     for path in sorted((made_set / "sequences").rglob("*.npz")):
         other = tmp_path / "two" / path.relative_to(made_set)
@@ -106,6 +101,11 @@ def test_bad_sequences_do_not_stop_the_others(copied_set: Any, tmp_path: Path) -
     assert "empty (0 bytes)" in dropped[7].reason and dropped[7].stop == 8
     assert "missing" in dropped[20].reason and dropped[20].stop == 21
     assert by_id["pan_00.p0"].kept == () and by_id["pan_00.p0"].camera_motion == "none"
+    # Each has a page with its reason, and what there is of it.
+    pages = {name: (out_dir / "qa" / f"{name}.html").read_text() for name in rows}
+    assert "posix.system" in pages["evil_00"] and "failed/evil_00.txt" in pages["evil_00"]
+    assert "textureless" in pages["pan_00"] and "there is no reconstruction (36)" in pages["pan_00"]
+    assert "image_00007.jpg is empty (0 bytes) (2)" in pages["arc_00"]
     # What has no reconstruction is not tried again.
     stage = out_dir / "sequences" / "pan_00" / "pseudo_gt" / "stage.json"
     before = stage.stat().st_mtime_ns
