@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
@@ -11,6 +11,9 @@ from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 from gmrdata.errors import BadRecipe, GmrdataError, MissingInput
 from gmrdata.people import PersonFiles
 from gmrdata.progress import answers, console
+
+if TYPE_CHECKING:
+    from gmrdata.synthetic.recipe import SyntheticRecipe
 
 Verb = Callable[..., None]
 
@@ -150,12 +153,7 @@ def render(
     if workers is not None:
         loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
     if dry_run:
-        from gmrdata.synthetic import dry_run as dry
-
-        planned = dry.dry_run(loaded, out, motions_dir=motions, probe=probe)
-        _print_table(dry.HEADINGS, planned.rows)
-        for line in dry.summary_lines(planned):
-            _answer(line)
+        _dry_run(loaded, out, motions, probe)
         return
     if preview:
         from gmrdata.synthetic.preview import preview_set
@@ -395,15 +393,53 @@ def threedpw_compare(manifest: Positional[Path], out: Path | None = None) -> Non
         _answer(write_csv(out, rows))
 
 
+def threedpw_twin(
+    recipe: Positional[str],
+    out: Path,
+    motions: Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+    dry_run: bool = False,
+    probe: bool = True,
+) -> None:
+    """Render sequences with 3DPW's layout and faults, and keep the truth aside.
+
+    Args:
+        recipe: A recipe file of kind `threedpw_twin`, or the name of one that travels with gmrdata.
+        out: Output folder: 3DPW/ (the dataset), truth/ (exact clips, twins.json), render_set/. A
+            run that was stopped goes on at the next missing frame.
+        motions: Folder of motion files that the recipe's clips name.
+        workers: Worker processes; the recipe's number when left out.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the clips.
+        redo: Make anew what another recipe made.
+        dry_run: List clips and frames with an estimate of time and disk, and make nothing.
+        probe: For the estimate of a dry run, render two frames in a temporary folder.
+    """
+    from gmrdata.recipes import find_recipe, load_recipe
+    from gmrdata.threedpw.twin_recipe import TwinRecipe
+    from gmrdata.threedpw.twin_set import SET_FOLDER, make_twins
+
+    loaded = load_recipe(find_recipe(recipe), TwinRecipe)
+    if workers is not None:
+        clips = loaded.set.model_copy(update={"workers": _at_least_one(workers)})
+        loaded = loaded.model_copy(update={"set": clips})
+    if dry_run:
+        _dry_run(loaded.set, out / SET_FOLDER, motions, probe)
+        return
+    _answer(make_twins(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+
+
 def threedpw(
     verb: OmitSubcommandPrefixes[
         Annotated[Any, subcommand("regenerate", constructor=threedpw_regenerate)]
         | Annotated[Any, subcommand("list", constructor=threedpw_list)]
         | Annotated[Any, subcommand("show", constructor=threedpw_show)]
         | Annotated[Any, subcommand("compare", constructor=threedpw_compare)]
+        | Annotated[Any, subcommand("twin", constructor=threedpw_twin)]
     ],
 ) -> None:
-    """World-frame pseudo ground truth of a 3DPW folder, or a look into it.
+    """World-frame pseudo ground truth of a 3DPW folder, a look into it, or a twin of it.
 
     `gmrdata threedpw --root 3DPW --out OUT` is short for `gmrdata threedpw regenerate ...`.
     """
@@ -578,6 +614,15 @@ def _one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
 
 def _body_path(body: str) -> Path | None:
     return None if body == "anny" else Path(body)
+
+
+def _dry_run(recipe: "SyntheticRecipe", out: Path, motions: Path | None, probe: bool) -> None:
+    from gmrdata.synthetic import dry_run as dry
+
+    planned = dry.dry_run(recipe, out, motions_dir=motions, probe=probe)
+    _print_table(dry.HEADINGS, planned.rows)
+    for line in dry.summary_lines(planned):
+        _answer(line)
 
 
 def _print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

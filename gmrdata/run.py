@@ -5,6 +5,8 @@ from pathlib import Path
 from gmrdata.errors import BadRecipe
 from gmrdata.recipes import find_recipe, load_recipe, recipe_kind
 
+KINDS = "demo, synthetic, threedpw_twin and gmr"
+
 
 def run_recipe(
     name: str,
@@ -24,7 +26,8 @@ def run_recipe(
         redo: Make anew what another recipe made.
 
     Returns:
-        The report of a demo, the manifest of a synthetic set, or the run folder of a network.
+        The report of a demo, the manifest of a synthetic set, the root of a twin dataset, or the
+        run folder of a network.
 
     Raises:
         BadRecipe: the recipe is of a kind that gmrdata doesn't know.
@@ -45,6 +48,14 @@ def run_recipe(
             return render_set(
                 synthetic, out_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo
             )
+        case "threedpw_twin":
+            from gmrdata.threedpw.twin_recipe import TwinRecipe
+            from gmrdata.threedpw.twin_set import make_twins
+
+            twin = load_recipe(path, TwinRecipe)
+            return make_twins(
+                twin, out_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo
+            )
         case "gmr":
             return _train_and_score(path, out_dir, redo)
         case "masks":
@@ -52,7 +63,7 @@ def run_recipe(
                 f"{path}: a recipe of masks needs frames: gmrdata masks FRAMES --sources {name}"
             )
         case kind:
-            raise BadRecipe(f"{path}: unknown kind {kind!r}; there are demo, synthetic and gmr")
+            raise BadRecipe(f"{path}: unknown kind {kind!r}; there are {KINDS}")
 
 
 def _train_and_score(path: Path, out_dir: Path, redo: bool) -> Path:

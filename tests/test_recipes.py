@@ -13,12 +13,14 @@ from gmrdata.recipes import find_recipe, load_recipe, recipe_kind
 from gmrdata.run import run_recipe
 from gmrdata.synthetic.recipe import SyntheticRecipe
 from gmrdata.synthetic.select import select
+from gmrdata.threedpw.twin_recipe import TwinRecipe
 
 MODELS = {
     "demo": DemoRecipe,
     "synthetic": SyntheticRecipe,
     "gmr": GmrRecipe,
     "masks": MasksRecipe,
+    "threedpw_twin": TwinRecipe,
 }
 
 
@@ -68,7 +70,7 @@ def test_a_wrong_recipe_is_refused_with_file_and_place(
 def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("recipe: sing\n")
-    with pytest.raises(BadRecipe, match="unknown kind 'sing'; there are demo, synthetic and gmr"):
+    with pytest.raises(BadRecipe, match="unknown kind 'sing'; there are demo, synthetic, threed"):
         run_recipe(str(path), tmp_path / "out")
     path.write_text("recipe: masks\nsources: [{kind: silhouette}]\n")
     with pytest.raises(BadRecipe, match="needs frames: gmrdata masks FRAMES --sources"):

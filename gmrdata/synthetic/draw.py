@@ -16,7 +16,7 @@ from gmrdata.synthetic.recipe import SyntheticClip, SyntheticRecipe
 
 
 def clip_rng(
-    seed: int, clip_id: str, choice: Literal["motion", "person", "looks", "place"]
+    seed: int, clip_id: str, choice: Literal["motion", "person", "looks", "place", "faults"]
 ) -> np.random.Generator:
     """The generator of one kind of choice for one clip."""
     digest = hashlib.sha256(f"{clip_id}/{choice}".encode()).digest()

@@ -8,7 +8,7 @@ import numpy as np
 from gmrdata.body.file import read_body
 from gmrdata.body.model import BodyModel
 from gmrdata.body.people import draw_person
-from gmrdata.clip import camera_of, load_clip, save_clip
+from gmrdata.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.config import Config
 from gmrdata.film import Film, film_motion, plan_clip
 from gmrdata.geometry.static_twin import static_twin
@@ -57,29 +57,39 @@ def make_plan(
     Returns:
         Path of the clip file.
     """
-    film = recipe.film
-    if clip.duration_s is not None:
-        film = film.model_copy(update={"duration_s": clip.duration_s})
 
     def work(partial_dir: Path) -> None:
         body = read_body(body_path)
-        shape = _shape(clip, recipe, body)
-        rng = clip_rng(recipe.seed, clip.id, "motion")
-        motion = film_motion(_motion(clip, film, motion_path, body, shape, rng), film)
-        planned = plan_clip(clip.id, motion, clip.programme, film, rng)
-        save_clip(partial_dir / PLANNED_FILE, planned, body.rest_pelvis_m(motion.shape))
+        planned = planned_clip(clip, recipe, motion_path, body)
+        save_clip(partial_dir / PLANNED_FILE, planned, body.rest_pelvis_m(planned.motion.shape))
 
     # The place doesn't matter to the plan: another one must not make it stale.
     config = PlanConfig(
         seed=recipe.seed,
         clip=clip.model_copy(update={"scene": None}),
-        film=film,
+        film=_film(clip, recipe),
         people=recipe.people,
     )
     inputs = {"body": body_path}
     if motion_path is not None:
         inputs |= input_files(motion_path)
     return run_stage("plan", out_dir, config, inputs, work, redo=redo) / PLANNED_FILE
+
+
+def planned_clip(
+    clip: SyntheticClip, recipe: SyntheticRecipe, motion_path: Path | None, body: BodyModel
+) -> Clip:
+    """A clip's motion and camera; arguments as for `make_plan`.
+
+    Raises:
+        BadMotionFile: the motion can't be read, or is too short.
+        BadRecipe: no distance keeps the person in frame, or the body has no such shape.
+    """
+    film = _film(clip, recipe)
+    shape = _shape(clip, recipe, body)
+    rng = clip_rng(recipe.seed, clip.id, "motion")
+    motion = film_motion(_motion(clip, film, motion_path, body, shape, rng), film)
+    return plan_clip(clip.id, motion, clip.programme, film, rng)
 
 
 class TwinConfig(Config):
@@ -124,6 +134,12 @@ def make_twin(
     inputs = {"clip": planned_path, "body": body_path}
     config = TwinConfig(id=twin_id)
     return run_stage("twin", out_dir, config, inputs, work, redo=redo) / PLANNED_FILE
+
+
+def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:
+    if clip.duration_s is None:
+        return recipe.film
+    return recipe.film.model_copy(update={"duration_s": clip.duration_s})
 
 
 def _motion(

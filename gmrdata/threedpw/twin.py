@@ -11,8 +11,14 @@ from gmrdata.clip import Clip, camera_of, save_clip
 from gmrdata.config import Config
 from gmrdata.errors import BadFrames
 from gmrdata.frames import check_images
-from gmrdata.store import atomic_path
+from gmrdata.store import atomic_path, write_npz
 from gmrdata.threedpw.build import sequence_arrays
+from gmrdata.threedpw.exposure import (
+    UNCHANGED,
+    ExposureConfig,
+    exposed_jpeg,
+    exposure_gains,
+)
 from gmrdata.threedpw.faults import FaultConfig, dataset_side
 from gmrdata.threedpw.keypoints import KeypointConfig, detected_keypoints
 from gmrdata.threedpw.layout import SequenceFiles, require_name
@@ -26,6 +32,8 @@ class TwinConfig(Config):
     """Errors of world, cameras and bodies."""
     keypoints: KeypointConfig = KeypointConfig()
     """How well the 2D keypoints are detected."""
+    exposure: ExposureConfig = ExposureConfig()
+    """How the exposure of the images changes."""
 
 
 def write_twin(
@@ -39,6 +47,8 @@ def write_twin(
     truth_dir: Path,
     config: TwinConfig,
     rng: np.random.Generator,
+    *,
+    image_dir: Path | None = None,
 ) -> SequenceFiles:
     """Write one twin.  The sequence file comes last, so one that exists has all that belongs to it.
 
@@ -47,12 +57,14 @@ def write_twin(
         split: `train`, `validation` or `test`.
         name: Name of the sequence.
         clips: Exact world-frame clips at 30 Hz, one per person, with the camera that was rendered.
-        frames: The N images in order, .jpg; they are copied byte for byte.
+        frames: The N images in order, .jpg.
         genders: "female" or "male" per person; letters in the file, without effect on the body.
         body: The body of all clips.
-        truth_dir: Where the exact clips are kept, as `<name>.p<person>.npz`.
+        truth_dir: Where the exact clips are kept, as `<name>.p<person>.npz`, and the exposure's
+            `gains` (N,), as `<name>.exposure.npz`.
         config: The faults.
         rng: Source of all faults and keypoints; the same state gives the same bytes.
+        image_dir: Where to write the images; the sequence's own folder when left out.
 
     Returns:
         Where the sequence is.
@@ -67,9 +79,11 @@ def write_twin(
     arrays = sequence_arrays(name, faulty, body, genders, keypoints_px)
     _require_frames(name, clips[0], frames)
     files = SequenceFiles(root, name, split)
+    gains = exposure_gains(len(frames), clips[0].motion.fps_hz, config.exposure, rng)
+    write_npz(truth_dir / f"{name}.exposure.npz", {"gains": gains})
     for row, frame in enumerate(frames):
-        with atomic_path(files.image_path(row)) as temporary:
-            temporary.write_bytes(frame.read_bytes())
+        with atomic_path((image_dir or files.image_dir) / files.image_path(row).name) as temporary:
+            temporary.write_bytes(_image(frame, float(gains[row]), config.exposure))
     for person, clip in enumerate(clips):
         truth = replace(clip, id=f"{name}.p{person}", image_numbers=np.arange(len(frames)))
         rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
@@ -84,6 +98,13 @@ def _keypoints(
     from gmrdata.body.skin import motion_joints_m  # torch; the readers need none
 
     return detected_keypoints(motion_joints_m(body, clip.motion), camera_of(clip), config, rng)
+
+
+def _image(frame: Path, gain: float, config: ExposureConfig) -> bytes:
+    content = frame.read_bytes()
+    if config.gain == UNCHANGED:
+        return content
+    return exposed_jpeg(content, gain, config.jpeg_quality)
 
 
 def _require_frames(name: str, clip: Clip, frames: Sequence[Path]) -> None:

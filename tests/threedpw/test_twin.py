@@ -10,15 +10,24 @@ import pytest
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip, camera_of, load_clip
 from gmrdata.errors import BadFrames, BadSequence
+from gmrdata.frames import read_color
 from gmrdata.pseudogt.compose import camera_motion
 from gmrdata.threedpw.camera_frame import camera_clip, world_clip
+from gmrdata.threedpw.exposure import ExposureConfig
 from gmrdata.threedpw.faults import FaultConfig
 from gmrdata.threedpw.layout import SequenceFiles
 from gmrdata.threedpw.read import read_sequence
 from gmrdata.threedpw.twin import TwinConfig, write_twin
 
-CONFIG = TwinConfig(faults=FaultConfig(invalid_frames=(2, 5)))
+CONFIG = TwinConfig(
+    faults=FaultConfig(invalid_frames=(2, 5)), exposure=ExposureConfig(gain=(1.0, 1.0))
+)
+EXPOSURE = ExposureConfig(gain=(0.7, 1.4))
 Write = Callable[..., SequenceFiles]
+
+
+def light_of(value: float) -> float:
+    return float(((value / 255 + 0.055) / 1.055) ** 2.4)
 
 
 @pytest.fixture
@@ -35,14 +44,13 @@ def write(tmp_path: Path, walkers: list[Clip], frames: list[Path], small_body: B
     def make(
         out: str = "a", clips: list[Clip] = walkers, seed: int = 0, **changes: object
     ) -> SequenceFiles:
-        given = {"name": "twin_00", "split": "test", "frames": frames} | changes
+        given = {"name": "twin_00", "split": "test", "frames": frames, "config": CONFIG} | changes
         return write_twin(
             tmp_path / out / "3DPW",
             clips=clips,
             genders=["female", "male"],
             body=small_body,
             truth_dir=tmp_path / out / "truth",
-            config=CONFIG,
             rng=np.random.default_rng(seed),
             **given,  # type: ignore[arg-type]
         )
@@ -79,6 +87,19 @@ def test_the_truth_is_kept_and_the_images_are_those_that_were_rendered(
         assert np.array_equal(truth.image_numbers, np.arange(30))
     for row, frame in enumerate(frames):
         assert files.image_path(row).read_bytes() == frame.read_bytes()
+
+
+def test_exposure_changes_the_images_as_planned_and_nothing_else(
+    write: Write, tmp_path: Path
+) -> None:
+    plain, exposed = write("a"), write("b", config=CONFIG.model_copy(update={"exposure": EXPOSURE}))
+    assert plain.pickle_path.read_bytes() == exposed.pickle_path.read_bytes()
+    gains = np.load(tmp_path / "b" / "truth" / "twin_00.exposure.npz")["gains"]
+    assert gains.shape == (30,) and np.ptp(gains) > 0.2
+    grey = np.array([read_color(exposed.image_path(row)).mean() for row in range(30)])
+    light = np.array([light_of(value) for value in grey])
+    np.testing.assert_allclose(light, gains * light_of(128), rtol=0.02)
+    assert (np.load(tmp_path / "a" / "truth" / "twin_00.exposure.npz")["gains"] == 1.0).all()
 
 
 def test_the_keypoints_are_those_of_the_true_person(
