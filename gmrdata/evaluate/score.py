@@ -12,6 +12,7 @@ from gmrdata.body.model import BodyModel
 from gmrdata.config import Config
 from gmrdata.errors import BadManifest
 from gmrdata.evaluate import metrics
+from gmrdata.evaluate.vertices import posed_vertex_errors_mm
 from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.gmr.runs import Run, runs_at
 from gmrdata.gmr.usable import UsableClip, check_clips_fit, usable_clips
@@ -21,8 +22,6 @@ from gmrdata.store import run_stage, write_json
 if TYPE_CHECKING:
     from gmrdata.gmr.infer import TrainedGmr
 
-CHUNK_BYTES = 64 << 20
-"""Memory for the vertices of one chunk of motions."""
 METRICS = ("ome_deg", "tme_mm", "vme_mm")
 METHODS = ("gmr", "zero")
 
@@ -175,42 +174,21 @@ def _run_errors(gmr: "TrainedGmr", body: BodyModel, run: Run) -> dict[str, dict[
         method: {
             "ome_deg": metrics.orientation_errors_deg(rotmats, true_rotmats),
             "tme_mm": metrics.translation_errors_mm(metres, true_m),
-            "vme_mm": _vertex_errors_mm(body, run, rotmats, metres, true_rotmats, true_m),
+            "vme_mm": posed_vertex_errors_mm(
+                body,
+                run.motion.shape,
+                run.motion.local_rotmats[: len(metres)],
+                rotmats,
+                metres,
+                true_rotmats,
+                true_m,
+            ),
         }
         for method, rotmats, metres in (
             ("gmr", predicted_rotmats, predicted_m),
             ("zero", still_rotmats, still_m),
         )
     }
-
-
-def _vertex_errors_mm(
-    body: BodyModel,
-    run: Run,
-    rotmats: np.ndarray,
-    metres: np.ndarray,
-    true_rotmats: np.ndarray,
-    true_m: np.ndarray,
-) -> np.ndarray:
-    """VME per motion of a run with its own body and shape, a chunk of frames at a time."""
-    import torch
-
-    from gmrdata.body.forward import posed_vertices
-
-    chunk = max(1, CHUNK_BYTES // (len(body.template_m) * 24 * 8))
-    shape = torch.as_tensor(run.motion.shape, dtype=torch.float64)
-    errors_mm = []
-    for start in range(0, len(metres), chunk):
-        rows = slice(start, min(start + chunk, len(metres)))
-        poses = np.ascontiguousarray(run.motion.local_rotmats[rows])
-        with torch.no_grad():
-            vertices_m = posed_vertices(body, shape, torch.as_tensor(poses, dtype=torch.float64))
-        errors_mm.append(
-            metrics.vertex_errors_mm(
-                rotmats[rows], metres[rows], true_rotmats[rows], true_m[rows], vertices_m.numpy()
-            )
-        )
-    return np.concatenate(errors_mm)
 
 
 def _group(scored: Sequence[ClipErrors]) -> dict[str, Any]:

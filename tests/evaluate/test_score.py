@@ -13,7 +13,7 @@ from gmrdata.body.model import BodyModel
 from gmrdata.body.skin import motion_vertices_m
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import BadManifest, StaleOutput
-from gmrdata.evaluate import score
+from gmrdata.evaluate import score, vertices
 from gmrdata.evaluate.score import ScoreConfig, score_clips, score_manifest, summarise
 from gmrdata.gmr.checkpoint import save_checkpoint
 from gmrdata.gmr.config import ModelConfig
@@ -136,7 +136,7 @@ def test_vme_is_the_distance_between_placed_meshes(
     """Against meshes of the body model itself: M([dA, L], beta, dT), frame by frame."""
     from gmrdata.gmr.infer import predict_deltas
 
-    monkeypatch.setattr(score, "CHUNK_BYTES", len(small_body.template_m) * 24 * 8 * 3)
+    monkeypatch.setattr(vertices, "CHUNK_BYTES", len(small_body.template_m) * 24 * 8 * 3)
     gmr = load_gmr(run_dir)
     (one,), _ = score_clips(gmr, small_body, [UsableClip(clips[0], "none")], ScoreConfig())
     (run,) = score.runs_at(clips[0], 10.0, all_phases=False)
