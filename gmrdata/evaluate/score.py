@@ -12,6 +12,7 @@ from gmrdata.body.model import BodyModel
 from gmrdata.config import Config
 from gmrdata.errors import BadManifest
 from gmrdata.evaluate import metrics
+from gmrdata.evaluate.beside_floor import beside_floor, read_fitting_floor
 from gmrdata.evaluate.vertices import posed_vertex_errors_mm
 from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.gmr.runs import Run, runs_at
@@ -55,6 +56,7 @@ def score_manifest(
     out_dir: Path,
     config: ScoreConfig | None = None,
     *,
+    floor_path: Path | None = None,
     redo: bool = False,
 ) -> Path:
     """Score a trained network on a manifest's clips: OME, TME and VME (eqs. 15-17).
@@ -69,6 +71,7 @@ def score_manifest(
         body_path: Their body, as `load_body` takes it; None for the default body.
         out_dir: Gets `scores.json`.
         config: The recipe; None for its defaults.
+        floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
         redo: Throw away a result of another recipe.
 
     Returns:
@@ -78,7 +81,9 @@ def score_manifest(
     Raises:
         MissingInput: a file is not there.
         BadCheckpoint: the run's checkpoint is broken.
-        BadManifest: no clip can be scored, or a clip is of another body.
+        BadManifest: no clip can be scored, a clip is of another body, or a floor is given for a
+            manifest that is no pseudo ground truth.
+        BadRecord: the floor is broken, or of another frame rate.
     """
     from gmrdata.body.load import load_body
     from gmrdata.gmr.infer import load_gmr
@@ -87,16 +92,22 @@ def score_manifest(
     inputs = {"run": run_dir, "manifest": manifest_path}
     if body_path is not None:
         inputs["body"] = body_path
+    if floor_path is not None:
+        inputs["floor"] = floor_path
 
     def work(partial_dir: Path) -> None:
         gmr = load_gmr(run_dir)
+        floor = None
+        if floor_path is not None:
+            floor = read_fitting_floor(floor_path, manifest_path, gmr.fps_hz)
         body = load_body("anny" if body_path is None else str(body_path))
         usable = usable_clips(manifest_path)
         check_clips_fit([one.clip for one in usable.clips], body)
         scored, too_short = score_clips(gmr, body, usable.clips, config)
         if not scored:
             raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
-        record = summarise(scored) | {
+        summary = summarise(scored)
+        record = (summary if floor is None else beside_floor(summary, floor)) | {
             "format": "gmrdata-scores/1",
             "fps_hz": gmr.fps_hz,
             "body": body.name,
