@@ -8,16 +8,18 @@ HEADINGS = (
     "sequence",
     "class",
     "measured",
+    "accepted",
     "OME [deg]",
     "TME [mm]",
     "VME [mm]",
-    "cam. rot. [deg]",
-    "cam. path [mm]",
-    "scale err. [%]",
-    "in 2 sigma",
+    "camera [deg]",
+    "camera [mm]",
+    "scale [%]",
+    "2 sigma",
     "kept",
     "s/frame",
 )
+ANSWERS = {None: "-", True: "yes", False: "no"}
 
 
 def floor_rows(floor: Floor) -> list[tuple[str, ...]]:
@@ -30,37 +32,38 @@ def floor_rows(floor: Floor) -> list[tuple[str, ...]]:
 def notes(floor: Floor) -> list[str]:
     """How the table is read, and why sequences were rejected."""
     lines = [
-        f"Motions at {floor.fps_hz:g} fps in all phases, between kept frames. A sequence with "
-        "several people shows the one who fares worst; `all` rows are means over everyone's "
-        "motions, and the mean size of the scale errors, of what was accepted."
+        f"Motions at {floor.fps_hz:g} fps in all phases, between kept frames; of several people "
+        "a sequence shows the one who fares worst. `all`, of what was accepted: OME, TME, VME over "
+        "everyone's motions, camera errors and sizes of scale errors over the sequences."
     ]
     rejected = [row for row in floor.sequences if not row["accepted"]]
     return lines + [f"{row['id']}: rejected: {'; '.join(row['reasons'])}" for row in rejected]
 
 
 def _sequence(row: dict[str, Any]) -> tuple[str, ...]:
-    inside = {None: "-", True: "yes", False: "no"}[row["scale_within_2sigma"]]
     return (
         row["id"],
         row["class_true"],
         row["class_measured"] or "-",
+        ANSWERS[row["accepted"]],
         *_errors(row),
         _signed(row["scale_error_percent"]),
-        inside,
-        f"{100 * row['kept_share']:.1f} %",
+        ANSWERS[row["scale_within_2sigma"]],
+        f"{100 * row['kept_share']:.1f}%",
         f"{row['seconds'] / row['frames']:.2f}",
     )
 
 
 def _group(title: str, class_true: str, group: FloorGroup) -> tuple[str, ...]:
     return (
-        f"{title}, {group.accepted} of {group.sequences} accepted",
+        title,
         class_true,
-        f"{group.class_right} of {group.sequences} right",
+        f"{group.class_right}/{group.sequences} right",
+        f"{group.accepted}/{group.sequences}",
         *_errors(group.model_dump()),
         _text(group.abs_scale_error_percent, 2),
-        f"{group.scale_within_2sigma} of {group.scale_stated}" if group.scale_stated else "-",
-        f"{100 * group.kept_share:.1f} %",
+        f"{group.scale_within_2sigma}/{group.scale_stated}" if group.scale_stated else "-",
+        f"{100 * group.kept_share:.1f}%",
         f"{group.seconds_per_frame:.2f}",
     )
 
