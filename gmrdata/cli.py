@@ -469,7 +469,7 @@ def floor(
         twins: Output folder of `gmrdata threedpw twin`, in place of drawn ones.
         recipe: A recipe file of kind `threedpw`, or the name of one that travels with gmrdata.
         size: Images of drawn twins: small (540x960), full (1080x1920), or like 180x320 [px].
-        frames: Frames of each drawn twin, at 30 fps.
+        frames: Frames of each drawn twin, at 30 fps; at least 60.
         workers: Worker processes; the recipes' numbers when left out.
         scheduler: Address of a Dask cluster (tcp://host:port) for the sequences.
         redo: Make anew what another recipe made.

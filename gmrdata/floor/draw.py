@@ -10,7 +10,9 @@ from gmrdata.threedpw.twin_recipe import TwinRecipe
 
 SIZES_PX = {"small": (FILM.width_px, FILM.height_px), "full": (1080, 1920)}
 """Width and height by name: half of 3DPW's portrait camera, and the whole."""
-MIN_SIDE_PX, MIN_FRAMES = 64, 10
+MIN_SIDE_PX = 64
+MIN_FRAMES = 60
+"""In less time the class of a camera's motion does not show."""
 
 
 def draw_twins(
@@ -54,7 +56,10 @@ def film_of(size: str, n_frames: int) -> Film:
             f"{MIN_SIDE_PX} or more"
         )
     if n_frames < MIN_FRAMES:
-        raise BadRecipe(f"--frames {n_frames}: give {MIN_FRAMES} or more")
+        raise BadRecipe(
+            f"--frames {n_frames}: give {MIN_FRAMES} or more; in less time the class of a camera's "
+            "motion does not show"
+        )
     assert FILM.fps_hz is not None
     size_px = {"width_px": width_px, "height_px": height_px}
     return FILM.model_copy(update=size_px | {"duration_s": n_frames / FILM.fps_hz})

@@ -11,8 +11,9 @@ def test_sizes_by_name_and_by_number() -> None:
     assert film_of("small", 150) == FILM
     full = film_of("full", 60)
     assert (full.width_px, full.height_px, full.duration_s) == (1080, 1920, 2.0)
-    tiny = film_of("180x320", 24)
+    tiny = film_of("180x320", 75)
     assert (tiny.width_px, tiny.height_px, tiny.fps_hz) == (180, 320, 30.0)
+    assert tiny.duration_s == 2.5
     assert tiny.hfov_deg == full.hfov_deg == FILM.hfov_deg
 
 
@@ -23,5 +24,5 @@ def test_other_sizes_are_refused(size: str) -> None:
 
 
 def test_too_few_frames_are_refused() -> None:
-    with pytest.raises(BadRecipe, match="--frames 9: give 10 or more"):
-        film_of("small", 9)
+    with pytest.raises(BadRecipe, match="--frames 59: give 60 or more"):
+        film_of("small", 59)
