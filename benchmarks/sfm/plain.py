@@ -70,7 +70,8 @@ def plain_cameras(
         has_camera = np.isfinite(world_from_cam[:, 0, 0])
         path = CameraPath(intrinsics_px, *size_px, world_from_cam, has_camera)
         numbers = np.arange(len(images))
-        save_cameras(partial / CAMERAS_FILE, SfmCameras(path, "full", numbers))
+        none = np.zeros(len(images), dtype=bool)
+        save_cameras(partial / CAMERAS_FILE, SfmCameras(path, "full", numbers, none))
 
     return run_stage("plain_sfm", out_dir, config, {"images": images_dir, "masks": masks_dir}, work)
 
