@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render clean
+.PHONY: setup demo test lint bench bench-render bench-sfm clean
 
 setup: $(READY)
 
@@ -30,6 +30,10 @@ bench: $(READY)
 # The Blender stage alone; `make bench` runs it too. ARGS=--small only tries every part.
 bench-render: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_render.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# The COLMAP stage alone, on twins of 3DPW.  ARGS=--small only tries every part; ARGS='--twins FOLDER' takes twins that are there.
+bench-sfm: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_sfm.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 clean:
 	rm -rf out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

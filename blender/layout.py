@@ -125,4 +125,4 @@ def darken_contacts(
         box = ((middle[0], rows - middle[1]), tuple(size), -np.rad2deg(thing.yaw_rad))
         cv2.fillConvexPoly(cover, cv2.boxPoints(box).astype(np.int32), (1.0,))
     light = 1 - np.float32(0.65) * cv2.GaussianBlur(cover, (0, 0), 0.16 * px_per_m)
-    ground *= cv2.resize(light, ground.shape[1::-1])[..., None]
+    ground *= cv2.merge([cv2.resize(light, ground.shape[1::-1])] * 3)

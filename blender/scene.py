@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import cv2
 import numpy as np
 
 from blender.layout import Yard
@@ -93,8 +94,7 @@ def image_of(name: str, picture: np.ndarray) -> Any:
     height, width = picture.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=False)
     image.colorspace_settings.name = "sRGB"
-    pixels = np.ones((height, width, 4), np.float32)
-    pixels[..., :3] = picture[::-1]
+    pixels = cv2.cvtColor(picture[::-1].astype(np.float32), cv2.COLOR_RGB2RGBA)  # alpha 1
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     return image

@@ -439,7 +439,7 @@ def threedpw(
         | Annotated[Any, subcommand("twin", constructor=threedpw_twin)]
     ],
 ) -> None:
-    """World-frame pseudo ground truth of a 3DPW folder, a look into it, or a twin of it.
+    """World-frame pseudo ground truth of a 3DPW folder, a look into one, or a twin of one.
 
     `gmrdata threedpw --root 3DPW --out OUT` is short for `gmrdata threedpw regenerate ...`.
     """

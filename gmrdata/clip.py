@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.errors import BadMotionFile, MissingInput
 from gmrdata.geometry.camera import CameraPath
@@ -95,6 +94,8 @@ def load_clip(path: Path) -> Clip:
         MissingInput: there is no such file.
         BadMotionFile: the file is truncated, lacks a key, or its arrays do not fit together.
     """
+    from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
+
     arrays = read_npz(path)
     _check_arrays(path, arrays)
     n_frames = len(arrays["poses"])
@@ -209,6 +210,8 @@ def _check_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
 
 def _rotvecs(rotmats: np.ndarray) -> np.ndarray:
     """Axis-angle of rotation matrices (..., 3, 3); NaN where a frame without a motion has NaN."""
+    from scipy.spatial.transform import Rotation
+
     flat = rotmats.reshape(-1, 3, 3)
     known = np.isfinite(flat).all(axis=(1, 2))
     rotvecs = np.full((len(flat), 3), np.nan)

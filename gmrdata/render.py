@@ -17,7 +17,6 @@ from gmrdata.config import Config
 from gmrdata.engines import PACKAGES_DIR, find_renderer
 from gmrdata.errors import RenderFailed
 from gmrdata.person_config import PersonConfig
-from gmrdata.progress import progress_bar
 from gmrdata.scene_config import SceneConfig
 from gmrdata.store import run_stage, write_json
 from gmrdata.video_out import write_video_of
@@ -197,6 +196,8 @@ def render_clip(
         with ExitStack() as stack:
             tell = on_frame
             if tell is None:
+                from gmrdata.progress import progress_bar  # rich; Blender's process shows no bar
+
                 bar = stack.enter_context(progress_bar())
                 n_frames = load_clip(clip_path).motion.n_frames
                 task = bar.add_task(f"rendering {out_dir.name}", total=n_frames)

@@ -62,6 +62,11 @@ def run_recipe(
             raise BadRecipe(
                 f"{path}: a recipe of masks needs frames: gmrdata masks FRAMES --sources {name}"
             )
+        case "threedpw":
+            raise BadRecipe(
+                f"{path}: a recipe of 3DPW needs its folder: "
+                f"gmrdata threedpw --root 3DPW --out OUT --recipe {name}"
+            )
         case kind:
             raise BadRecipe(f"{path}: unknown kind {kind!r}; there are {KINDS}")
 

@@ -5,10 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from gmrdata.body.load import load_body
 from gmrdata.body.model import BodyModel
 from gmrdata.body.tree import JOINT, PARENTS
+
+# A busy machine is no failure.
+settings.register_profile("gmrdata", deadline=None)
+settings.load_profile("gmrdata")
 
 pytest_plugins = ("tests.filming",)
 

@@ -10,6 +10,7 @@ from gmrdata.errors import BadRecipe, MissingInput
 from gmrdata.gmr.recipe import GmrRecipe
 from gmrdata.masks.sources import MasksRecipe
 from gmrdata.recipes import find_recipe, load_recipe, recipe_kind
+from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.run import run_recipe
 from gmrdata.synthetic.recipe import SyntheticRecipe
 from gmrdata.synthetic.select import select
@@ -20,6 +21,7 @@ MODELS = {
     "synthetic": SyntheticRecipe,
     "gmr": GmrRecipe,
     "masks": MasksRecipe,
+    "threedpw": ThreedpwRecipe,
     "threedpw_twin": TwinRecipe,
 }
 

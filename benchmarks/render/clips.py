@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from gmrdata.geometry.programmes import (
 from gmrdata.motion.gait import make_gait
 
 FPS_HZ = 10.0
-HAND = {"handheld_deg": 0.6, "handheld_m": 0.02}
+HAND: dict[str, Any] = {"handheld_deg": 0.6, "handheld_m": 0.02}
 MOVING: dict[str, Programme] = {
     "circular": Circular(),
     "linear": Linear(),

@@ -52,7 +52,9 @@ def _walks(body: BodyModel, cmu_dir: Path | None) -> Iterator[tuple[str, Motion]
     for seed in GAIT_SEEDS:
         rng = np.random.default_rng(seed)
         yield f"embedded walk {seed}", make_gait("walk", 5.0, 30.0, body, rng)
-    for trial in WALKS if cmu_dir is not None else ():
+    if cmu_dir is None:
+        return
+    for trial in WALKS:
         for path in (cmu_dir / "amc" / f"{trial}.amc", cmu_dir / "bvh" / f"{trial}.bvh"):
             if path.is_file():
                 yield f"CMU {path.name}", read_motion(path, body)

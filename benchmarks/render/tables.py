@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from gmrdata.progress import answers
@@ -10,11 +11,12 @@ from gmrdata.progress import answers
 
 def show(title: str, rows: Sequence[dict[str, Any]]) -> None:
     """Print rows that have the same keys."""
-    table = Table(title=title, title_justify="left")
+    # Without this "[mm]" is taken for markup, and is not shown.
+    table = Table(title=escape(title), title_justify="left")
     for key in rows[0]:
-        table.add_column(key.replace("_", " "))
+        table.add_column(escape(key.replace("_", " ")))
     for row in rows:
-        table.add_row(*(_cell(value) for value in row.values()))
+        table.add_row(*(escape(_cell(value)) for value in row.values()))
     answers.print(table)
 
 

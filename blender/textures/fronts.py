@@ -6,6 +6,8 @@ import numpy as np
 from blender.textures.base import PLASTERS, SHUTTERS, noise, pick, weather
 from blender.textures.prints import poster
 
+MORTAR = (0.66, 0.62, 0.56)
+
 
 def facade(
     width_m: float, height_m: float, px_per_m: float, rng: np.random.Generator
@@ -39,15 +41,18 @@ def _bricks(
 ) -> None:
     width, joint = image.shape[1], max(int(0.012 * px_per_m), 1)
     base = np.array([0.55, 0.30, 0.22]) * rng.uniform(0.8, 1.2)
-    image[top:bottom] = (0.66, 0.62, 0.56)
+    image[top:bottom] = MORTAR
     row_px, brick_px = 0.085 * px_per_m, 0.25 * px_per_m
     for row in range(int((bottom - top) / row_px) + 1):
         y0, y1 = int(top + row * row_px), min(int(top + (row + 1) * row_px) - joint, bottom)
         starts = np.arange(-brick_px / 2 * (row % 2), width, brick_px)
         shades = base * rng.normal(1, 0.17, (len(starts), 1))
         shades = np.clip(shades + rng.normal(0, 0.02, (len(starts), 3)), 0.05, 0.9)
+        line = np.empty((width, 3), np.float32)
+        line[:] = MORTAR
         for x, shade in zip(starts.tolist(), shades.tolist(), strict=True):
-            image[y0:y1, max(int(x), 0) : max(int(x + brick_px) - joint, 0)] = shade
+            line[max(int(x), 0) : max(int(x + brick_px) - joint, 0)] = shade
+        image[y0:y1] = line
 
 
 def _windows(

@@ -6,23 +6,28 @@ import numpy as np
 
 from blender.textures.base import POSTERS, ellipses, pick, weather
 
+JOINTS = (0.22, 0.20, 0.18)
+"""Colour between flagstones."""
+
 
 def paving(size_px: int, metres: float, rng: np.random.Generator) -> np.ndarray:
     """Flagstones in rows of changing width, with leaves, stains and painted marks."""
     px_per_m = size_px / metres
     image = np.empty((size_px, size_px, 3), np.float32)
-    image[:] = (0.22, 0.20, 0.18)
+    image[:] = JOINTS
     y = 0.0
     joint = max(0.014 * px_per_m, 1)
     while y < size_px:
         row = rng.uniform(0.32, 0.62) * px_per_m
         x = -rng.uniform(0, 0.8) * px_per_m
+        line = np.empty((size_px, 3), np.float32)
+        line[:] = JOINTS
         while x < size_px:
             stone = rng.uniform(0.35, 1.05) * px_per_m
             shade = rng.normal(0.52, 0.085) * np.array([1.0, 0.95, 0.87]) + rng.normal(0, 0.012, 3)
-            rows = slice(int(y + joint), int(min(y + row, size_px)))
-            image[rows, int(max(x + joint, 0)) : int(max(min(x + stone, size_px), 0))] = shade
+            line[int(max(x + joint, 0)) : int(max(min(x + stone, size_px), 0))] = shade
             x += stone
+        image[int(y + joint) : int(min(y + row, size_px))] = line
         y += row
     _marks(image, px_per_m, rng)
     image = weather(image, rng, 0.10)

@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-from blender.textures.base import Colour, ellipses, noise, pick, weather
+from blender.textures.base import Colour, by_channel, ellipses, noise, pick, weather
 from blender.textures.ground import leaves, paving
 
 CARS: tuple[Colour, ...] = (
@@ -45,7 +45,7 @@ def _asphalt(height: int, width: int, px_per_m: float, rng: np.random.Generator)
         cv2.rectangle(image, *corners, (shade, shade, shade * 1.03), -1)
         cv2.rectangle(image, *corners, (0.13, 0.13, 0.13), max(int(0.03 * px_per_m), 1))
     grain = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), 0.8)
-    image *= (1 + 0.34 * grain + 0.10 * noise(height, width, rng, 160, 6, 0.8))[..., None]
+    image *= by_channel(1 + 0.34 * grain + 0.10 * noise(height, width, rng, 160, 6, 0.8))
     for _ in range(int(width / px_per_m * 2.5)):
         steps = rng.normal(0, 0.12 * px_per_m, (30, 2)) + rng.normal(0, 0.07 * px_per_m, 2)
         line = rng.uniform(0, 1, 2) * (width, height) + np.cumsum(steps, axis=0)
@@ -75,7 +75,8 @@ def _paint(band: np.ndarray, px_per_m: float, rng: np.random.Generator) -> None:
     for y in np.arange(0.2, height / px_per_m, 1.0) * px_per_m:
         paint[int(y) : int(y + 0.5 * px_per_m), start : start + int(3.0 * px_per_m)] = 1
     worn = np.clip(0.75 - 0.55 * noise(height, width, rng, 60, 6, 0.85), 0, 1) * paint
-    band[:] = band * (1 - worn[..., None]) + np.array(WHITE, np.float32) * worn[..., None]
+    worn = by_channel(worn)
+    band[:] = band * (1 - worn) + np.array(WHITE, np.float32) * worn
 
 
 def car_body(paint: np.ndarray, rng: np.random.Generator) -> np.ndarray:

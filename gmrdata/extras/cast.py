@@ -12,10 +12,7 @@ from gmrdata.errors import BadRecipe
 from gmrdata.extras.config import Extras
 from gmrdata.extras.drive import Drive, drive_past
 from gmrdata.extras.shot import Shot, shot_of
-from gmrdata.extras.walker import keep_company, pass_by, passing_gait
-from gmrdata.motion.gait import draw_shape
 from gmrdata.motion.motion import Motion
-from gmrdata.motion.read import read_motion
 from gmrdata.motion.resample import resample, slice_motion
 
 EXTRAS_STREAM = 1000
@@ -59,6 +56,8 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
     """
     if not extras.names:
         return Cast((), ())
+    from gmrdata.extras.walker import keep_company, pass_by, passing_gait  # scipy's splines
+
     shot = shot_of(clips)
     kinds = np.random.SeedSequence(seed, spawn_key=(EXTRAS_STREAM,)).spawn(3)
     walkers: list[Motion] = []
@@ -91,6 +90,9 @@ def recorded(path: Path, shot: Shot, body: BodyModel, rng: np.random.Generator) 
     Raises:
         BadRecipe: the motion is shorter than the shot.
     """
+    from gmrdata.motion.gait import draw_shape
+    from gmrdata.motion.read import read_motion
+
     whole = resample(read_motion(path, body, shape=draw_shape(body, rng)), shot.fps_hz)
     if whole.n_frames < shot.n_frames:
         raise BadRecipe(

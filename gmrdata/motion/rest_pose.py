@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.body.tree import JOINT, JOINT_NAMES, N_JOINTS
 from gmrdata.errors import BadMotionFile
@@ -112,6 +111,8 @@ def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
 
 def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) by the smallest angle that turns one direction (3,) into another."""
+    from scipy.spatial.transform import Rotation  # slow to load; who wants `LIMBS` needs none
+
     a = from_vector / np.linalg.norm(from_vector)
     b = to_vector / np.linalg.norm(to_vector)
     axis = np.cross(a, b)

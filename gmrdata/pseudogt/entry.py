@@ -57,6 +57,8 @@ def _figures(record: dict[str, Any], judged: dict[str, Any]) -> dict[str, float]
         for name, value in record.get("camera_motion_figures", {}).items()
         if not isinstance(value, bool)
     }
+    if "interpolated" in record:
+        figures["interpolated_frames"] = len(record["interpolated"])
     figures["scale_disagreement_sigma"] = record.get("scale_disagreement")
     for cue in record.get("scale_cues", ()):
         name = cue["name"] if cue["person"] is None else f"{cue['name']}_p{cue['person']}"

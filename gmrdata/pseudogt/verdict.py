@@ -47,6 +47,11 @@ class VerdictConfig(Config):
     """Difference from the data set's own rotation over that time [degrees]."""
     max_window_m: float = Field(default=0.25, gt=0)
     """Difference from the data set's own displacement over that time [m]."""
+    max_focal_deviation: float = Field(default=0.1, gt=0, lt=1)
+    """Difference of the focal length that the background asks for from the given one, as a share of
+    it, that is still right."""
+    focal_sigmas: float = Field(default=3.0, ge=0)
+    """By how many standard errors it must be larger to be called wrong."""
     min_run_s: float = Field(default=0.3, ge=0)
     """A kept range is at least this long [s]."""
 
@@ -170,7 +175,9 @@ def frame_reasons(
     _mark(reasons, ~camera.has_camera, "no camera was found")
     _mark(reasons, ~clip.valid, "the body is not known")
     inliers = np.array(sfm_quality["inliers_per_frame"])[sfm_rows]
-    _mark(reasons, inliers < config.min_inliers, f"fewer than {config.min_inliers} inliers")
+    # An interpolated camera has none of its own; it is marked, and held by its neighbours.
+    few = (inliers < config.min_inliers) & ~np.isin(sfm_rows, sfm_quality.get("interpolated", []))
+    _mark(reasons, few, f"fewer than {config.min_inliers} inliers")
     steps = _relative(camera.world_from_cam, 1)
     fast = np.linalg.norm(steps[:, :3, 3], axis=1) * fps_hz > config.max_speed_m_per_s
     fast |= _angles_deg(steps) * fps_hz > config.max_turn_deg_per_s
@@ -270,6 +277,17 @@ def _sequence_reasons(
             f"{config.min_kept_share:.0%}",
         ),
     ]
+    factor, sigma = sfm_quality.get("focal_factor"), sfm_quality.get("focal_sigma")
+    if factor is not None and sigma is not None:
+        beyond = abs(factor - 1.0) - config.max_focal_deviation
+        checks.append(
+            (
+                beyond > config.focal_sigmas * sigma,
+                f"the background asks for a focal length {factor:.2f} times the given one "
+                f"(standard error {sigma:.2f}, at most {config.max_focal_deviation:.0%} off "
+                "is right)",
+            )
+        )
     if estimate.scale is not None and estimate.sigma is not None:
         share = estimate.sigma / estimate.scale
         checks.append(

@@ -29,6 +29,8 @@ class SfmCameras:
     "static": so is the orientation."""
     image_numbers: np.ndarray
     """(T,) int: number in the image's file name for each row."""
+    interpolated: np.ndarray
+    """(T,) bool: rows whose camera was not found in the image but between its neighbours'."""
 
 
 def save_cameras(path: Path, cameras: SfmCameras) -> None:
@@ -40,6 +42,7 @@ def save_cameras(path: Path, cameras: SfmCameras) -> None:
         "has_camera": cameras.path.has_camera,
         "geometry": np.array(cameras.geometry),
         "image_numbers": cameras.image_numbers,
+        "interpolated": cameras.interpolated,
     }
     write_npz(path, arrays)
 
@@ -65,7 +68,10 @@ def load_cameras(sfm_dir: Path) -> SfmCameras:
         geometry = str(arrays["geometry"])
         if geometry not in get_args(Geometry):
             raise ValueError(f"unknown geometry {geometry!r}")
-        return SfmCameras(camera_path, cast("Geometry", geometry), arrays["image_numbers"])
+        numbers = arrays["image_numbers"]
+        # Files of before this mark hold no interpolated cameras.
+        interpolated = arrays.get("interpolated", np.zeros(len(numbers), dtype=bool))
+        return SfmCameras(camera_path, cast("Geometry", geometry), numbers, interpolated)
     except (KeyError, ValueError) as error:
         raise BadMotionFile(f"{path}: not cameras of gmrdata ({error}); run sfm again") from None
 

@@ -46,6 +46,19 @@ class SfmConfig(Config):
     """A reconstruction with fewer cameras counts as none."""
     min_frame_points: int = Field(default=15, ge=4)
     """A frame that sees fewer background points has no camera, for six degrees of freedom."""
+    acceleration_deg: float = Field(default=0.002, gt=0)
+    """Least standard deviation of the change in the camera's turn from one frame to the next, per
+    axis, of the prior that refines all frames together [degrees/frame^2]; a path that keeps to more
+    is allowed that.  The default is 1.8 degrees/s^2 at 30 frames/s, the unrest of a good tripod
+    head; with a camera's noise of 0.004 degrees it halves what is faster than 0.115 cycles/frame,
+    3.4 Hz, so that even a hand's 0.5-2 Hz would pass, which itself is far above that value.  A
+    large value (1) smooths nothing."""
+    acceleration_share: float = Field(default=4e-5, gt=0)
+    """The same for its place, as a share of the background's median distance, since metres are not
+    known yet [1/frame^2]: 0.14 m/s^2 for a background 4 m away, at 30 frames/s."""
+    max_gap_frames: int = Field(default=5, ge=0)
+    """Frames without a camera between two with one get an interpolated camera if they are not more
+    than this, left-out images among them; 0: none is interpolated."""
     max_reprojection_px: float = Field(default=2.0, gt=0)
     """Observations with a larger error are dropped before the last bundle adjustment [px]."""
     threads: int = Field(default=1, ge=1)

@@ -10,6 +10,7 @@ from gmrdata.geometry import transforms
 from gmrdata.sfm.colmap import pycolmap
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.focal_check import FreedFocal, freed_focal
+from gmrdata.sfm.joining import ModelRecord, join_models
 from gmrdata.sfm.matches import Matches
 from gmrdata.sfm.placing import SeenPoints, place_frames
 
@@ -35,12 +36,12 @@ class Mapped:
     """(T,) observations per frame."""
     mapper: str
     """"global" or "incremental"."""
-    n_models: int
-    """Separate models that the mapper returned; the largest was taken."""
+    models: tuple[ModelRecord, ...]
+    """Separate models that the mapper returned, the largest first, and what became of them."""
     n_resected: int
     """Frames that the mapper left out and that were placed against its points afterwards."""
     seen: SeenPoints
-    """Points that the mapper's frames see."""
+    """Points that each frame with a camera sees."""
     focal: FreedFocal | None = None
     """The focal length that the model would choose; None where it doesn't say."""
 
@@ -55,7 +56,8 @@ def map_frames(
     """Map all frames; None if neither mapper finds a model.
 
     The global mapper goes first.  The incremental one is tried where the global one leaves frames
-    out, and is taken if it registers more of them, or as many with more observations.
+    out, and is taken if it registers more of them, or as many with more observations.  Models that
+    share frames are joined.
 
     Args:
         database_path: COLMAP's database with verified matches.
@@ -71,8 +73,8 @@ def map_frames(
         run = _run_global if mapper == "global" else _run_incremental
         models = list(run(database_path, images, out_dir, config).values())
         if models:
-            best = max(models, key=lambda model: (model.num_reg_images(), model.num_points3D()))
-            found.append(_finish(best, mapper, len(models), images, matches, intrinsics_px, config))
+            whole, records = join_models(models, config.seed)
+            found.append(_finish(whole, mapper, records, images, matches, intrinsics_px, config))
             if found[-1].has_camera.all():
                 break
     return max(found, key=lambda m: (m.has_camera.sum(), m.observations.sum()), default=None)
@@ -137,7 +139,7 @@ def _run_incremental(
 def _finish(
     model: Any,
     mapper: str,
-    n_models: int,
+    records: tuple[ModelRecord, ...],
     images: list[Path],
     matches: Matches,
     intrinsics_px: np.ndarray,
@@ -181,7 +183,7 @@ def _finish(
         np.concatenate(errors) if errors else np.zeros(0),
         observations,
         mapper,
-        n_models,
+        records,
         n_resected,
         point_of_feature,
         freed_focal(model),

@@ -28,7 +28,7 @@ def place_frames(
         rows: The frames without a camera.
         world_from_cam: (T, 4, 4); filled in place.
         observations: (T,) points per frame; filled in place.
-        seen: Points of the frames that have a camera.
+        seen: Points of the frames that have a camera; those of placed frames are added.
         matches: Matches of all T frames.
         intrinsics_px: (3, 3) calibration matrix [px].
 
@@ -52,6 +52,8 @@ def place_frames(
             matrix = np.asarray(answer["cam_from_world"].matrix())
             world_from_cam[row] = transforms.invert(transforms.rigid(matrix[:, :3], matrix[:, 3]))
             observations[row] = answer["num_inliers"]
+            agree = zip(points.items(), answer["inlier_mask"], strict=True)
+            seen[row] = {feature: point for (feature, point), inlier in agree if inlier}
             placed += 1
     return placed
 

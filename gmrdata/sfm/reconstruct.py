@@ -21,7 +21,13 @@ from gmrdata.sfm.cameras import (
 )
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.evidence import explains_better, weigh
-from gmrdata.sfm.solution import Solution, mapped_solution, turning_solution
+from gmrdata.sfm.solution import (
+    Solution,
+    mapped_solution,
+    turning_solution,
+    with_short_gaps_filled,
+)
+from gmrdata.sfm.timeline import Timeline
 from gmrdata.store import run_stage, write_json
 
 
@@ -74,9 +80,9 @@ def reconstruct(
         work_dir.mkdir()
         solution = _solve(work_dir, images, masks_dir, matrix, size_px, config)
         shutil.rmtree(work_dir)
-        numbers = np.array([image_number(image) for image in images])
         path = CameraPath(matrix, *size_px, solution.world_from_cam, solution.has_camera)
-        save_cameras(partial / CAMERAS_FILE, SfmCameras(path, solution.geometry, numbers))
+        cameras = SfmCameras(path, solution.geometry, _numbers(images), solution.interpolated)
+        save_cameras(partial / CAMERAS_FILE, cameras)
         save_points(partial / POINTS_FILE, solution.points, solution.track_lengths)
         write_json(partial / QUALITY_FILE, solution.quality)
 
@@ -108,14 +114,17 @@ def _solve(
     size_px: tuple[int, int],
     config: SfmConfig,
 ) -> Solution:
-    """Solve keyframes, as a pure rotation where that does, then place the frames between them."""
+    """Solve keyframes, as a pure rotation where that does, then all frames; fill short gaps."""
     from gmrdata.sfm.between import with_frames_between
     from gmrdata.sfm.keyframes import choose_keyframes
     from gmrdata.sfm.mapping import map_frames, place_between
     from gmrdata.sfm.matches import Matches, match_frames
+    from gmrdata.sfm.refining import refine_mapped, refine_turning
     from gmrdata.sfm.rotation_only import RotationOnly, solve_rotation_only
+    from gmrdata.sfm.turning_focal import turning_focal
 
     keys = choose_keyframes(images, masks_dir, size_px, config)
+    timeline = Timeline(_numbers(images), keys.cuts)
     key_images = [images[row] for row in keys.rows]
     matches = match_frames(key_images, masks_dir, intrinsics_px, size_px, work_dir, config)
 
@@ -133,9 +142,12 @@ def _solve(
         evidence.verdict == "either" and not explains_better(mapped, turning, config)
     ):
         focal_px = float(intrinsics_px[0, 0])
-        solution = turning_solution(turn(everything), evidence, focal_px, config)
+        freed = turning_focal(turning, matches, intrinsics_px)
+        refined, figures = refine_turning(turn(everything), timeline, config)
+        solution = turning_solution(refined, evidence, focal_px, config, freed)
     elif mapped is not None and mapped.has_camera.sum() >= config.min_frames_registered:
         placed = place_between(mapped, keys.rows, everything, intrinsics_px)
+        placed, figures = refine_mapped(placed, everything, intrinsics_px, timeline, config)
         solution = mapped_solution(placed, evidence)
     else:
         raise NoReconstruction(
@@ -143,5 +155,14 @@ def _solve(
             "could build a model; the parallax may be too small, the intrinsics wrong or the "
             "background moving"
         )
-    choice = {"keyframes": keys.rows.tolist(), "cuts_after_frames": keys.cuts.tolist()}
-    return replace(solution, quality=solution.quality | choice)
+    more = {
+        "keyframes": keys.rows.tolist(),
+        "cuts_after_frames": keys.cuts.tolist(),
+        "smoothing": figures if solution.geometry != "static" else {},
+    }
+    solution = replace(solution, quality=solution.quality | more)
+    return with_short_gaps_filled(solution, timeline, config.max_gap_frames)
+
+
+def _numbers(images: list[Path]) -> np.ndarray:
+    return np.array([image_number(image) for image in images])

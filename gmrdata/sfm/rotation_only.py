@@ -7,11 +7,12 @@ the best pairs chains them, and Gauss-Newton with Cauchy weights refines all of 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import block_diag, coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
+from gmrdata.sfm.information import noise_px
 from gmrdata.sfm.matches import Matches, PairMatches
 
 HYPOTHESES = 200
@@ -34,6 +35,9 @@ class RotationOnly:
     """(M,) index into the pairs that were used."""
     pairs_rows: np.ndarray
     """(P, 2) first and second frame of the pairs that were used."""
+    information: csr_array
+    """(3T, 3T) of small turns in the world's axes, R <- exp(w) R, at the noise that the residuals
+    show [1/rad^2]; the world is fixed at its first frame, and frames without a camera are zero."""
 
     @property
     def pair_medians_px(self) -> np.ndarray:
@@ -85,7 +89,8 @@ def solve_rotation_only(
     rotmats = _refine(rotmats, linked, data, intrinsics_px)
     residuals = np.linalg.norm(_residuals(rotmats, data, intrinsics_px), axis=1)
     rows = np.array([(matches.pairs[i].first, matches.pairs[i].second) for i in used])
-    return RotationOnly(rotmats, linked, residuals, data.pair, rows)
+    information = _information(rotmats, linked, data, intrinsics_px)
+    return RotationOnly(rotmats, linked, residuals, data.pair, rows, information)
 
 
 def unit_rays(points_px: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
@@ -202,6 +207,20 @@ def _refine(
         if np.abs(turn).max() < 1e-9:
             break
     return rotmats
+
+
+def _information(
+    rotmats: np.ndarray, linked: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
+) -> csr_array:
+    hessian, _ = _normal_equations(rotmats, data, intrinsics_px)
+    # Turns in the cameras' axes become turns in the world's.
+    world_from_cam = csr_array(block_diag(rotmats, format="csr"))
+    information = world_from_cam @ csr_array(hessian) @ world_from_cam.T
+    variance_px2 = noise_px(_residuals(rotmats, data, intrinsics_px)) ** 2
+    first = int(np.flatnonzero(linked)[0])
+    fixed = np.zeros(len(hessian))
+    fixed[3 * first : 3 * first + 3] = np.trace(hessian) / len(hessian)
+    return csr_array((information + diags_array(fixed)) / variance_px2)
 
 
 def _normal_equations(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,8 +12,11 @@ from gmrdata.geometry import transforms
 from gmrdata.sfm.cameras import Geometry
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.evidence import Evidence, figure
+from gmrdata.sfm.short_gaps import fill_short_gaps
+from gmrdata.sfm.timeline import Timeline
 
 if TYPE_CHECKING:  # these load pycolmap
+    from gmrdata.sfm.focal_check import FreedFocal
     from gmrdata.sfm.mapping import Mapped
     from gmrdata.sfm.rotation_only import RotationOnly
 
@@ -32,12 +35,18 @@ class Solution:
     """(N, 3) background points [unit of length of the cameras]; none but for "full"."""
     track_lengths: np.ndarray
     """(N,) frames that see each point."""
+    interpolated: np.ndarray
+    """(T,) bool: frames whose camera was interpolated."""
     quality: dict[str, Any]
     """The figures, as plain JSON."""
 
 
 def turning_solution(
-    turning: RotationOnly, evidence: Evidence, focal_px: float, config: SfmConfig
+    turning: RotationOnly,
+    evidence: Evidence,
+    focal_px: float,
+    config: SfmConfig,
+    freed: FreedFocal | None = None,
 ) -> Solution:
     """A camera at the origin that only turns, or does not move at all."""
     turn_rad = _largest_turn_rad(turning)
@@ -54,12 +63,14 @@ def turning_solution(
     quality = _quality(geometry, turning.has_camera, turning.residuals_px[agree], inliers, evidence)
     quality |= {
         "mapper": "rotation_only",
-        "models": 1,
+        "models": [],
         "resected_frames": 0,
         "largest_turn_deg": figure(np.rad2deg(turn_rad)),
     }
+    quality |= _focal_figures(freed)
     no_points, no_tracks = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
-    return Solution(geometry, world_from_cam, turning.has_camera, no_points, no_tracks, quality)
+    has_camera, none = turning.has_camera, np.zeros_like(turning.has_camera)
+    return Solution(geometry, world_from_cam, has_camera, no_points, no_tracks, none, quality)
 
 
 def _largest_turn_rad(turning: RotationOnly) -> float:
@@ -73,24 +84,44 @@ def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:
     quality = _quality("full", mapped.has_camera, mapped.errors_px, mapped.observations, evidence)
     quality |= {
         "mapper": mapped.mapper,
-        "models": mapped.n_models,
+        "models": [asdict(record) for record in mapped.models],
         "resected_frames": mapped.n_resected,
         "points": len(mapped.points),
         "median_track_length": figure(np.median(mapped.track_lengths)),
     }
-    if mapped.focal is not None:
-        sigma = mapped.focal.sigma
-        quality |= {
-            "focal_factor": figure(mapped.focal.factor),
-            "focal_sigma": None if sigma is None else figure(sigma),
-        }
+    quality |= _focal_figures(mapped.focal)
     return Solution(
         "full",
         mapped.world_from_cam,
         mapped.has_camera,
         mapped.points,
         mapped.track_lengths,
+        np.zeros_like(mapped.has_camera),
         quality,
+    )
+
+
+def _focal_figures(freed: FreedFocal | None) -> dict[str, Any]:
+    """The focal length that the background asks for, over the given one; None where it doesn't."""
+    if freed is None or freed.sigma is None:
+        return {"focal_factor": None, "focal_sigma": None}
+    return {"focal_factor": figure(freed.factor), "focal_sigma": figure(freed.sigma)}
+
+
+def with_short_gaps_filled(solution: Solution, timeline: Timeline, max_gap_frames: int) -> Solution:
+    """The solution with cameras interpolated over short gaps, marked, and named in the figures.
+
+    The other figures are about the cameras that were found.
+    """
+    filled, interpolated = fill_short_gaps(
+        solution.world_from_cam, solution.has_camera, timeline, max_gap_frames
+    )
+    return replace(
+        solution,
+        world_from_cam=filled,
+        has_camera=solution.has_camera | interpolated,
+        interpolated=interpolated,
+        quality=solution.quality | {"interpolated": np.flatnonzero(interpolated).tolist()},
     )
 
 

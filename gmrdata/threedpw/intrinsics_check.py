@@ -27,6 +27,8 @@ from gmrdata.threedpw.valid import ValidRule
 
 NEAREST_M = 0.3
 """Joints closer to the camera than this are left out [m]: there a small error is many pixels."""
+MARGIN_SHARE = 0.5
+"""Joints that the body has further outside the image than this share of it are left out."""
 FINEST_PX = 0.2
 """No detector's error is smaller [px]; keeps exact input from dividing by zero."""
 MAX_ITERATIONS = 50
@@ -153,10 +155,13 @@ def _observed(
     )
     joints_m = motion_joints_m(body, motion)[:, list(OPENPOSE_JOINTS.values())]
     points_px = person.poses2d_px[rows][:, list(OPENPOSE_JOINTS)]
-    seen = (points_px[..., 2] > config.min_confidence) & (joints_m[..., 2] > NEAREST_M)
-    seen &= np.isfinite(points_px).all(axis=-1)
-    frame, joint = np.nonzero(seen)
     intrinsics_px = sequence.arrays.intrinsics_px
+    size_px = np.array([sequence.images.width_px, sequence.images.height_px])
+    seen = (points_px[..., 2] > config.min_confidence) & (joints_m[..., 2] > NEAREST_M)
+    # A joint far outside the image isn't what was detected in it, and would outweigh all others.
+    seen &= _inside(points_px[..., :2], size_px, 0.0)
+    seen &= _inside(project_cam(joints_m, intrinsics_px), size_px, MARGIN_SHARE)
+    frame, joint = np.nonzero(seen)
     slopes = _slopes(joints_m[seen], intrinsics_px) @ motion.root_rotmats[frame]
     design = np.zeros((len(frame), 2, 3 + 3 * len(OPENPOSE_JOINTS)))
     design[:, :, 0] = project_cam(joints_m[seen], intrinsics_px) - intrinsics_px[:2, 2]
@@ -164,6 +169,12 @@ def _observed(
     columns = 3 + 3 * joint[:, None] + np.arange(3)
     np.put_along_axis(design, np.broadcast_to(columns[:, None], slopes.shape), slopes, axis=2)
     return design, points_px[seen][:, :2] - intrinsics_px[:2, 2]
+
+
+def _inside(points_px: np.ndarray, size_px: np.ndarray, margin_share: float) -> np.ndarray:
+    """Whether points (..., 2) lie in the image and a margin of so many image sizes round it."""
+    shares = points_px / size_px
+    return np.asarray(((shares >= -margin_share) & (shares <= 1 + margin_share)).all(axis=-1))
 
 
 def _slopes(points_m: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:

@@ -33,7 +33,7 @@ def test_sfm_regenerates_one_sequence_as_the_demo_did(finished: Finished, tmp_pa
     )
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout.strip() == str(tmp_path / "out" / "pseudo_gt")
-    made = load_clip(tmp_path / "out" / "pseudo_gt" / "clip.npz")
+    made = load_clip(tmp_path / "out" / "pseudo_gt" / "person_0.npz")
     before = load_clip(paths.pseudo_clip("panning"))
     np.testing.assert_array_equal(made.motion.root_rotmats, before.motion.root_rotmats)
 

@@ -63,7 +63,10 @@ def reconstruction(folder: Path, clip: Clip, geometry: str, lost: list[int]) -> 
     path = CameraPath(clip.camera.intrinsics_px, 640, 360, world_from_cam, has_camera)
     folder.mkdir()
     cameras = SfmCameras(
-        path, "full" if geometry == "full" else "rotation_only", clip.image_numbers
+        path,
+        "full" if geometry == "full" else "rotation_only",
+        clip.image_numbers,
+        np.zeros(len(has_camera), dtype=bool),
     )
     save_cameras(folder / CAMERAS_FILE, cameras)
     save_points(folder / POINTS_FILE, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))

@@ -70,6 +70,10 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ({"registered_share": 0.6}, "60% of the images have a camera, fewer than 70%"),
         ({"mean_reprojection_px": 1.5}, "reprojection error is 1.50 px, more than 1 px"),
         ({"cuts_after_frames": list(range(0, 88, 2))}, "to another place 44 times"),
+        (
+            {"focal_factor": 0.77, "focal_sigma": 0.02},
+            "focal length 0.77 times the given one (standard error 0.02, at most 10% off is right)",
+        ),
     ],
 )
 def test_a_sequence_that_misses_a_limit_is_rejected_with_both_figures(
@@ -77,6 +81,16 @@ def test_a_sequence_that_misses_a_limit_is_rejected_with_both_figures(
 ) -> None:
     verdict = judge(clip, GOOD | figures, ROWS, SCALE, CONFIG)
     assert not verdict.accepted and len(verdict.reasons) == 1 and reason in verdict.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("factor", "sigma"), [(None, None), (0.77, 0.05), (1.09, 0.001), (1.0, 0.02), (1.2, 0.04)]
+)
+def test_a_focal_length_that_may_be_right_rejects_nothing(
+    clip: Clip, factor: float | None, sigma: float | None
+) -> None:
+    figures = {"focal_factor": factor, "focal_sigma": sigma}
+    assert judge(clip, GOOD | figures, ROWS, SCALE, CONFIG).accepted
 
 
 def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
@@ -187,3 +201,9 @@ def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
     assert [reason != "" for reason in verdict.frame_reasons] == (~verdict.kept).tolist()
     (run,) = record["dropped"]
     assert run["start"] == 40 and run["stop"] == 52
+
+
+def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
+    inliers = [200] * 40 + [0] * 3 + [200] * (N - 43)
+    figures = {"inliers_per_frame": inliers, "interpolated": [40, 41, 42]}
+    assert judge(clip, GOOD | figures, ROWS, SCALE, CONFIG).kept.all()

@@ -97,9 +97,10 @@ def test_a_filmed_arc_names_its_focal_length(
     assert abs(quality["focal_factor"] - 1 / factor) < 3 * quality["focal_sigma"]
 
 
-def test_a_pan_says_nothing(pan: Any, tmp_path: Path) -> None:
+def test_a_filmed_pan_names_its_focal_length(pan: Any, tmp_path: Path) -> None:
     config = SfmConfig(max_features=1200)
     made = reconstruct(pan.images_dir, pan.masks_dir, pan.intrinsics_px, tmp_path / "o", config)
     quality = load_quality(made)
     assert quality["geometry"] == "rotation_only"
-    assert "focal_factor" not in quality
+    assert quality["focal_sigma"] < 0.03
+    assert abs(quality["focal_factor"] - 1.0) < 2 * quality["focal_sigma"]

@@ -13,6 +13,7 @@ from gmrdata.frames import list_images
 from gmrdata.sfm import mapping
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.evidence import explains_better
+from gmrdata.sfm.joining import join_models
 from gmrdata.sfm.matches import match_frames
 from gmrdata.sfm.rotation_only import solve_rotation_only
 
@@ -46,10 +47,8 @@ def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
     ):
         (work_dir / name).mkdir()
         models = run(work_dir / "database.db", images, work_dir / name, SMALL)
-        best = max(models.values(), key=lambda model: model.num_reg_images())
-        mapped = mapping._finish(
-            best, name, len(models), images, matches, filmed.intrinsics_px, SMALL
-        )
+        whole, records = join_models(list(models.values()), SMALL.seed)
+        mapped = mapping._finish(whole, name, records, images, matches, filmed.intrinsics_px, SMALL)
         assert mapped.has_camera.all()
         assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
         assert mapped.errors_px.max() < 3.0 and np.median(mapped.errors_px) < 0.5

@@ -190,12 +190,27 @@ def test_frames_that_are_not_valid_and_keypoints_without_confidence_do_not_count
     less_px = person.poses2d_px.copy()
     less_px[unsure, 2] = 0.0
     spoilt_px[unsure] = (5.0, 5.0, 0.3)
+    for row, x_px in enumerate((np.nan, np.inf, 1e300, -1.0, WIDTH_PX + 1.0)):
+        spoilt_px[row, 4], less_px[row, 4] = (x_px, 5.0, 0.9), 0.0
     trans_m[~person.campose_valid] = np.nan
     spoilt = replace(person, poses2d_px=spoilt_px, trans_m=trans_m)
     less = replace(person, poses2d_px=less_px)
     assert estimate_of(with_people(sequence, spoilt), small_body) == estimate_of(
         with_people(sequence, less), small_body
     )
+
+
+def test_a_body_that_is_lost_far_outside_the_image_does_not_count(small_body: BodyModel) -> None:
+    """Leverage is what makes few frames count much: a wrong pose close to the camera has it."""
+    sequence = twin(small_body, Circular(), 8)
+    person = sequence.arrays.people[0]
+    cam_from_world = sequence.arrays.cam_from_world.copy()
+    cam_from_world[10:20, :3, 3] += (4.0, 0.0, -2.5)
+    arrays = replace(sequence.arrays, cam_from_world=cam_from_world)
+    lost = estimate_of(replace(sequence, arrays=arrays), small_body)
+    valid = person.campose_valid & ~np.isin(np.arange(N_FRAMES), np.arange(10, 20))
+    without = with_people(sequence, replace(person, campose_valid=valid))
+    assert lost == estimate_of(without, small_body)
 
 
 def test_too_few_keypoints_say_nothing(small_body: BodyModel) -> None:

@@ -1,0 +1,73 @@
+"""The bars of the COLMAP stage: each a figure, what it must keep to, and whether it does."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from sfm.beside import Beside
+from sfm.score import medians, worst
+
+MOST_SCALE_PERCENT = 3.0
+MISSES = 1
+"""Sequences of the eight that may be rejected, or have a wrong scale."""
+
+Bar = tuple[str, Any, str, bool]
+"""Name, figure, what is asked of it, and whether it holds."""
+
+
+def sequence_bars(pairs: Sequence[Beside]) -> list[Bar]:
+    """Accuracy of ours, and ours beside the plain recipe."""
+    ours, plain = [pair.ours for pair in pairs], [pair.plain for pair in pairs]
+    mine, theirs = medians(ours), medians(plain)
+    bars = [
+        at_most("median OME [deg]", mine["ome_deg"], 0.15),
+        at_most("median TME [mm]", mine["tme_mm"], 5.0),
+        at_most("worst OME [deg]", worst(ours, "ome_deg"), 0.4),
+        at_most("worst TME [mm]", worst(ours, "tme_mm"), 15.0),
+        at_most("wrong scales", sum(map(_wrong_scale, ours)), MISSES),
+        at_most("rejected sequences", sum(not row["accepted"] for row in ours), MISSES),
+        at_most("classes without an accepted sequence", len(_unseen_classes(ours)), 0),
+        at_most(
+            "wrong classes", sum(row["class_measured"] != row["class_true"] for row in ours), 0
+        ),
+    ]
+    for key in ("ome_deg", "tme_mm"):
+        bars.append(at_most(f"median {key} beside the plain recipe's", mine[key], theirs[key]))
+    kept = (mine["kept_share"], theirs["kept_share"])
+    return [*bars, at_least("median kept share beside the plain recipe's", *kept)]
+
+
+def at_most(name: str, value: float | None, limit: float | None) -> Bar:
+    """A figure that must not be larger; an unknown limit is met by any figure."""
+    holds = value is not None and (limit is None or value <= limit)
+    return name, value, f"<= {_text(limit)}", holds
+
+
+def at_least(name: str, value: float | None, limit: float | None) -> Bar:
+    """A figure that must not be smaller; an unknown limit is met by any figure."""
+    holds = value is not None and (limit is None or value >= limit)
+    return name, value, f">= {_text(limit)}", holds
+
+
+def bar_rows(bars: Sequence[Bar]) -> list[dict[str, Any]]:
+    """Rows for a table and for JSON."""
+    return [
+        {"figure": name, "value": value, "bar": bar, "met": "yes" if met else "no"}
+        for name, value, bar, met in bars
+    ]
+
+
+def _wrong_scale(row: dict[str, Any]) -> bool:
+    """A scale that is off or outside its error bar; where none enters it is not wrong."""
+    error = row["scale_error_percent"]
+    if not row["accepted"] or error is None:
+        return False
+    return abs(error) > MOST_SCALE_PERCENT or row["scale_within_2sigma"] is False
+
+
+def _unseen_classes(rows: Sequence[dict[str, Any]]) -> set[str]:
+    accepted = {row["class_true"] for row in rows if row["accepted"]}
+    return {row["class_true"] for row in rows} - accepted
+
+
+def _text(limit: float | None) -> str:
+    return "nothing to compare with" if limit is None else f"{limit:g}"

@@ -1,0 +1,94 @@
+"""What the measurements of the COLMAP stage share: twins, our run on them, and the record."""
+
+import os
+import platform
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from render.tables import show
+from sfm.bars import Bar, bar_rows
+from sfm.ours import Regenerated, regenerate
+from sfm.twins import Twins, make_twins
+
+from gmrdata.store import write_json
+
+OUT_DIR = Path("out/bench")
+LONG_RECIPE = Path(__file__).parent / "long.yaml"
+
+
+@dataclass
+class Session:
+    """One run of the measurements; what it makes lies in `out/bench/sfm`, which it empties."""
+
+    small: bool
+    """Whether to only try every part, without bars."""
+    twins_given: Path | None
+    """Twins that are there already."""
+    motions_dir: Callable[[], Path]
+    """Where the motions of the twins are; asked only where twins are rendered."""
+    content: dict[str, Any] = field(default_factory=dict)
+    """What `out/bench/sfm.json` holds."""
+
+    def __post_init__(self) -> None:
+        shutil.rmtree(self.work_dir, ignore_errors=True)
+        self.work_dir.mkdir(parents=True)
+        self.content["bars"] = []
+
+    @property
+    def work_dir(self) -> Path:
+        """Where runs are kept, to look at."""
+        return (OUT_DIR / "sfm").resolve()
+
+    @cached_property
+    def twins(self) -> Twins:
+        """The eight twins; two small ones where only the parts are tried."""
+        if self.twins_given is not None:
+            return Twins(self.twins_given.resolve())
+        if self.small:
+            return make_twins("twins_small", (OUT_DIR / "twins_small").resolve())
+        return make_twins("twins", (OUT_DIR / "twins").resolve(), self.motions_dir())
+
+    @cached_property
+    def long_twins(self) -> Twins:
+        """A sequence of 300 frames."""
+        if self.small:
+            return self.twins
+        return make_twins(LONG_RECIPE, (OUT_DIR / "twins_long").resolve())
+
+    @cached_property
+    def made(self) -> Regenerated:
+        """Our run on the twins: one worker process."""
+        return self.regenerate(self.twins.root, "ours")
+
+    def regenerate(self, root: Path, name: str, *, workers: int = 1) -> Regenerated:
+        """Our run on a data set, with a name of its own."""
+        return regenerate(root, self.work_dir / name, workers=workers)
+
+    def record(self, **parts: Any) -> None:
+        """Write what was measured so far."""
+        self.content |= {"settings": self._settings()} | parts
+        write_json(OUT_DIR / "sfm.json", self.content)
+
+    def hold(self, bars: Sequence[Bar]) -> None:
+        """Print bars, record them, and insist on them where the sizes are full."""
+        rows = bar_rows(bars)
+        show("Bars", rows)
+        self.record(bars=[*self.content["bars"], *rows])
+        missed = [row["figure"] for row in rows if row["met"] == "no"]
+        assert self.small or not missed, f"bars not met: {', '.join(missed)}"
+
+    def _settings(self) -> dict[str, Any]:
+        return {
+            "scale": "small" if self.small else "full",
+            "twins": "given" if self.twins_given is not None else "rendered by the recipe",
+            "cores": len(os.sched_getaffinity(0)),
+            "load_at_the_end": round(os.getloadavg()[0], 1),
+            "threads": "ours: one; the plain recipe: pycolmap's default, one per core",
+            "python": platform.python_version(),
+            "pycolmap": metadata.version("pycolmap"),
+        }

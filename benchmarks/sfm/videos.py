@@ -1,0 +1,90 @@
+"""Real videos: a camera that goes round a dog, and a phone that is held still."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.frames import check_images, list_images
+from gmrdata.masks.sources import MasksConfig, OnnxSource, make_masks, masks_seconds
+from gmrdata.sfm.cameras import load_cameras, load_points, load_quality
+from gmrdata.sfm.config import SfmConfig
+from gmrdata.sfm.reconstruct import reconstruct
+from gmrdata.store import stage_seconds
+from gmrdata.video import extract_video
+
+DOG_FOCAL_PX = 929.0
+"""COLMAP's own calibration of the video at its full size."""
+PHONE_FOCAL_PX = 900.0
+"""The phone's is not known; a usual one serves, since a camera that stays needs no better."""
+BACKGROUND_M = 8.0
+"""About how far the middle of its background is: the people, a third of the width high, stand 5 m
+away on the nearer part of it [m]."""
+
+
+def measure_videos(video_dir: Path, model: Path, out_dir: Path) -> list[dict[str, Any]]:
+    """Cameras of both real videos; a row for each.
+
+    Args:
+        video_dir: Folder with `dog.mp4` and `static_people/`.
+        model: The ONNX detector.
+        out_dir: Folder to make.
+    """
+    dog = extract_video(video_dir / "dog.mp4", out_dir / "dog" / "frames")
+    phone = _numbered(video_dir / "static_people", out_dir / "static_people" / "frames")
+    return [
+        _row("dog", dog, DOG_FOCAL_PX, None, model, out_dir / "dog"),
+        _row(
+            "static_people", phone, PHONE_FOCAL_PX, BACKGROUND_M, model, out_dir / "static_people"
+        ),
+    ]
+
+
+def _numbered(folder: Path, out_dir: Path) -> Path:
+    """The frames under consecutive numbers: the folder holds every second one."""
+    out_dir.mkdir(parents=True)
+    for number, path in enumerate(sorted(folder.glob("*.jpg"))):
+        shutil.copy(path, out_dir / f"{number:05d}.jpg")
+    return out_dir
+
+
+def _row(
+    id: str,
+    frames: Path,
+    focal_px: float,
+    background_m: float | None,
+    model: Path,
+    out_dir: Path,
+) -> dict[str, Any]:
+    """Cameras of one video; in metres only where the background's distance is known."""
+    config = MasksConfig(sources=(OnnxSource(model=model),))
+    masks_dir = make_masks(frames, out_dir / "masks", config)
+    width_px, height_px = check_images(list_images(frames))
+    intrinsics_px = np.array(
+        [[focal_px, 0, width_px / 2], [0, focal_px, height_px / 2], [0, 0, 1.0]]
+    )
+    sfm_dir = reconstruct(frames, masks_dir, intrinsics_px, out_dir / "sfm", SfmConfig())
+    quality = load_quality(sfm_dir)
+    return {
+        "id": id,
+        "frames": quality["frames"],
+        "frames_with_camera": quality["frames_with_camera"],
+        "geometry": quality["geometry"],
+        "mean_reprojection_px": quality["mean_reprojection_px"],
+        "camera_extent_m": None if background_m is None else _extent_m(sfm_dir, background_m),
+        "seconds": round(masks_seconds(masks_dir) + stage_seconds(sfm_dir), 2),
+    }
+
+
+def _extent_m(sfm_dir: Path, background_m: float) -> float:
+    """Extent of the camera path where the background's middle is so far away [m]; 0 for a camera
+    that only turns."""
+    path = load_cameras(sfm_dir).path
+    centres = path.centres_world_m[path.has_camera]
+    points = load_points(sfm_dir)
+    if not len(points):
+        return 0.0
+    distance = float(np.median(np.linalg.norm(points - centres.mean(axis=0), axis=1)))
+    extent = float(np.linalg.norm(np.ptp(centres, axis=0)))
+    return float(f"{background_m * extent / distance:.4g}")
