@@ -28,8 +28,11 @@ def draw_twins(
         workers: Processes that render; the recipe's number when None.
 
     Raises:
-        GmrdataError: as `twin_recipe` says.
+        BadRecipe: the seed is negative, or as `twin_recipe` says.
+        MissingInput: there is no such folder.
     """
+    if seed < 0:
+        raise BadRecipe(f"--seed {seed}: give 0 or more")
     drawn = twin_recipe(n_sequences, seed, motions_dir, film=film)
     if workers is None:
         return drawn

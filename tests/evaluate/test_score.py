@@ -12,6 +12,7 @@ import torch
 from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
 from gmrdata.body.skin import motion_vertices_m
+from gmrdata.cli import main
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import BadManifest, StaleOutput
 from gmrdata.evaluate import score, vertices
@@ -221,7 +222,12 @@ def test_scores_json(
 
 
 def test_a_floor_is_part_of_what_was_asked(
-    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
+    clips: list[Clip],
+    small_body: BodyModel,
+    run_dir: Path,
+    body_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Beside scores that are far above it, and again beside the same below it."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips, kind="pseudo_gt")
@@ -247,6 +253,11 @@ def test_a_floor_is_part_of_what_was_asked(
     # Three clips, two classes, and all.
     assert len(below["statements"]) == 3 + 2 + 1
     assert below["overall"]["pooled_over_motions"] == above["overall"]["pooled_over_motions"]
+    asked = ["evaluate", str(run_dir), str(manifest_path), "--out", str(out_dir)]
+    main([*asked, "--body", str(body_path), "--floor", str(floor_path)])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "pseudo ground truth's own" in said and "0.00 / 1000000.0 / 1000000.0 (all)" in said
+    assert below["statements"][0] in said
 
 
 def test_the_camera_does_not_matter(
