@@ -51,7 +51,7 @@ class VerdictConfig(Config):
     it, that is still right."""
     focal_sigmas: float = Field(default=3.0, ge=0)
     """By how many standard errors it must be larger to be called wrong."""
-    min_run_s: float = Field(default=0.3, ge=0)
+    min_run_s: float = Field(default=0.2, ge=0)
     """A kept range is at least this long [s]."""
 
 

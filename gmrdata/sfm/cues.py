@@ -36,9 +36,9 @@ class ScaleConfig(Config):
     """Standard error of the body's soles above the ground, the same in all frames [m]."""
     window_s: float = Field(default=1.0, gt=0)
     """Time over which a data set's own camera path is compared [s]."""
-    drift_m_per_s: float = Field(default=0.07, ge=0)
-    """Speed at which such a path may drift along its own direction, which nothing shows: 1 degree/s
-    about a person 4 m away; part of the error bar [m/s]."""
+    drift_m_per_s: float = Field(default=0.15, ge=0)
+    """Speed at which such a path may drift along its own direction, which nothing shows: 0.8 m in
+    5 s, or 2 degrees/s about a person 4 m away; part of the error bar [m/s]."""
     drift_time_s: float = Field(default=4.0, gt=0)
     """Time over which the drift of such a path keeps its direction: windows this far apart count as
     independent [s]."""
