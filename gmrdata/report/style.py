@@ -55,6 +55,9 @@ _RC: Any = {
     "lines.solid_capstyle": "round",
 }
 
+_DIGITS = re.compile(r"(\.[0-9]{2})[0-9]+")
+"""Decimals from the third on."""
+
 Draw = Callable[[Figure], None]
 """Fills a figure; called inside the style."""
 
@@ -72,7 +75,7 @@ def svg(draw: Draw, width_in: float, height_in: float, name: str) -> str:
     with _style({"svg.hashsalt": name}):
         figure = _figure(draw, width_in, height_in, dpi=72)
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return _inline(stream.getvalue())
+    return _inline(stream.getvalue(), name)
 
 
 def picture(
@@ -114,13 +117,18 @@ def quiet(axes: Axes) -> None:
     axes.tick_params(length=0)
 
 
-def _inline(document: str) -> str:
+def _inline(document: str, name: str) -> str:
     """The `<svg>` element of an SVG document, without what only a file of its own needs."""
     element = document[document.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
     element = re.sub(r'(<g\b[^>]*?) id="[^"]*"', r"\1", element)
+    # matplotlib makes ids from coordinates whose last bit the layout's solver leaves to chance.
+    for number, id in enumerate(dict.fromkeys(re.findall(r' id="([^"]*)"', element))):
+        element = element.replace(f'id="{id}"', f'id="{name}-{number}"')
+        element = element.replace(f"#{id})", f"#{name}-{number})")
+        element = element.replace(f'href="#{id}"', f'href="#{name}-{number}"')
     # A hundredth of a point is finer than any screen, and long curves are mostly digits.
-    element = re.sub(r"(\.[0-9]{2})[0-9]+", r"\1", element)
+    element = re.sub(r"<[^>]*>", lambda tag: _DIGITS.sub(r"\1", tag[0]), element)
     # The size is the viewBox's; the page's column gives the width.
     element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
     element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
