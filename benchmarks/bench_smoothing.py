@@ -13,7 +13,14 @@ import numpy as np
 import pytest
 
 from gmrdata.evaluate.alignment import fit_similarity
-from gmrdata.geometry.programmes import Circular, Linear, LinearPanning, Panning, camera_path
+from gmrdata.geometry.programmes import (
+    Circular,
+    Linear,
+    LinearPanning,
+    Panning,
+    Programme,
+    camera_path,
+)
 from gmrdata.progress import console
 from gmrdata.sfm.cameras import load_cameras, load_quality
 from gmrdata.sfm.config import SfmConfig
@@ -22,11 +29,10 @@ from tests.filming import HEIGHT_PX, WIDTH_PX, Filmed, film_cameras, motion_erro
 
 pytestmark = pytest.mark.bench
 FPS_HZ, N_FRAMES, SEED = 30, 90, 3
-HAND, HARD = (
-    {"handheld_deg": deg, "handheld_m": metres} for deg, metres in ((0.6, 0.02), (1.5, 0.05))
-)
+HAND: dict[str, Any] = {"handheld_deg": 0.6, "handheld_m": 0.02}
+HARD: dict[str, Any] = {"handheld_deg": 1.5, "handheld_m": 0.05}
 PLACE: dict[str, Any] = {"azimuth_deg": -90.0, "distance_m": 3.0}
-PROGRAMMES = {
+PROGRAMMES: dict[str, Programme] = {
     "linear, on wheels": Linear(**PLACE, speed_m_per_s=0.3),
     "linear, hand": Linear(**PLACE, **HAND, look="subject"),
     "linear+panning, unsteady hand": LinearPanning(**PLACE, **HARD),
