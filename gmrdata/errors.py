@@ -73,6 +73,10 @@ class StageFailed(GmrdataError):
     """A stage could not do its work on a clip."""
 
 
+class NothingToCompare(StageFailed):
+    """Two clips have no two frames in a row in common."""
+
+
 class RenderFailed(StageFailed):
     """The Blender process ended without its result."""
 

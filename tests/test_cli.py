@@ -89,6 +89,12 @@ def test_missing_things_are_named(tmp_path: Path) -> None:
     fails_cleanly(gmrdata("report", tmp_path), "recipe.yaml")
     fails_cleanly(gmrdata("demo", "--workers", 0, "--out", tmp_path / "o"), "--workers 0")
     fails_cleanly(gmrdata("run", "no-such", "--out", tmp_path / "o"), "no such recipe file")
+    fails_cleanly(gmrdata("floor", "--out", tmp_path / "o"), "Name --motions to draw twins")
+    drawn = gmrdata("floor", "--out", tmp_path / "o", "--motions", tmp_path, "--size", "big")
+    fails_cleanly(drawn, "--size big: give small, full")
+    given = gmrdata("floor", "--out", tmp_path / "o", "--twins", tmp_path / "no")
+    fails_cleanly(given, "twins.json: no such file")
+    assert not (tmp_path / "o").exists()
 
 
 def test_a_dry_run_of_the_demo_does_nothing(tmp_path: Path) -> None:

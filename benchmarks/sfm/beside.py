@@ -6,10 +6,11 @@ from typing import Any
 
 from sfm.ours import Regenerated
 from sfm.plain import plain_cameras, plain_pseudo_gt
-from sfm.score import score, true_clips
+from sfm.score import true_clips
 from sfm.twins import Twins
 
 from gmrdata.clip import load_clip
+from gmrdata.evaluate.sequence_error import sequence_row
 from gmrdata.people import person_file
 from gmrdata.store import stage_seconds
 from gmrdata.threedpw.parse import read_sequence_file
@@ -46,7 +47,7 @@ def measure_beside(twins: Twins, name: str, made: Regenerated, out_dir: Path) ->
 
 def _ours(twins: Twins, name: str, made: Regenerated) -> dict[str, Any]:
     verdict = made.verdicts[name]
-    return score(
+    return sequence_row(
         name,
         twins.classes[name],
         made.clips(name),
@@ -72,7 +73,7 @@ def _plain(twins: Twins, name: str, made: Regenerated, out_dir: Path) -> dict[st
     paths = [motions_dir / person_file(number) for number in range(len(given))]
     clips = [load_clip(path) for path in paths if path.is_file()]
     own_s = stage_seconds(sfm_dir) + stage_seconds(motions_dir)
-    return score(
+    return sequence_row(
         name,
         twins.classes[name],
         clips,

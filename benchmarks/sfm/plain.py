@@ -22,12 +22,12 @@ from gmrdata.geometry.transforms import invert, rigid
 from gmrdata.masks.folder import find_mask
 from gmrdata.pseudogt.compose import world_motion
 from gmrdata.pseudogt.make import fill_gaps
-from gmrdata.store import run_stage, write_npz
+from gmrdata.sfm.cameras import CAMERAS_FILE, SfmCameras, load_cameras, save_cameras
+from gmrdata.store import run_stage
 from gmrdata.threedpw.camera_frame import WORLD_FROM_3DPW
 from gmrdata.threedpw.parse import read_sequence_file
 from gmrdata.threedpw.valid import rigid_rows
 
-CAMERAS_FILE = "cameras.npz"
 FEWEST_CAMERAS = 3
 """A similarity between fewer points is not fixed."""
 
@@ -68,13 +68,10 @@ def plain_cameras(
         world_from_cam = _largest_model(images, intrinsics_px, work_dir, config.seed)
         shutil.rmtree(work_dir)
         has_camera = np.isfinite(world_from_cam[:, 0, 0])
-        arrays = {
-            "intrinsics_px": intrinsics_px,
-            "size_px": np.array(size_px),
-            "world_from_cam": world_from_cam,
-            "has_camera": has_camera,
-        }
-        write_npz(partial / CAMERAS_FILE, arrays)
+        path = CameraPath(intrinsics_px, *size_px, world_from_cam, has_camera)
+        numbers = np.arange(len(images))
+        none = np.zeros(len(images), dtype=bool)
+        save_cameras(partial / CAMERAS_FILE, SfmCameras(path, "full", numbers, none))
 
     return run_stage("plain_sfm", out_dir, config, {"images": images_dir, "masks": masks_dir}, work)
 
@@ -93,7 +90,7 @@ def plain_pseudo_gt(
 
     def work(partial: Path) -> None:
         dataset = WORLD_FROM_3DPW @ invert(read_sequence_file(pickle_path).cam_from_world)
-        path = metric_path(_load_path(sfm_dir), dataset)
+        path = metric_path(load_cameras(sfm_dir).path, dataset)
         if path is None:
             return
         for number, clip_path in enumerate(camera_clips):
@@ -135,19 +132,6 @@ def composed(camera_clip: Clip, path: CameraPath) -> Clip:
     motion = world_motion(camera_clip.motion, filled)
     return replace(
         camera_clip, motion=motion, camera=path, valid=camera_clip.valid & path.has_camera
-    )
-
-
-def _load_path(sfm_dir: Path) -> CameraPath:
-    """The cameras that `plain_cameras` wrote."""
-    arrays = read_npz(sfm_dir / CAMERAS_FILE)
-    width_px, height_px = (int(size) for size in arrays["size_px"])
-    return CameraPath(
-        arrays["intrinsics_px"],
-        width_px,
-        height_px,
-        arrays["world_from_cam"],
-        arrays["has_camera"],
     )
 
 

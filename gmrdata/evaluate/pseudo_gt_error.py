@@ -4,15 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
 from gmrdata.errors import StageFailed
-from gmrdata.evaluate.alignment import fit_similarity, mean_rotation
-from gmrdata.evaluate.metrics import angles_rad, orientation_errors_deg, translation_errors_mm
+from gmrdata.evaluate.alignment import fit_similarity
+from gmrdata.evaluate.camera_error import camera_path_mm, camera_rotation_deg, scale_error_percent
+from gmrdata.evaluate.motion_error import motion_errors
 from gmrdata.geometry import transforms
-from gmrdata.gmr.motion_deltas import deltas
 
-MIN_CAMERA_EXTENT_M = 0.05
-"""Extent of the true camera path below which a scale can't be read off it [m]."""
 BODY_AXIS_M = 0.5
 """Length that stands for the body's orientation where trajectories are aligned [m]."""
 
@@ -25,9 +24,17 @@ class PseudoGtError:
     """Mean orientation motion error at the clip's frame rate (eq. 15) [deg]."""
     tme_mm: float
     """Mean translation motion error at the clip's frame rate (eq. 16) [mm]."""
+    vme_mm: float | None
+    """Mean vertex motion error of the true body in its true local pose (eq. 17) [mm], so it is of
+    the motion alone; None where no body was given."""
+    n_motions: int
+    """Motions of which the three are means."""
     camera_rotation_deg: float | None
     """Mean angle between the cameras' rotations after one best rotation of the pseudo world [deg];
     None without cameras."""
+    camera_path_mm: float | None
+    """Mean distance of the cameras' centres after one best rigid transform of the pseudo world
+    [mm], the scale as it is; None without cameras."""
     scale_error_percent: float | None
     """By how much the pseudo camera path is too large (> 0) or too small (< 0) in the best
     similarity fit of its centres [%]; None where the true camera stays within 5 cm, or the pseudo
@@ -43,7 +50,9 @@ class PseudoGtError:
     best."""
 
 
-def compare_clips(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> PseudoGtError:
+def compare_clips(
+    pseudo: Clip, true: Clip, *, fps_hz: float | None = None, body: BodyModel | None = None
+) -> PseudoGtError:
     """Compare a pseudo ground truth with the truth of the same video.
 
     Rows are paired by image number where both clips have images, by position otherwise.  Motions
@@ -54,26 +63,31 @@ def compare_clips(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> P
         true: What was rendered.
         fps_hz: Rate at which motions are taken [Hz], of which the clips' rate is a multiple; each
             frame begins one, so all phases count.  None for the clips' own rate.
+        body: The true clip's body, for VME.
 
     Raises:
-        StageFailed: the clips are not in the world frame, differ in frame rate, are no multiple of
-            `fps_hz`, or have no two frames in a row in common.
+        NothingToCompare: the clips have no two frames in a row in common.
+        StageFailed: the clips are not in the world frame, differ in frame rate, or are no multiple
+            of `fps_hz`.
     """
     _check_comparable(pseudo, true)
     rows, true_rows = _paired_rows(pseudo, true)
     both = pseudo.valid[rows] & true.valid[true_rows]
     rows, true_rows = rows[both], true_rows[both]
     step = 1 if fps_hz is None else _frames_per_motion(true, fps_hz)
-    ome_deg, tme_mm = _motion_errors(pseudo, true, rows, true_rows, step)
+    errors = motion_errors(pseudo, true, rows, true_rows, step, body)
     true_from_pseudo = _align_bodies(pseudo, true, rows, true_rows)
     moved_m = transforms.apply(true_from_pseudo, pseudo.motion.pelvis_m[rows])
     distances_m = np.linalg.norm(moved_m - true.motion.pelvis_m[true_rows], axis=1)
     pseudo_cameras, true_cameras = _paired_cameras(pseudo, true, rows, true_rows)
     return PseudoGtError(
-        ome_deg=ome_deg,
-        tme_mm=tme_mm,
-        camera_rotation_deg=_camera_rotation_deg(pseudo_cameras, true_cameras),
-        scale_error_percent=_scale_error_percent(pseudo_cameras, true_cameras),
+        ome_deg=float(errors.ome_deg.mean()),
+        tme_mm=float(errors.tme_mm.mean()),
+        vme_mm=None if body is None else float(errors.vme_mm.mean()),
+        n_motions=len(errors.ome_deg),
+        camera_rotation_deg=camera_rotation_deg(pseudo_cameras, true_cameras),
+        camera_path_mm=camera_path_mm(pseudo_cameras, true_cameras),
+        scale_error_percent=scale_error_percent(pseudo_cameras, true_cameras),
         trajectory_mm=float(distances_m.mean() * 1000),
         frames=len(rows),
         frames_with_camera=len(pseudo_cameras),
@@ -105,41 +119,6 @@ def _paired_rows(pseudo: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray]:
         )
     rows = np.arange(true.motion.n_frames)
     return rows, rows
-
-
-def _motion_errors(
-    pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray, step: int
-) -> tuple[float, float]:
-    """OME [deg] and TME [mm] of motions between frames `step` apart, none of them over a gap."""
-    errors_deg, errors_mm = [], []
-    for phase in range(step):
-        deg, mm = _errors_of_neighbours(pseudo, true, rows, true_rows, phase, step)
-        errors_deg.append(deg)
-        errors_mm.append(mm)
-    if not sum(map(len, errors_deg)):
-        raise StageFailed(
-            f"clip {pseudo.id}: no two frames in a row are valid in it and in its truth {true.id}."
-            " There is nothing to compare"
-        )
-    return float(np.concatenate(errors_deg).mean()), float(np.concatenate(errors_mm).mean())
-
-
-def _errors_of_neighbours(
-    pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray, phase: int, step: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Errors [deg], [mm] of the motions from frame to frame of one phase of the video."""
-    chosen = np.flatnonzero(true_rows % step == phase)
-    rows, true_rows = rows[chosen], true_rows[chosen]
-    # Frames in between that are missing on either side would show in one of the three.
-    adjacent = (np.diff(rows) == step) & (np.diff(true_rows) == step) & (np.diff(chosen) == step)
-    rotmats, metres = deltas(pseudo.motion.root_rotmats[rows], pseudo.motion.pelvis_m[rows])
-    true_rotmats, true_m = deltas(
-        true.motion.root_rotmats[true_rows], true.motion.pelvis_m[true_rows]
-    )
-    return (
-        orientation_errors_deg(rotmats, true_rotmats)[adjacent],
-        translation_errors_mm(metres, true_m)[adjacent],
-    )
 
 
 def _frames_per_motion(clip: Clip, fps_hz: float) -> int:
@@ -176,30 +155,3 @@ def _paired_cameras(
         return np.zeros((0, 4, 4)), np.zeros((0, 4, 4))
     both = pseudo.camera.has_camera[rows] & true.camera.has_camera[true_rows]
     return pseudo.camera.world_from_cam[rows[both]], true.camera.world_from_cam[true_rows[both]]
-
-
-def _camera_rotation_deg(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:
-    if not len(pseudo_cameras):
-        return None
-    pseudo_rotmats, true_rotmats = pseudo_cameras[:, :3, :3], true_cameras[:, :3, :3]
-    true_from_pseudo = mean_rotation(true_rotmats @ np.swapaxes(pseudo_rotmats, 1, 2))
-    residuals = np.swapaxes(true_rotmats, 1, 2) @ true_from_pseudo @ pseudo_rotmats
-    return float(np.rad2deg(angles_rad(residuals)).mean())
-
-
-def _scale_error_percent(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:
-    centres_m, true_centres_m = pseudo_cameras[:, :3, 3], true_cameras[:, :3, 3]
-    if len(centres_m) < 2 or _extent_m(true_centres_m) < MIN_CAMERA_EXTENT_M:
-        return None
-    # Cameras of which only the rotations were recovered all stand in one place.
-    if _extent_m(centres_m) < 1e-9:
-        return None
-    true_scale_from_pseudo = fit_similarity(true_centres_m, centres_m, scale=True).scale
-    if true_scale_from_pseudo <= 0:
-        return None
-    return 100 * (1 / true_scale_from_pseudo - 1)
-
-
-def _extent_m(points_m: np.ndarray) -> float:
-    """Diagonal of the bounding box."""
-    return float(np.linalg.norm(np.ptp(points_m, axis=0)))

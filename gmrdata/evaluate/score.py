@@ -12,6 +12,8 @@ from gmrdata.body.model import BodyModel
 from gmrdata.config import Config
 from gmrdata.errors import BadManifest
 from gmrdata.evaluate import metrics
+from gmrdata.evaluate.beside_floor import beside_floor, read_fitting_floor
+from gmrdata.evaluate.vertices import posed_vertex_errors_mm
 from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.gmr.runs import Run, runs_at
 from gmrdata.gmr.usable import UsableClip, check_clips_fit, usable_clips
@@ -21,8 +23,6 @@ from gmrdata.store import run_stage, write_json
 if TYPE_CHECKING:
     from gmrdata.gmr.infer import TrainedGmr
 
-CHUNK_BYTES = 64 << 20
-"""Memory for the vertices of one chunk of motions."""
 METRICS = ("ome_deg", "tme_mm", "vme_mm")
 METHODS = ("gmr", "zero")
 
@@ -56,6 +56,7 @@ def score_manifest(
     out_dir: Path,
     config: ScoreConfig | None = None,
     *,
+    floor_path: Path | None = None,
     redo: bool = False,
 ) -> Path:
     """Score a trained network on a manifest's clips: OME, TME and VME (eqs. 15-17).
@@ -70,6 +71,7 @@ def score_manifest(
         body_path: Their body, as `load_body` takes it; None for the default body.
         out_dir: Gets `scores.json`.
         config: The recipe; None for its defaults.
+        floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
         redo: Throw away a result of another recipe.
 
     Returns:
@@ -79,7 +81,9 @@ def score_manifest(
     Raises:
         MissingInput: a file is not there.
         BadCheckpoint: the run's checkpoint is broken.
-        BadManifest: no clip can be scored, or a clip is of another body.
+        BadManifest: no clip can be scored, a clip is of another body, or a floor is given for a
+            manifest that is no pseudo ground truth.
+        BadRecord: the floor is broken, or of another frame rate.
     """
     from gmrdata.body.load import load_body
     from gmrdata.gmr.infer import load_gmr
@@ -88,16 +92,22 @@ def score_manifest(
     inputs = {"run": run_dir, "manifest": manifest_path}
     if body_path is not None:
         inputs["body"] = body_path
+    if floor_path is not None:
+        inputs["floor"] = floor_path
 
     def work(partial_dir: Path) -> None:
         gmr = load_gmr(run_dir)
+        floor = None
+        if floor_path is not None:
+            floor = read_fitting_floor(floor_path, manifest_path, gmr.fps_hz)
         body = load_body("anny" if body_path is None else str(body_path))
         usable = usable_clips(manifest_path)
         check_clips_fit([one.clip for one in usable.clips], body)
         scored, too_short = score_clips(gmr, body, usable.clips, config)
         if not scored:
             raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
-        record = summarise(scored) | {
+        summary = summarise(scored)
+        record = (summary if floor is None else beside_floor(summary, floor)) | {
             "format": "gmrdata-scores/1",
             "fps_hz": gmr.fps_hz,
             "body": body.name,
@@ -175,42 +185,21 @@ def _run_errors(gmr: "TrainedGmr", body: BodyModel, run: Run) -> dict[str, dict[
         method: {
             "ome_deg": metrics.orientation_errors_deg(rotmats, true_rotmats),
             "tme_mm": metrics.translation_errors_mm(metres, true_m),
-            "vme_mm": _vertex_errors_mm(body, run, rotmats, metres, true_rotmats, true_m),
+            "vme_mm": posed_vertex_errors_mm(
+                body,
+                run.motion.shape,
+                run.motion.local_rotmats[: len(metres)],
+                rotmats,
+                metres,
+                true_rotmats,
+                true_m,
+            ),
         }
         for method, rotmats, metres in (
             ("gmr", predicted_rotmats, predicted_m),
             ("zero", still_rotmats, still_m),
         )
     }
-
-
-def _vertex_errors_mm(
-    body: BodyModel,
-    run: Run,
-    rotmats: np.ndarray,
-    metres: np.ndarray,
-    true_rotmats: np.ndarray,
-    true_m: np.ndarray,
-) -> np.ndarray:
-    """VME per motion of a run with its own body and shape, a chunk of frames at a time."""
-    import torch
-
-    from gmrdata.body.forward import posed_vertices
-
-    chunk = max(1, CHUNK_BYTES // (len(body.template_m) * 24 * 8))
-    shape = torch.as_tensor(run.motion.shape, dtype=torch.float64)
-    errors_mm = []
-    for start in range(0, len(metres), chunk):
-        rows = slice(start, min(start + chunk, len(metres)))
-        poses = np.ascontiguousarray(run.motion.local_rotmats[rows])
-        with torch.no_grad():
-            vertices_m = posed_vertices(body, shape, torch.as_tensor(poses, dtype=torch.float64))
-        errors_mm.append(
-            metrics.vertex_errors_mm(
-                rotmats[rows], metres[rows], true_rotmats[rows], true_m[rows], vertices_m.numpy()
-            )
-        )
-    return np.concatenate(errors_mm)
 
 
 def _group(scored: Sequence[ClipErrors]) -> dict[str, Any]:

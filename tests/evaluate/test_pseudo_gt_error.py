@@ -7,11 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.body.model import BodyModel
+from gmrdata.body.skin import motion_vertices_m
 from gmrdata.clip import Clip
 from gmrdata.errors import StageFailed
 from gmrdata.evaluate.pseudo_gt_error import compare_clips
 from gmrdata.geometry import transforms
 from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov
+from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.motion.gait import make_gait
 
 PSEUDO_FROM_TRUE = transforms.rigid(
@@ -62,13 +64,18 @@ def test_another_world_is_no_error(true_clip: Clip) -> None:
     )
 
 
-@pytest.mark.parametrize("scale", [0.9, 1.0, 1.25])
+@pytest.mark.parametrize("scale", [0.9, 1.0, 1.02, 1.25])
 def test_scale_error_has_its_size_and_sign(true_clip: Clip, scale: float) -> None:
     found = compare_clips(moved(true_clip, PSEUDO_FROM_TRUE, scale), true_clip)
     assert found.scale_error_percent == pytest.approx(100 * (scale - 1), abs=1e-8)
     steps_mm = 1000 * np.linalg.norm(np.diff(true_clip.motion.pelvis_m, axis=0), axis=1)
     assert found.tme_mm == pytest.approx(abs(scale - 1) * steps_mm.mean(), rel=1e-8, abs=1e-9)
     assert found.ome_deg == pytest.approx(0, abs=1e-6)
+    # Rigidly fitted, the two paths have one middle, and each centre is off by its share of it.
+    assert true_clip.camera is not None
+    centres_m = true_clip.camera.centres_world_m
+    away_mm = 1000 * np.linalg.norm(centres_m - centres_m.mean(axis=0), axis=1)
+    assert found.camera_path_mm == pytest.approx(abs(scale - 1) * away_mm.mean(), abs=1e-9)
 
 
 def test_motion_errors_are_those_put_in(true_clip: Clip) -> None:
@@ -78,7 +85,38 @@ def test_motion_errors_are_those_put_in(true_clip: Clip) -> None:
         true_clip,
         motion=replace(true_clip.motion, root_rotmats=yaw @ true_clip.motion.root_rotmats),
     )
-    assert compare_clips(pseudo, true_clip).ome_deg == pytest.approx(0.5, abs=1e-9)
+    found = compare_clips(pseudo, true_clip)
+    assert found.ome_deg == pytest.approx(0.5, abs=1e-9)
+    assert (found.n_motions, found.vme_mm) == (39, None)
+
+
+def test_vertices_slip_as_far_as_the_world(true_clip: Clip, small_body: BodyModel) -> None:
+    """A world that slips by 3 mm from frame to frame moves every vertex by 3 mm."""
+    slip_m = 0.003 * np.arange(40)[:, None] * np.array([0.6, 0.0, 0.8])
+    pelvis_m = true_clip.motion.pelvis_m + slip_m
+    pseudo = replace(true_clip, motion=replace(true_clip.motion, pelvis_m=pelvis_m))
+    found = compare_clips(moved(pseudo, PSEUDO_FROM_TRUE), true_clip, body=small_body)
+    assert found.tme_mm == pytest.approx(3, abs=1e-9)
+    assert found.vme_mm == pytest.approx(3, abs=1e-4)
+
+
+def test_vertices_turn_with_the_world_in_the_true_pose(
+    true_clip: Clip, small_body: BodyModel
+) -> None:
+    """VME against meshes of the body itself, and of another local pose there is no error."""
+    yaw = Rotation.from_euler("z", 2.0 * np.arange(40)[:, None], degrees=True).as_matrix()
+    turned = replace(true_clip.motion, root_rotmats=yaw @ true_clip.motion.root_rotmats)
+    still = np.broadcast_to(np.eye(3), true_clip.motion.local_rotmats.shape)
+    pseudo = replace(true_clip, motion=replace(turned, local_rotmats=still))
+    meshes_m = []
+    for motion in (turned, true_clip.motion):
+        rotmats, metres = deltas(motion.root_rotmats, motion.pelvis_m)
+        part = replace(true_clip.motion, local_rotmats=true_clip.motion.local_rotmats[:-1])
+        part = replace(part, root_rotmats=rotmats, pelvis_m=metres)
+        meshes_m.append(motion_vertices_m(small_body, part))
+    expected_mm = 1000 * np.linalg.norm(meshes_m[0] - meshes_m[1], axis=-1).mean()
+    found = compare_clips(pseudo, true_clip, body=small_body)
+    assert found.vme_mm == pytest.approx(expected_mm, rel=1e-4) and expected_mm > 5
 
 
 def test_camera_rotation_error_is_after_one_best_rotation(true_clip: Clip) -> None:
@@ -147,7 +185,7 @@ def test_no_scale_without_camera_motion_or_positions(true_clip: Clip) -> None:
 
 def test_no_camera_figures_without_cameras(true_clip: Clip) -> None:
     found = compare_clips(replace(true_clip, camera=None), true_clip)
-    assert found.camera_rotation_deg is None
+    assert found.camera_rotation_deg is None and found.camera_path_mm is None
     assert found.scale_error_percent is None
     assert found.frames_with_camera == 0
 

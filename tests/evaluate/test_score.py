@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ import torch
 from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
 from gmrdata.body.skin import motion_vertices_m
+from gmrdata.cli import main
 from gmrdata.clip import Clip, save_clip
 from gmrdata.errors import BadManifest, StaleOutput
-from gmrdata.evaluate import score
+from gmrdata.evaluate import score, vertices
 from gmrdata.evaluate.score import ScoreConfig, score_clips, score_manifest, summarise
 from gmrdata.gmr.checkpoint import save_checkpoint
 from gmrdata.gmr.config import ModelConfig
@@ -25,7 +27,21 @@ from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.gait import embedded_motions
+from gmrdata.store import write_json
 
+FLOOR_GROUP = {
+    "sequences": 1,
+    "accepted": 1,
+    "class_right": 1,
+    "n_motions": 9,
+    "camera_rotation_deg": None,
+    "camera_path_mm": None,
+    "abs_scale_error_percent": None,
+    "scale_stated": 0,
+    "scale_within_2sigma": 0,
+    "kept_share": 1.0,
+    "seconds_per_frame": 1.0,
+}
 CAMERA_MOTIONS = ("circular", "linear", "circular")
 
 
@@ -43,7 +59,11 @@ def clips(small_body: BodyModel) -> list[Clip]:
 
 
 def write_clips(
-    folder: Path, body: BodyModel, clips: list[Clip], qualities: dict[str, Quality] | None = None
+    folder: Path,
+    body: BodyModel,
+    clips: list[Clip],
+    qualities: dict[str, Quality] | None = None,
+    kind: str = "motions",
 ) -> Path:
     entries = []
     for clip, camera_motion in zip(clips, CAMERA_MOTIONS, strict=False):
@@ -64,7 +84,7 @@ def write_clips(
         name="scored",
         version="1.0.0",
         description="Clips to score.",
-        kind="motions",
+        kind=kind,
         licence="CC0-1.0",
         clips=entries,
     )
@@ -136,7 +156,7 @@ def test_vme_is_the_distance_between_placed_meshes(
     """Against meshes of the body model itself: M([dA, L], beta, dT), frame by frame."""
     from gmrdata.gmr.infer import predict_deltas
 
-    monkeypatch.setattr(score, "CHUNK_BYTES", len(small_body.template_m) * 24 * 8 * 3)
+    monkeypatch.setattr(vertices, "CHUNK_BYTES", len(small_body.template_m) * 24 * 8 * 3)
     gmr = load_gmr(run_dir)
     (one,), _ = score_clips(gmr, small_body, [UsableClip(clips[0], "none")], ScoreConfig())
     (run,) = score.runs_at(clips[0], 10.0, all_phases=False)
@@ -199,6 +219,45 @@ def test_scores_json(
     score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config, redo=True)
     record = json.loads(path.read_text())
     assert record["clips"][0]["n_motions"] == 3 * 19
+
+
+def test_a_floor_is_part_of_what_was_asked(
+    clips: list[Clip],
+    small_body: BodyModel,
+    run_dir: Path,
+    body_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Beside scores that are far above it, and again beside the same below it."""
+    manifest_path = write_clips(tmp_path / "data", small_body, clips, kind="pseudo_gt")
+    out_dir, floor_path = tmp_path / "scores", tmp_path / "floor.json"
+
+    def scored(own_mm: float, **options: Any) -> dict[str, Any]:
+        group = FLOOR_GROUP | {"ome_deg": 1e-6, "tme_mm": own_mm, "vme_mm": own_mm}
+        floor = {"format": "gmrdata-floor/1", "fps_hz": 10.0, "seed": None, "recipe": {}}
+        floor |= {"sequences": [], "classes": {}, "overall": group}
+        write_json(floor_path, floor)
+        path = score_manifest(
+            run_dir, manifest_path, body_path, out_dir, floor_path=floor_path, **options
+        )
+        return dict(json.loads(path.read_text()))
+
+    above = scored(1e-3)
+    assert above["statements"] == []
+    assert above["overall"]["floor"]["tme_mm"] == above["clips"][0]["floor"]["tme_mm"] == 1e-3
+    with pytest.raises(StaleOutput, match="floor"):
+        scored(1e6)
+    below = scored(1e6, redo=True)
+    assert below["overall"]["below_floor"] == ["tme_mm", "vme_mm"]
+    # Three clips, two classes, and all.
+    assert len(below["statements"]) == 3 + 2 + 1
+    assert below["overall"]["pooled_over_motions"] == above["overall"]["pooled_over_motions"]
+    asked = ["evaluate", str(run_dir), str(manifest_path), "--out", str(out_dir)]
+    main([*asked, "--body", str(body_path), "--floor", str(floor_path)])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "pseudo ground truth's own" in said and "0.00 / 1000000.0 / 1000000.0 (all)" in said
+    assert below["statements"][0] in said
 
 
 def test_the_camera_does_not_matter(
