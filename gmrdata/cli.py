@@ -340,6 +340,7 @@ def threedpw_regenerate(
     made = stage.regenerate_set(loaded, root, out, scheduler=scheduler, redo=redo)
     rows = read_json(made.with_name("verdicts.json"))
     _print_table(HEADINGS, [table_row(row) for row in rows])
+    _answer(made.with_name("index.html"))
     _answer(made)
 
 

@@ -3,7 +3,7 @@
 from gmrdata.config import Config
 from gmrdata.geometry.motion_class import MotionClassConfig
 from gmrdata.pseudogt.override import Override
-from gmrdata.pseudogt.verdict import VerdictConfig
+from gmrdata.pseudogt.thresholds import VerdictConfig
 from gmrdata.sfm.cues import ScaleConfig
 
 

@@ -15,10 +15,11 @@ from gmrdata.geometry.camera import CameraPath
 from gmrdata.people import PersonFiles, person_file, stage_inputs
 from gmrdata.pseudogt.compose import metric_cameras, world_motion
 from gmrdata.pseudogt.config import PseudoGtConfig
+from gmrdata.pseudogt.judge import judge
 from gmrdata.pseudogt.level import level_from_world
 from gmrdata.pseudogt.override import overridden
 from gmrdata.pseudogt.record import quality_of
-from gmrdata.pseudogt.verdict import Verdict, judge
+from gmrdata.pseudogt.verdict import Verdict
 from gmrdata.sfm.cameras import (
     QUALITY_FILE,
     Geometry,
@@ -27,6 +28,7 @@ from gmrdata.sfm.cameras import (
     load_points,
     load_quality,
 )
+from gmrdata.sfm.cuts import cuts_in_words
 from gmrdata.sfm.feet import SOLE_POINTS, foot_points_m, standing
 from gmrdata.sfm.scale import ScaleEstimate, SeenPerson, estimate_scale
 from gmrdata.store import read_json, run_stage, write_json
@@ -77,15 +79,20 @@ def make_pseudo_gt(
         cameras, quality = load_cameras(sfm_dir), load_quality(sfm_dir)
         rows = _rows_of_images(cameras, clips[0])
         tracked = None if tracked_path is None else read_npz(tracked_path)[TRACKED_KEY]
-        world_clips, estimate = compose_clips(
-            clips,
-            _camera_path(cameras, rows),
-            cameras.geometry,
-            load_points(sfm_dir),
-            bodies,
-            config,
-            tracked=tracked,
-        )
+        try:
+            world_clips, estimate = compose_clips(
+                clips,
+                _camera_path(cameras, rows),
+                cameras.geometry,
+                load_points(sfm_dir),
+                bodies,
+                config,
+                tracked=tracked,
+            )
+        except NoReconstruction as error:
+            raise NoReconstruction(
+                f"{error}{cuts_in_words(quality.get('cuts_after_frames', []))}"
+            ) from None
         doubts = {} if doubts_path is None else read_json(doubts_path)
         verdicts: list[Verdict] = []
         for number, clip in enumerate(world_clips):

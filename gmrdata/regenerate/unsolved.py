@@ -45,7 +45,8 @@ def make_unsolved(
     """
 
     def work(partial: Path) -> None:
-        doubts = read_json(given.doubts_path)["frames"]
+        doubts = read_json(given.doubts_path)
+        reasons = (*doubts["sequence"], reason)
         judged = []
         for number, person in enumerate(given.people):
             clip = load_clip(person.clip_path)
@@ -53,12 +54,12 @@ def make_unsolved(
             unsolved = replace(clip, valid=nothing, camera=None)
             rest_pelvis_m = read_body(person.body_path).rest_pelvis_m(clip.motion.shape)
             save_clip(partial / person_file(number), unsolved, rest_pelvis_m)
-            judged.append(_judged(clip, doubts[number], reason))
+            judged.append(_judged(clip, doubts["frames"][number], reasons))
         write_json(partial / QUALITY_FILE, {"camera_motion": "none", "people": judged})
 
     return run_stage(STAGE, out_dir, config, inputs, work, redo=redo)
 
 
-def _judged(clip: Clip, doubts: list[str], reason: str) -> dict[str, Any]:
+def _judged(clip: Clip, doubts: list[str], reasons: tuple[str, ...]) -> dict[str, Any]:
     dropped = dropped_ranges([doubt or "there is no reconstruction" for doubt in doubts])
-    return Verdict(False, (reason,), tuple(dropped), len(doubts)).as_record(clip.id)
+    return Verdict(False, reasons, tuple(dropped), len(doubts)).as_record(clip.id)

@@ -18,6 +18,8 @@ from gmrdata.sfm.follow import CENTRE_PX, follow, is_free, read_frame
 CORNERS = 400
 CORNER_QUALITY = 0.01
 CORNER_SPACING_PX = 8
+FEATURELESS = 8
+"""With fewer corners a frame shows nothing of the background."""
 CUT_SHARE = 0.1
 """Where fewer corners than this survive one step, the two frames show different places."""
 FEWEST_CORNERS = 20
@@ -34,12 +36,20 @@ class Keyframes:
     """(T-1,) share of the corners of frame t that were found again in frame t + 1."""
     corners: np.ndarray
     """(T-1,) number of corners that were looked for."""
+    last_corners: int
+    """Number of corners in the last frame."""
 
     @property
     def cuts(self) -> np.ndarray:
         """Rows t after which the picture changes to another place."""
         lost = (self.survived < CUT_SHARE) & (self.corners >= FEWEST_CORNERS)
         return np.flatnonzero(lost)
+
+    @property
+    def featureless(self) -> np.ndarray:
+        """Rows that show nothing of the background: black, even, or wholly masked."""
+        found = np.append(self.corners, self.last_corners)
+        return np.flatnonzero(found < FEATURELESS)
 
 
 def choose_keyframes(
@@ -83,6 +93,7 @@ def choose_keyframes(
         _at_least(np.array(rows), len(images), config.min_keyframes),
         np.array(survived),
         np.array(corners, dtype=np.int64),
+        len(now_px),
     )
 
 

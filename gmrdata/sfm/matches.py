@@ -12,6 +12,15 @@ from gmrdata.masks.folder import find_mask
 from gmrdata.sfm.colmap import pycolmap
 from gmrdata.sfm.config import SfmConfig
 
+FEWEST_FEATURES = 8
+"""A frame with fewer can't be matched."""
+MIN_FRAMES = 3
+"""Frames with features that a reconstruction needs at least."""
+MASKED_SHARE = 0.9
+"""Masks that cover more than this leave nothing to be seen."""
+DARK_GREY = 24
+"""Frames whose 95th percentile is darker than this are black [of 255]."""
+
 
 @dataclass(frozen=True, eq=False)
 class PairMatches:
@@ -197,14 +206,29 @@ def _read(database_path: Path, images: list[Path]) -> Matches:
     return Matches(keypoints_px, sorted(pairs, key=lambda pair: (pair.first, pair.second)))
 
 
+def _why_featureless(images: list[Path], masks_dir: Path | None) -> str:
+    """What keeps the frames from having features, by how much is masked and how bright they are."""
+    grays = [read_gray(image) for image in images]
+    if masks_dir is not None:
+        masked = np.mean(
+            [(read_gray(find_mask(masks_dir, image)) > 127).mean() for image in images]
+        )
+        if masked > MASKED_SHARE:
+            return f"the masks cover {masked:.0%} of the picture; check what made them"
+    brightness = np.median([np.percentile(gray, 95) for gray in grays])
+    if brightness < DARK_GREY:
+        return f"the frames are black (grey value {brightness:.0f} of 255); check the images"
+    return "the background is textureless; take a sequence that shows more of its surroundings"
+
+
 def _require_usable(matches: Matches, images: list[Path], masks_dir: Path | None) -> None:
     counts = np.array([len(points) for points in matches.keypoints_px])
     folder = images[0].parent
-    if np.median(counts) < 8:
+    if (counts >= FEWEST_FEATURES).sum() < MIN_FRAMES:
         where = "outside the masks" if masks_dir is not None else "in the frames"
         raise NoReconstruction(
-            f"{folder}: {int(np.median(counts))} features per frame {where}: the background is "
-            "textureless, too dark or masked; check the masks and the frames"
+            f"{folder}: {int(np.median(counts))} features per frame {where}: "
+            f"{_why_featureless(images, masks_dir)}"
         )
     if not matches.pairs:
         raise NoReconstruction(

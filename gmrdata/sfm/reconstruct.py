@@ -20,6 +20,7 @@ from gmrdata.sfm.cameras import (
     save_points,
 )
 from gmrdata.sfm.config import SfmConfig
+from gmrdata.sfm.cuts import cuts_in_words
 from gmrdata.sfm.evidence import explains_better, weigh
 from gmrdata.sfm.solution import (
     Solution,
@@ -114,18 +115,45 @@ def _solve(
     size_px: tuple[int, int],
     config: SfmConfig,
 ) -> Solution:
-    """Solve keyframes, as a pure rotation where that does, then all frames; fill short gaps."""
-    from gmrdata.sfm.between import with_frames_between
+    """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
     from gmrdata.sfm.keyframes import choose_keyframes
+
+    keys = choose_keyframes(images, masks_dir, size_px, config)
+    timeline = Timeline(_numbers(images), keys.cuts)
+    try:
+        solution = _solve_keyframes(
+            keys.rows, timeline, work_dir, images, masks_dir, intrinsics_px, size_px, config
+        )
+    except NoReconstruction as error:
+        raise NoReconstruction(f"{error}{cuts_in_words(keys.cuts)}") from None
+    choice = {
+        "keyframes": keys.rows.tolist(),
+        "cuts_after_frames": keys.cuts.tolist(),
+        "featureless": keys.featureless.tolist(),
+    }
+    solution = replace(solution, quality=solution.quality | choice)
+    return with_short_gaps_filled(solution, timeline, config.max_gap_frames)
+
+
+def _solve_keyframes(
+    key_rows: np.ndarray,
+    timeline: Timeline,
+    work_dir: Path,
+    images: list[Path],
+    masks_dir: Path | None,
+    intrinsics_px: np.ndarray,
+    size_px: tuple[int, int],
+    config: SfmConfig,
+) -> Solution:
+    """Solve keyframes, as a pure rotation where that does, then all frames."""
+    from gmrdata.sfm.between import with_frames_between
     from gmrdata.sfm.mapping import map_frames, place_between
     from gmrdata.sfm.matches import Matches, match_frames
     from gmrdata.sfm.refining import refine_mapped, refine_turning
     from gmrdata.sfm.rotation_only import RotationOnly, solve_rotation_only
     from gmrdata.sfm.turning_focal import turning_focal
 
-    keys = choose_keyframes(images, masks_dir, size_px, config)
-    timeline = Timeline(_numbers(images), keys.cuts)
-    key_images = [images[row] for row in keys.rows]
+    key_images = [images[row] for row in key_rows]
     matches = match_frames(key_images, masks_dir, intrinsics_px, size_px, work_dir, config)
 
     def turn(of: Matches) -> RotationOnly:
@@ -137,7 +165,7 @@ def _solve(
     mapped = None
     if evidence.verdict != "rotation_only":
         mapped = map_frames(work_dir / "database.db", key_images, matches, intrinsics_px, config)
-    everything = with_frames_between(matches, keys.rows, images, masks_dir, size_px, config)
+    everything = with_frames_between(matches, key_rows, images, masks_dir, size_px, config)
     if evidence.verdict == "rotation_only" or (
         evidence.verdict == "either" and not explains_better(mapped, turning, config)
     ):
@@ -146,7 +174,7 @@ def _solve(
         refined, figures = refine_turning(turn(everything), timeline, config)
         solution = turning_solution(refined, evidence, focal_px, config, freed)
     elif mapped is not None and mapped.has_camera.sum() >= config.min_frames_registered:
-        placed = place_between(mapped, keys.rows, everything, intrinsics_px)
+        placed = place_between(mapped, key_rows, everything, intrinsics_px)
         placed, figures = refine_mapped(placed, everything, intrinsics_px, timeline, config)
         solution = mapped_solution(placed, evidence)
     else:
@@ -155,13 +183,8 @@ def _solve(
             "could build a model; the parallax may be too small, the intrinsics wrong or the "
             "background moving"
         )
-    more = {
-        "keyframes": keys.rows.tolist(),
-        "cuts_after_frames": keys.cuts.tolist(),
-        "smoothing": figures if solution.geometry != "static" else {},
-    }
-    solution = replace(solution, quality=solution.quality | more)
-    return with_short_gaps_filled(solution, timeline, config.max_gap_frames)
+    smoothing = figures if solution.geometry != "static" else {}
+    return replace(solution, quality=solution.quality | {"smoothing": smoothing})
 
 
 def _numbers(images: list[Path]) -> np.ndarray:

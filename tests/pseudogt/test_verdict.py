@@ -11,13 +11,15 @@ from gmrdata.clip import Clip, camera_of
 from gmrdata.geometry.camera import CameraPath
 from gmrdata.geometry.transforms import rigid
 from gmrdata.motion.motion import Motion
-from gmrdata.pseudogt.verdict import Dropped, Verdict, VerdictConfig, judge
+from gmrdata.pseudogt.judge import judge
+from gmrdata.pseudogt.thresholds import VerdictConfig
+from gmrdata.pseudogt.verdict import Dropped, Verdict
 from gmrdata.sfm.cues import CueEstimate
 from gmrdata.sfm.scale import ScaleEstimate, fuse
 
 N, FPS_HZ = 90, 30.0
 ROWS = np.arange(N)
-CONFIG = VerdictConfig()
+CONFIG = VerdictConfig(min_run_s=0.3)
 GOOD: dict[str, Any] = {
     "registered_share": 1.0,
     "mean_reprojection_px": 0.3,
@@ -207,3 +209,20 @@ def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
     inliers = [200] * 40 + [0] * 3 + [200] * (N - 43)
     figures = {"inliers_per_frame": inliers, "interpolated": [40, 41, 42]}
     assert judge(clip, GOOD | figures, ROWS, SCALE, CONFIG).kept.all()
+
+
+def test_images_out_of_order_say_so(clip: Clip) -> None:
+    order = np.random.default_rng(0).permutation(N)
+    shuffled = clip_of(circling()[order])
+    verdict = judge(shuffled, GOOD, ROWS, SCALE, VerdictConfig(max_speed_m_per_s=3.0))
+    assert not verdict.accepted
+    assert any("images out of order" in reason for reason in verdict.reasons)
+
+
+def test_black_images_are_named(clip: Clip) -> None:
+    lost = changed(clip, slice(50, N), np.nan)
+    figures = {"registered_share": 50 / N, "featureless": list(range(50, N))}
+    verdict = judge(lost, GOOD | figures, ROWS, SCALE, CONFIG)
+    assert not verdict.accepted and "40 are black or even" in verdict.reasons[0]
+    (run,) = verdict.dropped
+    assert (run.start, run.stop) == (50, N) and "black" in run.reason

@@ -6,7 +6,7 @@ import numpy as np
 
 from gmrdata.geometry.motion_class import MotionClassConfig
 from gmrdata.pseudogt.moves import angles_deg, relative_moves, window_differences
-from gmrdata.pseudogt.verdict import VerdictConfig
+from gmrdata.pseudogt.thresholds import VerdictConfig
 from gmrdata.regenerate.qa.gather import Found
 from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.report.bars import NO_FIGURE

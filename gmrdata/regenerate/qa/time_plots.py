@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from gmrdata.pseudogt.moves import window_differences
-from gmrdata.pseudogt.verdict import VerdictConfig
+from gmrdata.pseudogt.thresholds import VerdictConfig
 from gmrdata.regenerate.qa.gather import Found
 from gmrdata.regenerate.qa.kinds import Kind
 from gmrdata.report.style import COLOURS, quiet
