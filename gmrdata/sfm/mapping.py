@@ -16,6 +16,9 @@ from gmrdata.sfm.placing import SeenPoints, place_frames
 
 MIN_PARALLAX_DEG = 0.1
 """Points with less hardly have a depth [deg]; COLMAP's usual 1 degree empties slow sequences."""
+SMALL_START_DEG = 0.5
+"""Parallax of the first pair where the camera hardly leaves its place [deg]; COLMAP's usual 16
+degrees find no pair there.  About a hand's 5 cm before a background 5 m away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,7 @@ class Mapped:
     observations: np.ndarray
     """(T,) observations per frame."""
     mapper: str
-    """"global" or "incremental"."""
+    """"global", "incremental" or "small_parallax", which is incremental with lower limits."""
     models: tuple[ModelRecord, ...]
     """Separate models that the mapper returned, the largest first, and what became of them."""
     n_resected: int
@@ -57,7 +60,8 @@ def map_frames(
 
     The global mapper goes first.  The incremental one is tried where the global one leaves frames
     out, and is taken if it registers more of them, or as many with more observations.  Models that
-    share frames are joined.
+    share frames are joined.  Where neither finds a model, the camera may hardly leave its place:
+    the incremental one is run with lower limits for parallax.  A pan has no model even then.
 
     Args:
         database_path: COLMAP's database with verified matches.
@@ -67,10 +71,16 @@ def map_frames(
         config: The recipe.
     """
     found: list[Mapped] = []
-    for mapper in ("global", "incremental"):
+    runs = {
+        "global": _run_global,
+        "incremental": _run_incremental,
+        "small_parallax": _run_small_parallax,
+    }
+    for mapper, run in runs.items():
+        if found and mapper == "small_parallax":
+            break
         out_dir = database_path.parent / mapper
         out_dir.mkdir()
-        run = _run_global if mapper == "global" else _run_incremental
         models = list(run(database_path, images, out_dir, config).values())
         if models:
             whole, records = join_models(models, config.seed)
@@ -124,6 +134,22 @@ def _run_global(
 def _run_incremental(
     database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
 ) -> dict[int, Any]:
+    options = _incremental_options(config)
+    return dict(pycolmap.incremental_mapping(database_path, images[0].parent, out_dir, options))
+
+
+def _run_small_parallax(
+    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
+) -> dict[int, Any]:
+    options = _incremental_options(config)
+    options.mapper.init_min_tri_angle = SMALL_START_DEG
+    options.mapper.filter_min_tri_angle = options.triangulation.min_angle = MIN_PARALLAX_DEG
+    # Half of what else is asked for: small frames between masks have no more.
+    options.mapper.init_min_num_inliers = 50
+    return dict(pycolmap.incremental_mapping(database_path, images[0].parent, out_dir, options))
+
+
+def _incremental_options(config: SfmConfig) -> Any:
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = options.mapper.num_threads = 1
     options.random_seed = options.mapper.random_seed = config.seed
@@ -133,7 +159,7 @@ def _run_incremental(
     options.mapper.abs_pose_refine_focal_length = False
     options.mapper.abs_pose_refine_extra_params = False
     options.extract_colors = False
-    return dict(pycolmap.incremental_mapping(database_path, images[0].parent, out_dir, options))
+    return options
 
 
 def _finish(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gmrdata.errors import BadFrames
+from gmrdata.evaluate.alignment import fit_similarity
 from gmrdata.frames import list_images
 from gmrdata.sfm import mapping
 from gmrdata.sfm.config import SfmConfig
@@ -16,6 +17,7 @@ from gmrdata.sfm.evidence import explains_better
 from gmrdata.sfm.joining import join_models
 from gmrdata.sfm.matches import match_frames
 from gmrdata.sfm.rotation_only import solve_rotation_only
+from tests.sfm.conftest import film_cameras, look_at
 
 SMALL = SfmConfig(max_features=1200, first_octave=-1)
 
@@ -82,6 +84,32 @@ def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc: Any) -> None:
     assert not explains_better(None, turning, SMALL)
     fewer = replace(mapped, has_camera=np.arange(10) < 9)
     assert not explains_better(fewer, turning, SMALL)
+
+
+@pytest.mark.parametrize("reach_m", [0.085, 0.0])
+def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
+    reach_m: float, tmp_path: Path
+) -> None:
+    along = np.linspace(0, 1, 14)
+    sway = np.stack([np.sin(5 * along), np.cos(7 * along), np.sin(9 * along + 1)], axis=1) / 2
+    person_m = np.stack([-1.0 + 2 * along, 0 * along + 0.4, 0 * along], axis=1)
+    centres_m = np.array([0.0, -3.0, 1.5]) + reach_m * sway
+    targets_m = person_m + np.array([0.0, 0.0, 1.0])
+    cameras = np.array([look_at(c, t) for c, t in zip(centres_m, targets_m, strict=True)])
+    filmed = film_cameras(tmp_path / "film", cameras, person_m)
+    images = list_images(filmed.images_dir)
+    arguments = (filmed.intrinsics_px, (320, 180), tmp_path, SMALL)
+    matches = match_frames(images, filmed.masks_dir, *arguments)
+    mapped = mapping.map_frames(
+        tmp_path / "database.db", images, matches, filmed.intrinsics_px, SMALL
+    )
+    if reach_m == 0:
+        assert mapped is None or not mapped.has_camera.all()
+        return
+    assert mapped is not None and mapped.mapper == "small_parallax" and mapped.has_camera.all()
+    true, centres = cameras[:, :3, 3], mapped.world_from_cam[:, :3, 3]
+    apart_m = fit_similarity(true, centres, scale=True).apply(centres) - true
+    assert np.linalg.norm(apart_m, axis=1).max() < 0.25 * reach_m
 
 
 def test_cameras_that_few_points_hold_are_forgotten() -> None:
