@@ -17,7 +17,7 @@ from gmrdata.sfm.evidence import explains_better
 from gmrdata.sfm.joining import join_models
 from gmrdata.sfm.matches import match_frames
 from gmrdata.sfm.rotation_only import solve_rotation_only
-from tests.sfm.conftest import film_cameras, look_at
+from tests.filming import film_cameras, look_at
 
 SMALL = SfmConfig(max_features=1200, first_octave=-1)
 
