@@ -39,6 +39,11 @@ class SfmConfig(Config):
     """Residual up to which a match agrees with a pure rotation [px]."""
     rotation_only_share: float = Field(default=0.85, gt=0, le=1)
     """Smallest share of verified matches that must agree with a pure rotation."""
+    small_travel_share: float = Field(default=0.1, ge=0)
+    """A camera whose places are further apart than this share of the background's distance
+    travels; of one that doesn't, a pure rotation is taken if the model is bent."""
+    small_travel_median_px: float = Field(default=1.5, gt=0)
+    """Largest median residual of a pure rotation for that [px]."""
     static_px: float = Field(default=0.3, ge=0)
     """A camera that only turns, and moves the middle of its image by less than this, is static
     [px]."""

@@ -21,7 +21,7 @@ from gmrdata.sfm.cameras import (
 )
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.cuts import cuts_in_words
-from gmrdata.sfm.evidence import explains_better, weigh
+from gmrdata.sfm.evidence import explains_better, is_bent, weigh
 from gmrdata.sfm.solution import (
     Solution,
     mapped_solution,
@@ -165,9 +165,12 @@ def _solve_keyframes(
     mapped = None
     if evidence.verdict != "rotation_only":
         mapped = map_frames(work_dir / "database.db", key_images, matches, intrinsics_px, config)
+    bent = mapped is not None and is_bent(mapped, turning, config)
     everything = with_frames_between(matches, key_rows, images, masks_dir, size_px, config)
-    if evidence.verdict == "rotation_only" or (
-        evidence.verdict == "either" and not explains_better(mapped, turning, config)
+    if (
+        evidence.verdict == "rotation_only"
+        or bent
+        or (evidence.verdict == "either" and not explains_better(mapped, turning, config))
     ):
         focal_px = float(intrinsics_px[0, 0])
         freed = turning_focal(turning, matches, intrinsics_px)
@@ -184,7 +187,8 @@ def _solve_keyframes(
             "background moving"
         )
     smoothing = figures if solution.geometry != "static" else {}
-    return replace(solution, quality=solution.quality | {"smoothing": smoothing})
+    chosen = {"smoothing": smoothing, "bent_model_set_aside": bent}
+    return replace(solution, quality=solution.quality | chosen)
 
 
 def _numbers(images: list[Path]) -> np.ndarray:

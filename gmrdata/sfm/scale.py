@@ -95,7 +95,7 @@ def estimate_scale(
         cues += [] if windows is None else [windows]
     if not cues:
         raise NoReconstruction("; ".join(reasons))
-    return fuse(tuple(cues))
+    return fuse(tuple(cues), config.body_share)
 
 
 def _of_person(
@@ -123,11 +123,12 @@ def _known_to_any(people: Sequence[SeenPerson]) -> np.ndarray:
     return known
 
 
-def fuse(cues: tuple[CueEstimate, ...]) -> ScaleEstimate:
+def fuse(cues: tuple[CueEstimate, ...], common_share: float = 0.0) -> ScaleEstimate:
     """Mean of the cues, weighted by their inverse variances.
 
     Where they scatter more than their errors allow, the error of the mean is widened by the square
-    root of chi-square per degree of freedom (Birge 1932).
+    root of chi-square per degree of freedom (Birge 1932).  An error that they share, as a share of
+    the scale, is not lowered by their number.
     """
     scales, weights = (
         np.array([cue.scale for cue in cues]),
@@ -136,4 +137,5 @@ def fuse(cues: tuple[CueEstimate, ...]) -> ScaleEstimate:
     scale = float(weights @ scales / weights.sum())
     chi_square = float(weights @ (scales - scale) ** 2)
     widened = max(1.0, chi_square / max(1, len(cues) - 1)) ** 0.5
-    return ScaleEstimate(scale, float(weights.sum() ** -0.5) * widened, cues)
+    own = float(weights.sum() ** -0.5) * widened
+    return ScaleEstimate(scale, float(np.hypot(own, common_share * scale)), cues)
