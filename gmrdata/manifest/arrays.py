@@ -1,6 +1,6 @@
 """What a clip's arrays must satisfy before anyone trains on them or scores with them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -69,24 +69,22 @@ def stray_problems(field: str, images: list[str], files: list[str]) -> Iterator[
 
 def joints_problems(path: Path, clip: clip_file.Clip) -> Iterator[str]:
     """Whether a file of joints can be read and has the clip's rows."""
-    try:
-        n_rows = len(load_joints(path).visible)
-    except BadMotionFile as error:
-        yield f"joints: {error}"
-        return
-    if n_rows != clip.motion.n_frames:
-        yield f"joints: {n_rows} rows, the clip has {clip.motion.n_frames}; render it again"
+    return _rows_problems("joints", clip, lambda: len(load_joints(path).visible))
 
 
 def character_problems(path: Path, clip: clip_file.Clip) -> Iterator[str]:
     """Whether a character's residual can be read and has the clip's rows."""
+    return _rows_problems("character", clip, lambda: len(load_character(path).in_frame))
+
+
+def _rows_problems(field: str, clip: clip_file.Clip, count: Callable[[], int]) -> Iterator[str]:
     try:
-        n_rows = len(load_character(path).in_frame)
+        n_rows = count()
     except BadMotionFile as error:
-        yield f"character: {error}"
+        yield f"{field}: {error}"
         return
     if n_rows != clip.motion.n_frames:
-        yield f"character: {n_rows} rows, the clip has {clip.motion.n_frames}; render it again"
+        yield f"{field}: {n_rows} rows, the clip has {clip.motion.n_frames}; render it again"
 
 
 def _disagreements(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:

@@ -172,3 +172,9 @@ def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body: Bo
     people = [SeenPerson(person, small_body, unknown), SeenPerson(person, small_body, found)]
     estimate = estimate_scale(people, "full", ScaleConfig())
     assert [cue.person for cue in estimate.cues] == [1]
+
+
+def test_what_cues_share_is_not_lowered_by_their_number() -> None:
+    cues = tuple(CueEstimate(f"cue_{i}", 2.0, 0.02, 9, 0.01) for i in range(100))
+    assert fuse(cues).sigma == pytest.approx(0.002)
+    assert fuse(cues, 0.01).sigma == pytest.approx(np.hypot(0.002, 0.02))
