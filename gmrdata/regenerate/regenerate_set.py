@@ -25,6 +25,7 @@ from gmrdata.threedpw.layout import (
 )
 
 HEADINGS = ("sequence", "split", "state")
+STAGES = ("people", "masks", "sfm", "pseudo_gt")
 
 
 def regenerate_set(
@@ -76,9 +77,6 @@ def regenerate_set(
     _list(recipe, chosen, refused, reasons, paths, redo)
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
     return paths.manifest
-
-
-STAGES = ("people", "masks", "sfm", "pseudo_gt")
 
 
 def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[str, str]]:
