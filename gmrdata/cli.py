@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
@@ -13,9 +13,11 @@ from gmrdata.people import PersonFiles
 from gmrdata.progress import answers, console
 
 if TYPE_CHECKING:
+    from gmrdata.config import Config
     from gmrdata.synthetic.recipe import SyntheticRecipe
 
 Verb = Callable[..., None]
+Recipe = TypeVar("Recipe", bound="Config")
 
 
 def demo(
@@ -47,8 +49,7 @@ def demo(
     from gmrdata.recipes import find_recipe, load_recipe
 
     loaded = load_recipe(find_recipe(recipe), DemoRecipe)
-    if workers is not None:
-        loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
+    loaded = _with_workers(loaded, workers)
     if dry_run:
         _print_table(("stage", "state"), plan(loaded, out))
         return
@@ -150,8 +151,7 @@ def render(
     from gmrdata.synthetic.recipe import SyntheticRecipe
 
     loaded = load_recipe(find_recipe(recipe), SyntheticRecipe)
-    if workers is not None:
-        loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
+    loaded = _with_workers(loaded, workers)
     if dry_run:
         _dry_run(loaded, out, motions, probe)
         return
@@ -330,8 +330,7 @@ def threedpw_regenerate(
     from gmrdata.store import read_json
 
     loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
-    if workers is not None:
-        loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
+    loaded = _with_workers(loaded, workers)
     if sequences:
         loaded = loaded.model_copy(update={"sequences": sequences})
     if dry_run:
@@ -423,8 +422,7 @@ def threedpw_twin(
 
     loaded = load_recipe(find_recipe(recipe), TwinRecipe)
     if workers is not None:
-        clips = loaded.set.model_copy(update={"workers": _at_least_one(workers)})
-        loaded = loaded.model_copy(update={"set": clips})
+        loaded = loaded.model_copy(update={"set": _with_workers(loaded.set, workers)})
     if dry_run:
         _dry_run(loaded.set, out / SET_FOLDER, motions, probe)
         return
@@ -483,8 +481,7 @@ def floor(
     from gmrdata.regenerate.recipe import ThreedpwRecipe
 
     loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
-    if workers is not None:
-        loaded = loaded.model_copy(update={"workers": _at_least_one(workers)})
+    loaded = _with_workers(loaded, workers)
     if twins is not None:
         made = floor_of_twins(twins, loaded, out, scheduler=scheduler, redo=redo)
     elif motions is not None:
@@ -658,10 +655,13 @@ def _fail(message: str, code: int = 1) -> None:
     sys.exit(code)
 
 
-def _at_least_one(workers: int) -> int:
+def _with_workers(recipe: Recipe, workers: int | None) -> Recipe:
+    """The recipe with as many worker processes as the command line asks for, if it does."""
+    if workers is None:
+        return recipe
     if workers < 1:
         raise BadRecipe(f"--workers {workers}: at least one process has to do the work")
-    return workers
+    return recipe.model_copy(update={"workers": workers})
 
 
 def _need(values: tuple[Any, ...], what: str) -> None:

@@ -208,7 +208,9 @@ def run_stage(
 
 def is_made(name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path]) -> bool:
     """Whether `run_stage` would find its folder complete; arguments as there."""
-    return _read_recipe(out_dir / STAGE_FILE) == _recipe(name, config, inputs)
+    made_by = _read_recipe(out_dir / STAGE_FILE)
+    # By name first: only then are the inputs worth hashing.
+    return made_by.get("stage") == name and made_by == _recipe(name, config, inputs)
 
 
 def _recipe(name: str, config: Config, inputs: Mapping[str, Path]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from gmrdata.manifest.current import (
     Source,
 )
 from gmrdata.manifest.listing import file_record, folder_record, relative_to_root
+from gmrdata.row_runs import text_runs
 
 LISTINGS = "listings"
 """Folder of listings below the manifest's folder."""
@@ -143,10 +144,8 @@ def _reasons(clip_path: Path, reason: str | Sequence[str], valid: np.ndarray) ->
 
 def _ranges(labels: Sequence[str]) -> tuple[tuple[FrameRange, ...], tuple[DroppedRange, ...]]:
     """Runs of rows without a reason, and runs of other rows with one reason each."""
-    starts = [i for i, label in enumerate(labels) if i == 0 or label != labels[i - 1]]
     kept, dropped = [], []
-    for start, stop in zip(starts, [*starts[1:], len(labels)], strict=True):
-        label = labels[start]
+    for start, stop, label in text_runs(labels):
         if not label:
             kept.append(FrameRange(start=start, stop=stop))
         else:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.manifest.current import Quality
+from gmrdata.row_runs import texts_of
 from gmrdata.sfm.cameras import QUALITY_FILE
 from gmrdata.store import read_json
 
@@ -49,10 +50,8 @@ def dropped_reasons(record: dict[str, Any], person: int) -> list[str]:
 
 def judged_reasons(judged: dict[str, Any]) -> list[str]:
     """Why each frame of one person is dropped by itself, (T,) texts; empty where it isn't."""
-    reasons = [""] * judged["frames"]
-    for run in judged["dropped"]:
-        reasons[run["start"] : run["stop"]] = [run["reason"]] * (run["stop"] - run["start"])
-    return reasons
+    runs = ((run["start"], run["stop"], run["reason"]) for run in judged["dropped"])
+    return texts_of(runs, judged["frames"])
 
 
 def _figures(record: dict[str, Any], judged: dict[str, Any]) -> dict[str, float]:

@@ -75,6 +75,9 @@ def make_pseudo_gt(
         from gmrdata.body.load import load_body
 
         clips = [_camera_clip(person.clip_path) for person in people]
+        for clip, person in zip(clips, people, strict=True):
+            if not np.array_equal(clip.image_numbers, clips[0].image_numbers):
+                raise BadMotionFile(f"{person.clip_path}: has other rows than {clips[0].id}")
         bodies = [load_body(str(person.body_path)) for person in people]
         cameras, quality = load_cameras(sfm_dir), load_quality(sfm_dir)
         rows = _rows_of_images(cameras, clips[0])

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import groupby
 from typing import Any
 
 import numpy as np
+
+from gmrdata.row_runs import text_runs, texts_of
 
 
 @dataclass(frozen=True)
@@ -49,10 +50,8 @@ class Verdict:
     @property
     def frame_reasons(self) -> list[str]:
         """T texts: why each frame is dropped; empty where it isn't."""
-        reasons = [""] * self.n_frames
-        for run in self.dropped:
-            reasons[run.start : run.stop] = [run.reason] * (run.stop - run.start)
-        return reasons
+        runs = ((run.start, run.stop, run.reason) for run in self.dropped)
+        return texts_of(runs, self.n_frames)
 
     def as_record(self, clip_id: str) -> dict[str, Any]:
         """The verdict of one clip as plain JSON."""
@@ -69,10 +68,4 @@ class Verdict:
 
 def dropped_ranges(reasons: Sequence[str]) -> list[Dropped]:
     """Runs of frames that share a reason; frames with an empty one are in none."""
-    found, start = [], 0
-    for reason, group in groupby(reasons):
-        stop = start + len(list(group))
-        if reason:
-            found.append(Dropped(start, stop, reason))
-        start = stop
-    return found
+    return [Dropped(*run) for run in text_runs(reasons) if run[2]]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gmrdata.sfm.adjusting import adjustment_options, whole_problem
 from gmrdata.sfm.colmap import pycolmap
 
 MAX_ITERATIONS = 200
@@ -45,34 +46,16 @@ def freed_focal(model: Any) -> FreedFocal | None:
     copy = pycolmap.Reconstruction(model)
     (camera_id,) = copy.cameras
     given_px = _focal_px(copy, camera_id)
-    adjuster = pycolmap.create_default_ceres_bundle_adjuster(_options(), _problem(copy), copy)
+    # COLMAP's usual tolerance of 1e-6 stops short.
+    options = adjustment_options(
+        free_focal=True, max_iterations=MAX_ITERATIONS, function_tolerance=1e-8
+    )
+    adjuster = pycolmap.create_default_ceres_bundle_adjuster(options, whole_problem(copy), copy)
     summary = adjuster.solve()
     factor = _focal_px(copy, camera_id) / given_px
     if not summary.is_solution_usable() or not np.isfinite(factor) or factor <= 0:
         return None
     return FreedFocal(factor, _sigma(copy, camera_id, adjuster))
-
-
-def _options() -> Any:
-    options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = True
-    options.refine_principal_point = False
-    options.refine_extra_params = False
-    options.print_summary = False
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = 1.0
-    options.ceres.solver_options.num_threads = 1
-    options.ceres.solver_options.max_num_iterations = MAX_ITERATIONS
-    options.ceres.solver_options.function_tolerance = 1e-8  # COLMAP's 1e-6 stops short
-    return options
-
-
-def _problem(model: Any) -> Any:
-    problem = pycolmap.BundleAdjustmentConfig()
-    for image_id in sorted(model.reg_image_ids()):
-        problem.add_image(image_id)
-    problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    return problem
 
 
 def _focal_px(model: Any, camera_id: int) -> float:

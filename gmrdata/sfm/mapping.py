@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.geometry import transforms
+from gmrdata.sfm.adjusting import adjustment_options, whole_problem
 from gmrdata.sfm.colmap import pycolmap
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.focal_check import FreedFocal, freed_focal
@@ -231,22 +232,9 @@ def _forget_weak(
 
 def _adjust(model: Any) -> None:
     """Bundle adjustment with fixed intrinsics and a loss that forgives wrong matches."""
-    options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = False
-    options.refine_principal_point = False
-    options.refine_extra_params = False
-    options.print_summary = False
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = 1.0
-    options.ceres.solver_options.num_threads = 1
-    options.ceres.solver_options.max_num_iterations = 50
-    options.ceres.solver_options.function_tolerance = 1e-6
+    options = adjustment_options(free_focal=False, max_iterations=50, function_tolerance=1e-6)
     # Not `pycolmap.bundle_adjustment`, which turns its log back on.
-    problem = pycolmap.BundleAdjustmentConfig()
-    for image_id in sorted(model.reg_image_ids()):
-        problem.add_image(image_id)
-    problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    pycolmap.create_default_bundle_adjuster(options, problem, model).solve()
+    pycolmap.create_default_bundle_adjuster(options, whole_problem(model), model).solve()
 
 
 def _drop_outliers(model: Any, max_error_px: float) -> None:

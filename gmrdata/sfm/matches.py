@@ -208,14 +208,13 @@ def _read(database_path: Path, images: list[Path]) -> Matches:
 
 def _why_featureless(images: list[Path], masks_dir: Path | None) -> str:
     """What keeps the frames from having features, by how much is masked and how bright they are."""
-    grays = [read_gray(image) for image in images]
     if masks_dir is not None:
         masked = np.mean(
             [(read_gray(find_mask(masks_dir, image)) > 127).mean() for image in images]
         )
         if masked > MASKED_SHARE:
             return f"the masks cover {masked:.0%} of the picture; check what made them"
-    brightness = np.median([np.percentile(gray, 95) for gray in grays])
+    brightness = np.median([np.percentile(read_gray(image), 95) for image in images])
     if brightness < DARK_GREY:
         return f"the frames are black (grey value {brightness:.0f} of 255); check the images"
     return "the background is textureless; take a sequence that shows more of its surroundings"

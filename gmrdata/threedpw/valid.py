@@ -1,11 +1,11 @@
 """Which frames of a person can be used, by the named rules of the field, and why others can't."""
 
-from itertools import groupby
 from typing import Literal, get_args
 
 import numpy as np
 
 from gmrdata.errors import BadRecipe
+from gmrdata.row_runs import text_runs
 from gmrdata.threedpw.arrays import Person
 from gmrdata.threedpw.read import Sequence3DPW
 
@@ -89,13 +89,7 @@ def unusable_reasons(
 
 def dropped_ranges(reasons: list[str]) -> list[tuple[int, int, str]]:
     """Runs of frames that share a reason, as (start, stop, reason); stop is one past the last."""
-    ranges, start = [], 0
-    for reason, run in groupby(reasons):
-        stop = start + len(list(run))
-        if reason:
-            ranges.append((start, stop, reason))
-        start = stop
-    return ranges
+    return [run for run in text_runs(reasons) if run[2]]
 
 
 _RULE_REASONS: dict[ValidRule, str] = {

@@ -161,3 +161,18 @@ def test_a_world_frame_clip_is_refused(small_body: BodyModel, tmp_path: Path) ->
     with pytest.raises(BadMotionFile, match="not in the camera frame"):
         people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
         make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+
+
+def test_people_with_other_rows_than_the_first_are_refused(
+    small_body: BodyModel, tmp_path: Path
+) -> None:
+    true = true_clip(small_body, Circular())
+    save_body(tmp_path / "body.npz", small_body)
+    rest_pelvis_m = small_body.rest_pelvis_m(true.motion.shape)
+    save_clip(tmp_path / "a.npz", as_input(true), rest_pelvis_m)
+    later = replace(as_input(true), image_numbers=true.image_numbers + 1)
+    save_clip(tmp_path / "b.npz", later, rest_pelvis_m)
+    people = tuple(PersonFiles(tmp_path / f"{n}.npz", tmp_path / "body.npz") for n in "ab")
+    sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
+    with pytest.raises(BadMotionFile, match=r"b\.npz: has other rows than walk"):
+        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())

@@ -72,13 +72,12 @@ def _lead(found: Found) -> str:
 def reconstruction_section(found: Found) -> str:
     """HTML: geometry, mapper, models, and the figures of the reconstruction."""
     record = found.record
-    models = record.get("models")
-    n_models = len(models) if isinstance(models, list) else models
+    models = record["models"]
     geometry = str(record["geometry"])
     rows = [
         ("Geometry", GEOMETRY_WORDS.get(geometry, geometry)),
         ("Mapper", record.get("mapper")),
-        ("Models", n_models),
+        ("Models", len(models)),
         ("Frames with a camera", f"{record['frames_with_camera']} of {record['frames']}"),
         ("Keyframes", len(record.get("keyframes", ()))),
         ("Frames placed against the finished map", record.get("resected_frames")),
@@ -90,14 +89,12 @@ def reconstruction_section(found: Found) -> str:
         ("Focal length that the background asks for, over the given one", _focal(record)),
     ]
     listed = small((name, str(value)) for name, value in rows if value is not None)
-    joined = ""
-    if isinstance(models, list):
-        joined = "".join(
-            f"<li>{model['frames']} frames, {'kept' if model['kept'] else 'dropped'}: "
-            f"{text(model['reason'])}</li>"
-            for model in models
-        )
-        joined = f"<h3>Models</h3><ul>{joined}</ul>" if joined else ""
+    joined = "".join(
+        f"<li>{model['frames']} frames, {'kept' if model['kept'] else 'dropped'}: "
+        f"{text(model['reason'])}</li>"
+        for model in models
+    )
+    joined = f"<h3>Models</h3><ul>{joined}</ul>" if joined else ""
     reason = text(record.get("evidence", {}).get("reason", "not recorded"))
     return (
         f"<section><h2>Reconstruction</h2>{listed}"

@@ -1,0 +1,25 @@
+"""Rows that share a text, as ranges: reasons of dropped frames, kept stretches."""
+
+from collections.abc import Iterable
+from itertools import groupby
+
+
+def text_runs(texts: Iterable[str]) -> list[tuple[int, int, str]]:
+    """Runs of neighbouring rows with one text, all of them, as (start, stop, text).
+
+    `stop` is one past the last row.
+    """
+    runs, start = [], 0
+    for text, group in groupby(texts):
+        stop = start + len(list(group))
+        runs.append((start, stop, text))
+        start = stop
+    return runs
+
+
+def texts_of(runs: Iterable[tuple[int, int, str]], n_rows: int) -> list[str]:
+    """(n_rows,) the text of each row; empty outside the runs."""
+    texts = [""] * n_rows
+    for start, stop, text in runs:
+        texts[start:stop] = [text] * (stop - start)
+    return texts
