@@ -1,0 +1,52 @@
+"""The command line: one verb per capability.  Each verb imports its stage only when it runs."""
+
+import sys
+from collections.abc import Callable
+
+import tyro
+
+from gmrdata.cli.answers import explain, fail
+from gmrdata.cli.floor import floor
+from gmrdata.cli.gmr import evaluate, train
+from gmrdata.cli.manifest import manifest
+from gmrdata.cli.motions import fetch, motions
+from gmrdata.cli.render import render
+from gmrdata.cli.sequence import masks, sfm
+from gmrdata.cli.threedpw import threedpw
+from gmrdata.cli.whole import demo, report, run
+from gmrdata.errors import GmrdataError
+
+Verb = Callable[..., None]
+
+VERBS: dict[str, Verb] = {
+    "demo": demo,
+    "fetch": fetch,
+    "motions": motions,
+    "render": render,
+    "masks": masks,
+    "sfm": sfm,
+    "manifest": manifest,
+    "threedpw": threedpw,
+    "floor": floor,
+    "train": train,
+    "evaluate": evaluate,
+    "report": report,
+    "run": run,
+}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["threedpw"] and given[1:2] and given[1] in ("--root", "--out"):
+        given.insert(1, "regenerate")
+    try:
+        tyro.extras.subcommand_cli_from_dict(
+            VERBS, prog="gmrdata", description="World-frame human motion data.", args=given
+        )
+    except GmrdataError as error:
+        fail(str(error))
+    except OSError as error:
+        fail(explain(error))
+    except KeyboardInterrupt:
+        fail("stopped. The same command goes on where it was", code=130)

@@ -1,0 +1,44 @@
+"""What the command line says: answers, tables, and what went wrong."""
+
+import sys
+from collections.abc import Sequence
+
+from gmrdata.progress import answers, console
+
+
+def answer(value: object) -> None:
+    """Print a result to standard output, as it is."""
+    answers.print(str(value), markup=False, soft_wrap=True)
+
+
+def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table to standard output."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    # Without this "[s]" in a heading is the sign for crossed-out text, and is not shown.
+    table = Table(*map(escape, headings), box=None)
+    for row in rows:
+        table.add_row(*map(escape, row))
+    answers.print(table)
+
+
+def fail(message: str, code: int = 1) -> None:
+    """Say on standard error what went wrong, and end."""
+    console.print(f"gmrdata: {message}", style="bold red", markup=False, soft_wrap=True)
+    sys.exit(code)
+
+
+def explain(error: OSError) -> str:
+    """A system error with the file and what can be done."""
+    import errno
+
+    remedies = {
+        errno.ENOSPC: "the disk is full. Free some space and run the same command again",
+        errno.EDQUOT: "your disk quota is used up. Free some space and run the same command again",
+        errno.EFBIG: "the file grew beyond the limit for files. Raise it (ulimit -f) and run again",
+        errno.EACCES: "no permission. Choose another --out, or change the folder's permissions",
+        errno.EROFS: "a read-only file system. Choose another --out",
+    }
+    remedy = remedies.get(error.errno or 0, error.strerror or str(error))
+    return f"{error.filename or 'writing'}: {remedy}"

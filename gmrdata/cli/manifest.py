@@ -1,0 +1,62 @@
+"""The verb that checks, shows and compares manifests."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
+
+from gmrdata.cli.answers import answer
+from gmrdata.cli.options import need
+
+
+def manifest_check(paths: Positional[tuple[Path, ...]], hashes: bool = True) -> None:
+    """Check manifests: schema, files, hashes, sizes, finite values, proper rotations, paths.
+
+    Args:
+        paths: Manifest files.
+        hashes: Read every byte; sizes alone without.
+    """
+    from gmrdata.manifest.check import check_manifest
+
+    need(paths, "a manifest file")
+    for path in paths:
+        check_manifest(path, hashes=hashes)
+        answer(f"{path}: good")
+
+
+def manifest_show(path: Positional[Path]) -> None:
+    """Show a manifest as a table.
+
+    Args:
+        path: Manifest file.
+    """
+    from gmrdata.manifest.show import show_manifest
+
+    show_manifest(path)
+
+
+def manifest_diff(a: Positional[Path], b: Positional[Path]) -> None:
+    """Say what differs between two manifests; exit code 1 if anything does.
+
+    Args:
+        a: Manifest file.
+        b: Manifest file.
+    """
+    from gmrdata.manifest.show import diff_manifests
+
+    differences = diff_manifests(a, b)
+    for line in differences:
+        answer(line)
+    if differences:
+        sys.exit(1)
+
+
+def manifest(
+    verb: OmitSubcommandPrefixes[
+        Annotated[Any, subcommand("check", constructor=manifest_check)]
+        | Annotated[Any, subcommand("show", constructor=manifest_show)]
+        | Annotated[Any, subcommand("diff", constructor=manifest_diff)]
+    ],
+) -> None:
+    """Check, show or compare manifests."""

@@ -1,0 +1,78 @@
+"""Verbs that bring motions in: fetch and motions."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from gmrdata.cli.answers import answer, print_table
+from gmrdata.cli.options import need
+from gmrdata.errors import BadRecipe
+
+
+def fetch(
+    source: Positional[Literal["cmu"]],
+    trials: Positional[tuple[str, ...]] = (),
+    out: Path = Path("cmu"),
+    published_list: Annotated[str | None, tyro.conf.arg(name="list")] = None,
+    base_url: str | None = None,
+    timeout_s: float = 30.0,
+    redo: bool = False,
+    dry_run: bool = False,
+) -> None:
+    """Get motions (ASF/AMC) of the CMU motion capture database from CMU's site or a mirror.
+
+    Args:
+        source: Whose motions; there is cmu.
+        trials: Names of trials, like 02_03.
+        out: Folder for the files, their SHA256SUMS and fetched.json; what is there is kept.
+        published_list: Every trial of a list that gmrdata publishes, e.g. paper_table8.
+        base_url: A mirror of http://mocap.cs.cmu.edu/subjects.
+        timeout_s: Longest silence of the server [s].
+        redo: Fetch again files that are there and are not as recorded.
+        dry_run: List files and addresses, and do nothing.
+    """
+    import numpy as np
+
+    from gmrdata.fetch.cmu import fetch_trials, plan
+    from gmrdata.fetch.config import FetchConfig
+    from gmrdata.fetch.trials import CMU_URL, listed_trials
+
+    wanted = (*trials, *(listed_trials(published_list) if published_list is not None else ()))
+    need(wanted, "trials like 02_03, or --list paper_table8")
+    if not timeout_s > 0:
+        raise BadRecipe(f"--timeout-s {timeout_s:g}: must be more than 0")
+    config = FetchConfig(base_url=base_url or CMU_URL, timeout_s=timeout_s)
+    if dry_run:
+        headings, rows = plan(wanted, out, config)
+        print_table(headings, rows)
+        return
+    answer(fetch_trials(wanted, out, config, np.random.default_rng(), redo=redo))
+
+
+def motions(
+    sources: Positional[tuple[Path, ...]],
+    out: Path | None = None,
+    body: str = "anny",
+    fps_hz: float | None = None,
+    joint_map: Path | None = None,
+    redo: bool = False,
+) -> None:
+    """Read motion files, retarget them to the 24-joint tree, and list them or write a manifest.
+
+    Args:
+        sources: Files or folders: BVH, ASF/AMC, AMASS npz.
+        out: Folder for one clip file per motion and `motions.yaml`; only a table when left out.
+        body: "anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz).
+        fps_hz: True frame rate of the files [Hz], when theirs is wrong.
+        joint_map: YAML or JSON file: joint name in the file -> joint of the SMPL tree.
+        redo: Make anew what other settings made.
+    """
+    from gmrdata.library import make_library, motion_table
+
+    if out is None:
+        headings, rows = motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map)
+        print_table(headings, rows)
+        return
+    answer(make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, redo=redo))

@@ -1,0 +1,153 @@
+"""The verb for 3DPW: its pseudo ground truth, a look into it, a twin of it."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
+
+from gmrdata.cli.answers import answer, print_table
+from gmrdata.cli.options import show_dry_run, with_workers
+
+
+def threedpw_regenerate(
+    root: Path,
+    out: Path,
+    recipe: str = "threedpw",
+    sequences: tuple[str, ...] = (),
+    workers: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+    dry_run: bool = False,
+) -> None:
+    """World-frame pseudo ground truth of a 3DPW folder, a verdict for each sequence, a manifest.
+
+    Args:
+        root: The folder that holds imageFiles and sequenceFiles.
+        out: Output folder: pseudo_gt.yaml, verdicts.json, sequences/. A run that was stopped goes
+            on where it was.
+        recipe: A recipe file of kind `threedpw`, or the name of one that travels with gmrdata.
+        sequences: Names of sequences; all when left out.
+        workers: Worker processes; the recipe's number when left out.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the sequences.
+        redo: Make anew what another recipe made.
+        dry_run: Say what would be done, and do nothing.
+    """
+    from gmrdata.recipes import find_recipe, load_recipe
+    from gmrdata.regenerate import regenerate_set as stage
+    from gmrdata.regenerate.recipe import ThreedpwRecipe
+    from gmrdata.regenerate.verdicts import HEADINGS, table_row
+    from gmrdata.store import read_json
+
+    loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
+    loaded = with_workers(loaded, workers)
+    if sequences:
+        loaded = loaded.model_copy(update={"sequences": sequences})
+    if dry_run:
+        print_table(stage.HEADINGS, stage.plan(loaded, root, out))
+        return
+    made = stage.regenerate_set(loaded, root, out, scheduler=scheduler, redo=redo)
+    rows = read_json(made.with_name("verdicts.json"))
+    print_table(HEADINGS, [table_row(row) for row in rows])
+    answer(made.with_name("index.html"))
+    answer(made)
+
+
+def threedpw_list(root: Path, rule: str = "campose_valid") -> None:
+    """List the sequences of a 3DPW folder: people, frames, image size, usable share, problems.
+
+    A sequence that can't be read is listed with the reason; then the exit code is 1.
+
+    Args:
+        root: The folder that holds imageFiles and sequenceFiles.
+        rule: Which frames count as valid: campose_valid, 3dpw_eval, glamr, vibe or slahmr.
+    """
+    from gmrdata.threedpw.listing import HEADINGS, bad_summary, sequence_rows
+
+    rows, n_bad = sequence_rows(root, rule)
+    print_table(HEADINGS, rows)
+    if n_bad:
+        raise bad_summary(root, n_bad, len(rows))
+
+
+def threedpw_show(sequence: Positional[str], root: Path, rule: str = "campose_valid") -> None:
+    """Show one sequence of 3DPW: its people, and which frames of each can't be used and why.
+
+    Args:
+        sequence: Name of the sequence, like courtyard_arguing_00.
+        root: The folder that holds imageFiles and sequenceFiles.
+        rule: Which frames count as valid: campose_valid, 3dpw_eval, glamr, vibe or slahmr.
+    """
+    from gmrdata.threedpw.listing import RANGE_HEADINGS, range_rows
+
+    rows, problems = range_rows(root, sequence, rule)
+    print_table(RANGE_HEADINGS, rows)
+    for problem in problems:
+        answer(problem)
+
+
+def threedpw_compare(manifest: Positional[Path], out: Path | None = None) -> None:
+    """Lay a pseudo ground truth of 3DPW beside Table 7 of the GMR paper, row by row.
+
+    Args:
+        manifest: A manifest of kind pseudo_gt, or the folder that holds one.
+        out: CSV file for the rows, besides the table.
+    """
+    from gmrdata.threedpw.compare import compare_with_table7
+    from gmrdata.threedpw.compare_table import HEADINGS, summary, table_rows, write_csv
+
+    rows = compare_with_table7(manifest)
+    print_table(HEADINGS, table_rows(rows))
+    answer(summary(rows))
+    if out is not None:
+        answer(write_csv(out, rows))
+
+
+def threedpw_twin(
+    recipe: Positional[str],
+    out: Path,
+    motions: Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+    dry_run: bool = False,
+    probe: bool = True,
+) -> None:
+    """Render sequences with 3DPW's layout and faults, and keep the truth aside.
+
+    Args:
+        recipe: A recipe file of kind `threedpw_twin`, or the name of one that travels with gmrdata.
+        out: Output folder: 3DPW/ (the dataset), truth/ (exact clips, twins.json), render_set/. A
+            run that was stopped goes on at the next missing frame.
+        motions: Folder of motion files that the recipe's clips name.
+        workers: Worker processes; the recipe's number when left out.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the clips.
+        redo: Make anew what another recipe made.
+        dry_run: List clips and frames with an estimate of time and disk, and make nothing.
+        probe: For the estimate of a dry run, render two frames in a temporary folder.
+    """
+    from gmrdata.recipes import find_recipe, load_recipe
+    from gmrdata.threedpw.twin_recipe import TwinRecipe
+    from gmrdata.threedpw.twin_set import SET_FOLDER, make_twins
+
+    loaded = load_recipe(find_recipe(recipe), TwinRecipe)
+    if workers is not None:
+        loaded = loaded.model_copy(update={"set": with_workers(loaded.set, workers)})
+    if dry_run:
+        show_dry_run(loaded.set, out / SET_FOLDER, motions, probe)
+        return
+    answer(make_twins(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+
+
+def threedpw(
+    verb: OmitSubcommandPrefixes[
+        Annotated[Any, subcommand("regenerate", constructor=threedpw_regenerate)]
+        | Annotated[Any, subcommand("list", constructor=threedpw_list)]
+        | Annotated[Any, subcommand("show", constructor=threedpw_show)]
+        | Annotated[Any, subcommand("compare", constructor=threedpw_compare)]
+        | Annotated[Any, subcommand("twin", constructor=threedpw_twin)]
+    ],
+) -> None:
+    """World-frame pseudo ground truth of a 3DPW folder, a look into it, or a twin of it.
+
+    `gmrdata threedpw --root 3DPW --out OUT` is short for `gmrdata threedpw regenerate ...`.
+    """
