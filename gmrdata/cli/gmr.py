@@ -81,7 +81,7 @@ def evaluate(
         redo: Throw away a result of other settings.
     """
     from gmrdata.evaluate.score import ScoreConfig, score_manifest, score_predictions
-    from gmrdata.evaluate.table import score_rows
+    from gmrdata.evaluate.table import protocol_rows, score_rows
     from gmrdata.store import read_json
 
     if not fps_hz > 0:
@@ -109,8 +109,10 @@ def evaluate(
             redo=redo,
         )
     scores = read_json(path)
-    headings, rows = score_rows(scores)
-    print_table(headings, rows)
+    print_table(*score_rows(scores))
+    besides = protocol_rows(scores)
+    if besides is not None:
+        print_table(*besides)
     for statement in scores.get("statements", ()):
         answer(statement)
     for id, why in sorted(scores["skipped"].items()):

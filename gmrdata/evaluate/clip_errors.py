@@ -36,8 +36,8 @@ class ClipErrors:
     motion_type: str | None = None
     """What the person does, where that is on record."""
     over_time_mm: dict[str, np.ndarray] = field(default_factory=dict)
-    """Vertex error in each frame after the first, which is the true one, mean of the clip's runs
-    that are as long: (K,) by method."""
+    """Vertex error in each frame of the clip's longest run, whose first pose is the true one: (K,)
+    by method [mm]."""
     protocol: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """A protocol's samples: (n,) by method and metric; none without a protocol."""
     protocol_fps_hz: float | None = None
@@ -73,9 +73,8 @@ def clip_errors(
         }
         for method in METHODS
     }
-    over_time_mm = {
-        method: mean_over_time([run[method].over_time_mm for run in runs]) for method in METHODS
-    }
+    longest = max(runs, key=lambda run: len(run["predicted"].over_time_mm))
+    over_time_mm = {method: longest[method].over_time_mm for method in METHODS}
     found = ClipErrors(
         clip.clip_id,
         clip.camera_motion,
@@ -91,15 +90,6 @@ def clip_errors(
         protocol=_protocol(clip.worlds, protocol, body, predicted_body),
         protocol_fps_hz=clip.worlds[0][0].true.fps_hz,
     )
-
-
-def mean_over_time(series: Sequence[np.ndarray]) -> np.ndarray:
-    """Mean of series (K_i,) that begin together, of those that are as long: (max K_i,)."""
-    length = max(map(len, series))
-    padded = np.full((len(series), length), np.nan)
-    for row, values in zip(padded, series, strict=True):
-        row[: len(values)] = values
-    return np.asarray(np.nanmean(padded, axis=0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,7 +47,8 @@ def explanations(comparison: dict[str, Any]) -> list[str]:
     ]
     lines += [
         f"{METRIC_WORDS[metric].title}: {METRIC_WORDS[metric].meaning}"
-        for metric in comparison["metrics"]
+        for metric in METRIC_WORDS
+        if metric in comparison["metrics"]
     ]
     return lines + [
         f"Only in some runs, and left out of {name}: {', '.join(ids)}."
@@ -72,7 +73,8 @@ def _over_time(comparison: dict[str, Any], records: Sequence[dict[str, Any]]) ->
     drawn = svg(lambda fig: over_time(fig, curves, zero), *SIZE_IN, "over-time")
     caption = (
         "Mean distance of the body’s vertices from the true ones, while motions are accumulated "
-        "from the true first pose (the paper’s Fig. 5), of all clips of each run."
+        "from the true first pose (the paper’s Fig. 5), of the half of each run’s clips "
+        "that lasts longest."
     )
     return (
         '<section id="over-time"><h2>Vertex error over time</h2>'

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from gmrdata.evaluate.metric_words import figure_text, heading, interval_text
+from gmrdata.evaluate.metric_words import METRIC_WORDS, figure_text, heading, interval_text
 
 HEADINGS = ("metric", "run", "mean of clips", "difference", "95 % interval", "p", "clips")
 
@@ -27,8 +27,8 @@ def p_text(p_value: float | None) -> str:
 
 
 def _rows(comparison: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    for metric, rows in comparison["metrics"].items():
-        for row in rows:
+    for metric in METRIC_WORDS:
+        for row in comparison["metrics"].get(metric, ()):
             yield metric, row
 
 

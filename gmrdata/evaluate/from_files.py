@@ -17,6 +17,7 @@ def file_clip(
     one: UsableClip,
     fps_hz: float,
     *,
+    protocol_fps_hz: float | None = None,
     all_phases: bool = False,
     drop_missing: bool = False,
     motion_type: str | None = None,
@@ -30,6 +31,8 @@ def file_clip(
         folder: The folder of clip files.
         one: The true clip.
         fps_hz: Rate of OME, TME and VME [Hz].
+        protocol_fps_hz: Rate of a protocol's figures [Hz], which is taken where the prediction's is
+            a multiple of it; the prediction's own otherwise.
         all_phases: As for `runs_at`.
         drop_missing: Whether true frames without a prediction are dropped and counted; they are an
             error otherwise.
@@ -61,7 +64,10 @@ def file_clip(
     runs = _paired(true, predicted, fps_hz, all_phases=all_phases)
     if not runs:
         return None
-    world = _paired(true, predicted, predicted.motion.fps_hz, all_phases=False)
+    world_hz = predicted.motion.fps_hz
+    if protocol_fps_hz is not None and _whole_ratio(world_hz, protocol_fps_hz) is not None:
+        world_hz = protocol_fps_hz
+    world = _paired(true, predicted, world_hz, all_phases=False)
     return PredictedClip(
         one.clip.id, one.camera_motion, motion_type, runs, (world,), int(missing.size)
     )
@@ -80,9 +86,8 @@ def _check(path: Path, predicted: Clip, true: Clip) -> None:
 
 def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
     """How many true rows there are for one row of the prediction."""
-    ratio = true.motion.fps_hz / predicted.motion.fps_hz
-    step = round(ratio)
-    if step < 1 or abs(ratio - step) > 1e-6 * ratio:
+    step = _whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz)
+    if step is None:
         raise BadMotionFile(
             f"{path}: {predicted.motion.fps_hz:g} fps, but the truth's {true.motion.fps_hz:g} fps "
             "is no multiple of that. Resample the prediction to the truth's rate"
@@ -94,6 +99,13 @@ def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
             f"{predicted.motion.fps_hz:g} fps. Give one row for each row of the clip"
         )
     return step
+
+
+def _whole_ratio(higher_hz: float, lower_hz: float) -> int | None:
+    """Frames of the higher rate for one of the lower; None where that is no whole number."""
+    ratio = higher_hz / lower_hz
+    whole = round(ratio)
+    return whole if whole >= 1 and abs(ratio - whole) <= 1e-6 * ratio else None
 
 
 def _at_rate(true: Clip, step: int) -> Clip:

@@ -35,27 +35,21 @@ def ratio_interval(sums: np.ndarray, weights: np.ndarray, counts: np.ndarray) ->
     return float(low), float(high)
 
 
-def mean_intervals(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def mean_intervals(values: np.ndarray, counts: np.ndarray) -> np.ndarray | None:
     """Intervals of the means of several columns at once.
 
     Args:
-        values: (n, K) a clip's figures; NaN where it has none.
+        values: (n, K) figures of each clip.
         counts: (resamples, n) as `resampled_counts` gives them.
 
     Returns:
-        (2, K) lower and upper ends; NaN where fewer than two clips have a figure.
+        (2, K) lower and upper ends, or None for fewer than two clips.
     """
-    known = np.isfinite(values)
-    below = counts @ known
-    with np.errstate(invalid="ignore", divide="ignore"):
-        means = (counts @ np.where(known, values, 0.0)) / below
-    ends = np.full((2, values.shape[1]), np.nan)
-    for column in np.flatnonzero(known.sum(axis=0) >= 2):
-        drawn = means[below[:, column] > 0, column]
-        ends[:, column] = _ends(drawn)
-    return ends
+    if len(values) < 2:
+        return None
+    return _ends(counts @ values / len(values))
 
 
 def _ends(resampled: np.ndarray) -> np.ndarray:
     tail = (1 - LEVEL) / 2
-    return np.quantile(resampled, [tail, 1 - tail])
+    return np.asarray(np.quantile(resampled, [tail, 1 - tail], axis=0))

@@ -22,8 +22,8 @@ class Curve(NamedTuple):
     """Time after the first frame [s]."""
     vertex_mm: Sequence[float]
     """Mean over clips and vertices [mm]."""
-    interval95_mm: Sequence[Sequence[float | None]]
-    """Lower and upper ends [mm]; None where there are none."""
+    interval95_mm: Sequence[Sequence[float]] | None
+    """Lower and upper ends [mm]; None for a single clip."""
 
 
 def curve_of(name: str, scores: dict[str, Any], method: str = "predicted") -> Curve:
@@ -52,8 +52,9 @@ def over_time(figure: Figure, curves: Sequence[Curve], zero: Curve | None = None
         )
     for number, curve in enumerate(curves):
         colour = COLOURS[ROLES[number % len(ROLES)]]
-        low, high = ([_or_nan(end) for end in ends] for ends in curve.interval95_mm)
-        axes.fill_between(curve.times_s, low, high, color=colour, alpha=0.16, linewidth=0)
+        if curve.interval95_mm is not None:
+            low, high = curve.interval95_mm
+            axes.fill_between(curve.times_s, low, high, color=colour, alpha=0.16, linewidth=0)
         axes.plot(
             curve.times_s,
             curve.vertex_mm,
@@ -68,7 +69,3 @@ def over_time(figure: Figure, curves: Sequence[Curve], zero: Curve | None = None
     axes.set_ylim(bottom=0)
     axes.legend(frameon=False, loc="upper left")
     quiet(axes)
-
-
-def _or_nan(value: float | None) -> float:
-    return float("nan") if value is None else value

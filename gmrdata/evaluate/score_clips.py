@@ -83,6 +83,7 @@ def from_folder(folder: Path, config: ScoreConfig, types: Mapping[str, str]) -> 
         config: Rate, phases, and what becomes of missing frames.
         types: Type of motion by clip id.
     """
+    protocol_fps_hz = None if config.protocol is None else PROTOCOLS[config.protocol].fps_hz
 
     def predict(one: UsableClip) -> PredictedClip | str:
         reason = missing_file(folder, one.clip.id)
@@ -96,6 +97,7 @@ def from_folder(folder: Path, config: ScoreConfig, types: Mapping[str, str]) -> 
             folder,
             one,
             config.fps_hz,
+            protocol_fps_hz=protocol_fps_hz,
             all_phases=config.all_phases,
             drop_missing=config.missing == "drop",
             motion_type=types.get(one.clip.id),

@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ from gmrdata.evaluate.clip_errors import METHODS, METRICS, ClipErrors
 from gmrdata.evaluate.intervals import mean_intervals, ratio_interval, resampled_counts
 
 Samples = Callable[[ClipErrors], dict[str, dict[str, np.ndarray]]]
+Draws = Callable[[int], np.ndarray]
+"""How often each of n clips is drawn in each resample: n -> (resamples, n)."""
 
 
 def summarise(
@@ -26,46 +29,49 @@ def summarise(
         resamples: How often the clips are drawn for an interval.
         rng: Draws them.
     """
-    counts = resampled_counts(len(scored), resamples, rng)
+
+    @cache
+    def draws(n_clips: int) -> np.ndarray:
+        # Groups of as many clips share their draws, so that equal groups get equal intervals.
+        return resampled_counts(n_clips, resamples, rng)
+
     return {
         "clips": [_clip(one) for one in scored],
-        "overall": _group(scored, counts),
-        "over_time": over_time(scored, fps_hz, counts),
-        "camera_motion": _groups(scored, lambda one: one.camera_motion, resamples, rng),
-        "motion_type": _groups(scored, lambda one: one.motion_type, resamples, rng),
+        "overall": _group(scored, draws),
+        "over_time": over_time(scored, fps_hz, draws),
+        "camera_motion": _groups(scored, lambda one: one.camera_motion, draws),
+        "motion_type": _groups(scored, lambda one: one.motion_type, draws),
     }
 
 
-def over_time(scored: Sequence[ClipErrors], fps_hz: float, counts: np.ndarray) -> dict[str, Any]:
-    """Mean over clips of the vertex error after t seconds, while half of the clips last (fig. 5).
+def over_time(scored: Sequence[ClipErrors], fps_hz: float, draws: Draws) -> dict[str, Any]:
+    """Mean over clips of the vertex error after t seconds (fig. 5).
+
+    It goes as far as half of the clips last, and is of those clips alone: with others at its start
+    it would jump where they end.
 
     Args:
         scored: The clips.
         fps_hz: Rate of their frames [Hz].
-        counts: (resamples, n) how often each clip is drawn.
+        draws: How often clips are drawn.
 
     Returns:
-        `times_s`, `n_clips` that last so long, and by method `vertex_mm` and the two ends of
+        `times_s`, the `clips` that last, and by method `vertex_mm` and the two ends of
         `interval95_mm`.
     """
     lengths = sorted((len(one.over_time_mm["predicted"]) for one in scored), reverse=True)
     n_frames = lengths[(len(scored) - 1) // 2]
-    n_clips = [sum(length > frame for length in lengths) for frame in range(n_frames)]
+    lasting = [one for one in scored if len(one.over_time_mm["predicted"]) >= n_frames]
     found: dict[str, Any] = {
         "times_s": [frame / fps_hz for frame in range(n_frames)],
-        "n_clips": n_clips,
+        "clips": [one.clip_id for one in lasting],
     }
     for method in METHODS:
-        values = np.full((len(scored), n_frames), np.nan)
-        for row, one in zip(values, scored, strict=True):
-            series = one.over_time_mm[method][:n_frames]
-            row[: len(series)] = series
+        values = np.array([one.over_time_mm[method][:n_frames] for one in lasting])
+        ends = mean_intervals(values, draws(len(lasting)))
         found[method] = {
-            "vertex_mm": np.nanmean(values, axis=0).tolist(),
-            "interval95_mm": [
-                [float(end) if np.isfinite(end) else None for end in ends]
-                for ends in mean_intervals(values, counts)
-            ],
+            "vertex_mm": values.mean(axis=0).tolist(),
+            "interval95_mm": None if ends is None else ends.tolist(),
         }
     return found
 
@@ -87,8 +93,7 @@ def _clip(one: ClipErrors) -> dict[str, Any]:
 def _groups(
     scored: Sequence[ClipErrors],
     name_of: Callable[[ClipErrors], str | None],
-    resamples: int,
-    rng: np.random.Generator,
+    draws: Draws,
 ) -> dict[str, Any]:
     """Groups by name, sorted; clips without a name are in none."""
     members: dict[str, list[ClipErrors]] = defaultdict(list)
@@ -96,13 +101,11 @@ def _groups(
         name = name_of(one)
         if name is not None:
             members[name].append(one)
-    return {
-        name: _group(members[name], resampled_counts(len(members[name]), resamples, rng))
-        for name in sorted(members)
-    }
+    return {name: _group(members[name], draws) for name in sorted(members)}
 
 
-def _group(scored: Sequence[ClipErrors], counts: np.ndarray) -> dict[str, Any]:
+def _group(scored: Sequence[ClipErrors], draws: Draws) -> dict[str, Any]:
+    counts = draws(len(scored))
     group = {
         "n_clips": len(scored),
         "n_motions": sum(one.n_motions for one in scored),

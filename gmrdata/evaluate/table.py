@@ -1,6 +1,6 @@
 """A scores.json as the rows of a table, and of a CSV file."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from gmrdata.evaluate.clip_errors import METHODS, METRICS
@@ -8,6 +8,9 @@ from gmrdata.evaluate.metric_words import figure_text, heading, interval_text
 
 ZERO_HEADING = "with no motion at all"
 FLOOR_HEADING = "pseudo ground truth's own"
+
+Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
+"""Headings and rows."""
 
 
 class ScoreRow(NamedTuple):
@@ -41,13 +44,28 @@ def metrics_of(scores: dict[str, Any]) -> tuple[str, ...]:
     return (*METRICS, *(protocol["metrics"] if protocol else ()))
 
 
-def score_rows(scores: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Headings and rows for a reader: pooled figures, intervals beside those of groups."""
-    metrics = metrics_of(scores)
-    headings = ["clip", "motions", *(heading(metric) for metric in metrics), ZERO_HEADING]
-    if "floor" in scores["overall"]:
-        headings.append(FLOOR_HEADING)
-    return tuple(headings), [_cells(row, metrics, headings) for row in rows_of(scores)]
+def score_rows(scores: dict[str, Any]) -> Table:
+    """OME, TME and VME, with zero motion and the floor: headings and rows for a reader.
+
+    Figures are pooled over motions; groups have intervals beside them.
+    """
+    has_floor = "floor" in scores["overall"]
+    headings = ("clip", "motions", *map(heading, METRICS), ZERO_HEADING)
+    rows = []
+    for row in rows_of(scores):
+        cells = (_name(row), str(row.row["n_motions"]), *_cells(row, METRICS), _zero(row, METRICS))
+        rows.append((*cells, _floor(row)) if has_floor else cells)
+    return (*headings, FLOOR_HEADING) if has_floor else headings, rows
+
+
+def protocol_rows(scores: dict[str, Any]) -> Table | None:
+    """The protocol's figures in the same way; None without any."""
+    metrics = metrics_of(scores)[len(METRICS) :]
+    if not metrics:
+        return None
+    headings = ("clip", *map(heading, metrics), ZERO_HEADING)
+    rows = [(_name(row), *_cells(row, metrics), _zero(row, metrics)) for row in rows_of(scores)]
+    return headings, rows
 
 
 def csv_rows(scores: dict[str, Any]) -> list[list[Any]]:
@@ -78,20 +96,28 @@ def _figures(paper: dict[str, Any], row: dict[str, Any]) -> dict[str, dict[str, 
     return {method: {**paper[method], **protocol.get(method, {})} for method in METHODS}
 
 
-def _cells(row: ScoreRow, metrics: tuple[str, ...], headings: list[str]) -> tuple[str, ...]:
-    is_group = row.kind in ("camera_motion", "motion_type")
-    zero = row.figures["zero"]
-    cells = [f"all {row.name}" if is_group else row.name, str(row.row["n_motions"])]
+def _name(row: ScoreRow) -> str:
+    return f"all {row.name}" if row.kind in ("camera_motion", "motion_type") else row.name
+
+
+def _cells(row: ScoreRow, metrics: Sequence[str]) -> tuple[str, ...]:
+    cells = []
     for metric in metrics:
         ends = interval_text(metric, row.intervals.get("predicted", {}).get(metric))
         figure = figure_text(metric, row.figures["predicted"][metric])
         cells.append(f"{figure} ({ends})" if ends else figure)
-    cells.append(" / ".join(figure_text(metric, zero[metric]) for metric in METRICS))
-    if len(headings) > len(cells):
-        own = row.row.get("floor")
-        texts = [] if own is None else [figure_text(metric, own[metric]) for metric in METRICS]
-        cells.append(f"{' / '.join(texts)} ({own['of']})" if own else "")
     return tuple(cells)
+
+
+def _zero(row: ScoreRow, metrics: Sequence[str]) -> str:
+    return " / ".join(figure_text(metric, row.figures["zero"][metric]) for metric in metrics)
+
+
+def _floor(row: ScoreRow) -> str:
+    own = row.row.get("floor")
+    if own is None:
+        return ""
+    return f"{' / '.join(figure_text(metric, own[metric]) for metric in METRICS)} ({own['of']})"
 
 
 def _csv_row(row: ScoreRow, columns: list[tuple[str, str]]) -> list[Any]:

@@ -10,13 +10,13 @@ def lead(scores: dict[str, Any]) -> str:
     """What was scored, in a sentence or two."""
     overall, model = scores["overall"], scores["model"]
     what = (
-        f"predictions from files ({model['predictions']})"
+        f"read from files ({model['predictions']})"
         if "predictions" in model
-        else f"network {model['run']} (step {model['step']})"
+        else f"predicted by network {model['run']} (step {model['step']})"
     )
     text = (
         f"{overall['n_motions']} motions of {overall['n_clips']} clips at {scores['fps_hz']:g} "
-        f"fps, predicted by {what}; body {scores['body']}."
+        f"fps, {what}; body {scores['body']}."
     )
     if scores["protocol"]:
         text += f" Protocol {scores['protocol']['name']}."

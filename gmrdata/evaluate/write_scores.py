@@ -5,7 +5,7 @@ from typing import Any
 
 from gmrdata.evaluate.over_time_figure import SIZE_IN, curve_of, over_time
 from gmrdata.evaluate.scores_page import scores_page
-from gmrdata.evaluate.table import csv_rows, score_rows
+from gmrdata.evaluate.table import csv_rows, protocol_rows, score_rows
 from gmrdata.evaluate.text_files import csv_text, markdown_table
 from gmrdata.evaluate.words import explanations, lead
 from gmrdata.report.style import picture
@@ -33,6 +33,9 @@ def scores_markdown(scores: dict[str, Any]) -> str:
     """The scores as Markdown: the table, and what must be known to read it."""
     parts = [f"# Scores of {scores['name']}\n", lead(scores) + "\n"]
     parts.append(markdown_table(*score_rows(scores)))
+    protocol = protocol_rows(scores)
+    if protocol is not None:
+        parts += [f"## Protocol {scores['protocol']['name']}\n", markdown_table(*protocol)]
     for line in (*scores.get("statements", ()), *explanations(scores)):
         parts.append(f"- {line}")
     return "\n".join(parts) + "\n"

@@ -128,6 +128,16 @@ def test_a_prediction_at_a_lower_rate(tmp_path: Path, small_body: BodyModel, tru
     assert found.dropped_frames == 0
 
 
+def test_a_protocols_rate_is_taken_where_it_divides(
+    tmp_path: Path, small_body: BodyModel, true: Clip
+) -> None:
+    rates = {}
+    for wanted_hz in (10.0, 20.0, 30.0, None):
+        found = read(tmp_path, small_body, true, moved(true), protocol_fps_hz=wanted_hz)
+        rates[wanted_hz] = found.worlds[0][0].predicted.fps_hz
+    assert rates == {10.0: 10.0, 20.0: 30.0, 30.0: 30.0, None: 30.0}
+
+
 def test_what_can_not_be_scored_is_named(tmp_path: Path, small_body: BodyModel, true: Clip) -> None:
     other = moved(true)
     nan = replace(other, motion=replace(other.motion, pelvis_m=other.motion.pelvis_m.copy()))

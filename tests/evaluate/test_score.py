@@ -223,11 +223,11 @@ def test_pooled_and_mean_of_clips_differ_as_they_should() -> None:
     # Two clips of means 1 and 8: every draw is one of them, or both.
     assert walk["mean_of_clips_interval95"]["predicted"]["tme_mm"] == [1.0, 8.0]
     assert found["camera_motion"]["circular"]["pooled_interval95"]["zero"]["vme_mm"] is None
-    # Three clips last 0.1 s, two 0.2 s, and one alone is less than half.
+    # Two clips of three last 0.2 s, and the curve is of them all along.
     over_time = found["over_time"]
-    assert (over_time["times_s"], over_time["n_clips"]) == ([0.0, 0.1, 0.2], [3, 3, 2])
-    np.testing.assert_allclose(over_time["predicted"]["vertex_mm"], [0, 4, 6.5])
-    assert over_time["predicted"]["interval95_mm"][0][0] == 0
+    assert (over_time["times_s"], over_time["clips"]) == ([0.0, 0.1, 0.2], ["b", "c"])
+    np.testing.assert_allclose(over_time["predicted"]["vertex_mm"], [0, 5.5, 6.5])
+    assert over_time["predicted"]["interval95_mm"] == [[0, 4, 4], [0, 7, 9]]
 
 
 def test_scores_json(

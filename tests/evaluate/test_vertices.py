@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from gmrdata.body.model import BodyModel
 from gmrdata.body.skin import motion_vertices_m
 from gmrdata.evaluate import vertices
-from gmrdata.evaluate.clip_errors import mean_over_time
 from gmrdata.evaluate.predicted import PredictedRun, still_run
 from gmrdata.evaluate.vertices import run_vertex_errors
 from gmrdata.gmr.motion_deltas import accumulate, deltas
@@ -80,8 +79,3 @@ def test_zero_motion_stays_at_the_first_pose(walk: Motion) -> None:
     np.testing.assert_array_equal(still.root_rotmats, np.tile(walk.root_rotmats[0], (20, 1, 1)))
     np.testing.assert_array_equal(still.pelvis_m, np.tile(walk.pelvis_m[0], (20, 1)))
     assert still.local_rotmats is walk.local_rotmats
-
-
-def test_runs_of_other_lengths_are_averaged_while_they_last() -> None:
-    found = mean_over_time([np.array([0.0, 2.0, 4.0]), np.array([0.0, 6.0])])
-    np.testing.assert_allclose(found, [0, 4, 4])
