@@ -30,11 +30,11 @@ class CompareConfig(Config):
 
     names: tuple[str, ...] = ()
     """What the runs are called, in their order; as in their scores when left out."""
-    resamples: int = Field(2000, ge=100)
+    resamples: int = Field(default=2000, ge=100)
     """How often clips are drawn for a bootstrap interval."""
-    permutations: int = Field(9999, ge=99)
+    permutations: int = Field(default=9999, ge=99)
     """Permutations of a test at most."""
-    seed: int = Field(0, ge=0)
+    seed: int = Field(default=0, ge=0)
     """What both are drawn by."""
 
 

@@ -16,11 +16,11 @@ class ScoreConfig(Config):
     doesn't say."""
     protocol: ProtocolName | None = None
     """What is measured beside OME, TME, VME and the vertex error over time."""
-    fps_hz: float = Field(10.0, gt=0)
+    fps_hz: float = Field(default=10.0, gt=0)
     """Rate of OME, TME and VME of predictions from files [Hz]; a network is scored at its own."""
     missing: Literal["error", "drop"] = "error"
     """Whether valid frames without a prediction are an error, or dropped and counted."""
-    resamples: int = Field(2000, ge=100)
+    resamples: int = Field(default=2000, ge=100)
     """How often clips are drawn for a bootstrap interval."""
-    seed: int = Field(0, ge=0)
+    seed: int = Field(default=0, ge=0)
     """What they are drawn by."""

@@ -77,7 +77,7 @@ def over_time(scored: Sequence[ClipErrors], fps_hz: float, draws: Draws) -> dict
 
 
 def _clip(one: ClipErrors) -> dict[str, Any]:
-    row = {
+    row: dict[str, Any] = {
         "id": one.clip_id,
         "camera_motion": one.camera_motion,
         "motion_type": one.motion_type,

@@ -53,19 +53,21 @@ def score_rows(scores: dict[str, Any]) -> Table:
     headings = ("clip", "motions", *map(heading, METRICS), ZERO_HEADING)
     rows = []
     for row in rows_of(scores):
-        cells = (_name(row), str(row.row["n_motions"]), *_cells(row, METRICS), _zero(row, METRICS))
+        cells = (_name(row), str(row.row["n_motions"]), *_cells(row, METRICS), _zero(row))
         rows.append((*cells, _floor(row)) if has_floor else cells)
     return (*headings, FLOOR_HEADING) if has_floor else headings, rows
 
 
 def protocol_rows(scores: dict[str, Any]) -> Table | None:
-    """The protocol's figures in the same way; None without any."""
+    """The protocol's figures in the same way, zero motion's in a last row; None without any."""
     metrics = metrics_of(scores)[len(METRICS) :]
     if not metrics:
         return None
-    headings = ("clip", *map(heading, metrics), ZERO_HEADING)
-    rows = [(_name(row), *_cells(row, metrics), _zero(row, metrics)) for row in rows_of(scores)]
-    return headings, rows
+    found = list(rows_of(scores))
+    rows = [(_name(row), *_cells(row, metrics)) for row in found]
+    zero = found[-1].figures["zero"]
+    rows.append((ZERO_HEADING, *(figure_text(metric, zero[metric]) for metric in metrics)))
+    return ("clip", *map(heading, metrics)), rows
 
 
 def csv_rows(scores: dict[str, Any]) -> list[list[Any]]:
@@ -109,8 +111,8 @@ def _cells(row: ScoreRow, metrics: Sequence[str]) -> tuple[str, ...]:
     return tuple(cells)
 
 
-def _zero(row: ScoreRow, metrics: Sequence[str]) -> str:
-    return " / ".join(figure_text(metric, row.figures["zero"][metric]) for metric in metrics)
+def _zero(row: ScoreRow) -> str:
+    return " / ".join(figure_text(metric, row.figures["zero"][metric]) for metric in METRICS)
 
 
 def _floor(row: ScoreRow) -> str:

@@ -72,7 +72,7 @@ def run_vertex_errors(
         predicted_body: Body of the predictions with a pose of their own, with the true body's
             vertices; None for the true body.
     """
-    true_motions = deltas(true.root_rotmats, true.pelvis_m)
+    true_turns, true_steps_m = deltas(true.root_rotmats, true.pelvis_m)
     motions = {name: deltas(one.root_rotmats, one.pelvis_m) for name, one in predicted.items()}
     placed = {name: _from_true_start(one, true) for name, one in predicted.items()}
     found: dict[str, list[VertexErrors]] = {name: [] for name in predicted}
@@ -82,15 +82,15 @@ def run_vertex_errors(
             own_m = true_m
             if one.local_rotmats is not true.local_rotmats or one.shape is not true.shape:
                 own_m = _posed_m(predicted_body or body, one.shape, one.local_rotmats[rows])
+            rotmats, metres = (part[rows] for part in motions[name])
             # The last frame begins no motion.
-            n = len(motions[name][1][rows])
+            n = len(metres)
             vme_mm = metrics.vertex_errors_mm(
-                *(part[rows] for part in (*motions[name], *true_motions)), true_m[:n], own_m[:n]
+                rotmats, metres, true_turns[rows], true_steps_m[rows], true_m[:n], own_m[:n]
             )
+            roots, places_m = (part[rows] for part in placed[name])
             over_time_mm = metrics.vertex_errors_mm(
-                *(part[rows] for part in (*placed[name], true.root_rotmats, true.pelvis_m)),
-                true_m,
-                own_m,
+                roots, places_m, true.root_rotmats[rows], true.pelvis_m[rows], true_m, own_m
             )
             found[name].append(VertexErrors(vme_mm, over_time_mm))
     return {

@@ -142,7 +142,7 @@ def test_what_can_not_be_scored_is_named(tmp_path: Path, small_body: BodyModel, 
     other = moved(true)
     nan = replace(other, motion=replace(other.motion, pelvis_m=other.motion.pelvis_m.copy()))
     nan.motion.pelvis_m[7, 1] = np.nan
-    long = take(other.motion, np.r_[0:60, 0:5], 30.0)  # type: ignore[arg-type]
+    long = take(other.motion, np.r_[0:60, 0:5], 30.0)
     refused = {
         "holds clip run": replace(other, id="run"),
         "in the camera's frame": replace(other, motion=replace(other.motion, frame="camera")),

@@ -405,3 +405,44 @@ def test_a_trial_of_the_published_list_has_its_type(
     text = text.replace("sequence: clip_0", "sequence: '02_03'")
     manifest_path.write_text(text.replace("sequence: clip_1", "sequence: '99_99'"))
     assert motion_types(manifest_path) == {"clip_0": "run/jog"}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("run",), "a run folder and a manifest, or a manifest and --predictions"),
+        (("run", "manifest.yaml", "--predictions", "folder"), "give the manifest alone"),
+        (("manifest.yaml", "--predictions", "folder", "--fps-hz", "0"), "must be more than 0"),
+        (("manifest.yaml", "--predictions", "folder"), "manifest.yaml: no such file"),
+    ],
+)
+def test_the_verb_says_what_it_needs(
+    given: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["evaluate", *given, "--out", str(tmp_path / "out")])
+    assert ended.value.code == 1
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_clips_that_are_too_short_for_a_protocol_have_no_figure(
+    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
+) -> None:
+    """2 s at the network's 10 fps are less than tram's 100 frames; RTE and ERVE there are."""
+    manifest_path = write_clips(tmp_path / "data", small_body, clips)
+    config = ScoreConfig(protocol="tram")
+    path = score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config)
+    record = json.loads(path.read_text())
+    for row in (record["overall"], *record["clips"]):
+        figures = row["protocol"]["predicted"]
+        assert figures["w_mpjpe_mm"] is None and figures["rte_percent"] > 0
+        # By another name, what TME is where no run is left out.
+        expected = row.get("pooled_over_motions", row)["predicted"]["tme_mm"]
+        assert figures["erve_mm_per_frame"] == pytest.approx(expected)
+    assert record["overall"]["protocol_interval95"]["predicted"]["w_mpjpe_mm"] is None
+    with path.with_name("scores.csv").open(newline="") as stream:
+        assert {row["predicted_w_mpjpe_mm"] for row in csv.DictReader(stream)} == {""}
+    text = path.with_name("scores.md").read_text()
+    assert "| clip_0 | – | – |" in text
+    assert "published figures are of video at 30 fps, these are at 10 fps" in text
