@@ -32,12 +32,6 @@ METRIC_WORDS = {
     "wa_mpjpe_mm": MetricWords(
         "WA-MPJPE", "mm", 1, "Distance of the joints after all frames of a segment were aligned."
     ),
-    "w_root_mm": MetricWords(
-        "W-root", "mm", 1, "Distance of the roots after a segment's first frames were aligned."
-    ),
-    "wa_root_mm": MetricWords(
-        "WA-root", "mm", 1, "Distance of the roots after all frames of a segment were aligned."
-    ),
     "rte_percent": MetricWords(
         "RTE",
         "%",

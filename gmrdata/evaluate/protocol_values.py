@@ -1,6 +1,6 @@
 """A protocol's figures for one person in one world, as samples of which means are taken."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,34 +40,23 @@ def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[str, np.ndarray
 
 
 def _w(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    return _segments(protocol, pair, protocol.first_frames, protocol.scored_joints)
+    return _segments(protocol, pair, protocol.first_frames)
 
 
 def _wa(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    return _segments(protocol, pair, None, protocol.scored_joints)
+    return _segments(protocol, pair, None)
 
 
-def _w_root(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    return _segments(protocol, pair, protocol.first_frames, (0,))
-
-
-def _wa_root(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    return _segments(protocol, pair, None, (0,))
-
-
-def _segments(
-    protocol: Protocol, pair: WorldPair, first_frames: int | None, joints: Sequence[int]
-) -> np.ndarray:
-    aligned = list(protocol.aligned_joints)
+def _segments(protocol: Protocol, pair: WorldPair, first_frames: int | None) -> np.ndarray:
+    joints = list(protocol.joints)
     errors_mm = world_metrics.segment_errors_mm(
-        pair.predicted.joints_m[:, aligned],
-        pair.true.joints_m[:, aligned],
+        pair.predicted.joints_m[:, joints],
+        pair.true.joints_m[:, joints],
         world_metrics.segments_of(
             len(pair.true.joints_m), protocol.segment_frames, protocol.remainder
         ),
         first_frames=first_frames,
         scale=protocol.scale,
-        scored=[aligned.index(joint) for joint in joints],
     )
     if protocol.sample == "segment":
         return np.array([segment_mm.mean() for segment_mm in errors_mm])
@@ -125,8 +114,6 @@ def _sampled(protocol: Protocol, values: np.ndarray) -> np.ndarray:
 _VALUES: dict[str, Callable[[Protocol, WorldPair], np.ndarray]] = {
     "w_mpjpe_mm": _w,
     "wa_mpjpe_mm": _wa,
-    "w_root_mm": _w_root,
-    "wa_root_mm": _wa_root,
     "rte_percent": _rte,
     "roe_deg": _roe,
     "erve_mm_per_frame": _erve,

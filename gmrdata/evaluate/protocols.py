@@ -15,8 +15,6 @@ from gmrdata.evaluate.world_metrics import Remainder
 WorldMetric = Literal[
     "w_mpjpe_mm",
     "wa_mpjpe_mm",
-    "w_root_mm",
-    "wa_root_mm",
     "rte_percent",
     "roe_deg",
     "erve_mm_per_frame",
@@ -47,10 +45,8 @@ class Protocol:
     """Frames whose joints W-MPJPE aligns."""
     scale: bool = True
     """Whether W-MPJPE and WA-MPJPE fit the scale too."""
-    aligned_joints: tuple[int, ...] = tuple(range(N_JOINTS))
-    """Joints that W-MPJPE and WA-MPJPE align."""
-    scored_joints: tuple[int, ...] = tuple(range(N_JOINTS))
-    """Those of them whose distance counts."""
+    joints: tuple[int, ...] = tuple(range(N_JOINTS))
+    """Joints of W-MPJPE and WA-MPJPE."""
     sample: Literal["frame", "segment", "clip"] = "frame"
     """What each value stands for, of which the mean over all clips is taken."""
     zeroed_joints: tuple[int, ...] = ()
@@ -140,9 +136,9 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
         ),
         Protocol(
             name="slahmr",
-            metrics=("w_mpjpe_mm", "wa_mpjpe_mm", "w_root_mm", "wa_root_mm"),
-            source="vye16/slahmr, slahmr/eval/tools.py (fa_jmse, ga_jmse, fa_root, ga_root) and "
-            "slahmr/eval/split_egobody.py",
+            metrics=("w_mpjpe_mm", "wa_mpjpe_mm"),
+            source="vye16/slahmr, slahmr/eval/tools.py, slahmr/eval/run_eval.py (fa_jmse, ga_jmse) "
+            "and slahmr/eval/split_egobody.py",
             notes=(
                 "Each segment counts once, however many frames it has: figures are means of "
                 "segments.",
@@ -150,13 +146,12 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
                 "and sequences of up to 100 frames have none; where no frame is left over, the "
                 "last 200 frames are one segment.",
                 "There the joints are Human3.6M's, regressed from the mesh by a file that is not "
-                "free; here they are SMPL's of the same names. The root is aligned with the "
-                "others, but W-MPJPE and WA-MPJPE don't count it.",
-                "All four fit the scale, so they don't show an error of it.",
+                "free; here they are SMPL's of the same names, 14 without the root. Until commit "
+                "f65c767 the root was aligned too, and its error was a figure of its own.",
+                "Both fit the scale, so they don't show an error of it.",
             ),
             remainder="joined",
-            aligned_joints=(JOINT["pelvis"], *(JOINT[name] for name in _LSP_JOINTS)),
-            scored_joints=tuple(JOINT[name] for name in _LSP_JOINTS),
+            joints=tuple(JOINT[name] for name in _LSP_JOINTS),
             sample="segment",
         ),
         Protocol(

@@ -52,7 +52,6 @@ def segment_errors_mm(
     *,
     first_frames: int | None,
     scale: bool,
-    scored: Sequence[int],
 ) -> list[np.ndarray]:
     """Mean distance of joints per frame, each segment aligned by itself: W-MPJPE and WA-MPJPE.
 
@@ -63,7 +62,6 @@ def segment_errors_mm(
         first_frames: Frames at the start of a segment whose joints the alignment fits (W-MPJPE);
             None for all of them (WA-MPJPE).
         scale: Whether the alignment fits the scale as well (which hides an error of it).
-        scored: Joints whose distance counts; the alignment is of all J.
 
     Returns:
         One (n,) array of errors [mm] per segment.
@@ -76,7 +74,7 @@ def segment_errors_mm(
             true_m[fitted].reshape(-1, 3), predicted_m[fitted].reshape(-1, 3), scale=scale
         )
         offsets_m = true_from_predicted.apply(predicted_m) - true_m
-        errors_mm.append(1000 * np.linalg.norm(offsets_m[:, list(scored)], axis=-1).mean(-1))
+        errors_mm.append(1000 * np.linalg.norm(offsets_m, axis=-1).mean(-1))
     return errors_mm
 
 

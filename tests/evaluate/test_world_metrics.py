@@ -36,7 +36,7 @@ def bodies_m(n_frames: int) -> np.ndarray:
 
 
 def aligned_mm(predicted_m: np.ndarray, true_m: np.ndarray, **changes: Any) -> np.ndarray:
-    options: dict[str, Any] = {"first_frames": 2, "scale": True, "scored": range(4)}
+    options: dict[str, Any] = {"first_frames": 2, "scale": True}
     (errors_mm,) = segment_errors_mm(predicted_m, true_m, [(0, len(true_m))], **(options | changes))
     return errors_mm
 
@@ -85,11 +85,10 @@ def test_w_mpjpe_shows_drift_after_the_first_two_frames() -> None:
     predicted_m[2] += [0.03, 0.04, 0.0]
     predicted_m[3] += [0.06, 0.08, 0.0]
     np.testing.assert_allclose(aligned_mm(predicted_m, true_m), [0, 0, 50, 100], atol=1e-9)
-    # One joint of four is 20 mm off: the mean is 5 mm; left out of the score, nothing is.
+    # One joint of four is 20 mm off: the mean is 5 mm.
     predicted_m = true_m.copy()
     predicted_m[3, 1, 2] += 0.02
     np.testing.assert_allclose(aligned_mm(predicted_m, true_m), [0, 0, 0, 5], atol=1e-9)
-    np.testing.assert_allclose(aligned_mm(predicted_m, true_m, scored=[0, 2]), 0, atol=1e-9)
     # Aligned as a whole, the error is spread.
     whole_mm = aligned_mm(predicted_m, true_m, first_frames=None)
     assert (whole_mm > 0).all() and whole_mm.mean() < 5
@@ -224,8 +223,8 @@ def test_a_rigid_move_of_a_world_changes_nothing(seed: int) -> None:
 
     def all_of(joints_m: np.ndarray, roots: np.ndarray) -> list[np.ndarray]:
         return [
-            *segment_errors_mm(joints_m, true_m, runs, first_frames=2, scale=True, scored=range(5)),
-            *segment_errors_mm(joints_m, true_m, runs, first_frames=None, scale=False, scored=[0]),
+            *segment_errors_mm(joints_m, true_m, runs, first_frames=2, scale=True),
+            *segment_errors_mm(joints_m, true_m, runs, first_frames=None, scale=False),
             root_errors_percent(joints_m[:, 0], true_m[:, 0], runs),
             root_orientation_errors_deg(roots, rotmats[1]),
             root_velocity_errors_mm_per_frame(
