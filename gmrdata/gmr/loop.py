@@ -26,14 +26,17 @@ from gmrdata.gmr.checkpoint import (
 )
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.data import Batch, make_batch, make_training_set
+from gmrdata.gmr.flat_runs import remove_files
 from gmrdata.gmr.held_out import held_out_runs, held_out_scores
 from gmrdata.gmr.losses import Counts, LossTerms, Motions, counts_of, gmr_loss
+from gmrdata.gmr.mixing import Mix
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaged, averaging, check_device, own_part
+from gmrdata.gmr.prefetch import prefetched
 from gmrdata.gmr.run_log import run_log
-from gmrdata.gmr.usable import check_clips_fit
+from gmrdata.gmr.usable import fitting_clips
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
-from gmrdata.progress import progress_bar
+from gmrdata.progress import progress_bar, track
 
 
 def fit(
@@ -43,6 +46,8 @@ def fit(
     config: TrainConfig,
     *,
     held_out: Sequence[Clip] = (),
+    mix: Mix | None = None,
+    pack_dir: Path | None = None,
     processes: Processes = ALONE,
 ) -> Gmr:
     """The training loop: goes on from the folder's latest checkpoint, or begins.
@@ -53,15 +58,23 @@ def fit(
         run_dir: Gets `checkpoints`, `metrics.jsonl` and, if wanted, `tensorboard`.
         config: The recipe.
         held_out: What to score now and then.
+        mix: Which clips come from which manifest, and how often windows come from each.
+        pack_dir: Folder for the training frames, used as it is if it is there, and removed when the
+            training is done; None to keep them in memory.
         processes: Which of several processes this is.
 
     Raises:
         GmrdataError: as `gmrdata.gmr.train.train`.
     """
     check_device(config.device)
-    check_clips_fit([*clips, *held_out], body)
-    training_set = make_training_set(clips, config.model.input, config.windows)
-    scored_runs = held_out_runs(held_out, config.windows.fps_hz) if processes.is_first else []
+    training_set = make_training_set(
+        track(fitting_clips(clips, body), "reading clips", total=len(clips)),
+        config.model.input,
+        config.windows,
+        mix=mix,
+        pack_dir=pack_dir,
+    )
+    scored_runs = held_out_runs(held_out, body, config.windows.fps_hz)
     loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
     batch_size = config.batch_size * processes.count
     extra = {
@@ -69,6 +82,10 @@ def fit(
         "body": body.name,
         "processes": processes.count,
     }
+
+    def batch_of(step: int) -> Batch:
+        return make_batch(training_set, config.windows, batch_size, config.seed, step)
+
     with _torch_settings(config), progress_bar(shown=processes.is_first) as bar:
         model = Gmr(config.model).to(config.device)
         optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
@@ -76,8 +93,7 @@ def fit(
         network = averaging(_compiled(model, config), processes)
         task = bar.add_task("training", total=config.steps, completed=done)
         with run_log(run_dir if processes.is_first else None, done, config.tensorboard) as log:
-            for step in range(done, config.steps):
-                batch = make_batch(training_set, config.windows, batch_size, config.seed, step)
+            for step, batch in prefetched(batch_of, range(done, config.steps)):
                 torch.manual_seed(_derived_seed(config.seed, step + 1, processes.rank))
                 values = gradient_step(network, batch, loss_body, config, processes)
                 _check_finite(values, run_dir, step)
@@ -90,12 +106,16 @@ def fit(
                 is_last = now == config.steps
                 if now % config.log_every == 0 or is_last:
                     log({"step": now} | values)
+                if not processes.is_first:
+                    continue
                 if scored_runs and (now % config.eval_every == 0 or is_last):
                     scores = held_out_scores(model, scored_runs, config.windows.fps_hz)
                     best = best_of(best, now, config.best_by, scores[config.best_by], model)
                     log({"step": now} | scores)
-                if processes.is_first and (now % config.checkpoint_every == 0 or is_last):
+                if now % config.checkpoint_every == 0 or is_last:
                     save_checkpoint(run_dir, now, model, optimizer, extra, best)
+    if pack_dir is not None and processes.is_first:
+        remove_files(pack_dir)
     return model
 
 

@@ -45,6 +45,7 @@ def train(
 
     Raises:
         BadManifest: no clips to train on, of several bodies, or of another body than the given one.
+        BadRecipe: weights that are not one per manifest, or a held-out subject without a clip.
         BadMotionFile: a clip holds NaN, or has a lower frame rate than the windows.
         TrainingDiverged: the loss became infinite or NaN; the last good checkpoint is kept.
         BadCheckpoint: the unfinished run's checkpoint is broken.
@@ -54,7 +55,9 @@ def train(
     from gmrdata.body.load import load_body
     from gmrdata.gmr.loop import fit
     from gmrdata.gmr.parallel import from_first, join_processes
-    from gmrdata.gmr.usable import usable_clips
+    from gmrdata.gmr.split import split_manifests
+    from gmrdata.gmr.usable import LazyClips, usable_files
+    from gmrdata.progress import console
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}
@@ -64,11 +67,24 @@ def train(
     processes = join_processes(config.device)
 
     def fit_in(partial_dir: Path) -> dict[str, Any]:
-        clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]
-        held_out = [one.clip for path in held_out_paths for one in usable_clips(path).clips]
+        split = split_manifests(manifest_paths, config.data)
+        if split.statement and processes.is_first:
+            console.print(split.statement, markup=False, soft_wrap=True)
+        scored = [file for path in held_out_paths for file in usable_files(path)[0]]
+        scored += split.held_out
         body = load_body("anny" if body_path is None else str(body_path))
-        fit(clips, body, partial_dir, config, held_out=held_out, processes=processes)
-        return {"processes": processes.count} | machine(config.device)
+        fit(
+            LazyClips(split.training),
+            body,
+            partial_dir,
+            config,
+            held_out=LazyClips(scored),
+            mix=split.mix,
+            pack_dir=partial_dir / "pack",
+            processes=processes,
+        )
+        made_by = {"processes": processes.count} | machine(config.device)
+        return {"clips": len(split.training), "left_out": split.left_out} | made_by
 
     if not processes.is_first:
         partial = from_first(None, processes)

@@ -95,7 +95,8 @@ def test_the_best_weights_are_those_of_the_lowest_score(
     assert best is not None
     assert (best.step, best.score, best.value) == (step, best_by, scores[step])
     fps_hz = config.windows.fps_hz
-    found = held_out_scores(read_model(folder, "best"), held_out_runs(held_out, fps_hz), fps_hz)
+    runs = held_out_runs(held_out, small_body, fps_hz)
+    found = held_out_scores(read_model(folder, "best"), runs, fps_hz)
     assert found[best_by] == scores[step]
     assert load_gmr(tmp_path, "best").step == step
     assert load_gmr(tmp_path).step == 12
