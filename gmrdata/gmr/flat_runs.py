@@ -118,8 +118,8 @@ def _write(runs: Iterable[RunRows], folder: Path) -> None:
             if not kept:
                 for name, dtype in _FRAME_ARRAYS.items():
                     row_shape = getattr(run, name).shape[1:]
-                    column = _column(folder / f"{name}.npy", np.dtype(dtype), row_shape)
-                    columns[name] = stack.enter_context(column)
+                    opened = _column(folder / f"{name}.npy", np.dtype(dtype), row_shape)
+                    columns[name] = stack.enter_context(opened)
             for name, column in columns.items():
                 column.append(getattr(run, name))
             none = np.zeros((0,))
