@@ -1,7 +1,9 @@
 """Checkpoints: one folder per kept step, whole or absent, and a pointer to the latest.
 
 `<run>/checkpoints/step_00001000/{model,optimizer}.safetensors` and `state.json`; the file `latest`
-beside them holds the folder's name.
+beside them holds the folder's name.  A run that averages its weights has `average.safetensors` too,
+and `averaged` in its state says so: that is then the network, and `model` what training goes on
+from.
 """
 
 import os
@@ -44,7 +46,13 @@ def latest_checkpoint(run_dir: Path) -> Path | None:
 
 
 def save_checkpoint(
-    run_dir: Path, step: int, model: Gmr, optimizer: torch.optim.Optimizer, extra: dict[str, Any]
+    run_dir: Path,
+    step: int,
+    model: Gmr,
+    optimizer: torch.optim.Optimizer,
+    extra: dict[str, Any],
+    *,
+    average: Gmr | None = None,
 ) -> Path:
     """Write weights, optimiser and state of a step, point `latest` to them, and drop older ones.
 
@@ -56,6 +64,7 @@ def save_checkpoint(
         model: The network.
         optimizer: Its optimiser, made over `model.parameters()`.
         extra: JSON values to keep in `state.json` beside step and model config.
+        average: The average of its weights, where the run keeps one.
     """
     folder = checkpoint_dir(run_dir, step)
     temporary = folder.with_name(f".{folder.name}.tmp")
@@ -64,6 +73,9 @@ def save_checkpoint(
     save_file(_contiguous(model.state_dict()), temporary / "model.safetensors")
     save_file(_optimizer_tensors(model, optimizer), temporary / "optimizer.safetensors")
     state = {"format": FORMAT, "step": step, "model": model.config.model_dump(mode="json")}
+    if average is not None:
+        save_file(_contiguous(average.state_dict()), temporary / "average.safetensors")
+        state["averaged"] = True
     write_json(temporary / "state.json", state | extra)
     for file in temporary.iterdir():
         _fsync(file)
@@ -94,27 +106,28 @@ def read_state(folder: Path) -> dict[str, Any]:
 
 
 def read_model(folder: Path) -> Gmr:
-    """The network of a checkpoint.
+    """The network of a checkpoint, with averaged weights where the run keeps such.
 
     Raises:
         BadCheckpoint: files are truncated, missing, or of another model.
     """
+    state = read_state(folder)
     try:
-        config = ModelConfig.model_validate(read_state(folder).get("model"))
+        config = ModelConfig.model_validate(state.get("model"))
     except ValidationError as error:
         raise BadCheckpoint(f"{folder / 'state.json'}: no model settings: {error}") from None
     model = Gmr(config)
-    load_weights(folder, model)
+    load_weights(folder, model, averaged=bool(state.get("averaged")))
     return model
 
 
-def load_weights(folder: Path, model: Gmr) -> None:
-    """Fill a network with a checkpoint's weights.
+def load_weights(folder: Path, model: Gmr, *, averaged: bool = False) -> None:
+    """Fill a network with a checkpoint's weights, as trained or averaged.
 
     Raises:
         BadCheckpoint: the file is truncated or missing, or of another model.
     """
-    path = folder / "model.safetensors"
+    path = folder / ("average.safetensors" if averaged else "model.safetensors")
     tensors = _read_tensors(path)
     _check_names(path, tensors, {name: t.shape for name, t in model.state_dict().items()})
     model.load_state_dict(tensors)

@@ -16,6 +16,7 @@ from gmrdata.body.model import BodyModel
 from gmrdata.body.subset import vertex_rows, with_vertices
 from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, StageFailed, TrainingDiverged
+from gmrdata.gmr.average import start_average, update_average
 from gmrdata.gmr.checkpoint import (
     latest_checkpoint,
     load_optimizer,
@@ -53,20 +54,27 @@ def fit(
         config: The recipe.
         held_out: What to score now and then.
 
+    Returns:
+        The network, with averaged weights if the recipe averages them.
+
     Raises:
         GmrdataError: as `gmrdata.gmr.train.train`.
     """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
     check_clips_fit([*clips, *held_out], body)
-    training_set = make_training_set(clips, config.model.input, config.windows)
+    training_set = make_training_set(
+        clips, config.model.input, config.windows, config.model.extra_inputs
+    )
     scored_runs = held_out_runs(held_out, config.windows.fps_hz)
     rows = vertex_rows(len(body.template_m), config.loss.n_vertices)
     loss_body = with_vertices(body, rows)
     with _torch_settings(config), progress_bar() as bar:
         model = Gmr(config.model).to(config.device)
         optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
-        done = _resume(run_dir, config, model, optimizer)
+        average = start_average(model) if config.average_decay > 0 else None
+        used = model if average is None else average
+        done = _resume(run_dir, config, model, optimizer, average)
         task = bar.add_task("training", total=config.steps, completed=done)
         for step in range(done, config.steps):
             batch = make_batch(training_set, config.windows, config.batch_size, config.seed, step)
@@ -76,18 +84,20 @@ def fit(
             for group in optimizer.param_groups:
                 group["lr"] = learning_rate_at(config, step)
             optimizer.step()
+            if average is not None:
+                update_average(average, model, config.average_decay, step)
             bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
 
             now = step + 1
             if now % config.log_every == 0 or now == config.steps:
                 _log(run_dir, {"step": now} | values)
             if scored_runs and (now % config.eval_every == 0 or now == config.steps):
-                scores = held_out_scores(model, scored_runs, config.windows.fps_hz)
+                scores = held_out_scores(used, scored_runs, config.windows.fps_hz)
                 _log(run_dir, {"step": now} | scores)
             if now % config.checkpoint_every == 0 or now == config.steps:
                 extra = {"fps_hz": config.windows.fps_hz, "body": body.name}
-                save_checkpoint(run_dir, now, model, optimizer, extra)
-    return model
+                save_checkpoint(run_dir, now, model, optimizer, extra, average=average)
+    return used
 
 
 def _backward(
@@ -176,7 +186,11 @@ def learning_rate_at(config: TrainConfig, step: int) -> float:
 
 
 def _resume(
-    run_dir: Path, config: TrainConfig, model: Gmr, optimizer: torch.optim.Optimizer
+    run_dir: Path,
+    config: TrainConfig,
+    model: Gmr,
+    optimizer: torch.optim.Optimizer,
+    average: Gmr | None,
 ) -> int:
     """Load the latest checkpoint, if any, and cut the metrics to it; the number of steps done."""
     folder = latest_checkpoint(run_dir)
@@ -186,6 +200,8 @@ def _resume(
         if done > config.steps:
             raise BadCheckpoint(f"{folder}: has more steps than the {config.steps} to train")
         load_weights(folder, model)
+        if average is not None:
+            load_weights(folder, average, averaged=True)
         load_optimizer(folder, model, optimizer)
     metrics_path = run_dir / "metrics.jsonl"
     lines = metrics_path.read_text("utf-8").splitlines() if metrics_path.is_file() else []
