@@ -1,6 +1,6 @@
 """Recipes of the network, its loss, its training windows and its training.  Needs no torch."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -78,6 +78,20 @@ class WindowConfig(Config):
     [s]; 0 for noise that is anew in each frame."""
 
 
+class DataConfig(Config):
+    """Which clips of the manifests are trained on, and how often."""
+
+    weights: tuple[Annotated[float, Field(gt=0.0)], ...] | None = None
+    """Share of the windows that come from each manifest, in their order and up to a factor; None
+    for its share of all frames.  Within a manifest, runs are drawn by their frames."""
+    held_out_subjects: tuple[int | str, ...] = ()
+    """People who are not trained on, but scored while training: 2 for CMU's subject 02, else data
+    set and subject as in the manifest's source, like KIT/3 or Human3.6M/S9."""
+    never_train_on: tuple[str, ...] = ("paper_table8",)
+    """Published lists whose sequences are left out of every training: by default the CMU trials of
+    the paper's synthetic set (its Table 8), on which it scores."""
+
+
 class TrainConfig(Config):
     """A training run; the defaults are the paper's (section 4.1) where it states one."""
 
@@ -87,6 +101,8 @@ class TrainConfig(Config):
     """The loss."""
     windows: WindowConfig = WindowConfig()
     """The training windows."""
+    data: DataConfig = DataConfig()
+    """The clips that they are cut from."""
     learning_rate: float = Field(default=5e-5, gt=0.0)
     """Adam's step size; the paper's 5e-5."""
     schedule: Literal["constant", "cosine"] = "constant"

@@ -26,11 +26,14 @@ from gmrdata.gmr.checkpoint import (
 )
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.data import Batch, make_batch, make_training_set
+from gmrdata.gmr.flat_runs import remove_files
 from gmrdata.gmr.held_out import held_out_runs, held_out_scores
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
+from gmrdata.gmr.mixing import Mix
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.usable import check_clips_fit
-from gmrdata.progress import progress_bar
+from gmrdata.gmr.prefetch import prefetched
+from gmrdata.gmr.usable import fitting_clips
+from gmrdata.progress import progress_bar, track
 from gmrdata.store import write_text
 
 CHUNK_BYTES = 256 << 20
@@ -44,6 +47,8 @@ def fit(
     config: TrainConfig,
     *,
     held_out: Sequence[Clip] = (),
+    mix: Mix | None = None,
+    pack_dir: Path | None = None,
 ) -> Gmr:
     """The training loop: goes on from the folder's latest checkpoint, or begins.
 
@@ -53,6 +58,9 @@ def fit(
         run_dir: Gets `checkpoints` and `metrics.jsonl`.
         config: The recipe.
         held_out: What to score now and then.
+        mix: Which clips come from which manifest, and how often windows come from each.
+        pack_dir: Folder for the training frames, used as it is if it is there, and removed when the
+            training is done; None to keep them in memory.
 
     Returns:
         The network, with averaged weights if the recipe averages them.
@@ -62,11 +70,15 @@ def fit(
     """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
-    check_clips_fit([*clips, *held_out], body)
     training_set = make_training_set(
-        clips, config.model.input, config.windows, config.model.extra_inputs
+        track(fitting_clips(clips, body), "reading clips", total=len(clips)),
+        config.model.input,
+        config.windows,
+        config.model.extra_inputs,
+        mix=mix,
+        pack_dir=pack_dir,
     )
-    scored_runs = held_out_runs(held_out, config.windows.fps_hz)
+    scored_runs = held_out_runs(held_out, body, config.windows.fps_hz)
     rows = vertex_rows(len(body.template_m), config.loss.n_vertices)
     loss_body = with_vertices(body, rows)
     with _torch_settings(config), progress_bar() as bar:
@@ -76,8 +88,12 @@ def fit(
         used = model if average is None else average
         done = _resume(run_dir, config, model, optimizer, average)
         task = bar.add_task("training", total=config.steps, completed=done)
-        for step in range(done, config.steps):
-            batch = make_batch(training_set, config.windows, config.batch_size, config.seed, step)
+
+        def batch_of(step: int) -> Batch:
+            size = config.batch_size
+            return make_batch(training_set, config.windows, size, config.seed, step)
+
+        for step, batch in prefetched(batch_of, range(done, config.steps)):
             torch.manual_seed(_derived_seed(config.seed, step + 1))
             values = _backward(model, batch, loss_body, len(body.template_m), config)
             _check_finite(values, run_dir, step)
@@ -97,6 +113,8 @@ def fit(
             if now % config.checkpoint_every == 0 or now == config.steps:
                 extra = {"fps_hz": config.windows.fps_hz, "body": body.name}
                 save_checkpoint(run_dir, now, model, optimizer, extra, average=average)
+    if pack_dir is not None:
+        remove_files(pack_dir)
     return used
 
 

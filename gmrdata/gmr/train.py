@@ -10,6 +10,7 @@ the weights that it would have had: each step's windows and dropout depend on (s
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.store import run_stage
@@ -41,6 +42,7 @@ def train(
 
     Raises:
         BadManifest: no clips to train on, of several bodies, or of another body than the given one.
+        BadRecipe: weights that are not one per manifest, or a held-out subject without a clip.
         BadMotionFile: a clip holds NaN, or has a lower frame rate than the windows.
         TrainingDiverged: the loss became infinite or NaN; the last good checkpoint is kept.
         BadCheckpoint: the unfinished run's checkpoint is broken.
@@ -49,17 +51,31 @@ def train(
     """
     from gmrdata.body.load import load_body
     from gmrdata.gmr.loop import fit
-    from gmrdata.gmr.usable import usable_clips
+    from gmrdata.gmr.split import split_manifests
+    from gmrdata.gmr.usable import LazyClips, usable_files
+    from gmrdata.progress import console
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}
     if body_path is not None:
         inputs["body"] = body_path
 
-    def work(partial_dir: Path) -> None:
-        clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]
-        held_out = [one.clip for path in held_out_paths for one in usable_clips(path).clips]
+    def work(partial_dir: Path) -> dict[str, Any]:
+        split = split_manifests(manifest_paths, config.data)
+        if split.statement:
+            console.print(split.statement, markup=False, soft_wrap=True)
+        scored = [file for path in held_out_paths for file in usable_files(path)[0]]
+        scored += split.held_out
         body = load_body("anny" if body_path is None else str(body_path))
-        fit(clips, body, partial_dir, config, held_out=held_out)
+        fit(
+            LazyClips(split.training),
+            body,
+            partial_dir,
+            config,
+            held_out=LazyClips(scored),
+            mix=split.mix,
+            pack_dir=partial_dir / "pack",
+        )
+        return {"clips": len(split.training), "left_out": split.left_out}
 
     return run_stage("gmr-train", run_dir, config, inputs, work, resumable=True, redo=redo)
