@@ -9,7 +9,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from gmrdata.body.tree import N_JOINTS, N_LOCAL, PARENTS
+from gmrdata.body.tree import N_JOINTS, PARENTS
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import ExtraInput
 
@@ -30,8 +30,8 @@ REST_JOINTS_M = (
     (0.663, 0.414, 0.012), (-0.663, 0.414, 0.012),
     (0.768, 0.414, 0.012), (-0.768, 0.414, 0.012),
 )  # fmt: skip
-"""(24, 3) joints of an average adult in SMPL's T-pose, pelvis at the origin [m]: the default body's,
-rounded to millimetres.  A person's own shape is no input of the network."""
+"""(24, 3) joints of an average adult in SMPL's T-pose, pelvis at the origin [m]: those of the
+default body, rounded to millimetres.  A person's own shape is no input of the network."""
 
 
 def velocities(local_rotmats: Tensor) -> Tensor:

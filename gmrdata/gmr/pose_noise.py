@@ -7,9 +7,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.gmr.config import WindowConfig
 
 
-def turned(
-    local_rotmats: np.ndarray, config: WindowConfig, rng: np.random.Generator
-) -> np.ndarray:
+def turned(local_rotmats: np.ndarray, config: WindowConfig, rng: np.random.Generator) -> np.ndarray:
     """Local rotations with each joint turned by `pose_noise_deg`.
 
     Args:

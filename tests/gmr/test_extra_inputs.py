@@ -37,7 +37,7 @@ def test_velocities_lead_from_each_pose_to_the_next() -> None:
 
 def test_a_joint_that_stands_still_shows_the_roots_motion(small_body: BodyModel) -> None:
     """The root is placed, by the body's forward kinematics, so that one joint does not move."""
-    body = replace(small_body, joints_template_m=np.array(REST_JOINTS_M) + [0.1, 0.2, 0.3])
+    body = replace(small_body, joints_template_m=np.add(REST_JOINTS_M, (0.1, 0.2, 0.3)))
     poses = random_poses(6)
     found = motions_if_standing(poses) / SCALE
     joints_m, root_from_joint = posed_joints(body, torch.zeros(10), poses)
