@@ -9,6 +9,10 @@ from gmrdata.config import Config
 Representation = Literal["quaternion", "axis-angle", "6d"]
 """How a rotation is given to the network, or by it."""
 
+ExtraInput = Literal["velocity", "standing"]
+"""What the network may be given beside the local rotations, of which it is a function
+(gmrdata.gmr.extra_inputs)."""
+
 
 class ModelConfig(Config):
     """Size and representations of the network."""
@@ -19,6 +23,10 @@ class ModelConfig(Config):
     """Units per direction, and size of the latent feature; the paper's 2048."""
     input: Representation = "quaternion"
     """Representation of the 23 local rotations; the paper's quaternions are 92 numbers."""
+    extra_inputs: tuple[ExtraInput, ...] = ()
+    """What else is given, made from the local rotations; the paper has none.  `velocity`: how each
+    joint turns to the next frame, 69 numbers.  `standing`: for each joint, the motion that the root
+    would make if that joint stood still, 138 numbers."""
     output: Representation = "axis-angle"
     """Representation of dR; the paper's axis-angle vector makes 6 outputs with dT."""
     dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
@@ -60,6 +68,14 @@ class WindowConfig(Config):
     """Frame rate of the network's input [Hz]; the paper's 10."""
     reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)
     """Share of windows played backwards: the paper's flip augmentation, which uses both kinds."""
+    mirror_probability: float = Field(default=0.0, ge=0.0, le=1.0)
+    """Share of windows with left and right exchanged; the paper's 0."""
+    pose_noise_deg: float = Field(default=0.0, ge=0.0)
+    """Root mean square angle by which each joint is turned at random in the network's input, and
+    there alone [deg]; the paper's 0."""
+    pose_noise_time_s: float = Field(default=0.0, ge=0.0)
+    """Time over which that noise stays alike: standard deviation of the Gaussian that smooths it
+    [s]; 0 for noise that is anew in each frame."""
 
 
 class DataConfig(Config):
@@ -95,6 +111,11 @@ class TrainConfig(Config):
     """Steps over which the step size rises from 0; the paper states none."""
     gradient_norm: float | None = Field(default=None, gt=0.0)
     """Longest gradient, clipped beyond; None for no limit, of which the paper says nothing."""
+    average_decay: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Share of the former value that an exponential moving average of the weights keeps in a step;
+    the average is then what is scored and used.  0 for the weights themselves, as in the paper.
+    In the first steps the share is less, (1 + step) / (10 + step), so that the average forgets
+    where it began."""
     batch_size: int = Field(default=32, ge=1)
     """Windows per step and process; the paper's 32.  N processes (`torchrun`) train as one does
     with N times as many."""

@@ -62,6 +62,7 @@ def predict_deltas(gmr: TrainedGmr, local_rotmats: np.ndarray) -> tuple[np.ndarr
     poses = network_input(
         torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64),
         gmr.model.config.input,
+        gmr.model.config.extra_inputs,
     )
     device = next(gmr.model.parameters()).device
     with torch.no_grad():

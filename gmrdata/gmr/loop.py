@@ -14,6 +14,7 @@ from torch import nn
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, StageFailed, TrainingDiverged
+from gmrdata.gmr.average import start_average, update_average
 from gmrdata.gmr.checkpoint import (
     Best,
     best_of,
@@ -63,6 +64,9 @@ def fit(
             training is done; None to keep them in memory.
         processes: Which of several processes this is.
 
+    Returns:
+        The network, with averaged weights if the recipe averages them.
+
     Raises:
         GmrdataError: as `gmrdata.gmr.train.train`.
     """
@@ -71,6 +75,7 @@ def fit(
         track(fitting_clips(clips, body), "reading clips", total=len(clips)),
         config.model.input,
         config.windows,
+        config.model.extra_inputs,
         mix=mix,
         pack_dir=pack_dir,
     )
@@ -89,7 +94,9 @@ def fit(
     with _torch_settings(config), progress_bar(shown=processes.is_first) as bar:
         model = Gmr(config.model).to(config.device)
         optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
-        done, best = _resume(run_dir, config, model, optimizer, processes)
+        average = start_average(model) if config.average_decay > 0 else None
+        used = model if average is None else average
+        done, best = _resume(run_dir, config, model, optimizer, average, processes)
         network = averaging(_compiled(model, config), processes)
         task = bar.add_task("training", total=config.steps, completed=done)
         with run_log(run_dir if processes.is_first else None, done, config.tensorboard) as log:
@@ -102,6 +109,8 @@ def fit(
                 optimizer.step()
                 bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
 
+                if average is not None:
+                    update_average(average, model, config.average_decay, step)
                 now = step + 1
                 is_last = now == config.steps
                 if now % config.log_every == 0 or is_last:
@@ -109,14 +118,14 @@ def fit(
                 if not processes.is_first:
                     continue
                 if scored_runs and (now % config.eval_every == 0 or is_last):
-                    scores = held_out_scores(model, scored_runs, config.windows.fps_hz)
-                    best = best_of(best, now, config.best_by, scores[config.best_by], model)
+                    scores = held_out_scores(used, scored_runs, config.windows.fps_hz)
+                    best = best_of(best, now, config.best_by, scores[config.best_by], used)
                     log({"step": now} | scores)
                 if now % config.checkpoint_every == 0 or is_last:
-                    save_checkpoint(run_dir, now, model, optimizer, extra, best)
+                    save_checkpoint(run_dir, now, model, optimizer, extra, best, average=average)
     if pack_dir is not None and processes.is_first:
         remove_files(pack_dir)
-    return model
+    return used
 
 
 def gradient_step(
@@ -213,6 +222,7 @@ def _resume(
     config: TrainConfig,
     model: Gmr,
     optimizer: torch.optim.Optimizer,
+    average: Gmr | None,
     processes: Processes,
 ) -> tuple[int, Best | None]:
     """Load the latest checkpoint, if any: the number of steps done, and the best weights so far."""
@@ -229,6 +239,8 @@ def _resume(
             f" {processes.count}. Go on with as many, or train again"
         )
     load_weights(folder, model)
+    if average is not None:
+        load_weights(folder, average, "average")
     load_optimizer(folder, model, optimizer)
     return done, read_best(folder)
 
