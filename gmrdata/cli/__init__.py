@@ -8,6 +8,7 @@ import tyro
 from gmrdata.cli.answers import explain, fail
 from gmrdata.cli.floor import floor
 from gmrdata.cli.gmr import evaluate, train
+from gmrdata.cli.infer import infer
 from gmrdata.cli.manifest import manifest
 from gmrdata.cli.motions import fetch, motions
 from gmrdata.cli.render import render
@@ -29,6 +30,7 @@ VERBS: dict[str, Verb] = {
     "threedpw": threedpw,
     "floor": floor,
     "train": train,
+    "infer": infer,
     "evaluate": evaluate,
     "report": report,
     "run": run,
