@@ -16,6 +16,7 @@ def infer(
     body: str = "anny",
     fps_hz: float | None = None,
     joint_map: Path | None = None,
+    bridge_frames: int = 0,
     video: bool = True,
     redo: bool = False,
 ) -> None:
@@ -31,6 +32,8 @@ def infer(
         body: "anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz).
         fps_hz: True frame rate of the poses [Hz]; estimators' files don't say it.
         joint_map: YAML or JSON file: joint name in a BVH or ASF -> joint of the SMPL tree.
+        bridge_frames: Longest gap of a person's track that is filled [frames]; at longer ones a new
+            motion begins, in a world of its own.
         video: Whether to draw body.mp4, which takes longest.
         redo: Make anew what other settings made.
     """
@@ -39,7 +42,9 @@ def infer(
 
     if fps_hz is not None and not 0 < fps_hz < float("inf"):
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
-    config = InferConfig(fps_hz=fps_hz, video=video)
+    if bridge_frames < 0:
+        raise BadRecipe(f"--bridge-frames {bridge_frames}: give 0 or more")
+    config = InferConfig(fps_hz=fps_hz, bridge_frames=bridge_frames, video=video)
     path = body_path(body)
     made = infer_world_motion(
         run, source, "anny" if path is None else str(path), out, config,
@@ -47,12 +52,13 @@ def infer(
     )  # fmt: skip
     motions = read_json(made / RECORD_FILE)["motions"]
     print_table(
-        ("motion", "frames", "of the video", "rate [Hz]", "path [m]"),
+        ("motion", "frames", "of the video", "filled", "rate [Hz]", "path [m]"),
         [
             (
                 name,
                 f"{one['frames']}",
                 f"{one['first_frame']}-{one['last_frame']}",
+                f"{one['filled_frames']}",
                 f"{one['fps_hz']:g}",
                 f"{one['path_m']:.2f}",
             )

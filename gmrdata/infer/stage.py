@@ -39,6 +39,9 @@ class InferConfig(Config):
 
     fps_hz: float | None = Field(default=None, gt=0.0)
     """True frame rate of the poses [Hz]; None for the file's own."""
+    bridge_frames: int = Field(default=0, ge=0)
+    """Longest gap of a person's track that is filled, by slerp of the joints [frames].  At longer
+    ones a new motion begins, with a world of its own."""
     video: bool = True
     """Whether to draw the video, which takes longer than all else."""
     width_px: int = Field(default=640, ge=64, le=4096)
@@ -116,7 +119,9 @@ def _predict(
     from gmrdata.gmr.infer import load_gmr
 
     gmr = load_gmr(run_dir)
-    runs = read_local_poses(source, config.fps_hz, body=body, joint_map=joint_map)
+    runs = read_local_poses(
+        source, config.fps_hz, body=body, joint_map=joint_map, bridge_frames=config.bridge_frames
+    )
     worlds: dict[str, Clip] = {}
     left_out: dict[str, str] = {}
     for run in track(runs, "predicting", total=len(runs)):
@@ -195,6 +200,7 @@ def _record(
                 "fps_hz": clip.motion.fps_hz,
                 "first_frame": int(clip.image_numbers[0]),
                 "last_frame": int(clip.image_numbers[-1]),
+                "filled_frames": int((~clip.valid).sum()),
                 "path_m": _length_m(clip.motion.pelvis_m),
                 "source": clip.motion.source,
             }

@@ -13,6 +13,7 @@ from gmrdata.body.tree import N_LOCAL
 from gmrdata.clip import Clip
 from gmrdata.errors import BadMotionFile
 from gmrdata.motion.motion import Motion
+from gmrdata.motion.resample import slerp
 from gmrdata.motion.retarget import gender_of
 
 LARGEST_FRAME_NUMBER = 1 << 31
@@ -143,7 +144,9 @@ def mean_betas(value: Any, what: str, path: Path) -> np.ndarray | None:
     return np.asarray(betas.mean(axis=0)) if betas.ndim == 2 else betas
 
 
-def runs_of(person: PersonPoses, body: BodyModel, fps_hz: float, path: Path) -> list[Clip]:
+def runs_of(
+    person: PersonPoses, body: BodyModel, fps_hz: float, path: Path, bridge_frames: int
+) -> list[Clip]:
     """A person's unbroken runs as clips: where frames are missing or a shot ends, one ends.
 
     Args:
@@ -151,23 +154,27 @@ def runs_of(person: PersonPoses, body: BodyModel, fps_hz: float, path: Path) -> 
         body: The body that stands for the person; the file's shape is taken where it is of it.
         fps_hz: The video's frame rate [Hz].
         path: The file.
+        bridge_frames: Gaps of so many frames or fewer are filled instead, by slerp of each joint;
+            never over the beginning of a shot.  Filled frames are not valid.
 
     Returns:
         Clips without camera.  Their root is the identity and their pelvis 0, since the file's do
         not matter; `image_numbers` are the video's frames.
     """
-    begins = np.diff(person.frame_numbers, prepend=person.frame_numbers[0]) > 1
-    begins |= np.isin(person.frame_numbers, list(person.cuts))
+    numbers = person.frame_numbers
+    begins = np.diff(numbers, prepend=numbers[0]) > 1 + bridge_frames
+    shot = np.searchsorted(sorted(person.cuts), numbers, side="right")
+    begins |= np.diff(shot, prepend=shot[0]) > 0
     begins[0] = True
     starts = np.flatnonzero(begins)
-    stops = [*starts[1:], len(begins)]
     shape = _shape_on(body, person.betas)
     clips = []
-    for start, stop in zip(starts, stops, strict=True):
-        first, last = person.frame_numbers[start], person.frame_numbers[stop - 1]
-        n = int(stop - start)
+    for start, stop in zip(starts, [*starts[1:], len(begins)], strict=True):
+        local_rotmats, valid = _filled(person.local_rotmats[start:stop], numbers[start:stop])
+        first, last, n = int(numbers[start]), int(numbers[stop - 1]), len(valid)
+        filled = f", {n - valid.sum()} missing frames filled" if not valid.all() else ""
         motion = Motion(
-            local_rotmats=person.local_rotmats[start:stop],
+            local_rotmats=local_rotmats,
             root_rotmats=np.tile(np.eye(3), (n, 1, 1)),
             pelvis_m=np.zeros((n, 3)),
             shape=shape,
@@ -175,11 +182,25 @@ def runs_of(person: PersonPoses, body: BodyModel, fps_hz: float, path: Path) -> 
             body=body.name,
             gender=gender_of(body),
             frame="camera",
-            source=f"{path.name}, {person.name}, frames {first}-{last} at {fps_hz:g} fps",
+            source=f"{path.name}, {person.name}, frames {first}-{last} at {fps_hz:g} fps{filled}",
         )
         name = person.name if len(starts) == 1 else f"{person.name}_from_{first}"
-        clips.append(Clip(name, motion, np.ones(n, bool), person.frame_numbers[start:stop], None))
+        clips.append(Clip(name, motion, valid, np.arange(first, last + 1), None))
     return clips
+
+
+def _filled(rotmats: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (n, 23, 3, 3) of all frames from the first number to the last, and which were
+    there."""
+    frames = np.arange(numbers[0], numbers[-1] + 1)
+    before = np.searchsorted(numbers, frames, side="right") - 1
+    valid = numbers[before] == frames
+    filled = rotmats[before].copy()
+    gaps = before[~valid]
+    if len(gaps):
+        shares = (frames[~valid] - numbers[gaps]) / (numbers[gaps + 1] - numbers[gaps])
+        filled[~valid] = slerp(rotmats[gaps], rotmats[gaps + 1], shares)
+    return filled, valid
 
 
 def _shape_on(body: BodyModel, betas: np.ndarray | None) -> np.ndarray:

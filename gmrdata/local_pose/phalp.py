@@ -11,6 +11,8 @@ Its lists have one entry per track:
 A track that is not seen stays in the lists for a while with its last pose.  Such entries
 (`tracked_time` above 0) are no poses of their frame and are left out; and no motion is bridged
 over the beginning of a shot, although tracks go on there.
+
+Older versions also stored `embedding` as torch's tensors, which the reader of pickles refuses.
 """
 
 from collections import defaultdict

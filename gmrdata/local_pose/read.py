@@ -36,6 +36,7 @@ def read_local_poses(
     *,
     body: BodyModel | None = None,
     joint_map: Mapping[str, str] | Path | None = None,
+    bridge_frames: int = 0,
 ) -> tuple[Clip, ...]:
     """Read the local poses of a file; `gmrdata.local_pose` lists the formats.
 
@@ -45,12 +46,14 @@ def read_local_poses(
         body: The body that stands for the people; the default body if None.  Motion capture is
             retargeted to it; the shape of the file is kept where it is of this body.
         joint_map: For a BVH or AMC with unknown joint names, as `read_motion` takes it.
+        bridge_frames: Fill gaps of so many frames or fewer in a person's track, by slerp; 0 fills
+            none.
 
     Returns:
-        One clip per unbroken run of a person, each frame valid: frames that are missing are never
-        bridged.  A run may be a single frame, which no motion can be predicted from.  Only the
-        local rotations are meant to be used.  `image_numbers` are the frames' numbers in the video,
-        or the rows of the file.
+        One clip per unbroken run of a person; `valid` is False where a frame was filled.  A run may
+        be a single frame, which no motion can be predicted from.  Only the local rotations are
+        meant to be used.  `image_numbers` are the frames' numbers in the video, or the rows of the
+        file.
 
     Raises:
         MissingInput: there is no such file.
@@ -72,7 +75,9 @@ def read_local_poses(
     rate_hz = check_rate_hz(fps_hz, path)
     if not people:
         raise BadMotionFile(f"{path}: has no person in it. Give a file with tracked people")
-    runs = tuple(clip for person in people for clip in runs_of(person, body, rate_hz, path))
+    runs = tuple(
+        clip for person in people for clip in runs_of(person, body, rate_hz, path, bridge_frames)
+    )
     if all(clip.motion.n_frames < MIN_FRAMES for clip in runs):
         raise BadMotionFile(
             f"{path}: no person has two frames in a row, which is no motion. Give a longer sequence"

@@ -130,6 +130,21 @@ def test_runs_have_a_folder_each_and_short_ones_are_said(
         np.testing.assert_allclose(motion.pelvis_m[0, :2], 0.0, atol=1e-12)
 
 
+def test_short_gaps_are_filled_on_demand_and_counted(
+    tmp_path: Path, run_dir: Path, body_path: Path
+) -> None:
+    people = {2: vibe_person(30, [*range(10), *range(12, 32)])}
+    path = write_vibe(tmp_path / "v.pkl", people)
+    config = QUICK.model_copy(update={"bridge_frames": 2})
+    out = infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", config)
+    record = read_json(out / "infer.json")["motions"]["person_2"]
+    assert (record["frames"], record["filled_frames"]) == (32, 2)
+    assert "2 missing frames filled" in record["source"]
+    clip = load_clip(out / "person_2" / "clip.npz")
+    assert np.flatnonzero(~clip.valid).tolist() == [10, 11]
+    assert np.isfinite(clip.motion.pelvis_m).all()
+
+
 def _nan_person() -> dict[str, Any]:
     poses = some_poses(40)
     poses[3, 3] = np.nan
@@ -245,7 +260,7 @@ def test_the_verb_writes_a_video_and_a_table(
     flags = ["--out", str(out), "--body", str(body_path), "--fps-hz", "30"]
     main(["infer", str(run_dir), str(source), *flags])
     said = " ".join(capsys.readouterr().out.split())
-    assert "person_0 6 0-5 30" in said
+    assert "person_0 6 0-5 0 30" in said
     with av.open(str(out / "person_0" / "body.mp4")) as container:
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert len(frames) == 6 and frames[0].shape == (480, 640, 3)
@@ -260,6 +275,7 @@ def test_the_verb_says_what_is_wrong(
         ([], r"v\.pkl: does not say its frame rate. Give the video's with --fps-hz"),
         (["--fps-hz", "-3"], "--fps-hz -3: must be more than 0"),
         (["--fps-hz", "nan"], "--fps-hz nan: must be more than 0"),
+        (["--bridge-frames", "-1"], "--bridge-frames -1: give 0 or more"),
     ):
         with pytest.raises(SystemExit) as ended:
             main(["infer", str(run_dir), str(source), "--out", out,
@@ -277,6 +293,8 @@ def test_the_three_lines_of_python_run_as_they_stand(
     write_vibe(tmp_path / "poses.pkl", {0: vibe_person(40)})
     lines = re.findall(r"^ {4}(\S.*)$", reader.__doc__ or "", re.MULTILINE)
     assert len(lines) == 3
+    page = Path(__file__).parents[2] / "docs" / "inference.md"
+    assert "\n".join(lines) in page.read_text(encoding="utf-8")
     asked = "print(world.n_frames, world.fps_hz, world.pelvis_m.shape, world.body)"
     answer = subprocess.run(
         [sys.executable, "-c", "\n".join([*lines, asked])],

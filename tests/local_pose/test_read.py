@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip, save_clip
@@ -61,6 +62,38 @@ def test_missing_frames_are_never_bridged(tmp_path: Path, small_body: BodyModel)
     ]
     joined = np.concatenate([run.motion.local_rotmats for run in runs])
     np.testing.assert_allclose(joined, rotmats(person["pose"])[:, 1:], atol=1e-12)
+
+
+def test_short_gaps_are_filled_on_demand(tmp_path: Path, small_body: BodyModel) -> None:
+    person = vibe_person(5, frame_ids=[3, 4, 7, 8, 12])
+    path = write_vibe(tmp_path / "v.pkl", {0: person})
+    first, last = read_local_poses(path, 30.0, body=small_body, bridge_frames=2)
+    assert first.image_numbers.tolist() == [3, 4, 5, 6, 7, 8]
+    assert first.valid.tolist() == [True, True, False, False, True, True]
+    assert last.image_numbers.tolist() == [12]
+    expected = rotmats(person["pose"])[:, 1:]
+    found = first.motion.local_rotmats
+    np.testing.assert_allclose(found[first.valid], expected[:4], atol=1e-12)
+    for row, share in ((2, 1 / 3), (3, 2 / 3)):
+        for joint in (0, 11, 22):
+            ends = Rotation.from_matrix(expected[1:3, joint])
+            between = Slerp([0, 1], ends)(share).as_matrix()
+            np.testing.assert_allclose(found[row, joint], between, atol=1e-12)
+
+
+def test_no_gap_is_filled_over_the_beginning_of_a_shot(
+    tmp_path: Path, small_body: BodyModel
+) -> None:
+    """The shot begins in a frame in which the person is not seen."""
+    poses = phalp_poses(8)
+    frames = [
+        phalp_frame(t, {1: poses[t]}, unseen=(1,) if t in (2, 5) else (), shot=int(t == 5))
+        for t in range(8)
+    ]
+    path = write_phalp(tmp_path / "p.pkl", frames)
+    runs = read_local_poses(path, 30.0, body=small_body, bridge_frames=3)
+    assert [run.image_numbers.tolist() for run in runs] == [[0, 1, 2, 3, 4], [6, 7]]
+    assert runs[0].valid.tolist() == [True, True, False, True, True]
 
 
 def test_betas_are_kept_on_the_body_that_they_are_of(tmp_path: Path, small_body: BodyModel) -> None:
