@@ -10,6 +10,7 @@ one person, in every frame of the video: GVHMR's demo follows one track.
 """
 
 import pickle  # noqa: TID251  Only the name of the error that torch raises.
+import warnings
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,6 +24,11 @@ from gmrdata.unpacking import MAX_UNPACKED_BYTES
 
 PARAMETERS = ("smpl_params_global", "smpl_params_incam")
 N_SMPLX_BODY = 21
+_BROKEN = (
+    zipfile.BadZipFile, RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
+    AssertionError, OverflowError, MemoryError, OSError,
+)  # fmt: skip
+"""What zipfile and torch's reader raise for files whose bytes were changed."""
 
 
 def read_gvhmr(path: Path) -> list[PersonPoses]:
@@ -57,13 +63,15 @@ def _load(path: Path) -> Mapping[str, Any]:
             size_bytes = sum(entry.file_size for entry in archive.infolist())
         if size_bytes > MAX_UNPACKED_BYTES:
             raise BadMotionFile(f"{path}: unpacks to {size_bytes} bytes, which no motion needs")
-        content = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # on odd pickle protocols; then it fails
+            content = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         raise UnsafePickle(
             f"{path}: wants something that is not tensors ({str(error).splitlines()[0][:200]})."
             " Do not trust this file; get it from its maker"
         ) from None
-    except (zipfile.BadZipFile, RuntimeError, EOFError, ValueError, KeyError, OSError) as error:
+    except _BROKEN as error:
         raise BadMotionFile(
             f"{path}: truncated, or not a file of torch.save"
             f" ({type(error).__name__}: {str(error)[:200]}); get it again"

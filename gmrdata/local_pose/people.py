@@ -16,7 +16,8 @@ from gmrdata.motion.motion import Motion
 from gmrdata.motion.resample import slerp
 from gmrdata.motion.retarget import gender_of
 
-LARGEST_FRAME_NUMBER = 1 << 31
+LARGEST_NUMBER = 1 << 31
+"""Of a frame or a person."""
 LARGEST_SKEW = 0.02
 """How far the product of a rotation matrix with its transpose may be from the identity."""
 _PERSON = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -44,13 +45,18 @@ def person_name(key: Any, path: Path) -> str:
     Raises:
         BadMotionFile: it is neither.
     """
-    if isinstance(key, int | np.integer):
+    if isinstance(key, int | np.integer) and abs(key) < LARGEST_NUMBER:
         return f"person_{int(key)}"
     if isinstance(key, str) and _PERSON.fullmatch(key):
         return key
     raise BadMotionFile(
-        f"{path}: a person is called {str(key)[:40]!r}; give people numbers or plain words"
+        f"{path}: a person is called {shown(key)}; give people numbers or plain words"
     )
+
+
+def shown(key: Any) -> str:
+    """A file's own name for something, as a message can have it."""
+    return repr(key[-80:]) if isinstance(key, str) else f"a {type(key).__name__}"
 
 
 def numbers(value: Any, what: str, path: Path) -> np.ndarray:
@@ -60,7 +66,8 @@ def numbers(value: Any, what: str, path: Path) -> np.ndarray:
         BadMotionFile: not numbers, or NaN or infinite ones; the message names the first bad row.
     """
     try:
-        array = np.asarray(value, dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
+            array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise BadMotionFile(f"{path}: {what} does not hold numbers; make the file again") from None
     if not np.isfinite(array).all():
@@ -124,7 +131,7 @@ def frame_numbers(value: Any, n_frames: int, what: str, path: Path) -> np.ndarra
         raise BadMotionFile(
             f"{path}: {what} is {found.shape} for {n_frames} poses; make the file again"
         )
-    whole = np.array_equal(found, np.round(found)) and np.abs(found).max() < LARGEST_FRAME_NUMBER
+    whole = np.array_equal(found, np.round(found)) and np.abs(found).max() < LARGEST_NUMBER
     if not whole or (np.diff(found) <= 0).any():
         raise BadMotionFile(f"{path}: {what} are not rising frame numbers; make the file again")
     return found.astype(np.int64)

@@ -25,12 +25,14 @@ import numpy as np
 from gmrdata.body.tree import N_LOCAL
 from gmrdata.errors import BadMotionFile
 from gmrdata.local_pose.people import (
+    LARGEST_NUMBER,
     PersonPoses,
     frame_numbers,
     mean_betas,
     numbers,
     orthonormal,
     person_name,
+    shown,
 )
 
 KEYS = frozenset({"time", "tid", "smpl"})
@@ -51,12 +53,12 @@ def people_of_phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]
     tracks: dict[str, list[tuple[int, Any]]] = defaultdict(list)
     cuts = set()
     for name, frame in content.items():
-        time = _check_frame(frame, str(name)[-80:], path)
-        if frame.get("shot"):
+        time = _check_frame(frame, shown(name), path)
+        if _number(frame.get("shot")):
             cuts.add(time)
         unseen = frame.get("tracked_time") or [0] * len(frame["tid"])
         for track, waited, smpl in zip(frame["tid"], unseen, frame["smpl"], strict=False):
-            if isinstance(waited, int | np.integer) and waited == 0:
+            if _number(waited) == 0:
                 tracks[person_name(track, path)].append((time, smpl))
     return [
         _person(name, sorted(entries, key=lambda entry: entry[0]), frozenset(cuts), path)
@@ -68,15 +70,22 @@ def _check_frame(frame: Any, name: str, path: Path) -> int:
     """The frame's number."""
     missing = sorted(KEYS - frame.keys()) if isinstance(frame, Mapping) else sorted(KEYS)
     if missing:
-        raise BadMotionFile(f"{path}: frame {name!r} has no {missing[0]!r}; make the file again")
+        raise BadMotionFile(f"{path}: frame {name} has no {missing[0]!r}; make the file again")
     lists = [frame[key] for key in ("tid", "smpl", "tracked_time") if frame.get(key) is not None]
     if not all(isinstance(one, list) and len(one) == len(frame["tid"]) for one in lists):
         raise BadMotionFile(
-            f"{path}: the lists of frame {name!r} are of different lengths; make the file again"
+            f"{path}: the lists of frame {name} are of different lengths; make the file again"
         )
-    if not isinstance(frame["time"], int | np.integer):
-        raise BadMotionFile(f"{path}: the time of frame {name!r} is no number; make it again")
-    return int(frame["time"])
+    time = _number(frame["time"])
+    if time is None:
+        raise BadMotionFile(f"{path}: the time of frame {name} is no number; make it again")
+    return time
+
+
+def _number(value: Any) -> int | None:
+    """A whole number of reasonable size, else None."""
+    small = isinstance(value, int | np.integer) and abs(value) < LARGEST_NUMBER
+    return int(value) if small else None
 
 
 def _person(

@@ -7,7 +7,6 @@ A world motion from the poses of an estimator, in three lines (they are run in a
     world = predict_world_motion(load_gmr("run"), read_local_poses("poses.pkl", 30)[0].motion)
 """
 
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,8 @@ from gmrdata.motion.read import SUFFIXES, read_motion
 from gmrdata.motion.resample import slice_motion, valid_runs
 from gmrdata.safe_pickle import load_plain
 
+ZIP = b"PK\3\4"
+"""How a file of torch.save begins, as each zip does."""
 MIN_FRAMES = 2
 """Frames that make a motion."""
 
@@ -87,7 +88,9 @@ def read_local_poses(
 
 def _people(path: Path) -> list[PersonPoses]:
     """The people of an estimator's file."""
-    if zipfile.is_zipfile(path):
+    with path.open("rb") as stream:
+        first_bytes = stream.read(len(ZIP))
+    if first_bytes == ZIP:
         from gmrdata.local_pose.gvhmr import read_gvhmr
 
         return read_gvhmr(path)
@@ -100,7 +103,7 @@ def _people(path: Path) -> list[PersonPoses]:
         return phalp.people_of_phalp(content, path)
     if keys & vibe_wham.KEYS:
         return vibe_wham.people_of_vibe_or_wham(content, path)
-    found = ", ".join(sorted(str(key)[:40] for key in keys)[:12])
+    found = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
     raise BadMotionFile(
         f"{path}: holds no poses in a known form (first entry has: {found or 'no dict'}). Known are"
         " VIBE's, WHAM's, PHALP's and GVHMR's outputs, .npz, .bvh and .amc"

@@ -11,11 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import BadMotionFile, BrokenPickle, MissingInput, UnsafePickle
+from gmrdata.errors import (
+    BadMotionFile,
+    BrokenPickle,
+    GmrdataError,
+    MissingInput,
+    UnsafePickle,
+)
 from gmrdata.local_pose.read import read_local_poses
 from gmrdata.motion.gait import embedded_motions
 from tests.joblib_layout import joblib_bytes
@@ -238,6 +246,7 @@ BAD_PEOPLE: dict[str, tuple[Callable[[], dict[Any, Any]], str]] = {
         "pose of person_1 does not hold numbers",
     ),
     "a path as a name": (lambda: {"../../x": vibe_person(3)}, r"a person is called '\.\./\.\./x'"),
+    "a huge number as a name": (lambda: {1 << 20000: vibe_person(3)}, "a person is called a int"),
     "other keys": (lambda: {1: {"joints": np.ones(3)}}, "first entry has: joints"),
     "no people": (dict, "has no person in it"),
     "not a person": (lambda: {1: vibe_person(3), 2: np.ones(3)}, "person_2 has no 'frame_ids'"),
@@ -335,6 +344,34 @@ def test_hostile_files_are_not_run(tmp_path: Path, small_body: BodyModel) -> Non
     with pytest.raises(BadMotionFile, match=r"old\.pt"):  # torch's form before 1.6 is not read
         read_local_poses(tmp_path / "old.pt", 30.0, body=small_body)
     assert not touched.exists()
+
+
+@settings(max_examples=120, deadline=None)
+@given(data=st.data())
+def test_changed_bytes_are_read_or_refused(
+    data: st.DataObject, small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Whatever a few changed bytes make of a file: poses that are finite, or one of our errors."""
+    folder = tmp_path_factory.getbasetemp()
+    kind = data.draw(st.sampled_from(["vibe", "phalp", "gvhmr"]))
+    if kind == "vibe":
+        content = joblib_bytes({1: vibe_person(3)})
+    elif kind == "phalp":
+        poses = phalp_poses(2)
+        frames = [phalp_frame(t, {1: poses[t]}) for t in range(2)]
+        content = joblib_bytes({frame["frame_path"]: frame for frame in frames})
+    else:
+        content = write_gvhmr(folder / "whole.pt", 3).read_bytes()
+    changed = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+    (folder / "changed.bin").write_bytes(changed)
+    try:
+        runs = read_local_poses(folder / "changed.bin", 30.0, body=small_body)
+    except GmrdataError as error:
+        assert "changed.bin" in str(error)
+        return
+    assert all(np.isfinite(run.motion.local_rotmats).all() for run in runs)
 
 
 @pytest.mark.parametrize("kind", ["vibe", "phalp", "gvhmr"])
