@@ -45,13 +45,22 @@ def person_name(key: Any, path: Path) -> str:
     Raises:
         BadMotionFile: it is neither.
     """
-    if isinstance(key, int | np.integer) and abs(key) < LARGEST_NUMBER:
-        return f"person_{int(key)}"
+    number = whole_number(key)
+    if number is not None:
+        return f"person_{number}"
     if isinstance(key, str) and _PERSON.fullmatch(key):
         return key
     raise BadMotionFile(
         f"{path}: a person is called {shown(key)}; give people numbers or plain words"
     )
+
+
+def whole_number(value: Any) -> int | None:
+    """A whole number of a reasonable size, else None."""
+    if not isinstance(value, int | np.integer):
+        return None
+    number = int(value)
+    return number if abs(number) < LARGEST_NUMBER else None
 
 
 def shown(key: Any) -> str:

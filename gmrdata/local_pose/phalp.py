@@ -25,7 +25,6 @@ import numpy as np
 from gmrdata.body.tree import N_LOCAL
 from gmrdata.errors import BadMotionFile
 from gmrdata.local_pose.people import (
-    LARGEST_NUMBER,
     PersonPoses,
     frame_numbers,
     mean_betas,
@@ -33,6 +32,7 @@ from gmrdata.local_pose.people import (
     orthonormal,
     person_name,
     shown,
+    whole_number,
 )
 
 KEYS = frozenset({"time", "tid", "smpl"})
@@ -54,11 +54,11 @@ def people_of_phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]
     cuts = set()
     for name, frame in content.items():
         time = _check_frame(frame, shown(name), path)
-        if _number(frame.get("shot")):
+        if whole_number(frame.get("shot")):
             cuts.add(time)
         unseen = frame.get("tracked_time") or [0] * len(frame["tid"])
         for track, waited, smpl in zip(frame["tid"], unseen, frame["smpl"], strict=False):
-            if _number(waited) == 0:
+            if whole_number(waited) == 0:
                 tracks[person_name(track, path)].append((time, smpl))
     return [
         _person(name, sorted(entries, key=lambda entry: entry[0]), frozenset(cuts), path)
@@ -76,16 +76,10 @@ def _check_frame(frame: Any, name: str, path: Path) -> int:
         raise BadMotionFile(
             f"{path}: the lists of frame {name} are of different lengths; make the file again"
         )
-    time = _number(frame["time"])
+    time = whole_number(frame["time"])
     if time is None:
         raise BadMotionFile(f"{path}: the time of frame {name} is no number; make it again")
     return time
-
-
-def _number(value: Any) -> int | None:
-    """A whole number of reasonable size, else None."""
-    small = isinstance(value, int | np.integer) and abs(value) < LARGEST_NUMBER
-    return int(value) if small else None
 
 
 def _person(
