@@ -7,6 +7,7 @@ import tyro
 
 from gmrdata.cli.answers import explain, fail
 from gmrdata.cli.gmr import evaluate, train
+from gmrdata.cli.inference import infer
 from gmrdata.cli.manifests import manifest
 from gmrdata.cli.motion_files import fetch, motions
 from gmrdata.cli.noise_floor import floor
@@ -29,6 +30,7 @@ VERBS: dict[str, Verb] = {
     "threedpw": threedpw,
     "floor": floor,
     "train": train,
+    "infer": infer,
     "evaluate": evaluate,
     "report": report,
     "run": run,

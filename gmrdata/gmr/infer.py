@@ -30,13 +30,14 @@ class TrainedGmr:
     """Training steps behind the weights."""
 
 
-def load_gmr(run_dir: Path, which: Which = "latest") -> TrainedGmr:
+def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
     """The latest checkpoint of a training run, or what scored best on its held-out clips.
 
     Raises:
         MissingInput: the folder is not there, or holds no checkpoint.
         BadCheckpoint: the checkpoint is truncated or of another kind, or has no best weights.
     """
+    run_dir = Path(run_dir)
     folder = latest_checkpoint(run_dir)
     if folder is None:
         raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a finished run")
