@@ -6,6 +6,7 @@ from collections.abc import Callable
 import tyro
 
 from gmrdata.cli.answers import explain, fail
+from gmrdata.cli.comparison import compare
 from gmrdata.cli.gmr import evaluate, train
 from gmrdata.cli.inference import infer
 from gmrdata.cli.manifests import manifest
@@ -32,6 +33,7 @@ VERBS: dict[str, Verb] = {
     "train": train,
     "infer": infer,
     "evaluate": evaluate,
+    "compare": compare,
     "report": report,
     "run": run,
 }
