@@ -6,6 +6,7 @@ from collections.abc import Callable
 import tyro
 
 from gmrdata.cli.answers import explain, fail
+from gmrdata.cli.baseline import baseline
 from gmrdata.cli.floor import floor
 from gmrdata.cli.gmr import evaluate, train
 from gmrdata.cli.manifest import manifest
@@ -30,6 +31,7 @@ VERBS: dict[str, Verb] = {
     "floor": floor,
     "train": train,
     "evaluate": evaluate,
+    "baseline": baseline,
     "report": report,
     "run": run,
 }
