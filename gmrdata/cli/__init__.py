@@ -6,6 +6,7 @@ from collections.abc import Callable
 import tyro
 
 from gmrdata.cli.answers import explain, fail
+from gmrdata.cli.baselines import baseline
 from gmrdata.cli.comparison import compare
 from gmrdata.cli.gmr import evaluate, train
 from gmrdata.cli.inference import infer
@@ -34,6 +35,7 @@ VERBS: dict[str, Verb] = {
     "infer": infer,
     "evaluate": evaluate,
     "compare": compare,
+    "baseline": baseline,
     "report": report,
     "run": run,
 }
