@@ -41,6 +41,14 @@ class BadSequence(GmrdataError):
     """A sequence of a dataset (3DPW) is broken, or not laid out as that dataset is."""
 
 
+class BadKeypoints(GmrdataError):
+    """2D keypoints are broken, of another layout, or of other images."""
+
+
+class BadFeatures(GmrdataError):
+    """Image features do not fit the clip or the model that they are given for."""
+
+
 class BadDetector(GmrdataError):
     """A detector's model file is broken, or holds a network of another layout."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.cli import VERBS, manifests, pseudo_gt
+from gmrdata.cli import VERBS, baselines, manifests, pseudo_gt
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -40,6 +40,12 @@ SUBVERBS = {
     "threedpw show": pseudo_gt.threedpw_show,
     "threedpw compare": pseudo_gt.threedpw_compare,
     "threedpw twin": pseudo_gt.threedpw_twin,
+    "baseline zero": baselines.baseline_zero,
+    "baseline mean": baselines.baseline_mean,
+    "baseline camera_as_world": baselines.baseline_camera_as_world,
+    "baseline vibe_cam": baselines.baseline_vibe_cam,
+    "baseline joint_train": baselines.baseline_joint_train,
+    "baseline joint": baselines.baseline_joint,
 }
 
 

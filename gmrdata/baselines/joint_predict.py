@@ -1,0 +1,130 @@
+"""Stage: world motions and local poses that the non-sequential model sees in image features."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmrdata.baselines.features import features_path, load_features
+from gmrdata.baselines.predictions import Prediction, predicted, write_predictions
+from gmrdata.baselines.subjects import Subject, first_pose, manifest_subjects
+from gmrdata.body.tree import N_LOCAL
+from gmrdata.config import Config
+from gmrdata.errors import BadFeatures
+from gmrdata.gmr.motion_deltas import accumulate
+from gmrdata.motion.resample import valid_runs
+from gmrdata.store import run_stage
+
+if TYPE_CHECKING:
+    from gmrdata.baselines.joint_model import JointModel
+
+
+class JointPredictConfig(Config):
+    """There is nothing to choose: the frame rate is the network's."""
+
+
+def predict_joint(
+    run_dir: Path, manifest_path: Path, features_dir: Path, out_dir: Path, *, redo: bool = False
+) -> Path:
+    """Predict local poses and world motions from image features.
+
+    Args:
+        run_dir: A finished run of `gmrdata.baselines.joint_train`.
+        manifest_path: The clips.
+        features_dir: Their image features; see `gmrdata.baselines.features`.
+        out_dir: Folder to make; see `gmrdata.baselines.predictions`.  Clips are at the network's
+            frame rate.
+        redo: Throw away a result of other inputs.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        MissingInput: a file is not there.
+        BadCheckpoint: the run's network is broken.
+        BadFeatures: features do not fit the clip or the network.
+        BadMotionFile: a clip's rate is no multiple of the network's.
+    """
+    subjects, left_out = manifest_subjects(manifest_path)
+    inputs = {"run": run_dir, "manifest": manifest_path}
+    inputs |= {
+        f"features_{one.clip.id}": features_path(features_dir, one.clip.id) for one in subjects
+    }
+
+    def work(partial_dir: Path) -> None:
+        from gmrdata.baselines.joint_model import load_joint
+
+        model = load_joint(run_dir)
+        predictions = []
+        for one in subjects:
+            features = load_features(features_dir, one.clip)
+            if features.shape[1] != model.n_features:
+                raise BadFeatures(
+                    f"{features_path(features_dir, one.clip.id)}: {features.shape[1]} numbers per"
+                    f" frame, but the model takes {model.n_features}. Give those it was trained on"
+                )
+            predictions.append(seen_in_features(model, one, features))
+        write_predictions(partial_dir, "joint", predictions, left_out, {"run": run_dir.name})
+
+    return run_stage("baseline-joint", out_dir, JointPredictConfig(), inputs, work, redo=redo)
+
+
+def seen_in_features(model: "JointModel", subject: Subject, features: np.ndarray) -> Prediction:
+    """What the network sees of a subject, every run of valid frames a sequence of its own.
+
+    A run begins where the one before it ended, since nothing is known of the gap.
+
+    Args:
+        model: The network, in evaluation mode.
+        subject: The subject; its shape is kept, its motion is not looked at but for the first pose.
+        features: (T, D) of its rows.
+
+    Raises:
+        BadMotionFile: the clip's rate is no multiple of the network's.
+    """
+    from gmrdata.baselines.joint_data import rows_per_frame
+
+    clip = subject.clip
+    step = rows_per_frame(clip, model.config.fps_hz)
+    rows = np.arange(0, clip.motion.n_frames, step)
+    # No step between two frames of a run may hide a row that is not valid.
+    valid = np.array([clip.valid[max(0, row - step + 1) : row + 1].all() for row in rows])
+    local_rotmats = np.full((len(rows), N_LOCAL, 3, 3), np.nan)
+    root_rotmats, pelvis_m = np.full((len(rows), 3, 3), np.nan), np.full((len(rows), 3), np.nan)
+    root_rotmat, place_m = first_pose(clip)
+    for start, stop in valid_runs(valid):
+        now = slice(start, stop)
+        local_rotmats[now], delta_rotmats, delta_m = _seen(model, features[rows[now]])
+        root_rotmats[now], pelvis_m[now] = accumulate(delta_rotmats, delta_m, root_rotmat, place_m)
+        root_rotmat, place_m = root_rotmats[stop - 1], pelvis_m[stop - 1]
+    motion = replace(
+        clip.motion,
+        local_rotmats=local_rotmats,
+        root_rotmats=root_rotmats,
+        pelvis_m=pelvis_m,
+        fps_hz=model.config.fps_hz,
+        frame="world",
+        source=f"seen in image features of: {clip.motion.source}",
+    )
+    return predicted(subject, motion, valid, step=step)
+
+
+def _seen(model: "JointModel", features: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Local rotations (n, 23, 3, 3), dR (n-1, 3, 3) and dT (n-1, 3) [m], orthonormal to float64."""
+    import torch
+    from scipy.spatial.transform import Rotation
+
+    with torch.no_grad():
+        output = model(torch.from_numpy(np.ascontiguousarray(features))[None])
+
+    def orthonormal(rotmats: torch.Tensor) -> np.ndarray:
+        flat = rotmats[0].double().numpy().reshape(-1, 3, 3)
+        found: np.ndarray = flat if not len(flat) else Rotation.from_matrix(flat).as_matrix()
+        return found.reshape(rotmats.shape[1:])
+
+    return (
+        orthonormal(output.local_rotmats),
+        orthonormal(output.motions.rotmats),
+        output.motions.metres[0].double().numpy(),
+    )

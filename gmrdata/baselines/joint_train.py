@@ -1,0 +1,208 @@
+"""Stage: train the non-sequential model of Table 10.
+
+    run/model.safetensors, model.json   the network
+    run/metrics.jsonl                   one line per logged step: step, loss and its terms
+    run/stage.json                      recipe, inputs, versions
+
+It needs videos with image features and true motions, as the paper's did; motion capture alone, on
+which GMR trains, is of no use here.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from gmrdata.baselines.features import features_path, load_features
+from gmrdata.baselines.joint_config import JointConfig
+from gmrdata.baselines.joint_data import JointBatch, JointRun, make_joint_batch, training_runs
+from gmrdata.baselines.joint_model import JointModel, JointOutput, save_joint
+from gmrdata.body.model import BodyModel
+from gmrdata.errors import StageFailed, TrainingDiverged
+from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
+from gmrdata.gmr.usable import check_clips_fit, usable_clips
+from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
+from gmrdata.progress import progress_bar
+from gmrdata.store import run_stage, write_text
+
+
+@dataclass(frozen=True, eq=False)
+class JointTerms:
+    """The loss, and its parts before they are weighted."""
+
+    total: Tensor
+    """What is minimised: eq. 5 and the weighted local pose."""
+    motion: LossTerms
+    """Eq. 5."""
+    local_pose: Tensor
+    """Chordal loss of the local rotations."""
+
+    def as_values(self) -> dict[str, float]:
+        """The numbers by name."""
+        return {
+            "loss": self.total.item(),
+            "local_pose": self.local_pose.item(),
+            "orientation": self.motion.orientation.item(),
+            "translation": self.motion.translation.item(),
+            "vertex": self.motion.vertex.item(),
+            "smoothness": self.motion.smoothness.item(),
+        }
+
+
+def train_joint(
+    manifest_paths: Sequence[Path],
+    features_dir: Path,
+    run_dir: Path,
+    config: JointConfig | None = None,
+    *,
+    body_path: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Train the network on the clips of manifests.  A run that was stopped begins anew.
+
+    Args:
+        manifest_paths: Manifests whose clips are trained on.
+        features_dir: Their image features; see `gmrdata.baselines.features`.
+        run_dir: The run folder to make.
+        config: The recipe; None for its defaults.
+        body_path: Body of the clips, as `load_body` takes it; None for the default body.
+        redo: Throw away a run that was made with another recipe.
+
+    Returns:
+        `run_dir`.
+
+    Raises:
+        BadManifest: no clips to train on, or of another body than the given one.
+        BadMotionFile: a clip holds NaN, or its rate is no multiple of the network's.
+        MissingInput: a clip has no features.
+        BadFeatures: features do not fit their clip or each other.
+        TrainingDiverged: the loss became infinite or NaN.
+        StageFailed: a GPU is asked for, and there is none.
+    """
+    config = config or JointConfig()
+    clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]
+    inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
+    inputs |= {f"features_{clip.id}": features_path(features_dir, clip.id) for clip in clips}
+    if body_path is not None:
+        inputs["body"] = body_path
+
+    def work(partial_dir: Path) -> None:
+        from gmrdata.body.load import load_body
+
+        body = load_body("anny" if body_path is None else str(body_path))
+        check_clips_fit(clips, body)
+        pairs = [(clip, load_features(features_dir, clip)) for clip in clips]
+        fit_joint(training_runs(pairs, config.fps_hz), body, partial_dir, config)
+
+    return run_stage("joint-train", run_dir, config, inputs, work, redo=redo)
+
+
+def fit_joint(
+    runs: Sequence[JointRun], body: BodyModel, run_dir: Path, config: JointConfig
+) -> JointModel:
+    """The training loop.
+
+    Args:
+        runs: What to train on.
+        body: Their body.
+        run_dir: Gets the network and `metrics.jsonl`.
+        config: The recipe.
+
+    Raises:
+        TrainingDiverged: the loss became infinite or NaN.
+        StageFailed: a GPU is asked for, and there is none.
+    """
+    if config.device == "cuda" and not torch.cuda.is_available():
+        raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
+    loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
+    lines = []
+    with _torch_settings(config), progress_bar() as bar:
+        model = _new_model(runs, config)
+        optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
+        task = bar.add_task("training", total=config.steps)
+        for step in range(1, config.steps + 1):
+            batch = make_joint_batch(runs, config, step)
+            output = model(batch.features.to(config.device), batch.lengths)
+            terms = joint_loss(output, batch, loss_body, config)
+            optimizer.zero_grad(set_to_none=True)
+            terms.total.backward()
+            limit = math.inf if config.gradient_norm is None else config.gradient_norm
+            norm = torch.nn.utils.clip_grad_norm_(model.parameters(), limit).item()
+            values = {"step": step} | terms.as_values() | {"gradient_norm": norm}
+            if not all(math.isfinite(value) for value in values.values()):
+                raise TrainingDiverged(
+                    f"{run_dir}: in step {step} the loss is {values['loss']:g} and its gradient has"
+                    f" length {norm:g}. Lower learning_rate, or set gradient_norm"
+                )
+            optimizer.step()
+            bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
+            if step % config.log_every == 0 or step == config.steps:
+                lines.append(json.dumps(values) + "\n")
+    write_text(run_dir / "metrics.jsonl", "".join(lines))
+    save_joint(run_dir, model, body.name)
+    return model
+
+
+def joint_loss(
+    output: JointOutput,
+    batch: JointBatch,
+    loss_body: LossBody,
+    config: JointConfig,
+) -> JointTerms:
+    """Eq. 5 of the motion, and the chordal loss of the local pose.
+
+    Args:
+        output: What the network sees.
+        batch: The windows.
+        loss_body: The body.
+        config: The recipe.
+    """
+    device = output.local_rotmats.device
+    true_local = batch.local_rotmats.to(device)
+    bodies = None
+    if config.loss.vertex > 0:
+        bodies = Bodies(loss_body, batch.shape.to(device), true_local[:, :-1])
+    mask = batch.frame_mask.to(device)
+    motion = gmr_loss(
+        output.motions,
+        Motions(batch.motions.rotmats.to(device), batch.motions.metres.to(device)),
+        mask[:, 1:],
+        bodies,
+        config.loss,
+    )
+    per_joint = (output.local_rotmats - true_local).square().sum((-1, -2))
+    if config.loss.reduction == "mean":
+        local_pose = per_joint.mean(-1)[mask].mean()
+    else:
+        local_pose = torch.where(mask[..., None], per_joint, 0.0).sum() / len(mask)
+    return JointTerms(motion.total + config.local_pose * local_pose, motion, local_pose)
+
+
+def _new_model(runs: Sequence[JointRun], config: JointConfig) -> JointModel:
+    model = JointModel(config, runs[0].features.shape[1])
+    model.start_from(
+        torch.cat([torch.from_numpy(run.features) for run in runs]),
+        torch.cat([torch.from_numpy(run.local_rotmats) for run in runs]),
+    )
+    return model.to(config.device).train()
+
+
+@contextmanager
+def _torch_settings(config: JointConfig) -> Iterator[None]:
+    """Seeded, with the recipe's threads and deterministic kernels; put back afterwards."""
+    threads = torch.get_num_threads()
+    deterministic = torch.are_deterministic_algorithms_enabled()
+    with torch.random.fork_rng():
+        try:
+            torch.set_num_threads(config.threads)
+            torch.use_deterministic_algorithms(config.device == "cpu")
+            torch.manual_seed(config.seed)
+            yield
+        finally:
+            torch.set_num_threads(threads)
+            torch.use_deterministic_algorithms(deterministic)

@@ -1,0 +1,162 @@
+"""Stage: everybody moves as people do on average."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.baselines.predictions import Prediction, predicted, write_predictions
+from gmrdata.baselines.subjects import Subject, first_pose, manifest_subjects
+from gmrdata.clip import Clip
+from gmrdata.config import Config
+from gmrdata.errors import BadManifest
+from gmrdata.geometry.transforms import rigid
+from gmrdata.gmr.motion_deltas import accumulate, deltas
+from gmrdata.gmr.runs import runs_at
+from gmrdata.gmr.usable import usable_clips
+from gmrdata.store import run_stage
+
+
+class MeanConfig(Config):
+    """How the mean is taken."""
+
+    fps_hz: float = Field(default=10.0, gt=0.0)
+    """Frame rate at which motions are averaged [Hz]; the paper's 10."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeanMotion:
+    """The mean motion from one frame to the next."""
+
+    rotmat: np.ndarray
+    """(3, 3) dR."""
+    metres: np.ndarray
+    """(3,) dT [m]."""
+    fps_hz: float
+    """Frame rate [Hz]."""
+    n_motions: int
+    """How many were averaged."""
+
+
+def predict_mean(
+    manifest_path: Path,
+    training_paths: Sequence[Path],
+    out_dir: Path,
+    config: MeanConfig | None = None,
+    *,
+    redo: bool = False,
+) -> Path:
+    """Predict the mean motion of training clips for every clip, local pose as it is.
+
+    Args:
+        manifest_path: The clips.
+        training_paths: Manifests whose clips are averaged.
+        out_dir: Folder to make; see `gmrdata.baselines.predictions`.  The record has the mean.
+        config: The recipe; None for its defaults.
+        redo: Throw away a result of another recipe.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        BadManifest: no training clip has a motion at that rate, or one is not in the world frame.
+        GmrdataError: as `manifest_subjects` and `first_pose`.
+    """
+    config = config or MeanConfig()
+
+    def work(partial_dir: Path) -> None:
+        training = [one.clip for path in training_paths for one in usable_clips(path).clips]
+        mean = mean_motion(training, config.fps_hz)
+        subjects, skipped = manifest_subjects(manifest_path)
+        predictions = [moving_as(mean, one) for one in subjects]
+        write_predictions(partial_dir, "mean", predictions, skipped, _figures(mean))
+
+    inputs = {"manifest": manifest_path}
+    inputs |= {f"training_{i}": path for i, path in enumerate(training_paths)}
+    return run_stage("baseline-mean", out_dir, config, inputs, work, redo=redo)
+
+
+def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanMotion:
+    """Mean of all motions between valid frames, all phases of higher rates.
+
+    dR by the chordal mean on SO(3) (Hartley et al. 2013, section 5.3), dT componentwise.
+
+    Args:
+        clips: Clips in the world frame, at `fps_hz` or above.
+        fps_hz: The frame rate [Hz].
+
+    Raises:
+        BadManifest: there is no motion, or a clip is not in the world frame.
+        BadMotionFile: a clip holds NaN in a valid frame, or has a lower rate.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rotmats, metres = [], []
+    for clip in clips:
+        if clip.motion.frame != "world":
+            raise BadManifest(
+                f"clip {clip.id}: its motion is in the camera's frame, which moves. Average clips"
+                " in the world frame"
+            )
+        for run in runs_at(clip, fps_hz, all_phases=True):
+            run_rotmats, run_metres = deltas(run.motion.root_rotmats, run.motion.pelvis_m)
+            rotmats.append(run_rotmats)
+            metres.append(run_metres)
+    if not rotmats:
+        raise BadManifest(
+            f"none of the {len(clips)} training clips has two valid frames in a row at"
+            f" {fps_hz:g} fps, so there is no mean motion. Give other manifests"
+        )
+    all_rotmats, all_metres = np.concatenate(rotmats), np.concatenate(metres)
+    mean_rotmat = Rotation.from_matrix(all_rotmats).mean().as_matrix()
+    return MeanMotion(mean_rotmat, all_metres.mean(axis=0), fps_hz, len(all_metres))
+
+
+def moving_as(mean: MeanMotion, subject: Subject) -> Prediction:
+    """A subject that repeats the mean motion from its first valid frame on.
+
+    At another frame rate it moves along the same screw: as many frames as make up the mean's step
+    have the mean's motion between them.
+    """
+    motion = subject.clip.motion
+    step = _power(rigid(mean.rotmat, mean.metres), mean.fps_hz / motion.fps_hz)
+    first = int(np.argmax(subject.clip.valid))
+    root_rotmat, place_m = first_pose(subject.clip)
+    root_rotmats = np.tile(root_rotmat, (motion.n_frames, 1, 1))
+    pelvis_m = np.tile(place_m, (motion.n_frames, 1))
+    n_steps = motion.n_frames - first - 1
+    root_rotmats[first:], pelvis_m[first:] = accumulate(
+        np.tile(step[:3, :3], (n_steps, 1, 1)),
+        np.tile(step[:3, 3], (n_steps, 1)),
+        root_rotmat,
+        place_m,
+    )
+    moving = replace(
+        motion,
+        root_rotmats=root_rotmats,
+        pelvis_m=pelvis_m,
+        frame="world",
+        source=f"mean motion, local pose of: {motion.source}",
+    )
+    return predicted(subject, moving, subject.clip.valid)
+
+
+def _power(a_from_b: np.ndarray, exponent: float) -> np.ndarray:
+    """A rigid transform (4, 4) done `exponent` times, along its screw."""
+    from scipy.linalg import expm, logm
+
+    result: np.ndarray = expm(exponent * np.real(logm(a_from_b)))
+    return result
+
+
+def _figures(mean: MeanMotion) -> dict[str, object]:
+    from scipy.spatial.transform import Rotation
+
+    return {
+        "mean_rotvec_rad": Rotation.from_matrix(mean.rotmat).as_rotvec().tolist(),
+        "mean_m": mean.metres.tolist(),
+        "fps_hz": mean.fps_hz,
+        "n_motions": mean.n_motions,
+    }

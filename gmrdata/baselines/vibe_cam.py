@@ -1,0 +1,166 @@
+"""Stage: VIBE-CAM, the paper's comparison (section 4.5).
+
+Another network's local poses and orientations in the camera's frame (the paper: VIBE), placed
+before the camera by 2D keypoints (the paper: STAF) frame by frame, give a motion in the camera's
+frame.  It is then taken as one in the world, as if the camera stood still.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.baselines.clip_keypoints import ClipKeypoints, clip_keypoints
+from gmrdata.baselines.placed_person import Placed, place_person
+from gmrdata.baselines.placement import PlacementConfig
+from gmrdata.baselines.predictions import Prediction, predicted, write_predictions
+from gmrdata.baselines.still_camera import as_if_still
+from gmrdata.baselines.subjects import Subject, manifest_subjects
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, camera_of, load_clip
+from gmrdata.config import Config
+from gmrdata.errors import BadMotionFile, BadRecipe
+from gmrdata.progress import track
+from gmrdata.row_runs import text_runs
+from gmrdata.store import run_stage
+
+
+class VibeCamConfig(Config):
+    """How people are placed, and who they are among the detected."""
+
+    placement: PlacementConfig = PlacementConfig()
+    """The fit of one frame."""
+    person_ids: Mapping[str, int] = Field(default_factory=dict)
+    """Track of STAF to follow, by clip id; others take the most confident person of each frame."""
+    image_size_px: tuple[int, int] | None = None
+    """Width and height of the images that the detector was given [px]; None for the clips' own."""
+
+
+def predict_vibe_cam(
+    manifest_path: Path,
+    poses_dir: Path,
+    keypoints_dir: Path,
+    out_dir: Path,
+    config: VibeCamConfig | None = None,
+    *,
+    body_path: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Predict world motions as VIBE-CAM does.
+
+    Of the manifest's clips, only the intrinsics, the image size and the images' numbers are used.
+
+    Args:
+        manifest_path: The clips.
+        poses_dir: `<clip id>.npz` for each clip: a clip's file with `frame` "camera" and the rows
+            of the manifest's clip, whose `trans` is not looked at.
+        keypoints_dir: `<clip id>/` for each clip: OpenPose's or STAF's JSON, one file per frame.
+        out_dir: Folder to make; see `gmrdata.baselines.predictions`.  The record says of each clip
+            which rows have no prediction and why.
+        config: The recipe; None for its defaults.
+        body_path: Body of the poses, as `load_body` takes it; None for the default body.
+        redo: Throw away a result of another recipe.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        MissingInput: a clip has no poses or no keypoints.
+        BadMotionFile: poses are of another kind, body or length, or a clip has no camera.
+        BadRecord: a keypoint file is truncated.
+        BadKeypoints: keypoints are broken, of other images, or of nobody.
+        BadRecipe: `person_ids` names a clip that is not there.
+    """
+    config = config or VibeCamConfig()
+    subjects, left_out = manifest_subjects(manifest_path)
+    _check_ids(config, [one.clip.id for one in subjects])
+    inputs = {"manifest": manifest_path}
+    inputs |= {} if body_path is None else {"body": body_path}
+    for one in subjects:
+        inputs[f"poses_{one.clip.id}"] = _poses_path(poses_dir, one.clip)
+        inputs[f"keypoints_{one.clip.id}"] = keypoints_dir / one.clip.id
+
+    def work(partial_dir: Path) -> None:
+        from gmrdata.body.load import load_body
+
+        body = load_body("anny" if body_path is None else str(body_path))
+        predictions = []
+        for one in track(subjects, "placing people", total=len(subjects)):
+            posed = load_poses(_poses_path(poses_dir, one.clip), one.clip, body)
+            found = clip_keypoints(
+                one.clip,
+                keypoints_dir / one.clip.id,
+                person_id=config.person_ids.get(one.clip.id),
+                image_size_px=config.image_size_px,
+            )
+            intrinsics_px = camera_of(one.clip).intrinsics_px
+            placed = place_person(posed, found, intrinsics_px, body, config.placement)
+            predictions.append(_prediction(one, posed, placed, found, body))
+        write_predictions(partial_dir, "vibe_cam", predictions, left_out)
+
+    return run_stage("baseline-vibe-cam", out_dir, config, inputs, work, redo=redo)
+
+
+def load_poses(path: Path, clip: Clip, body: BodyModel) -> Clip:
+    """Another network's poses for a clip.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: not in the camera's frame, of another body, or of other rows.
+    """
+    posed = load_clip(path)
+    motion = posed.motion
+    if motion.frame != "camera":
+        raise BadMotionFile(f"{path}: the motion is not in the camera frame")
+    if motion.body != body.name or motion.shape.shape != (body.n_shape,):
+        raise BadMotionFile(
+            f"{path}: of body {motion.body} with {motion.shape.size} shape coefficients, but the"
+            f" given body is {body.name} with {body.n_shape}. Give the poses' own body"
+        )
+    same_rate = abs(motion.fps_hz / clip.motion.fps_hz - 1) < 1e-6
+    if motion.n_frames != clip.motion.n_frames or not same_rate:
+        raise BadMotionFile(
+            f"{path}: {motion.n_frames} frames at {motion.fps_hz:g} fps, but clip {clip.id} has"
+            f" {clip.motion.n_frames} at {clip.motion.fps_hz:g}. Give poses of all its images"
+        )
+    numbers = posed.image_numbers
+    if (numbers >= 0).any() and not np.array_equal(numbers, clip.image_numbers):
+        raise BadMotionFile(f"{path}: of other images than clip {clip.id}. Give its own poses")
+    return posed
+
+
+def _prediction(
+    subject: Subject, posed: Clip, placed: Placed, found: ClipKeypoints, body: BodyModel
+) -> Prediction:
+    seen = replace(posed.motion, pelvis_m=placed.pelvis_m)
+    source = f"VIBE-CAM: {seen.source}, placed by 2D keypoints, camera frame taken as world"
+    return predicted(
+        subject,
+        replace(as_if_still(seen), source=source),
+        np.array([not why for why in placed.missing]),
+        rest_pelvis_m=body.rest_pelvis_m(seen.shape),
+        figures={
+            "median_residual_px": placed.residual_px,
+            "n_rows_with_several_people": found.n_crowded,
+            "not_predicted": [
+                {"start": start, "stop": stop, "reason": why}
+                for start, stop, why in text_runs(placed.missing)
+                if why
+            ],
+        },
+    )
+
+
+def _poses_path(poses_dir: Path, clip: Clip) -> Path:
+    return poses_dir / f"{clip.id}.npz"
+
+
+def _check_ids(config: VibeCamConfig, clip_ids: list[str]) -> None:
+    unknown = sorted(config.person_ids.keys() - set(clip_ids))
+    if unknown:
+        raise BadRecipe(
+            f"person_ids: no clip {', '.join(unknown)} in the manifest, which has"
+            f" {', '.join(clip_ids)}"
+        )

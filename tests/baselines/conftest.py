@@ -1,0 +1,74 @@
+"""A walking person of the small body, filmed by a moving camera, and manifests of such clips."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.body.file import save_body
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, save_clip
+from gmrdata.geometry.programmes import Circular, camera_path
+from gmrdata.manifest.current import Quality, Source
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.write import write_manifest
+from gmrdata.motion.gait import embedded_motions
+
+WriteSet = Callable[..., Path]
+
+
+@pytest.fixture(scope="session")
+def filmed(small_body: BodyModel) -> tuple[Clip, ...]:
+    """Three people over 2 s at 20 fps, each with a camera that circles round; all rows valid."""
+    rng = np.random.default_rng(5)
+    motions = embedded_motions(small_body, rng, count=3, fps_hz=20.0, duration_s=2.0)
+    clips = []
+    for number, motion in enumerate(motions):
+        camera = camera_path(Circular(), motion.pelvis_m, motion.fps_hz, 640, 480, 60.0, rng)
+        n = motion.n_frames
+        clips.append(
+            Clip(f"walk_{number}", motion, np.ones(n, bool), np.arange(100, 100 + n), camera)
+        )
+    return tuple(clips)
+
+
+@pytest.fixture(scope="session")
+def write_set(small_body: BodyModel) -> WriteSet:
+    """Write clips and a manifest of them; gives the manifest."""
+
+    def write(
+        folder: Path, clips: Sequence[Clip], qualities: dict[str, Quality] | None = None
+    ) -> Path:
+        entries = []
+        for clip in clips:
+            path = folder / f"{clip.id}.npz"
+            save_clip(path, clip, small_body.rest_pelvis_m(clip.motion.shape))
+            entries.append(
+                clip_entry(
+                    folder,
+                    clip_path=path,
+                    camera_motion="none" if clip.camera is None else "circular",
+                    licence="CC0-1.0",
+                    source=Source(dataset="gmrdata", sequence=clip.id),
+                    quality=(qualities or {}).get(clip.id),
+                )
+            )
+        return write_manifest(
+            folder / "manifest.yaml",
+            name="subjects",
+            version="1.0.0",
+            description="Clips to predict.",
+            kind="synthetic",
+            licence="CC0-1.0",
+            clips=entries,
+        )
+
+    return write
+
+
+@pytest.fixture
+def body_path(tmp_path: Path, small_body: BodyModel) -> Path:
+    """The small body's file."""
+    save_body(tmp_path / "body.npz", small_body)
+    return tmp_path / "body.npz"
