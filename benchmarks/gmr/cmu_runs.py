@@ -112,4 +112,4 @@ def _scored(
 
 def _flat(scores: dict[str, dict[str, float]]) -> dict[str, float]:
     zero = {f"zero_{metric}": scores["zero"][metric] for metric in METRICS}
-    return {metric: scores["gmr"][metric] for metric in METRICS} | zero
+    return {metric: scores["predicted"][metric] for metric in METRICS} | zero

@@ -243,7 +243,7 @@ def test_scores_json(
     assert set(record["camera_motion"]) == {"circular"}
     assert record["overall"]["n_motions"] == 19 + 15
     assert record["fps_hz"] == 10.0
-    assert record["model"]["network"] == ModelConfig(layers=1, hidden=6).model_dump()
+    assert record["model"]["network"] == ModelConfig(layers=1, hidden=6).model_dump(mode="json")
     before = path.read_bytes()
     assert score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores") == path
     again = score_manifest(run_dir, manifest_path, body_path, tmp_path / "again")
