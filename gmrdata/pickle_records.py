@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 from gmrdata.errors import UnsafePickle
 
 _ARRAY, _SCALAR, _BUFFER = "array", "scalar", "buffer"
+JOBLIB_ARRAY = "joblib array"
+"""Kind of record whose array's bytes stand in the file right after it; see `array_that_follows`."""
 _CALLS = {
     "numpy.dtype": "dtype",
     **{f"numpy.{core}.multiarray._reconstruct": _ARRAY for core in ("core", "_core")},
@@ -24,13 +27,22 @@ _CALLS = {
     "copyreg._reconstructor": "object",
     **{f"{module}.bytes": "bytes" for module in ("__builtin__", "builtins")},
     **{f"{module}.set": "set" for module in ("__builtin__", "builtins")},
+    "collections.defaultdict": "dict",
+    "joblib.numpy_pickle.NumpyArrayWrapper": JOBLIB_ARRAY,
 }
 """Kind of record for each name that may be called, as Python 2 and 3, old and new numpy say it."""
 
-ADMITTED_IMPORTS = frozenset(_CALLS) | {"numpy.ndarray", "__builtin__.object", "builtins.object"}
-"""Every name that a pickle may import; the last three only as an argument of a call."""
+_ONLY_NAMED = frozenset({"numpy.ndarray"}) | {
+    f"{module}.{name}" for module in ("__builtin__", "builtins") for name in ("object", "dict")
+}
+ADMITTED_IMPORTS = frozenset(_CALLS) | _ONLY_NAMED
+"""Every name that a pickle may import; some only as an argument of a call."""
 
 _DTYPE_CODE = re.compile(r"b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?")
+
+
+_PLAIN = (bool, int, float, complex, str, bytes, bytearray, np.ndarray)
+"""What is itself already; an array is so when it was read as joblib writes it."""
 
 
 @dataclass(eq=False)
@@ -56,12 +68,8 @@ def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
     """
     kind = _CALLS.get(name)
     match kind, arguments:
-        case "encode", (str() as text, "latin1" | "latin-1"):
-            return text.encode("latin1")
-        case "bytes", ():
-            return b""
-        case "set", (list() as members,):
-            return set(members)
+        case "encode" | "bytes" | "set" | "dict", _:
+            return _value_of_call(name, arguments)
         case "object", (str() as made, "__builtin__.object" | "builtins.object", None):
             return record_of_call(made, ())
         case "array", ("numpy.ndarray", _, _):
@@ -75,9 +83,59 @@ def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
             return Record(_SCALAR, arguments)
         case "buffer", (bytes() | bytearray(), Record(kind="dtype"), tuple(), "C" | "F"):
             return Record(_BUFFER, arguments)
-        case "csc" | "csr" | "chumpy.ch.Ch" | "chumpy.reordering.Select", ():
+        case "csc" | "csr" | "chumpy.ch.Ch" | "chumpy.reordering.Select" | "joblib array", ():
             return Record(str(kind), ())
     raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
+
+
+def _value_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
+    """What is a value at once: bytes, a set, or a defaultdict, of which only the dict is kept."""
+    match _CALLS[name], arguments:
+        case "encode", (str() as text, "latin1" | "latin-1"):
+            return text.encode("latin1")
+        case "bytes", ():
+            return b""
+        case "set", (list() as members,):
+            return set(members)
+        case "dict", ("__builtin__.dict" | "builtins.dict",):
+            return {}
+    raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
+
+
+def array_that_follows(
+    state: Any, subclass: str | None, read: Callable[[int], bytes]
+) -> np.ndarray:
+    """The array of a joblib `NumpyArrayWrapper`, whose bytes stand in the file right after it.
+
+    joblib.dump writes each array so (joblib/numpy_pickle.py, version 0.10 and later): the wrapper
+    with shape, order and dtype, then the bytes in that order.  Since 1.2 one byte stands before
+    them that says how many bytes of padding follow it.
+
+    Args:
+        state: The wrapper's attributes.
+        subclass: Name of the class that the array shall have.
+        read: Reads from the file; gives less at its end.
+
+    Raises:
+        UnsafePickle: the array is of objects, or of another class than numpy's own.
+        ValueError: the attributes do not fit together, or the file ends.
+    """
+    match state:
+        case {
+            "shape": tuple() as shape,
+            "order": "C" | "F" as order,
+            "dtype": Record(kind="dtype") as recorded,
+        }:
+            dtype = _dtype(recorded)
+        case _:
+            raise ValueError("a joblib array lacks its shape, order or dtype")
+    if subclass != "numpy.ndarray" or dtype.hasobject:
+        raise UnsafePickle(f"holds a joblib array of {subclass!r} of {dtype}, not of numbers")
+    if state.get("numpy_array_alignment_bytes") is not None:
+        read(read(1)[0])
+    if not all(isinstance(n, int) and n >= 0 for n in shape):
+        raise ValueError(f"an array cannot have the shape {shape}")
+    return _array(read(math.prod(shape) * dtype.itemsize), dtype, shape, order, {})
 
 
 def plain(value: Any) -> Any:
@@ -91,7 +149,7 @@ def plain(value: Any) -> Any:
 
 
 def _plain(value: Any, done: dict[int, Any]) -> Any:
-    if value is None or isinstance(value, bool | int | float | complex | str | bytes | bytearray):
+    if value is None or isinstance(value, _PLAIN):
         return value
     if id(value) in done:
         return done[id(value)]

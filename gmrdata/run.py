@@ -84,9 +84,9 @@ def _train_and_score(path: Path, out_dir: Path, redo: bool) -> Path:
     folder = path.parent
     body_path = None if recipe.body is None else folder / recipe.body
     run_dir = train(
-        [folder / manifest for manifest in recipe.training],
+        recipe.training_paths(folder),
         out_dir / "run",
-        recipe.train,
+        recipe.train_config(),
         body_path=body_path,
         redo=redo,
     )

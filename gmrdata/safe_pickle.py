@@ -1,8 +1,12 @@
-"""Reading pickles of plain data (SMPL's models, 3DPW's sequences) without running them.
+"""Reading pickles of plain data (SMPL's models, 3DPW's sequences, estimators' outputs) without
+running them.
 
 A pickle is a program that may import and call.  Here an import only yields an inert `_Import`, and
 a call only a record of what was to be called; records become arrays after the program has ended.
 So whatever a file holds, none of its imports is made and none of its calls is run.
+
+joblib.dump's files are read as well: pickles, compressed or not, in which the bytes of each array
+stand outside of the program (`pickle_records.array_that_follows`).  joblib itself is not needed.
 """
 
 import io
@@ -14,7 +18,15 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from gmrdata.errors import BrokenPickle, MissingInput, UnsafePickle
-from gmrdata.pickle_records import ADMITTED_IMPORTS, Record, plain, record_of_call
+from gmrdata.pickle_records import (
+    ADMITTED_IMPORTS,
+    JOBLIB_ARRAY,
+    Record,
+    array_that_follows,
+    plain,
+    record_of_call,
+)
+from gmrdata.unpacking import unpacked_bytes
 
 _BROKEN = (
     pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
@@ -23,10 +35,11 @@ _BROKEN = (
 
 
 def load_plain(path: Path) -> Any:
-    """Read a pickle of plain data.
+    """Read a pickle of plain data, or a joblib file of it.
 
     Args:
-        path: The file.  Python 2's strings are read as Latin-1.
+        path: The file, as it is or compressed (zlib, gzip, bz2, xz, lzma).  Python 2's strings are
+            read as Latin-1.
 
     Returns:
         Nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Sparse
@@ -41,7 +54,7 @@ def load_plain(path: Path) -> Any:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     try:
-        return plain(_Interpreter(path.read_bytes()).load())
+        return plain(_Interpreter(unpacked_bytes(path)).load())
     except UnsafePickle as error:
         raise UnsafePickle(
             f"{path}: {error}. Do not trust this file; get it from its maker"
@@ -73,7 +86,8 @@ class _Interpreter(pickle._Unpickler):
     readline: Callable[[], bytes]
 
     def __init__(self, data: bytes) -> None:
-        super().__init__(io.BytesIO(data), encoding="latin1")
+        self._stream = io.BytesIO(data)
+        super().__init__(self._stream, encoding="latin1")
 
     def find_class(self, module: str, name: str) -> Any:
         full_name = f"{module}.{name}"
@@ -109,6 +123,14 @@ class _Interpreter(pickle._Unpickler):
         if not isinstance(self.stack[-1], Record) or self.stack[-1].state is not None:
             raise UnsafePickle(f"wants to set attributes of a {type(self.stack[-1]).__name__}")
         self.stack[-1].state = state
+        if self.stack[-1].kind == JOBLIB_ARRAY:
+            self.stack[-1] = self._array_that_follows(state)
+
+    def _array_that_follows(self, state: Any) -> Any:
+        """The array whose bytes stand behind this opcode, which is where a frame has ended."""
+        subclass = state.get("subclass") if isinstance(state, dict) else None
+        named = subclass.name if isinstance(subclass, _Import) else None
+        return array_that_follows(state, named, self._stream.read)
 
     def _bytearray(self) -> None:
         (length,) = struct.unpack("<Q", self.read(8))

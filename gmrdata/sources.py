@@ -1,6 +1,7 @@
 """Where a clip's motion came from, and what that allows."""
 
 import re
+from pathlib import Path, PurePosixPath
 
 from gmrdata.manifest.current import Source
 
@@ -10,6 +11,7 @@ CMU_LICENCE = (
     "CMU Graphics Lab Motion Capture Database: free for all uses, may not be resold; credit "
     "mocap.cs.cmu.edu, created with funding from NSF EIA-0196217"
 )
+AMASS_LICENCE = "AMASS's licence (amass.is.tue.mpg.de): non-commercial; not to be passed on"
 FILE_LICENCE = "as the motion file that it was made from"
 
 
@@ -24,6 +26,20 @@ def file_source(stem: str) -> Source:
     return Source(dataset="CMU" if is_cmu else "file", sequence=stem)
 
 
+def motion_source(path: Path, tail: PurePosixPath) -> Source:
+    """A motion file, known as AMASS's by its layout: `KIT/3/kick_poses.npz`.
+
+    Args:
+        path: The file.
+        tail: The last parts of its path.
+    """
+    in_amass = path.suffix.lower() == ".npz" and path.stem.endswith(("_poses", "_stageii"))
+    if in_amass and len(tail.parts) == 3:
+        return Source(dataset="AMASS", sequence=tail.with_suffix("").as_posix())
+    return file_source(path.stem)
+
+
 def licence_of(source: Source) -> str:
     """Terms under which a clip of this source may be passed on."""
-    return {"gmrdata": OWN_LICENCE, "CMU": CMU_LICENCE}.get(source.dataset, FILE_LICENCE)
+    licences = {"gmrdata": OWN_LICENCE, "CMU": CMU_LICENCE, "AMASS": AMASS_LICENCE}
+    return licences.get(source.dataset, FILE_LICENCE)

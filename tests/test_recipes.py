@@ -77,7 +77,7 @@ def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -
     path.write_text("recipe: masks\nsources: [{kind: silhouette}]\n")
     with pytest.raises(BadRecipe, match="needs frames: gmrdata masks FRAMES --sources"):
         run_recipe(str(path), tmp_path / "out")
-    with pytest.raises(MissingInput, match="carries only: demo, gmr, masks, synthetic"):
+    with pytest.raises(MissingInput, match="carries only: demo, gmr, gmr_cmu, masks"):
         find_recipe("nothing")
 
 

@@ -7,7 +7,9 @@ import tyro
 
 from gmrdata.cli.answers import explain, fail
 from gmrdata.cli.baselines import baseline
+from gmrdata.cli.comparison import compare
 from gmrdata.cli.gmr import evaluate, train
+from gmrdata.cli.inference import infer
 from gmrdata.cli.manifests import manifest
 from gmrdata.cli.motion_files import fetch, motions
 from gmrdata.cli.noise_floor import floor
@@ -30,7 +32,9 @@ VERBS: dict[str, Verb] = {
     "threedpw": threedpw,
     "floor": floor,
     "train": train,
+    "infer": infer,
     "evaluate": evaluate,
+    "compare": compare,
     "baseline": baseline,
     "report": report,
     "run": run,

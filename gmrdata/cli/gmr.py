@@ -1,11 +1,14 @@
 """Verbs for the network: train and evaluate."""
 
 from pathlib import Path
+from typing import Literal
 
 from tyro.conf import Positional
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import body_path, need
+from gmrdata.errors import BadRecipe, MissingInput
+from gmrdata.evaluate.protocol_names import ProtocolName
 
 
 def train(
@@ -40,32 +43,81 @@ def train(
 
 
 def evaluate(
-    run: Positional[Path],
-    manifest: Positional[Path],
+    run_and_manifest: Positional[tuple[Path, ...]],
     out: Path,
+    predictions: Path | None = None,
+    protocol: ProtocolName | None = None,
     body: str = "anny",
+    predictions_body: Path | None = None,
+    fps_hz: float = 10.0,
+    missing: Literal["error", "drop"] = "error",
     floor: Path | None = None,
+    all_phases: bool = False,
+    seed: int = 0,
     redo: bool = False,
 ) -> None:
-    """Score a trained GMR on a manifest: OME [deg], TME [mm], VME [mm], zero motion beside it.
+    """Score a trained GMR, or any predictions, on a manifest: OME [deg], TME [mm], VME [mm].
+
+    `gmrdata evaluate RUN MANIFEST` scores a network, `gmrdata evaluate MANIFEST --predictions
+    FOLDER` world motions that anything predicted. Zero motion is scored beside.
 
     Args:
-        run: Run folder of `gmrdata train`.
-        manifest: Manifest file.
-        out: Output folder for scores.json.
+        run_and_manifest: Run folder of `gmrdata train` and manifest file; the manifest alone with
+            --predictions.
+        out: Output folder: scores.json, scores.csv, scores.md, scores.html, over_time.png.
+        predictions: Folder with one clip file (.npz) for each clip, named by the clip's id, in the
+            world frame.
+        protocol: What to measure besides: gmr, wham, tram, gvhmr, slahmr or emdb, for W-MPJPE,
+            WA-MPJPE, RTE, ROE, ERVE, jitter and foot sliding as each of them defines them.
         body: "anny", or the path of the clips' body model.
+        predictions_body: Body model of the predictions, with the same mesh; the clips' when left
+            out.
+        fps_hz: Rate of OME, TME and VME of predictions; a network is scored at its own.
+        missing: Whether a clip or frame without a prediction is an error, or dropped and counted.
         floor: The floor.json of `gmrdata floor`, to see which scores are not distinguishable from
             the pseudo ground truth's own error.
+        all_phases: Score a clip of a higher frame rate in all its phases, not in the first alone.
+        seed: Draws the clips of bootstrap intervals.
         redo: Throw away a result of other settings.
     """
-    from gmrdata.evaluate.score import score_manifest
-    from gmrdata.evaluate.table import score_rows
+    from gmrdata.evaluate.score import ScoreConfig, score_manifest, score_predictions
+    from gmrdata.evaluate.table import protocol_rows, score_rows
     from gmrdata.store import read_json
 
-    path = score_manifest(run, manifest, body_path(body), out, floor_path=floor, redo=redo)
+    if not fps_hz > 0:
+        raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
+    config = ScoreConfig(
+        all_phases=all_phases, protocol=protocol, fps_hz=fps_hz, missing=missing, seed=seed
+    )
+    if predictions is None:
+        if len(run_and_manifest) != 2:
+            raise MissingInput("give a run folder and a manifest, or a manifest and --predictions")
+        path = score_manifest(
+            *run_and_manifest, body_path(body), out, config, floor_path=floor, redo=redo
+        )
+    else:
+        if len(run_and_manifest) != 1:
+            raise MissingInput("with --predictions, give the manifest alone")
+        path = score_predictions(
+            predictions,
+            run_and_manifest[0],
+            body_path(body),
+            out,
+            config,
+            predictions_body_path=predictions_body,
+            floor_path=floor,
+            redo=redo,
+        )
     scores = read_json(path)
-    headings, rows = score_rows(scores)
-    print_table(headings, rows)
+    print_table(*score_rows(scores))
+    besides = protocol_rows(scores)
+    if besides is not None:
+        print_table(*besides)
     for statement in scores.get("statements", ()):
         answer(statement)
+    for id, why in sorted(scores["skipped"].items()):
+        answer(f"{id}: left out: {why}")
+    if scores["dropped_frames"]:
+        answer(f"{scores['dropped_frames']} valid frames had no prediction and are left out")
+    answer(path.with_name("scores.html"))
     answer(path)

@@ -55,24 +55,62 @@ def motions(
     sources: Positional[tuple[Path, ...]],
     out: Path | None = None,
     body: str = "anny",
+    layout: Literal["files", "human36m", "emdb"] = "files",
     fps_hz: float | None = None,
     joint_map: Path | None = None,
+    workers: int | None = None,
     redo: bool = False,
 ) -> None:
     """Read motion files, retarget them to the 24-joint tree, and list them or write a manifest.
 
+    A run that was stopped goes on where it was.  Files that can't be read are named at the end, and
+    the exit code is 1; the manifest then lists the others.
+
     Args:
-        sources: Files or folders: BVH, ASF/AMC, AMASS npz.
+        sources: Files or folders: BVH, ASF/AMC, AMASS npz; or the folder of a data set.
         out: Folder for one clip file per motion and `motions.yaml`; only a table when left out.
-        body: "anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz).
+        body: "anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz); for
+            EMDB a folder with SMPL's models of the genders.
+        layout: What the sources are. human36m: annotation JSON files of Human3.6M, to train.yaml
+            and test.yaml. emdb: the folder of P0 to P9, to emdb.yaml, emdb1.yaml and emdb2.yaml.
         fps_hz: True frame rate of the files [Hz], when theirs is wrong.
         joint_map: YAML or JSON file: joint name in the file -> joint of the SMPL tree.
+        workers: Worker processes; one per CPU when left out.
         redo: Make anew what other settings made.
     """
+    if workers is not None and workers < 1:
+        raise BadRecipe(f"--workers {workers}: at least one process has to do the work")
+    if layout != "files":
+        for path in _data_set(layout, sources, out, body, redo):
+            answer(path)
+        return
     from gmrdata.library import make_library, motion_table
 
     if out is None:
         headings, rows = motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map)
         print_table(headings, rows)
         return
-    answer(make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, redo=redo))
+    answer(
+        make_library(
+            sources, body, out, fps_hz=fps_hz, joint_map=joint_map, workers=workers, redo=redo
+        )
+    )
+
+
+def _data_set(
+    layout: Literal["human36m", "emdb"],
+    sources: tuple[Path, ...],
+    out: Path | None,
+    body: str,
+    redo: bool,
+) -> tuple[Path, ...]:
+    """Manifests of a data set's world clips."""
+    if len(sources) != 1 or out is None:
+        raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")
+    if layout == "human36m":
+        from gmrdata.human36m.make import make_human36m
+
+        return make_human36m(sources[0], body, out, redo=redo)
+    from gmrdata.emdb.make import make_emdb
+
+    return make_emdb(sources[0], body, out, redo=redo)

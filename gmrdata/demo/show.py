@@ -153,7 +153,7 @@ def _quality(pseudo_gt_dir: Path) -> Quality:
 def _manifest_score(paths: DemoPaths, name: str) -> ManifestScore:
     record: dict[str, Any] = read_json(paths.scores_dir(name) / "scores.json")
     pooled = record["overall"]["pooled_over_motions"]
-    return ManifestScore(name, Score(**pooled["gmr"]), Score(**pooled["zero"]))
+    return ManifestScore(name, Score(**pooled["predicted"]), Score(**pooled["zero"]))
 
 
 def _learning_curve(path: Path) -> tuple[tuple[int, float], ...]:

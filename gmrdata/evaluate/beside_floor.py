@@ -31,7 +31,7 @@ def read_fitting_floor(path: Path, manifest_path: Path, fps_hz: float) -> Floor:
         )
     if floor.fps_hz != fps_hz:
         raise BadRecord(
-            f"{path}: of motions at {floor.fps_hz:g} fps, but the network's are at {fps_hz:g} fps. "
+            f"{path}: of motions at {floor.fps_hz:g} fps, but the scores are at {fps_hz:g} fps. "
             "Leave out --floor"
         )
     if _errors_of(floor.overall) is None:
@@ -45,12 +45,12 @@ def beside_floor(scores: dict[str, Any], floor: Floor) -> dict[str, Any]:
     A row's floor is that of its class of camera motion; where the floor has none, that of all.
 
     Args:
-        scores: What `gmrdata.evaluate.score.summarise` gave.
+        scores: What `gmrdata.evaluate.summary.summarise` gave.
         floor: What `read_fitting_floor` gave.
 
     Returns:
         The scores, in which each clip and group has `floor` (OME, TME, VME, and `of`, the class it
-        is of) and `below_floor`, the metrics in which the network's score is smaller; and
+        is of) and `below_floor`, the metrics in which the score is smaller; and
         `statements`.
     """
     clips = [clip | _beside(clip, clip["camera_motion"], floor) for clip in scores["clips"]]
@@ -75,7 +75,7 @@ def _beside(errors: dict[str, Any], camera_motion: str, floor: Floor) -> dict[st
     group = floor.classes.get(camera_motion)
     own = None if group is None else _errors_of(group)
     used = own or _errors_of(floor.overall) or {}
-    below = [metric for metric, value in used.items() if errors["gmr"][metric] < value]
+    below = [metric for metric, value in used.items() if errors["predicted"][metric] < value]
     return {"floor": {"of": "all" if own is None else camera_motion, **used}, "below_floor": below}
 
 
@@ -89,7 +89,7 @@ def _statement(name: str, row: dict[str, Any], errors: dict[str, Any]) -> str:
     parts = []
     for metric in row["below_floor"]:
         title, unit, digits = UNITS[metric]
-        score, own = errors["gmr"][metric], row["floor"][metric]
+        score, own = errors["predicted"][metric], row["floor"][metric]
         parts.append(f"{title} {score:.{digits}f}{unit} is below {own:.{digits}f}{unit}")
     return (
         f"{name}: {', '.join(parts)}: not distinguishable from the pseudo ground truth's own error"

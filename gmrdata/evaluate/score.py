@@ -1,52 +1,24 @@
-"""Score a trained network on the clips of a manifest, with zero motion beside it."""
+"""Score a trained network, or predictions of anything else, on a manifest's clips."""
 
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gmrdata.body.model import BodyModel
-from gmrdata.config import Config
-from gmrdata.errors import BadManifest
-from gmrdata.evaluate import metrics
+from gmrdata.errors import BadBodyFile, BadManifest
 from gmrdata.evaluate.beside_floor import beside_floor, read_fitting_floor
-from gmrdata.evaluate.vertices import posed_vertex_errors_mm
-from gmrdata.gmr.motion_deltas import deltas
-from gmrdata.gmr.runs import Run, runs_at
-from gmrdata.gmr.usable import UsableClip, check_clips_fit, usable_clips
-from gmrdata.progress import track
-from gmrdata.store import run_stage, write_json
+from gmrdata.evaluate.motion_types import motion_types
+from gmrdata.evaluate.record import FORMAT, protocol_record
+from gmrdata.evaluate.score_clips import Predict, by_network, from_folder, score_clips
+from gmrdata.evaluate.score_config import ScoreConfig
+from gmrdata.evaluate.summary import summarise
+from gmrdata.evaluate.write_scores import write_scores
+from gmrdata.gmr.usable import check_clips_fit, usable_clips
+from gmrdata.store import run_stage
 
-if TYPE_CHECKING:
-    from gmrdata.gmr.infer import TrainedGmr
-
-METRICS = ("ome_deg", "tme_mm", "vme_mm")
-METHODS = ("gmr", "zero")
-
-
-class ScoreConfig(Config):
-    """How clips are scored; the frame rate is the network's, 10 Hz for the paper's."""
-
-    all_phases: bool = False
-    """Whether a clip of a higher frame rate is scored in all its phases, or in the first; the paper
-    doesn't say."""
-
-
-@dataclass(frozen=True, eq=False)
-class ClipErrors:
-    """Errors of one clip per motion: arrays (n,) by method, "gmr" or "zero", and metric."""
-
-    clip_id: str
-    camera_motion: str
-    errors: dict[str, dict[str, np.ndarray]]
-
-    @property
-    def n_motions(self) -> int:
-        """Motions that were scored."""
-        return len(self.errors["gmr"]["ome_deg"])
+__all__ = ["ScoreConfig", "score_manifest", "score_predictions"]
 
 
 def score_manifest(
@@ -69,14 +41,15 @@ def score_manifest(
         run_dir: A finished training run.
         manifest_path: The clips.
         body_path: Their body, as `load_body` takes it; None for the default body.
-        out_dir: Gets `scores.json`.
+        out_dir: Gets `scores.json`, `scores.csv`, `scores.md`, `scores.html` and `over_time.png`.
         config: The recipe; None for its defaults.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
         redo: Throw away a result of another recipe.
 
     Returns:
-        Path of `scores.json`: per clip, per class of camera motion and overall, each pooled over
-        motions and, where several clips are put together, as the mean of the clips' means.
+        Path of `scores.json`: per clip, per class of camera motion, per type of motion and overall,
+        each pooled over motions and, where several clips are put together, as the mean of the
+        clips' means, with bootstrap intervals.
 
     Raises:
         MissingInput: a file is not there.
@@ -85,143 +58,126 @@ def score_manifest(
             manifest that is no pseudo ground truth.
         BadRecord: the floor is broken, or of another frame rate.
     """
-    from gmrdata.body.load import load_body
     from gmrdata.gmr.infer import load_gmr
 
     config = config or ScoreConfig()
-    inputs = {"run": run_dir, "manifest": manifest_path}
-    if body_path is not None:
-        inputs["body"] = body_path
-    if floor_path is not None:
-        inputs["floor"] = floor_path
+    optional = {"body": body_path, "floor": floor_path}
 
     def work(partial_dir: Path) -> None:
         gmr = load_gmr(run_dir)
-        floor = None
-        if floor_path is not None:
-            floor = read_fitting_floor(floor_path, manifest_path, gmr.fps_hz)
-        body = load_body("anny" if body_path is None else str(body_path))
-        usable = usable_clips(manifest_path)
-        check_clips_fit([one.clip for one in usable.clips], body)
-        scored, too_short = score_clips(gmr, body, usable.clips, config)
-        if not scored:
-            raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
-        summary = summarise(scored)
-        record = (summary if floor is None else beside_floor(summary, floor)) | {
-            "format": "gmrdata-scores/1",
-            "fps_hz": gmr.fps_hz,
-            "body": body.name,
-            "model": {
-                "run": gmr.name,
-                "step": gmr.step,
-                "network": gmr.model.config.model_dump(mode="json"),
-            },
-            "skipped": usable.skipped | too_short,
-        }
-        write_json(partial_dir / "scores.json", record)
+        predict = by_network(gmr, config, motion_types(manifest_path))
+        record = _record(predict, manifest_path, optional, gmr.fps_hz, config)
+        network = gmr.model.config.model_dump(mode="json")
+        model = {"run": gmr.name, "step": gmr.step, "network": network}
+        write_scores(partial_dir, record | {"name": gmr.name, "model": model})
 
+    inputs = {"run": run_dir, "manifest": manifest_path, **_given(optional)}
     return run_stage("score", out_dir, config, inputs, work, redo=redo) / "scores.json"
 
 
-def score_clips(
-    gmr: "TrainedGmr", body: BodyModel, clips: Sequence[UsableClip], config: ScoreConfig
-) -> tuple[list[ClipErrors], dict[str, str]]:
-    """Errors per motion of each clip.
+def score_predictions(
+    predictions_dir: Path,
+    manifest_path: Path,
+    body_path: Path | None,
+    out_dir: Path,
+    config: ScoreConfig | None = None,
+    *,
+    predictions_body_path: Path | None = None,
+    floor_path: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Score predicted world motions, whatever made them, by the same code as a network's.
 
     Args:
-        gmr: The network.
-        body: The clips' body.
-        clips: What to score.
-        config: The recipe.
+        predictions_dir: `<clip id>.npz` for each clip, as `gmrdata.clip.save_clip` writes it, each
+            in a world of its own; row i is the clip's row i, or row k i where the clip's rate is k
+            times the prediction's.  Its local pose and shape count in VME and in a protocol.
+        manifest_path: The true clips.
+        body_path: Their body, as `load_body` takes it; None for the default body.
+        out_dir: As for `score_manifest`.
+        config: The recipe; None for its defaults.
+        predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
+        floor_path: As for `score_manifest`.
+        redo: Throw away a result of another recipe.
 
     Returns:
-        Errors of those clips that have motions, and the reason by id of those that have none.
+        Path of `scores.json`.
+
+    Raises:
+        MissingInput: a file is not there.
+        BadManifest: as for `score_manifest`.
+        BadMotionFile: a prediction is missing or lacks frames, and may not be dropped; or it is
+            broken, of another clip or body, or in the camera's frame.
+        BadBodyFile: the two bodies have different meshes.
+        BadRecord: the floor is broken, or of another frame rate.
     """
-    scored, too_short = [], {}
-    for one in track(clips, "scoring", total=len(clips)):
-        runs = runs_at(one.clip, gmr.fps_hz, all_phases=config.all_phases)
-        if not runs:
-            too_short[one.clip.id] = f"no two valid frames in a row at {gmr.fps_hz:g} fps"
-            continue
-        parts = [_run_errors(gmr, body, run) for run in runs]
-        errors = {
-            method: {
-                metric: np.concatenate([part[method][metric] for part in parts])
-                for metric in METRICS
-            }
-            for method in METHODS
-        }
-        scored.append(ClipErrors(one.clip.id, one.camera_motion, errors))
-    return scored, too_short
+    config = config or ScoreConfig()
+    optional = {
+        "body": body_path,
+        "predictions_body": predictions_body_path,
+        "floor": floor_path,
+    }
+
+    def work(partial_dir: Path) -> None:
+        predict = from_folder(predictions_dir, config, motion_types(manifest_path))
+        record = _record(predict, manifest_path, optional, config.fps_hz, config)
+        name = predictions_dir.resolve().name
+        write_scores(partial_dir, record | {"name": name, "model": {"predictions": name}})
+
+    inputs = {"predictions": predictions_dir, "manifest": manifest_path, **_given(optional)}
+    return run_stage("score", out_dir, config, inputs, work, redo=redo) / "scores.json"
 
 
-def summarise(scored: Sequence[ClipErrors]) -> dict[str, Any]:
-    """Scores per clip, per class of camera motion, and overall, as JSON values."""
-    by_class: dict[str, list[ClipErrors]] = defaultdict(list)
-    for one in scored:
-        by_class[one.camera_motion].append(one)
-    return {
-        "clips": [
-            {
-                "id": one.clip_id,
-                "camera_motion": one.camera_motion,
-                "n_motions": one.n_motions,
-            }
-            | _pooled([one])
-            for one in scored
-        ],
-        "camera_motion": {name: _group(by_class[name]) for name in sorted(by_class)},
-        "overall": _group(scored),
+def _given(optional: Mapping[str, Path | None]) -> dict[str, Path]:
+    return {key: path for key, path in optional.items() if path is not None}
+
+
+def _record(
+    predict: Predict,
+    manifest_path: Path,
+    optional: Mapping[str, Path | None],
+    fps_hz: float,
+    config: ScoreConfig,
+) -> dict[str, Any]:
+    """Everything in `scores.json` but what is the predictor's own."""
+    floor_path = optional["floor"]
+    floor = None
+    if floor_path is not None:
+        floor = read_fitting_floor(floor_path, manifest_path, fps_hz)
+    body, predicted_body = _bodies(optional["body"], optional.get("predictions_body"))
+    usable = usable_clips(manifest_path)
+    check_clips_fit([one.clip for one in usable.clips], body)
+    scored, skipped = score_clips(predict, body, usable.clips, config.protocol, predicted_body)
+    if not scored:
+        raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
+    rng = np.random.default_rng(config.seed)
+    summary = summarise(scored, fps_hz, config.resamples, rng)
+    return (summary if floor is None else beside_floor(summary, floor)) | {
+        "format": FORMAT,
+        "fps_hz": fps_hz,
+        "body": body.name,
+        "protocol": protocol_record(config.protocol),
+        "bootstrap": {"resamples": config.resamples, "seed": config.seed},
+        "skipped": usable.skipped | skipped,
+        "dropped_frames": sum(one.dropped_frames for one in scored),
     }
 
 
-def _run_errors(gmr: "TrainedGmr", body: BodyModel, run: Run) -> dict[str, dict[str, np.ndarray]]:
-    from gmrdata.gmr.infer import predict_deltas
+def _bodies(
+    body_path: Path | None, predicted_body_path: Path | None
+) -> tuple[BodyModel, BodyModel | None]:
+    """The clips' body, and the predictions' where that is another one."""
+    from gmrdata.body.load import load_body
 
-    predicted_rotmats, predicted_m = predict_deltas(gmr, run.motion.local_rotmats)
-    true_rotmats, true_m = deltas(run.motion.root_rotmats, run.motion.pelvis_m)
-    still_rotmats, still_m = np.tile(np.eye(3), (len(true_m), 1, 1)), np.zeros_like(true_m)
-    return {
-        method: {
-            "ome_deg": metrics.orientation_errors_deg(rotmats, true_rotmats),
-            "tme_mm": metrics.translation_errors_mm(metres, true_m),
-            "vme_mm": posed_vertex_errors_mm(
-                body,
-                run.motion.shape,
-                run.motion.local_rotmats[: len(metres)],
-                rotmats,
-                metres,
-                true_rotmats,
-                true_m,
-            ),
-        }
-        for method, rotmats, metres in (
-            ("gmr", predicted_rotmats, predicted_m),
-            ("zero", still_rotmats, still_m),
+    body = load_body("anny" if body_path is None else str(body_path))
+    if predicted_body_path is None:
+        return body, None
+    predicted_body = load_body(str(predicted_body_path))
+    n_vertices, n_predicted = len(body.template_m), len(predicted_body.template_m)
+    if n_vertices != n_predicted:
+        raise BadBodyFile(
+            f"{predicted_body_path}: {n_predicted} vertices, but the clips' body {body.name} has "
+            f"{n_vertices}, so no vertex error can be measured. Give predictions of a body with "
+            "the clips' mesh"
         )
-    }
-
-
-def _group(scored: Sequence[ClipErrors]) -> dict[str, Any]:
-    return {
-        "n_clips": len(scored),
-        "n_motions": sum(one.n_motions for one in scored),
-        "pooled_over_motions": _pooled(scored),
-        "mean_of_clips": {
-            method: {
-                metric: float(np.mean([one.errors[method][metric].mean() for one in scored]))
-                for metric in METRICS
-            }
-            for method in METHODS
-        },
-    }
-
-
-def _pooled(scored: Sequence[ClipErrors]) -> dict[str, Any]:
-    return {
-        method: {
-            metric: float(np.concatenate([one.errors[method][metric] for one in scored]).mean())
-            for metric in METRICS
-        }
-        for method in METHODS
-    }
+    return body, predicted_body

@@ -1,12 +1,27 @@
-"""VME with a body: its vertices are posed a chunk of motions at a time."""
+"""Errors of a body's vertices: they are posed a chunk of frames at a time."""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from gmrdata.body.model import BodyModel
 from gmrdata.evaluate import metrics
+from gmrdata.gmr.motion_deltas import deltas
+from gmrdata.motion.motion import Motion
 
 CHUNK_BYTES = 64 << 20
-"""Memory for the vertices of one chunk of motions."""
+"""Memory for the vertices of one chunk of frames."""
+
+
+class VertexErrors(NamedTuple):
+    """Errors of a predicted motion's vertices."""
+
+    vme_mm: np.ndarray
+    """(T-1,) mean over the vertices for each motion (eq. 17) [mm]."""
+    over_time_mm: np.ndarray
+    """(T,) mean over the vertices in each frame, where the predicted motions are accumulated from
+    the true first pose (the paper's fig. 5) [mm]."""
 
 
 def posed_vertex_errors_mm(
@@ -29,21 +44,85 @@ def posed_vertex_errors_mm(
         true_rotmats: (n, 3, 3) dR*.
         true_m: (n, 3) dT* [m].
     """
+    errors_mm = [np.zeros(0)]
+    for rows in _chunks(len(metres), body):
+        vertices_m = _posed_m(body, shape, local_rotmats[rows])
+        errors_mm.append(
+            metrics.vertex_errors_mm(
+                rotmats[rows], metres[rows], true_rotmats[rows], true_m[rows], vertices_m
+            )
+        )
+    return np.concatenate(errors_mm)
+
+
+def run_vertex_errors(
+    body: BodyModel,
+    true: Motion,
+    predicted: Mapping[str, Motion],
+    predicted_body: BodyModel | None = None,
+) -> dict[str, VertexErrors]:
+    """Vertex errors of several predictions of one motion; the true body is posed once.
+
+    Args:
+        body: The true motion's body.
+        true: T frames.
+        predicted: The same frames by name, each in a world of its own: only its motion from frame
+            to frame counts.  One with the true local pose and shape (the same arrays) is not posed
+            again.
+        predicted_body: Body of the predictions with a pose of their own, with the true body's
+            vertices; None for the true body.
+    """
+    true_turns, true_steps_m = deltas(true.root_rotmats, true.pelvis_m)
+    motions = {name: deltas(one.root_rotmats, one.pelvis_m) for name, one in predicted.items()}
+    placed = {name: _from_true_start(one, true) for name, one in predicted.items()}
+    found: dict[str, list[VertexErrors]] = {name: [] for name in predicted}
+    for rows in _chunks(true.n_frames, body):
+        true_m = _posed_m(body, true.shape, true.local_rotmats[rows])
+        for name, one in predicted.items():
+            own_m = true_m
+            if one.local_rotmats is not true.local_rotmats or one.shape is not true.shape:
+                own_m = _posed_m(predicted_body or body, one.shape, one.local_rotmats[rows])
+            rotmats, metres = (part[rows] for part in motions[name])
+            # The last frame begins no motion.
+            n = len(metres)
+            vme_mm = metrics.vertex_errors_mm(
+                rotmats, metres, true_turns[rows], true_steps_m[rows], true_m[:n], own_m[:n]
+            )
+            roots, places_m = (part[rows] for part in placed[name])
+            over_time_mm = metrics.vertex_errors_mm(
+                roots, places_m, true.root_rotmats[rows], true.pelvis_m[rows], true_m, own_m
+            )
+            found[name].append(VertexErrors(vme_mm, over_time_mm))
+    return {
+        name: VertexErrors(*(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
+        for name, chunks in found.items()
+    }
+
+
+def _from_true_start(predicted: Motion, true: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """R (T, 3, 3) and T (T, 3) [m] of a prediction whose first pose is made the true one."""
+    true_from_predicted = true.root_rotmats[0] @ predicted.root_rotmats[0].T
+    path_m = predicted.pelvis_m - predicted.pelvis_m[0]
+    return (
+        true_from_predicted @ predicted.root_rotmats,
+        path_m @ true_from_predicted.T + true.pelvis_m[0],
+    )
+
+
+def _posed_m(body: BodyModel, shape: np.ndarray, local_rotmats: np.ndarray) -> np.ndarray:
+    """Vertices (n, V, 3) [m], root at identity and pelvis at the origin."""
     import torch
 
     from gmrdata.body.forward import posed_vertices
 
-    chunk = max(1, CHUNK_BYTES // (len(body.template_m) * 24 * 8))
     betas = torch.as_tensor(shape, dtype=torch.float64)
-    errors_mm = [np.zeros(0)]
-    for start in range(0, len(metres), chunk):
-        rows = slice(start, min(start + chunk, len(metres)))
-        poses = np.ascontiguousarray(local_rotmats[rows])
-        with torch.no_grad():
-            vertices_m = posed_vertices(body, betas, torch.as_tensor(poses, dtype=torch.float64))
-        errors_mm.append(
-            metrics.vertex_errors_mm(
-                rotmats[rows], metres[rows], true_rotmats[rows], true_m[rows], vertices_m.numpy()
-            )
-        )
-    return np.concatenate(errors_mm)
+    poses = torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64)
+    with torch.no_grad():
+        vertices_m: np.ndarray = posed_vertices(body, betas, poses).numpy()
+    return vertices_m
+
+
+def _chunks(n_rows: int, body: BodyModel) -> Iterator[slice]:
+    length = max(1, CHUNK_BYTES // (len(body.template_m) * 24 * 8))
+    for start in range(0, n_rows, length):
+        yield slice(start, min(start + length, n_rows))

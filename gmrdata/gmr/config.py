@@ -1,6 +1,6 @@
 """Recipes of the network, its loss, its training windows and its training.  Needs no torch."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -8,6 +8,10 @@ from gmrdata.config import Config
 
 Representation = Literal["quaternion", "axis-angle", "6d"]
 """How a rotation is given to the network, or by it."""
+
+ExtraInput = Literal["velocity", "standing"]
+"""What the network may be given beside the local rotations, of which it is a function
+(gmrdata.gmr.extra_inputs)."""
 
 
 class ModelConfig(Config):
@@ -19,6 +23,10 @@ class ModelConfig(Config):
     """Units per direction, and size of the latent feature; the paper's 2048."""
     input: Representation = "quaternion"
     """Representation of the 23 local rotations; the paper's quaternions are 92 numbers."""
+    extra_inputs: tuple[ExtraInput, ...] = ()
+    """What else is given, made from the local rotations; the paper has none.  `velocity`: how each
+    joint turns to the next frame, 69 numbers.  `standing`: for each joint, the motion that the root
+    would make if that joint stood still, 138 numbers."""
     output: Representation = "axis-angle"
     """Representation of dR; the paper's axis-angle vector makes 6 outputs with dT."""
     dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
@@ -60,6 +68,28 @@ class WindowConfig(Config):
     """Frame rate of the network's input [Hz]; the paper's 10."""
     reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)
     """Share of windows played backwards: the paper's flip augmentation, which uses both kinds."""
+    mirror_probability: float = Field(default=0.0, ge=0.0, le=1.0)
+    """Share of windows with left and right exchanged; the paper's 0."""
+    pose_noise_deg: float = Field(default=0.0, ge=0.0)
+    """Root mean square angle by which each joint is turned at random in the network's input, and
+    there alone [deg]; the paper's 0."""
+    pose_noise_time_s: float = Field(default=0.0, ge=0.0)
+    """Time over which that noise stays alike: standard deviation of the Gaussian that smooths it
+    [s]; 0 for noise that is anew in each frame."""
+
+
+class DataConfig(Config):
+    """Which clips of the manifests are trained on, and how often."""
+
+    weights: tuple[Annotated[float, Field(gt=0.0)], ...] | None = None
+    """Share of the windows that come from each manifest, in their order and up to a factor; None
+    for its share of all frames.  Within a manifest, runs are drawn by their frames."""
+    held_out_subjects: tuple[int | str, ...] = ()
+    """People who are not trained on, but scored while training: 2 for CMU's subject 02, else data
+    set and subject as in the manifest's source, like KIT/3 or Human3.6M/S9."""
+    never_train_on: tuple[str, ...] = ("paper_table8",)
+    """Published lists whose sequences are left out of every training: by default the CMU trials of
+    the paper's synthetic set (its Table 8), on which it scores."""
 
 
 class TrainConfig(Config):
@@ -71,6 +101,8 @@ class TrainConfig(Config):
     """The loss."""
     windows: WindowConfig = WindowConfig()
     """The training windows."""
+    data: DataConfig = DataConfig()
+    """The clips that they are cut from."""
     learning_rate: float = Field(default=5e-5, gt=0.0)
     """Adam's step size; the paper's 5e-5."""
     schedule: Literal["constant", "cosine"] = "constant"
@@ -79,8 +111,14 @@ class TrainConfig(Config):
     """Steps over which the step size rises from 0; the paper states none."""
     gradient_norm: float | None = Field(default=None, gt=0.0)
     """Longest gradient, clipped beyond; None for no limit, of which the paper says nothing."""
+    average_decay: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Share of the former value that an exponential moving average of the weights keeps in a step;
+    the average is then what is scored and used.  0 for the weights themselves, as in the paper.
+    In the first steps the share is less, (1 + step) / (10 + step), so that the average forgets
+    where it began."""
     batch_size: int = Field(default=32, ge=1)
-    """Windows per step; the paper's 32."""
+    """Windows per step and process; the paper's 32.  N processes (`torchrun`) train as one does
+    with N times as many."""
     steps: int = Field(default=100_000, ge=1)
     """Steps; the paper doesn't say how many."""
     seed: int = Field(default=0, ge=0)
@@ -89,9 +127,19 @@ class TrainConfig(Config):
     """Steps between lines of metrics.jsonl."""
     eval_every: int = Field(default=1000, ge=1)
     """Steps between scores on held-out clips, where such are given."""
+    best_by: Literal["held_out_tme_mm", "held_out_ome_deg"] = "held_out_tme_mm"
+    """The held-out score whose lowest value makes the weights that are kept as the best."""
     checkpoint_every: int = Field(default=1000, ge=1)
     """Steps between checkpoints."""
     threads: int = Field(default=1, ge=1)
     """CPU threads; part of the recipe, since another number rounds sums in another way."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where to train.  Bitwise repetition is promised on the CPU."""
+    precision: Literal["fp32", "bf16"] = "fp32"
+    """Numbers that the network computes with: `bf16` by autocast, with weights, loss and optimiser
+    in float32.  The paper does not say; float32 was usual."""
+    compile: bool = False
+    """Whether `torch.compile` makes the network; the GRUs stay the library's own."""
+    tensorboard: bool = False
+    """Whether to write TensorBoard's event files beside metrics.jsonl; needs the extra
+    `tensorboard`."""

@@ -1,7 +1,8 @@
 """Training windows: from clips to batches that depend on the seed and the step alone."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -11,10 +12,14 @@ from gmrdata.body.tree import N_LOCAL
 from gmrdata.clip import Clip
 from gmrdata.errors import BadManifest
 from gmrdata.gmr import rotations
-from gmrdata.gmr.config import Representation, WindowConfig
+from gmrdata.gmr.config import ExtraInput, Representation, WindowConfig
+from gmrdata.gmr.flat_runs import FlatRuns, RunRows, in_files, in_memory
 from gmrdata.gmr.losses import Motions
+from gmrdata.gmr.mirror import mirror_local, mirror_points_m, mirror_rotmats
+from gmrdata.gmr.mixing import Mix, check_mix, draw_run
 from gmrdata.gmr.model import network_input
 from gmrdata.gmr.motion_deltas import deltas
+from gmrdata.gmr.pose_noise import turned
 from gmrdata.gmr.runs import Run, runs_at
 
 
@@ -23,7 +28,7 @@ class TrainingRun:
     """A run of frames, ready to be cut."""
 
     poses: np.ndarray
-    """(n, D) float32 network input."""
+    """(n, D) float32 network input without extra inputs."""
     local_rotmats: np.ndarray
     """(n, 23, 3, 3) float32."""
     root_rotmats: np.ndarray
@@ -36,14 +41,39 @@ class TrainingRun:
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """All runs, and where each begins in the count of their frames."""
+    """All runs, in memory or in mapped files."""
 
-    runs: tuple[TrainingRun, ...]
-    """The runs."""
-    ends: np.ndarray
-    """(len(runs),) frames up to and including each run."""
+    frames: FlatRuns
+    """The runs, end to end."""
     representation: Representation
     """Of `poses`."""
+    extra_inputs: tuple[ExtraInput, ...] = ()
+    """What a batch's network input has beside them."""
+    weights: tuple[float, ...] | None = None
+    """Weight of each manifest; None where a run is drawn by its share of all frames."""
+
+    @property
+    def runs(self) -> tuple[TrainingRun, ...]:
+        """Every run as a whole."""
+        return tuple(self.window(run, slice(None)) for run in range(len(self.frames.ends)))
+
+    def n_frames(self, run: int) -> int:
+        """Frames of a run."""
+        rows = self.frames.rows(run)
+        return rows.stop - rows.start
+
+    def window(self, run: int, rows: slice) -> TrainingRun:
+        """Some frames of a run, as arrays of their own; local rotations are those of `poses`."""
+        frames, of_run = self.frames, self.frames.rows(run)
+        poses = np.array(frames.poses[of_run][rows])
+        values = torch.from_numpy(poses).unflatten(-1, (N_LOCAL, -1))
+        return TrainingRun(
+            poses=poses,
+            local_rotmats=rotations.to_rotmats(values, self.representation).numpy(),
+            root_rotmats=np.array(frames.root_rotmats[of_run][rows]),
+            pelvis_m=np.array(frames.pelvis_m[of_run][rows]),
+            shape=frames.shapes[run],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,37 +89,47 @@ class Batch:
     motions: Motions
     """True motions; the identity in padding."""
     local_rotmats: Tensor
-    """(B, T, 23, 3, 3); the identity in padding."""
+    """(B, T, 23, 3, 3); those of the last real frame in padding."""
     shape: Tensor
     """(B, S)."""
 
 
 def make_training_set(
-    clips: Sequence[Clip], representation: Representation, config: WindowConfig
+    clips: Iterable[Clip],
+    representation: Representation,
+    config: WindowConfig,
+    extra_inputs: tuple[ExtraInput, ...] = (),
+    *,
+    mix: Mix | None = None,
+    pack_dir: Path | None = None,
 ) -> TrainingSet:
     """Cut clips into runs at the network's frame rate, all phases, and compute their inputs once.
 
+    Args:
+        clips: Gone through once and not kept, so they may come from disk one by one.
+        representation: Of the network's input.
+        config: The frame rate.
+        extra_inputs: What batches shall have beside them; not part of what is computed once.
+        mix: Which clips come from which manifest, and how often windows come from each; None to
+            draw by frames.
+        pack_dir: Folder for the runs' arrays, which are then mapped and not kept in memory; if it
+            is there, it is used as it is.
+
     Raises:
-        BadManifest: no clip has two valid frames in a row, or the clips are of different bodies.
+        BadManifest: no clip has two valid frames in a row, a manifest with a weight has none, or
+            the clips are of different bodies.
         BadMotionFile: a clip has NaN in a valid frame, or too low a frame rate.
     """
-    bodies = sorted({clip.motion.body for clip in clips})
-    if len(bodies) > 1:
-        raise BadManifest(
-            f"training clips are of different bodies ({', '.join(bodies)}), whose shapes"
-            " do not mix. Train on the clips of one body"
-        )
-    runs = tuple(
-        _training_run(run, representation)
-        for clip in clips
-        for run in runs_at(clip, config.fps_hz, all_phases=True)
-    )
-    if not runs:
-        raise BadManifest(
-            f"none of the {len(clips)} training clips has two valid frames in a row at"
-            f" {config.fps_hz:g} fps. Give manifests with longer clips"
-        )
-    return TrainingSet(runs, np.cumsum([len(run.poses) for run in runs]), representation)
+    rows = _run_rows(clips, representation, config, mix)
+    if pack_dir is None:
+        frames = in_memory(rows)
+    else:
+        about = {"input": representation, "fps_hz": config.fps_hz}
+        frames = in_files(rows, pack_dir, about)
+    if mix is not None:
+        check_mix(frames, mix)
+    weights = None if mix is None else mix.weights
+    return TrainingSet(frames, representation, extra_inputs, weights)
 
 
 def make_batch(
@@ -100,22 +140,28 @@ def make_batch(
     A run is chosen by its share of all frames, then a start, both uniformly.  A window that is to
     be played backwards has its poses reversed and its motions computed from them anew: reversal
     does not just change signs, since dT is seen from the frame in which the motion begins.
+
+    The network's input is computed once per run and cut with it, unless windows are mirrored or
+    noisy or there are extra inputs: then it is computed from the batch's local rotations.
     """
     rng = np.random.default_rng([seed, step])
     windows = [_draw(training_set, config, rng) for _ in range(batch_size)]
     frames = config.frames
     lengths = np.array([len(window.poses) for window in windows])
     poses = np.zeros((batch_size, frames, windows[0].poses.shape[1]), np.float32)
-    local_rotmats = np.tile(np.eye(3, dtype=np.float32), (batch_size, frames, N_LOCAL, 1, 1))
+    local_rotmats = np.empty((batch_size, frames, N_LOCAL, 3, 3), np.float32)
     delta_rotmats = np.tile(np.eye(3, dtype=np.float32), (batch_size, frames - 1, 1, 1))
     delta_m = np.zeros((batch_size, frames - 1, 3), np.float32)
     for row, window in enumerate(windows):
         n = lengths[row]
         poses[row, :n] = window.poses
         local_rotmats[row, :n] = window.local_rotmats
+        local_rotmats[row, n:] = window.local_rotmats[-1]
         delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = deltas(
             window.root_rotmats, window.pelvis_m
         )
+    if config.mirror_probability > 0 or config.pose_noise_deg > 0 or training_set.extra_inputs:
+        poses = _input_of(local_rotmats, lengths, training_set, config, rng)
     return Batch(
         poses=torch.from_numpy(poses),
         lengths=torch.from_numpy(lengths),
@@ -142,21 +188,46 @@ def reverse(run: TrainingRun, representation: Representation) -> TrainingRun:
 
 
 def _draw(training_set: TrainingSet, config: WindowConfig, rng: np.random.Generator) -> TrainingRun:
-    frame = rng.integers(training_set.ends[-1])
-    run = training_set.runs[int(np.searchsorted(training_set.ends, frame, side="right"))]
-    start = int(rng.integers(max(1, len(run.poses) - config.frames + 1)))
+    run = draw_run(training_set.frames, training_set.weights, rng)
+    start = int(rng.integers(max(1, training_set.n_frames(run) - config.frames + 1)))
     backwards = rng.random() < config.reverse_probability
-    rows = slice(start, start + config.frames)
-    window = TrainingRun(
-        run.poses[rows],
-        run.local_rotmats[rows],
-        run.root_rotmats[rows],
-        run.pelvis_m[rows],
-        run.shape,
-    )
+    mirrored = config.mirror_probability > 0 and rng.random() < config.mirror_probability
+    window = training_set.window(run, slice(start, start + config.frames))
     if backwards:
-        return reverse(window, training_set.representation)
-    return _signed(window, training_set.representation)
+        window = reverse(window, training_set.representation)
+    else:
+        window = _signed(window, training_set.representation)
+    return _mirrored(window) if mirrored else window
+
+
+def _mirrored(window: TrainingRun) -> TrainingRun:
+    """Left and right exchanged; `poses` stays as it is, since it is computed anew."""
+    return replace(
+        window,
+        local_rotmats=mirror_local(window.local_rotmats),
+        root_rotmats=mirror_rotmats(window.root_rotmats),
+        pelvis_m=mirror_points_m(window.pelvis_m),
+    )
+
+
+def _input_of(
+    local_rotmats: np.ndarray,
+    lengths: np.ndarray,
+    training_set: TrainingSet,
+    config: WindowConfig,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Network input of a batch's local rotations, (B, T, D) float32, zero in padding."""
+    frames = np.arange(config.frames)
+    if config.pose_noise_deg > 0:
+        noisy = turned(local_rotmats, config, rng)
+        # Padding repeats the last real frame, so that what looks at the next frame sees no motion.
+        last = np.minimum(frames, lengths[:, None] - 1)
+        local_rotmats = noisy[np.arange(len(noisy))[:, None], last]
+    poses: np.ndarray = network_input(
+        torch.from_numpy(local_rotmats), training_set.representation, training_set.extra_inputs
+    ).numpy()
+    return poses * (frames < lengths[:, None])[..., None].astype(np.float32)
 
 
 def _signed(window: TrainingRun, representation: Representation) -> TrainingRun:
@@ -174,13 +245,36 @@ def _signed(window: TrainingRun, representation: Representation) -> TrainingRun:
     )
 
 
-def _training_run(run: Run, representation: Representation) -> TrainingRun:
+def _run_rows(
+    clips: Iterable[Clip], representation: Representation, config: WindowConfig, mix: Mix | None
+) -> Iterator[RunRows]:
+    """The runs of the clips, one after the other."""
+    parts = None if mix is None else mix.part_of_each()
+    body, n_clips, n_runs = "", 0, 0
+    for n_clips, clip in enumerate(clips, start=1):
+        body = body or clip.motion.body
+        if clip.motion.body != body:
+            raise BadManifest(
+                f"training clips are of different bodies ({body}, {clip.motion.body}), whose"
+                " shapes do not mix. Train on the clips of one body"
+            )
+        for run in runs_at(clip, config.fps_hz, all_phases=True):
+            n_runs += 1
+            yield _one_run(run, 0 if parts is None else int(parts[n_clips - 1]), representation)
+    if not n_runs:
+        raise BadManifest(
+            f"none of the {n_clips} training clips has two valid frames in a row at"
+            f" {config.fps_hz:g} fps. Give manifests with longer clips"
+        )
+
+
+def _one_run(run: Run, part: int, representation: Representation) -> RunRows:
     motion = run.motion
     local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
-    return TrainingRun(
+    return RunRows(
+        part=part,
         poses=network_input(local_rotmats, representation).float().numpy(),
-        local_rotmats=np.ascontiguousarray(motion.local_rotmats, dtype=np.float32),
-        root_rotmats=np.ascontiguousarray(motion.root_rotmats, dtype=np.float64),
-        pelvis_m=np.ascontiguousarray(motion.pelvis_m, dtype=np.float64),
-        shape=motion.shape.astype(np.float32),
+        root_rotmats=motion.root_rotmats,
+        pelvis_m=motion.pelvis_m,
+        shape=motion.shape,
     )

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
 from gmrdata.errors import BadManifest
 from gmrdata.evaluate.metrics import orientation_errors_deg, translation_errors_mm
@@ -11,17 +12,21 @@ from gmrdata.gmr.infer import TrainedGmr, predict_deltas
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.gmr.runs import Run, runs_at
+from gmrdata.gmr.usable import fitting_clips
 
 
-def held_out_runs(clips: Sequence[Clip], fps_hz: float) -> list[Run]:
+def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list[Run]:
     """What to score: the runs of valid frames of the held-out clips, first phase.
 
     Raises:
-        BadManifest: there are clips, but none with two valid frames in a row.
+        BadManifest: there are clips, but none with two valid frames in a row, or not of this body.
         BadMotionFile: a clip holds NaN, or has a lower frame rate.
     """
-    runs = [run for clip in clips for run in runs_at(clip, fps_hz, all_phases=False)]
-    if clips and not runs:
+    if not clips:
+        return []
+    fitting = fitting_clips(clips, body)
+    runs = [run for clip in fitting for run in runs_at(clip, fps_hz, all_phases=False)]
+    if not runs:
         raise BadManifest(
             f"none of the {len(clips)} held-out clips has two valid frames in a row at {fps_hz:g}"
             " fps. Give others, or none"

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, BadMotionFile, MissingInput
-from gmrdata.gmr.checkpoint import latest_checkpoint, read_model, read_state
+from gmrdata.gmr.checkpoint import Which, latest_checkpoint, read_model, read_state
 from gmrdata.gmr.model import Gmr, network_input
 from gmrdata.gmr.motion_deltas import accumulate
 from gmrdata.gmr.runs import runs_at
@@ -30,13 +30,14 @@ class TrainedGmr:
     """Training steps behind the weights."""
 
 
-def load_gmr(run_dir: Path) -> TrainedGmr:
-    """The latest checkpoint of a training run.
+def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
+    """The latest checkpoint of a training run, or what scored best on its held-out clips.
 
     Raises:
         MissingInput: the folder is not there, or holds no checkpoint.
-        BadCheckpoint: the checkpoint is truncated or of another kind.
+        BadCheckpoint: the checkpoint is truncated or of another kind, or has no best weights.
     """
+    run_dir = Path(run_dir)
     folder = latest_checkpoint(run_dir)
     if folder is None:
         raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a finished run")
@@ -44,7 +45,9 @@ def load_gmr(run_dir: Path) -> TrainedGmr:
     fps_hz = state.get("fps_hz")
     if not isinstance(fps_hz, int | float) or not fps_hz > 0:
         raise BadCheckpoint(f"{folder / 'state.json'}: no frame rate. Train again")
-    return TrainedGmr(read_model(folder).eval(), float(fps_hz), run_dir.name, int(state["step"]))
+    model = read_model(folder, which).eval()
+    step = state["best"]["step"] if which == "best" else state["step"]
+    return TrainedGmr(model, float(fps_hz), run_dir.name, int(step))
 
 
 def predict_deltas(gmr: TrainedGmr, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -60,6 +63,7 @@ def predict_deltas(gmr: TrainedGmr, local_rotmats: np.ndarray) -> tuple[np.ndarr
     poses = network_input(
         torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64),
         gmr.model.config.input,
+        gmr.model.config.extra_inputs,
     )
     device = next(gmr.model.parameters()).device
     with torch.no_grad():

@@ -1,12 +1,14 @@
 """The global motion regressor: local poses in, motion between frames out (the paper's Fig. 4)."""
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from gmrdata.body.tree import N_LOCAL
-from gmrdata.gmr import rotations
-from gmrdata.gmr.config import ModelConfig, Representation
+from gmrdata.gmr import extra_inputs, rotations
+from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation
 
 
 class Gmr(nn.Module):
@@ -18,7 +20,7 @@ class Gmr(nn.Module):
         super().__init__()
         self.config = config
         self.encoder = nn.GRU(
-            input_size=N_LOCAL * rotations.SIZE[config.input],
+            input_size=input_size(config),
             hidden_size=config.hidden,
             num_layers=config.layers,
             batch_first=True,
@@ -39,7 +41,8 @@ class Gmr(nn.Module):
         last one leads out of the sequence and callers drop it.
 
         Args:
-            poses: (B, T, 23 * 3 | 4 | 6) local rotations in `config.input`.
+            poses: (B, T, D) local rotations in `config.input`, and `config.extra_inputs`, as
+                `network_input` makes them.
             lengths: (B,) int on the CPU: real frames of each row; the rest is padding, which does
                 not change the other frames' result.  None where all T are real.
 
@@ -47,7 +50,11 @@ class Gmr(nn.Module):
             dR (B, T, 3, 3) and dT (B, T, 3) [m].
         """
         hidden = self._encode(poses, lengths)
-        values = self.regression(self.dropout(self.projection(hidden))) * self.config.output_scale
+        features = self.dropout(self.projection(hidden))
+        # bfloat16's 8 bits are enough for features, not for the motion itself.
+        with torch.autocast(features.device.type, enabled=False):
+            values = self.regression(features.to(self.regression.weight.dtype))
+        values = values * self.config.output_scale
         n_rotation = rotations.SIZE[self.config.output]
         rotation_values = values[..., :n_rotation]
         if self.config.output != "axis-angle":
@@ -68,24 +75,34 @@ class Gmr(nn.Module):
         return hidden
 
 
+def input_size(config: ModelConfig) -> int:
+    """Numbers per frame D: 23 * 3 | 4 | 6 for the local rotations, and the extra ones."""
+    extra = sum(extra_inputs.SIZE[kind] for kind in config.extra_inputs)
+    return N_LOCAL * (rotations.SIZE[config.input] + extra)
+
+
 def parameter_count(config: ModelConfig) -> int:
     """Number of trained numbers, by formula.
 
     A GRU direction of h units on n inputs has 3h(n + h) weights and 6h biases.
     """
-    inputs = N_LOCAL * rotations.SIZE[config.input]
     h = config.hidden
-    encoder = sum(2 * (3 * h * (n + h) + 6 * h) for n in [inputs] + [2 * h] * (config.layers - 1))
+    sizes = [input_size(config)] + [2 * h] * (config.layers - 1)
+    encoder = sum(2 * (3 * h * (n + h) + 6 * h) for n in sizes)
     outputs = rotations.SIZE[config.output] + 3
     return encoder + (2 * h * h + h) + (h * outputs + outputs)
 
 
-def network_input(local_rotmats: Tensor, representation: Representation) -> Tensor:
-    """Local rotations of one sequence, (T, 23, 3, 3), as network input (T, 23 * 3 | 4 | 6).
+def network_input(
+    local_rotmats: Tensor, representation: Representation, extra: Sequence[ExtraInput] = ()
+) -> Tensor:
+    """Local rotations of sequences, (..., T, 23, 3, 3), as network input (..., T, D).
 
-    Quaternions are continuous in time with w >= 0 in the first frame.
+    Quaternions are continuous in time with w >= 0 in the first frame.  The extra inputs come after
+    them, in the order asked for.
     """
     values = rotations.from_rotmats(local_rotmats, representation)
     if representation == "quaternion":
         values = rotations.continuous_in_time(values)
-    return values.flatten(-2)
+    parts = [values] + [extra_inputs.MAKE[kind](local_rotmats) for kind in extra]
+    return torch.cat([part.flatten(-2) for part in parts], dim=-1)

@@ -62,12 +62,12 @@ def canonical_sign(quaternions: Tensor) -> Tensor:
 
 
 def continuous_in_time(quaternions: Tensor) -> Tensor:
-    """Signs that never jump in time, with w >= 0 in the first frame: (T, J, 4) -> (T, J, 4).
+    """Signs that never jump in time, with w >= 0 in the first frame: (..., T, J, 4) -> the same.
 
     q and -q are one rotation; a joint that passes 180 degrees would otherwise flip all four
     numbers.
     """
-    products = (quaternions[1:] * quaternions[:-1]).sum(-1, keepdim=True)
-    steps = torch.where(products < 0, -1.0, 1.0).to(quaternions)
-    first = torch.where(quaternions[:1, :, :1] < 0, -1.0, 1.0).to(quaternions)
-    return quaternions * torch.cumprod(torch.cat([first, steps]), dim=0)
+    before, after = quaternions[..., :-1, :, :], quaternions[..., 1:, :, :]
+    steps = torch.where((after * before).sum(-1, keepdim=True) < 0, -1.0, 1.0).to(quaternions)
+    first = torch.where(quaternions[..., :1, :, :1] < 0, -1.0, 1.0).to(quaternions)
+    return quaternions * torch.cumprod(torch.cat([first, steps], dim=-3), dim=-3)

@@ -43,7 +43,7 @@ def resample(
     chosen = rotmats[before]
     between = share > 0.0
     if between.any():
-        chosen[between] = _slerp(rotmats[before[between]], rotmats[after[between]], share[between])
+        chosen[between] = slerp(rotmats[before[between]], rotmats[after[between]], share[between])
     pelvis_m = positions[before].copy()
     pelvis_m[between] += share[between, None] * (positions[after] - positions[before])[between]
     return replace(
@@ -120,7 +120,7 @@ def _brackets(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return before, before + (share > 0.0), share
 
 
-def _slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
+def slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Rotations (N, J, 3, 3) at a share (N,) of the shortest way from start to end."""
     step = Rotation.from_matrix((start.swapaxes(-1, -2) @ end).reshape(-1, 3, 3)).as_rotvec()
     turned = np.repeat(share, start.shape[1])[:, None] * step

@@ -101,7 +101,7 @@ def test_train_and_evaluate(finished: Finished, tmp_path: Path) -> None:
     assert answer.returncode == 0, answer.stderr
     scores = read_json(scores_dir / "scores.json")
     assert [clip["id"] for clip in scores["clips"]] == ["circular", "linear", "panning"]
-    ours = scores["overall"]["pooled_over_motions"]["gmr"]
+    ours = scores["overall"]["pooled_over_motions"]["predicted"]
     assert f"{ours['tme_mm']:.1f}" in answer.stdout
     refused = gmrdata(
         *("evaluate", run_dir, paths.training_manifest, "--out", scores_dir),

@@ -12,6 +12,9 @@ from gmrdata.evaluate.table import score_rows
 from gmrdata.manifest.write import write_manifest
 from gmrdata.store import write_json
 
+NO_INTERVALS: dict[str, Any] = {"pooled_interval95": {"predicted": {}, "zero": {}}}
+INTERVALS = {"pooled_interval95": {"predicted": {"tme_mm": [16.0, 19.96]}, "zero": {}}}
+
 
 def group(ome_deg: float | None, tme_mm: float | None, vme_mm: float | None) -> FloorGroup:
     return FloorGroup(
@@ -47,7 +50,7 @@ def floor(**changes: Any) -> Floor:
 
 def errors(ome_deg: float, tme_mm: float, vme_mm: float) -> dict[str, dict[str, float]]:
     ours = {"ome_deg": ome_deg, "tme_mm": tme_mm, "vme_mm": vme_mm}
-    return {"gmr": ours, "zero": {"ome_deg": 0.01, "tme_mm": 0.01, "vme_mm": 0.01}}
+    return {"predicted": ours, "zero": {"ome_deg": 0.01, "tme_mm": 0.01, "vme_mm": 0.01}}
 
 
 def scores() -> dict[str, Any]:
@@ -62,10 +65,13 @@ def scores() -> dict[str, Any]:
             for name, (kind, found) in clips.items()
         ],
         "camera_motion": {
-            kind: {"n_clips": 1, "n_motions": 9, "pooled_over_motions": found}
+            kind: {"n_clips": 1, "n_motions": 9, "pooled_over_motions": found} | NO_INTERVALS
             for kind, found in clips.values()
         },
-        "overall": {"n_clips": 3, "n_motions": 27, "pooled_over_motions": errors(0.4, 18.0, 25.0)},
+        "overall": {"n_clips": 3, "n_motions": 27, "pooled_over_motions": errors(0.4, 18.0, 25.0)}
+        | INTERVALS,
+        "motion_type": {},
+        "protocol": None,
     }
 
 
@@ -89,7 +95,7 @@ def test_each_row_gets_the_floor_of_its_class() -> None:
         f"all linear: {said}: {own}",
         f"all static: OME 0.090° is below 0.100°: {own}",
     ]
-    assert found["clips"][0]["gmr"] == scores()["clips"][0]["gmr"]
+    assert found["clips"][0]["predicted"] == scores()["clips"][0]["predicted"]
 
 
 def test_the_table_has_the_floor_beside_gmr_and_zero_motion() -> None:
@@ -100,6 +106,7 @@ def test_the_table_has_the_floor_beside_gmr_and_zero_motion() -> None:
     )  # fmt: skip
     assert [row[0] for row in rows] == ["a", "b", "c", "all linear", "all static", "all circular",
                                         "all"]  # fmt: skip
+    assert rows[-1][2:5] == ("0.40", "18.0 (16.0 to 20.0)", "25.0")
     assert rows[-1][-1] == "0.10 / 3.0 / 3.5 (all)"
     headings, rows = score_rows(scores())
     assert headings[-1] == "with no motion at all" and {len(row) for row in rows} == {6}
@@ -122,7 +129,7 @@ def test_a_floor_is_for_pseudo_ground_truth_of_its_rate(tmp_path: Path) -> None:
     write_json(path, floor().model_dump(mode="json"))
     pseudo = manifest(tmp_path / "pseudo", "pseudo_gt")
     assert read_fitting_floor(path, pseudo, 10.0) == floor()
-    with pytest.raises(BadRecord, match="at 10 fps, but the network's are at 30 fps"):
+    with pytest.raises(BadRecord, match="at 10 fps, but the scores are at 30 fps"):
         read_fitting_floor(path, pseudo, 30.0)
     with pytest.raises(BadManifest, match="of kind motions, but"):
         read_fitting_floor(path, manifest(tmp_path / "motions", "motions"), 10.0)

@@ -5,8 +5,8 @@ from itertools import product
 import pytest
 import torch
 
-from gmrdata.gmr.config import ModelConfig, Representation
-from gmrdata.gmr.model import Gmr, network_input, parameter_count
+from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation
+from gmrdata.gmr.model import Gmr, input_size, network_input, parameter_count
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 INPUTS = {"quaternion": 92, "axis-angle": 69, "6d": 138}
@@ -31,6 +31,19 @@ def test_all_nine_of_table_1(input_: Representation, output: Representation) -> 
 def test_parameter_count(layers: int, hidden: int) -> None:
     config = ModelConfig(layers=layers, hidden=hidden)
     assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
+
+
+@pytest.mark.parametrize(
+    ("extra", "inputs"),
+    [(("velocity",), 92 + 69), (("standing",), 92 + 138), (("velocity", "standing"), 92 + 207)],
+)
+def test_parameter_count_with_extra_inputs(extra: tuple[ExtraInput, ...], inputs: int) -> None:
+    """Only the first layer is larger: three gates of both directions look at each number."""
+    config = ModelConfig(layers=3, hidden=5, extra_inputs=extra)
+    assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
+    assert input_size(config) == inputs
+    plain = parameter_count(ModelConfig(layers=3, hidden=5))
+    assert parameter_count(config) - plain == 2 * 3 * 5 * (inputs - 92)
 
 
 def test_the_papers_network() -> None:

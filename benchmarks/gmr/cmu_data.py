@@ -1,0 +1,63 @@
+"""CMU motions on the default body, and those of some subjects alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gmrdata.gmr.config import TrainConfig
+from gmrdata.gmr.split import split_manifests
+from gmrdata.library import make_library
+from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.write import write_manifest
+from gmrdata.motion.read import find_motions
+
+HELD_OUT = (2, 8)
+"""Subjects of whom every trial is scored and none is trained on."""
+SMALL = ("02_01", "08_01", "05_01", "35_01", "16_15", "12_01")
+"""Trials that are enough to try every part."""
+
+
+@dataclass(frozen=True)
+class Motions:
+    """The manifest of all motions, and that of what a recipe holds out."""
+
+    every: Path
+    held_out: Path
+    training_trials: frozenset[str]
+    """Ids of the clips that are trained on."""
+
+
+def import_motions(cmu_dir: Path, out_dir: Path, *, small: bool) -> Path:
+    """Manifest of CMU's motions on the default body; those that are imported already are kept."""
+    files = [file for file in find_motions(cmu_dir) if not small or file.stem in SMALL]
+    return make_library(tuple(files), "anny", out_dir)
+
+
+def holding_out(config: TrainConfig, subjects: Sequence[int]) -> TrainConfig:
+    """The recipe without some subjects.  02 and 08 are never trained on, whoever is scored."""
+    held_out = tuple(sorted({*HELD_OUT, *subjects}))
+    data = config.data.model_copy(update={"held_out_subjects": held_out})
+    return config.model_copy(update={"data": data})
+
+
+def scored_motions(every: Path, config: TrainConfig, subjects: Sequence[int]) -> Motions:
+    """A manifest beside that of all motions, of what the recipe holds out of some subjects."""
+    split = split_manifests([every], config.data)
+    wanted = {f"{subject:02d}" for subject in subjects}
+    ids = {file.entry.id for file in split.held_out if file.entry.id.split("_")[0] in wanted}
+    manifest = read_manifest(every)
+    assert isinstance(manifest, Manifest)
+    name = f"subjects_{'_'.join(sorted(wanted))}"
+    held_out = write_manifest(
+        every.with_name(f"{name}.yaml"),
+        name=name,
+        version=manifest.version,
+        kind="motions",
+        description=manifest.description,
+        licence=manifest.licence,
+        clips=[clip for clip in manifest.clips if clip.id in ids],
+        created_by=manifest.created_by,
+        redo=True,
+    )
+    return Motions(every, held_out, frozenset(file.entry.id for file in split.training))

@@ -1,0 +1,120 @@
+"""What the measurements on CMU motions share: the data, the chosen recipe's run, and the record."""
+
+import os
+import platform
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from gmr.cmu_ablation import changed
+from gmr.cmu_data import HELD_OUT, Motions, holding_out, import_motions, scored_motions
+from gmr.cmu_runs import Trained, trained, trained_for
+from render.tables import show
+from sfm.bars import Bar, bar_rows
+
+from gmrdata.gmr.config import LossConfig, TrainConfig
+from gmrdata.gmr.recipe import GmrRecipe
+from gmrdata.recipes import find_recipe, load_recipe
+from gmrdata.store import write_json
+
+OUT_DIR = Path("out/bench")
+SMALL_SIZE: dict[str, Any] = {
+    "model": {"layers": 1, "hidden": 16},
+    "batch_size": 4,
+    "steps": 20,
+    "eval_every": 5,
+}
+
+
+@dataclass
+class CmuSession:
+    """One run of the measurements; its trainings lie in `out/bench/gmr_cmu`, which it empties."""
+
+    small: bool
+    """Whether to only try every part, without bars."""
+    cmu_dir: Callable[[], Path]
+    """Where CMU's files are; asked only once."""
+    content: dict[str, Any] = field(default_factory=dict)
+    """What `out/bench/gmr_cmu.json` holds."""
+
+    def __post_init__(self) -> None:
+        shutil.rmtree(self.work_dir, ignore_errors=True)
+        self.work_dir.mkdir(parents=True)
+        self.content["bars"] = []
+
+    @property
+    def work_dir(self) -> Path:
+        """Where runs are kept, to look at."""
+        return (OUT_DIR / "gmr_cmu").resolve()
+
+    @property
+    def recipe(self) -> TrainConfig:
+        """The chosen settings: those of `gmrdata train --recipe gmr_cmu`."""
+        config = load_recipe(find_recipe("gmr_cmu"), GmrRecipe).train
+        return changed(config, SMALL_SIZE) if self.small else config
+
+    @property
+    def paper(self) -> TrainConfig:
+        """The paper's settings, on as few vertices as ours, so that it gets more steps."""
+        vertices = LossConfig(n_vertices=self.recipe.loss.n_vertices)
+        threads = len(os.sched_getaffinity(0))
+        config = holding_out(TrainConfig(loss=vertices, threads=threads), HELD_OUT)
+        return changed(config, SMALL_SIZE) if self.small else config
+
+    @cached_property
+    def every(self) -> Path:
+        """Manifest of all CMU motions at hand."""
+        name = "cmu_motions_small" if self.small else "cmu_motions"
+        return import_motions(self.cmu_dir(), (OUT_DIR / name).resolve(), small=self.small)
+
+    @cached_property
+    def motions(self) -> Motions:
+        """All motions, with subjects 02 and 08 to score."""
+        return scored_motions(self.every, self.recipe, HELD_OUT)
+
+    @cached_property
+    def ours(self) -> Trained:
+        """The chosen recipe, trained to its end."""
+        return trained("ours", self.motions, self.recipe, self.work_dir)
+
+    @cached_property
+    def papers(self) -> Trained:
+        """The paper's network and settings, trained for as long as ours."""
+        return trained_for(
+            self.ours.minutes, "the paper's", self.motions, self.paper, self.work_dir
+        )
+
+    @cached_property
+    def papers_small(self) -> Trained:
+        """The paper's settings on a network of our size, which gets through more steps."""
+        size = {"layers": self.recipe.model.layers, "hidden": self.recipe.model.hidden}
+        config = changed(self.paper, {"model": size, "threads": self.recipe.threads})
+        name = "the paper's, our size"
+        return trained_for(self.ours.minutes, name, self.motions, config, self.work_dir)
+
+    def record(self, **parts: Any) -> None:
+        """Write what was measured so far."""
+        self.content |= {"settings": self._settings()} | parts
+        write_json(OUT_DIR / "gmr_cmu.json", self.content)
+
+    def hold(self, bars: Sequence[Bar]) -> None:
+        """Print bars, record them, and insist on them where the sizes are full."""
+        rows = bar_rows(bars)
+        show("Bars", rows)
+        self.record(bars=[*self.content["bars"], *rows])
+        missed = [row["figure"] for row in rows if row["met"] == "no"]
+        assert self.small or not missed, f"bars not met: {', '.join(missed)}"
+
+    def _settings(self) -> dict[str, Any]:
+        return {
+            "scale": "small" if self.small else "full",
+            "recipe": self.recipe.model_dump(mode="json"),
+            "cores": len(os.sched_getaffinity(0)),
+            "load_at_the_end": round(os.getloadavg()[0], 1),
+            "python": platform.python_version(),
+            "torch": metadata.version("torch"),
+        }

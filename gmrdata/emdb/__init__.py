@@ -1,0 +1,1 @@
+"""Reader of EMDB's sequences (Kaufmann et al. 2023)."""

@@ -1,0 +1,195 @@
+"""Runs of training frames laid end to end: in memory, or in files that are mapped into it.
+
+A frame takes 464 bytes with quaternions, so AMASS's 1.4 million frames at 10 fps take 650 MB.  From
+a mapped file only those parts are read that are drawn, and processes on one machine share them.
+Local rotation matrices, which would take twice as much, are computed from the network's input where
+a window is cut.
+"""
+
+import io
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.errors import BadRecord
+from gmrdata.store import locked, read_json, write_json
+
+FORMAT = "gmrdata-pack/1"
+PACK_FILE = "pack.json"
+
+
+@dataclass(frozen=True, eq=False)
+class RunRows:
+    """One run on its way into a set."""
+
+    part: int
+    """Which of several manifests it comes from, from 0; parts come one after the other."""
+    poses: np.ndarray
+    """(n, D) network input."""
+    root_rotmats: np.ndarray
+    """(n, 3, 3) frame_from_root."""
+    pelvis_m: np.ndarray
+    """(n, 3) [m]."""
+    shape: np.ndarray
+    """(S,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlatRuns:
+    """N frames of R runs; run i has the frames `ends[i - 1]` to `ends[i]`."""
+
+    poses: np.ndarray
+    """(N, D) float32 network input."""
+    root_rotmats: np.ndarray
+    """(N, 3, 3) float64 frame_from_root: differences of neighbouring frames are taken of it."""
+    pelvis_m: np.ndarray
+    """(N, 3) float64 [m], likewise: 300 m from the origin float32 would be 0.03 mm off."""
+    shapes: np.ndarray
+    """(R, S) float32."""
+    parts: np.ndarray
+    """(R,) int64 which manifest each run comes from, ascending."""
+    ends: np.ndarray
+    """(R,) int64 frames up to and including each run."""
+
+    def rows(self, run: int) -> slice:
+        """The frames of a run."""
+        return slice(int(self.ends[run - 1]) if run else 0, int(self.ends[run]))
+
+
+_FRAME_ARRAYS = {"poses": np.float32, "root_rotmats": np.float64, "pelvis_m": np.float64}
+_RUN_ARRAYS = {"shapes": np.float32, "parts": np.int64, "ends": np.int64}
+
+
+def in_memory(runs: Iterable[RunRows]) -> FlatRuns:
+    """Lay runs end to end in memory; there must be one at least."""
+    kept = list(runs)
+    frames = {
+        name: np.concatenate([getattr(run, name) for run in kept]).astype(dtype, copy=False)
+        for name, dtype in _FRAME_ARRAYS.items()
+    }
+    return FlatRuns(**frames, **_of_runs(kept))
+
+
+def in_files(runs: Iterable[RunRows], folder: Path, about: dict[str, Any]) -> FlatRuns:
+    """Lay runs end to end in one .npy per quantity, or find them there; mapped into memory.
+
+    Processes that ask at once write once.  A folder that exists is complete.
+
+    Args:
+        runs: The runs, gone through once and not kept; there must be one at least.
+        folder: The folder to make.
+        about: What decides the content, as plain values; a folder of something else is made anew.
+
+    Raises:
+        BadRecord: the folder's record or an array is broken.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    wanted = {"format": FORMAT} | about
+    with locked(folder.with_name(f".{folder.name}.lock")):
+        if not (folder / PACK_FILE).is_file() or read_json(folder / PACK_FILE) != wanted:
+            partial = folder.with_name(folder.name + ".partial")
+            for old in (partial, folder):
+                shutil.rmtree(old, ignore_errors=True)
+            partial.mkdir()
+            _write(runs, partial)
+            write_json(partial / PACK_FILE, wanted)
+            partial.rename(folder)
+    return _mapped(folder)
+
+
+def remove_files(folder: Path) -> None:
+    """Remove what `in_files` made."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.with_name(f".{folder.name}.lock").unlink(missing_ok=True)
+
+
+def _write(runs: Iterable[RunRows], folder: Path) -> None:
+    # Rows of runs without their frames, which are many.
+    kept: list[RunRows] = []
+    lengths: list[int] = []
+    with ExitStack() as stack:
+        columns: dict[str, _Column] = {}
+        for run in runs:
+            if not kept:
+                for name, dtype in _FRAME_ARRAYS.items():
+                    row_shape = getattr(run, name).shape[1:]
+                    opened = _column(folder / f"{name}.npy", np.dtype(dtype), row_shape)
+                    columns[name] = stack.enter_context(opened)
+            for name, column in columns.items():
+                column.append(getattr(run, name))
+            none = np.zeros((0,))
+            kept.append(RunRows(run.part, none, none, none, run.shape))
+            lengths.append(len(run.poses))
+    for name, values in _of_runs(kept, lengths).items():
+        np.save(folder / f"{name}.npy", values)
+
+
+def _of_runs(runs: list[RunRows], lengths: list[int] | None = None) -> dict[str, np.ndarray]:
+    if lengths is None:
+        lengths = [len(run.poses) for run in runs]
+    values = {
+        "shapes": np.stack([run.shape for run in runs]),
+        "parts": np.array([run.part for run in runs]),
+        "ends": np.cumsum(lengths),
+    }
+    return {name: values[name].astype(dtype) for name, dtype in _RUN_ARRAYS.items()}
+
+
+def _mapped(folder: Path) -> FlatRuns:
+    try:
+        frames = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FRAME_ARRAYS}
+        runs = {name: np.load(folder / f"{name}.npy") for name in _RUN_ARRAYS}
+    except (OSError, ValueError) as error:
+        raise BadRecord(f"{folder}: broken ({error}). Remove it, and it is made again") from None
+    lengths = {len(values) for values in frames.values()} | {int(runs["ends"][-1])}
+    if len(lengths) > 1:
+        raise BadRecord(
+            f"{folder}: its arrays do not fit together. Remove it, and it is made again"
+        )
+    return FlatRuns(**frames, **runs)
+
+
+class _Column:
+    """A .npy that grows row by row."""
+
+    def __init__(
+        self, stream: io.BufferedWriter, dtype: np.dtype, row_shape: tuple[int, ...]
+    ) -> None:
+        self._stream, self._dtype, self._row_shape = stream, dtype, row_shape
+        self._count = 0
+        stream.write(self._header())
+
+    def append(self, rows: np.ndarray) -> None:
+        """Add rows (n, ...)."""
+        self._stream.write(np.ascontiguousarray(rows, dtype=self._dtype).data)
+        self._count += len(rows)
+
+    def finish(self) -> None:
+        """Say in the header how many rows there are."""
+        self._stream.seek(0)
+        self._stream.write(self._header())
+
+    def _header(self) -> bytes:
+        """Of the same length for any number of rows: numpy leaves room for the number to grow."""
+        header = io.BytesIO()
+        shape = (self._count, *self._row_shape)
+        description = {
+            "descr": np.lib.format.dtype_to_descr(self._dtype),
+            "fortran_order": False,
+            "shape": shape,
+        }
+        np.lib.format.write_array_header_1_0(header, description)
+        return header.getvalue()
+
+
+@contextmanager
+def _column(path: Path, dtype: np.dtype, row_shape: tuple[int, ...]) -> Iterator[_Column]:
+    with path.open("wb") as stream:
+        column = _Column(stream, dtype, row_shape)
+        yield column
+        column.finish()

@@ -1,0 +1,199 @@
+"""Which clips are trained on: by subject, by published lists, by weights."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from gmrdata import resources
+from gmrdata.body.file import save_body
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, save_clip
+from gmrdata.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.gmr.config import DataConfig, TrainConfig
+from gmrdata.gmr.recipe import GmrRecipe
+from gmrdata.gmr.split import cmu_trial, split_manifests, subject_of
+from gmrdata.gmr.train import train
+from gmrdata.manifest.current import Source
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.write import write_manifest
+from gmrdata.store import read_json
+
+CMU_02_03 = Source(dataset="CMU", sequence="02_03")
+SOURCES = {
+    "02_03": CMU_02_03,
+    "02_01": Source(dataset="CMU", sequence="02_01"),
+    "AMASS.02_03": Source(dataset="AMASS", sequence="CMU/02/02_03_poses"),
+    "AMASS.08_99": Source(dataset="AMASS", sequence="CMU/08/08_99_stageii"),
+    "kick": Source(dataset="AMASS", sequence="KIT/3/kick_poses"),
+    "gait": Source(dataset="gmrdata", sequence="02_03"),
+    "file": Source(dataset="file", sequence="02_03_poses"),
+    "plain": Source(dataset="file", sequence="jump"),
+}
+
+
+@pytest.fixture
+def make_manifest(
+    make_clips: Callable[..., list[Clip]], small_body: BodyModel, tmp_path: Path
+) -> Callable[..., Path]:
+    """A manifest of small clips with these sources."""
+
+    def make(name: str, sources: dict[str, Source] = SOURCES) -> Path:
+        folder, entries = tmp_path / name, []
+        clips = make_clips(len(sources), len(name), duration_s=2.0)
+        for (clip_id, source), clip in zip(sources.items(), clips, strict=True):
+            path = folder / f"{clip_id}.npz"
+            save_clip(path, replace(clip, id=clip_id), small_body.rest_pelvis_m(clip.motion.shape))
+            entries.append(
+                clip_entry(
+                    folder, clip_path=path, camera_motion="none", licence="CC0-1.0", source=source
+                )
+            )
+        return write_manifest(
+            folder / f"{name}.yaml",
+            name=name,
+            version="1.0.0",
+            description="Clips.",
+            kind="motions",
+            licence="CC0-1.0",
+            clips=entries,
+        )
+
+    return make
+
+
+def test_subjects_and_trials() -> None:
+    assert {name: (subject_of(s), cmu_trial(s)) for name, s in SOURCES.items()} == {
+        "02_03": ("CMU/02", "02_03"),
+        "02_01": ("CMU/02", "02_01"),
+        "AMASS.02_03": ("CMU/02", "02_03"),
+        "AMASS.08_99": ("CMU/08", "08_99"),
+        "kick": ("KIT/3", None),
+        "gait": (None, None),
+        "file": ("CMU/02", "02_03"),
+        "plain": (None, None),
+    }
+    assert subject_of(Source(dataset="Human3.6M", sequence="S9/Walking/1")) == "Human3.6M/S9"
+    assert subject_of(Source(dataset="EMDB", sequence="P0/09_outdoor_walk")) == "EMDB/P0"
+    assert subject_of(Source(dataset="AMASS", sequence="SFU/0005/0005_Walk001_poses")) == "SFU/0005"
+
+
+@given(subject=st.integers(1, 144), trial=st.integers(1, 75))
+def test_every_form_of_a_trial_is_that_trial(subject: int, trial: int) -> None:
+    name = f"{subject:02d}_{trial:02d}"
+    forms = [
+        Source(dataset="CMU", sequence=name),
+        Source(dataset="file", sequence=name),
+        Source(dataset="AMASS", sequence=f"CMU/{subject:02d}/{name}_poses"),
+        Source(dataset="AMASS", sequence=f"CMU/{subject:02d}/{name}_stageii"),
+    ]
+    assert {cmu_trial(form) for form in forms} == {name}
+    assert {subject_of(form) for form in forms} == {f"CMU/{subject:02d}"}
+
+
+def test_trials_of_table_8_are_left_out_by_default(make_manifest: Callable[..., Path]) -> None:
+    split = split_manifests([make_manifest("all")], DataConfig())
+    assert [file.entry.id for file in split.training] == [
+        "02_01",
+        "AMASS.08_99",
+        "gait",
+        "kick",
+        "plain",
+    ]
+    assert split.left_out == {"on the list paper_table8": 3}
+    assert split.statement == "not trained on: 3 of 8 clips (3 on the list paper_table8)"
+    assert split.held_out == ()
+    everything = split_manifests([make_manifest("all")], DataConfig(never_train_on=()))
+    assert len(everything.training) == 8 and everything.statement == ""
+
+
+def test_all_50_rows_of_table_8_are_left_out(make_manifest: Callable[..., Path]) -> None:
+    """Each of the 50 trials, in AMASS's form."""
+    rows = read_manifest(resources.published_manifest("paper_table8")).clips
+    trials = sorted({row.source.sequence for row in rows})
+    assert len(trials) == 50
+    sources = {
+        f"t{trial}": Source(dataset="AMASS", sequence=f"CMU/{trial[:2]}/{trial}_poses")
+        for trial in trials
+    }
+    split = split_manifests([make_manifest("t8", sources), make_manifest("all")], DataConfig())
+    assert split.left_out == {"on the list paper_table8": 53}
+    assert split.mix.sizes == (0, 5)
+
+
+def test_held_out_subjects_are_scored_and_not_trained_on(
+    make_manifest: Callable[..., Path],
+) -> None:
+    path = make_manifest("all")
+    for subjects in ((2, "KIT/3"), ("02", "KIT/3"), ("CMU/02", "KIT/3")):
+        split = split_manifests([path], DataConfig(held_out_subjects=subjects))
+        assert [file.entry.id for file in split.training] == ["AMASS.08_99", "gait", "plain"]
+        assert [file.entry.id for file in split.held_out] == [
+            "02_01",
+            "02_03",
+            "AMASS.02_03",
+            "file",
+            "kick",
+        ]
+        assert sum(split.left_out.values()) == 5
+    with pytest.raises(BadRecipe, match="no clip is of 77"):
+        split_manifests([path], DataConfig(held_out_subjects=(2, 77)))
+
+
+def test_what_can_not_be_split_is_said(make_manifest: Callable[..., Path]) -> None:
+    path = make_manifest("one", {"02_03": CMU_02_03})
+    with pytest.raises(BadManifest, match=r"no usable clips \(not trained on: 1 of 1 clips"):
+        split_manifests([path], DataConfig())
+    with pytest.raises(MissingInput, match="no published manifest 'table9'"):
+        split_manifests([path], DataConfig(never_train_on=("table9",)))
+    with pytest.raises(BadRecipe, match="has 2 weights for 1 manifests"):
+        split_manifests([path], DataConfig(weights=(1.0, 2.0)))
+
+
+def test_a_recipe_with_weights(tmp_path: Path) -> None:
+    recipe = GmrRecipe.model_validate(
+        {
+            "recipe": "gmr",
+            "training": [
+                {"manifest": "amass/motions.yaml", "weight": 3},
+                {"manifest": "h36m/train.yaml", "weight": 1},
+            ],
+        }
+    )
+    assert recipe.training_paths(tmp_path) == [
+        tmp_path / "amass/motions.yaml",
+        tmp_path / "h36m/train.yaml",
+    ]
+    assert recipe.train_config().data.weights == (3.0, 1.0)
+    plain = GmrRecipe.model_validate({"recipe": "gmr", "training": ["a.yaml", {"manifest": "b"}]})
+    assert plain.training_paths(tmp_path) == [tmp_path / "a.yaml", tmp_path / "b"]
+    assert plain.train_config() == TrainConfig()
+    for training in (["a.yaml", {"manifest": "b", "weight": 1}], [{"manifest": "b", "weight": 0}]):
+        with pytest.raises(ValidationError):
+            GmrRecipe.model_validate({"recipe": "gmr", "training": training})
+
+
+def test_a_training_says_what_it_left_out(
+    make_manifest: Callable[..., Path],
+    small_body: BodyModel,
+    small_config: TrainConfig,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Two manifests with weights, a held-out subject that is scored, and Table 8's trials out."""
+    save_body(tmp_path / "body.npz", small_body)
+    paths = [make_manifest("all"), make_manifest("more", {"walk": SOURCES["plain"]})]
+    data = DataConfig(weights=(1.0, 3.0), held_out_subjects=("KIT/3",))
+    config = small_config.model_copy(update={"data": data})
+    train(paths, tmp_path / "run", config, body_path=tmp_path / "body.npz")
+    record = read_json(tmp_path / "run" / "stage.json")
+    assert record["clips"] == 5
+    assert record["left_out"] == {"of held-out subject KIT/3": 1, "on the list paper_table8": 3}
+    assert "not trained on: 4 of 9 clips" in " ".join(capsys.readouterr().err.split())
+    assert "held_out_tme_mm" in (tmp_path / "run" / "metrics.jsonl").read_text()
+    assert not (tmp_path / "run" / "pack").exists()
