@@ -22,12 +22,11 @@ from gmrdata.baselines.features import features_path, load_features
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.baselines.joint_data import JointBatch, JointRun, make_joint_batch, training_runs
 from gmrdata.baselines.joint_model import JointModel, JointOutput, save_joint
-from gmrdata.body.forward import posed_vertices
 from gmrdata.body.model import BodyModel
-from gmrdata.body.subset import vertex_rows, with_vertices
 from gmrdata.errors import StageFailed, TrainingDiverged
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
 from gmrdata.gmr.usable import check_clips_fit, usable_clips
+from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.progress import progress_bar
 from gmrdata.store import run_stage, write_text
 
@@ -120,7 +119,7 @@ def fit_joint(
     """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
-    loss_body = with_vertices(body, vertex_rows(len(body.template_m), config.loss.n_vertices))
+    loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
     lines = []
     with _torch_settings(config), progress_bar() as bar:
         model = _new_model(runs, config)
@@ -132,7 +131,6 @@ def fit_joint(
                 model(batch.features.to(config.device), batch.lengths),
                 batch,
                 loss_body,
-                len(body.template_m),
                 config,
             )
             optimizer.zero_grad(set_to_none=True)
@@ -157,8 +155,7 @@ def fit_joint(
 def joint_loss(
     output: JointOutput,
     batch: JointBatch,
-    loss_body: BodyModel,
-    n_body_vertices: int,
+    loss_body: LossBody,
     config: JointConfig,
 ) -> JointTerms:
     """Eq. 5 of the motion, and the chordal loss of the local pose.
@@ -166,25 +163,20 @@ def joint_loss(
     Args:
         output: What the network sees.
         batch: The windows.
-        loss_body: The body, with those vertices that the vertex term looks at.
-        n_body_vertices: Vertices of the whole body.
+        loss_body: The body, made ready for the vertex term.
         config: The recipe.
     """
     device = output.local_rotmats.device
     true_local = batch.local_rotmats.to(device)
-    vertices_m = None
+    bodies = None
     if config.loss.vertex > 0:
-        with torch.no_grad():
-            vertices_m = posed_vertices(
-                loss_body, batch.shape[:, None].to(device), true_local[:, :-1]
-            )
+        bodies = Bodies(loss_body, batch.shape.to(device), true_local[:, :-1])
     mask = batch.frame_mask.to(device)
     motion = gmr_loss(
         output.motions,
         Motions(batch.motions.rotmats.to(device), batch.motions.metres.to(device)),
         mask[:, 1:],
-        vertices_m,
-        n_body_vertices,
+        bodies,
         config.loss,
     )
     per_joint = (output.local_rotmats - true_local).square().sum((-1, -2))

@@ -29,6 +29,7 @@ from gmrdata.errors import (
 from gmrdata.evaluate.metrics import angles_rad
 from gmrdata.gmr.config import LossConfig
 from gmrdata.gmr.motion_deltas import deltas
+from gmrdata.gmr.vertex_loss import make_loss_body
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.store import write_npz
 
@@ -175,11 +176,11 @@ def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
         motions=type(batch.motions)(batch.motions.rotmats[:, :5], batch.motions.metres[:, :5]),
         local_rotmats=batch.local_rotmats[:, :6],
     )
-    n = len(small_body.template_m)
+    loss_body = make_loss_body(small_body, None, "cpu")
     for reduction in ("mean", "sum"):
         both = config.model_copy(update={"loss": LossConfig(reduction=reduction)})
-        padded = joint_loss(output, batch, small_body, n, both)
-        whole = joint_loss(model(cut.features), cut, small_body, n, both)
+        padded = joint_loss(output, batch, loss_body, both)
+        whole = joint_loss(model(cut.features), cut, loss_body, both)
         for one, other in zip(padded.as_values().items(), whole.as_values().items(), strict=True):
             assert one[0] == other[0]
             assert one[1] == pytest.approx(other[1], rel=1e-4, abs=1e-9)
