@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-gmr-cmu clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-gmr bench-gmr-cmu clean
 
 setup: $(READY)
 
@@ -34,6 +34,10 @@ bench-render: $(READY)
 # The COLMAP stage alone, on twins of 3DPW.  ARGS=--small only tries every part; ARGS='--twins FOLDER' takes twins that are there.
 bench-sfm: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_sfm.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# GMR's training step.  ARGS=--small only tries every part.
+bench-gmr: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_gmr.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # GMR on CMU motions without subjects 02 and 08, scored on these.  ARGS=--small only tries every part.
 bench-gmr-cmu: $(READY)

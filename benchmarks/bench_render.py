@@ -1,6 +1,6 @@
 """Measure the Blender stage: exactness, overhead, throughput, feet, and food for COLMAP.
 
-`make bench-render` runs this file alone and takes about 20 minutes on two quiet cores; `--small`
+`make bench-render` runs this file alone and takes about 40 minutes on two quiet cores; `--small`
 only tries every part.  Prints tables and writes out/bench/render.json.  Ratios are of wall times
 of whole processes in one run; seconds depend on the machine.
 """

@@ -25,7 +25,7 @@ answers = Console(highlight=False, width=None if _KNOWN_WIDTH else 160)
 Item = TypeVar("Item")
 
 
-def progress_bar() -> Progress:
+def progress_bar(*, shown: bool = True) -> Progress:
     """A bar with counts, elapsed and remaining time; use it as a context manager."""
     return Progress(
         TextColumn("{task.description}", markup=False),
@@ -34,6 +34,7 @@ def progress_bar() -> Progress:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=console,
+        disable=not shown,
     )
 
 

@@ -34,6 +34,8 @@ RECORDED_PACKAGES = (
     "scipy",
     "torch",
     "torchvision",
+    "roma",
+    "safetensors",
     "pycolmap",
     "opencv-python-headless",
     "bpy",

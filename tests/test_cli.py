@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata import cli
-from gmrdata.cli import VERBS
+from gmrdata.cli import VERBS, manifests, pseudo_gt
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -33,18 +32,22 @@ def gmrdata(*arguments: object, **options: object) -> subprocess.CompletedProces
     return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
 
-SUBVERBS = (
-    "manifest check", "manifest show", "manifest diff",
-    "threedpw list", "threedpw show", "threedpw compare",
-)  # fmt: skip
+SUBVERBS = {
+    "manifest check": manifests.manifest_check,
+    "manifest show": manifests.manifest_show,
+    "manifest diff": manifests.manifest_diff,
+    "threedpw list": pseudo_gt.threedpw_list,
+    "threedpw show": pseudo_gt.threedpw_show,
+    "threedpw compare": pseudo_gt.threedpw_compare,
+    "threedpw twin": pseudo_gt.threedpw_twin,
+}
 
 
 @pytest.mark.parametrize("verb", [*VERBS, *SUBVERBS])
 def test_help_of_each_verb_says_what_it_does(verb: str) -> None:
     answer = gmrdata(*verb.split(), "--help", env={"COLUMNS": "200", "PATH": "/usr/bin"})
     assert answer.returncode == 0, answer.stderr
-    function = getattr(cli, verb.replace(" ", "_"))
-    first_line = (function.__doc__ or "").splitlines()[0]
+    first_line = ((VERBS | SUBVERBS)[verb].__doc__ or "").splitlines()[0]
     said = " ".join(answer.stdout.split())
     assert " ".join(first_line.split())[:40] in said
 

@@ -1,6 +1,7 @@
 """What a clip costs beside Blender's bare render of it, and beside a script that starts anew."""
 
 import shutil
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -20,7 +21,11 @@ CONFIG = RenderConfig(scene=SceneConfig(kind="street", seed=1))
 def measure_overhead(
     root: Path, body_path: Path, size_px: tuple[int, int], scale: Scale
 ) -> dict[str, Any]:
-    """Wall time of a clip over that of the bare render, in turn; processes from start to end."""
+    """Wall time of a clip over that of the bare render; processes from start to end.
+
+    The machine's speed drifts while it is measured, so each clip is compared with the mean of the
+    bare renders right before and right after it; what counts is the median of these ratios.
+    """
     root.mkdir(parents=True)
     clip_path = walk_clip(
         root / "clip.npz", body_path, PROGRAMMES["circular"], scale.overhead_frames, size_px
@@ -32,11 +37,12 @@ def measure_overhead(
         CONFIG.model_copy(update={"blend": True}),
         on_frame=lambda _: None,
     )
+    blend = blend_dir / "scene" / "scene.blend"
     ours: list[Spent] = []
-    bare: list[Spent] = []
+    bare = [_bare(blend, root / "bare", scale)]
     for run in range(scale.overhead_runs):
         ours.append(_ours(clip_path, body_path, root / f"ours{run}"))
-        bare.append(_bare(blend_dir / "scene" / "scene.blend", root / f"bare{run}", scale))
+        bare.append(_bare(blend, root / f"bare{run}", scale))
     figures = {
         "size_px": list(size_px),
         "frames": scale.overhead_frames,
@@ -44,11 +50,17 @@ def measure_overhead(
         "bare_wall_s": [round(spent.wall_s, 2) for spent in bare],
         "clip_cpu_s": [round(spent.cpu_s, 2) for spent in ours],
         "bare_cpu_s": [round(spent.cpu_s, 2) for spent in bare],
-        "ratio": round(median(s.wall_s for s in ours) / median(s.wall_s for s in bare), 4),
-        "cpu_ratio": round(median(s.cpu_s for s in ours) / median(s.cpu_s for s in bare), 4),
+        "ratio": _ratio([s.wall_s for s in ours], [s.wall_s for s in bare]),
+        "cpu_ratio": _ratio([s.cpu_s for s in ours], [s.cpu_s for s in bare]),
     }
     shutil.rmtree(root / "blend")
     return figures
+
+
+def _ratio(ours_s: list[float], bare_s: list[float]) -> float:
+    """Median of each clip's time over the mean of its two neighbours'; one bare more than ours."""
+    around_s = [(before + after) / 2 for before, after in pairwise(bare_s)]
+    return round(median(a / b for a, b in zip(ours_s, around_s, strict=True)), 4)
 
 
 def _ours(clip_path: Path, body_path: Path, out_dir: Path) -> Spent:

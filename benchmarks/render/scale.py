@@ -12,7 +12,7 @@ class Scale:
     overhead_frames: int
     """Frames of the clip whose wall time is compared: Table 8's mean is about 5 s at 10 fps."""
     overhead_runs: int
-    """Runs of either side, in turn."""
+    """Clips, with a bare render before the first and after each."""
     overhead_sizes_px: tuple[tuple[int, int], ...]
     """(width, height); the ratio that counts is that of the first."""
     script_frames: int
@@ -39,7 +39,7 @@ class Scale:
 
 FULL = Scale(
     overhead_frames=50,
-    overhead_runs=3,
+    overhead_runs=5,
     overhead_sizes_px=((480, 270), (640, 360)),
     script_frames=4,
     pool_clips=4,

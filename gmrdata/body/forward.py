@@ -79,18 +79,31 @@ def posed_vertices(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> Ten
         ValueError: the shape has another number of coefficients than the body, or the pose is not
             of 23 rotations.
     """
-    _check_sizes(body, shape, local_rotmats)
+    transforms = joint_transforms(body, shape, local_rotmats).flatten(-2)
     tensors = _tensors(body, local_rotmats)
     shape = shape.to(local_rotmats)
-    rest_joints_m = _rest_joints(tensors, shape)
+    blended = (tensors.skin_weights @ transforms).unflatten(-1, (3, 4))
+    rest_m = _rest_vertices(tensors, shape, local_rotmats)
+    rest_m = rest_m - _rest_joints(tensors, shape)[..., :1, :]
+    return _rotate(blended[..., :3], rest_m) + blended[..., 3]
+
+
+def joint_transforms(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> Tensor:
+    """Where each joint takes the points that are bound to it.
+
+    Points of the rest frame with the pelvis at the origin go to the root's frame with the pelvis at
+    the origin.  Arguments and errors are those of `posed_vertices`.
+
+    Returns:
+        root_from_rest (..., 24, 3, 4): rotations, and offsets [m] in the last column.
+    """
+    _check_sizes(body, shape, local_rotmats)
+    rest_joints_m = _rest_joints(_tensors(body, local_rotmats), shape.to(local_rotmats))
     joints_m, root_from_joint = _chain(rest_joints_m, local_rotmats)
     rest_from_pelvis_m = rest_joints_m - rest_joints_m[..., :1, :]
     # A joint's transform maps rest points to posed points, so its own rest place comes off first.
     offsets_m = joints_m - _rotate(root_from_joint, rest_from_pelvis_m)
-    transforms = torch.cat([root_from_joint, offsets_m[..., None]], dim=-1).flatten(-2)
-    blended = (tensors.skin_weights @ transforms).unflatten(-1, (3, 4))
-    rest_m = _rest_vertices(tensors, shape, local_rotmats) - rest_joints_m[..., :1, :]
-    return _rotate(blended[..., :3], rest_m) + blended[..., 3]
+    return torch.cat([root_from_joint, offsets_m[..., None]], dim=-1)
 
 
 def place(root_rotmats: Tensor, pelvis_m: Tensor, points: Tensor) -> Tensor:

@@ -6,13 +6,13 @@ from collections.abc import Callable
 import tyro
 
 from gmrdata.cli.answers import explain, fail
-from gmrdata.cli.floor import floor
 from gmrdata.cli.gmr import evaluate, train
-from gmrdata.cli.manifest import manifest
-from gmrdata.cli.motions import fetch, motions
-from gmrdata.cli.render import render
+from gmrdata.cli.manifests import manifest
+from gmrdata.cli.motion_files import fetch, motions
+from gmrdata.cli.noise_floor import floor
+from gmrdata.cli.pseudo_gt import threedpw
+from gmrdata.cli.rendering import render
 from gmrdata.cli.sequence import masks, sfm
-from gmrdata.cli.threedpw import threedpw
 from gmrdata.cli.whole import demo, report, run
 from gmrdata.errors import GmrdataError
 

@@ -1,15 +1,19 @@
 """Checkpoints: one folder per kept step, whole or absent, and a pointer to the latest.
 
 `<run>/checkpoints/step_00001000/{model,optimizer}.safetensors` and `state.json`; the file `latest`
-beside them holds the folder's name.  A run that averages its weights has `average.safetensors` too,
-and `averaged` in its state says so: that is then the network, and `model` what training goes on
-from.
+beside them holds the folder's name.  Where there are held-out scores, `best.safetensors` beside the
+step's own weights has those that scored best up to that step: the best so far is part of the state
+that a killed run goes on from, and comes and goes with it.  A run that averages its weights has
+`average.safetensors` too, and `averaged` in its state says so: that is then the network, and `model`
+what training goes on from.
 """
 
+import math
 import os
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from pydantic import ValidationError
@@ -23,6 +27,43 @@ from gmrdata.gmr.model import Gmr
 from gmrdata.store import read_json, write_json, write_text
 
 FORMAT = "gmrdata-gmr/1"
+
+Which = Literal["latest", "best"]
+"""Weights of a checkpoint's own step, or those that scored best on held-out clips up to it."""
+
+Kept = Literal["latest", "best", "average"]
+"""Weights that a checkpoint has, or may have."""
+
+FILES: dict[Kept, str] = {
+    "latest": "model.safetensors",
+    "best": "best.safetensors",
+    "average": "average.safetensors",
+}
+"""Files of weights."""
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The weights that scored best on held-out clips so far."""
+
+    step: int
+    """Steps done then."""
+    score: str
+    """Which score."""
+    value: float
+    """Its value."""
+    weights: dict[str, Tensor]
+    """By name, on the CPU."""
+
+
+def best_of(best: Best | None, step: int, score: str, value: float, model: Gmr) -> Best | None:
+    """The better of the best so far and the network's weights now; the older one if equal.
+
+    A score that is not a number is no score.
+    """
+    if not math.isfinite(value) or (best is not None and best.value <= value):
+        return best
+    return Best(step, score, value, _contiguous(model.state_dict()))
 
 
 def checkpoint_dir(run_dir: Path, step: int) -> Path:
@@ -51,6 +92,7 @@ def save_checkpoint(
     model: Gmr,
     optimizer: torch.optim.Optimizer,
     extra: dict[str, Any],
+    best: Best | None = None,
     *,
     average: Gmr | None = None,
 ) -> Path:
@@ -64,17 +106,21 @@ def save_checkpoint(
         model: The network.
         optimizer: Its optimiser, made over `model.parameters()`.
         extra: JSON values to keep in `state.json` beside step and model config.
+        best: The best weights so far, if there are held-out scores.
         average: The average of its weights, where the run keeps one.
     """
     folder = checkpoint_dir(run_dir, step)
     temporary = folder.with_name(f".{folder.name}.tmp")
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir(parents=True)
-    save_file(_contiguous(model.state_dict()), temporary / "model.safetensors")
+    save_file(_contiguous(model.state_dict()), temporary / FILES["latest"])
     save_file(_optimizer_tensors(model, optimizer), temporary / "optimizer.safetensors")
     state = {"format": FORMAT, "step": step, "model": model.config.model_dump(mode="json")}
+    if best is not None:
+        save_file(best.weights, temporary / FILES["best"])
+        state["best"] = {"step": best.step, "score": best.score, "value": best.value}
     if average is not None:
-        save_file(_contiguous(average.state_dict()), temporary / "average.safetensors")
+        save_file(_contiguous(average.state_dict()), temporary / FILES["average"])
         state["averaged"] = True
     write_json(temporary / "state.json", state | extra)
     for file in temporary.iterdir():
@@ -105,11 +151,12 @@ def read_state(folder: Path) -> dict[str, Any]:
     return state
 
 
-def read_model(folder: Path) -> Gmr:
+def read_model(folder: Path, which: Which = "latest") -> Gmr:
     """The network of a checkpoint, with averaged weights where the run keeps such.
 
     Raises:
-        BadCheckpoint: files are truncated, missing, or of another model.
+        BadCheckpoint: files are truncated, missing, or of another model; or the best weights are
+            asked for and were not kept.
     """
     state = read_state(folder)
     try:
@@ -117,20 +164,43 @@ def read_model(folder: Path) -> Gmr:
     except ValidationError as error:
         raise BadCheckpoint(f"{folder / 'state.json'}: no model settings: {error}") from None
     model = Gmr(config)
-    load_weights(folder, model, averaged=bool(state.get("averaged")))
+    if which == "best" and read_best(folder) is None:
+        raise BadCheckpoint(
+            f"{folder}: no best weights, since none were scored while training. Use the latest, or"
+            " train with held-out manifests"
+        )
+    load_weights(folder, model, "average" if which == "latest" and state.get("averaged") else which)
     return model
 
 
-def load_weights(folder: Path, model: Gmr, *, averaged: bool = False) -> None:
-    """Fill a network with a checkpoint's weights, as trained or averaged.
+def load_weights(folder: Path, model: Gmr, which: Kept = "latest") -> None:
+    """Fill a network with a checkpoint's weights.
 
     Raises:
         BadCheckpoint: the file is truncated or missing, or of another model.
     """
-    path = folder / ("average.safetensors" if averaged else "model.safetensors")
+    path = folder / FILES[which]
     tensors = _read_tensors(path)
     _check_names(path, tensors, {name: t.shape for name, t in model.state_dict().items()})
     model.load_state_dict(tensors)
+
+
+def read_best(folder: Path) -> Best | None:
+    """The best weights up to a checkpoint; None where nothing was scored.
+
+    Raises:
+        BadCheckpoint: a file is truncated or missing.
+    """
+    record = read_state(folder).get("best")
+    if record is None:
+        return None
+    weights = _read_tensors(folder / FILES["best"])
+    try:
+        return Best(int(record["step"]), str(record["score"]), float(record["value"]), weights)
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadCheckpoint(
+            f"{folder / 'state.json'}: unreadable entry best ({error!r}). Train again"
+        ) from None
 
 
 def load_optimizer(folder: Path, model: Gmr, optimizer: torch.optim.Optimizer) -> None:

@@ -117,7 +117,8 @@ class TrainConfig(Config):
     In the first steps the share is less, (1 + step) / (10 + step), so that the average forgets
     where it began."""
     batch_size: int = Field(default=32, ge=1)
-    """Windows per step; the paper's 32."""
+    """Windows per step and process; the paper's 32.  N processes (`torchrun`) train as one does
+    with N times as many."""
     steps: int = Field(default=100_000, ge=1)
     """Steps; the paper doesn't say how many."""
     seed: int = Field(default=0, ge=0)
@@ -126,9 +127,19 @@ class TrainConfig(Config):
     """Steps between lines of metrics.jsonl."""
     eval_every: int = Field(default=1000, ge=1)
     """Steps between scores on held-out clips, where such are given."""
+    best_by: Literal["held_out_tme_mm", "held_out_ome_deg"] = "held_out_tme_mm"
+    """The held-out score whose lowest value makes the weights that are kept as the best."""
     checkpoint_every: int = Field(default=1000, ge=1)
     """Steps between checkpoints."""
     threads: int = Field(default=1, ge=1)
     """CPU threads; part of the recipe, since another number rounds sums in another way."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where to train.  Bitwise repetition is promised on the CPU."""
+    precision: Literal["fp32", "bf16"] = "fp32"
+    """Numbers that the network computes with: `bf16` by autocast, with weights, loss and optimiser
+    in float32.  The paper does not say; float32 was usual."""
+    compile: bool = False
+    """Whether `torch.compile` makes the network; the GRUs stay the library's own."""
+    tensorboard: bool = False
+    """Whether to write TensorBoard's event files beside metrics.jsonl; needs the extra
+    `tensorboard`."""

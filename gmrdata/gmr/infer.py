@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, BadMotionFile, MissingInput
-from gmrdata.gmr.checkpoint import latest_checkpoint, read_model, read_state
+from gmrdata.gmr.checkpoint import Which, latest_checkpoint, read_model, read_state
 from gmrdata.gmr.model import Gmr, network_input
 from gmrdata.gmr.motion_deltas import accumulate
 from gmrdata.gmr.runs import runs_at
@@ -30,12 +30,12 @@ class TrainedGmr:
     """Training steps behind the weights."""
 
 
-def load_gmr(run_dir: Path) -> TrainedGmr:
-    """The latest checkpoint of a training run.
+def load_gmr(run_dir: Path, which: Which = "latest") -> TrainedGmr:
+    """The latest checkpoint of a training run, or what scored best on its held-out clips.
 
     Raises:
         MissingInput: the folder is not there, or holds no checkpoint.
-        BadCheckpoint: the checkpoint is truncated or of another kind.
+        BadCheckpoint: the checkpoint is truncated or of another kind, or has no best weights.
     """
     folder = latest_checkpoint(run_dir)
     if folder is None:
@@ -44,7 +44,9 @@ def load_gmr(run_dir: Path) -> TrainedGmr:
     fps_hz = state.get("fps_hz")
     if not isinstance(fps_hz, int | float) or not fps_hz > 0:
         raise BadCheckpoint(f"{folder / 'state.json'}: no frame rate. Train again")
-    return TrainedGmr(read_model(folder).eval(), float(fps_hz), run_dir.name, int(state["step"]))
+    model = read_model(folder, which).eval()
+    step = state["best"]["step"] if which == "best" else state["step"]
+    return TrainedGmr(model, float(fps_hz), run_dir.name, int(step))
 
 
 def predict_deltas(gmr: TrainedGmr, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

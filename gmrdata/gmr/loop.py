@@ -1,26 +1,27 @@
 """The training loop: windows in, weights out, exactly resumable."""
 
-import json
 import math
+import os
+import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import nn
 
-from gmrdata.body.forward import posed_vertices
 from gmrdata.body.model import BodyModel
-from gmrdata.body.subset import vertex_rows, with_vertices
 from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, StageFailed, TrainingDiverged
 from gmrdata.gmr.average import start_average, update_average
 from gmrdata.gmr.checkpoint import (
+    Best,
+    best_of,
     latest_checkpoint,
     load_optimizer,
     load_weights,
+    read_best,
     read_state,
     save_checkpoint,
 )
@@ -28,16 +29,15 @@ from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.data import Batch, make_batch, make_training_set
 from gmrdata.gmr.flat_runs import remove_files
 from gmrdata.gmr.held_out import held_out_runs, held_out_scores
-from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
+from gmrdata.gmr.losses import Counts, LossTerms, Motions, counts_of, gmr_loss
 from gmrdata.gmr.mixing import Mix
 from gmrdata.gmr.model import Gmr
+from gmrdata.gmr.parallel import ALONE, Processes, averaged, averaging, check_device, own_part
 from gmrdata.gmr.prefetch import prefetched
+from gmrdata.gmr.run_log import run_log
 from gmrdata.gmr.usable import fitting_clips
+from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.progress import progress_bar, track
-from gmrdata.store import write_text
-
-CHUNK_BYTES = 256 << 20
-"""Memory that posing bodies may take at once."""
 
 
 def fit(
@@ -49,18 +49,20 @@ def fit(
     held_out: Sequence[Clip] = (),
     mix: Mix | None = None,
     pack_dir: Path | None = None,
+    processes: Processes = ALONE,
 ) -> Gmr:
     """The training loop: goes on from the folder's latest checkpoint, or begins.
 
     Args:
         clips: What to train on.
         body: Their body.
-        run_dir: Gets `checkpoints` and `metrics.jsonl`.
+        run_dir: Gets `checkpoints`, `metrics.jsonl` and, if wanted, `tensorboard`.
         config: The recipe.
         held_out: What to score now and then.
         mix: Which clips come from which manifest, and how often windows come from each.
         pack_dir: Folder for the training frames, used as it is if it is there, and removed when the
             training is done; None to keep them in memory.
+        processes: Which of several processes this is.
 
     Returns:
         The network, with averaged weights if the recipe averages them.
@@ -68,8 +70,7 @@ def fit(
     Raises:
         GmrdataError: as `gmrdata.gmr.train.train`.
     """
-    if config.device == "cuda" and not torch.cuda.is_available():
-        raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
+    check_device(config.device)
     training_set = make_training_set(
         track(fitting_clips(clips, body), "reading clips", total=len(clips)),
         config.model.input,
@@ -79,63 +80,87 @@ def fit(
         pack_dir=pack_dir,
     )
     scored_runs = held_out_runs(held_out, body, config.windows.fps_hz)
-    rows = vertex_rows(len(body.template_m), config.loss.n_vertices)
-    loss_body = with_vertices(body, rows)
-    with _torch_settings(config), progress_bar() as bar:
+    loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
+    batch_size = config.batch_size * processes.count
+    extra = {
+        "fps_hz": config.windows.fps_hz,
+        "body": body.name,
+        "processes": processes.count,
+    }
+
+    def batch_of(step: int) -> Batch:
+        return make_batch(training_set, config.windows, batch_size, config.seed, step)
+
+    with _torch_settings(config), progress_bar(shown=processes.is_first) as bar:
         model = Gmr(config.model).to(config.device)
         optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
         average = start_average(model) if config.average_decay > 0 else None
         used = model if average is None else average
-        done = _resume(run_dir, config, model, optimizer, average)
+        done, best = _resume(run_dir, config, model, optimizer, average, processes)
+        network = averaging(_compiled(model, config), processes)
         task = bar.add_task("training", total=config.steps, completed=done)
+        with run_log(run_dir if processes.is_first else None, done, config.tensorboard) as log:
+            for step, batch in prefetched(batch_of, range(done, config.steps)):
+                torch.manual_seed(_derived_seed(config.seed, step + 1, processes.rank))
+                values = gradient_step(network, batch, loss_body, config, processes)
+                _check_finite(values, run_dir, step)
+                for group in optimizer.param_groups:
+                    group["lr"] = learning_rate_at(config, step)
+                optimizer.step()
+                if average is not None:
+                    update_average(average, model, config.average_decay, step)
+                bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
 
-        def batch_of(step: int) -> Batch:
-            size = config.batch_size
-            return make_batch(training_set, config.windows, size, config.seed, step)
-
-        for step, batch in prefetched(batch_of, range(done, config.steps)):
-            torch.manual_seed(_derived_seed(config.seed, step + 1))
-            values = _backward(model, batch, loss_body, len(body.template_m), config)
-            _check_finite(values, run_dir, step)
-            for group in optimizer.param_groups:
-                group["lr"] = learning_rate_at(config, step)
-            optimizer.step()
-            if average is not None:
-                update_average(average, model, config.average_decay, step)
-            bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
-
-            now = step + 1
-            if now % config.log_every == 0 or now == config.steps:
-                _log(run_dir, {"step": now} | values)
-            if scored_runs and (now % config.eval_every == 0 or now == config.steps):
-                scores = held_out_scores(used, scored_runs, config.windows.fps_hz)
-                _log(run_dir, {"step": now} | scores)
-            if now % config.checkpoint_every == 0 or now == config.steps:
-                extra = {"fps_hz": config.windows.fps_hz, "body": body.name}
-                save_checkpoint(run_dir, now, model, optimizer, extra, average=average)
-    if pack_dir is not None:
+                now = step + 1
+                is_last = now == config.steps
+                if now % config.log_every == 0 or is_last:
+                    log({"step": now} | values)
+                if not processes.is_first:
+                    continue
+                if scored_runs and (now % config.eval_every == 0 or is_last):
+                    scores = held_out_scores(used, scored_runs, config.windows.fps_hz)
+                    best = best_of(best, now, config.best_by, scores[config.best_by], used)
+                    log({"step": now} | scores)
+                if now % config.checkpoint_every == 0 or is_last:
+                    save_checkpoint(run_dir, now, model, optimizer, extra, best, average=average)
+    if pack_dir is not None and processes.is_first:
         remove_files(pack_dir)
     return used
 
 
-def _backward(
-    model: Gmr, batch: Batch, loss_body: BodyModel, n_body_vertices: int, config: TrainConfig
+def gradient_step(
+    network: nn.Module,
+    batch: Batch,
+    loss_body: LossBody,
+    config: TrainConfig,
+    processes: Processes = ALONE,
 ) -> dict[str, float]:
-    """Fill the gradients; the loss, its terms and the gradient's length before clipping."""
-    model.train()
-    model.zero_grad(set_to_none=True)
-    terms = batch_loss(model, batch, loss_body, n_body_vertices, config)
+    """Fill the gradients of a step; its loss, terms, and the gradient's length before clipping.
+
+    Args:
+        network: The network, compiled or not, whose gradients are averaged over the processes.
+        batch: The windows of all processes.
+        loss_body: The body.
+        config: The recipe.
+        processes: Which of several processes this is.
+    """
+    network.train()
+    network.zero_grad(set_to_none=True)
+    counts = counts_of(batch.mask, processes.count)
+    terms = batch_loss(network, own_part(batch, processes), loss_body, config, counts)
     terms.total.backward()
     limit = math.inf if config.gradient_norm is None else config.gradient_norm
-    gradient_norm = torch.nn.utils.clip_grad_norm_(model.parameters(), limit)
-    return {
-        "loss": terms.total.item(),
-        "orientation": terms.orientation.item(),
-        "translation": terms.translation.item(),
-        "vertex": terms.vertex.item(),
-        "smoothness": terms.smoothness.item(),
-        "gradient_norm": gradient_norm.item(),
+    gradient_norm = nn.utils.clip_grad_norm_(network.parameters(), limit)
+    values = {
+        "loss": terms.total,
+        "orientation": terms.orientation,
+        "translation": terms.translation,
+        "vertex": terms.vertex,
+        "smoothness": terms.smoothness,
+        "gradient_norm": gradient_norm,
     }
+    numbers = averaged(torch.stack([value.detach() for value in values.values()]), processes)
+    return dict(zip(values, numbers.tolist(), strict=True))
 
 
 def _check_finite(values: dict[str, float], run_dir: Path, step: int) -> None:
@@ -151,48 +176,37 @@ def _check_finite(values: dict[str, float], run_dir: Path, step: int) -> None:
 
 
 def batch_loss(
-    model: Gmr, batch: Batch, loss_body: BodyModel, n_body_vertices: int, config: TrainConfig
+    network: nn.Module,
+    batch: Batch,
+    loss_body: LossBody,
+    config: TrainConfig,
+    counts: Counts | None = None,
 ) -> LossTerms:
     """Eq. 5 of a batch.
 
     Args:
-        model: The network.
+        network: The network.
         batch: Windows.
-        loss_body: The body, with those vertices that the vertex term looks at.
-        n_body_vertices: Vertices of the whole body.
+        loss_body: The body.
         config: The recipe.
+        counts: What means are over, if not over this batch alone.
     """
     device = config.device
-    delta_rotmats, delta_m = model(batch.poses.to(device), batch.lengths)
-    vertices_m = _posed_vertices_m(loss_body, batch, device) if config.loss.vertex > 0 else None
+    with torch.autocast(device, torch.bfloat16, enabled=config.precision == "bf16"):
+        delta_rotmats, delta_m = network(batch.poses.to(device), batch.lengths)
+    bodies = None
+    if config.loss.vertex > 0:
+        # T frames have T-1 motions, and eq. 13 moves the body from the first frame of each.
+        local_rotmats = batch.local_rotmats[:, :-1].to(device)
+        bodies = Bodies(loss_body, batch.shape.to(device), local_rotmats)
     return gmr_loss(
         Motions(delta_rotmats[:, :-1], delta_m[:, :-1]),
         Motions(batch.motions.rotmats.to(device), batch.motions.metres.to(device)),
         batch.mask.to(device),
-        vertices_m,
-        n_body_vertices,
+        bodies,
         config.loss,
+        counts,
     )
-
-
-def _posed_vertices_m(loss_body: BodyModel, batch: Batch, device: str) -> Tensor:
-    """Posed bodies of all frames but the last, (B, T-1, V, 3) [m], a few windows at a time.
-
-    Skinning blends 12 numbers per vertex, four times the size of what comes out.
-    """
-    local_rotmats = batch.local_rotmats[:, :-1]
-    window_bytes = local_rotmats.shape[1] * len(loss_body.template_m) * 12 * 4
-    chunk = max(1, CHUNK_BYTES // window_bytes)
-    with torch.no_grad():
-        parts = [
-            posed_vertices(
-                loss_body,
-                batch.shape[rows, None].to(device),
-                local_rotmats[rows].to(device),
-            )
-            for rows in torch.arange(len(local_rotmats)).split(chunk)
-        ]
-    return torch.cat(parts)
 
 
 def learning_rate_at(config: TrainConfig, step: int) -> float:
@@ -209,40 +223,49 @@ def _resume(
     model: Gmr,
     optimizer: torch.optim.Optimizer,
     average: Gmr | None,
-) -> int:
-    """Load the latest checkpoint, if any, and cut the metrics to it; the number of steps done."""
+    processes: Processes,
+) -> tuple[int, Best | None]:
+    """Load the latest checkpoint, if any: the number of steps done, and the best weights so far."""
     folder = latest_checkpoint(run_dir)
-    done = 0
-    if folder is not None:
-        done = int(read_state(folder)["step"])
-        if done > config.steps:
-            raise BadCheckpoint(f"{folder}: has more steps than the {config.steps} to train")
-        load_weights(folder, model)
-        if average is not None:
-            load_weights(folder, average, averaged=True)
-        load_optimizer(folder, model, optimizer)
-    metrics_path = run_dir / "metrics.jsonl"
-    lines = metrics_path.read_text("utf-8").splitlines() if metrics_path.is_file() else []
-    # The process may have been killed in the middle of a line, which then is beyond the checkpoint.
-    kept = [line for line in lines if _line_step(line) <= done]
-    write_text(metrics_path, "".join(line + "\n" for line in kept))
-    return done
+    if folder is None:
+        return 0, None
+    state = read_state(folder)
+    done, count = int(state["step"]), state.get("processes", 1)
+    if done > config.steps:
+        raise BadCheckpoint(f"{folder}: has more steps than the {config.steps} to train")
+    if count != processes.count:
+        raise BadCheckpoint(
+            f"{folder}: made by {count} processes, so a step has other windows than with"
+            f" {processes.count}. Go on with as many, or train again"
+        )
+    load_weights(folder, model)
+    if average is not None:
+        load_weights(folder, average, "average")
+    load_optimizer(folder, model, optimizer)
+    return done, read_best(folder)
 
 
-def _line_step(line: str) -> float:
-    try:
-        return float(json.loads(line)["step"])
-    except (json.JSONDecodeError, KeyError, TypeError):
-        return math.inf
+def _compiled(model: Gmr, config: TrainConfig) -> nn.Module:
+    """The network, made by `torch.compile` if the recipe says so; the weights stay the model's.
+
+    Raises:
+        StageFailed: there is no compiler.
+    """
+    if not config.compile:
+        return model
+    compiler = os.environ.get("CXX", "g++")
+    if shutil.which(compiler) is None:
+        raise StageFailed(
+            f"compile: true needs a C++ compiler, and there is no {compiler}. Install it, or set"
+            " compile: false"
+        )
+    compiled: nn.Module = torch.compile(model)
+    return compiled
 
 
-def _log(run_dir: Path, values: dict[str, Any]) -> None:
-    with (run_dir / "metrics.jsonl").open("a", encoding="utf-8") as stream:
-        stream.write(json.dumps(values) + "\n")
-
-
-def _derived_seed(seed: int, counter: int) -> int:
-    return int(np.random.SeedSequence([seed, counter]).generate_state(1)[0])
+def _derived_seed(seed: int, counter: int, rank: int = 0) -> int:
+    numbers = [seed, counter, rank] if rank else [seed, counter]
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 
 @contextmanager

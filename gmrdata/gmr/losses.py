@@ -12,6 +12,7 @@ from torch import Tensor
 
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import LossConfig
+from gmrdata.gmr.vertex_loss import Bodies, vertex_l1_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +34,37 @@ class LossTerms:
     smoothness: Tensor
 
 
+@dataclass(frozen=True)
+class Counts:
+    """What the terms of a step are means over.
+
+    Where several processes share a step, each has its part of the windows but these are the whole
+    step's counts divided by the number of processes: the mean over the processes, of losses and of
+    gradients, then is the mean over the step.
+    """
+
+    motions: float
+    """Motions between real frames."""
+    pairs: float
+    """Adjacent two of them."""
+    windows: float
+    """Windows."""
+
+
+def counts_of(mask: Tensor, processes: int = 1) -> Counts:
+    """Counts of a whole step's mask (B, T-1), for each of some processes."""
+    motions = max(1, int(mask.sum()))
+    pairs = max(1, int(_pairs(mask).sum()))
+    return Counts(motions / processes, pairs / processes, len(mask) / processes)
+
+
 def gmr_loss(
     predicted: Motions,
     true: Motions,
     mask: Tensor,
-    vertices_m: Tensor | None,
-    n_body_vertices: int,
+    bodies: Bodies | None,
     config: LossConfig,
+    counts: Counts | None = None,
 ) -> LossTerms:
     """Eq. 5.
 
@@ -47,38 +72,33 @@ def gmr_loss(
         predicted: The network's motions, the last one already dropped.
         true: The true ones.
         mask: (B, T-1) bool: motions that count; padding is False.
-        vertices_m: (B, T-1, N, 3) posed vertices of the first frame of each motion, root at
-            identity and pelvis at the origin [m]; None where `config.vertex` is 0.
-        n_body_vertices: Vertices of the whole body, of which N may be a subset.
+        bodies: The people in the first frame of each motion; None where `config.vertex` is 0.
         config: Weights and readings.
+        counts: What means are over, if not over what `mask` has.
     """
+    if counts is None:
+        counts = counts_of(mask)
     orientation = _orientation(predicted.rotmats, true.rotmats, config.orientation_loss)
     translation = (predicted.metres - true.metres).square().sum(-1)
-    both = mask[:, 1:] & mask[:, :-1]
+    smoothness = _smoothness(predicted.rotmats)
+    mean = config.reduction == "mean"
+    motions = counts.motions if mean else counts.windows
     terms = {
-        "orientation": _reduce(orientation, mask, config),
-        "translation": _reduce(translation, mask, config),
-        "smoothness": _reduce(_smoothness(predicted.rotmats), both, config),
+        "orientation": _total(orientation, mask) / motions,
+        "translation": _total(translation, mask) / motions,
+        "smoothness": _total(smoothness, _pairs(mask)) / (counts.pairs if mean else motions),
         "vertex": orientation.new_zeros(()),
     }
-    if vertices_m is not None:
-        per_vertex_m = vertex_l1_m(predicted, true, vertices_m)
-        scale = n_body_vertices if config.reduction == "sum" else 1
-        terms["vertex"] = _reduce(per_vertex_m * scale, mask, config)
-    total = sum((getattr(config, name) * term for name, term in terms.items()), torch.zeros(()))
+    if bodies is not None:
+        per_vertex_m = vertex_l1_m(
+            predicted.rotmats - true.rotmats, predicted.metres - true.metres, bodies
+        )
+        scale = 1 if mean else len(bodies.body.body.template_m)
+        terms["vertex"] = _total(per_vertex_m, mask) * scale / motions
+    total = orientation.new_zeros(())
+    for name, term in terms.items():
+        total = total + getattr(config, name) * term
     return LossTerms(total=total, **terms)
-
-
-def vertex_l1_m(predicted: Motions, true: Motions, vertices_m: Tensor) -> Tensor:
-    """Mean over vertices of eq. 13's L1 distance, per motion: (B, T-1) [m].
-
-    The mesh of eq. 13 is M([dA, L], beta, dT), and with the local pose L given only the root
-    differs between prediction and truth.  So the body is posed once, outside autograd, and (dR v +
-    dT) - (dR* v + dT*) = (dR - dR*) v + (dT - dT*).
-    """
-    difference = (predicted.rotmats - true.rotmats).transpose(-1, -2)
-    offsets_m = vertices_m @ difference + (predicted.metres - true.metres)[..., None, :]
-    return offsets_m.abs().sum(-1).mean(-1)
 
 
 def _orientation(predicted: Tensor, true: Tensor, kind: str) -> Tensor:
@@ -95,7 +115,11 @@ def _smoothness(rotmats: Tensor) -> Tensor:
     return (rotmats[:, 1:] - rotmats[:, :-1]).square().sum((-1, -2))
 
 
-def _reduce(values: Tensor, mask: Tensor, config: LossConfig) -> Tensor:
-    """Masked mean, or sum over time and mean over windows, of (B, n) values."""
-    total = torch.where(mask, values, 0.0).sum()
-    return total / (mask.sum().clamp_min(1) if config.reduction == "mean" else len(values))
+def _pairs(mask: Tensor) -> Tensor:
+    """Where a motion and the next both count: (B, T-1) -> (B, T-2)."""
+    return mask[:, 1:] & mask[:, :-1]
+
+
+def _total(values: Tensor, mask: Tensor) -> Tensor:
+    """Sum over a batch (B, n) without its padding."""
+    return torch.where(mask, values, 0.0).sum()

@@ -50,7 +50,11 @@ class Gmr(nn.Module):
             dR (B, T, 3, 3) and dT (B, T, 3) [m].
         """
         hidden = self._encode(poses, lengths)
-        values = self.regression(self.dropout(self.projection(hidden))) * self.config.output_scale
+        features = self.dropout(self.projection(hidden))
+        # bfloat16's 8 bits are enough for features, not for the motion itself.
+        with torch.autocast(features.device.type, enabled=False):
+            values = self.regression(features.to(self.regression.weight.dtype))
+        values = values * self.config.output_scale
         n_rotation = rotations.SIZE[self.config.output]
         rotation_values = values[..., :n_rotation]
         if self.config.output != "axis-angle":

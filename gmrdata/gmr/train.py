@@ -1,11 +1,14 @@
 """Training: one loop, from manifests to a run folder.
 
-    run/checkpoints/...   the latest checkpoint (gmrdata.gmr.checkpoint)
+    run/checkpoints/...   the latest checkpoint and the best weights (gmrdata.gmr.checkpoint)
     run/metrics.jsonl     one line per logged step: step, loss, its terms; and held-out scores
-    run/stage.json        recipe, inputs, versions
+    run/tensorboard/...   the same as event files, if the recipe asks for them
+    run/stage.json        recipe with the seed, hashes of the manifests and the body, versions,
+                          number of processes, machine
 
 A run that was killed, at any moment and however, goes on when it is started again, and ends with
 the weights that it would have had: each step's windows and dropout depend on (seed, step) alone.
+Started by `torchrun`, several processes train one network (gmrdata.gmr.parallel).
 """
 
 from collections.abc import Sequence
@@ -51,6 +54,7 @@ def train(
     """
     from gmrdata.body.load import load_body
     from gmrdata.gmr.loop import fit
+    from gmrdata.gmr.parallel import from_first, join_processes
     from gmrdata.gmr.split import split_manifests
     from gmrdata.gmr.usable import LazyClips, usable_files
     from gmrdata.progress import console
@@ -60,9 +64,11 @@ def train(
     if body_path is not None:
         inputs["body"] = body_path
 
-    def work(partial_dir: Path) -> dict[str, Any]:
+    processes = join_processes(config.device)
+
+    def fit_in(partial_dir: Path) -> dict[str, Any]:
         split = split_manifests(manifest_paths, config.data)
-        if split.statement:
+        if split.statement and processes.is_first:
             console.print(split.statement, markup=False, soft_wrap=True)
         scored = [file for path in held_out_paths for file in usable_files(path)[0]]
         scored += split.held_out
@@ -75,7 +81,40 @@ def train(
             held_out=LazyClips(scored),
             mix=split.mix,
             pack_dir=partial_dir / "pack",
+            processes=processes,
         )
-        return {"clips": len(split.training), "left_out": split.left_out}
+        made_by = {"processes": processes.count} | machine(config.device)
+        return {"clips": len(split.training), "left_out": split.left_out} | made_by
 
-    return run_stage("gmr-train", run_dir, config, inputs, work, resumable=True, redo=redo)
+    if not processes.is_first:
+        partial = from_first(None, processes)
+        if partial is not None:
+            fit_in(Path(partial))
+        return run_dir
+
+    told = []
+
+    def work(partial_dir: Path) -> dict[str, Any]:
+        told.append(from_first(str(partial_dir), processes))
+        return fit_in(partial_dir)
+
+    try:
+        return run_stage("gmr-train", run_dir, config, inputs, work, resumable=True, redo=redo)
+    finally:
+        if not told:
+            from_first(None, processes)
+
+
+def machine(device: str) -> dict[str, str]:
+    """The processor and the GPU that a run was made on, for its record."""
+    import platform
+
+    import torch
+
+    record = {
+        "machine": platform.machine(),
+        "cpu_capability": torch.backends.cpu.get_cpu_capability(),
+    }
+    if device == "cuda":
+        record["gpu"] = torch.cuda.get_device_name()
+    return record

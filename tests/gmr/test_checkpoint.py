@@ -8,10 +8,12 @@ import torch
 
 from gmrdata.errors import BadCheckpoint, MissingInput
 from gmrdata.gmr.checkpoint import (
+    best_of,
     checkpoint_dir,
     latest_checkpoint,
     load_optimizer,
     load_weights,
+    read_best,
     read_model,
     read_state,
     save_checkpoint,
@@ -19,6 +21,7 @@ from gmrdata.gmr.checkpoint import (
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.infer import load_gmr
 from gmrdata.gmr.model import Gmr
+from gmrdata.store import write_json
 
 CONFIG = ModelConfig(layers=2, hidden=6, dropout=0.1)
 
@@ -106,6 +109,33 @@ def test_truncated_files_are_refused(run_dir: Path, name: str, share: float) -> 
         read_state(path.parent)
         load_weights(path.parent, model)
         load_optimizer(path.parent, model, optimizer)
+
+
+def test_the_best_weights_come_back_or_are_refused(run_dir: Path) -> None:
+    model, optimizer = stepped()
+    folder = checkpoint_dir(run_dir, 40)
+    assert read_best(folder) is None
+    with pytest.raises(BadCheckpoint, match="no best weights"):
+        read_model(folder, "best")
+    best = best_of(None, 30, "score", 2.0, model)
+    assert best is not None
+    with torch.no_grad():
+        model.regression.bias += 1
+    for worse in (2.0, 3.0, float("nan"), float("inf")):
+        assert best_of(best, 40, "score", worse, model) is best
+    save_checkpoint(run_dir, 40, model, optimizer, {"fps_hz": 10.0}, best)
+    again = read_best(folder)
+    assert again is not None
+    assert (again.step, again.score, again.value) == (30, "score", 2.0)
+    difference = read_model(folder).regression.bias - read_model(folder, "best").regression.bias
+    torch.testing.assert_close(difference, torch.ones(6))
+    path = folder / "best.safetensors"
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(BadCheckpoint, match=r"best\.safetensors: truncated"):
+        read_model(folder, "best")
+    write_json(folder / "state.json", read_state(folder) | {"best": {"step": 3}})
+    with pytest.raises(BadCheckpoint, match=r"best\.safetensors|unreadable entry best"):
+        read_best(folder)
 
 
 @pytest.mark.parametrize("name", ["model.safetensors", "optimizer.safetensors", "state.json"])

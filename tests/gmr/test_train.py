@@ -1,34 +1,49 @@
 """Training from manifests, as a stage: killed, resumed, and done once."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import BadManifest, StaleOutput
+from gmrdata.clip import Clip, read_npz, save_clip
+from gmrdata.errors import (
+    BadCheckpoint,
+    BadManifest,
+    BadMotionFile,
+    StaleOutput,
+    TrainingDiverged,
+)
 from gmrdata.gmr.checkpoint import latest_checkpoint
-from gmrdata.gmr.config import TrainConfig
+from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.infer import load_gmr
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.write import write_manifest
+from gmrdata.store import read_json, sha256_of_file, write_npz
 
 PROGRAM = """
 import sys
 from pathlib import Path
 from gmrdata.gmr.train import TrainConfig, train
-manifest, body, config, run_dir = sys.argv[1:]
-config = TrainConfig.model_validate_json(config)
-train([Path(manifest)], Path(run_dir), config, body_path=Path(body))
+manifest, held_out, body, config, run_dir = sys.argv[1:]
+train(
+    [Path(manifest)],
+    Path(run_dir),
+    TrainConfig.model_validate_json(config),
+    body_path=Path(body),
+    held_out_paths=[Path(held_out)],
+)
 """
 
 
@@ -68,6 +83,13 @@ def manifest_path(
 
 
 @pytest.fixture
+def held_out_path(
+    make_clips: Callable[..., list[Clip]], small_body: BodyModel, tmp_path: Path
+) -> Path:
+    return write_clips(tmp_path / "held_out", small_body, make_clips(1, 2))
+
+
+@pytest.fixture
 def body_path(small_body: BodyModel, tmp_path: Path) -> Path:
     save_body(tmp_path / "body.npz", small_body)
     return tmp_path / "body.npz"
@@ -84,6 +106,16 @@ def test_a_run_folder(
         "metrics.jsonl",
         "stage.json",
     ]
+    record = read_json(run_dir / "stage.json")
+    assert record["config"] == small_config.model_dump(mode="json")
+    assert record["config"]["seed"] == 7
+    assert record["inputs"] == {
+        "manifest_0": sha256_of_file(manifest_path),
+        "body": sha256_of_file(body_path),
+    }
+    assert record["processes"] == 1
+    assert record["packages"].keys() >= {"torch", "roma", "numpy", "safetensors"}
+    assert record["gmrdata"] and record["python"] and record["machine"]
     gmr = load_gmr(run_dir)
     assert (gmr.step, gmr.fps_hz, gmr.model.config) == (12, 10.0, small_config.model)
     written = (run_dir / "stage.json").stat().st_mtime_ns
@@ -109,16 +141,81 @@ def test_rejected_clips_are_not_trained_on(
         train([path], tmp_path / "run", small_config, body_path=body_path)
 
 
-def test_kill_9_at_any_time_ends_with_the_same_bytes(
+def test_clips_of_several_frame_rates_are_trained_on_at_one(
+    make_clips: Callable[..., list[Clip]],
+    small_body: BodyModel,
+    body_path: Path,
+    small_config: TrainConfig,
+    tmp_path: Path,
+) -> None:
+    """20, 25 and 120 Hz mix; a lower rate than the network's would need frames made up."""
+    clips = [
+        replace(make_clips(1, seed, fps_hz=fps_hz)[0], id=f"at_{fps_hz}")
+        for seed, fps_hz in enumerate((20, 25, 120))
+    ]
+    path = write_clips(tmp_path / "mixed", small_body, clips)
+    train([path], tmp_path / "run", small_config, body_path=body_path)
+    assert load_gmr(tmp_path / "run").fps_hz == 10
+    slow = write_clips(tmp_path / "slow", small_body, make_clips(1, 5, fps_hz=5.0))
+    with pytest.raises(BadMotionFile, match="clip gait_5_0: 5 fps is lower than 10 fps"):
+        train([path, slow], tmp_path / "other", small_config, body_path=body_path)
+    assert not (tmp_path / "other").exists()
+
+
+def test_clips_with_nan_or_other_joints_are_refused_by_name(
     manifest_path: Path, body_path: Path, small_config: TrainConfig, tmp_path: Path
+) -> None:
+    """Whatever made the files, after the manifest was written."""
+    path = manifest_path.parent / "gait_1_1.npz"
+    arrays = read_npz(path)
+    poses = arrays["poses"].copy()
+    poses[3, 7] = np.nan
+    for broken, message in (
+        (poses, "clip gait_1_1: frame 3 holds NaN"),
+        (arrays["poses"][:, :66], r"gait_1_1\.npz: array 'poses' has shape \(80, 66\)"),
+    ):
+        write_npz(path, arrays | {"poses": broken})
+        with pytest.raises(BadMotionFile, match=message):
+            train([manifest_path], tmp_path / "run", small_config, body_path=body_path)
+        assert not (tmp_path / "run").exists()
+
+
+def test_another_models_checkpoint_in_the_unfinished_run_is_refused(
+    manifest_path: Path, body_path: Path, small_config: TrainConfig, tmp_path: Path
+) -> None:
+    """The run's own folder stays as it is, so that what is in it is not lost."""
+    diverging = small_config.model_copy(update={"learning_rate": 1e30, "gradient_norm": None})
+    run_dir = tmp_path / "run"
+    with pytest.raises(TrainingDiverged, match="Lower learning_rate"):
+        train([manifest_path], run_dir, diverging, body_path=body_path)
+    larger = small_config.model_copy(update={"model": ModelConfig(layers=1, hidden=13)})
+    train([manifest_path], tmp_path / "larger", larger, body_path=body_path)
+    partial = tmp_path / "run.partial"
+    shutil.copytree(tmp_path / "larger" / "checkpoints", partial / "checkpoints")
+    with pytest.raises(BadCheckpoint, match="of another model"):
+        train([manifest_path], run_dir, diverging, body_path=body_path)
+    assert latest_checkpoint(partial) is not None
+
+
+def test_kill_9_at_any_time_ends_with_the_same_bytes(
+    manifest_path: Path,
+    held_out_path: Path,
+    body_path: Path,
+    small_config: TrainConfig,
+    tmp_path: Path,
 ) -> None:
     """A process is killed twice, at moments that nobody chose, and started again."""
     config = small_config.model_copy(
         update={"steps": 110, "checkpoint_every": 7, "schedule": "cosine"}
     )
-    train([manifest_path], tmp_path / "whole", config, body_path=body_path)
+
+    def run(run_dir: Path) -> None:
+        train([manifest_path], run_dir, config, body_path=body_path, held_out_paths=[held_out_path])
+
+    run(tmp_path / "whole")
     run_dir = tmp_path / "killed"
-    arguments = [str(manifest_path), str(body_path), config.model_dump_json(), str(run_dir)]
+    paths = [str(path) for path in (manifest_path, held_out_path, body_path)]
+    arguments = [*paths, config.model_dump_json(), str(run_dir)]
     steps_at_kill = []
     for more_steps in (10, 45):
         process = subprocess.Popen(
@@ -134,9 +231,10 @@ def test_kill_9_at_any_time_ends_with_the_same_bytes(
         assert process.wait() == -signal.SIGKILL
         steps_at_kill.append(_step(run_dir))
     assert not run_dir.exists()
-    train([manifest_path], run_dir, config, body_path=body_path)
+    run(run_dir)
     whole, killed = _bytes_of(tmp_path / "whole"), _bytes_of(run_dir)
     assert killed == whole
+    assert any(name.endswith("best.safetensors") for name in whole)
 
 
 def _step(run_dir: Path) -> int:

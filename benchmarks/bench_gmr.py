@@ -1,0 +1,133 @@
+"""Measure GMR's training step: against the direct reading of eq. 13, and over the bare network.
+
+`make bench-gmr` runs this file alone and takes about five minutes on a quiet core; `--small` only
+tries every part.  Prints tables and writes out/bench/gmr.json.  Ratios are of steps done in turn in
+one process, with the recipe's one thread; seconds depend on the machine.
+
+* `step_ratio_direct`: a step that poses the body for prediction and target under autograd, over
+  ours, on the default body's full mesh.
+* `step_ratio_bare`: our step over forward, backward and Adam of the same GRUs and linear layers
+  with a squared distance for a loss, on a body of 6890 vertices; `step_ratio_bare_pose_shapes`: on
+  one with pose blend shapes, as SMPL has them.
+"""
+
+import os
+import platform
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from gmr.gpu import measure_gpu
+from gmr.steps import (
+    bare_step,
+    difference_to_direct,
+    direct_step,
+    our_step,
+    recipe,
+    with_pose_shapes,
+    workload,
+)
+from gmr.timing import paired
+from render.tables import show
+
+from gmrdata.body.model import BodyModel
+from gmrdata.body.subset import vertex_rows, with_vertices
+from gmrdata.store import write_json
+
+pytestmark = pytest.mark.bench
+OUT = Path("out/bench/gmr.json")
+SMPL_VERTICES = 6890
+BARS = {
+    "step_ratio_direct": (">=", 5.0),
+    "step_ratio_bare": ("<=", 1.6),
+    "step_ratio_bare_pose_shapes": ("<=", 1.6),
+    "direct_loss_difference": ("<=", 1e-5),
+    "direct_gradient_difference": ("<=", 1e-5),
+}
+GPU_BAR = 1.25
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def test_the_training_step(anny: BodyModel, request: pytest.FixtureRequest) -> None:
+    small = request.config.getoption("--small")
+    sizes = (2, 32, 4, 16) if small else (2, 512, 32, 64)
+    pairs = 2 if small else 7
+    config = recipe(*sizes)
+    whole = _subset(anny, 500) if small else anny
+    part = _subset(anny, 300 if small else SMPL_VERTICES)
+
+    work = workload(config, whole)
+    difference = difference_to_direct(work)
+    rows = [
+        {"body": f"{len(whole.template_m)} vertices", "against": "direct reading"}
+        | paired(direct_step(work), our_step(work), pairs, ("other", "ours"))
+    ]
+    for name, body in (("", part), (" with pose shapes", with_pose_shapes(part))):
+        work = workload(config, body)
+        rows.append(
+            {"body": f"{len(body.template_m)} vertices{name}", "against": "bare network"}
+            | paired(our_step(work), bare_step(work), pairs, ("ours", "other"))
+        )
+    columns = ("body", "against", "ours_s", "other_s", "ratio", "ratio_min", "ratio_max", "pairs")
+    show("A training step on the CPU", [{key: row[key] for key in columns} for row in rows])
+    figures = {
+        "step_ratio_direct": rows[0]["ratio"],
+        "step_ratio_bare": rows[1]["ratio"],
+        "step_ratio_bare_pose_shapes": rows[2]["ratio"],
+        "direct_loss_difference": difference["loss"],
+        "direct_gradient_difference": difference["gradient"],
+    }
+    verdicts = [_verdict(name, value, *BARS[name]) for name, value in figures.items()]
+    gpu = measure_gpu(part) if torch.cuda.is_available() and not small else []
+    if gpu:
+        show("A training step on the GPU at 4 x 2048", gpu)
+        verdicts += [
+            _verdict(f"gpu_ratio_{row['precision']}", row["ratio"], "<=", GPU_BAR) for row in gpu
+        ]
+    show("Bars", verdicts)
+    write_json(
+        OUT,
+        figures
+        | {
+            "gpu": gpu or "not measured: no GPU" if not small else "not measured: small",
+            "steps": rows,
+            "settings": _settings() | {"scale": "small" if small else "full", "sizes": sizes},
+        },
+    )
+    if not small:
+        missed = [row["figure"] for row in verdicts if row["met"] == "no"]
+        assert not missed, f"bars not met: {', '.join(missed)}"
+
+
+def _subset(body: BodyModel, n_vertices: int) -> BodyModel:
+    return with_vertices(body, vertex_rows(len(body.template_m), n_vertices))
+
+
+def _verdict(name: str, value: float, sense: str, bar: float) -> dict[str, Any]:
+    met = value <= bar if sense == "<=" else value >= bar
+    return {
+        "figure": name,
+        "value": value,
+        "bar": f"{sense} {bar}",
+        "met": "yes" if met else "no",
+    }
+
+
+def _settings() -> dict[str, Any]:
+    return {
+        "cores": len(os.sched_getaffinity(0)),
+        "threads": torch.get_num_threads(),
+        "load_at_the_end": round(os.getloadavg()[0], 1),
+        "cpu_capability": torch.backends.cpu.get_cpu_capability(),
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+    }

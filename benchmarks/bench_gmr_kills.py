@@ -1,0 +1,125 @@
+"""Kill a training five times at random moments, and compare its weights with an undisturbed one's.
+
+The training takes about half an hour, and the whole about twice that; `--small` trains for half a
+minute.  Prints when it was killed and writes out/bench/gmr_kills.json.  The seed of the moments is
+new each time and recorded; set GMRDATA_SEED to repeat one.
+"""
+
+import json
+import os
+import secrets
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata.body.file import save_body
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip
+from gmrdata.gmr.checkpoint import latest_checkpoint
+from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
+from gmrdata.motion.gait import embedded_motions
+from gmrdata.progress import console
+from gmrdata.store import read_json, write_json
+from tests.gmr.test_train import PROGRAM, write_clips
+
+pytestmark = pytest.mark.bench
+OUT = Path("out/bench/gmr_kills.json")
+N_KILLS = 5
+START_S = 6.0
+"""A process needs about this long until it trains."""
+TRIAL_STEPS = 40
+"""Steps of the trial that tells how many fill the time."""
+
+
+def config_of(steps: int, small: bool) -> TrainConfig:
+    """Every option that has randomness or state is on."""
+    return TrainConfig(
+        model=ModelConfig(layers=2, hidden=16 if small else 128, dropout=0.1, output_scale=0.1),
+        loss=LossConfig(n_vertices=16 if small else 500),
+        learning_rate=1e-3,
+        schedule="cosine",
+        warmup_steps=20,
+        gradient_norm=1.0,
+        batch_size=8 if small else 32,
+        steps=steps,
+        seed=5,
+        eval_every=max(1, steps // 20),
+        checkpoint_every=max(1, steps // 30),
+    )
+
+
+def start(paths: list[Path], config: TrainConfig, run_dir: Path) -> subprocess.Popen[bytes]:
+    arguments = [*map(str, paths), config.model_dump_json(), str(run_dir)]
+    return subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments], stderr=subprocess.DEVNULL)
+
+
+def clips_of(body: BodyModel, seed: int, count: int) -> list[Clip]:
+    rng = np.random.default_rng(seed)
+    motions = embedded_motions(body, rng, count=count, fps_hz=30.0, duration_s=12.0)
+    return [
+        Clip(f"walk_{seed}_{i}", m, np.ones(m.n_frames, bool), np.full(m.n_frames, -1), None)
+        for i, m in enumerate(motions)
+    ]
+
+
+def bytes_of(run_dir: Path) -> dict[str, bytes]:
+    """All files but the record, which holds the time that it took."""
+    return {
+        path.relative_to(run_dir).as_posix(): path.read_bytes()
+        for path in sorted(run_dir.rglob("*"))
+        if path.is_file() and path.name != "stage.json"
+    }
+
+
+def test_five_kills_change_nothing(
+    tmp_path: Path, small_body: BodyModel, request: pytest.FixtureRequest
+) -> None:
+    small = request.config.getoption("--small")
+    wanted_s = 15.0 if small else 1800.0
+    seed = int(os.environ.get("GMRDATA_SEED") or secrets.randbits(32))
+    save_body(tmp_path / "body.npz", small_body)
+    paths = [
+        write_clips(tmp_path / "training", small_body, clips_of(small_body, 1, 8)),
+        write_clips(tmp_path / "held_out", small_body, clips_of(small_body, 2, 2)),
+        tmp_path / "body.npz",
+    ]
+    trial = config_of(TRIAL_STEPS, small)
+    assert start(paths, trial, tmp_path / "trial").wait() == 0
+    step_s = read_json(tmp_path / "trial" / "stage.json")["seconds"] / TRIAL_STEPS
+    config = config_of(int(wanted_s / step_s), small)
+
+    begin_s = time.monotonic()
+    assert start(paths, config, tmp_path / "undisturbed").wait() == 0
+    whole_s = time.monotonic() - begin_s
+    rng = np.random.default_rng(seed)
+    moments_s = np.sort(rng.uniform(0, 0.95 * (whole_s - START_S), N_KILLS))
+    kills: list[dict[str, Any]] = []
+    for after_s in START_S + np.diff(moments_s, prepend=0.0):
+        process = start(paths, config, tmp_path / "killed")
+        try:
+            process.wait(after_s)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+        folder = latest_checkpoint(tmp_path / "killed.partial")
+        kills.append({"after_s": round(after_s, 1), "went_on_from": folder and folder.name})
+        console.print(kills[-1])
+    assert start(paths, config, tmp_path / "killed").wait() == 0
+    killed, undisturbed = bytes_of(tmp_path / "killed"), bytes_of(tmp_path / "undisturbed")
+    record = {
+        "seed": seed,
+        "steps": config.steps,
+        "undisturbed_s": round(whole_s, 1),
+        "kills": kills,
+        "files": sorted(undisturbed),
+        "same_bytes": killed == undisturbed,
+    }
+    write_json(OUT, record)
+    console.print(json.dumps(record, indent=2))
+    assert killed == undisturbed
