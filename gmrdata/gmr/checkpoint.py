@@ -4,8 +4,8 @@
 beside them holds the folder's name.  Where there are held-out scores, `best.safetensors` beside the
 step's own weights has those that scored best up to that step: the best so far is part of the state
 that a killed run goes on from, and comes and goes with it.  A run that averages its weights has
-`average.safetensors` too, and `averaged` in its state says so: that is then the network, and `model`
-what training goes on from.
+`average.safetensors` too, and `averaged` in its state says so: that is then the network, and
+`model.safetensors` what training goes on from.
 """
 
 import math
