@@ -159,7 +159,7 @@ def joint_loss(
     Args:
         output: What the network sees.
         batch: The windows.
-        loss_body: The body.
+        loss_body: The body, made ready for the vertex term.
         config: The recipe.
     """
     device = output.local_rotmats.device
