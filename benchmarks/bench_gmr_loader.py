@@ -24,7 +24,7 @@ from gmrdata.gmr.prefetch import prefetched
 from gmrdata.progress import console, track
 
 pytestmark = pytest.mark.bench
-N_FRAMES, RUN_FRAMES, BATCH, STEPS = 1_400_000, 500, 32, 4
+N_FRAMES, RUN_FRAMES, BATCH, STEPS = 1_400_000, 500, 32, 10
 MOST_WAITING = 0.05
 OUT = Path("out/bench/gmr_loader.json")
 Batches = Callable[[Callable[[int], Batch], Iterable[int]], Iterator[tuple[int, Batch]]]
