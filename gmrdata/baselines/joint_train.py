@@ -127,12 +127,8 @@ def fit_joint(
         task = bar.add_task("training", total=config.steps)
         for step in range(1, config.steps + 1):
             batch = make_joint_batch(runs, config, step)
-            terms = joint_loss(
-                model(batch.features.to(config.device), batch.lengths),
-                batch,
-                loss_body,
-                config,
-            )
+            output = model(batch.features.to(config.device), batch.lengths)
+            terms = joint_loss(output, batch, loss_body, config)
             optimizer.zero_grad(set_to_none=True)
             terms.total.backward()
             limit = math.inf if config.gradient_norm is None else config.gradient_norm

@@ -121,11 +121,17 @@ def score_predictions(
     def work(partial_dir: Path) -> None:
         predict = from_folder(predictions_dir, config, motion_types(manifest_path))
         record = _record(predict, manifest_path, optional, config.fps_hz, config)
-        name = predictions_dir.resolve().name
+        name = _name_of(predictions_dir)
         write_scores(partial_dir, record | {"name": name, "model": {"predictions": name}})
 
     inputs = {"predictions": predictions_dir, "manifest": manifest_path, **_given(optional)}
     return run_stage("score", out_dir, config, inputs, work, redo=redo) / "scores.json"
+
+
+def _name_of(predictions_dir: Path) -> str:
+    """The folder's name, or that of the folder around one that is called just predictions."""
+    folder = predictions_dir.resolve()
+    return folder.parent.name if folder.name == "predictions" else folder.name
 
 
 def _given(optional: Mapping[str, Path | None]) -> dict[str, Path]:

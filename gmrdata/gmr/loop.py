@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import torch
@@ -259,8 +260,7 @@ def _compiled(model: Gmr, config: TrainConfig) -> nn.Module:
             f"compile: true needs a C++ compiler, and there is no {compiler}. Install it, or set"
             " compile: false"
         )
-    compiled: nn.Module = torch.compile(model)
-    return compiled
+    return cast(nn.Module, torch.compile(model))
 
 
 def _derived_seed(seed: int, counter: int, rank: int = 0) -> int:

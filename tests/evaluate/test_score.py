@@ -355,12 +355,13 @@ def test_predictions_that_are_missing(
     clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
 ) -> None:
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
-    write_clips(tmp_path / "predictions", small_body, clips[:1])
-    given = (tmp_path / "predictions", manifest_path, body_path, tmp_path / "scores")
+    write_clips(tmp_path / "vibe_cam" / "predictions", small_body, clips[:1])
+    given = (tmp_path / "vibe_cam" / "predictions", manifest_path, body_path, tmp_path / "scores")
     with pytest.raises(BadMotionFile, match=r"predictions: no prediction clip_1\.npz"):
         score_predictions(*given)
     assert not (tmp_path / "scores").exists()
     record = json.loads(score_predictions(*given, ScoreConfig(missing="drop")).read_text())
+    assert record["name"] == "vibe_cam"
     assert record["skipped"] == {
         "clip_1": "no prediction clip_1.npz", "clip_2": "no prediction clip_2.npz",
     }  # fmt: skip

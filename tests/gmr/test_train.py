@@ -216,7 +216,7 @@ def test_kill_9_at_any_time_ends_with_the_same_bytes(
     run_dir = tmp_path / "killed"
     paths = [str(path) for path in (manifest_path, held_out_path, body_path)]
     arguments = [*paths, config.model_dump_json(), str(run_dir)]
-    steps_at_kill = []
+    steps_at_kill: list[int] = []
     for more_steps in (10, 45):
         process = subprocess.Popen(
             [sys.executable, "-c", PROGRAM, *arguments],
