@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.clip import Clip, read_npz
-from gmrdata.errors import BadManifest, BadMotionFile
-from gmrdata.gmr.usable import usable_clips
-from gmrdata.manifest.current import ListManifest
-from gmrdata.manifest.read import read_manifest
+from gmrdata.errors import BadMotionFile
+from gmrdata.gmr.usable import usable_files
 from gmrdata.paths import resolve_inside
 
 
@@ -31,18 +29,15 @@ def manifest_subjects(path: Path) -> tuple[list[Subject], dict[str, str]]:
         BadManifest: the manifest is broken, or only a list.
         BadMotionFile: a clip's file is broken.
     """
-    usable = usable_clips(path)
-    manifest = read_manifest(path)
-    if isinstance(manifest, ListManifest):
-        raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")
-    files = {entry.id: resolve_inside(path.parent, entry.arrays.path) for entry in manifest.clips}
-    subjects, left_out = [], dict(usable.skipped)
-    for one in usable.clips:
-        if one.clip.valid.any():
-            rest_pelvis_m = read_npz(files[one.clip.id])["rest_pelvis_m"]
-            subjects.append(Subject(one.clip, rest_pelvis_m))
+    files, left_out = usable_files(path)
+    subjects = []
+    for file in files:
+        clip = file.load()
+        if clip.valid.any():
+            arrays = read_npz(resolve_inside(path.parent, file.entry.arrays.path))
+            subjects.append(Subject(clip, arrays["rest_pelvis_m"]))
         else:
-            left_out[one.clip.id] = "no frame is valid"
+            left_out[clip.id] = "no frame is valid"
     return subjects, left_out
 
 
