@@ -70,18 +70,15 @@ def trained_for(
     clips, held_out = list(LazyClips(split.training)), list(LazyClips(split.held_out))
     body, run_dir = load_body("anny"), out_dir / _folder(name)
     run_dir.mkdir(parents=True)
-    ends_s, steps = [time.monotonic()], 0
-    for more in (1, 2):
+    start_s, steps, more = time.monotonic(), 0, 1
+    while more:
         steps += more
+        before_s = time.monotonic()
         fit(clips, body, run_dir, _until(config, steps), held_out=held_out)
-        ends_s.append(time.monotonic())
-    # Both times hold the same start and end, and the second one step more.
-    step_s = max(0.01, (ends_s[2] - ends_s[1]) - (ends_s[1] - ends_s[0]))
-    left_s = 60 * minutes - (ends_s[2] - ends_s[0]) - (ends_s[1] - ends_s[0] - step_s)
-    if left_s > step_s:
-        steps += int(left_s / step_s)
-        fit(clips, body, run_dir, _until(config, steps), held_out=held_out)
-    spent_s = time.monotonic() - ends_s[0]
+        # Start and end of a call are counted as steps, so time is left for another, longer one.
+        step_s = (time.monotonic() - before_s) / more
+        spent_s = time.monotonic() - start_s
+        more = max(0, int((60 * minutes - spent_s) / step_s))
     return _scored(name, run_dir, config, steps, spent_s / 60, motions)
 
 
