@@ -77,8 +77,7 @@ def test_the_training_step(anny: BodyModel, request: pytest.FixtureRequest) -> N
             {"body": f"{len(body.template_m)} vertices{name}", "against": "bare network"}
             | paired(our_step(work), bare_step(work), pairs, ("ours", "other"))
         )
-    columns = ("body", "against", "ours_s", "other_s", "ratio", "ratio_min", "ratio_max")
-    columns += ("wall_ratio", "pairs")
+    columns = "body against ours_s other_s ratio ratio_min ratio_max wall_ratio pairs".split()
     show("A training step on the CPU", [{key: row[key] for key in columns} for row in rows])
     figures = {
         "step_ratio_direct": rows[0]["ratio"],
