@@ -47,6 +47,10 @@ BARS = {
     "direct_gradient_difference": ("<=", 1e-5),
 }
 GPU_BAR = 1.25
+COLUMNS = [
+    *("body", "against", "ours_s", "other_s"),
+    *("ratio", "ratio_min", "ratio_max", "wall_ratio", "pairs"),
+]
 
 
 @pytest.fixture(autouse=True)
@@ -77,9 +81,7 @@ def test_the_training_step(anny: BodyModel, request: pytest.FixtureRequest) -> N
             {"body": f"{len(body.template_m)} vertices{name}", "against": "bare network"}
             | paired(our_step(work), bare_step(work), pairs, ("ours", "other"))
         )
-    columns = ("body", "against", "ours_s", "other_s", "ratio", "ratio_min", "ratio_max")
-    columns += ("wall_ratio", "pairs")
-    show("A training step on the CPU", [{key: row[key] for key in columns} for row in rows])
+    show("A training step on the CPU", [{key: row[key] for key in COLUMNS} for row in rows])
     figures = {
         "step_ratio_direct": rows[0]["ratio"],
         "step_ratio_bare": rows[1]["ratio"],
