@@ -15,7 +15,6 @@ def tables(
     out: Path,
     manifest: UseAppendAction[tuple[Path, ...]] = (),
     scored: Path | None = None,
-    scored_still: Path | None = None,
     scale: ScaleName = "small",
     held_out: tuple[str, ...] = (),
     seeds: tuple[int, ...] = (),
@@ -39,7 +38,6 @@ def tables(
         out: Output folder: table<N>.md, .csv and .json; runs/ and scores/.
         manifest: Manifest of motions to train on; may be given several times.
         scored: Manifest to score; the held-out subjects of the motions when left out.
-        scored_still: The scored clips' twins with a camera that stands still (Table 6).
         scale: "small" shrinks networks and steps for a machine without a GPU; "paper" needs one.
         held_out: Subjects who are scored and not trained on, in place of the recipe's.
         seeds: Seeds of each row's trainings, in place of the recipe's.
@@ -66,7 +64,7 @@ def tables(
         raise BadRecipe(f"--workers {workers}: at least one process has to do the work")
     _, recipe = load_table(table)
     given = Given(
-        manifest, scored, scored_still, poses, keypoints, features, videos, held_out,
+        manifest, scored, poses, keypoints, features, videos, held_out,
         body_path(body),
     )  # fmt: skip
     if dry_run:

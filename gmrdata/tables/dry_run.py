@@ -50,7 +50,7 @@ def planned_runs(
     if unknown:
         total = "no estimate for those with ?: their device is not here, or their input is unknown"
     lines = [f"{n_left} of {len(plan.trainings)} trainings to make with {workers} workers: {total}"]
-    lines.append(f"{len(plan.scorings)} scores")
+    lines.append(f"{sum(map(len, plan.scorings.values()))} scores")
     return rows, lines
 
 

@@ -14,8 +14,6 @@ class Given:
     """Manifests to train on."""
     scored: Path | None = None
     """Manifest to score; None for the held-out subjects of the manifests to train on."""
-    scored_still: Path | None = None
-    """The scored clips' twins with a camera that stands still."""
     poses: Path | None = None
     """Folder with another network's <clip id>.npz (the paper: VIBE's)."""
     keypoints: Path | None = None
@@ -45,11 +43,7 @@ def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[s
         "motions to train on (--manifest)": owner.method == "gmr"
         and row.method == "gmr"
         and not given.manifests,
-        "clips to score (--scored)": row.scored == "moving"
-        and given.scored is None
-        and not has_own_clips,
-        "their twins with a camera that stands still (--scored-still)": row.scored == "still"
-        and given.scored_still is None,
+        "clips to score (--scored)": given.scored is None and not has_own_clips,
         "VIBE's poses as <clip id>.npz (--poses)": given.poses is None
         and (row.poses == "given" or row.method == "vibe_cam"),
         "2D keypoints of STAF or OpenPose as <clip id>/ (--keypoints)": given.keypoints is None

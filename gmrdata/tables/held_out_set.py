@@ -7,14 +7,14 @@ out/manifest.yaml
 from collections.abc import Sequence
 from pathlib import Path
 
-from gmrdata.clip import read_npz, save_clip
+from gmrdata.clip import read_npz
 from gmrdata.errors import BadManifest, BadRecipe
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.split import split_manifests
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.write import write_manifest
 from gmrdata.paths import resolve_inside
-from gmrdata.store import run_stage
+from gmrdata.store import run_stage, write_npz
 
 
 def held_out_set(
@@ -49,7 +49,8 @@ def held_out_set(
             entry = file.entry
             arrays = read_npz(resolve_inside(file.manifest_path.parent, entry.arrays.path))
             path = resolve_inside(partial_dir, f"clips/{entry.id}.npz")
-            save_clip(path, file.load(), arrays["rest_pelvis_m"])
+            # The arrays as they are: written anew, rotations would be rounded.
+            write_npz(path, arrays | {"valid": file.load().valid})
             entries.append(
                 clip_entry(
                     partial_dir,

@@ -1,12 +1,11 @@
 """Make one of the paper's tables: train what it needs, score it, and lay it beside the paper's."""
 
 import statistics
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gmrdata.errors import MissingInput
+from gmrdata.errors import BadManifest, MissingInput
 from gmrdata.evaluate.record import read_scores
 from gmrdata.gmr.split import split_manifests
 from gmrdata.gmr.usable import usable_files
@@ -14,7 +13,7 @@ from gmrdata.jobs import Job, Workers, run_jobs, worker_pool
 from gmrdata.tables.given import Given
 from gmrdata.tables.held_out_set import held_out_set
 from gmrdata.tables.orderings import RowFigures, orderings
-from gmrdata.tables.plan import Plan, moving_manifest, plan_table
+from gmrdata.tables.plan import Plan, plan_table, scored_manifest
 from gmrdata.tables.recipe import METRICS, Metric, Row, ScaleName, TableRecipe, train_config
 from gmrdata.tables.work import score_one, train_one
 from gmrdata.tables.write_table import write_table
@@ -54,7 +53,7 @@ def make_table(
     if not plan.scorings:
         raise MissingInput(lacking_text(recipe, plan))
     subjects = given.subjects(recipe.scales[scale])
-    if given.scored is None and any(one.row.scored == "moving" for one in plan.scorings):
+    if given.scored is None:
         config = train_config(recipe, recipe.rows[0], scale, 0, subjects).data
         held_out_set(given.manifests, config, out_dir / "held_out", redo=redo)
     shared = {"given": given, "out_dir": out_dir, "redo": redo}
@@ -64,14 +63,16 @@ def make_table(
     }
     scoring = {
         out_dir / "scores" / one.id: Job(_job_id(one.id), score_one, {"scoring": one} | shared)
-        for one in plan.scorings
+        for ones in plan.scorings.values()
+        for one in ones
     }
     paths: dict[str, Path] = {}
     for what, jobs in (("train", training), ("score", scoring)):
         paths = _run(what, jobs, workers, out_dir / "failures" / what, redo)
-    scores: dict[str, list[dict[str, Any]]] = defaultdict(list)
-    for one in plan.scorings:
-        scores[one.row.name].append(read_scores(paths[_job_id(one.id)]))
+    scores = {
+        name: [read_scores(paths[_job_id(one.id)]) for one in ones]
+        for name, ones in plan.scorings.items()
+    }
     return write_table(out_dir, _record(recipe, scale, given, plan, scores, out_dir))
 
 
@@ -115,7 +116,7 @@ def _record(
     out_dir: Path,
 ) -> dict[str, Any]:
     """Everything in `table<N>.json`."""
-    rows = [_row(row, scale, scores.get(row.name, ()), plan) for row in recipe.rows]
+    rows = [_row(recipe, row, scale, scores.get(row.name, ()), plan) for row in recipe.rows]
     made = [
         RowFigures(
             row["name"],
@@ -140,22 +141,28 @@ def _record(
 
 
 def _row(
-    row: Row, scale: ScaleName, scores: Sequence[dict[str, Any]], plan: Plan
+    recipe: TableRecipe,
+    row: Row,
+    scale: ScaleName,
+    scores: Sequence[dict[str, Any]],
+    plan: Plan,
 ) -> dict[str, Any]:
-    used = {one.training for one in plan.scorings if one.row.name == row.name}
+    used = {one.training for one in plan.scorings.get(row.name, ())}
     configs = [one.config for one in plan.trainings if one.id in used]
     found: dict[str, Any] = {
         "name": row.name_at(scale),
         "name_in_paper": row.name if row.paper else None,
-        "method": row.method,
-        "scored": row.scored,
+        "method": recipe.scored_row(row).method,
+        "clips": row.clips,
         "paper": dict(row.paper),
         "seeds": [config.seed for config in configs],
         "settings": configs[0].model_dump(mode="json", exclude={"seed"}) if configs else None,
         "ours": None,
     }
     if scores:
-        found["ours"] = {metric: _over_seeds(metric, scores, "predicted") for metric in METRICS}
+        found["ours"] = {
+            metric: _over_seeds(metric, scores, "predicted", row) for metric in METRICS
+        }
     return found
 
 
@@ -166,7 +173,7 @@ def _zero_row(scores: Mapping[str, Sequence[dict[str, Any]]]) -> dict[str, Any]:
         "name": "no motion at all",
         "name_in_paper": None,
         "method": "zero",
-        "scored": "moving",
+        "clips": "all",
         "paper": {},
         "seeds": [],
         "settings": None,
@@ -174,10 +181,30 @@ def _zero_row(scores: Mapping[str, Sequence[dict[str, Any]]]) -> dict[str, Any]:
     }
 
 
-def _over_seeds(metric: Metric, scores: Sequence[dict[str, Any]], method: str) -> dict[str, Any]:
-    values = [one["overall"]["pooled_over_motions"][method][metric] for one in scores]
+def _over_seeds(
+    metric: Metric, scores: Sequence[dict[str, Any]], method: str, row: Row | None = None
+) -> dict[str, Any]:
+    values = [clip_figure(metric, one, method, row) for one in scores]
     spread = statistics.stdev(values) if len(values) > 1 else None
     return {"mean": statistics.fmean(values), "spread": spread, "by_seed": values}
+
+
+def clip_figure(metric: Metric, scores: dict[str, Any], method: str, row: Row | None) -> float:
+    """Mean over all motions of the clips that count."""
+    if row is None or row.clips == "all":
+        return float(scores["overall"]["pooled_over_motions"][method][metric])
+    still = row.clips == "still"
+    groups = [
+        group for name, group in scores["camera_motion"].items() if (name == "static") == still
+    ]
+    n_motions = sum(group["n_motions"] for group in groups)
+    if not n_motions:
+        raise BadManifest(
+            f"row {row.name!r}: of the scored clips none has a camera that "
+            f"{'stands still' if still else 'moves'}. Give a set with both, like clips and twins"
+        )
+    sums = [group["pooled_over_motions"][method][metric] * group["n_motions"] for group in groups]
+    return float(sum(sums) / n_motions)
 
 
 def _data(
@@ -199,10 +226,8 @@ def _data(
         {"name": _name_of(path), "clips": len(usable_files(path)[0])} for path in given.videos
     ]
     overall = next(iter(scores.values()))[0]["overall"]
-    scored_path = moving_manifest(given, out_dir)
+    scored_path = scored_manifest(given, out_dir)
     what = _name_of(scored_path) if given.scored is not None else "the held-out subjects"
-    if given.scored is None and not scored_path.is_file() and given.scored_still is not None:
-        what = _name_of(given.scored_still)
     counts = f"{overall['n_clips']} clips, {overall['n_motions']} motions"
     return {
         "paper": recipe.paper_data,

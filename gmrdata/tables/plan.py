@@ -32,7 +32,7 @@ class Scoring:
     """One score of a row."""
 
     row: Row
-    """The row."""
+    """The row; or, where several rows use one score, the one whose predictions are scored."""
     id: str
     """Its folder below scores/."""
     training: str | None
@@ -45,8 +45,8 @@ class Plan:
 
     trainings: tuple[Training, ...]
     """Each network once, though several rows may use it."""
-    scorings: tuple[Scoring, ...]
-    """Row by row, seed by seed."""
+    scorings: dict[str, tuple[Scoring, ...]]
+    """By name of a row in the recipe: its scores, seed by seed."""
     lacking: dict[str, list[str]]
     """By name of a row that can't be made: what would have to be given."""
 
@@ -69,16 +69,18 @@ def plan_table(
     if shared is None:
         raise BadRecipe(f"table {recipe.table} has no scale {scale}; give one of its own")
     trainings: dict[str, Training] = {}
-    scorings: list[Scoring] = []
+    scorings: dict[str, tuple[Scoring, ...]] = {}
     missing: dict[str, list[str]] = {}
-    for row in recipe.rows:
+    for shown in recipe.rows:
+        row = recipe.scored_row(shown)
         wanted = lacking(recipe, row, shared, given)
         if wanted:
-            missing[row.name_at(scale)] = wanted
+            missing[shown.name_at(scale)] = wanted
             continue
         if row.method in ("vibe_cam", "camera_as_world"):
-            scorings.append(Scoring(row, folder_name(row.name), None))
+            scorings[shown.name] = (Scoring(row, folder_name(row.name), None),)
             continue
+        of_seeds = []
         for seed in seeds or shared.seeds:
             run = f"{folder_name(row.network or row.name)}/seed_{seed}"
             config: TrainConfig | JointConfig
@@ -87,8 +89,9 @@ def plan_table(
             else:
                 config = train_config(recipe, row, scale, seed, given.subjects(shared))
             trainings.setdefault(run, Training(run, config))
-            scorings.append(Scoring(row, f"{folder_name(row.name)}/seed_{seed}", run))
-    return Plan(tuple(trainings.values()), tuple(scorings), missing)
+            of_seeds.append(Scoring(row, f"{folder_name(row.name)}/seed_{seed}", run))
+        scorings[shown.name] = tuple(of_seeds)
+    return Plan(tuple(trainings.values()), scorings, missing)
 
 
 def folder_name(name: str) -> str:
@@ -97,6 +100,6 @@ def folder_name(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
-def moving_manifest(given: Given, out_dir: Path) -> Path:
+def scored_manifest(given: Given, out_dir: Path) -> Path:
     """The clips to score: those given, or the held-out ones."""
     return given.scored or out_dir / "held_out" / "manifest.yaml"

@@ -55,9 +55,11 @@ class Row(Config):
     """Name of the row whose trainings are used; its own where left out."""
     poses: Literal["true", "given"] = "true"
     """GMR's input: the scored clips' own local poses, or those of --poses."""
-    scored: Literal["moving", "still"] = "moving"
-    """Which clips are scored: those of --scored, or of --scored-still, their twins with a camera
-    that stands still."""
+    scores: str | None = None
+    """Name of the row whose scores are used, for other clips of them; its own where left out."""
+    clips: Literal["all", "moving", "still"] = "all"
+    """Which of the scored clips count: all, those whose camera moves, or those whose camera stands
+    still, as their twins' does."""
     train: dict[str, Any] = Field(default_factory=dict)
     """Settings that this row varies, of `TrainConfig` or, for method `joint`, `JointConfig`."""
     at: dict[ScaleName, RowAtScale] = Field(default_factory=dict)
@@ -93,13 +95,18 @@ class TableRecipe(Config):
         if len(set(names)) < len(names):
             raise ValueError("rows: names must be unique")
         for row in self.rows:
-            if row.network is not None and row.network not in names:
-                raise ValueError(f"rows: {row.name}: no row {row.network!r} to take the network of")
+            for other in {row.network, row.scores} - {None}:
+                if other not in names:
+                    raise ValueError(f"rows: {row.name}: there is no row {other!r}")
         return self
 
     def row(self, name: str) -> Row:
         """The row of a name."""
         return next(row for row in self.rows if row.name == name)
+
+    def scored_row(self, row: Row) -> Row:
+        """The row whose predictions are scored for a row: itself, or that of `scores`."""
+        return row if row.scores is None else self.row(row.scores)
 
 
 def load_table(name: str) -> tuple[Path, TableRecipe]:

@@ -5,7 +5,7 @@ from pathlib import Path
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.tables.given import Given
-from gmrdata.tables.plan import Scoring, Training, moving_manifest
+from gmrdata.tables.plan import Scoring, Training, scored_manifest
 
 
 def train_one(training: Training, given: Given, out_dir: Path, redo: bool) -> None:
@@ -33,8 +33,7 @@ def score_one(scoring: Scoring, given: Given, out_dir: Path, redo: bool) -> Path
     """
     from gmrdata.evaluate.score import score_manifest, score_predictions
 
-    manifest = given.scored_still if scoring.row.scored == "still" else None
-    manifest = manifest or moving_manifest(given, out_dir)
+    manifest = scored_manifest(given, out_dir)
     scores_dir = out_dir / "scores" / scoring.id
     if scoring.row.method == "gmr" and scoring.row.poses == "true":
         run_dir = out_dir / "runs" / str(scoring.training)

@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
 from gmrdata.cli import main
 from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import BadRecipe, MissingInput
+from gmrdata.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.infer import load_gmr
+from gmrdata.gmr.usable import usable_clips
 from gmrdata.jobs import Workers
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry
@@ -22,7 +25,7 @@ from gmrdata.motion.gait import embedded_motions
 from gmrdata.store import read_json
 from gmrdata.tables.given import Given
 from gmrdata.tables.held_out_set import held_out_set
-from gmrdata.tables.make import make_table
+from gmrdata.tables.make import clip_figure, make_table
 from gmrdata.tables.orderings import RowFigures, orderings
 from gmrdata.tables.plan import folder_name, plan_table
 from gmrdata.tables.recipe import load_table, train_config
@@ -118,6 +121,27 @@ def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path: 
     plan = plan_table(table5, "small", Given((Path("a.yaml"),), scored=scored))
     assert plan.lacking.keys() == {"VIBE-CAM", "Ours"}
     assert [one.id for one in plan.trainings] == [f"ours_gt_input/seed_{n}" for n in range(3)]
+
+
+def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves() -> None:
+    """Table 6: one score of a set and its twins, two rows."""
+    _, table6 = load_table("6")
+    plan = plan_table(table6, "small", Given((Path("a.yaml"),), scored=Path("set.yaml")), (0,))
+    off, on = (f"Ours(GT input), camera-motion-{word}" for word in ("off", "on"))
+    assert plan.scorings[off] == plan.scorings[on]
+    assert len(plan.trainings) == 1 and len(plan.lacking) == 4
+
+    def group(n_motions: int, tme_mm: float) -> dict[str, Any]:
+        return {"n_motions": n_motions, "pooled_over_motions": {"predicted": {"tme_mm": tme_mm}}}
+
+    scores = {
+        "camera_motion": {"static": group(5, 7.0), "linear": group(1, 2.0), "small": group(3, 6.0)}
+    }
+    assert clip_figure("tme_mm", scores, "predicted", table6.row(off)) == 7.0
+    assert clip_figure("tme_mm", scores, "predicted", table6.row(on)) == 5.0
+    del scores["camera_motion"]["static"]
+    with pytest.raises(BadManifest, match="none has a camera that stands still"):
+        clip_figure("tme_mm", scores, "predicted", table6.row(off))
 
 
 def test_orderings_in_sentences() -> None:
@@ -229,9 +253,6 @@ def test_a_table_from_the_command_line_and_again(
 def test_the_held_out_set_holds_the_same_motions(
     write_walks: Callable[..., Path], tmp_path: Path
 ) -> None:
-    from gmrdata.gmr.config import DataConfig
-    from gmrdata.gmr.usable import usable_clips
-
     motions = write_walks("walks", ["01_01", "02_01", "02_02"], 1)
     path = held_out_set([motions], DataConfig(held_out_subjects=(2,)), tmp_path / "held_out")
     copies = {one.clip.id: one.clip for one in usable_clips(path).clips}
