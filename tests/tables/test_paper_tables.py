@@ -202,6 +202,7 @@ def write_walks(small_body: BodyModel, tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
+@pytest.mark.slow
 def test_a_table_from_the_command_line_and_again(
     write_walks: Callable[..., Path],
     body_path: Path,
