@@ -67,6 +67,10 @@ def run_recipe(
                 f"{path}: a recipe of 3DPW needs its folder: "
                 f"gmrdata threedpw --root 3DPW --out OUT --recipe {name}"
             )
+        case "table":
+            raise BadRecipe(
+                f"{path}: a table needs motions: gmrdata tables {name} --manifest M --out OUT"
+            )
         case kind:
             raise BadRecipe(f"{path}: unknown kind {kind!r}; there are {KINDS}")
 

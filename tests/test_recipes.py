@@ -14,6 +14,7 @@ from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.run import run_recipe
 from gmrdata.synthetic.recipe import SyntheticRecipe
 from gmrdata.synthetic.select import select
+from gmrdata.tables.recipe import TableRecipe
 from gmrdata.threedpw.twin_recipe import TwinRecipe
 
 MODELS = {
@@ -23,6 +24,7 @@ MODELS = {
     "masks": MasksRecipe,
     "threedpw": ThreedpwRecipe,
     "threedpw_twin": TwinRecipe,
+    "table": TableRecipe,
 }
 
 

@@ -13,6 +13,7 @@ from gmrdata.cli.inference import infer
 from gmrdata.cli.manifests import manifest
 from gmrdata.cli.motion_files import fetch, motions
 from gmrdata.cli.noise_floor import floor
+from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import threedpw
 from gmrdata.cli.rendering import render
 from gmrdata.cli.sequence import masks, sfm
@@ -36,6 +37,7 @@ VERBS: dict[str, Verb] = {
     "evaluate": evaluate,
     "compare": compare,
     "baseline": baseline,
+    "tables": tables,
     "report": report,
     "run": run,
 }

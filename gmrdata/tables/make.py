@@ -1,0 +1,243 @@
+"""Make one of the paper's tables: train what it needs, score it, and lay it beside the paper's."""
+
+import statistics
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from gmrdata.errors import BadManifest, MissingInput
+from gmrdata.evaluate.record import read_scores
+from gmrdata.gmr.split import split_manifests
+from gmrdata.gmr.usable import usable_files
+from gmrdata.jobs import Job, Workers, run_jobs, worker_pool
+from gmrdata.tables.given import Given
+from gmrdata.tables.held_out_set import held_out_set
+from gmrdata.tables.orderings import RowFigures, orderings
+from gmrdata.tables.plan import Plan, plan_table, scored_manifest
+from gmrdata.tables.recipe import METRICS, Metric, Row, ScaleName, TableRecipe, train_config
+from gmrdata.tables.work import score_one, train_one
+from gmrdata.tables.write_table import write_table
+
+FORMAT = "gmrdata-table/1"
+
+
+def make_table(
+    recipe: TableRecipe,
+    scale: ScaleName,
+    given: Given,
+    out_dir: Path,
+    workers: Workers,
+    *,
+    seeds: Sequence[int] = (),
+    redo: bool = False,
+) -> Path:
+    """Train and score each row that the given files allow; what is made already is kept.
+
+    Args:
+        recipe: The table.
+        scale: The size.
+        given: What it is made from.
+        out_dir: Gets runs/, scores/, and `table<N>.json`, `.csv` and `.md`.
+        workers: Where the trainings run.
+        seeds: In place of the recipe's.
+        redo: Throw away runs and scores of other settings.
+
+    Returns:
+        Path of `table<N>.json`.
+
+    Raises:
+        MissingInput: no row can be made of what is given; says what each of them lacks.
+        StageFailed: a training or a score failed; the others are kept.
+    """
+    plan = plan_table(recipe, scale, given, seeds)
+    if not plan.scorings:
+        raise MissingInput(lacking_text(recipe, plan))
+    subjects = given.subjects(recipe.scales[scale])
+    if given.scored is None:
+        config = train_config(recipe, recipe.rows[0], scale, 0, subjects).data
+        held_out_set(given.manifests, config, out_dir / "held_out", redo=redo)
+    shared = {"given": given, "out_dir": out_dir, "redo": redo}
+    training = {
+        out_dir / "runs" / one.id: Job(_job_id(one.id), train_one, {"training": one} | shared)
+        for one in plan.trainings
+    }
+    scoring = {
+        out_dir / "scores" / one.id: Job(_job_id(one.id), score_one, {"scoring": one} | shared)
+        for ones in plan.scorings.values()
+        for one in ones
+    }
+    paths: dict[str, Path] = {}
+    for what, jobs in (("train", training), ("score", scoring)):
+        paths = _run(what, jobs, workers, out_dir / "failures" / what, redo)
+    scores = {
+        name: [read_scores(paths[_job_id(one.id)]) for one in ones]
+        for name, ones in plan.scorings.items()
+    }
+    return write_table(out_dir, _record(recipe, scale, given, plan, scores, out_dir))
+
+
+def _run(
+    what: str, jobs: Mapping[Path, Job], workers: Workers, failures_dir: Path, redo: bool
+) -> dict[str, Any]:
+    """Results by job id.  Where a folder is there, its stage only looks whether it is the right
+    one, for which no worker has to start."""
+    made = [] if redo else [job for folder, job in jobs.items() if folder.is_dir()]
+    results = {job.id: job.call(**job.arguments) for job in made}
+    left = [job for job in jobs.values() if job.id not in results]
+    if left:
+        with worker_pool(workers) as client:
+            results |= run_jobs(what, left, client, failures_dir)
+    return results
+
+
+def lacking_text(recipe: TableRecipe, plan: Plan, *, all_of_it: bool = True) -> str:
+    """What rows of a table lack.
+
+    Args:
+        recipe: The table.
+        plan: What can be made of it.
+        all_of_it: Whether that is nothing.
+    """
+    listed = "\n".join(f"  {name}: {'; '.join(what)}" for name, what in plan.lacking.items())
+    which = "no row" if all_of_it else "not every row"
+    return f"table {recipe.table}: {which} can be made of what is given. What is missing:\n{listed}"
+
+
+def _job_id(id: str) -> str:
+    return id.replace("/", ".")
+
+
+def _record(
+    recipe: TableRecipe,
+    scale: ScaleName,
+    given: Given,
+    plan: Plan,
+    scores: Mapping[str, Sequence[dict[str, Any]]],
+    out_dir: Path,
+) -> dict[str, Any]:
+    """Everything in `table<N>.json`."""
+    rows = [_row(recipe, row, scale, scores.get(row.name, ()), plan) for row in recipe.rows]
+    made = [
+        RowFigures(
+            row["name"],
+            row["paper"],
+            {metric: row["ours"][metric]["mean"] for metric in METRICS},
+            {metric: row["ours"][metric]["spread"] for metric in METRICS},
+        )
+        for row in rows
+        if row["ours"] is not None
+    ]
+    return {
+        "format": FORMAT,
+        "table": recipe.table,
+        "title": recipe.title,
+        "scale": scale,
+        "note": recipe.scales[scale].note,
+        "data": _data(recipe, scale, given, scores, out_dir),
+        "rows": [*rows, _zero_row(scores)],
+        "lacking": plan.lacking,
+        "statements": orderings(made),
+    }
+
+
+def _row(
+    recipe: TableRecipe,
+    row: Row,
+    scale: ScaleName,
+    scores: Sequence[dict[str, Any]],
+    plan: Plan,
+) -> dict[str, Any]:
+    used = {one.training for one in plan.scorings.get(row.name, ())}
+    configs = [one.config for one in plan.trainings if one.id in used]
+    found: dict[str, Any] = {
+        "name": row.name_at(scale),
+        "name_in_paper": row.name if row.paper else None,
+        "method": recipe.scored_row(row).method,
+        "clips": row.clips,
+        "paper": dict(row.paper),
+        "seeds": [config.seed for config in configs],
+        "settings": configs[0].model_dump(mode="json", exclude={"seed"}) if configs else None,
+        "ours": None,
+    }
+    if scores:
+        found["ours"] = {
+            metric: _over_seeds(metric, scores, "predicted", row) for metric in METRICS
+        }
+    return found
+
+
+def _zero_row(scores: Mapping[str, Sequence[dict[str, Any]]]) -> dict[str, Any]:
+    """Zero motion on the clips of the first row that was made."""
+    first = next(iter(scores.values()))[:1]
+    return {
+        "name": "no motion at all",
+        "name_in_paper": None,
+        "method": "zero",
+        "clips": "all",
+        "paper": {},
+        "seeds": [],
+        "settings": None,
+        "ours": {metric: _over_seeds(metric, first, "zero") for metric in METRICS},
+    }
+
+
+def _over_seeds(
+    metric: Metric, scores: Sequence[dict[str, Any]], method: str, row: Row | None = None
+) -> dict[str, Any]:
+    values = [clip_figure(metric, one, method, row) for one in scores]
+    spread = statistics.stdev(values) if len(values) > 1 else None
+    return {"mean": statistics.fmean(values), "spread": spread, "by_seed": values}
+
+
+def clip_figure(metric: Metric, scores: dict[str, Any], method: str, row: Row | None) -> float:
+    """Mean over all motions of the clips that count."""
+    if row is None or row.clips == "all":
+        return float(scores["overall"]["pooled_over_motions"][method][metric])
+    still = row.clips == "still"
+    groups = [
+        group for name, group in scores["camera_motion"].items() if (name == "static") == still
+    ]
+    n_motions = sum(group["n_motions"] for group in groups)
+    if not n_motions:
+        raise BadManifest(
+            f"row {row.name!r}: of the scored clips none has a camera that "
+            f"{'stands still' if still else 'moves'}. Give a set with both, like clips and twins"
+        )
+    sums = [group["pooled_over_motions"][method][metric] * group["n_motions"] for group in groups]
+    return float(sum(sums) / n_motions)
+
+
+def _data(
+    recipe: TableRecipe,
+    scale: ScaleName,
+    given: Given,
+    scores: Mapping[str, Sequence[dict[str, Any]]],
+    out_dir: Path,
+) -> dict[str, Any]:
+    subjects = given.subjects(recipe.scales[scale])
+    config = train_config(recipe, recipe.rows[0], scale, 0, subjects).data
+    training, split = [], None
+    if given.manifests:
+        split = split_manifests(given.manifests, config)
+    for i, path in enumerate(given.manifests):
+        assert split is not None
+        training.append({"name": _name_of(path), "clips": split.mix.sizes[i]})
+    training += [
+        {"name": _name_of(path), "clips": len(usable_files(path)[0])} for path in given.videos
+    ]
+    overall = next(iter(scores.values()))[0]["overall"]
+    scored_path = scored_manifest(given, out_dir)
+    what = _name_of(scored_path) if given.scored is not None else "the held-out subjects"
+    counts = f"{overall['n_clips']} clips, {overall['n_motions']} motions"
+    return {
+        "paper": recipe.paper_data,
+        "training": training,
+        "left_out": split.left_out if split is not None else {},
+        "scored": f"{what} ({counts})",
+        "held_out_subjects": list(subjects),
+    }
+
+
+def _name_of(path: Path) -> str:
+    """A manifest by its file's name and the folder around it."""
+    return f"{path.resolve().parent.name}/{path.name}"

@@ -1,0 +1,184 @@
+"""A recipe of kind `table`: the rows of one of the paper's tables, and what is trained for each."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from gmrdata import resources
+from gmrdata.baselines.joint_config import JointConfig
+from gmrdata.config import Config
+from gmrdata.errors import BadRecipe
+from gmrdata.gmr.config import TrainConfig
+from gmrdata.recipes import find_recipe, load_recipe
+
+ScaleName = Literal["paper", "small"]
+Method = Literal["gmr", "vibe_cam", "camera_as_world", "joint"]
+Metric = Literal["ome_deg", "tme_mm", "vme_mm"]
+METRICS: tuple[Metric, ...] = ("ome_deg", "tme_mm", "vme_mm")
+
+
+class Scale(Config):
+    """What all rows of a table have in common at one size."""
+
+    note: str = ""
+    """What a reader must know of this size."""
+    seeds: tuple[int, ...] = Field(default=(0,), min_length=1)
+    """Seeds of each row's trainings; the paper has one training per row."""
+    held_out_subjects: tuple[int | str, ...] = ()
+    """People who are scored and not trained on, where no manifest to score is given."""
+    train: dict[str, Any] = Field(default_factory=dict)
+    """Settings of `TrainConfig`, nested as it is; the paper's where left out."""
+    joint: dict[str, Any] = Field(default_factory=dict)
+    """Settings of `JointConfig`, for rows of that method."""
+
+
+class RowAtScale(Config):
+    """What is particular to a row at one size."""
+
+    name: str | None = None
+    """What the row is called then."""
+    train: dict[str, Any] = Field(default_factory=dict)
+    """Settings that stand over the row's."""
+
+
+class Row(Config):
+    """One row of the table."""
+
+    name: str
+    """As the paper calls it."""
+    method: Method = "gmr"
+    """What predicts: a trained GMR; VIBE-CAM; true camera-frame poses taken as world poses; or the
+    non-sequential model."""
+    network: str | None = None
+    """Name of the row whose trainings are used; its own where left out."""
+    poses: Literal["true", "given"] = "true"
+    """GMR's input: the scored clips' own local poses, or those of --poses."""
+    scores: str | None = None
+    """Name of the row whose scores are used, for other clips of them; its own where left out."""
+    clips: Literal["all", "moving", "still"] = "all"
+    """Which of the scored clips count: all, those whose camera moves, or those whose camera stands
+    still, as their twins' does."""
+    train: dict[str, Any] = Field(default_factory=dict)
+    """Settings that this row varies, of `TrainConfig` or, for method `joint`, `JointConfig`."""
+    at: dict[ScaleName, RowAtScale] = Field(default_factory=dict)
+    """What is particular to it at one size."""
+    paper: dict[Metric, float] = Field(default_factory=dict)
+    """The paper's figures [deg, mm]; none for a row that the paper doesn't have."""
+
+    def name_at(self, scale: ScaleName) -> str:
+        """What the row is called at a size."""
+        at = self.at.get(scale)
+        return self.name if at is None or at.name is None else at.name
+
+
+class TableRecipe(Config):
+    """One of the paper's tables."""
+
+    recipe: Literal["table"]
+    """Kind of recipe."""
+    table: int = Field(ge=1)
+    """The paper's number."""
+    title: str
+    """What the table shows."""
+    paper_data: str
+    """What the paper trained and scored on."""
+    scales: dict[ScaleName, Scale]
+    """What the rows have in common at each size."""
+    rows: tuple[Row, ...] = Field(min_length=1)
+    """The rows in the paper's order."""
+
+    @model_validator(mode="after")
+    def _rows_fit(self) -> Self:
+        names = [row.name for row in self.rows]
+        if len(set(names)) < len(names):
+            raise ValueError("rows: names must be unique")
+        for row in self.rows:
+            for other in {row.network, row.scores} - {None}:
+                if other not in names:
+                    raise ValueError(f"rows: {row.name}: there is no row {other!r}")
+        return self
+
+    def row(self, name: str) -> Row:
+        """The row of a name."""
+        return next(row for row in self.rows if row.name == name)
+
+    def scored_row(self, row: Row) -> Row:
+        """The row whose predictions are scored for a row: itself, or that of `scores`."""
+        return row if row.scores is None else self.row(row.scores)
+
+
+def load_table(name: str) -> tuple[Path, TableRecipe]:
+    """A table's recipe: by its number in the paper, or a YAML file.
+
+    Every training of every row is built, so that a wrong setting is found before any is run.
+
+    Raises:
+        MissingInput: no such file, or no such table.
+        BadRecipe: not YAML, or settings that do not exist or fit; names the file and the row.
+    """
+    carried = f"paper/table{name}"
+    path = resources.recipe(carried) if name.isdecimal() else find_recipe(name)
+    recipe = load_recipe(path, TableRecipe)
+    for row in recipe.rows:
+        for scale, shared in recipe.scales.items():
+            try:
+                train_config(recipe, row, scale, shared.seeds[0], ())
+                joint_config(recipe, row, scale, shared.seeds[0])
+            except ValidationError as error:
+                problems = "\n".join(
+                    f"  {'.'.join(map(str, found['loc']))}: {found['msg']}"
+                    for found in error.errors()
+                )
+                raise BadRecipe(f"{path}: row {row.name!r} at scale {scale}:\n{problems}") from None
+    return path, recipe
+
+
+def train_config(
+    recipe: TableRecipe,
+    row: Row,
+    scale: ScaleName,
+    seed: int,
+    held_out_subjects: tuple[int | str, ...],
+) -> TrainConfig:
+    """The training of a row's network.
+
+    Args:
+        recipe: The table.
+        row: The row, or one that uses the network of another.
+        scale: The size.
+        seed: The training's seed.
+        held_out_subjects: Who is not trained on.
+
+    Raises:
+        ValidationError: of pydantic: settings that do not exist or fit.
+    """
+    owner = row if row.network is None else recipe.row(row.network)
+    own = {} if owner.method == "joint" else _settings_of(owner, scale)
+    settings = merged(recipe.scales[scale].train, own)
+    chosen = {"seed": seed}
+    if held_out_subjects:
+        chosen = merged(chosen, {"data": {"held_out_subjects": held_out_subjects}})
+    return TrainConfig.model_validate(merged(settings, chosen))
+
+
+def joint_config(recipe: TableRecipe, row: Row, scale: ScaleName, seed: int) -> JointConfig:
+    """The training of the non-sequential model; errors as in `train_config`."""
+    own = _settings_of(row, scale) if row.method == "joint" else {}
+    return JointConfig.model_validate(merged(recipe.scales[scale].joint, own) | {"seed": seed})
+
+
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested settings with others laid over them."""
+    found = dict(base)
+    for key, value in over.items():
+        below = found.get(key)
+        both = isinstance(value, Mapping) and isinstance(below, Mapping)
+        found[key] = merged(below, value) if both else value  # type: ignore[arg-type]
+    return found
+
+
+def _settings_of(row: Row, scale: ScaleName) -> dict[str, Any]:
+    at = row.at.get(scale)
+    return row.train if at is None else merged(row.train, at.train)

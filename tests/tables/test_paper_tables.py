@@ -1,0 +1,274 @@
+"""The paper's tables: their recipes, and a tiny one made from the command line."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata import resources
+from gmrdata.body.file import save_body
+from gmrdata.body.model import BodyModel
+from gmrdata.cli import main
+from gmrdata.clip import Clip, save_clip
+from gmrdata.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.gmr.config import DataConfig
+from gmrdata.gmr.infer import load_gmr
+from gmrdata.gmr.usable import usable_clips
+from gmrdata.jobs import Workers
+from gmrdata.manifest.current import Source
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.write import write_manifest
+from gmrdata.motion.gait import embedded_motions
+from gmrdata.store import read_json
+from gmrdata.tables.given import Given
+from gmrdata.tables.held_out_set import held_out_set
+from gmrdata.tables.make import clip_figure, make_table
+from gmrdata.tables.orderings import RowFigures, orderings
+from gmrdata.tables.plan import folder_name, plan_table
+from gmrdata.tables.recipe import load_table, train_config
+
+TINY = """
+recipe: table
+table: 2
+title: Two losses
+paper_data: something larger
+scales:
+  small:
+    note: Tiny.
+    seeds: [3]
+    train:
+      model: {layers: 1, hidden: 8, output_scale: 0.1}
+      loss: {n_vertices: 8}
+      windows: {frames: 16}
+      batch_size: 4
+      steps: 4
+      eval_every: 1000
+rows:
+- {name: Chordal, paper: {ome_deg: 1.0, tme_mm: 6.0, vme_mm: 9.0}}
+- name: Angular
+  train: {loss: {orientation_loss: angular}}
+  paper: {ome_deg: 1.5, tme_mm: 7.0, vme_mm: 9.5}
+"""
+
+
+def test_every_table_of_the_paper_loads_and_its_folders_differ() -> None:
+    names = [name for name in resources.recipe_names() if name.startswith("paper/")]
+    assert names == [f"paper/table{n}" for n in (1, 10, 2, 3, 4, 5, 6, 9)]
+    for name in names:
+        _, recipe = load_table(name.removeprefix("paper/table"))
+        assert recipe.table == int(name.removeprefix("paper/table"))
+        assert recipe.scales.keys() == {"paper", "small"}
+        assert len({folder_name(row.name) for row in recipe.rows}) == len(recipe.rows)
+
+
+@pytest.mark.parametrize(
+    ("table", "row", "figures"),
+    [
+        ("1", "Quaternion / axis-angle", (None, None, 9.46)),
+        ("1", "axis-angle / 6D", (None, None, 10.83)),
+        ("2", "Chordal", (1.01, 6.82, 9.28)),
+        ("3", "V+O", (0.99, 7.05, 9.34)),
+        ("3", "V+O+S+T(4/2048)", (0.76, 5.14, 7.01)),
+        ("4", "w/ flip augmentation", (0.70, 4.78, 6.47)),
+        ("5", "Ours(GT input)", (1.60, 27.55, 29.39)),
+        ("6", "VIBE-CAM, camera-motion-on", (4.66, 81.70, 132.63)),
+        ("9", "3 / 1024", (0.86, 5.91, 7.96)),
+        ("10", "Non-sequential", (3.90, 45.48, 126.83)),
+    ],
+)
+def test_figures_are_the_papers(table: str, row: str, figures: tuple[float | None, ...]) -> None:
+    _, recipe = load_table(table)
+    found = {one.name.lower(): one.paper for one in recipe.rows}[row.lower()]
+    assert tuple(found.get(metric) for metric in ("ome_deg", "tme_mm", "vme_mm")) == figures
+
+
+def test_rows_at_the_papers_scale_have_its_settings() -> None:
+    """Table 4's first row is Table 3's last; flip is its one difference to the second."""
+    _, table3 = load_table("3")
+    _, table4 = load_table("4")
+    without, with_flip = (train_config(table4, row, "paper", 0, ()) for row in table4.rows)
+    assert train_config(table3, table3.rows[-1], "paper", 0, ()) == without
+    assert (without.model.layers, without.model.hidden) == (4, 2048)
+    assert (without.learning_rate, without.batch_size) == (5e-5, 32)
+    assert without.windows.reverse_probability == 0.0
+    assert with_flip.windows.reverse_probability == 0.5
+    vertex_alone = train_config(table3, table3.rows[0], "paper", 0, ()).loss
+    assert (vertex_alone.vertex, vertex_alone.orientation) == (1.0, 0.0)
+    assert (vertex_alone.translation, vertex_alone.smoothness) == (0.0, 0.0)
+
+
+def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(TINY.replace("orientation_loss:", "orientation_los:"))
+    with pytest.raises(BadRecipe) as caught:
+        load_table(str(path))
+    assert str(path) in str(caught.value)
+    assert "row 'Angular' at scale small" in str(caught.value)
+    assert "loss.orientation_los: Extra inputs are not permitted" in str(caught.value)
+
+
+def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path: Path) -> None:
+    _, table5 = load_table("5")
+    with pytest.raises(MissingInput) as caught:
+        make_table(table5, "small", Given(()), tmp_path, Workers(1))
+    message = str(caught.value)
+    assert "VIBE-CAM: clips to score (--scored); VIBE's poses" in message
+    assert "Ours(GT input): motions to train on (--manifest)" in message
+    scored = Path("set.yaml")
+    plan = plan_table(table5, "small", Given((Path("a.yaml"),), scored=scored))
+    assert plan.lacking.keys() == {"VIBE-CAM", "Ours"}
+    assert [one.id for one in plan.trainings] == [f"ours_gt_input/seed_{n}" for n in range(3)]
+
+
+def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves() -> None:
+    """Table 6: one score of a set and its twins, two rows."""
+    _, table6 = load_table("6")
+    plan = plan_table(table6, "small", Given((Path("a.yaml"),), scored=Path("set.yaml")), (0,))
+    off, on = (f"Ours(GT input), camera-motion-{word}" for word in ("off", "on"))
+    assert plan.scorings[off] == plan.scorings[on]
+    assert len(plan.trainings) == 1 and len(plan.lacking) == 4
+
+    def group(n_motions: int, tme_mm: float) -> dict[str, Any]:
+        return {"n_motions": n_motions, "pooled_over_motions": {"predicted": {"tme_mm": tme_mm}}}
+
+    scores = {
+        "camera_motion": {"static": group(5, 7.0), "linear": group(1, 2.0), "small": group(3, 6.0)}
+    }
+    assert clip_figure("tme_mm", scores, "predicted", table6.row(off)) == 7.0
+    assert clip_figure("tme_mm", scores, "predicted", table6.row(on)) == 5.0
+    del scores["camera_motion"]["static"]
+    with pytest.raises(BadManifest, match="none has a camera that stands still"):
+        clip_figure("tme_mm", scores, "predicted", table6.row(off))
+
+
+def test_orderings_in_sentences() -> None:
+    def row(name: str, paper: float, mean: float) -> RowFigures:
+        return RowFigures(name, {"ome_deg": paper}, {"ome_deg": mean}, {"ome_deg": 0.1})
+
+    lines = orderings([row("a", 1.0, 2.0), row("b", 1.1, 1.95), row("c", 1.2, 3.0)])
+    assert lines == [
+        "OME: 2 of the paper's 3 orderings hold here.",
+        "OME, holds: a below c; b below c.",
+        "OME, does not hold: a below b (within the seeds' spread).",
+        "OME: the paper's best row is a, here it is b.",
+    ]
+
+
+@pytest.fixture
+def body_path(small_body: BodyModel, tmp_path: Path) -> Path:
+    save_body(tmp_path / "body.npz", small_body)
+    return tmp_path / "body.npz"
+
+
+@pytest.fixture
+def write_walks(small_body: BodyModel, tmp_path: Path) -> Callable[..., Path]:
+    """A manifest of generated walks, named like CMU's trials."""
+
+    def write(name: str, trials: list[str], seed: int) -> Path:
+        motions = embedded_motions(
+            small_body,
+            np.random.default_rng(seed),
+            count=len(trials),
+            fps_hz=20.0,
+            duration_s=3.0,
+        )
+        folder, entries = tmp_path / name, []
+        for id, motion in zip(trials, motions, strict=True):
+            every = np.ones(motion.n_frames, bool)
+            clip = Clip(id, motion, every, np.full(motion.n_frames, -1), camera=None)
+            save_clip(folder / f"{id}.npz", clip, small_body.rest_pelvis_m(motion.shape))
+            entries.append(
+                clip_entry(
+                    folder,
+                    clip_path=folder / f"{id}.npz",
+                    camera_motion="none",
+                    licence="CC0-1.0",
+                    source=Source(dataset="CMU", sequence=id),
+                )
+            )
+        return write_manifest(
+            folder / "manifest.yaml",
+            name="walks",
+            version="1.0.0",
+            description="Walks.",
+            kind="motions",
+            licence="CC0-1.0",
+            clips=entries,
+        )
+
+    return write
+
+
+@pytest.mark.slow
+def test_a_table_from_the_command_line_and_again(
+    write_walks: Callable[..., Path],
+    body_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Subject 02 is held out; the second call finds everything made."""
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    motions, out = write_walks("walks", ["01_01", "01_02", "02_01"], 1), tmp_path / "out"
+
+    def tables(*more: str) -> str:
+        command = ["tables", str(tmp_path / "tiny.yaml")]
+        command += ["--manifest", str(motions), "--held-out", "2", "--body", str(body_path)]
+        command += ["--out", str(out), "--workers", "1", *more]
+        main(command)
+        return capsys.readouterr().out
+
+    planned = tables("--dry-run")
+    assert "angular/seed_3" in planned and "2 of 2 trainings to make" in planned
+    assert not out.exists()
+    said = tables()
+    assert "TME: " in said and "of the paper's 1 orderings hold here" in said
+    record = read_json(out / "table2.json")
+    chordal, angular, zero = record["rows"]
+    assert chordal["settings"]["loss"]["orientation_loss"] == "chordal"
+    assert angular["settings"]["loss"]["orientation_loss"] == "angular"
+    assert angular["seeds"] == [3] and angular["paper"]["ome_deg"] == 1.5
+    scores = read_json(out / "scores" / "angular" / "seed_3" / "scores.json")
+    pooled = scores["overall"]["pooled_over_motions"]
+    assert angular["ours"]["tme_mm"]["mean"] == pooled["predicted"]["tme_mm"]
+    assert zero["ours"]["tme_mm"]["mean"] == pooled["zero"]["tme_mm"]
+    assert chordal["ours"]["ome_deg"]["mean"] != angular["ours"]["ome_deg"]["mean"]
+    assert [clip["id"] for clip in scores["clips"]] == ["02_01"]
+    assert record["data"]["training"] == [{"name": "walks/manifest.yaml", "clips": 2}]
+    assert load_gmr(out / "runs" / "angular" / "seed_3").step == 4
+    with (out / "table2.csv").open(newline="") as stream:
+        assert [row["row"] for row in csv.DictReader(stream)] == [
+            "Chordal",
+            "Angular",
+            "no motion at all",
+        ]
+    text = (out / "table2.md").read_text()
+    assert "Paper: something larger." in text and "Scale small. Tiny." in text
+    made = _written(out)
+    assert tables() == said
+    assert _written(out) == made
+
+
+def test_the_held_out_set_holds_the_same_motions(
+    write_walks: Callable[..., Path], tmp_path: Path
+) -> None:
+    motions = write_walks("walks", ["01_01", "02_01", "02_02"], 1)
+    path = held_out_set([motions], DataConfig(held_out_subjects=(2,)), tmp_path / "held_out")
+    copies = {one.clip.id: one.clip for one in usable_clips(path).clips}
+    originals = {one.clip.id: one.clip for one in usable_clips(motions).clips}
+    assert copies.keys() == {"02_01", "02_02"}
+    for id, clip in copies.items():
+        assert (clip.motion.pelvis_m == originals[id].motion.pelvis_m).all()
+        assert (clip.motion.local_rotmats == originals[id].motion.local_rotmats).all()
+    with pytest.raises(BadRecipe, match="nothing to score: give --scored"):
+        held_out_set([motions], DataConfig(), tmp_path / "other")
+
+
+def _written(out: Path) -> dict[str, int]:
+    """When each run and score was written."""
+    return {
+        path.relative_to(out).as_posix(): path.stat().st_mtime_ns
+        for path in out.rglob("stage.json")
+    }
