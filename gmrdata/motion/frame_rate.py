@@ -47,7 +47,8 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
         )
     mantissa, _, exponent = text.strip().lower().partition("e")
     decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
-    half_step_s = 0.5 * 10.0**-decimals
+    # 1/256 lies exactly in the middle of two numbers of 7 digits; what is computed, beside it.
+    half_step_s = 0.5 * 10.0**-decimals * (1 + 1e-6)
     nearest_hz = round(1 / frame_time_s)
     return (
         float(nearest_hz) if abs(1 / nearest_hz - frame_time_s) <= half_step_s else 1 / frame_time_s

@@ -28,7 +28,8 @@ def planned_runs(
         Rows under `HEADINGS`, and lines to print below them.
     """
     probed: dict[str, tuple[int, float | None]] = {}
-    rows, left_minutes, n_left, unknown = [], 0.0, 0, False
+    rows: list[tuple[str, ...]] = []
+    left_minutes, n_left, unknown = 0.0, 0, False
     for one in plan.trainings:
         config = one.config
         if isinstance(config, JointConfig):

@@ -13,7 +13,8 @@ from gmrdata.motion.frame_rate import check_rate_hz, cmu_rate_hz, cmu_subject, r
 @pytest.mark.parametrize(
     ("text", "fps_hz"),
     [(".0083333", 120), ("0.008333", 120), ("0.0333333", 30), ("0.0333", 30), ("0.04", 25),
-     ("0.0166667", 60), ("1.66667e-2", 60), ("0.010", 100), ("0.0333667", 1 / 0.0333667)],
+     ("0.0166667", 60), ("1.66667e-2", 60), ("0.010", 100), ("0.0333667", 1 / 0.0333667),
+     ("0.0039062", 256)],
 )  # fmt: skip
 def test_printed_frame_times(text: str, fps_hz: float) -> None:
     assert rate_of_frame_time_hz(text, Path("a.bvh"), 1) == fps_hz
