@@ -16,8 +16,9 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)
 	$(BIN)/gmrdata demo $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(OUT),--out $(OUT))
 
+# Two processes; the tests of a file stay together, since they share what is slow to make.
 test: $(READY)
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
