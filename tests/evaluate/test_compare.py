@@ -11,6 +11,7 @@ from gmrdata.cli import main
 from gmrdata.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.evaluate.compare import CompareConfig, compare_scores
 from gmrdata.evaluate.record import protocol_record
+from gmrdata.progress import answers
 from gmrdata.store import read_json, write_json
 
 
@@ -142,8 +143,11 @@ def test_what_can_not_be_compared_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_verb(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     paths = three(tmp_path)
+    monkeypatch.setattr(answers, "width", 200)  # a narrow table breaks its rows
     main(["compare", *map(str, paths), "--out", str(tmp_path / "out")])
     said = " ".join(capsys.readouterr().out.split())
     assert "TME [mm] ours 18.0 -2.0 -3.0 to -1.0 0.250 3" in said

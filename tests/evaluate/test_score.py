@@ -34,6 +34,7 @@ from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.gait import embedded_motions
+from gmrdata.progress import answers
 from gmrdata.store import write_json
 
 FLOOR_GROUP = {
@@ -263,6 +264,7 @@ def test_a_floor_is_part_of_what_was_asked(
     body_path: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Beside scores that are far above it, and again beside the same below it."""
     manifest_path = write_clips(tmp_path / "data", small_body, clips, kind="pseudo_gt")
@@ -289,6 +291,7 @@ def test_a_floor_is_part_of_what_was_asked(
     assert len(below["statements"]) == 3 + 2 + 1
     assert below["overall"]["pooled_over_motions"] == above["overall"]["pooled_over_motions"]
     asked = ["evaluate", str(run_dir), str(manifest_path), "--out", str(out_dir)]
+    monkeypatch.setattr(answers, "width", 200)  # a narrow table breaks its headings
     main([*asked, "--body", str(body_path), "--floor", str(floor_path)])
     said = " ".join(capsys.readouterr().out.split())
     assert "pseudo ground truth's own" in said and "0.00 / 1000000.0 / 1000000.0 (all)" in said
