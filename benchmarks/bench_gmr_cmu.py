@@ -15,8 +15,8 @@ from gmr.cmu_data import holding_out, scored_motions
 from gmr.cmu_plot import SHARES, write_curves
 from gmr.cmu_runs import trained
 from gmr.cmu_session import OUT_DIR, CmuSession
+from record import at_most
 from render.tables import show
-from sfm.bars import at_most
 
 from gmrdata.manifest.read import read_manifest
 
@@ -42,7 +42,7 @@ def test_subjects_that_were_not_trained_on(cmu: CmuSession) -> None:
     runs = [cmu.ours, cmu.papers, cmu.papers_small]
     ours, papers = runs[:2]
     show("Subjects 02 and 08, never trained on", [run.row for run in runs])
-    cmu.record(
+    cmu.record.add(
         held_out=ours.held_out,
         held_out_mean_of_clips=ours.mean_of_clips,
         minutes=round(ours.minutes, 2),
@@ -56,14 +56,14 @@ def test_subjects_that_were_not_trained_on(cmu: CmuSession) -> None:
         found = round(ours.held_out[metric], 3)
         bars.append(at_most(f"{metric}, share of zero motion's", found, round(share * zero, 3)))
         bars.append(at_most(f"{metric} beside the paper's", found, round(BETTER * theirs, 3)))
-    cmu.hold(bars)
+    cmu.record.hold(bars)
 
 
 def test_what_each_part_earns(cmu: CmuSession) -> None:
     rows = [ablated(cmu, "all of it", {})]
     rows += [ablated(cmu, name, change) for name, change in PARTS.items()]
     show("One part off, subjects 02 and 08", rows)
-    cmu.record(ablation=rows)
+    cmu.record.add(ablation=rows)
 
 
 def ablated(cmu: CmuSession, name: str, change: dict[str, Any]) -> dict[str, Any]:
@@ -85,7 +85,7 @@ def test_other_subjects(cmu: CmuSession) -> None:
         name = "subjects " + " and ".join(f"{subject:02d}" for subject in subjects)
         rows.append(trained(name, motions, config, cmu.work_dir).row)
     show("Other subjects held out, beside 02 and 08", rows)
-    cmu.record(other_subjects=rows)
+    cmu.record.add(other_subjects=rows)
 
 
 def test_no_held_out_subject_is_trained_on(cmu: CmuSession) -> None:

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from record import at_least, at_most
 from render.tables import show
-from sfm.bars import at_least, at_most, sequence_bars
+from sfm.bars import sequence_bars
 from sfm.beside import measure_beside, table_row
 from sfm.breakages import break_sequence
 from sfm.broken import measure_broken
@@ -36,7 +37,7 @@ def test_sequences_beside_the_plain_recipe(sfm: Session) -> None:
     middle = {"ours": medians(ours), "plain": medians(plain)}
     show("Medians", [{"recipe": name} | row for name, row in middle.items()])
     speedup = ratio(plain, ours, "seconds")
-    sfm.record(
+    sfm.record.add(
         sequences=ours,
         plain=plain,
         medians=middle,
@@ -44,7 +45,7 @@ def test_sequences_beside_the_plain_recipe(sfm: Session) -> None:
         speedup_without_masks=ratio(plain, ours, "own_seconds"),
         speedup_by_sequence={pair.ours["id"]: pair.speedup for pair in pairs},
     )
-    sfm.hold(
+    sfm.record.hold(
         [
             at_least("twin sequences", len(pairs), 8),
             *sequence_bars(pairs),
@@ -66,8 +67,8 @@ def test_a_long_sequence(sfm: Session) -> None:
     show("A long sequence: ours / the plain recipe", [table_row(pair)])
     n_frames = made.clips(name)[0].motion.n_frames
     long = {"frames": n_frames, "ours": pair.ours, "plain": pair.plain, "speedup": pair.speedup}
-    sfm.record(long=long)
-    sfm.hold(
+    sfm.record.add(long=long)
+    sfm.record.hold(
         [
             at_least("frames of the long sequence", n_frames, 300),
             at_least("times faster on it", pair.speedup, 10.0),
@@ -85,8 +86,8 @@ def test_what_is_broken_is_caught(sfm: Session) -> None:
     )
     rows = measure_broken(broken, out_dir, RECIPE)
     show(f"{good}, broken on purpose", rows)
-    sfm.record(broken=rows, broken_from=[good, other])
-    sfm.hold(
+    sfm.record.add(broken=rows, broken_from=[good, other])
+    sfm.record.hold(
         [
             at_most("broken sequences that pass", sum(not row["caught"] for row in rows), 0),
             at_most("without the true cause", sum(not row["names_the_cause"] for row in rows), 0),
@@ -107,8 +108,8 @@ def test_real_videos(sfm: Session, shared_data: Path) -> None:
     model = shared_data / "models" / "yolox_nano.onnx"
     dog, phone = rows = measure_videos(shared_data / "video", model, sfm.work_dir / "videos")
     show("Real videos", rows)
-    sfm.record(videos=rows)
-    sfm.hold(
+    sfm.record.add(videos=rows)
+    sfm.record.hold(
         [
             at_most("dog: frames without a camera", dog["frames"] - dog["frames_with_camera"], 0),
             at_most("dog: mean reprojection error [px]", dog["mean_reprojection_px"], 1.0),
@@ -125,5 +126,5 @@ def test_runs_repeat(sfm: Session) -> None:
         differ = differences(sfm.made, made, names)
         rows.append({"run": title, "sequences": len(names), "differ": differ})
     show("Runs beside the first", rows)
-    sfm.record(repeats=rows)
-    sfm.hold([at_most("files that differ", sum(len(row["differ"]) for row in rows), 0)])
+    sfm.record.add(repeats=rows)
+    sfm.record.hold([at_most("files that differ", sum(len(row["differ"]) for row in rows), 0)])

@@ -3,8 +3,8 @@
 import os
 import platform
 import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
@@ -13,13 +13,11 @@ from typing import Any
 from gmr.cmu_ablation import changed
 from gmr.cmu_data import HELD_OUT, Motions, holding_out, import_motions, scored_motions
 from gmr.cmu_runs import Trained, trained, trained_for
-from render.tables import show
-from sfm.bars import Bar, bar_rows
+from record import Record
 
 from gmrdata.gmr.config import LossConfig, TrainConfig
 from gmrdata.gmr.recipe import GmrRecipe
 from gmrdata.recipes import find_recipe, load_recipe
-from gmrdata.store import write_json
 
 OUT_DIR = Path("out/bench")
 SMALL_SIZE: dict[str, Any] = {
@@ -38,13 +36,15 @@ class CmuSession:
     """Whether to only try every part, without bars."""
     cmu_dir: Callable[[], Path]
     """Where CMU's files are; asked only once."""
-    content: dict[str, Any] = field(default_factory=dict)
-    """What `out/bench/gmr_cmu.json` holds."""
 
     def __post_init__(self) -> None:
         shutil.rmtree(self.work_dir, ignore_errors=True)
         self.work_dir.mkdir(parents=True)
-        self.content["bars"] = []
+
+    @cached_property
+    def record(self) -> Record:
+        """What was measured so far."""
+        return Record(OUT_DIR / "gmr_cmu.json", self.small, self._settings)
 
     @property
     def work_dir(self) -> Path:
@@ -95,19 +95,6 @@ class CmuSession:
         config = changed(self.paper, {"model": size, "threads": self.recipe.threads})
         name = "the paper's, our size"
         return trained_for(self.ours.minutes, name, self.motions, config, self.work_dir)
-
-    def record(self, **parts: Any) -> None:
-        """Write what was measured so far."""
-        self.content |= {"settings": self._settings()} | parts
-        write_json(OUT_DIR / "gmr_cmu.json", self.content)
-
-    def hold(self, bars: Sequence[Bar]) -> None:
-        """Print bars, record them, and insist on them where the sizes are full."""
-        rows = bar_rows(bars)
-        show("Bars", rows)
-        self.record(bars=[*self.content["bars"], *rows])
-        missed = [row["figure"] for row in rows if row["met"] == "no"]
-        assert self.small or not missed, f"bars not met: {', '.join(missed)}"
 
     def _settings(self) -> dict[str, Any]:
         return {

@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
+from record import Bar, at_least, at_most
 from sfm.beside import Beside
 from sfm.score import medians, worst
 
 MOST_SCALE_PERCENT = 3.0
 MISSES = 1
 """Sequences of the eight that may be rejected, or have a wrong scale."""
-
-Bar = tuple[str, Any, str, bool]
-"""Name, figure, what is asked of it, and whether it holds."""
 
 
 def sequence_bars(pairs: Sequence[Beside]) -> list[Bar]:
@@ -36,26 +34,6 @@ def sequence_bars(pairs: Sequence[Beside]) -> list[Bar]:
     return [*bars, at_least("median kept share beside the plain recipe's", *kept)]
 
 
-def at_most(name: str, value: float | None, limit: float | None) -> Bar:
-    """A figure that must not be larger; an unknown limit is met by any figure."""
-    holds = value is not None and (limit is None or value <= limit)
-    return name, value, f"<= {_text(limit)}", holds
-
-
-def at_least(name: str, value: float | None, limit: float | None) -> Bar:
-    """A figure that must not be smaller; an unknown limit is met by any figure."""
-    holds = value is not None and (limit is None or value >= limit)
-    return name, value, f">= {_text(limit)}", holds
-
-
-def bar_rows(bars: Sequence[Bar]) -> list[dict[str, Any]]:
-    """Rows for a table and for JSON."""
-    return [
-        {"figure": name, "value": value, "bar": bar, "met": "yes" if met else "no"}
-        for name, value, bar, met in bars
-    ]
-
-
 def _wrong_scale(row: dict[str, Any]) -> bool:
     """A scale that is off or outside its error bar; where none enters it is not wrong."""
     error = row["scale_error_percent"]
@@ -67,7 +45,3 @@ def _wrong_scale(row: dict[str, Any]) -> bool:
 def _unseen_classes(rows: Sequence[dict[str, Any]]) -> set[str]:
     accepted = {row["class_true"] for row in rows if row["accepted"]}
     return {row["class_true"] for row in rows} - accepted
-
-
-def _text(limit: float | None) -> str:
-    return "nothing to compare with" if limit is None else f"{limit:g}"

@@ -3,19 +3,16 @@
 import os
 import platform
 import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from render.tables import show
-from sfm.bars import Bar, bar_rows
+from record import Record
 from sfm.ours import Regenerated, regenerate
 from sfm.twins import Twins, make_twins
-
-from gmrdata.store import write_json
 
 OUT_DIR = Path("out/bench")
 LONG_RECIPE = Path(__file__).parent / "long.yaml"
@@ -31,13 +28,15 @@ class Session:
     """Twins that are there already."""
     motions_dir: Callable[[], Path]
     """Where the motions of the twins are; asked only where twins are rendered."""
-    content: dict[str, Any] = field(default_factory=dict)
-    """What `out/bench/sfm.json` holds."""
 
     def __post_init__(self) -> None:
         shutil.rmtree(self.work_dir, ignore_errors=True)
         self.work_dir.mkdir(parents=True)
-        self.content["bars"] = []
+
+    @cached_property
+    def record(self) -> Record:
+        """What was measured so far."""
+        return Record(OUT_DIR / "sfm.json", self.small, self._settings)
 
     @property
     def work_dir(self) -> Path:
@@ -68,19 +67,6 @@ class Session:
     def regenerate(self, root: Path, name: str, *, workers: int = 1) -> Regenerated:
         """Our run on a data set, with a name of its own."""
         return regenerate(root, self.work_dir / name, workers=workers)
-
-    def record(self, **parts: Any) -> None:
-        """Write what was measured so far."""
-        self.content |= {"settings": self._settings()} | parts
-        write_json(OUT_DIR / "sfm.json", self.content)
-
-    def hold(self, bars: Sequence[Bar]) -> None:
-        """Print bars, record them, and insist on them where the sizes are full."""
-        rows = bar_rows(bars)
-        show("Bars", rows)
-        self.record(bars=[*self.content["bars"], *rows])
-        missed = [row["figure"] for row in rows if row["met"] == "no"]
-        assert self.small or not missed, f"bars not met: {', '.join(missed)}"
 
     def _settings(self) -> dict[str, Any]:
         return {

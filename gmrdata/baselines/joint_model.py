@@ -8,12 +8,13 @@ from pydantic import ValidationError
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
-from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.body.tree import N_LOCAL
 from gmrdata.errors import BadCheckpoint, BadRecord, MissingInput
 from gmrdata.gmr import rotations
+from gmrdata.gmr.checkpoint import writable
+from gmrdata.gmr.encoder import encode, make_encoder, motions_of
 from gmrdata.gmr.losses import Motions
 from gmrdata.store import atomic_path, read_json, write_json
 
@@ -45,14 +46,7 @@ class JointModel(nn.Module):
         self.config = config
         self.n_features = n_features
         size = config.model
-        self.encoder = nn.GRU(
-            input_size=n_features,
-            hidden_size=size.hidden,
-            num_layers=size.layers,
-            batch_first=True,
-            bidirectional=True,
-            dropout=size.dropout if size.layers > 1 else 0.0,
-        )
+        self.encoder = make_encoder(n_features, size.hidden, size.layers, size.dropout)
         self.projection = nn.Linear(2 * size.hidden, size.hidden)
         self.dropout = nn.Dropout(size.dropout)
         self.motion = nn.Linear(size.hidden, rotations.SIZE[size.output] + 3)
@@ -85,28 +79,14 @@ class JointModel(nn.Module):
             lengths: (B,) int on the CPU: real frames of each row; None where all T are real.
         """
         scaled = (features - self.feature_mean) * self.feature_scale
-        latent = self.dropout(self.projection(self._encode(scaled, lengths)))
-        values = self.motion(latent[:, :-1]) * self.config.model.output_scale
-        n_rotation = rotations.SIZE[self.config.model.output]
-        turns = values[..., :n_rotation]
-        if self.config.model.output != "axis-angle":
-            turns = turns + self.identity
+        latent = self.dropout(self.projection(encode(self.encoder, scaled, lengths)))
+        size = self.config.model
+        values = self.motion(latent[:, :-1]) * size.output_scale
         poses = (self.mean_pose + self.pose(latent)).unflatten(-1, (N_LOCAL, -1))
         return JointOutput(
-            Motions(
-                rotations.to_rotmats(turns, self.config.model.output), values[..., n_rotation:]
-            ),
+            Motions(*motions_of(values, size.output, self.identity)),
             rotations.to_rotmats(poses, "6d"),
         )
-
-    def _encode(self, features: Tensor, lengths: Tensor | None) -> Tensor:
-        if lengths is None or bool((lengths == features.shape[1]).all()):
-            return self.encoder(features)[0]
-        packed = pack_padded_sequence(features, lengths, batch_first=True, enforce_sorted=False)
-        hidden, _ = pad_packed_sequence(
-            self.encoder(packed)[0], batch_first=True, total_length=features.shape[1]
-        )
-        return hidden
 
 
 def save_joint(run_dir: Path, model: JointModel, body: str) -> None:
@@ -117,13 +97,8 @@ def save_joint(run_dir: Path, model: JointModel, body: str) -> None:
         model: The network.
         body: Name of the body that it was trained on.
     """
-    # A GRU on a GPU keeps its weights in one buffer, which can't be written as it is.
-    tensors = {
-        name: tensor.detach().cpu().clone().contiguous()
-        for name, tensor in model.state_dict().items()
-    }
     with atomic_path(run_dir / WEIGHTS) as temporary:
-        save_file(tensors, temporary)
+        save_file(writable(model.state_dict()), temporary)
     state = {
         "format": FORMAT,
         "n_features": model.n_features,

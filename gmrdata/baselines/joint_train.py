@@ -10,8 +10,7 @@ which GMR trains, is of no use here.
 
 import json
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from gmrdata.baselines.joint_model import JointModel, JointOutput, save_joint
 from gmrdata.body.model import BodyModel
 from gmrdata.errors import StageFailed, TrainingDiverged
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
+from gmrdata.gmr.torch_settings import torch_settings
 from gmrdata.gmr.usable import check_clips_fit, usable_clips
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.progress import progress_bar
@@ -121,7 +121,7 @@ def fit_joint(
         raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
     loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
     lines = []
-    with _torch_settings(config), progress_bar() as bar:
+    with torch_settings(config.device, config.threads, config.seed), progress_bar() as bar:
         model = _new_model(runs, config)
         optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
         task = bar.add_task("training", total=config.steps)
@@ -190,19 +190,3 @@ def _new_model(runs: Sequence[JointRun], config: JointConfig) -> JointModel:
         torch.cat([torch.from_numpy(run.local_rotmats) for run in runs]),
     )
     return model.to(config.device).train()
-
-
-@contextmanager
-def _torch_settings(config: JointConfig) -> Iterator[None]:
-    """Seeded, with the recipe's threads and deterministic kernels; put back afterwards."""
-    threads = torch.get_num_threads()
-    deterministic = torch.are_deterministic_algorithms_enabled()
-    with torch.random.fork_rng():
-        try:
-            torch.set_num_threads(config.threads)
-            torch.use_deterministic_algorithms(config.device == "cpu")
-            torch.manual_seed(config.seed)
-            yield
-        finally:
-            torch.set_num_threads(threads)
-            torch.use_deterministic_algorithms(deterministic)

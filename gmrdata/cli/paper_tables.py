@@ -7,7 +7,7 @@ from tyro.conf import Positional, UseAppendAction
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import body_path
 from gmrdata.errors import BadRecipe
-from gmrdata.tables.recipe import ScaleName
+from gmrdata.tables.scales import ScaleName
 
 
 def tables(

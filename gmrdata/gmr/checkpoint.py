@@ -63,7 +63,7 @@ def best_of(best: Best | None, step: int, score: str, value: float, model: Gmr) 
     """
     if not math.isfinite(value) or (best is not None and best.value <= value):
         return best
-    return Best(step, score, value, _contiguous(model.state_dict()))
+    return Best(step, score, value, writable(model.state_dict()))
 
 
 def checkpoint_dir(run_dir: Path, step: int) -> Path:
@@ -113,11 +113,11 @@ def save_checkpoint(
     temporary = folder.with_name(f".{folder.name}.tmp")
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir(parents=True)
-    save_file(_contiguous(model.state_dict()), temporary / FILES["trained"])
+    save_file(writable(model.state_dict()), temporary / FILES["trained"])
     save_file(_optimizer_tensors(model, optimizer), temporary / "optimizer.safetensors")
     state = {"format": FORMAT, "step": step, "model": model.config.model_dump(mode="json")}
     if average is not None:
-        save_file(_contiguous(average.state_dict()), temporary / FILES["average"])
+        save_file(writable(average.state_dict()), temporary / FILES["average"])
         state["averaged"] = True
     if best is not None:
         save_file(best.weights, temporary / FILES["best"])
@@ -229,7 +229,7 @@ def load_optimizer(folder: Path, model: Gmr, optimizer: torch.optim.Optimizer) -
 
 def _optimizer_tensors(model: Gmr, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     state = optimizer.state_dict()["state"]
-    return _contiguous(
+    return writable(
         {
             f"{name}.{key}": value
             for i, (name, _) in enumerate(model.named_parameters())
@@ -238,7 +238,7 @@ def _optimizer_tensors(model: Gmr, optimizer: torch.optim.Optimizer) -> dict[str
     )
 
 
-def _contiguous(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+def writable(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     """Copies on the CPU that share no memory: a GRU on a GPU keeps its weights in one buffer."""
     return {name: tensor.detach().cpu().clone().contiguous() for name, tensor in tensors.items()}
 

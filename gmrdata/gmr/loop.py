@@ -3,8 +3,7 @@
 import math
 import os
 import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
@@ -36,6 +35,7 @@ from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaged, averaging, check_device, own_part
 from gmrdata.gmr.prefetch import prefetched
 from gmrdata.gmr.run_log import run_log
+from gmrdata.gmr.torch_settings import torch_settings
 from gmrdata.gmr.usable import fitting_clips
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.progress import progress_bar, track
@@ -92,7 +92,8 @@ def fit(
     def batch_of(step: int) -> Batch:
         return make_batch(training_set, config.windows, batch_size, config.seed, step)
 
-    with _torch_settings(config), progress_bar(shown=processes.is_first) as bar:
+    settings = torch_settings(config.device, config.threads, _derived_seed(config.seed, 0))
+    with settings, progress_bar(shown=processes.is_first) as bar:
         model = Gmr(config.model).to(config.device)
         optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
         average = start_average(model) if config.average_decay > 0 else None
@@ -266,19 +267,3 @@ def _compiled(model: Gmr, config: TrainConfig) -> nn.Module:
 def _derived_seed(seed: int, counter: int, rank: int = 0) -> int:
     numbers = [seed, counter, rank] if rank else [seed, counter]
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
-
-
-@contextmanager
-def _torch_settings(config: TrainConfig) -> Iterator[None]:
-    """Seeded, with the recipe's threads and deterministic kernels; put back afterwards."""
-    threads = torch.get_num_threads()
-    deterministic = torch.are_deterministic_algorithms_enabled()
-    with torch.random.fork_rng():
-        try:
-            torch.set_num_threads(config.threads)
-            torch.use_deterministic_algorithms(config.device == "cpu")
-            torch.manual_seed(_derived_seed(config.seed, 0))
-            yield
-        finally:
-            torch.set_num_threads(threads)
-            torch.use_deterministic_algorithms(deterministic)

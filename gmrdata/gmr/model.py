@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
-from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from gmrdata.body.tree import N_LOCAL
 from gmrdata.gmr import extra_inputs, rotations
 from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation
+from gmrdata.gmr.encoder import encode, make_encoder, motions_of
 
 
 class Gmr(nn.Module):
@@ -19,13 +19,8 @@ class Gmr(nn.Module):
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.config = config
-        self.encoder = nn.GRU(
-            input_size=input_size(config),
-            hidden_size=config.hidden,
-            num_layers=config.layers,
-            batch_first=True,
-            bidirectional=True,
-            dropout=config.dropout if config.layers > 1 else 0.0,
+        self.encoder = make_encoder(
+            input_size(config), config.hidden, config.layers, config.dropout
         )
         self.projection = nn.Linear(2 * config.hidden, config.hidden)
         self.dropout = nn.Dropout(config.dropout)
@@ -49,30 +44,12 @@ class Gmr(nn.Module):
         Returns:
             dR (B, T, 3, 3) and dT (B, T, 3) [m].
         """
-        hidden = self._encode(poses, lengths)
+        hidden = encode(self.encoder, poses, lengths)
         features = self.dropout(self.projection(hidden))
         # bfloat16's 8 bits are enough for features, not for the motion itself.
         with torch.autocast(features.device.type, enabled=False):
             values = self.regression(features.to(self.regression.weight.dtype))
-        values = values * self.config.output_scale
-        n_rotation = rotations.SIZE[self.config.output]
-        rotation_values = values[..., :n_rotation]
-        if self.config.output != "axis-angle":
-            # A network that puts out zeros stands still, whatever the representation.
-            rotation_values = rotation_values + self.identity
-        return (
-            rotations.to_rotmats(rotation_values, self.config.output),
-            values[..., n_rotation:],
-        )
-
-    def _encode(self, poses: Tensor, lengths: Tensor | None) -> Tensor:
-        if lengths is None or bool((lengths == poses.shape[1]).all()):
-            return self.encoder(poses)[0]
-        packed = pack_padded_sequence(poses, lengths, batch_first=True, enforce_sorted=False)
-        hidden, _ = pad_packed_sequence(
-            self.encoder(packed)[0], batch_first=True, total_length=poses.shape[1]
-        )
-        return hidden
+        return motions_of(values * self.config.output_scale, self.config.output, self.identity)
 
 
 def input_size(config: ModelConfig) -> int:

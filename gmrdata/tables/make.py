@@ -14,7 +14,8 @@ from gmrdata.tables.given import Given
 from gmrdata.tables.held_out_set import held_out_set
 from gmrdata.tables.orderings import RowFigures, orderings
 from gmrdata.tables.plan import Plan, plan_table, scored_manifest
-from gmrdata.tables.recipe import METRICS, Metric, Row, ScaleName, TableRecipe, train_config
+from gmrdata.tables.recipe import METRICS, Metric, Row, TableRecipe, train_config
+from gmrdata.tables.scales import ScaleName
 from gmrdata.tables.work import score_one, train_one
 from gmrdata.tables.write_table import write_table
 

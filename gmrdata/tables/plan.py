@@ -14,7 +14,8 @@ from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.errors import BadRecipe
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.tables.given import Given, lacking
-from gmrdata.tables.recipe import Row, ScaleName, TableRecipe, joint_config, train_config
+from gmrdata.tables.recipe import Row, TableRecipe, joint_config, train_config
+from gmrdata.tables.scales import ScaleName
 
 
 @dataclass(frozen=True)

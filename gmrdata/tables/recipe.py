@@ -12,8 +12,8 @@ from gmrdata.config import Config
 from gmrdata.errors import BadRecipe
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.recipes import find_recipe, load_recipe
+from gmrdata.tables.scales import ScaleName
 
-ScaleName = Literal["paper", "small"]
 Method = Literal["gmr", "vibe_cam", "camera_as_world", "joint"]
 Metric = Literal["ome_deg", "tme_mm", "vme_mm"]
 METRICS: tuple[Metric, ...] = ("ome_deg", "tme_mm", "vme_mm")
