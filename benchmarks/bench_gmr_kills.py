@@ -26,7 +26,8 @@ from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.progress import console
 from gmrdata.store import read_json, write_json
-from tests.gmr.test_train import PROGRAM, write_clips
+from tests.clip_manifests import write_clips
+from tests.gmr.test_train import PROGRAM
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/gmr_kills.json")

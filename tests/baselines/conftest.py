@@ -8,12 +8,11 @@ import pytest
 
 from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, save_clip
+from gmrdata.clip import Clip
 from gmrdata.geometry.programmes import Circular, camera_path
-from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
+from tests.clip_manifests import write_clips
 
 WriteSet = Callable[..., Path]
 
@@ -40,28 +39,9 @@ def write_set(small_body: BodyModel) -> WriteSet:
     def write(
         folder: Path, clips: Sequence[Clip], qualities: dict[str, Quality] | None = None
     ) -> Path:
-        entries = []
-        for clip in clips:
-            path = folder / f"{clip.id}.npz"
-            save_clip(path, clip, small_body.rest_pelvis_m(clip.motion.shape))
-            entries.append(
-                clip_entry(
-                    folder,
-                    clip_path=path,
-                    camera_motion="none" if clip.camera is None else "circular",
-                    licence="CC0-1.0",
-                    source=Source(dataset="gmrdata", sequence=clip.id),
-                    quality=(qualities or {}).get(clip.id),
-                )
-            )
-        return write_manifest(
-            folder / "manifest.yaml",
-            name="subjects",
-            version="1.0.0",
-            description="Clips to predict.",
-            kind="synthetic",
-            licence="CC0-1.0",
-            clips=entries,
+        motions = ["none" if clip.camera is None else "circular" for clip in clips]
+        return write_clips(
+            folder, small_body, clips, qualities, camera_motions=motions, kind="synthetic"
         )
 
     return write

@@ -15,7 +15,7 @@ from gmrdata.body.model import BodyModel
 from gmrdata.body.skin import motion_vertices_m
 from gmrdata.body.subset import with_vertices
 from gmrdata.cli import main
-from gmrdata.clip import Clip, save_clip
+from gmrdata.clip import Clip
 from gmrdata.errors import BadBodyFile, BadManifest, BadMotionFile, StaleOutput
 from gmrdata.evaluate import clip_errors, vertices
 from gmrdata.evaluate.clip_errors import ClipErrors
@@ -30,12 +30,11 @@ from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.gmr.runs import runs_at
 from gmrdata.gmr.usable import UsableClip
-from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.progress import answers
 from gmrdata.store import write_json
+from tests.clip_manifests import write_clips as write_manifest_of
 
 FLOOR_GROUP = {
     "sequences": 1,
@@ -73,29 +72,8 @@ def write_clips(
     qualities: dict[str, Quality] | None = None,
     kind: str = "motions",
 ) -> Path:
-    entries = []
-    for clip, camera_motion in zip(clips, CAMERA_MOTIONS, strict=False):
-        path = folder / f"{clip.id}.npz"
-        save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
-        entries.append(
-            clip_entry(
-                folder,
-                clip_path=path,
-                camera_motion=camera_motion,  # type: ignore[arg-type]
-                licence="CC0-1.0",
-                source=Source(dataset="gmrdata", sequence=clip.id),
-                quality=(qualities or {}).get(clip.id),
-            )
-        )
-    return write_manifest(
-        folder / "manifest.yaml",
-        name="scored",
-        version="1.0.0",
-        description="Clips to score.",
-        kind=kind,
-        licence="CC0-1.0",
-        clips=entries,
-    )
+    motions = CAMERA_MOTIONS[: len(clips)]
+    return write_manifest_of(folder, body, clips, qualities, camera_motions=motions, kind=kind)
 
 
 @pytest.fixture

@@ -19,8 +19,8 @@ from gmrdata.gmr.data import make_batch, make_training_set
 from gmrdata.gmr.parallel import Processes, own_part
 from gmrdata.gmr.train import train
 from gmrdata.store import read_json
+from tests.clip_manifests import write_clips
 from tests.gmr.test_loop import lines_of
-from tests.gmr.test_train import write_clips
 
 PROGRAM = """
 import json, sys

@@ -15,7 +15,7 @@ import pytest
 
 from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, read_npz, save_clip
+from gmrdata.clip import Clip, read_npz
 from gmrdata.errors import (
     BadCheckpoint,
     BadManifest,
@@ -27,10 +27,9 @@ from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.infer import load_gmr
 from gmrdata.gmr.train import train
-from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.current import Quality
 from gmrdata.store import read_json, sha256_of_file, write_npz
+from tests.clip_manifests import write_clips
 
 PROGRAM = """
 import sys
@@ -45,34 +44,6 @@ train(
     held_out_paths=[Path(held_out)],
 )
 """
-
-
-def write_clips(
-    folder: Path, body: BodyModel, clips: list[Clip], quality: Quality | None = None
-) -> Path:
-    entries = []
-    for clip in clips:
-        path = folder / f"{clip.id}.npz"
-        save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
-        entries.append(
-            clip_entry(
-                folder,
-                clip_path=path,
-                camera_motion="none",
-                licence="CC0-1.0",
-                source=Source(dataset="gmrdata", sequence=clip.id),
-                quality=quality,
-            )
-        )
-    return write_manifest(
-        folder / "manifest.yaml",
-        name="walks",
-        version="1.0.0",
-        description="Clips to train on.",
-        kind="motions",
-        licence="CC0-1.0",
-        clips=entries,
-    )
 
 
 @pytest.fixture
@@ -136,7 +107,8 @@ def test_rejected_clips_are_not_trained_on(
     tmp_path: Path,
 ) -> None:
     rejected = Quality(verdict="rejected", reasons=("drift",))
-    path = write_clips(tmp_path / "bad", small_body, make_clips(1, 3), rejected)
+    clips = make_clips(1, 3)
+    path = write_clips(tmp_path / "bad", small_body, clips, {clips[0].id: rejected})
     with pytest.raises(BadManifest, match="no usable clips"):
         train([path], tmp_path / "run", small_config, body_path=body_path)
 

@@ -12,15 +12,12 @@ from gmrdata import resources
 from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
 from gmrdata.cli import main
-from gmrdata.clip import Clip, save_clip
+from gmrdata.clip import Clip
 from gmrdata.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.infer import load_gmr
 from gmrdata.gmr.usable import usable_clips
 from gmrdata.jobs import Workers
-from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import clip_entry
-from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.store import read_json
 from gmrdata.tables.given import Given
@@ -29,6 +26,7 @@ from gmrdata.tables.make import clip_figure, make_table
 from gmrdata.tables.orderings import RowFigures, orderings
 from gmrdata.tables.plan import folder_name, plan_table
 from gmrdata.tables.recipe import load_table, train_config
+from tests.clip_manifests import write_clips
 
 TINY = """
 recipe: table
@@ -175,29 +173,11 @@ def write_walks(small_body: BodyModel, tmp_path: Path) -> Callable[..., Path]:
             fps_hz=20.0,
             duration_s=3.0,
         )
-        folder, entries = tmp_path / name, []
-        for id, motion in zip(trials, motions, strict=True):
-            every = np.ones(motion.n_frames, bool)
-            clip = Clip(id, motion, every, np.full(motion.n_frames, -1), camera=None)
-            save_clip(folder / f"{id}.npz", clip, small_body.rest_pelvis_m(motion.shape))
-            entries.append(
-                clip_entry(
-                    folder,
-                    clip_path=folder / f"{id}.npz",
-                    camera_motion="none",
-                    licence="CC0-1.0",
-                    source=Source(dataset="CMU", sequence=id),
-                )
-            )
-        return write_manifest(
-            folder / "manifest.yaml",
-            name="walks",
-            version="1.0.0",
-            description="Walks.",
-            kind="motions",
-            licence="CC0-1.0",
-            clips=entries,
-        )
+        clips = [
+            Clip(id, motion, np.ones(motion.n_frames, bool), np.full(motion.n_frames, -1), None)
+            for id, motion in zip(trials, motions, strict=True)
+        ]
+        return write_clips(tmp_path / name, small_body, clips, dataset="CMU")
 
     return write
 

@@ -1,0 +1,57 @@
+"""Clips written to files, with a manifest of them."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from gmrdata.body.model import BodyModel
+from gmrdata.clip import Clip, save_clip
+from gmrdata.manifest.current import Quality, Source
+from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.write import write_manifest
+
+
+def write_clips(
+    folder: Path,
+    body: BodyModel,
+    clips: Sequence[Clip],
+    qualities: Mapping[str, Quality] | None = None,
+    *,
+    camera_motions: Sequence[str] | None = None,
+    kind: str = "motions",
+    dataset: str = "gmrdata",
+) -> Path:
+    """Write `<clip id>.npz` and `manifest.yaml`; gives the manifest.
+
+    Args:
+        folder: Where to.
+        body: The clips' body.
+        clips: The clips.
+        qualities: What is known of them, by id.
+        camera_motions: Class of each one's camera motion; "none" for all when left out.
+        kind: Kind of manifest.
+        dataset: Where the clips are from; their sequences are their ids.
+    """
+    entries = []
+    for number, clip in enumerate(clips):
+        path = folder / f"{clip.id}.npz"
+        save_clip(path, clip, body.rest_pelvis_m(clip.motion.shape))
+        camera_motion = "none" if camera_motions is None else camera_motions[number]
+        entries.append(
+            clip_entry(
+                folder,
+                clip_path=path,
+                camera_motion=camera_motion,  # type: ignore[arg-type]
+                licence="CC0-1.0",
+                source=Source(dataset=dataset, sequence=clip.id),
+                quality=(qualities or {}).get(clip.id),
+            )
+        )
+    return write_manifest(
+        folder / "manifest.yaml",
+        name="clips",
+        version="1.0.0",
+        description="Clips of a test.",
+        kind=kind,
+        licence="CC0-1.0",
+        clips=entries,
+    )
