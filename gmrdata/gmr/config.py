@@ -29,6 +29,10 @@ class ModelConfig(Config):
     would make if that joint stood still, 138 numbers."""
     output: Representation = "axis-angle"
     """Representation of dR; the paper's axis-angle vector makes 6 outputs with dT."""
+    translation: Literal["regressed", "standing_joint"] = "regressed"
+    """How dT is put out.  `regressed`: as three numbers, the paper's way.  `standing_joint`: as
+    what the joint that stands leaves to the root, given dR; the network says which one stands, and
+    adds three numbers (gmrdata.gmr.standing_joint)."""
     dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
     """Share of features dropped in training between GRU layers and before the last; not the
     paper's."""

@@ -9,29 +9,12 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from gmrdata.body.tree import N_JOINTS, PARENTS
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import ExtraInput
+from gmrdata.gmr.root_frame import joints_in_root_frame
 
 SCALE = 10.0
 """Motions at 10 fps are about 0.1 rad and 0.1 m; the network's other numbers are about 1."""
-
-REST_JOINTS_M = (
-    (0.000, 0.000, 0.000), (0.112, -0.045, -0.008),
-    (-0.112, -0.045, -0.008), (0.000, 0.105, 0.006),
-    (0.112, -0.423, -0.008), (-0.112, -0.423, -0.008),
-    (0.000, 0.208, -0.003), (0.112, -0.856, -0.008),
-    (-0.112, -0.856, -0.008), (0.000, 0.328, -0.036),
-    (0.112, -0.905, 0.139), (-0.112, -0.905, 0.139),
-    (0.000, 0.511, 0.001), (0.062, 0.478, 0.008),
-    (-0.062, 0.478, 0.008), (0.000, 0.561, 0.013),
-    (0.175, 0.414, 0.012), (-0.175, 0.414, 0.012),
-    (0.433, 0.414, 0.012), (-0.433, 0.414, 0.012),
-    (0.663, 0.414, 0.012), (-0.663, 0.414, 0.012),
-    (0.768, 0.414, 0.012), (-0.768, 0.414, 0.012),
-)  # fmt: skip
-"""(24, 3) joints of an average adult in SMPL's T-pose, pelvis at the origin [m]: those of the
-default body, rounded to millimetres.  A person's own shape is no input of the network."""
 
 
 def velocities(local_rotmats: Tensor) -> Tensor:
@@ -60,7 +43,7 @@ def motions_if_standing(local_rotmats: Tensor) -> Tensor:
         (..., T, 23, 6): axis-angle of dR [rad] and dT [m], both times `SCALE`; zero in the last
         frame, which has no next one.
     """
-    joints_m, root_from_joint = _in_root_frame(local_rotmats)
+    joints_m, root_from_joint = joints_in_root_frame(local_rotmats)
     delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[..., 1:, :, :, :].mT
     moved_m = (delta_rotmats @ joints_m[..., 1:, :, :, None])[..., 0]
     delta_m = joints_m[..., :-1, :, :] - moved_m
@@ -75,18 +58,6 @@ MAKE: dict[ExtraInput, Callable[[Tensor], Tensor]] = {
     "standing": motions_if_standing,
 }
 """Functions from (..., T, 23, 3, 3) to (..., T, 23, `SIZE`)."""
-
-
-def _in_root_frame(local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
-    """Places (..., 23, 3) [m] and rotations (..., 23, 3, 3) of joints 1..23, root at identity."""
-    rest_m = torch.tensor(REST_JOINTS_M, dtype=local_rotmats.dtype, device=local_rotmats.device)
-    rotmats = [torch.eye(3).to(local_rotmats).expand(*local_rotmats.shape[:-3], 3, 3)]
-    places_m = [torch.zeros_like(rotmats[0][..., 0])]
-    for joint in range(1, N_JOINTS):
-        parent = PARENTS[joint]
-        places_m.append(places_m[parent] + rotmats[parent] @ (rest_m[joint] - rest_m[parent]))
-        rotmats.append(rotmats[parent] @ local_rotmats[..., joint - 1, :, :])
-    return torch.stack(places_m[1:], dim=-2), torch.stack(rotmats[1:], dim=-3)
 
 
 def _with_last(values: Tensor) -> Tensor:

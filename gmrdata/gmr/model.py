@@ -9,6 +9,7 @@ from gmrdata.body.tree import N_LOCAL
 from gmrdata.gmr import extra_inputs, rotations
 from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation
 from gmrdata.gmr.encoder import encode, make_encoder, motions_of
+from gmrdata.gmr.standing_joint import StandingJoint, places_seen
 
 
 class Gmr(nn.Module):
@@ -25,6 +26,8 @@ class Gmr(nn.Module):
         self.projection = nn.Linear(2 * config.hidden, config.hidden)
         self.dropout = nn.Dropout(config.dropout)
         self.regression = nn.Linear(config.hidden, rotations.SIZE[config.output] + 3)
+        with_standing = config.translation == "standing_joint"
+        self.standing = StandingJoint(config.hidden) if with_standing else None
         self.register_buffer(
             "identity", torch.tensor(rotations.IDENTITY[config.output]), persistent=False
         )
@@ -48,8 +51,13 @@ class Gmr(nn.Module):
         features = self.dropout(self.projection(hidden))
         # bfloat16's 8 bits are enough for features, not for the motion itself.
         with torch.autocast(features.device.type, enabled=False):
-            values = self.regression(features.to(self.regression.weight.dtype))
-        return motions_of(values * self.config.output_scale, self.config.output, self.identity)
+            features = features.to(self.regression.weight.dtype)
+            values = self.regression(features) * self.config.output_scale
+            delta_rotmats, delta_m = motions_of(values, self.config.output, self.identity)
+            if self.standing is not None:
+                places_m = places_seen(poses, self.config.input)
+                delta_m = delta_m + self.standing(features, places_m, delta_rotmats)
+        return delta_rotmats, delta_m
 
 
 def input_size(config: ModelConfig) -> int:
@@ -67,6 +75,8 @@ def parameter_count(config: ModelConfig) -> int:
     sizes = [input_size(config)] + [2 * h] * (config.layers - 1)
     encoder = sum(2 * (3 * h * (n + h) + 6 * h) for n in sizes)
     outputs = rotations.SIZE[config.output] + 3
+    if config.translation == "standing_joint":
+        outputs += N_LOCAL + 1
     return encoder + (2 * h * h + h) + (h * outputs + outputs)
 
 
