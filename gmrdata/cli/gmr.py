@@ -9,6 +9,7 @@ from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import body_path, need
 from gmrdata.errors import BadRecipe, MissingInput
 from gmrdata.evaluate.protocol_names import ProtocolName
+from gmrdata.gmr.config import Which
 
 
 def train(
@@ -52,6 +53,7 @@ def evaluate(
     fps_hz: float = 10.0,
     missing: Literal["error", "drop"] = "error",
     floor: Path | None = None,
+    which: Which = "latest",
     all_phases: bool = False,
     seed: int = 0,
     redo: bool = False,
@@ -76,6 +78,8 @@ def evaluate(
         missing: Whether a clip or frame without a prediction is an error, or dropped and counted.
         floor: The floor.json of `gmrdata floor`, to see which scores are not distinguishable from
             the pseudo ground truth's own error.
+        which: Score a network's weights after its last step, or those that scored best on the
+            clips held out from its training.
         all_phases: Score a clip of a higher frame rate in all its phases, not in the first alone.
         seed: Draws the clips of bootstrap intervals.
         redo: Throw away a result of other settings.
@@ -87,7 +91,12 @@ def evaluate(
     if not fps_hz > 0:
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
     config = ScoreConfig(
-        all_phases=all_phases, protocol=protocol, fps_hz=fps_hz, missing=missing, seed=seed
+        which=which,
+        all_phases=all_phases,
+        protocol=protocol,
+        fps_hz=fps_hz,
+        missing=missing,
+        seed=seed,
     )
     if predictions is None:
         if len(run_and_manifest) != 2:

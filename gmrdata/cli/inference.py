@@ -7,6 +7,7 @@ from tyro.conf import Positional
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import body_path
 from gmrdata.errors import BadRecipe
+from gmrdata.gmr.config import Which
 
 
 def infer(
@@ -17,6 +18,7 @@ def infer(
     fps_hz: float | None = None,
     joint_map: Path | None = None,
     bridge_frames: int = 0,
+    which: Which = "latest",
     video: bool = True,
     redo: bool = False,
 ) -> None:
@@ -34,6 +36,8 @@ def infer(
         joint_map: YAML or JSON file: joint name in a BVH or ASF -> joint of the SMPL tree.
         bridge_frames: Longest gap of a person's track that is filled [frames]; at longer ones a new
             motion begins, in a world of its own.
+        which: Use the network's weights after its last step, or those that scored best on the clips
+            held out from its training.
         video: Whether to draw body.mp4, which takes longest.
         redo: Make anew what other settings made.
     """
@@ -44,7 +48,7 @@ def infer(
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
     if bridge_frames < 0:
         raise BadRecipe(f"--bridge-frames {bridge_frames}: give 0 or more")
-    config = InferConfig(fps_hz=fps_hz, bridge_frames=bridge_frames, video=video)
+    config = InferConfig(fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, video=video)
     path = body_path(body)
     made = infer_world_motion(
         run, source, "anny" if path is None else str(path), out, config,

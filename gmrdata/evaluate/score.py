@@ -64,11 +64,11 @@ def score_manifest(
     optional = {"body": body_path, "floor": floor_path}
 
     def work(partial_dir: Path) -> None:
-        gmr = load_gmr(run_dir)
+        gmr = load_gmr(run_dir, config.which)
         predict = by_network(gmr, config, motion_types(manifest_path))
         record = _record(predict, manifest_path, optional, gmr.fps_hz, config)
         network = gmr.model.config.model_dump(mode="json")
-        model = {"run": gmr.name, "step": gmr.step, "network": network}
+        model = {"run": gmr.name, "step": gmr.step, "which": config.which, "network": network}
         write_scores(partial_dir, record | {"name": gmr.name, "model": model})
 
     inputs = {"run": run_dir, "manifest": manifest_path, **_given(optional)}

@@ -6,11 +6,14 @@ from pydantic import Field
 
 from gmrdata.config import Config
 from gmrdata.evaluate.protocol_names import ProtocolName
+from gmrdata.gmr.config import Which
 
 
 class ScoreConfig(Config):
     """The recipe of a score."""
 
+    which: Which = "latest"
+    """Which weights of a network are scored; predictions from files have none."""
     all_phases: bool = False
     """Whether a clip of a higher frame rate is scored in all its phases, or in the first; the paper
     doesn't say."""

@@ -22,14 +22,11 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from gmrdata.errors import BadCheckpoint, BadRecord, MissingInput
-from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.config import ModelConfig, Which
 from gmrdata.gmr.model import Gmr
 from gmrdata.store import read_json, write_json, write_text
 
 FORMAT = "gmrdata-gmr/1"
-
-Which = Literal["latest", "best"]
-"""The network of a checkpoint's own step, or what scored best on held-out clips up to it."""
 
 Weights = Literal["trained", "average", "best"]
 """What a checkpoint keeps: what training goes on from, its average, and the best network."""

@@ -13,6 +13,9 @@ ExtraInput = Literal["velocity", "standing"]
 """What the network may be given beside the local rotations, of which it is a function
 (gmrdata.gmr.extra_inputs)."""
 
+Which = Literal["latest", "best"]
+"""The network after a run's last step so far, or what scored best on held-out clips up to it."""
+
 
 class ModelConfig(Config):
     """Size and representations of the network."""

@@ -12,6 +12,7 @@ from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip, save_clip
 from gmrdata.config import Config
 from gmrdata.errors import BadMotionFile
+from gmrdata.gmr.config import Which
 from gmrdata.infer.amass_out import write_amass
 from gmrdata.infer.bvh_out import write_bvh
 from gmrdata.infer.glb_out import write_glb
@@ -42,6 +43,8 @@ class InferConfig(Config):
     bridge_frames: int = Field(default=0, ge=0)
     """Longest gap of a person's track that is filled, by slerp of the joints [frames].  At longer
     ones a new motion begins, with a world of its own."""
+    which: Which = "latest"
+    """Which weights of the network are used."""
     video: bool = True
     """Whether to draw the video, which takes longer than all else."""
     width_px: int = Field(default=640, ge=64, le=4096)
@@ -118,7 +121,7 @@ def _predict(
     """The network, the world motions by folder, and why runs of frames were left out."""
     from gmrdata.gmr.infer import load_gmr
 
-    gmr = load_gmr(run_dir)
+    gmr = load_gmr(run_dir, config.which)
     runs = read_local_poses(
         source, config.fps_hz, body=body, joint_map=joint_map, bridge_frames=config.bridge_frames
     )

@@ -16,14 +16,14 @@ from gmrdata.body.skin import motion_vertices_m
 from gmrdata.body.subset import with_vertices
 from gmrdata.cli import main
 from gmrdata.clip import Clip
-from gmrdata.errors import BadBodyFile, BadManifest, BadMotionFile, StaleOutput
+from gmrdata.errors import BadBodyFile, BadCheckpoint, BadManifest, BadMotionFile, StaleOutput
 from gmrdata.evaluate import clip_errors, vertices
 from gmrdata.evaluate.clip_errors import ClipErrors
 from gmrdata.evaluate.motion_types import motion_types
 from gmrdata.evaluate.score import ScoreConfig, score_manifest, score_predictions
 from gmrdata.evaluate.score_clips import by_network, score_clips
 from gmrdata.evaluate.summary import summarise
-from gmrdata.gmr.checkpoint import save_checkpoint
+from gmrdata.gmr.checkpoint import best_of, save_checkpoint
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.infer import TrainedGmr, load_gmr
 from gmrdata.gmr.model import Gmr
@@ -274,6 +274,46 @@ def test_a_floor_is_part_of_what_was_asked(
     said = " ".join(capsys.readouterr().out.split())
     assert "pseudo ground truth's own" in said and "0.00 / 1000000.0 / 1000000.0 (all)" in said
     assert below["statements"][0] in said
+
+
+def test_the_best_weights_are_scored_when_asked_for(
+    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
+) -> None:
+    manifest_path = write_clips(tmp_path / "data", small_body, clips)
+    best = ScoreConfig(which="best")
+    with pytest.raises(BadCheckpoint, match="no best weights"):
+        score_manifest(run_dir, manifest_path, body_path, tmp_path / "none", best)
+    assert not (tmp_path / "none").exists()
+    add_best_weights(run_dir)
+    paths = {
+        which: score_manifest(run_dir, manifest_path, body_path, tmp_path / which, config)
+        for which, config in {"latest": ScoreConfig(), "best": best}.items()
+    }
+    found = {which: json.loads(path.read_text()) for which, path in paths.items()}
+    assert [
+        (found[w]["model"]["which"], found[w]["model"]["step"]) for w in ("latest", "best")
+    ] == [
+        ("latest", 2),
+        ("best", 1),
+    ]
+    tme_mm = {w: found[w]["overall"]["pooled_over_motions"]["predicted"]["tme_mm"] for w in found}
+    zero_mm = found["best"]["overall"]["pooled_over_motions"]["zero"]["tme_mm"]
+    assert tme_mm["best"] == pytest.approx(zero_mm)
+    assert tme_mm["latest"] > 1.1 * zero_mm or tme_mm["latest"] < 0.9 * zero_mm
+
+
+def add_best_weights(run_dir: Path) -> None:
+    """A later checkpoint, and weights of step 1 that put out zeros as the best so far."""
+    torch.manual_seed(0)
+    model = Gmr(ModelConfig(layers=1, hidden=6))
+    optimizer = torch.optim.Adam(model.parameters(), lr=0.1)
+    model(torch.randn(1, 4, 92))[1].sum().backward()
+    optimizer.step()
+    zeros = Gmr(model.config)
+    for parameter in zeros.parameters():
+        torch.nn.init.zeros_(parameter)
+    best = best_of(None, 1, "held_out_tme_mm", 1.0, zeros)
+    save_checkpoint(run_dir, 2, model, optimizer, {"fps_hz": 10.0}, best)
 
 
 def test_the_camera_does_not_matter(
