@@ -14,9 +14,10 @@ PARTS: dict[str, dict[str, Any]] = {
     "without pose noise": {"windows": {"pose_noise_deg": 0.0}},
     "without dropout": {"model": {"dropout": 0.0}},
     "without weight averaging": {"average_decay": 0.0},
+    "without a standing joint in the translation": {"model": {"translation": "regressed"}},
     "without velocity": {"model": {"extra_inputs": ("standing",)}},
-    "without standing joints": {"model": {"extra_inputs": ("velocity",)}},
-    "without either": {"model": {"extra_inputs": ()}},
+    "without standing joints in the input": {"model": {"extra_inputs": ("velocity",)}},
+    "without both inputs": {"model": {"extra_inputs": ()}},
 }
 """Name of a change, and what it sets to what the paper has."""
 
