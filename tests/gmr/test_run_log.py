@@ -1,6 +1,5 @@
 """Logs that are cut to a checkpoint, and TensorBoard's files."""
 
-import importlib.util
 import json
 import sys
 from pathlib import Path
@@ -41,10 +40,6 @@ def test_missing_tensorboard_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyP
         pass
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("tensorboard") is None,
-    reason="the extra `tensorboard` is not installed",
-)
 def test_event_files_have_the_lines_numbers(tmp_path: Path) -> None:
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
