@@ -19,9 +19,15 @@ FOOT_JOINTS = tuple(
 )
 SOLE_STRIPS = 4
 """Strips from back to front in which the lowest vertices of a foot part are looked for."""
-FLOOR_PERCENTILE = 10.0
-"""The floor is that percentile of the height of standing soles: low, against steps and props, but
-not the lowest, which is where a foot dips through."""
+LEVEL_M = 0.015
+"""Standing soles are on a level if they are this near to it."""
+FLOOR_SHARE = 0.25
+"""A level is a floor if this share of the standing soles is on it."""
+DEEPEST_DIP_M = 0.15
+"""A foot on tiptoe whose toes don't bend dips through the floor by no more than that."""
+LOW_PERCENTILE = 10.0
+"""On stairs, ramps and props, the floor is that percentile of the height of standing soles: low,
+but not the lowest, which is where a foot dips through."""
 SHORTEST_SPREAD_M = 0.4
 """A tilt is looked for along directions in which the standing feet spread by this (1 sigma)."""
 LARGEST_TILT_DEG = 2.5
@@ -51,9 +57,33 @@ def put_on_floor(
     if not len(heights_m):
         heights_m = soles_m[:, :, 2].min(axis=1)
     pelvis_m = pelvis_m @ level_from_world.T
-    pelvis_m[:, 2] -= np.percentile(heights_m, FLOOR_PERCENTILE)
+    pelvis_m[:, 2] -= floor_height_m(heights_m)
     tilt_deg = float(np.rad2deg(np.arccos(np.clip(level_from_world[2, 2], -1.0, 1.0))))
     return level_from_world @ rotmats[:, 0], pelvis_m, tilt_deg
+
+
+def floor_height_m(heights_m: np.ndarray) -> float:
+    """The lowest level on which soles stand often: the median of those that are on it [m].
+
+    A tenth of them may well be below: some recordings have tiptoes that dip through, or begin with
+    toes that point down.  More of them, or further below, stand on a floor of their own.
+
+    Args:
+        heights_m: (N,) heights of standing soles, N >= 1 [m].
+    """
+    heights_m = np.sort(heights_m)
+    low_m = float(np.percentile(heights_m, LOW_PERCENTILE))
+    edges = [np.searchsorted(heights_m, heights_m + off_m) for off_m in (-LEVEL_M, LEVEL_M)]
+    on_level = edges[1] - edges[0]
+    often = np.flatnonzero(on_level >= FLOOR_SHARE * len(heights_m))
+    if not len(often):
+        return low_m
+    # The first of them lies on the level's lower edge, so the fullest one is looked for above it.
+    near = heights_m <= heights_m[often[0]] + 2 * LEVEL_M
+    fullest_m = heights_m[int(np.where(near, on_level, 0).argmax())]
+    if low_m < fullest_m - DEEPEST_DIP_M:
+        return low_m
+    return float(np.median(heights_m[np.abs(heights_m - fullest_m) <= LEVEL_M]))
 
 
 def sole_points_m(

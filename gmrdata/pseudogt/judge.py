@@ -12,7 +12,7 @@ from gmrdata.clip import Clip
 from gmrdata.pseudogt.frame_checks import frame_reasons, jumps, without_short_runs
 from gmrdata.pseudogt.thresholds import VerdictConfig
 from gmrdata.pseudogt.verdict import Verdict, dropped_ranges
-from gmrdata.sfm.scale import ScaleEstimate
+from gmrdata.sfm.scale import ScaleEstimate, mean_speed
 
 
 def judge(
@@ -45,7 +45,8 @@ def judge(
     jump_share = float(np.mean(jumps(clip, config))) if len(reasons) > 1 else 0.0
     failed = [
         *doubts,
-        *_sequence_reasons(sfm_quality, jump_share, estimate, kept_share, config),
+        *_sequence_reasons(sfm_quality, jump_share, kept_share, config),
+        *_scale_reasons(clip, estimate, config),
     ]
     return Verdict(not failed, tuple(failed), tuple(dropped_ranges(reasons)), len(reasons))
 
@@ -53,7 +54,6 @@ def judge(
 def _sequence_reasons(
     sfm_quality: dict[str, Any],
     jump_share: float,
-    estimate: ScaleEstimate,
     kept_share: float,
     config: VerdictConfig,
 ) -> list[str]:
@@ -99,24 +99,30 @@ def _sequence_reasons(
                 "is right)",
             )
         )
-    if estimate.scale is not None and estimate.sigma is not None:
-        share = estimate.sigma / estimate.scale
-        checks.append(
-            (
-                share > config.max_scale_sigma_share,
-                f"the metric scale is uncertain by {share:.1%}, more than "
-                f"{config.max_scale_sigma_share:.1%}",
-            )
-        )
-    if estimate.disagreement is not None:
-        checks.append(
-            (
-                estimate.disagreement > config.max_cue_disagreement,
-                f"two cues of the scale are {estimate.disagreement:.1f} standard errors apart, "
-                f"more than {config.max_cue_disagreement:g}",
-            )
-        )
     return [reason for fails, reason in checks if fails]
+
+
+def _scale_reasons(clip: Clip, estimate: ScaleEstimate, config: VerdictConfig) -> list[str]:
+    if estimate.scale is None or estimate.sigma is None or clip.camera is None:
+        return []
+    share = estimate.sigma / estimate.scale
+    apart = estimate.disagreement or 0.0
+    speed_m_per_s = mean_speed(clip.camera.world_from_cam, clip.motion.fps_hz)
+    reasons = []
+    if (
+        share > config.max_scale_sigma_share
+        and share * speed_m_per_s > config.scale_matters_m_per_s
+    ):
+        reasons.append(
+            f"the metric scale is uncertain by {share:.1%}, more than "
+            f"{config.max_scale_sigma_share:.1%}, of a camera at {speed_m_per_s:.2f} m/s"
+        )
+    if apart > config.max_cue_disagreement:
+        reasons.append(
+            f"two cues of the scale are {apart:.1f} standard errors apart, more than "
+            f"{config.max_cue_disagreement:g}"
+        )
+    return reasons
 
 
 def _without_camera(sfm_quality: dict[str, Any]) -> str:

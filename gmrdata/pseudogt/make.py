@@ -157,7 +157,8 @@ def compose_clips(
         if rows.any()
     ]
     estimate = estimate_scale(seen, geometry, config.scale, points=points, tracked=tracked)
-    scale = 1.0 if estimate.scale is None else estimate.scale
+    # Without a scale the camera stays in place, also one that was seen to travel a little.
+    scale = 0.0 if estimate.scale is None else estimate.scale
     filled = fill_gaps(metric_cameras(path.world_from_cam, scale), path.has_camera)
     level = _level(camera_clips, filled, usable, bodies, config)
     camera = replace(path, world_from_cam=level @ filled)

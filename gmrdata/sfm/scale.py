@@ -28,7 +28,8 @@ class ScaleEstimate:
     """Fused metric scale."""
 
     scale: float | None
-    """Metres per unit of the reconstruction; None where scale doesn't enter."""
+    """Metres per unit of the reconstruction; None where scale doesn't enter, since the camera
+    stays in place or travels less than can be told."""
     sigma: float | None
     """Standard error of `scale`; widened where the cues disagree."""
     cues: tuple[CueEstimate, ...]
@@ -74,6 +75,10 @@ def estimate_scale(
         tracked: (T, 4, 4) metric world_from_cam of the data set, right over short times; NaN where
             unknown.
 
+    Returns:
+        The scale; none for a camera that travels less than the cues can tell, and so little that it
+        does not matter.
+
     Raises:
         NoReconstruction: not one cue finds a scale: no foot stands still at any, or the camera
             hardly moves.
@@ -95,7 +100,25 @@ def estimate_scale(
         cues += [] if windows is None else [windows]
     if not cues:
         raise NoReconstruction("; ".join(reasons))
-    return fuse(tuple(cues), config.body_share)
+    estimate = fuse(tuple(cues), config.body_share)
+    speed = mean_speed(_known_to_any(people), people[0].motion.fps_hz)
+    if _is_vague(estimate, speed, config):
+        return ScaleEstimate(None, None, estimate.cues)
+    return estimate
+
+
+def mean_speed(world_from_cam: np.ndarray, fps_hz: float) -> float:
+    """Mean speed of cameras (T, 4, 4), NaN where unknown, between known frames [unit/s]."""
+    steps = np.linalg.norm(np.diff(world_from_cam[:, :3, 3], axis=0), axis=1)
+    return float(fps_hz * steps[np.isfinite(steps)].mean()) if np.isfinite(steps).any() else 0.0
+
+
+def _is_vague(estimate: ScaleEstimate, speed: float, config: ScaleConfig) -> bool:
+    """Whether a path is shorter than its error bar, or not much longer, and both are small."""
+    if estimate.scale is None or estimate.sigma is None:
+        return False
+    is_small = estimate.sigma * speed < config.slow_m_per_s
+    return is_small and estimate.sigma > config.vague_share * estimate.scale
 
 
 def _of_person(

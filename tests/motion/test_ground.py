@@ -4,13 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.body.model import BodyModel
 from gmrdata.body.skin import motion_joints_m, motion_vertices_m
 from gmrdata.body.tree import JOINT
 from gmrdata.motion.feet import foot_corrections
-from gmrdata.motion.ground import put_on_floor, sole_points_m
+from gmrdata.motion.ground import floor_height_m, put_on_floor, sole_points_m
 from gmrdata.motion.motion import Motion
 from gmrdata.motion.read import read_motion
 from gmrdata.motion.rest_pose import minimal_rotation
@@ -54,6 +56,36 @@ def test_other_floors_keep_their_form(small_body: BodyModel, rise: str) -> None:
     np.testing.assert_allclose(root, rotmats[:, 0], atol=1e-6)
     lowest_m = np.percentile(heights_m, 10)
     np.testing.assert_allclose(moved_m[:, 2], pelvis_m[:, 2] + heights_m - lowest_m, atol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("share_low", "low_m", "floor_m"),
+    [
+        (0.15, -0.105, 0.0),  # tiptoes that dip through the floor: CMU 05_05
+        (0.2, -0.05, 0.0),  # toes that point down at first: CMU 06_02
+        (0.3, -0.1, -0.1),  # as many stand on a floor of its own
+        (0.15, -0.4, -0.4),  # too deep for a dip: most of the motion is on a prop
+    ],
+)
+def test_the_floor_is_the_lowest_level_on_which_soles_stand_often(
+    share_low: float, low_m: float, floor_m: float
+) -> None:
+    rng = np.random.default_rng(1)
+    heights_m = rng.normal(0, 0.003, 400)
+    heights_m[: round(share_low * 400)] += low_m
+    assert floor_height_m(rng.permutation(heights_m)) == pytest.approx(floor_m, abs=0.006)
+
+
+@given(
+    heights=st.lists(st.integers(-2000, 2000), min_size=1, max_size=60),
+    off=st.integers(-5000, 5000),
+)
+def test_the_floor_is_among_the_heights_and_moves_with_them(heights: list[int], off: int) -> None:
+    """In steps of 1/1024 m, so that sums are exact and no height lies on a level's edge."""
+    heights_m = np.array(heights) / 1024
+    floor_m = floor_height_m(heights_m)
+    assert heights_m.min() <= floor_m <= heights_m.max()
+    assert floor_height_m(heights_m + off / 1024) == pytest.approx(floor_m + off / 1024, abs=1e-9)
 
 
 def test_sole_points_are_the_bodys_lowest_vertices(anny: BodyModel) -> None:

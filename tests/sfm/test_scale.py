@@ -112,6 +112,35 @@ def test_a_camera_that_does_not_move_has_no_scale(small_body: BodyModel) -> None
         estimate_scale([SeenPerson(person, small_body, still)], "full", ScaleConfig())
 
 
+@pytest.mark.parametrize(("way_m", "known"), [(0.004, False), (1.0, True)])
+def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(
+    small_body: BodyModel, way_m: float, known: bool
+) -> None:
+    """Feet of a noisy body move by centimetres, which a hand-held camera does as well."""
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    rng = np.random.default_rng(2)
+    swaying = np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1))
+    phase_rad = 2 * np.pi * np.arange(path.n_frames) / 20
+    swaying[:, 0, 3] += way_m * np.sin(phase_rad)
+    person = camera_motion(motion, swaying)
+    noisy = replace(person, pelvis_m=person.pelvis_m + rng.normal(0, 0.004, person.pelvis_m.shape))
+    found = replace(path, world_from_cam=swaying)
+    estimate = estimate_scale([SeenPerson(noisy, small_body, found)], "full", ScaleConfig())
+    (cue,) = estimate.cues
+    assert cue.name == "planted_feet"
+    assert (estimate.scale is not None) == known == (estimate.sigma is not None)
+
+
+def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> None:
+    """For the verdict to reject it."""
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    person = camera_motion(motion, path.world_from_cam)
+    careless = ScaleConfig(body_share=0.8)
+    estimate = estimate_scale([SeenPerson(person, small_body, path)], "full", careless)
+    assert estimate.scale == pytest.approx(1.0, rel=0.02)
+    assert estimate.sigma is not None and estimate.sigma > 0.8 * estimate.scale
+
+
 def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
     rng = np.random.default_rng(0)
