@@ -8,6 +8,9 @@ from gmrdata.config import Config
 class SfmConfig(Config):
     """Cameras from frames: features, pairs, verification, choice of geometry, refinement."""
 
+    max_image_size_px: int = Field(default=1280, ge=64)
+    """Longer side above which frames are reduced before anything is sought in them; all pixels of
+    this recipe and of the record are then those of the reduced frames [px]."""
     keyframe_step: float = Field(default=0.04, ge=0, le=0.5)
     """How far the background moves from one keyframe to the next, as a share of the frame's longer
     side; 0: every frame is a keyframe."""
@@ -23,8 +26,6 @@ class SfmConfig(Config):
     """SIFT features per frame at most; the largest are kept."""
     first_octave: int = Field(default=0, ge=-1, le=2)
     """First SIFT octave: -1 doubles the image (slower, more features), 0 takes it as it is."""
-    max_image_size_px: int = Field(default=1600, ge=64)
-    """Longer side above which features are sought in a reduced image [px]."""
     overlap: int = Field(default=8, ge=1)
     """Each frame is paired with those 1, 2, 4, ... later: so many pairs per frame."""
     min_pair_inliers: int = Field(default=15, ge=8)

@@ -104,7 +104,7 @@ def _extract(
         reader.mask_path = str(colmap_masks_dir)
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = config.threads
-    options.max_image_size = config.max_image_size_px
+    options.max_image_size = max(size_px)
     options.sift.max_num_features = config.max_features
     options.sift.first_octave = config.first_octave
     database_path, names = work_dir / "database.db", [image.name for image in images]

@@ -22,6 +22,7 @@ from gmrdata.sfm.cameras import (
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.cuts import cuts_in_words
 from gmrdata.sfm.evidence import explains_better, is_bent, weigh
+from gmrdata.sfm.reduced import Frames, reduced
 from gmrdata.sfm.solution import (
     Solution,
     mapped_solution,
@@ -79,13 +80,21 @@ def reconstruct(
         # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
         work_dir = partial / "colmap"
         work_dir.mkdir()
-        solution = _solve(work_dir, images, masks_dir, matrix, size_px, config)
+        given = Frames(images, masks_dir, matrix, size_px)
+        frames = reduced(given, config.max_image_size_px, work_dir / "reduced")
+        try:
+            solution = _solve(work_dir, frames, config)
+        except NoReconstruction as error:
+            # The reduced frames are gone when somebody reads this.
+            said = str(error).replace(str(frames.images[0].parent), str(images_dir))
+            raise NoReconstruction(said) from None
         shutil.rmtree(work_dir)
         path = CameraPath(matrix, *size_px, solution.world_from_cam, solution.has_camera)
         cameras = SfmCameras(path, solution.geometry, _numbers(images), solution.interpolated)
         save_cameras(partial / CAMERAS_FILE, cameras)
         save_points(partial / POINTS_FILE, solution.points, solution.track_lengths)
-        write_json(partial / QUALITY_FILE, solution.quality)
+        worked_on = {"worked_on_px": list(frames.size_px)}
+        write_json(partial / QUALITY_FILE, solution.quality | worked_on)
 
     inputs = {"images": images_dir} | ({} if masks_dir is None else {"masks": masks_dir})
     return run_stage("sfm", out_dir, recipe, inputs, work, redo=redo)
@@ -107,23 +116,14 @@ def _checked(intrinsics_px: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def _solve(
-    work_dir: Path,
-    images: list[Path],
-    masks_dir: Path | None,
-    intrinsics_px: np.ndarray,
-    size_px: tuple[int, int],
-    config: SfmConfig,
-) -> Solution:
+def _solve(work_dir: Path, frames: Frames, config: SfmConfig) -> Solution:
     """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
     from gmrdata.sfm.keyframes import choose_keyframes
 
-    keys = choose_keyframes(images, masks_dir, size_px, config)
-    timeline = Timeline(_numbers(images), keys.cuts)
+    keys = choose_keyframes(frames.images, frames.masks_dir, frames.size_px, config)
+    timeline = Timeline(_numbers(frames.images), keys.cuts)
     try:
-        solution = _solve_keyframes(
-            keys.rows, timeline, work_dir, images, masks_dir, intrinsics_px, size_px, config
-        )
+        solution = _solve_keyframes(keys.rows, timeline, work_dir, frames, config)
     except NoReconstruction as error:
         raise NoReconstruction(f"{error}{cuts_in_words(keys.cuts)}") from None
     choice = {
@@ -139,10 +139,7 @@ def _solve_keyframes(
     key_rows: np.ndarray,
     timeline: Timeline,
     work_dir: Path,
-    images: list[Path],
-    masks_dir: Path | None,
-    intrinsics_px: np.ndarray,
-    size_px: tuple[int, int],
+    frames: Frames,
     config: SfmConfig,
 ) -> Solution:
     """Solve keyframes, as a pure rotation where that does, then all frames."""
@@ -153,6 +150,8 @@ def _solve_keyframes(
     from gmrdata.sfm.rotation_only import RotationOnly, solve_rotation_only
     from gmrdata.sfm.turning_focal import turning_focal
 
+    images, masks_dir = frames.images, frames.masks_dir
+    intrinsics_px, size_px = frames.intrinsics_px, frames.size_px
     key_images = [images[row] for row in key_rows]
     matches = match_frames(key_images, masks_dir, intrinsics_px, size_px, work_dir, config)
 
