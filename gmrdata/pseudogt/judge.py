@@ -102,6 +102,18 @@ def _sequence_reasons(
     return [reason for fails, reason in checks if fails]
 
 
+def is_scale_known(sigma_share: float, speed_m_per_s: float, config: VerdictConfig) -> bool:
+    """Whether a scale is known as well as a camera of that speed asks for.
+
+    Args:
+        sigma_share: Its standard error, as a share of it.
+        speed_m_per_s: Mean speed of the camera, at that scale [m/s].
+        config: The thresholds.
+    """
+    is_slow = sigma_share * speed_m_per_s <= config.scale_matters_m_per_s
+    return sigma_share <= config.max_scale_sigma_share or is_slow
+
+
 def _scale_reasons(clip: Clip, estimate: ScaleEstimate, config: VerdictConfig) -> list[str]:
     if estimate.scale is None or estimate.sigma is None or clip.camera is None:
         return []
@@ -109,10 +121,7 @@ def _scale_reasons(clip: Clip, estimate: ScaleEstimate, config: VerdictConfig) -
     apart = estimate.disagreement or 0.0
     speed_m_per_s = mean_speed(clip.camera.world_from_cam, clip.motion.fps_hz)
     reasons = []
-    if (
-        share > config.max_scale_sigma_share
-        and share * speed_m_per_s > config.scale_matters_m_per_s
-    ):
+    if not is_scale_known(share, speed_m_per_s, config):
         reasons.append(
             f"the metric scale is uncertain by {share:.1%}, more than "
             f"{config.max_scale_sigma_share:.1%}, of a camera at {speed_m_per_s:.2f} m/s"

@@ -121,7 +121,8 @@ def scale_section(record: dict[str, Any]) -> str:
     scale, sigma, cues = record.get("scale"), record.get("scale_sigma"), record.get("scale_cues")
     if scale is None or sigma is None or not cues:
         return (
-            "<section><h2>Metric scale</h2><p>Scale does not enter: the camera stays in place.</p>"
+            "<section><h2>Metric scale</h2><p>Scale does not enter: the camera stays in place, or "
+            "travels less than can be told.</p>"
             "</section>"
         )
     picture = svg(lambda fig: draw_scale(fig, record), 7.4, 1.0 + 0.32 * (len(cues) + 1), "scale")
