@@ -12,7 +12,7 @@ from gmrdata.clip import Clip
 from gmrdata.pseudogt.frame_checks import frame_reasons, jumps, without_short_runs
 from gmrdata.pseudogt.thresholds import VerdictConfig
 from gmrdata.pseudogt.verdict import Verdict, dropped_ranges
-from gmrdata.sfm.scale import ScaleEstimate, mean_speed
+from gmrdata.sfm.scale import ScaleEstimate
 
 
 def judge(
@@ -46,7 +46,7 @@ def judge(
     failed = [
         *doubts,
         *_sequence_reasons(sfm_quality, jump_share, kept_share, config),
-        *_scale_reasons(clip, estimate, config),
+        *_scale_reasons(estimate, config),
     ]
     return Verdict(not failed, tuple(failed), tuple(dropped_ranges(reasons)), len(reasons))
 
@@ -102,29 +102,16 @@ def _sequence_reasons(
     return [reason for fails, reason in checks if fails]
 
 
-def is_scale_known(sigma_share: float, speed_m_per_s: float, config: VerdictConfig) -> bool:
-    """Whether a scale is known as well as a camera of that speed asks for.
-
-    Args:
-        sigma_share: Its standard error, as a share of it.
-        speed_m_per_s: Mean speed of the camera, at that scale [m/s].
-        config: The thresholds.
-    """
-    is_slow = sigma_share * speed_m_per_s <= config.scale_matters_m_per_s
-    return sigma_share <= config.max_scale_sigma_share or is_slow
-
-
-def _scale_reasons(clip: Clip, estimate: ScaleEstimate, config: VerdictConfig) -> list[str]:
-    if estimate.scale is None or estimate.sigma is None or clip.camera is None:
+def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> list[str]:
+    if estimate.scale is None or estimate.sigma is None:
         return []
     share = estimate.sigma / estimate.scale
     apart = estimate.disagreement or 0.0
-    speed_m_per_s = mean_speed(clip.camera.world_from_cam, clip.motion.fps_hz)
     reasons = []
-    if not is_scale_known(share, speed_m_per_s, config):
+    if estimate.matters and share > config.max_scale_sigma_share:
         reasons.append(
             f"the metric scale is uncertain by {share:.1%}, more than "
-            f"{config.max_scale_sigma_share:.1%}, of a camera at {speed_m_per_s:.2f} m/s"
+            f"{config.max_scale_sigma_share:.1%}"
         )
     if apart > config.max_cue_disagreement:
         reasons.append(

@@ -33,6 +33,7 @@ def quality_of(
     return sfm_quality | {
         "scale": _figure(estimate.scale),
         "scale_sigma": _figure(estimate.sigma),
+        "scale_matters": estimate.matters,
         "scale_disagreement": _figure(estimate.disagreement),
         "scale_cues": [_rounded(asdict(cue)) for cue in estimate.cues],
         "camera_motion": camera_motion,

@@ -13,10 +13,8 @@ class VerdictConfig(Config):
     max_reprojection_px: float = Field(default=1.0, gt=0)
     """Mean reprojection error of the background [px]."""
     max_scale_sigma_share: float = Field(default=0.06, gt=0)
-    """Standard error of the metric scale, as a share of the scale, where it matters."""
-    scale_matters_m_per_s: float = Field(default=0.01, ge=0)
-    """Speed of the camera that this error stands for from which on it matters: 1 mm in 0.1 s [m/s].
-    Of a camera that travels slowly the scale need not be known well."""
+    """Standard error of the metric scale, as a share of the scale.  Of a camera that hardly travels
+    it may be larger: `scale.slow_m_per_s`."""
     max_cue_disagreement: float = Field(default=3.5, gt=0)
     """Difference between two cues of the scale, in its standard errors."""
     max_cuts_share: float = Field(default=0.05, ge=0)

@@ -38,12 +38,12 @@ class ScaleConfig(Config):
     """What all cues of bodies have in common, such as a wrong size or slow errors of the root, as
     a share; part of the error bar.  Fused scales of four twins with a travelling camera were 0.3 to
     2.0 % too small, 1.1 % in the root mean square."""
-    vague_share: float = Field(default=0.5, gt=0)
-    """Standard error, as a share of the scale, beyond which the scale of a camera that hardly
-    travels is said to be unknown."""
     slow_m_per_s: float = Field(default=0.02, ge=0)
-    """Speed that such an error may stand for at most: what the camera travels is then less than
-    this, or not much more, and it is taken to stay in place; 2 mm in 0.1 s [m/s]."""
+    """Error of the camera's speed up to which the scale need not be known any better, however
+    large its error is as a share: of a camera that hardly travels; 2 mm in 0.1 s [m/s]."""
+    vague_share: float = Field(default=0.5, gt=0)
+    """Standard error, as a share of the scale, beyond which the scale of such a camera is said to
+    be unknown, and the camera to stay in place."""
     window_s: float = Field(default=1.0, gt=0)
     """Time over which a data set's own camera path is compared [s]."""
     drift_m_per_s: float = Field(default=0.15, ge=0)

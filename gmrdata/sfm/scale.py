@@ -34,6 +34,8 @@ class ScaleEstimate:
     """Standard error of `scale`; widened where the cues disagree."""
     cues: tuple[CueEstimate, ...]
     """Each source of evidence by itself."""
+    matters: bool = True
+    """Whether `sigma` makes the camera's speed wrong by more than `ScaleConfig.slow_m_per_s`."""
 
     @property
     def disagreement(self) -> float | None:
@@ -101,24 +103,24 @@ def estimate_scale(
     if not cues:
         raise NoReconstruction("; ".join(reasons))
     estimate = fuse(tuple(cues), config.body_share)
-    speed = mean_speed(_known_to_any(people), people[0].motion.fps_hz)
-    if _is_vague(estimate, speed, config):
+    speed = _mean_speed(_known_to_any(people), people[0].motion.fps_hz)
+    estimate = replace(estimate, matters=(estimate.sigma or 0.0) * speed > config.slow_m_per_s)
+    if _is_vague(estimate, config):
         return ScaleEstimate(None, None, estimate.cues)
     return estimate
 
 
-def mean_speed(world_from_cam: np.ndarray, fps_hz: float) -> float:
+def _mean_speed(world_from_cam: np.ndarray, fps_hz: float) -> float:
     """Mean speed of cameras (T, 4, 4), NaN where unknown, between known frames [unit/s]."""
     steps = np.linalg.norm(np.diff(world_from_cam[:, :3, 3], axis=0), axis=1)
     return float(fps_hz * steps[np.isfinite(steps)].mean()) if np.isfinite(steps).any() else 0.0
 
 
-def _is_vague(estimate: ScaleEstimate, speed: float, config: ScaleConfig) -> bool:
+def _is_vague(estimate: ScaleEstimate, config: ScaleConfig) -> bool:
     """Whether a path is shorter than its error bar, or not much longer, and both are small."""
     if estimate.scale is None or estimate.sigma is None:
         return False
-    is_small = estimate.sigma * speed < config.slow_m_per_s
-    return is_small and estimate.sigma > config.vague_share * estimate.scale
+    return not estimate.matters and estimate.sigma > config.vague_share * estimate.scale
 
 
 def _of_person(

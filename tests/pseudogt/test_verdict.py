@@ -106,10 +106,8 @@ def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
     )
     (reason,) = judge(clip, GOOD, ROWS, apart, CONFIG).reasons
     assert "5.3 standard errors apart" in reason
-    # Where the camera is slow, an uncertain scale means little: here 10 % of 0.09 m/s.
-    slow = circling()
-    slow[:, :3, 3] *= 0.05
-    assert judge(clip_of(slow), GOOD, ROWS, vague, CONFIG).accepted
+    # Of a camera that hardly travels, an uncertain scale means little.
+    assert judge(clip, GOOD, ROWS, replace(vague, matters=False), CONFIG).accepted
     # Where scale doesn't enter, nothing is said of it.
     assert judge(clip, GOOD, ROWS, ScaleEstimate(None, None, ()), CONFIG).accepted
 

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gmrdata.pseudogt.config import PseudoGtConfig
 from gmrdata.pseudogt.judge import judge
+from gmrdata.pseudogt.record import quality_of
 from gmrdata.regenerate.qa.figures import Row, verdict_rows
 from gmrdata.regenerate.qa.gather import Found
 from gmrdata.regenerate.recipe import ThreedpwRecipe
@@ -21,17 +23,17 @@ def scale_rows(found: Found) -> list[Row]:
     return [row for row in rows if "scale" in row.name or "two cues" in row.name]
 
 
-@pytest.mark.parametrize(("way", "accepted"), [(1.0, False), (0.05, True)])
-def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(way: float, accepted: bool) -> None:
-    world_from_cam = circling()
-    world_from_cam[:, :3, 3] *= way
-    clip = clip_of(world_from_cam)
-    vague = fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01),))
-    assert judge(clip, GOOD, ROWS, vague, CONFIG).accepted == accepted
-    record = {"scale": 2.0, "scale_sigma": 0.2, "scale_disagreement": None}
+@pytest.mark.parametrize(
+    ("matters", "limit"), [(True, "≤ 6"), (False, "≤ 6, or ≤ 0.02 m/s of the camera's speed")]
+)
+def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limit: str) -> None:
+    clip = clip_of(circling())
+    vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01),)), matters=matters)
+    verdict = judge(clip, GOOD, ROWS, vague, CONFIG)
+    record = quality_of([clip], [verdict], vague, GOOD, PseudoGtConfig())
     sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
-    assert (sigma.value, sigma.met) == ("10", accepted)
-    assert sigma.limit == "≤ 6, or ≤ 0.01 m/s of the camera's way"
+    assert (sigma.value, sigma.limit) == ("10", limit)
+    assert sigma.met == verdict.accepted == (not matters)
 
 
 def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:

@@ -139,6 +139,13 @@ def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> No
     estimate = estimate_scale([SeenPerson(person, small_body, path)], "full", careless)
     assert estimate.scale == pytest.approx(1.0, rel=0.02)
     assert estimate.sigma is not None and estimate.sigma > 0.8 * estimate.scale
+    assert estimate.matters
+    steps_m = np.linalg.norm(np.diff(path.world_from_cam[:, :3, 3], axis=0), axis=1)
+    for share, matters in ((0.75, True), (0.85, False)):
+        bound = share * 10.0 * steps_m.mean()
+        config = ScaleConfig(body_share=0.8, vague_share=0.9, slow_m_per_s=bound)
+        estimate = estimate_scale([SeenPerson(person, small_body, path)], "full", config)
+        assert estimate.scale == pytest.approx(1.0, rel=0.02) and estimate.matters == matters
 
 
 def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:

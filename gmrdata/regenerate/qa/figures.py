@@ -5,13 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmrdata.geometry.motion_class import MotionClassConfig
-from gmrdata.pseudogt.judge import is_scale_known
+from gmrdata.pseudogt.config import PseudoGtConfig
 from gmrdata.pseudogt.moves import angles_deg, relative_moves, window_differences
 from gmrdata.pseudogt.thresholds import VerdictConfig
 from gmrdata.regenerate.qa.gather import Found
 from gmrdata.regenerate.recipe import ThreedpwRecipe
 from gmrdata.report.bars import NO_FIGURE
-from gmrdata.sfm.scale import mean_speed
 from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
 
 
@@ -30,7 +29,8 @@ class Row(NamedTuple):
 
 def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
     """What the sequence as a whole was judged by."""
-    config, record = recipe.of_sequence(found.name).pseudo_gt.verdict, found.record
+    pseudo_gt, record = recipe.of_sequence(found.name).pseudo_gt, found.record
+    config = pseudo_gt.verdict
     cuts_share = None
     if "frames" in record:
         cuts = len(record.get("cuts_after_frames", ()))
@@ -40,29 +40,24 @@ def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
         _most("mean reprojection error [px]", record.get("mean_reprojection_px"),
               config.max_reprojection_px),
         _most("steps to another place [%]", cuts_share, config.max_cuts_share, percent=True),
-        *_scale_rows(found, config),
+        *_scale_rows(record, pseudo_gt),
         *_kept_rows(found, config),
     ]  # fmt: skip
     return [*rows, focal_row(found.people.get("focal"), recipe.intrinsics)]
 
 
-def _scale_rows(found: Found, config: VerdictConfig) -> list[Row]:
+def _scale_rows(record: dict[str, Any], config: PseudoGtConfig) -> list[Row]:
     """What the scale was judged by; nothing is asked where none enters."""
-    name, limit = "standard error of the scale [%]", config.max_scale_sigma_share
-    sigma, scale = found.record.get("scale_sigma"), found.record.get("scale")
-    apart = None if scale is None else found.record.get("scale_disagreement")
-    if sigma is None or scale is None:
-        row = _most(name, None, limit, percent=True)
-    else:
-        share = sigma / scale
-        row = _most(name, share, limit, percent=True)
-        if not row.met and found.world_from_cam is not None:
-            fps_hz = next(iter(found.clips.values())).motion.fps_hz
-            speed_m_per_s = mean_speed(found.world_from_cam, fps_hz)
-            said = f"{row.limit}, or ≤ {config.scale_matters_m_per_s:g} m/s of the camera's way"
-            row = row._replace(limit=said, met=is_scale_known(share, speed_m_per_s, config))
+    sigma, scale = record.get("scale_sigma"), record.get("scale")
+    share = None if sigma is None or scale is None else sigma / scale
+    limit = config.verdict.max_scale_sigma_share
+    row = _most("standard error of the scale [%]", share, limit, percent=True)
+    if row.met is False and not record.get("scale_matters", True):
+        said = f"{row.limit}, or ≤ {config.scale.slow_m_per_s:g} m/s of the camera's speed"
+        row = row._replace(limit=said, met=True)
+    apart = None if share is None else record.get("scale_disagreement")
     name = "largest difference of two cues [standard errors]"
-    return [row, _most(name, apart, config.max_cue_disagreement)]
+    return [row, _most(name, apart, config.verdict.max_cue_disagreement)]
 
 
 def frame_rows(found: Found, config: VerdictConfig) -> list[Row]:
