@@ -21,8 +21,8 @@ import pytest
 from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
-from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
+from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.progress import console
 from gmrdata.store import read_json, write_json

@@ -58,6 +58,8 @@ class JointConfig(Config):
     """Of the initial weights, the windows and the dropout."""
     log_every: int = Field(default=10, ge=1)
     """Steps between lines of metrics.jsonl."""
+    checkpoint_every: int = Field(default=1000, ge=1)
+    """Steps between checkpoints, from which a run that was stopped goes on."""
     threads: int = Field(default=1, ge=1)
     """CPU threads; part of the recipe, since another number rounds sums in another way."""
     device: Literal["cpu", "cuda"] = "cpu"

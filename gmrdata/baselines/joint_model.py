@@ -5,22 +5,20 @@ from pathlib import Path
 
 import torch
 from pydantic import ValidationError
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.body.tree import N_LOCAL
-from gmrdata.errors import BadCheckpoint, BadRecord, MissingInput
+from gmrdata.errors import BadCheckpoint, MissingInput
 from gmrdata.gmr import rotations
-from gmrdata.gmr.checkpoint import writable
 from gmrdata.gmr.encoder import encode, make_encoder, motions_of
+from gmrdata.gmr.kept_steps import STATE_FILE, latest_checkpoint, read_step_state, write_step
 from gmrdata.gmr.losses import Motions
-from gmrdata.store import atomic_path, read_json, write_json
+from gmrdata.gmr.tensor_files import fill_network, fill_optimizer, optimizer_tensors, writable
 
-FORMAT = "gmrdata-joint/1"
-WEIGHTS = "model.safetensors"
-STATE = "model.json"
+FORMAT = "gmrdata-joint/2"
+WEIGHTS_FILE = "model.safetensors"
+OPTIMIZER_FILE = "optimizer.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,46 +87,61 @@ class JointModel(nn.Module):
         )
 
 
-def save_joint(run_dir: Path, model: JointModel, body: str) -> None:
-    """Write a trained network's weights and what it takes to read them.
+def save_joint(
+    run_dir: Path, step: int, model: JointModel, optimizer: torch.optim.Optimizer, body: str
+) -> Path:
+    """Keep a step of the training: network, optimiser, and what it takes to read them.
 
     Args:
         run_dir: The run's folder.
+        step: Steps done.
         model: The network.
-        body: Name of the body that it was trained on.
+        optimizer: Its optimiser, made over `model.parameters()`.
+        body: Name of the body that it is trained on.
     """
-    with atomic_path(run_dir / WEIGHTS) as temporary:
-        save_file(writable(model.state_dict()), temporary)
     state = {
         "format": FORMAT,
         "n_features": model.n_features,
         "body": body,
         "config": model.config.model_dump(mode="json"),
     }
-    write_json(run_dir / STATE, state)
+    tensors = {
+        WEIGHTS_FILE: writable(model.state_dict()),
+        OPTIMIZER_FILE: optimizer_tensors(model, optimizer),
+    }
+    return write_step(run_dir, step, tensors, state)
+
+
+def resume_joint(run_dir: Path, model: JointModel, optimizer: torch.optim.Optimizer) -> int:
+    """Go on from a run's latest step, if any: the number of steps done.
+
+    Raises:
+        BadCheckpoint: a file is truncated, or of another network.
+    """
+    folder = latest_checkpoint(run_dir)
+    if folder is None:
+        return 0
+    done = int(read_step_state(folder, FORMAT)["step"])
+    fill_network(folder / WEIGHTS_FILE, model)
+    fill_optimizer(folder / OPTIMIZER_FILE, model, optimizer)
+    return done
 
 
 def load_joint(run_dir: Path) -> JointModel:
-    """The network of a finished run, on the CPU, in evaluation mode.
+    """The network of a run, on the CPU, in evaluation mode.
 
     Raises:
         MissingInput: the folder holds no such network.
         BadCheckpoint: a file is truncated, or of another network.
     """
-    path = run_dir / STATE
-    if not path.is_file():
-        raise MissingInput(f"{path}: no trained model there. Give the folder of a finished run")
+    folder = latest_checkpoint(run_dir)
+    if folder is None:
+        raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a run")
+    state = read_step_state(folder, FORMAT)
     try:
-        state = read_json(path)
-        if not isinstance(state, dict) or state.get("format") != FORMAT:
-            raise BadCheckpoint(f"{path}: not a model of {FORMAT}. Give a run made by gmrdata")
         config = JointConfig.model_validate(state.get("config"))
         model = JointModel(config, int(state["n_features"]))
-        model.load_state_dict(load_file(run_dir / WEIGHTS))
-    except (BadRecord, ValidationError, KeyError, TypeError, ValueError) as error:
-        raise BadCheckpoint(f"{path}: unreadable ({error}). Train again") from None
-    except (SafetensorError, OSError, RuntimeError) as error:
-        raise BadCheckpoint(
-            f"{run_dir / WEIGHTS}: truncated, missing or of another model ({error}). Train again"
-        ) from None
+    except (ValidationError, KeyError, TypeError, ValueError) as error:
+        raise BadCheckpoint(f"{folder / STATE_FILE}: unreadable ({error}). Train again") from None
+    fill_network(folder / WEIGHTS_FILE, model)
     return model.eval()

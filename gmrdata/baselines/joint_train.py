@@ -1,14 +1,13 @@
 """Stage: train the non-sequential model of Table 10.
 
-    run/model.safetensors, model.json   the network
-    run/metrics.jsonl                   one line per logged step: step, loss and its terms
-    run/stage.json                      recipe, inputs, versions
+    run/checkpoints/    the network and its optimiser (`gmrdata.gmr.kept_steps`)
+    run/metrics.jsonl   one line per logged step: step, loss and its terms
+    run/stage.json      recipe, inputs, versions
 
 It needs videos with image features and true motions, as the paper's did; motion capture alone, on
 which GMR trains, is of no use here.
 """
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,15 +19,16 @@ from torch import Tensor
 from gmrdata.baselines.features import features_path, load_features
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.baselines.joint_data import JointBatch, JointRun, make_joint_batch, training_runs
-from gmrdata.baselines.joint_model import JointModel, JointOutput, save_joint
+from gmrdata.baselines.joint_model import JointModel, JointOutput, resume_joint, save_joint
 from gmrdata.body.model import BodyModel
 from gmrdata.errors import StageFailed, TrainingDiverged
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
-from gmrdata.gmr.torch_settings import torch_settings
+from gmrdata.gmr.run_log import run_log
+from gmrdata.gmr.torch_settings import derived_seed, torch_settings
 from gmrdata.gmr.usable import check_clips_fit, usable_clips
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.progress import progress_bar
-from gmrdata.store import run_stage, write_text
+from gmrdata.store import run_stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ def train_joint(
     body_path: Path | None = None,
     redo: bool = False,
 ) -> Path:
-    """Train the network on the clips of manifests.  A run that was stopped begins anew.
+    """Train the network on the clips of manifests.  A run that was stopped goes on where it was.
 
     Args:
         manifest_paths: Manifests whose clips are trained on.
@@ -82,6 +82,7 @@ def train_joint(
         MissingInput: a clip has no features.
         BadFeatures: features do not fit their clip or each other.
         TrainingDiverged: the loss became infinite or NaN.
+        BadCheckpoint: the checkpoint to go on from is broken.
         StageFailed: a GPU is asked for, and there is none.
     """
     config = config or JointConfig()
@@ -99,53 +100,66 @@ def train_joint(
         pairs = [(clip, load_features(features_dir, clip)) for clip in clips]
         fit_joint(training_runs(pairs, config.fps_hz), body, partial_dir, config)
 
-    return run_stage("joint-train", run_dir, config, inputs, work, redo=redo)
+    return run_stage("joint-train", run_dir, config, inputs, work, redo=redo, resumable=True)
 
 
 def fit_joint(
     runs: Sequence[JointRun], body: BodyModel, run_dir: Path, config: JointConfig
 ) -> JointModel:
-    """The training loop.
+    """The training loop: goes on from the folder's latest checkpoint, or begins.
 
     Args:
         runs: What to train on.
         body: Their body.
-        run_dir: Gets the network and `metrics.jsonl`.
+        run_dir: Gets `checkpoints` and `metrics.jsonl`.
         config: The recipe.
 
     Raises:
         TrainingDiverged: the loss became infinite or NaN.
+        BadCheckpoint: the checkpoint to go on from is broken.
         StageFailed: a GPU is asked for, and there is none.
     """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
     loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
-    lines = []
-    with torch_settings(config.device, config.threads, config.seed), progress_bar() as bar:
+    settings = torch_settings(config.device, config.threads, derived_seed(config.seed, 0))
+    with settings, progress_bar() as bar:
         model = _new_model(runs, config)
         optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
-        task = bar.add_task("training", total=config.steps)
-        for step in range(1, config.steps + 1):
-            batch = make_joint_batch(runs, config, step)
-            output = model(batch.features.to(config.device), batch.lengths)
-            terms = joint_loss(output, batch, loss_body, config)
-            optimizer.zero_grad(set_to_none=True)
-            terms.total.backward()
-            limit = math.inf if config.gradient_norm is None else config.gradient_norm
-            norm = torch.nn.utils.clip_grad_norm_(model.parameters(), limit).item()
-            values = {"step": step} | terms.as_values() | {"gradient_norm": norm}
-            if not all(math.isfinite(value) for value in values.values()):
-                raise TrainingDiverged(
-                    f"{run_dir}: in step {step} the loss is {values['loss']:g} and its gradient has"
-                    f" length {norm:g}. Lower learning_rate, or set gradient_norm"
-                )
-            optimizer.step()
-            bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
-            if step % config.log_every == 0 or step == config.steps:
-                lines.append(json.dumps(values) + "\n")
-    write_text(run_dir / "metrics.jsonl", "".join(lines))
-    save_joint(run_dir, model, body.name)
+        done = resume_joint(run_dir, model, optimizer)
+        task = bar.add_task("training", total=config.steps, completed=done)
+        with run_log(run_dir, done, tensorboard=False) as log:
+            for step in range(done + 1, config.steps + 1):
+                torch.manual_seed(derived_seed(config.seed, step))
+                batch = make_joint_batch(runs, config, step)
+                values = _gradient_step(model, batch, loss_body, config)
+                if not all(math.isfinite(value) for value in values.values()):
+                    raise TrainingDiverged(
+                        f"{run_dir}: in step {step} the loss is {values['loss']:g} and its gradient"
+                        f" has length {values['gradient_norm']:g}. Lower learning_rate, or set"
+                        " gradient_norm"
+                    )
+                optimizer.step()
+                bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
+                is_last = step == config.steps
+                if step % config.log_every == 0 or is_last:
+                    log({"step": step} | values)
+                if step % config.checkpoint_every == 0 or is_last:
+                    save_joint(run_dir, step, model, optimizer, body.name)
     return model
+
+
+def _gradient_step(
+    model: JointModel, batch: JointBatch, loss_body: LossBody, config: JointConfig
+) -> dict[str, float]:
+    """Fill the gradients of a step; its loss, terms, and the gradient's length before clipping."""
+    model.zero_grad(set_to_none=True)
+    output = model(batch.features.to(config.device), batch.lengths)
+    terms = joint_loss(output, batch, loss_body, config)
+    terms.total.backward()
+    limit = math.inf if config.gradient_norm is None else config.gradient_norm
+    norm = torch.nn.utils.clip_grad_norm_(model.parameters(), limit)
+    return terms.as_values() | {"gradient_norm": norm.item()}
 
 
 def joint_loss(

@@ -1,30 +1,32 @@
-"""Checkpoints: one folder per kept step, whole or absent, and a pointer to the latest.
+"""A checkpoint of GMR: what a kept step's folder holds (`gmrdata.gmr.kept_steps`).
 
-`<run>/checkpoints/step_00001000/{model,optimizer}.safetensors` and `state.json`; the file `latest`
-beside them holds the folder's name.  A run that averages its weights has `average.safetensors` too,
-and `averaged` in its state says so: that is then the network, and `model` what training goes on
-from.  Where there are held-out scores, `best.safetensors` has the network that scored best up to
-that step: the best so far is part of the state that a killed run goes on from, and comes and goes
-with it.
+`model.safetensors`, `optimizer.safetensors` and `state.json`.  A run that averages its weights has
+`average.safetensors` too, and `averaged` in its state says so: that is then the network, and
+`model` what training goes on from.  Where there are held-out scores, `best.safetensors` has the
+network that scored best up to that step: the best so far is part of the state that a killed run
+goes on from, and comes and goes with it.
 """
 
 import math
-import os
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import torch
 from pydantic import ValidationError
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from gmrdata.errors import BadCheckpoint, BadRecord, MissingInput
+from gmrdata.errors import BadCheckpoint
 from gmrdata.gmr.config import ModelConfig, Which
+from gmrdata.gmr.kept_steps import read_step_state, write_step
 from gmrdata.gmr.model import Gmr
-from gmrdata.store import read_json, write_json, write_text
+from gmrdata.gmr.tensor_files import (
+    fill_network,
+    fill_optimizer,
+    optimizer_tensors,
+    read_tensors,
+    writable,
+)
 
 FORMAT = "gmrdata-gmr/1"
 
@@ -37,6 +39,8 @@ FILES: dict[Weights, str] = {
     "best": "best.safetensors",
 }
 """Files of weights."""
+
+OPTIMIZER_FILE = "optimizer.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +67,6 @@ def best_of(best: Best | None, step: int, score: str, value: float, model: Gmr) 
     return Best(step, score, value, writable(model.state_dict()))
 
 
-def checkpoint_dir(run_dir: Path, step: int) -> Path:
-    """Where the checkpoint of a step lies."""
-    return run_dir / "checkpoints" / f"step_{step:08d}"
-
-
-def latest_checkpoint(run_dir: Path) -> Path | None:
-    """The checkpoint that the pointer names, or None where there is none yet.
-
-    Raises:
-        BadCheckpoint: the pointer names a folder that is not there.
-    """
-    pointer = run_dir / "checkpoints" / "latest"
-    if not pointer.is_file():
-        return None
-    folder = pointer.parent / pointer.read_text(encoding="utf-8").strip()
-    if folder == pointer.parent or not folder.is_dir():
-        raise BadCheckpoint(f"{pointer}: names {folder.name!r}, which is not there. Train again")
-    return folder
-
-
 def save_checkpoint(
     run_dir: Path,
     step: int,
@@ -106,30 +90,18 @@ def save_checkpoint(
         best: The best weights so far, if there are held-out scores.
         average: The average of its weights, where the run keeps one.
     """
-    folder = checkpoint_dir(run_dir, step)
-    temporary = folder.with_name(f".{folder.name}.tmp")
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir(parents=True)
-    save_file(writable(model.state_dict()), temporary / FILES["trained"])
-    save_file(_optimizer_tensors(model, optimizer), temporary / "optimizer.safetensors")
-    state = {"format": FORMAT, "step": step, "model": model.config.model_dump(mode="json")}
+    tensors = {
+        FILES["trained"]: writable(model.state_dict()),
+        OPTIMIZER_FILE: optimizer_tensors(model, optimizer),
+    }
+    state: dict[str, Any] = {"format": FORMAT, "model": model.config.model_dump(mode="json")}
     if average is not None:
-        save_file(writable(average.state_dict()), temporary / FILES["average"])
+        tensors[FILES["average"]] = writable(average.state_dict())
         state["averaged"] = True
     if best is not None:
-        save_file(best.weights, temporary / FILES["best"])
+        tensors[FILES["best"]] = best.weights
         state["best"] = {"step": best.step, "score": best.score, "value": best.value}
-    write_json(temporary / "state.json", state | extra)
-    for file in temporary.iterdir():
-        _fsync(file)
-    shutil.rmtree(folder, ignore_errors=True)
-    temporary.rename(folder)
-    _fsync(folder.parent)
-    write_text(folder.with_name("latest"), folder.name + "\n")
-    for other in folder.parent.glob("*step_*"):
-        if other != folder:
-            shutil.rmtree(other)
-    return folder
+    return write_step(run_dir, step, tensors, state | extra)
 
 
 def read_state(folder: Path) -> dict[str, Any]:
@@ -138,14 +110,7 @@ def read_state(folder: Path) -> dict[str, Any]:
     Raises:
         BadCheckpoint: it is missing, not JSON, or of another format.
     """
-    path = folder / "state.json"
-    try:
-        state = read_json(path)
-    except (MissingInput, BadRecord) as error:
-        raise BadCheckpoint(f"{path}: unreadable ({error}). Train again") from None
-    if not isinstance(state, dict) or state.get("format") != FORMAT or "step" not in state:
-        raise BadCheckpoint(f"{path}: not a checkpoint of {FORMAT}. Give a run made by gmrdata")
-    return state
+    return read_step_state(folder, FORMAT)
 
 
 def read_model(folder: Path, which: Which = "latest") -> Gmr:
@@ -179,10 +144,7 @@ def load_weights(folder: Path, model: Gmr, kind: Weights = "trained") -> None:
     Raises:
         BadCheckpoint: the file is truncated or missing, or of another model.
     """
-    path = folder / FILES[kind]
-    tensors = _read_tensors(path)
-    _check_names(path, tensors, {name: t.shape for name, t in model.state_dict().items()})
-    model.load_state_dict(tensors)
+    fill_network(folder / FILES[kind], model)
 
 
 def read_best(folder: Path) -> Best | None:
@@ -194,7 +156,7 @@ def read_best(folder: Path) -> Best | None:
     record = read_state(folder).get("best")
     if record is None:
         return None
-    weights = _read_tensors(folder / FILES["best"])
+    weights = read_tensors(folder / FILES["best"])
     try:
         return Best(int(record["step"]), str(record["score"]), float(record["value"]), weights)
     except (KeyError, TypeError, ValueError) as error:
@@ -209,63 +171,4 @@ def load_optimizer(folder: Path, model: Gmr, optimizer: torch.optim.Optimizer) -
     Raises:
         BadCheckpoint: the file is truncated or missing, or of another model.
     """
-    path = folder / "optimizer.safetensors"
-    tensors = _read_tensors(path)
-    shapes = {}
-    for name, parameter in model.named_parameters():
-        shapes[f"{name}.step"] = torch.Size(())
-        shapes |= {f"{name}.{key}": parameter.shape for key in ("exp_avg", "exp_avg_sq")}
-    _check_names(path, tensors, shapes)
-    state = {
-        i: {key: tensors[f"{name}.{key}"] for key in ("step", "exp_avg", "exp_avg_sq")}
-        for i, (name, _) in enumerate(model.named_parameters())
-    }
-    groups = optimizer.state_dict()["param_groups"]
-    optimizer.load_state_dict({"state": state, "param_groups": groups})
-
-
-def _optimizer_tensors(model: Gmr, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    state = optimizer.state_dict()["state"]
-    return writable(
-        {
-            f"{name}.{key}": value
-            for i, (name, _) in enumerate(model.named_parameters())
-            for key, value in state[i].items()
-        }
-    )
-
-
-def writable(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Copies on the CPU that share no memory: a GRU on a GPU keeps its weights in one buffer."""
-    return {name: tensor.detach().cpu().clone().contiguous() for name, tensor in tensors.items()}
-
-
-def _read_tensors(path: Path) -> dict[str, Tensor]:
-    try:
-        tensors: dict[str, Tensor] = load_file(path)
-    except (SafetensorError, OSError) as error:
-        raise BadCheckpoint(
-            f"{path}: truncated, missing or not safetensors ({error}). Train again"
-        ) from None
-    return tensors
-
-
-def _check_names(path: Path, tensors: dict[str, Tensor], shapes: dict[str, torch.Size]) -> None:
-    found = {name: tensor.shape for name, tensor in tensors.items()}
-    if found == shapes:
-        return
-    differing = sorted(
-        name for name in found.keys() | shapes.keys() if found.get(name) != shapes.get(name)
-    )
-    raise BadCheckpoint(
-        f"{path}: of another model; differing tensors: {', '.join(differing[:5])}"
-        f"{' ...' if len(differing) > 5 else ''}. Use the run's own settings, or train again"
-    )
-
-
-def _fsync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    fill_optimizer(folder / OPTIMIZER_FILE, model, optimizer)

@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, BadMotionFile, MissingInput
-from gmrdata.gmr.checkpoint import latest_checkpoint, read_model, read_state
+from gmrdata.gmr.checkpoint import read_model, read_state
 from gmrdata.gmr.config import Which
+from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.gmr.model import Gmr, network_input
 from gmrdata.gmr.motion_deltas import accumulate
 from gmrdata.gmr.runs import runs_at

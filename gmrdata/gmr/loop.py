@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
-import numpy as np
 import torch
 from torch import nn
 
@@ -18,7 +17,6 @@ from gmrdata.gmr.average import start_average, update_average
 from gmrdata.gmr.checkpoint import (
     Best,
     best_of,
-    latest_checkpoint,
     load_optimizer,
     load_weights,
     read_best,
@@ -29,13 +27,14 @@ from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.data import Batch, make_batch, make_training_set
 from gmrdata.gmr.flat_runs import remove_files
 from gmrdata.gmr.held_out import held_out_runs, held_out_scores
+from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.gmr.losses import Counts, LossTerms, Motions, counts_of, gmr_loss
 from gmrdata.gmr.mixing import Mix
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaged, averaging, check_device, own_part
 from gmrdata.gmr.prefetch import prefetched
 from gmrdata.gmr.run_log import run_log
-from gmrdata.gmr.torch_settings import torch_settings
+from gmrdata.gmr.torch_settings import derived_seed, torch_settings
 from gmrdata.gmr.usable import fitting_clips
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.progress import progress_bar, track
@@ -92,7 +91,7 @@ def fit(
     def batch_of(step: int) -> Batch:
         return make_batch(training_set, config.windows, batch_size, config.seed, step)
 
-    settings = torch_settings(config.device, config.threads, _derived_seed(config.seed, 0))
+    settings = torch_settings(config.device, config.threads, derived_seed(config.seed, 0))
     with settings, progress_bar(shown=processes.is_first) as bar:
         model = Gmr(config.model).to(config.device)
         optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
@@ -103,7 +102,7 @@ def fit(
         task = bar.add_task("training", total=config.steps, completed=done)
         with run_log(run_dir if processes.is_first else None, done, config.tensorboard) as log:
             for step, batch in prefetched(batch_of, range(done, config.steps)):
-                torch.manual_seed(_derived_seed(config.seed, step + 1, processes.rank))
+                torch.manual_seed(derived_seed(config.seed, step + 1, processes.rank))
                 values = gradient_step(network, batch, loss_body, config, processes)
                 _check_finite(values, run_dir, step)
                 for group in optimizer.param_groups:
@@ -262,8 +261,3 @@ def _compiled(model: Gmr, config: TrainConfig) -> nn.Module:
             " compile: false"
         )
     return cast(nn.Module, torch.compile(model))
-
-
-def _derived_seed(seed: int, counter: int, rank: int = 0) -> int:
-    numbers = [seed, counter, rank] if rank else [seed, counter]
-    return int(np.random.SeedSequence(numbers).generate_state(1)[0])

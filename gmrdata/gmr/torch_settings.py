@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import torch
 
 
@@ -20,3 +21,12 @@ def torch_settings(device: str, threads: int, seed: int) -> Iterator[None]:
         finally:
             torch.set_num_threads(threads_before)
             torch.use_deterministic_algorithms(deterministic)
+
+
+def derived_seed(seed: int, counter: int, rank: int = 0) -> int:
+    """A run's seed for its weights (counter 0) or a step (from 1), and for a process of several.
+
+    Seeding every step anew lets a run that was stopped go on with the same dropout.
+    """
+    numbers = [seed, counter, rank] if rank else [seed, counter]
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0])

@@ -1,7 +1,7 @@
 """The non-sequential model: it learns from features that tell, and refuses what does not fit."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,13 @@ import torch
 
 from gmrdata.baselines.features import load_features
 from gmrdata.baselines.joint_config import JointConfig, JointModelConfig
-from gmrdata.baselines.joint_data import joint_runs, make_joint_batch, training_runs
+from gmrdata.baselines.joint_data import (
+    JointBatch,
+    JointRun,
+    joint_runs,
+    make_joint_batch,
+    training_runs,
+)
 from gmrdata.baselines.joint_model import JointModel, load_joint
 from gmrdata.baselines.joint_predict import predict_joint
 from gmrdata.baselines.joint_train import fit_joint, joint_loss
@@ -28,6 +34,7 @@ from gmrdata.errors import (
 )
 from gmrdata.evaluate.metrics import angles_rad
 from gmrdata.gmr.config import LossConfig
+from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.gmr.vertex_loss import make_loss_body
 from gmrdata.motion.gait import embedded_motions
@@ -76,6 +83,12 @@ def write_features(folder: Path, clips: list[Clip]) -> None:
 def pose_error_deg(local_rotmats: np.ndarray, true_rotmats: np.ndarray) -> float:
     """Mean angle of the local rotations."""
     return float(np.rad2deg(angles_rad(true_rotmats @ local_rotmats.swapaxes(-1, -2))).mean())
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file by its path within a folder."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def test_it_learns(
@@ -130,8 +143,38 @@ def test_the_same_recipe_gives_the_same_network(
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
         fit_joint(runs, small_body, tmp_path / name, config)
-    for file in ("model.safetensors", "model.json", "metrics.jsonl"):
-        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "other" / file).read_bytes()
+    assert contents(tmp_path / "one") == contents(tmp_path / "other")
+
+
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(
+    walks: list[Clip],
+    small_body: BodyModel,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Stopped in step 6, it goes on from step 4, with the dropout that it would have had."""
+    runs = training_runs([(clip, told(clip)) for clip in walks[:2]], 10.0)
+    model = SMALL.model.model_copy(update={"layers": 2, "dropout": 0.3})
+    changes = {"model": model, "steps": 9, "log_every": 1, "checkpoint_every": 4}
+    config = SMALL.model_copy(update=changes)
+    for name in ("whole", "stopped"):
+        (tmp_path / name).mkdir()
+    fit_joint(runs, small_body, tmp_path / "whole", config)
+
+    def stop_in_step_6(runs: Sequence[JointRun], config: JointConfig, step: int) -> JointBatch:
+        if step == 6:
+            raise KeyboardInterrupt
+        return make_joint_batch(runs, config, step)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("gmrdata.baselines.joint_train.make_joint_batch", stop_in_step_6)
+        fit_joint(runs, small_body, tmp_path / "stopped", config)
+    pointer = tmp_path / "stopped" / "checkpoints" / "latest"
+    assert pointer.read_text() == "step_00000004\n"
+    fit_joint(runs, small_body, tmp_path / "stopped", config)
+    assert contents(tmp_path / "stopped") == contents(tmp_path / "whole")
+    steps = [json.loads(line)["step"] for line in (tmp_path / "whole/metrics.jsonl").open()]
+    assert steps == list(range(1, 10))
 
 
 def test_what_is_read_is_what_was_written(
@@ -144,14 +187,16 @@ def test_what_is_read_is_what_was_written(
         one, other = model(features), load_joint(tmp_path)(features)
     assert torch.equal(one.local_rotmats, other.local_rotmats)
     assert torch.equal(one.motions.metres, other.motions.metres)
-    weights = tmp_path / "model.safetensors"
+    folder = latest_checkpoint(tmp_path)
+    assert folder is not None
+    weights = folder / "model.safetensors"
     weights.write_bytes(weights.read_bytes()[:-8])
     with pytest.raises(BadCheckpoint, match=r"model.safetensors: truncated"):
         load_joint(tmp_path)
-    state = json.loads((tmp_path / "model.json").read_text())
+    state = json.loads((folder / "state.json").read_text())
     for broken in ({}, state | {"config": {"model": 1}}, state | {"n_features": None}):
-        (tmp_path / "model.json").write_text(json.dumps(broken))
-        with pytest.raises(BadCheckpoint, match=r"model.json: .*Give a run|unreadable"):
+        (folder / "state.json").write_text(json.dumps(broken))
+        with pytest.raises(BadCheckpoint, match=r"state.json: .*Give a run|unreadable"):
             load_joint(tmp_path)
     with pytest.raises(MissingInput, match="no trained model there"):
         load_joint(tmp_path / "nowhere")
@@ -272,4 +317,4 @@ def test_a_step_size_that_is_far_too_large(
     runs = training_runs([(walks[0], told(walks[0]))], 10.0)
     with pytest.raises(TrainingDiverged, match="Lower learning_rate, or set gradient_norm"):
         fit_joint(runs, small_body, tmp_path, SMALL.model_copy(update={"learning_rate": 1e30}))
-    assert not list(tmp_path.iterdir())
+    assert latest_checkpoint(tmp_path) is None

@@ -13,9 +13,10 @@ from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint
 from gmrdata.gmr import loop
 from gmrdata.gmr.average import decay_at, start_average, update_average
-from gmrdata.gmr.checkpoint import checkpoint_dir, load_weights
+from gmrdata.gmr.checkpoint import load_weights
 from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.infer import load_gmr
+from gmrdata.gmr.kept_steps import checkpoint_dir
 from gmrdata.gmr.loop import fit
 from gmrdata.gmr.model import Gmr
 

@@ -9,8 +9,6 @@ import torch
 from gmrdata.errors import BadCheckpoint, MissingInput
 from gmrdata.gmr.checkpoint import (
     best_of,
-    checkpoint_dir,
-    latest_checkpoint,
     load_optimizer,
     load_weights,
     read_best,
@@ -20,6 +18,7 @@ from gmrdata.gmr.checkpoint import (
 )
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.infer import load_gmr
+from gmrdata.gmr.kept_steps import checkpoint_dir, latest_checkpoint
 from gmrdata.gmr.model import Gmr
 from gmrdata.store import write_json
 
@@ -84,9 +83,9 @@ def test_a_kill_while_writing_leaves_the_former(
         raise Killed
 
     for place in (
-        "gmrdata.gmr.checkpoint.save_file",
-        "gmrdata.gmr.checkpoint.write_json",
-        "gmrdata.gmr.checkpoint.write_text",
+        "gmrdata.gmr.kept_steps.save_file",
+        "gmrdata.gmr.kept_steps.write_json",
+        "gmrdata.gmr.kept_steps.write_text",
     ):
         with monkeypatch.context() as patch:
             patch.setattr(place, die)

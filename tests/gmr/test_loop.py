@@ -14,10 +14,11 @@ from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
 from gmrdata.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
 from gmrdata.gmr import loop
-from gmrdata.gmr.checkpoint import latest_checkpoint, read_best, read_model
+from gmrdata.gmr.checkpoint import read_best, read_model
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.held_out import held_out_runs, held_out_scores
 from gmrdata.gmr.infer import load_gmr
+from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.gmr.loop import fit, learning_rate_at
 from gmrdata.store import write_json
 

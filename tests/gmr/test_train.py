@@ -23,9 +23,9 @@ from gmrdata.errors import (
     StaleOutput,
     TrainingDiverged,
 )
-from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.infer import load_gmr
+from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality
 from gmrdata.store import read_json, sha256_of_file, write_npz
