@@ -114,6 +114,15 @@ def test_a_dry_run_of_the_demo_does_nothing(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+def test_a_dry_run_of_the_floor_draws_and_does_nothing(tmp_path: Path, cmu_dir: Path) -> None:
+    out = tmp_path / "floor"
+    asked = ["floor", "--sequences", 2, "--seed", 5, "--motions", cmu_dir, "--out", out]
+    answer = gmrdata(*asked, "--frames", 60, "--dry-run", "--no-probe")
+    assert answer.returncode == 0, answer.stderr
+    assert "2 clips, 120 frames; to do: 2 clips, 120 frames" in answer.stdout
+    assert not out.exists()
+
+
 def test_a_folder_without_write_permission_and_a_file_limit_end_without_half_files(
     tmp_path: Path, cmu_dir: Path
 ) -> None:

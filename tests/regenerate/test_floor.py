@@ -50,11 +50,19 @@ def place(filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def floor_verb(folder: Path) -> subprocess.CompletedProcess[str]:
+def floor_verb(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "gmrdata", "floor", "--twins", str(folder / "twins")]
-    command += ["--recipe", str(folder / "recipe.yaml"), "--out", str(folder / "out")]
+    command += ["--recipe", str(folder / "recipe.yaml"), "--out", str(folder / "out"), *more]
     wide = os.environ | {"COLUMNS": "200"}
     return subprocess.run(command, capture_output=True, text=True, check=False, env=wide)
+
+
+def test_a_dry_run_says_what_is_done(place: Path) -> None:
+    said = floor_verb(place, "--dry-run").stdout
+    assert said.count("done") == 2 and "to do" not in said
+    said = floor_verb(place, "--dry-run", "--out", str(place / "other")).stdout
+    assert said.count("to do: people, masks, sfm, pseudo_gt") == 2
+    assert not (place / "other").exists()
 
 
 def test_the_figures_are_those_of_the_manifests_clips(place: Path, filmed_set: Any) -> None:
