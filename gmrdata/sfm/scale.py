@@ -35,7 +35,8 @@ class ScaleEstimate:
     cues: tuple[CueEstimate, ...]
     """Each source of evidence by itself."""
     matters: bool = True
-    """Whether `sigma` makes the camera's speed wrong by more than `ScaleConfig.slow_m_per_s`."""
+    """Whether `sigma` makes the camera's speed wrong by more than `ScaleConfig.slow_m_per_s`; not
+    where there is no scale."""
 
     @property
     def disagreement(self) -> float | None:
@@ -86,7 +87,7 @@ def estimate_scale(
             hardly moves.
     """
     if geometry != "full":
-        return ScaleEstimate(None, None, ())
+        return ScaleEstimate(None, None, (), matters=False)
     cues: list[CueEstimate] = []
     reasons: list[str] = []
     for number, person in enumerate(people):
@@ -106,7 +107,7 @@ def estimate_scale(
     speed = _mean_speed(_known_to_any(people), people[0].motion.fps_hz)
     estimate = replace(estimate, matters=(estimate.sigma or 0.0) * speed > config.slow_m_per_s)
     if _is_vague(estimate, config):
-        return ScaleEstimate(None, None, estimate.cues)
+        return ScaleEstimate(None, None, estimate.cues, matters=False)
     return estimate
 
 

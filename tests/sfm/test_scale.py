@@ -129,6 +129,7 @@ def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(
     (cue,) = estimate.cues
     assert cue.name == "planted_feet"
     assert (estimate.scale is not None) == known == (estimate.sigma is not None)
+    assert known or not estimate.matters
 
 
 def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> None:
