@@ -54,11 +54,11 @@ def unite_masks(
         shares: Shares = {}
         for image in images:
             masks = {
-                name: read_gray(find_mask(folder, image), size_px) > 127
+                name: _dynamic(read_gray(find_mask(folder, image), size_px))
                 for name, folder in source_dirs.items()
             }
-            united = np.any(list(masks.values()), axis=0)
-            write_gray(partial / f"{image.stem}.png", 255 * united.astype(np.uint8))
+            united = np.bitwise_or.reduce(list(masks.values()))
+            write_gray(partial / f"{image.stem}.png", united)
             by_source = {name: _share(mask) for name, mask in masks.items()}
             shares[image.stem] = by_source | {"united": _share(united)}
         record = {
@@ -75,9 +75,18 @@ def unite_masks(
     return made
 
 
+def _dynamic(mask: np.ndarray) -> np.ndarray:
+    """255 where a mask is more than half dynamic, else 0."""
+    import cv2
+
+    return np.asarray(cv2.threshold(mask, 127, 255, cv2.THRESH_BINARY)[1])
+
+
 def _share(mask: np.ndarray) -> float:
     """Share of a picture that is masked, to six digits."""
-    return float(f"{float(mask.mean()):.6g}")
+    import cv2
+
+    return float(f"{cv2.countNonZero(mask) / mask.size:.6g}")
 
 
 def _where(shares: Shares, holds: Callable[[float], bool]) -> list[str]:
