@@ -67,7 +67,8 @@ class SfmConfig(Config):
     than this, left-out images among them; 0: none is interpolated."""
     max_reprojection_px: float = Field(default=2.0, gt=0)
     """Observations with a larger error are dropped before the last bundle adjustment [px]."""
-    threads: int = Field(default=1, ge=1)
-    """Threads for finding features; all else uses one, so that results repeat."""
+    threads: int | None = Field(default=None, ge=1)
+    """Threads for finding features, whose number changes nothing in them; None for all cores, or a
+    worker process's share of them.  All else uses one, so that results repeat."""
     seed: int = Field(default=0, ge=0)
     """Seed of every random choice."""

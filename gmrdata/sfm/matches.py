@@ -8,6 +8,7 @@ import numpy as np
 
 from gmrdata.errors import BadFrames, NoReconstruction
 from gmrdata.frames import read_gray, write_gray
+from gmrdata.jobs import own_cores
 from gmrdata.masks.folder import find_mask
 from gmrdata.sfm.colmap import pycolmap
 from gmrdata.sfm.config import SfmConfig
@@ -103,7 +104,7 @@ def _extract(
             write_gray(colmap_masks_dir / f"{image.name}.png", 255 * (mask <= 127).astype(np.uint8))
         reader.mask_path = str(colmap_masks_dir)
     options = pycolmap.FeatureExtractionOptions()
-    options.num_threads = config.threads
+    options.num_threads = config.threads or own_cores()
     options.max_image_size = max(size_px)
     options.sift.max_num_features = config.max_features
     options.sift.first_octave = config.first_octave
