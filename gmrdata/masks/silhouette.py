@@ -10,7 +10,7 @@ from pydantic import Field
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip, camera_of, load_clip
 from gmrdata.config import Config
-from gmrdata.errors import BadFrames, BadMotionFile
+from gmrdata.errors import BadFrames, BadMotionFile, MissingInput
 from gmrdata.frames import check_images, image_number, list_images, write_gray
 from gmrdata.people import PersonFiles, stage_inputs
 from gmrdata.store import run_stage
@@ -62,7 +62,10 @@ def silhouette_masks(
     Raises:
         BadFrames: an image has no row in a clip, or the sizes differ.
         BadMotionFile: a clip is not in the camera frame, or has no intrinsics.
+        MissingInput: there are no people.
     """
+    if not people:
+        raise MissingInput(f"{images_dir}: silhouettes need at least one person's clip")
 
     def work(partial: Path) -> None:
         _write_silhouettes(people, list_images(images_dir, left_out), partial, config)
@@ -80,7 +83,7 @@ def silhouette(
 ) -> np.ndarray:
     """Fill the projection of a mesh.
 
-    Faces that reach behind the camera are left out.
+    Faces that reach behind the camera, or have a corner that is no number, are left out.
 
     Args:
         vertices_cam_m: (V, 3) vertices in the camera frame [m].
@@ -102,9 +105,9 @@ def silhouette(
     visible = faces if in_front.all() else faces[in_front[faces].all(axis=1)]
     # cv2's (0, 0) is the centre of the first pixel, ours its outer corner.
     corners_px = project_cam(vertices_cam_m, intrinsics_px)[visible] - 0.5
-    far = np.abs(corners_px) >= 4.0 * max(size_px)
-    if far.any():
-        corners_px = corners_px[~far.any(axis=(1, 2))]
+    near = np.abs(corners_px) < 4.0 * max(size_px)
+    if not near.all():
+        corners_px = corners_px[near.all(axis=(1, 2))]
     if dilate_px >= DOTTED_FROM_PX:
         corners_px = _dot_small(mask, corners_px)
     fixed_point = np.rint(corners_px * (1 << SUBPIXEL_BITS)).astype(np.int32)

@@ -33,7 +33,7 @@ class ThreedpwRecipe(Config):
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     """How the data set's intrinsics are checked against its 2D keypoints."""
     workers: int = Field(default=2, ge=1)
-    """Worker processes, one thread each."""
+    """Worker processes; they share the cores for finding features; one thread each for the rest."""
     sequence: SequenceConfig = SequenceConfig()
     """Masks, cameras, scale, verdict."""
 

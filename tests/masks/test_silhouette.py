@@ -6,16 +6,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gmrdata.body.file import save_body
 from gmrdata.body.model import BodyModel
 from gmrdata.body.skin import motion_vertices_m
 from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import BadFrames, BadMotionFile
+from gmrdata.errors import BadFrames, BadMotionFile, MissingInput
 from gmrdata.frames import read_gray
 from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov, project_cam
 from gmrdata.masks.silhouette import (
+    DOTTED_FROM_PX,
     SilhouetteConfig,
+    dilate,
     rows_that_show,
     silhouette,
     silhouette_masks,
@@ -198,3 +202,54 @@ def test_rows_that_show_where_a_person_may_be() -> None:
     assert rows_that_show(valid, 7, 3) == [4]
     assert rows_that_show(valid, 7, 2) == []
     assert rows_that_show(np.zeros(4, dtype=bool), 2, 9) == []
+
+
+def far_body(small_body: BodyModel) -> np.ndarray:
+    """Its vertices 2.5 m in front of the camera, head up: most of its triangles are small."""
+    rest_m = small_body.template_m
+    return (rest_m - rest_m.mean(axis=0)) * [1.0, -1.0, -1.0] + [0.0, 0.0, 2.5]
+
+
+def disc(radius_px: int) -> np.ndarray:
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
+
+
+def test_dots_cover_what_filled_triangles_cover(small_body: BodyModel) -> None:
+    vertices_m, size_px = far_body(small_body), (640, 480)
+    intrinsics_px = intrinsics_from_fov(60.0, *size_px)
+    filled = silhouette(vertices_m, small_body.faces, intrinsics_px, size_px)
+    for radius_px in (DOTTED_FROM_PX, 8):
+        dotted = silhouette(vertices_m, small_body.faces, intrinsics_px, size_px, radius_px) > 0
+        narrower = cv2.dilate(filled, disc(radius_px - 1)) > 0
+        wider = cv2.dilate(filled, disc(radius_px + 1)) > 0
+        assert dotted[narrower].all() and not dotted[~wider].any()
+
+
+@settings(deadline=None)
+@given(
+    spots=st.lists(st.tuples(st.integers(0, 29), st.integers(0, 39)), max_size=4),
+    radius_px=st.integers(0, 9),
+)
+def test_dilation_of_the_occupied_part_is_that_of_all(
+    spots: list[tuple[int, int]], radius_px: int
+) -> None:
+    mask = np.zeros((30, 40), np.uint8)
+    for spot in spots:
+        mask[spot] = 255
+    assert np.array_equal(dilate(mask, radius_px), cv2.dilate(mask, disc(radius_px)))
+
+
+@pytest.mark.parametrize("dilate_px", [0, 8])
+def test_a_corner_that_is_no_number_leaves_no_trace(dilate_px: int) -> None:
+    corners_m = square(40.5, 30.5, 20, 2.0)
+    corners_m[1, 0] = np.nan  # a corner of the first triangle alone
+    mask = silhouette(corners_m, FACES, INTRINSICS_PX, (160, 120), dilate_px)
+    assert np.array_equal(
+        mask, silhouette(corners_m, FACES[1:], INTRINSICS_PX, (160, 120), dilate_px)
+    )
+
+
+def test_without_people_there_is_no_silhouette(images_dir: Path, tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match="at least one person"):
+        silhouette_masks((), images_dir, tmp_path / "m", SilhouetteConfig())
+    assert not (tmp_path / "m").exists()
