@@ -14,11 +14,16 @@ from gmrdata.gmr import rotations
 from gmrdata.gmr.encoder import encode, make_encoder, motions_of
 from gmrdata.gmr.kept_steps import STATE_FILE, latest_checkpoint, read_step_state, write_step
 from gmrdata.gmr.losses import Motions
-from gmrdata.gmr.tensor_files import fill_network, fill_optimizer, optimizer_tensors, writable
+from gmrdata.gmr.tensor_files import (
+    OPTIMIZER_FILE,
+    WEIGHTS_FILE,
+    fill_network,
+    fill_optimizer,
+    optimizer_tensors,
+    writable,
+)
 
 FORMAT = "gmrdata-joint/2"
-WEIGHTS_FILE = "model.safetensors"
-OPTIMIZER_FILE = "optimizer.safetensors"
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,9 @@ from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.baselines.joint_data import JointBatch, JointRun, make_joint_batch, training_runs
 from gmrdata.baselines.joint_model import JointModel, JointOutput, resume_joint, save_joint
 from gmrdata.body.model import BodyModel
-from gmrdata.errors import StageFailed, TrainingDiverged
+from gmrdata.gmr.diverged import check_finite
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
+from gmrdata.gmr.parallel import check_device
 from gmrdata.gmr.run_log import run_log
 from gmrdata.gmr.torch_settings import derived_seed, torch_settings
 from gmrdata.gmr.usable import check_clips_fit, usable_clips
@@ -119,8 +120,7 @@ def fit_joint(
         BadCheckpoint: the checkpoint to go on from is broken.
         StageFailed: a GPU is asked for, and there is none.
     """
-    if config.device == "cuda" and not torch.cuda.is_available():
-        raise StageFailed(f"{run_dir}: no GPU here that torch can use. Train with device: cpu")
+    check_device(config.device)
     loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
     settings = torch_settings(config.device, config.threads, derived_seed(config.seed, 0))
     with settings, progress_bar() as bar:
@@ -133,12 +133,7 @@ def fit_joint(
                 torch.manual_seed(derived_seed(config.seed, step))
                 batch = make_joint_batch(runs, config, step)
                 values = _gradient_step(model, batch, loss_body, config)
-                if not all(math.isfinite(value) for value in values.values()):
-                    raise TrainingDiverged(
-                        f"{run_dir}: in step {step} the loss is {values['loss']:g} and its gradient"
-                        f" has length {values['gradient_norm']:g}. Lower learning_rate, or set"
-                        " gradient_norm"
-                    )
+                check_finite(values, run_dir, step)
                 optimizer.step()
                 bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
                 is_last = step == config.steps

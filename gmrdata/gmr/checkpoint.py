@@ -18,9 +18,11 @@ from torch import Tensor
 
 from gmrdata.errors import BadCheckpoint
 from gmrdata.gmr.config import ModelConfig, Which
-from gmrdata.gmr.kept_steps import read_step_state, write_step
+from gmrdata.gmr.kept_steps import STATE_FILE, read_step_state, write_step
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.tensor_files import (
+    OPTIMIZER_FILE,
+    WEIGHTS_FILE,
     fill_network,
     fill_optimizer,
     optimizer_tensors,
@@ -34,13 +36,11 @@ Weights = Literal["trained", "average", "best"]
 """What a checkpoint keeps: what training goes on from, its average, and the best network."""
 
 FILES: dict[Weights, str] = {
-    "trained": "model.safetensors",
+    "trained": WEIGHTS_FILE,
     "average": "average.safetensors",
     "best": "best.safetensors",
 }
 """Files of weights."""
-
-OPTIMIZER_FILE = "optimizer.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def read_model(folder: Path, which: Which = "latest") -> Gmr:
     try:
         config = ModelConfig.model_validate(state.get("model"))
     except ValidationError as error:
-        raise BadCheckpoint(f"{folder / 'state.json'}: no model settings: {error}") from None
+        raise BadCheckpoint(f"{folder / STATE_FILE}: no model settings: {error}") from None
     model = Gmr(config)
     if which == "best":
         if read_best(folder) is None:
@@ -161,7 +161,7 @@ def read_best(folder: Path) -> Best | None:
         return Best(int(record["step"]), str(record["score"]), float(record["value"]), weights)
     except (KeyError, TypeError, ValueError) as error:
         raise BadCheckpoint(
-            f"{folder / 'state.json'}: unreadable entry best ({error!r}). Train again"
+            f"{folder / STATE_FILE}: unreadable entry best ({error!r}). Train again"
         ) from None
 
 

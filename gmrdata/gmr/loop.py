@@ -12,7 +12,7 @@ from torch import nn
 
 from gmrdata.body.model import BodyModel
 from gmrdata.clip import Clip
-from gmrdata.errors import BadCheckpoint, StageFailed, TrainingDiverged
+from gmrdata.errors import BadCheckpoint, StageFailed
 from gmrdata.gmr.average import start_average, update_average
 from gmrdata.gmr.checkpoint import (
     Best,
@@ -25,6 +25,7 @@ from gmrdata.gmr.checkpoint import (
 )
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.data import Batch, make_batch, make_training_set
+from gmrdata.gmr.diverged import check_finite
 from gmrdata.gmr.flat_runs import remove_files
 from gmrdata.gmr.held_out import held_out_runs, held_out_scores
 from gmrdata.gmr.kept_steps import latest_checkpoint
@@ -104,7 +105,7 @@ def fit(
             for step, batch in prefetched(batch_of, range(done, config.steps)):
                 torch.manual_seed(derived_seed(config.seed, step + 1, processes.rank))
                 values = gradient_step(network, batch, loss_body, config, processes)
-                _check_finite(values, run_dir, step)
+                check_finite(values, run_dir, step + 1)
                 for group in optimizer.param_groups:
                     group["lr"] = learning_rate_at(config, step)
                 optimizer.step()
@@ -162,18 +163,6 @@ def gradient_step(
     }
     numbers = averaged(torch.stack([value.detach() for value in values.values()]), processes)
     return dict(zip(values, numbers.tolist(), strict=True))
-
-
-def _check_finite(values: dict[str, float], run_dir: Path, step: int) -> None:
-    """Stop before weights are touched by a step that has no finite loss or gradient."""
-    if all(math.isfinite(value) for value in values.values()):
-        return
-    kept = latest_checkpoint(run_dir)
-    raise TrainingDiverged(
-        f"{run_dir}: in step {step + 1} the loss is {values['loss']:g} and its gradient has length"
-        f" {values['gradient_norm']:g}. The last good checkpoint: {kept.name if kept else 'none'}."
-        " Lower learning_rate, or set gradient_norm"
-    )
 
 
 def batch_loss(

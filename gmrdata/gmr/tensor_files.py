@@ -9,6 +9,11 @@ from torch import Tensor, nn
 
 from gmrdata.errors import BadCheckpoint
 
+WEIGHTS_FILE = "model.safetensors"
+"""What training goes on from."""
+OPTIMIZER_FILE = "optimizer.safetensors"
+"""The optimiser's state, beside it."""
+
 
 def fill_network(path: Path, model: nn.Module) -> None:
     """Fill a network with a file's weights.
