@@ -181,12 +181,6 @@ def worker_pool(workers: Workers) -> Iterator[Any]:
         yield client
 
 
-def own_cores() -> int:
-    """Cores for this process: its share of them in a worker, else all of them."""
-    share = os.environ.get("OMP_NUM_THREADS", "")
-    return int(share) if share.isdecimal() and int(share) > 0 else os.cpu_count() or 1
-
-
 def _call(job: Job) -> Any:
     """In the worker: its progress bars would write over those of the process that waits."""
     console.quiet = True

@@ -11,7 +11,7 @@ import pytest
 from distributed import LocalCluster
 
 from gmrdata.errors import BadFrames, RenderFailed, StageFailed
-from gmrdata.jobs import Job, Workers, count_files, own_cores, run_jobs, try_jobs, worker_pool
+from gmrdata.jobs import Job, Workers, count_files, run_jobs, try_jobs, worker_pool
 
 
 def write_process_id(path: Path) -> int:
@@ -63,19 +63,6 @@ def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> N
     assert os.getpid() not in results.values()
     assert [int((tmp_path / f"{i}").read_text()) for i in range(4)] == list(results.values())
     assert not (tmp_path / "failed").exists()
-
-
-def test_a_worker_has_its_share_of_the_cores(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with worker_pool(Workers(count=2)) as client:
-        jobs = [Job("clip", own_cores, {})]
-        found = run_jobs("counting", jobs, client, tmp_path / "failed")
-    cores = os.cpu_count() or 1
-    assert found == {"clip": max(1, cores // 2)}
-    for said, expected in (("3", 3), ("", cores), ("0", cores), ("many", cores)):
-        monkeypatch.setenv("OMP_NUM_THREADS", said)
-        assert own_cores() == expected
 
 
 def test_one_failure_is_recorded_and_the_others_finish(tmp_path: Path) -> None:

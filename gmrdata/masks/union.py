@@ -11,6 +11,7 @@ from gmrdata.frames import check_images, list_images, read_gray, write_gray
 from gmrdata.masks.folder import find_mask
 from gmrdata.progress import console
 from gmrdata.store import read_json, run_stage, write_json
+from gmrdata.threads import in_threads
 
 Shares = dict[str, dict[str, float]]
 """Masked share of each frame's picture, by frame and source."""
@@ -51,8 +52,8 @@ def unite_masks(
     def work(partial: Path) -> None:
         images = list_images(images_dir, left_out)
         size_px = check_images(images)
-        shares: Shares = {}
-        for image in images:
+
+        def unite(image: Path) -> dict[str, float]:
             masks = {
                 name: _dynamic(read_gray(find_mask(folder, image), size_px))
                 for name, folder in source_dirs.items()
@@ -60,7 +61,10 @@ def unite_masks(
             united = np.bitwise_or.reduce(list(masks.values()))
             write_gray(partial / f"{image.stem}.png", united)
             by_source = {name: _share(mask) for name, mask in masks.items()}
-            shares[image.stem] = by_source | {"united": _share(united)}
+            return by_source | {"united": _share(united)}
+
+        stems = [image.stem for image in images]
+        shares: Shares = dict(zip(stems, in_threads(unite, images), strict=True))
         record = {
             "sources": list(source_dirs),
             "masked_share": shares,

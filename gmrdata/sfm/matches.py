@@ -8,10 +8,10 @@ import numpy as np
 
 from gmrdata.errors import BadFrames, NoReconstruction
 from gmrdata.frames import read_gray, write_gray
-from gmrdata.jobs import own_cores
 from gmrdata.masks.folder import find_mask
 from gmrdata.sfm.colmap import pycolmap
 from gmrdata.sfm.config import SfmConfig
+from gmrdata.threads import own_cores
 
 FEWEST_FEATURES = 8
 """A frame with fewer can't be matched."""

@@ -12,10 +12,10 @@ import pytest
 from gmrdata.errors import BadFrames, BadRecipe, GmrdataError, NoReconstruction
 from gmrdata.evaluate.alignment import fit_similarity
 from gmrdata.frames import list_images
-from gmrdata.jobs import own_cores
 from gmrdata.sfm.cameras import SfmCameras, load_cameras, load_quality
 from gmrdata.sfm.config import SfmConfig
 from gmrdata.sfm.reconstruct import reconstruct
+from gmrdata.threads import own_cores
 
 SMALL = SfmConfig(max_features=1200, first_octave=-1)
 
