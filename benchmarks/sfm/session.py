@@ -74,7 +74,7 @@ class Session:
             "twins": "given" if self.twins_given is not None else "rendered by the recipe",
             "cores": len(os.sched_getaffinity(0)),
             "load_at_the_end": round(os.getloadavg()[0], 1),
-            "threads": "features: one per core; all else: ours one, the plain recipe one per core",
+            "threads": "images, features: one per core; all else: ours one, plain one per core",
             "python": platform.python_version(),
             "pycolmap": metadata.version("pycolmap"),
         }

@@ -33,7 +33,7 @@ class ThreedpwRecipe(Config):
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     """How the data set's intrinsics are checked against its 2D keypoints."""
     workers: int = Field(default=2, ge=1)
-    """Worker processes; they share the cores for finding features; one thread each for the rest."""
+    """Worker processes; each uses its share of the cores for images and features, else one."""
     sequence: SequenceConfig = SequenceConfig()
     """Masks, cameras, scale, verdict."""
 

@@ -69,6 +69,6 @@ class SfmConfig(Config):
     """Observations with a larger error are dropped before the last bundle adjustment [px]."""
     threads: int | None = Field(default=None, ge=1)
     """Threads for finding features, whose number changes nothing in them; None for all cores, or a
-    worker process's share of them.  All else uses one, so that results repeat."""
+    worker process's share of them.  All else of COLMAP uses one, so that results repeat."""
     seed: int = Field(default=0, ge=0)
     """Seed of every random choice."""
