@@ -14,6 +14,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "without pose noise": {"windows": {"pose_noise_deg": 0.0}},
     "without dropout": {"model": {"dropout": 0.0}},
     "without weight averaging": {"average_decay": 0.0},
+    "without a standing joint in the rotation": {"model": {"rotation": "regressed"}},
     "without a standing joint in the translation": {"model": {"translation": "regressed"}},
     "without velocity": {"model": {"extra_inputs": ("standing",)}},
     "without standing joints in the input": {"model": {"extra_inputs": ("velocity",)}},

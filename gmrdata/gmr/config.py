@@ -13,6 +13,10 @@ ExtraInput = Literal["velocity", "standing"]
 """What the network may be given beside the local rotations, of which it is a function
 (gmrdata.gmr.extra_inputs)."""
 
+MotionSource = Literal["regressed", "standing_joint"]
+"""Where dR or dT comes from: from the last layer, the paper's way, or from the joint that stands
+and the last layer (gmrdata.gmr.standing_joint)."""
+
 Which = Literal["latest", "best"]
 """The network after a run's last step so far, or what scored best on held-out clips up to it."""
 
@@ -32,10 +36,13 @@ class ModelConfig(Config):
     would make if that joint stood still, 138 numbers."""
     output: Representation = "axis-angle"
     """Representation of dR; the paper's axis-angle vector makes 6 outputs with dT."""
-    translation: Literal["regressed", "standing_joint"] = "regressed"
-    """How dT is put out.  `regressed`: as three numbers, the paper's way.  `standing_joint`: as
-    what the joint that stands leaves to the root, given dR; the network says which one stands, and
-    adds three numbers (gmrdata.gmr.standing_joint)."""
+    rotation: MotionSource = "regressed"
+    """How dR is put out.  `standing_joint`: as the turn that the joint that stands leaves to the
+    root, after what is regressed; the network says which one stands."""
+    translation: MotionSource = "regressed"
+    """How dT is put out.  `standing_joint`: as what the joint that stands leaves to the root, given
+    dR, and what is regressed.  The joint may be another one than for the rotation: a foot that
+    turns on its ball stands, but does not keep its orientation."""
     dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
     """Share of features dropped in training between GRU layers and before the last; not the
     paper's."""

@@ -7,9 +7,9 @@ from torch import Tensor, nn
 
 from gmrdata.body.tree import N_LOCAL
 from gmrdata.gmr import extra_inputs, rotations
-from gmrdata.gmr.config import ExtraInput, ModelConfig, Representation
+from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, Representation
 from gmrdata.gmr.encoder import encode, make_encoder, motions_of
-from gmrdata.gmr.standing_joint import StandingJoint, places_seen
+from gmrdata.gmr.standing_joint import StandingShares, joints_seen, step_left, turn_left
 
 
 class Gmr(nn.Module):
@@ -26,8 +26,8 @@ class Gmr(nn.Module):
         self.projection = nn.Linear(2 * config.hidden, config.hidden)
         self.dropout = nn.Dropout(config.dropout)
         self.regression = nn.Linear(config.hidden, rotations.SIZE[config.output] + 3)
-        with_standing = config.translation == "standing_joint"
-        self.standing = StandingJoint(config.hidden) if with_standing else None
+        self.turn_shares = _shares(config.rotation, config.hidden)
+        self.step_shares = _shares(config.translation, config.hidden)
         self.register_buffer(
             "identity", torch.tensor(rotations.IDENTITY[config.output]), persistent=False
         )
@@ -54,10 +54,24 @@ class Gmr(nn.Module):
             features = features.to(self.regression.weight.dtype)
             values = self.regression(features) * self.config.output_scale
             delta_rotmats, delta_m = motions_of(values, self.config.output, self.identity)
-            if self.standing is not None:
-                places_m = places_seen(poses, self.config.input)
-                delta_m = delta_m + self.standing(features, places_m, delta_rotmats)
+            return self._beside_standing_joints(poses, features, delta_rotmats, delta_m)
+
+    def _beside_standing_joints(
+        self, poses: Tensor, features: Tensor, delta_rotmats: Tensor, delta_m: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """The motion in whole, of which so far only what the regression puts out is there."""
+        if self.turn_shares is None and self.step_shares is None:
+            return delta_rotmats, delta_m
+        places_m, root_from_joint = joints_seen(poses, self.config.input)
+        if self.turn_shares is not None:
+            delta_rotmats = turn_left(self.turn_shares(features), root_from_joint) @ delta_rotmats
+        if self.step_shares is not None:
+            delta_m = step_left(self.step_shares(features), places_m, delta_rotmats) + delta_m
         return delta_rotmats, delta_m
+
+
+def _shares(source: MotionSource, n_features: int) -> StandingShares | None:
+    return StandingShares(n_features) if source == "standing_joint" else None
 
 
 def input_size(config: ModelConfig) -> int:
@@ -75,8 +89,7 @@ def parameter_count(config: ModelConfig) -> int:
     sizes = [input_size(config)] + [2 * h] * (config.layers - 1)
     encoder = sum(2 * (3 * h * (n + h) + 6 * h) for n in sizes)
     outputs = rotations.SIZE[config.output] + 3
-    if config.translation == "standing_joint":
-        outputs += N_LOCAL + 1
+    outputs += (N_LOCAL + 1) * (config.rotation, config.translation).count("standing_joint")
     return encoder + (2 * h * h + h) + (h * outputs + outputs)
 
 

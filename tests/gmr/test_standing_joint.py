@@ -1,4 +1,4 @@
-"""The translation that a standing joint leaves, against forward kinematics."""
+"""The motion that a standing joint leaves to the root, against forward kinematics."""
 
 from dataclasses import replace
 
@@ -13,21 +13,28 @@ from gmrdata.gmr.config import ModelConfig, Representation
 from gmrdata.gmr.model import Gmr, network_input, parameter_count
 from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.gmr.root_frame import REST_JOINTS_M, joints_in_root_frame
-from gmrdata.gmr.standing_joint import places_seen, steps_if_still
+from gmrdata.gmr.standing_joint import joints_seen, step_left, turn_left
 from tests.gmr.test_extra_inputs import random_poses
 
 NONE = 23
 """Share of no joint at all."""
+BOTH = ModelConfig(layers=1, hidden=4, rotation="standing_joint", translation="standing_joint")
 
 
-def sure_of(joint: int, output: Representation = "axis-angle") -> Gmr:
+def sure_of(turning: int, stepping: int) -> Gmr:
     """A network that puts out zeros, but for being sure of which joint stands."""
-    model = Gmr(ModelConfig(layers=1, hidden=4, output=output, translation="standing_joint"))
+    model = Gmr(BOTH)
     for parameter in model.parameters():
         torch.nn.init.zeros_(parameter)
-    assert model.standing is not None
-    model.standing.logits.bias.data[joint] = 200.0
+    assert model.turn_shares is not None and model.step_shares is not None
+    model.turn_shares.logits.bias.data[turning] = 200.0
+    model.step_shares.logits.bias.data[stepping] = 200.0
     return model
+
+
+def all_of(joint: int) -> torch.Tensor:
+    """Shares that give all to one joint."""
+    return torch.nn.functional.one_hot(torch.tensor(joint), 23).double()[:, None]
 
 
 def test_a_point_at_rest_shows_the_translation(small_body: BodyModel) -> None:
@@ -43,34 +50,62 @@ def test_a_point_at_rest_shows_the_translation(small_body: BodyModel) -> None:
         delta_rotmats, delta_m = deltas(root_rotmats.numpy(), pelvis_m.numpy())
         with_last = torch.eye(3, dtype=torch.float64).repeat(1, 6, 1, 1)
         with_last[0, :-1] = torch.from_numpy(delta_rotmats)
-        steps_m = steps_if_still(places_m[None], with_last)
-        np.testing.assert_allclose(steps_m[0, :-1, joint], delta_m, atol=1e-9)
+        steps_m = step_left(all_of(joint), places_m[None], with_last)
+        np.testing.assert_allclose(steps_m[0, :-1], delta_m, atol=1e-9)
+
+
+def test_a_joint_at_rest_shows_the_rotation() -> None:
+    """The root turns such that one joint keeps its orientation in the world."""
+    _, root_from_joint = joints_in_root_frame(random_poses(6))
+    for joint in range(23):
+        root_rotmats = (
+            Rotation.random(random_state=joint).as_matrix() @ root_from_joint[:, joint].mT.numpy()
+        )
+        delta_rotmats, _ = deltas(root_rotmats, np.zeros((6, 3)))
+        turns = turn_left(all_of(joint), root_from_joint[None])
+        np.testing.assert_allclose(turns[0, :-1], delta_rotmats, atol=1e-6)
+        np.testing.assert_allclose(turns[0, -1], np.eye(3), atol=1e-6)
+
+
+def test_shares_of_a_turn_are_shares_of_its_angle() -> None:
+    """Two joints that turn about the same axis: the mean angle; and none leaves no turn."""
+    angles_rad = np.array([[0.0, 0.0], [0.2, 0.6]])
+    rotmats = Rotation.from_rotvec([[0, 0, angle] for angle in angles_rad.flat]).as_matrix()
+    shares = torch.tensor([0.5, 0.25], dtype=torch.float64)[:, None]
+    turns = turn_left(shares, torch.from_numpy(rotmats).reshape(1, 2, 2, 3, 3))
+    expected_rad = -(0.5 * 0.2 + 0.25 * 0.6)
+    found_rad = Rotation.from_matrix(turns[0, 0].numpy()).as_rotvec()
+    np.testing.assert_allclose(found_rad, [0, 0, expected_rad], atol=1e-9)
 
 
 @pytest.mark.parametrize("representation", ["quaternion", "axis-angle", "6d"])
-def test_places_are_seen_in_the_networks_input(representation: Representation) -> None:
+def test_joints_are_seen_in_the_networks_input(representation: Representation) -> None:
     poses = random_poses(2, 5)
     seen = network_input(poses, representation, ("velocity", "standing"))
-    expected, _ = joints_in_root_frame(poses)
-    torch.testing.assert_close(places_seen(seen, representation), expected, atol=1e-9, rtol=0)
+    expected = joints_in_root_frame(poses)
+    torch.testing.assert_close(joints_seen(seen, representation), expected, atol=1e-9, rtol=0)
 
 
-def test_the_joint_that_stands_moves_the_root() -> None:
+def test_the_joints_that_stand_turn_and_move_the_root() -> None:
     poses = random_poses(1, 7)
-    places_m, _ = joints_in_root_frame(poses)
+    places_m, root_from_joint = joints_in_root_frame(poses)
     seen = network_input(poses, "quaternion").float()
-    for joint in (6, 9, 22):
-        delta_rotmats, delta_m = sure_of(joint)(seen)
-        assert torch.equal(delta_rotmats, torch.eye(3).expand(1, 7, 3, 3))
-        steps_m = places_m[0, :-1, joint] - places_m[0, 1:, joint]
-        np.testing.assert_allclose(delta_m[0, :-1].detach(), steps_m, atol=1e-6)
-    assert sure_of(NONE)(seen)[1].abs().max() == 0
+    for turning, stepping in ((6, 9), (9, 6), (22, 22)):
+        delta_rotmats, delta_m = sure_of(turning, stepping)(seen)
+        turns = root_from_joint[0, :-1, turning] @ root_from_joint[0, 1:, turning].mT
+        np.testing.assert_allclose(delta_rotmats[0, :-1].detach(), turns, atol=2e-6)
+        moved_m = (turns @ places_m[0, 1:, stepping, :, None])[..., 0]
+        steps_m = places_m[0, :-1, stepping] - moved_m
+        np.testing.assert_allclose(delta_m[0, :-1].detach(), steps_m, atol=5e-6)
+    delta_rotmats, delta_m = sure_of(NONE, NONE)(seen)
+    assert torch.equal(delta_rotmats, torch.eye(3).expand(1, 7, 3, 3))
+    assert delta_m.abs().max() == 0
 
 
 @pytest.mark.parametrize("input_", ["quaternion", "axis-angle", "6d"])
 def test_padding_leaves_finite_gradients(input_: Representation) -> None:
     """Padding is zeros, which are no rotations."""
-    model = Gmr(ModelConfig(layers=1, hidden=4, input=input_, translation="standing_joint"))
+    model = Gmr(BOTH.model_copy(update={"input": input_}))
     poses = network_input(random_poses(2, 6), input_).float()
     poses[0, 3:] = 0
     delta_rotmats, delta_m = model(poses, torch.tensor([3, 6]))
@@ -80,9 +115,11 @@ def test_padding_leaves_finite_gradients(input_: Representation) -> None:
         assert torch.isfinite(parameter.grad).all(), name
 
 
-def test_parameter_count() -> None:
-    """24 shares of each of the features, and as many biases."""
-    config = ModelConfig(layers=2, hidden=7, translation="standing_joint")
+@pytest.mark.parametrize("parts", [("rotation",), ("translation",), ("rotation", "translation")])
+def test_parameter_count(parts: tuple[str, ...]) -> None:
+    """24 shares of each of the features, and as many biases, for each part."""
+    standing = dict.fromkeys(parts, "standing_joint")
+    config = ModelConfig.model_validate({"layers": 2, "hidden": 7} | standing)
     assert sum(p.numel() for p in Gmr(config).parameters()) == parameter_count(config)
     plain = parameter_count(ModelConfig(layers=2, hidden=7))
-    assert parameter_count(config) - plain == 24 * 8
+    assert parameter_count(config) - plain == 24 * 8 * len(parts)
