@@ -54,12 +54,12 @@ class Gmr(nn.Module):
             features = features.to(self.regression.weight.dtype)
             values = self.regression(features) * self.config.output_scale
             delta_rotmats, delta_m = motions_of(values, self.config.output, self.identity)
-            return self._beside_standing_joints(poses, features, delta_rotmats, delta_m)
+            return self._with_standing_joints(poses, features, delta_rotmats, delta_m)
 
-    def _beside_standing_joints(
+    def _with_standing_joints(
         self, poses: Tensor, features: Tensor, delta_rotmats: Tensor, delta_m: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """The motion in whole, of which so far only what the regression puts out is there."""
+        """The motion in whole, of which the regression puts out what standing joints leave over."""
         if self.turn_shares is None and self.step_shares is None:
             return delta_rotmats, delta_m
         places_m, root_from_joint = joints_seen(poses, self.config.input)
