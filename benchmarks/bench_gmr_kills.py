@@ -25,7 +25,7 @@ from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
 from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.progress import console
-from gmrdata.store import read_json, write_json
+from gmrdata.store import stage_seconds, write_json
 from tests.clip_manifests import write_clips
 from tests.gmr.test_train import PROGRAM
 
@@ -34,10 +34,10 @@ OUT = Path("out/bench/gmr_kills.json")
 N_KILLS = 5
 START_S = 6.0
 """A process needs about this long until it trains."""
-TRIAL_STEPS = 40
-"""Steps of the trial that tells how many fill the time."""
+TRIAL_STEPS = (40, 240)
+"""Steps of two trials, whose difference tells how many fill the time."""
 LEAST_STEPS = 300
-"""On a machine that is too busy for the trial to tell."""
+"""On a machine that is too busy for the trials to tell."""
 
 
 def config_of(steps: int, small: bool) -> TrainConfig:
@@ -60,6 +60,19 @@ def config_of(steps: int, small: bool) -> TrainConfig:
 def start(paths: list[Path], config: TrainConfig, run_dir: Path) -> subprocess.Popen[bytes]:
     arguments = [*map(str, paths), config.model_dump_json(), str(run_dir)]
     return subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments], stderr=subprocess.DEVNULL)
+
+
+def steps_in(wanted_s: float, paths: list[Path], out_dir: Path, small: bool) -> int:
+    """Steps that take about so long.  Start, scores and checkpoints are few in a long training."""
+    taken_s = []
+    for steps in TRIAL_STEPS:
+        once = {"eval_every": steps, "checkpoint_every": steps}
+        trial = config_of(steps, small).model_copy(update=once)
+        run_dir = out_dir / f"trial_{steps}"
+        assert start(paths, trial, run_dir).wait() == 0
+        taken_s.append(stage_seconds(run_dir))
+    step_s = (taken_s[1] - taken_s[0]) / (TRIAL_STEPS[1] - TRIAL_STEPS[0])
+    return max(LEAST_STEPS, int(wanted_s / step_s)) if step_s > 0 else LEAST_STEPS
 
 
 def clips_of(body: BodyModel, seed: int, count: int) -> list[Clip]:
@@ -92,10 +105,7 @@ def test_five_kills_change_nothing(
         write_clips(tmp_path / "held_out", small_body, clips_of(small_body, 2, 2)),
         tmp_path / "body.npz",
     ]
-    trial = config_of(TRIAL_STEPS, small)
-    assert start(paths, trial, tmp_path / "trial").wait() == 0
-    step_s = read_json(tmp_path / "trial" / "stage.json")["seconds"] / TRIAL_STEPS
-    config = config_of(max(LEAST_STEPS, int(wanted_s / step_s)), small)
+    config = config_of(steps_in(wanted_s, paths, tmp_path, small), small)
 
     begin_s = time.monotonic()
     assert start(paths, config, tmp_path / "undisturbed").wait() == 0
