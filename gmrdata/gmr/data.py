@@ -25,12 +25,10 @@ from gmrdata.gmr.runs import Run, runs_at
 
 @dataclass(frozen=True, eq=False)
 class TrainingRun:
-    """A run of frames, ready to be cut."""
+    """Frames that follow each other: a whole run, or a window of it."""
 
     poses: np.ndarray
     """(n, D) float32 network input without extra inputs."""
-    local_rotmats: np.ndarray
-    """(n, 23, 3, 3) float32."""
     root_rotmats: np.ndarray
     """(n, 3, 3) frame_from_root."""
     pelvis_m: np.ndarray
@@ -63,13 +61,10 @@ class TrainingSet:
         return rows.stop - rows.start
 
     def window(self, run: int, rows: slice) -> TrainingRun:
-        """Some frames of a run, as arrays of their own; local rotations are those of `poses`."""
+        """Some frames of a run, as arrays of their own."""
         frames, of_run = self.frames, self.frames.rows(run)
-        poses = np.array(frames.poses[of_run][rows])
-        values = torch.from_numpy(poses).unflatten(-1, (N_LOCAL, -1))
         return TrainingRun(
-            poses=poses,
-            local_rotmats=rotations.to_rotmats(values, self.representation).numpy(),
+            poses=np.array(frames.poses[of_run][rows]),
             root_rotmats=np.array(frames.root_rotmats[of_run][rows]),
             pelvis_m=np.array(frames.pelvis_m[of_run][rows]),
             shape=frames.shapes[run],
@@ -145,21 +140,22 @@ def make_batch(
     noisy or there are extra inputs: then it is computed from the batch's local rotations.
     """
     rng = np.random.default_rng([seed, step])
-    windows = [_draw(training_set, config, rng) for _ in range(batch_size)]
+    drawn = [_draw(training_set, config, rng) for _ in range(batch_size)]
+    windows = [window for window, _ in drawn]
     frames = config.frames
     lengths = np.array([len(window.poses) for window in windows])
     poses = np.zeros((batch_size, frames, windows[0].poses.shape[1]), np.float32)
-    local_rotmats = np.empty((batch_size, frames, N_LOCAL, 3, 3), np.float32)
     delta_rotmats = np.tile(np.eye(3, dtype=np.float32), (batch_size, frames - 1, 1, 1))
     delta_m = np.zeros((batch_size, frames - 1, 3), np.float32)
     for row, window in enumerate(windows):
         n = lengths[row]
         poses[row, :n] = window.poses
-        local_rotmats[row, :n] = window.local_rotmats
-        local_rotmats[row, n:] = window.local_rotmats[-1]
         delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = deltas(
             window.root_rotmats, window.pelvis_m
         )
+    poses = _signed(poses, training_set.representation)
+    mirrored = np.array([mirrored for _, mirrored in drawn])
+    local_rotmats = _local_rotmats(poses, lengths, mirrored, training_set.representation)
     if config.mirror_probability > 0 or config.pose_noise_deg > 0 or training_set.extra_inputs:
         poses = _input_of(local_rotmats, lengths, training_set, config, rng)
     return Batch(
@@ -172,42 +168,49 @@ def make_batch(
     )
 
 
-def reverse(run: TrainingRun, representation: Representation) -> TrainingRun:
+def reverse(run: TrainingRun) -> TrainingRun:
     """The same frames in the opposite order."""
     rows = slice(None, None, -1)
-    return _signed(
-        TrainingRun(
-            run.poses[rows],
-            run.local_rotmats[rows],
-            run.root_rotmats[rows],
-            run.pelvis_m[rows],
-            run.shape,
-        ),
-        representation,
-    )
+    return TrainingRun(run.poses[rows], run.root_rotmats[rows], run.pelvis_m[rows], run.shape)
 
 
-def _draw(training_set: TrainingSet, config: WindowConfig, rng: np.random.Generator) -> TrainingRun:
+def _draw(
+    training_set: TrainingSet, config: WindowConfig, rng: np.random.Generator
+) -> tuple[TrainingRun, bool]:
+    """A window, and whether left and right are exchanged: so far in the root's motion alone."""
     run = draw_run(training_set.frames, training_set.weights, rng)
     start = int(rng.integers(max(1, training_set.n_frames(run) - config.frames + 1)))
     backwards = rng.random() < config.reverse_probability
     mirrored = config.mirror_probability > 0 and rng.random() < config.mirror_probability
     window = training_set.window(run, slice(start, start + config.frames))
     if backwards:
-        window = reverse(window, training_set.representation)
-    else:
-        window = _signed(window, training_set.representation)
-    return _mirrored(window) if mirrored else window
+        window = reverse(window)
+    if mirrored:
+        window = replace(
+            window,
+            root_rotmats=mirror_rotmats(window.root_rotmats),
+            pelvis_m=mirror_points_m(window.pelvis_m),
+        )
+    return window, mirrored
 
 
-def _mirrored(window: TrainingRun) -> TrainingRun:
-    """Left and right exchanged; `poses` stays as it is, since it is computed anew."""
-    return replace(
-        window,
-        local_rotmats=mirror_local(window.local_rotmats),
-        root_rotmats=mirror_rotmats(window.root_rotmats),
-        pelvis_m=mirror_points_m(window.pelvis_m),
-    )
+def _local_rotmats(
+    poses: np.ndarray, lengths: np.ndarray, mirrored: np.ndarray, representation: Representation
+) -> np.ndarray:
+    """Local rotations (B, T, 23, 3, 3) of windows as they are cut, (B, T, D), and some mirrored.
+
+    Padding repeats the last real frame, so that what looks at the next frame sees no motion.
+    """
+    values = torch.from_numpy(poses).unflatten(-1, (N_LOCAL, -1))
+    local_rotmats = _padded(rotations.to_rotmats(values, representation).numpy(), lengths)
+    local_rotmats[mirrored] = mirror_local(local_rotmats[mirrored])
+    return local_rotmats
+
+
+def _padded(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Rows (B, T, ...) whose padding repeats the last real frame."""
+    last = np.minimum(np.arange(values.shape[1]), lengths[:, None] - 1)
+    return values[np.arange(len(values))[:, None], last]
 
 
 def _input_of(
@@ -218,31 +221,22 @@ def _input_of(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Network input of a batch's local rotations, (B, T, D) float32, zero in padding."""
-    frames = np.arange(config.frames)
     if config.pose_noise_deg > 0:
-        noisy = turned(local_rotmats, config, rng)
-        # Padding repeats the last real frame, so that what looks at the next frame sees no motion.
-        last = np.minimum(frames, lengths[:, None] - 1)
-        local_rotmats = noisy[np.arange(len(noisy))[:, None], last]
+        local_rotmats = _padded(turned(local_rotmats, config, rng), lengths)
     poses: np.ndarray = network_input(
         torch.from_numpy(local_rotmats), training_set.representation, training_set.extra_inputs
     ).numpy()
-    return poses * (frames < lengths[:, None])[..., None].astype(np.float32)
+    is_real = np.arange(config.frames) < lengths[:, None]
+    return poses * is_real[..., None].astype(np.float32)
 
 
-def _signed(window: TrainingRun, representation: Representation) -> TrainingRun:
-    """Quaternions with w >= 0 in the window's first frame, as inference gives them."""
+def _signed(poses: np.ndarray, representation: Representation) -> np.ndarray:
+    """Quaternions (B, T, D) with w >= 0 in a window's first frame, as inference gives them."""
     if representation != "quaternion":
-        return window
+        return poses
     size = rotations.SIZE["quaternion"]
-    signs = np.where(window.poses[0, ::size] < 0, np.float32(-1), np.float32(1))
-    return TrainingRun(
-        window.poses * np.repeat(signs, size),
-        window.local_rotmats,
-        window.root_rotmats,
-        window.pelvis_m,
-        window.shape,
-    )
+    signs = np.where(poses[:, :1, ::size] < 0, np.float32(-1), np.float32(1))
+    return poses * np.repeat(signs, size, axis=-1)
 
 
 def _run_rows(
