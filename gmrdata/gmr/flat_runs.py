@@ -3,7 +3,7 @@
 A frame takes 464 bytes with quaternions, so AMASS's 1.4 million frames at 10 fps take 650 MB.  From
 a mapped file only those parts are read that are drawn, and processes on one machine share them.
 Local rotation matrices, which would take twice as much, are computed from the network's input where
-a window is cut.
+a batch is made.
 """
 
 import io

@@ -9,7 +9,7 @@ from gmrdata.body.tree import N_LOCAL
 from gmrdata.gmr import extra_inputs, rotations
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, Representation
 from gmrdata.gmr.encoder import encode, make_encoder, motions_of
-from gmrdata.gmr.standing_joint import StandingShares, joints_seen, step_left, turn_left
+from gmrdata.gmr.standing_joint import StandingShares, joints_seen, root_step_m, root_turn
 
 
 class Gmr(nn.Module):
@@ -64,9 +64,9 @@ class Gmr(nn.Module):
             return delta_rotmats, delta_m
         places_m, root_from_joint = joints_seen(poses, self.config.input)
         if self.turn_shares is not None:
-            delta_rotmats = turn_left(self.turn_shares(features), root_from_joint) @ delta_rotmats
+            delta_rotmats = root_turn(self.turn_shares(features), root_from_joint) @ delta_rotmats
         if self.step_shares is not None:
-            delta_m = step_left(self.step_shares(features), places_m, delta_rotmats) + delta_m
+            delta_m = root_step_m(self.step_shares(features), places_m, delta_rotmats) + delta_m
         return delta_rotmats, delta_m
 
 

@@ -4,7 +4,8 @@ A foot that stands neither turns nor moves in the world, so the root turns and m
 foot does in the root's frame.  With A_i the rotation and p_i the place of a joint there,
 dR = A_i A_{i+1}^T (eq. 3 with the joint's rotation in the world unchanged), and given dR,
 dT = p_i - dR p_{i+1} (eqs. 3-4 with its place unchanged).  The second asks only for a point at
-rest, about which the foot may turn.
+rest, about which the foot may turn; `extra_inputs.motions_if_standing` takes dR for it from the
+same joint, this from the network.
 """
 
 import torch
@@ -28,7 +29,7 @@ class StandingShares(nn.Module):
         return self.logits(features).softmax(-1)[..., :N_LOCAL, None]
 
 
-def turn_left(shares: Tensor, root_from_joint: Tensor) -> Tensor:
+def root_turn(shares: Tensor, root_from_joint: Tensor) -> Tensor:
     """dR (B, T, 3, 3): the mean, as axis-angle, of what each joint leaves; none leaves no turn.
 
     Args:
@@ -39,7 +40,7 @@ def turn_left(shares: Tensor, root_from_joint: Tensor) -> Tensor:
     return rotations.to_rotmats((shares * turns).sum(-2), "axis-angle")
 
 
-def step_left(shares: Tensor, places_m: Tensor, delta_rotmats: Tensor) -> Tensor:
+def root_step_m(shares: Tensor, places_m: Tensor, delta_rotmats: Tensor) -> Tensor:
     """dT (B, T, 3) [m]: the mean of what each joint leaves to the root; none leaves no step.
 
     Args:

@@ -152,8 +152,8 @@ def test_windows_are_rows_of_the_runs(
             for run in training_set.runs
             for start in range(len(run.poses) - 8)
             for backwards, order in ((False, 1), (True, -1))
-            if np.allclose(
-                local_rotmats_of(run, representation)[start : start + 9][::order], pose, atol=1e-6
+            if np.array_equal(
+                local_rotmats_of(run, representation)[start : start + 9][::order], pose
             )
         ]
         assert len(found) == 1

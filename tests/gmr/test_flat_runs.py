@@ -73,8 +73,12 @@ def test_frames_are_those_of_the_clip(
     make_clips: Callable[..., list[Clip]], representation: Representation
 ) -> None:
     (clip,) = make_clips(1, 2, fps_hz=10.0)
-    training_set = make_training_set([clip], representation, WindowConfig())
+    config = WindowConfig(frames=clip.motion.n_frames, reverse_probability=0.0)
+    training_set = make_training_set([clip], representation, config)
     (run,) = training_set.runs
+    local_rotmats = make_batch(training_set, config, 1, seed=0, step=0).local_rotmats[0].numpy()
+    np.testing.assert_allclose(local_rotmats, clip.motion.local_rotmats, atol=1e-6)
+    assert local_rotmats.dtype == np.float32
     np.testing.assert_array_equal(run.root_rotmats, clip.motion.root_rotmats)
     np.testing.assert_array_equal(run.pelvis_m, clip.motion.pelvis_m)
     expected = network_input(torch.from_numpy(clip.motion.local_rotmats), representation)

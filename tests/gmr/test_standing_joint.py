@@ -13,7 +13,7 @@ from gmrdata.gmr.config import ModelConfig, Representation
 from gmrdata.gmr.model import Gmr, network_input, parameter_count
 from gmrdata.gmr.motion_deltas import deltas
 from gmrdata.gmr.root_frame import REST_JOINTS_M, joints_in_root_frame
-from gmrdata.gmr.standing_joint import joints_seen, step_left, turn_left
+from gmrdata.gmr.standing_joint import joints_seen, root_step_m, root_turn
 from tests.gmr.test_extra_inputs import random_poses
 
 NONE = 23
@@ -50,7 +50,7 @@ def test_a_point_at_rest_shows_the_translation(small_body: BodyModel) -> None:
         delta_rotmats, delta_m = deltas(root_rotmats.numpy(), pelvis_m.numpy())
         with_last = torch.eye(3, dtype=torch.float64).repeat(1, 6, 1, 1)
         with_last[0, :-1] = torch.from_numpy(delta_rotmats)
-        steps_m = step_left(all_of(joint), places_m[None], with_last)
+        steps_m = root_step_m(all_of(joint), places_m[None], with_last)
         np.testing.assert_allclose(steps_m[0, :-1], delta_m, atol=1e-9)
 
 
@@ -62,7 +62,7 @@ def test_a_joint_at_rest_shows_the_rotation() -> None:
             Rotation.random(random_state=joint).as_matrix() @ root_from_joint[:, joint].mT.numpy()
         )
         delta_rotmats, _ = deltas(root_rotmats, np.zeros((6, 3)))
-        turns = turn_left(all_of(joint), root_from_joint[None])
+        turns = root_turn(all_of(joint), root_from_joint[None])
         np.testing.assert_allclose(turns[0, :-1], delta_rotmats, atol=1e-6)
         np.testing.assert_allclose(turns[0, -1], np.eye(3), atol=1e-6)
 
@@ -72,7 +72,7 @@ def test_shares_of_a_turn_are_shares_of_its_angle() -> None:
     angles_rad = np.array([[0.0, 0.0], [0.2, 0.6]])
     rotmats = Rotation.from_rotvec([[0, 0, angle] for angle in angles_rad.flat]).as_matrix()
     shares = torch.tensor([0.5, 0.25], dtype=torch.float64)[:, None]
-    turns = turn_left(shares, torch.from_numpy(rotmats).reshape(1, 2, 2, 3, 3))
+    turns = root_turn(shares, torch.from_numpy(rotmats).reshape(1, 2, 2, 3, 3))
     expected_rad = -(0.5 * 0.2 + 0.25 * 0.6)
     found_rad = Rotation.from_matrix(turns[0, 0].numpy()).as_rotvec()
     np.testing.assert_allclose(found_rad, [0, 0, expected_rad], atol=1e-9)
@@ -97,6 +97,11 @@ def test_the_joints_that_stand_turn_and_move_the_root() -> None:
         moved_m = (turns @ places_m[0, 1:, stepping, :, None])[..., 0]
         steps_m = places_m[0, :-1, stepping] - moved_m
         np.testing.assert_allclose(delta_m[0, :-1].detach(), steps_m, atol=5e-6)
+    for joint in (6, 9, 22):
+        delta_rotmats, delta_m = sure_of(NONE, joint)(seen)
+        assert torch.equal(delta_rotmats, torch.eye(3).expand(1, 7, 3, 3))
+        steps_m = places_m[0, :-1, joint] - places_m[0, 1:, joint]
+        np.testing.assert_allclose(delta_m[0, :-1].detach(), steps_m, atol=1e-6)
     delta_rotmats, delta_m = sure_of(NONE, NONE)(seen)
     assert torch.equal(delta_rotmats, torch.eye(3).expand(1, 7, 3, 3))
     assert delta_m.abs().max() == 0
