@@ -1,10 +1,11 @@
-"""The learning curves: errors on held-out subjects by training step, as shares of zero motion's."""
+"""The learning curves: errors on held-out subjects by training time, as shares of zero motion's."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from gmr.cmu_runs import Trained
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from gmrdata.report.style import COLOURS, picture, quiet
 
@@ -35,6 +36,10 @@ def _draw(figure: Figure, runs: Sequence[Trained]) -> None:
         axes.axhline(bar, color=COLOURS["good"], linewidth=1, linestyle=(0, (4, 3)))
         axes.set_title(TITLES[metric])
         axes.set_xlabel("training time [min]")
-        axes.set_ylim(0, None)
+        # Errors of the first steps are many times those of the last.
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
         axes.legend(frameon=False)
         quiet(axes)
