@@ -4,7 +4,7 @@
 writes out/bench/gmr_cmu.json and out/bench/gmr_cmu.png.  The input is the true local pose at 10
 fps.  The paper's own settings (4x2048, step size 5e-5, batches of 32, time reversal) are trained on
 the same data for the same time.  The few choices in `pipelines/gmr_cmu.yaml` were made with scores
-of these subjects, and of 05, 12 and 17, at hand; another table holds out others in turn.  A third
+of these subjects, and of those whom another table holds out in turn, 12 and 17, at hand.  A third
 scores the paper's synthetic trials, rendered with the camera on and off.  The last part, which
 takes longest, trains without each of the recipe's settings in turn.
 """

@@ -20,7 +20,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "without standing joints in the input": {"model": {"extra_inputs": ("velocity",)}},
     "without both inputs": {"model": {"extra_inputs": ()}},
 }
-"""Name of a change, and what it sets to what the paper has."""
+"""Name of a change, and the settings that it replaces."""
 
 
 def changed(config: TrainConfig, change: dict[str, Any]) -> TrainConfig:
