@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_vertices_m
-from gmrdata.body.tree import JOINT
-from gmrdata.film import Film, film_motion
-from gmrdata.motion.motion import Motion
-from gmrdata.motion.read import find_motions, read_motion
-from gmrdata.progress import console
+from gmrdata.film.shots import Film, film_motion
+from gmrdata.motion.files import find_motions, read_motion
+from gmrdata.stage.progress import console
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_vertices_m
 
 pytestmark = pytest.mark.bench
 WALKS_S = {"08_02": 1.4, "08_04": 4.1, "08_05": 2.5, "35_01": 3.0, "16_19": 3.0, "17_03": 3.0}

@@ -32,9 +32,8 @@ from gmr.steps import (
 from gmr.timing import paired
 from render.tables import show
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.subset import vertex_rows, with_vertices
-from gmrdata.store import write_json
+from gmrdata.values.body import BodyModel, vertex_rows, with_vertices
+from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/gmr.json")

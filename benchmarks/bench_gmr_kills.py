@@ -18,14 +18,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
+from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
-from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.progress import console
-from gmrdata.store import stage_seconds, write_json
+from gmrdata.read.bodies import save_body
+from gmrdata.stage.progress import console
+from gmrdata.stage.store import stage_seconds
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.files import write_json
 from tests.clip_manifests import write_clips
 from tests.gmr.test_train import PROGRAM
 

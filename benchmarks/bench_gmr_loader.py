@@ -17,11 +17,11 @@ import pytest
 import torch
 
 from gmrdata.gmr.config import ModelConfig, WindowConfig
-from gmrdata.gmr.data import Batch, TrainingSet, make_batch
 from gmrdata.gmr.flat_runs import RunRows, in_files
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.prefetch import prefetched
-from gmrdata.progress import console, track
+from gmrdata.gmr.steps import prefetched
+from gmrdata.gmr.windows import Batch, TrainingSet, make_batch
+from gmrdata.stage.progress import console, track
 
 pytestmark = pytest.mark.bench
 N_FRAMES, RUN_FRAMES, BATCH, STEPS = 1_400_000, 500, 32, 10

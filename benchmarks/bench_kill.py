@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.progress import console
+from gmrdata.stage.progress import console
 
 pytestmark = pytest.mark.bench
 MANIFESTS = ("training.yaml", "synthetic.yaml", "pseudo_gt.yaml")

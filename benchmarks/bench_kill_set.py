@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.progress import console
-from tests.synthetic.set_kills import (
+from gmrdata.stage.progress import console
+from tests.film.set_kills import (
     VICTIMS,
     contents,
     kill_and_complete,

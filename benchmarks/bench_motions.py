@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.body.load import load_body
-from gmrdata.motion.read import read_motion
-from gmrdata.progress import console, track
+from gmrdata.motion.files import read_motion
+from gmrdata.read.bodies import load_body
+from gmrdata.stage.progress import console, track
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/motions.json")

@@ -24,9 +24,8 @@ from render.scale import FULL, SMALL
 from render.tables import show
 from render.timing import run_python
 
-from gmrdata.body.file import read_body
-from gmrdata.body.keep import keep_body
-from gmrdata.store import write_json
+from gmrdata.read.bodies import keep_body, read_body
+from gmrdata.values.files import write_json
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/render.json")

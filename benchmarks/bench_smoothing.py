@@ -12,19 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.evaluate.alignment import fit_similarity
-from gmrdata.geometry.programmes import (
-    Circular,
-    Linear,
-    LinearPanning,
-    Panning,
-    Programme,
-    camera_path,
-)
-from gmrdata.progress import console
-from gmrdata.sfm.cameras import load_cameras, load_quality
-from gmrdata.sfm.config import SfmConfig
-from gmrdata.sfm.reconstruct import reconstruct
+from gmrdata.cameras.files import load_cameras, load_quality
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.film.programmes import Circular, Linear, LinearPanning, Panning, Programme, camera_path
+from gmrdata.stage.progress import console
+from gmrdata.values.alignment import fit_similarity
 from tests.filming import HEIGHT_PX, WIDTH_PX, Filmed, film_cameras, motion_errors
 
 pytestmark = pytest.mark.bench

@@ -7,7 +7,7 @@ from typing import Any
 
 from render.tables import show
 
-from gmrdata.store import write_json
+from gmrdata.values.files import write_json
 
 Bar = tuple[str, Any, str, bool]
 """Name, figure, what is asked of it, and whether it holds."""

@@ -11,13 +11,13 @@ from typing import NoReturn, TypeVar
 from pydantic import ValidationError
 
 from blender.parent import die_with_parent
-from gmrdata.body.file import read_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, load_clip
-from gmrdata.config import Config
-from gmrdata.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
-from gmrdata.geometry.camera import CameraPath
-from gmrdata.render import RenderJob
+from gmrdata.film.render import RenderJob
+from gmrdata.read.bodies import read_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
+from gmrdata.values.records import Config
 
 JobKind = TypeVar("JobKind", bound=Config)
 

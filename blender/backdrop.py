@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from gmrdata.errors import BadBackdrop
-from gmrdata.scene_config import BackdropConfig
+from gmrdata.film.scene import BackdropConfig
+from gmrdata.values.errors import BadBackdrop
 
 
 def add_backdrop(scene: Any, config: BackdropConfig) -> None:

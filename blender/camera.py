@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.errors import BadRecipe
-from gmrdata.geometry.camera import CameraPath
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadRecipe
 
 SENSOR_WIDTH_MM = 36.0
 OPENCV_FROM_BLENDER_AXES = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -11,8 +11,8 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-from gmrdata.clearance import Clearance
-from gmrdata.errors import RenderFailed
+from gmrdata.film.render_outputs import Clearance
+from gmrdata.values.errors import RenderFailed
 
 GROUND = "ground"
 """Name of the ground's object, which people stand on."""

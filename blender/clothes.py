@@ -9,8 +9,7 @@ from blender.atlas import Atlas
 from blender.head import paint_head
 from blender.outfit import Outfit
 from blender.patterns import Cloth, colours_at, waves
-from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import JOINT
+from gmrdata.values.body import JOINT, BodyModel
 
 _HEAD = ("neck", "head")
 _ARMS = tuple(f"{s}_{j}" for s in ("left", "right") for j in ("shoulder", "elbow", "wrist", "hand"))

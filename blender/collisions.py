@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from gmrdata.body.tree import PARENTS
-from gmrdata.errors import BadBackdrop
+from gmrdata.values.body import PARENTS
+from gmrdata.values.errors import BadBackdrop
 
 WALL_M = 1.0
 """Walls are thinner than this, rooms wider."""

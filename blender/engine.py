@@ -7,8 +7,8 @@ from typing import Any
 
 import bpy
 
-from gmrdata.errors import EngineMissing
-from gmrdata.render import RenderConfig, RenderJob
+from gmrdata.film.render import RenderConfig, RenderJob
+from gmrdata.values.errors import EngineMissing
 
 ENGINES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE", "workbench": "BLENDER_WORKBENCH"}
 """Blender's names."""

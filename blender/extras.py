@@ -13,12 +13,12 @@ from blender.light import Light
 from blender.meshes import mesh_of
 from blender.person import person_mesh
 from blender.scene import mark_as_moving, picture_material
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_vertices_m
-from gmrdata.extras.cast import Cast, looks_of
-from gmrdata.extras.drive import Drive
+from gmrdata.film.cars import Drive
+from gmrdata.film.extras import Cast, looks_of
+from gmrdata.film.scene import SceneConfig
 from gmrdata.motion.resample import slice_motion
-from gmrdata.scene_config import SceneConfig
+from gmrdata.values.body import BodyModel
+from gmrdata.values.skinning import motion_vertices_m
 
 
 def add_extras(

@@ -17,11 +17,11 @@ import numpy as np
 from blender.actors import Actor
 from blender.engine import traced
 from blender.scene import CUT_OUT
-from gmrdata.errors import RenderFailed
-from gmrdata.geometry.camera import CameraPath, project_cam
-from gmrdata.geometry.transforms import apply, invert
-from gmrdata.passes import write_depth, write_flow, write_instances, write_normals
-from gmrdata.render import RenderConfig
+from gmrdata.film.render import RenderConfig
+from gmrdata.film.render_outputs import write_depth, write_flow, write_instances, write_normals
+from gmrdata.values.camera import CameraPath, project_cam
+from gmrdata.values.errors import RenderFailed
+from gmrdata.values.transforms import apply, invert
 
 STEP = "step"
 """Name of the mesh attribute and of the pass: how far the surface moves until the next frame."""

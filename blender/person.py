@@ -11,10 +11,9 @@ from blender.clothes import paint
 from blender.light import Light
 from blender.outfit import draw_outfit
 from blender.scene import moving_picture_material
-from gmrdata.body.model import BodyModel
-from gmrdata.body.people import phenotypes_of
-from gmrdata.body.texture import read_picture, read_uv
-from gmrdata.person_config import TextureConfig
+from gmrdata.film.people import TextureConfig, phenotypes_of
+from gmrdata.read.body_texture import read_picture, read_uv
+from gmrdata.values.body import BodyModel
 
 UV = "uv"
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from blender.__main__ import camera_of, import_bpy, parse, read_job, run
-from gmrdata.body.file import read_body
-from gmrdata.clip import load_clip
-from gmrdata.render import FRAME_LINE, PreviewJob
+from gmrdata.film.render import FRAME_LINE, PreviewJob
+from gmrdata.read.bodies import read_body
+from gmrdata.values.clip import load_clip
 
 SKY = (0.55, 0.68, 0.80)
 PERSON = (0.10, 0.25, 0.75, 1.0)

@@ -9,8 +9,8 @@ import sys
 import bpy
 
 from blender.engine import ENGINES, use_gpus
-from gmrdata.engines import RENDERER_LINE
-from gmrdata.errors import EngineMissing
+from gmrdata.film.render import RENDERER_LINE
+from gmrdata.values.errors import EngineMissing
 
 
 def main(engine: str, device: str) -> int:

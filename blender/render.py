@@ -16,16 +16,15 @@ from blender.passes import add_surface_output, set_step, wants_surface, write_su
 from blender.scene import MOVING_PASS
 from blender.stage import Stage, save_blend, set_stage
 from blender.visibility import visible_joints
-from gmrdata.body.model import BodyModel
-from gmrdata.character_record import CHARACTER_FILE, save_character
-from gmrdata.clearance import save_clearance
-from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import RenderFailed
-from gmrdata.extras.files import save_extras
-from gmrdata.geometry.camera import CameraPath
-from gmrdata.joints2d import project_joints, save_joints
-from gmrdata.render import EXTRAS_FOLDER, FRAME_LINE, RenderJob, frame_files
-from gmrdata.store import atomic_path
+from gmrdata.film.character import CHARACTER_FILE, save_character
+from gmrdata.film.extras import save_extras
+from gmrdata.film.render import EXTRAS_FOLDER, FRAME_LINE, RenderJob, frame_files
+from gmrdata.film.render_outputs import project_joints, save_clearance, save_joints
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import RenderFailed
+from gmrdata.values.files import atomic_path
 
 WORK_FOLDER = ".unfinished"
 SCENE_FOLDER = "scene"

@@ -22,15 +22,12 @@ from blender.rigged_pose import (
     of_feet,
     size_of,
 )
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m
-from gmrdata.body.tree import JOINT, N_JOINTS
-from gmrdata.bone_names import find_bones, joint_of_bone
-from gmrdata.character import Character
-from gmrdata.character_record import CharacterRecord
-from gmrdata.geometry.camera import CameraPath
-from gmrdata.geometry.framing import in_frame
-from gmrdata.motion.motion import Motion
+from gmrdata.film.bone_names import find_bones, joint_of_bone
+from gmrdata.film.character import Character, CharacterRecord
+from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
+from gmrdata.values.camera import CameraPath, in_frame
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m
 
 
 @dataclass(frozen=True, eq=False)

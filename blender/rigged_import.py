@@ -11,7 +11,7 @@ import addon_utils
 import bpy
 import numpy as np
 
-from gmrdata.errors import BadCharacter
+from gmrdata.values.errors import BadCharacter
 
 _SCENE_SETTINGS = ("camera", "world", "frame_start", "frame_end", "frame_current")
 _RENDER_SETTINGS = ("fps", "fps_base")

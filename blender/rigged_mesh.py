@@ -11,7 +11,7 @@ import numpy as np
 
 from blender.light import Light
 from blender.scene import repaint
-from gmrdata.errors import BadCharacter
+from gmrdata.values.errors import BadCharacter
 
 ACTIVE_UV = "active"
 """Name of the layer with the picture coordinates that each part uses where none is named."""

@@ -19,11 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import JOINT, JOINT_NAMES, PARENTS
-from gmrdata.errors import BadCharacter, BadMotionFile
-from gmrdata.motion.feet import foot_corrections
-from gmrdata.motion.motion import Motion
+from gmrdata.motion.ground import foot_corrections
 from gmrdata.motion.rest_pose import (
     LIMBS,
     LONGEST_LEG_M,
@@ -32,7 +28,10 @@ from gmrdata.motion.rest_pose import (
     limb_corrections,
     source_from_rest_axes,
 )
-from gmrdata.motion.skeleton import global_rotmats
+from gmrdata.read.source_motion import global_rotmats
+from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
+from gmrdata.values.errors import BadCharacter, BadMotionFile
+from gmrdata.values.motion import Motion
 
 HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))

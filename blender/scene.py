@@ -11,7 +11,7 @@ import numpy as np
 from blender.layout import Yard
 from blender.light import Light, add_lamp, add_sky, add_sun, reflect_light
 from blender.meshes import Mesh, ground_mesh, mesh_of
-from gmrdata.errors import RenderFailed
+from gmrdata.values.errors import RenderFailed
 
 MOVING_PASS = "moving"
 """Name of the pass that is 1 where something moves by itself: a person, a car."""

@@ -23,13 +23,13 @@ from blender.places.room import room
 from blender.places.street import street
 from blender.rigged import Figure, bring_in
 from blender.scene import build_yard
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m, motion_vertices_m
-from gmrdata.clip import Clip, camera_of, load_clip
-from gmrdata.errors import RenderFailed
-from gmrdata.extras.cast import Cast, make_cast
-from gmrdata.geometry.camera import CameraPath
-from gmrdata.render import RenderJob
+from gmrdata.film.extras import Cast, make_cast
+from gmrdata.film.render import RenderJob
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.errors import RenderFailed
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
 

@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Vector
 
 from blender.actors import Actor
-from gmrdata.body.tree import N_JOINTS, PARENTS
+from gmrdata.values.body import N_JOINTS, PARENTS
 
 SKIN_WITHIN_M = 0.20
 """Farther than from the pelvis to the skin of the hip."""

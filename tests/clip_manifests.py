@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, save_clip
 from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.write import write_manifest
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
 
 
 def write_clips(

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from gmrdata.body.load import load_body
-from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import JOINT, PARENTS
+from gmrdata.read.bodies import load_body
+from gmrdata.values.body import JOINT, PARENTS, BodyModel
 
 # A busy machine is no failure.
 settings.register_profile("gmrdata", deadline=None)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.geometry import transforms
-from gmrdata.geometry.camera import intrinsics_from_fov
+from gmrdata.values import transforms
+from gmrdata.values.camera import intrinsics_from_fov
 
 WIDTH_PX, HEIGHT_PX = 320, 180
 INTRINSICS_PX = intrinsics_from_fov(65.0, WIDTH_PX, HEIGHT_PX)

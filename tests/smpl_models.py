@@ -3,8 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
 
 
 def save_smpl(path: Path, small_body: BodyModel, gender: str) -> BodyModel:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.split import split_manifests
-from gmrdata.library import make_library
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import write_manifest
-from gmrdata.motion.read import find_motions
+from gmrdata.motion.files import find_motions
+from gmrdata.motion.library import make_library
 
 HELD_OUT = (2, 8)
 """Subjects of whom every trial is scored and none is trained on."""

@@ -9,14 +9,15 @@ from typing import Any
 
 from gmr.cmu_data import Motions
 
-from gmrdata.body.load import load_body
-from gmrdata.evaluate.score import score_manifest
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.loop import fit
+from gmrdata.gmr.runs import LazyClips
 from gmrdata.gmr.split import split_manifests
 from gmrdata.gmr.train import train
-from gmrdata.gmr.usable import LazyClips
-from gmrdata.store import read_json, stage_seconds
+from gmrdata.read.bodies import load_body
+from gmrdata.score.score import score_manifest
+from gmrdata.stage.store import stage_seconds
+from gmrdata.values.files import read_json
 
 METRICS = ("ome_deg", "tme_mm", "vme_mm")
 

@@ -16,8 +16,8 @@ from gmr.cmu_runs import Trained, trained, trained_for
 from record import Record
 
 from gmrdata.gmr.config import LossConfig, TrainConfig
-from gmrdata.gmr.recipe import GmrRecipe
-from gmrdata.recipes import find_recipe, load_recipe
+from gmrdata.gmr.train import GmrRecipe
+from gmrdata.stage.recipes import find_recipe, load_recipe
 
 OUT_DIR = Path("out/bench")
 SMALL_SIZE: dict[str, Any] = {

@@ -10,15 +10,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
-from gmrdata.gmr.data import Batch, TrainingSet, make_batch, make_training_set
 from gmrdata.gmr.loop import gradient_step
 from gmrdata.gmr.losses import Motions, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.vertex_loss import make_loss_body
+from gmrdata.gmr.windows import Batch, TrainingSet, make_batch, make_training_set
 from gmrdata.motion.gait import embedded_motions
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
 from tests.gmr.direct_reading import direct_mesh_m
 
 Step = Callable[[int], None]

@@ -10,10 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from blender.__main__ import import_bpy, read_job
-from gmrdata.body.file import read_body
-from gmrdata.clip import camera_of, load_clip
+from gmrdata.film.render import RenderJob
 from gmrdata.motion.resample import slice_motion
-from gmrdata.render import RenderJob
+from gmrdata.read.bodies import read_body
+from gmrdata.values.clip import camera_of, load_clip
 
 job = read_job(Path(sys.argv[1]), RenderJob)
 clip, body = load_clip(job.clip_path), read_body(job.body_path)

@@ -6,10 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.body.file import read_body
-from gmrdata.clip import Clip, camera_of, save_clip
-from gmrdata.film import Film, film_motion, plan_clip
-from gmrdata.geometry.programmes import (
+from gmrdata.film.programmes import (
     Circular,
     Linear,
     LinearPanning,
@@ -18,7 +15,10 @@ from gmrdata.geometry.programmes import (
     Small,
     Static,
 )
+from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
+from gmrdata.read.bodies import read_body
+from gmrdata.values.clip import Clip, camera_of, save_clip
 
 FPS_HZ = 10.0
 HAND: dict[str, Any] = {"handheld_deg": 0.6, "handheld_m": 0.02}

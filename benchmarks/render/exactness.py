@@ -9,15 +9,15 @@ from render.clips import PROGRAMMES, walk_clip
 from render.scale import Scale
 from render.timing import run_python
 
-from gmrdata.body.file import read_body
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m, motion_vertices_m
-from gmrdata.clip import Clip, camera_of, load_clip
-from gmrdata.geometry.camera import project
-from gmrdata.jobs import Workers, worker_pool
-from gmrdata.render import RenderConfig
-from gmrdata.render_jobs import render_clips
-from gmrdata.scene_config import SceneConfig
+from gmrdata.film.render import RenderConfig
+from gmrdata.film.render_jobs import render_clips
+from gmrdata.film.scene import SceneConfig
+from gmrdata.read.bodies import read_body
+from gmrdata.stage.jobs import Workers, worker_pool
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project
+from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 HERE = Path(__file__).parent
 FINE = 64

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_vertices_m
-from gmrdata.body.tree import JOINT
+from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
-from gmrdata.motion.motion import Motion
-from gmrdata.motion.read import read_motion
 from gmrdata.motion.resample import resample
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_vertices_m
 
 WALKS = (
     "02_01", "02_02", "05_01", "08_01", "08_02", "08_03", "08_04", "08_05", "08_06", "08_08",

@@ -7,16 +7,16 @@ import numpy as np
 from render.clips import MOVING, walk_clip
 from render.scale import Scale
 
-from gmrdata.clip import camera_of, load_clip
-from gmrdata.frames import check_images, list_images
-from gmrdata.jobs import Job, Workers, run_jobs, worker_pool
-from gmrdata.render import RenderConfig, render_clip
-from gmrdata.scene_config import SceneConfig
-from gmrdata.sfm.cameras import QUALITY_FILE, load_cameras
-from gmrdata.sfm.config import SfmConfig
-from gmrdata.sfm.matches import match_frames
-from gmrdata.sfm.reconstruct import reconstruct
-from gmrdata.store import read_json
+from gmrdata.cameras.files import QUALITY_FILE, load_cameras
+from gmrdata.cameras.matches import match_frames
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.film.scene import SceneConfig
+from gmrdata.read.frames import check_images, list_images
+from gmrdata.stage.jobs import Job, Workers, run_jobs, worker_pool
+from gmrdata.values.clip import camera_of, load_clip
+from gmrdata.values.files import read_json
 
 
 def measure_inliers(root: Path, body_path: Path, scale: Scale) -> list[dict[str, Any]]:

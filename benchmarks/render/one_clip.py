@@ -6,7 +6,7 @@ Usage: one_clip.py clip.npz body.npz OUT_DIR CONFIG_JSON.
 import sys
 from pathlib import Path
 
-from gmrdata.render import RenderConfig, render_clip
+from gmrdata.film.render import RenderConfig, render_clip
 
 if __name__ == "__main__":
     clip_path, body_path, out_dir = (Path(word) for word in sys.argv[1:4])

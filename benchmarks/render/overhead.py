@@ -10,9 +10,9 @@ from render.clips import PROGRAMMES, walk_clip
 from render.scale import Scale
 from render.timing import Spent, run_python
 
-from gmrdata.render import RenderConfig, RenderJob, render_clip
-from gmrdata.scene_config import SceneConfig
-from gmrdata.store import write_text
+from gmrdata.film.render import RenderConfig, RenderJob, render_clip
+from gmrdata.film.scene import SceneConfig
+from gmrdata.values.files import write_text
 
 HERE = Path(__file__).parent
 CONFIG = RenderConfig(scene=SceneConfig(kind="street", seed=1))

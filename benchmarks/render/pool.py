@@ -8,9 +8,9 @@ from render.clips import PROGRAMMES, walk_clip
 from render.overhead import CONFIG
 from render.scale import Scale
 
-from gmrdata.jobs import Workers, worker_pool
-from gmrdata.render_jobs import render_clips
-from gmrdata.store import sha256_of_path
+from gmrdata.film.render_jobs import render_clips
+from gmrdata.stage.jobs import Workers, worker_pool
+from gmrdata.values.files import sha256_of_path
 
 
 def measure_workers(root: Path, body_path: Path, scale: Scale) -> dict[str, Any]:

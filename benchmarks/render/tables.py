@@ -6,7 +6,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from gmrdata.progress import answers
+from gmrdata.stage.progress import answers
 
 
 def show(title: str, rows: Sequence[dict[str, Any]]) -> None:

@@ -9,11 +9,11 @@ from sfm.plain import plain_cameras, plain_pseudo_gt
 from sfm.score import true_clips
 from sfm.twins import Twins
 
-from gmrdata.clip import load_clip
-from gmrdata.evaluate.sequence_error import sequence_row
-from gmrdata.people import person_file
-from gmrdata.store import stage_seconds
-from gmrdata.threedpw.parse import read_sequence_file
+from gmrdata.read.threedpw_arrays import read_sequence_file
+from gmrdata.stage.store import stage_seconds
+from gmrdata.twins.pseudo_gt_error import sequence_row
+from gmrdata.values.clip import load_clip
+from gmrdata.values.people import person_file
 
 
 @dataclass(frozen=True)

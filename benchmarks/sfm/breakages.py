@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 import yaml
 
-from gmrdata.frames import read_color, read_gray
-from gmrdata.recipes import find_recipe
-from gmrdata.threedpw.layout import SequenceFiles
-from gmrdata.threedpw.parse import read_sequence_file
-from gmrdata.threedpw.write import write_sequence
+from gmrdata.read.frames import read_color, read_gray
+from gmrdata.read.threedpw_arrays import read_sequence_file
+from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.stage.recipes import find_recipe
+from gmrdata.write.threedpw import write_sequence
 
 SPLIT = "test"
 WALL_GREY, NOISE_GREY = 128, 2.0

@@ -8,8 +8,8 @@ from sfm.breakages import BREAKAGES, Breakage, Broken
 from sfm.ours import Regenerated, regenerate
 
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.threedpw.layout import SequenceFiles
-from gmrdata.threedpw.parse import read_sequence_file
+from gmrdata.read.threedpw_arrays import read_sequence_file
+from gmrdata.read.threedpw_layout import SequenceFiles
 
 WHITE = "masked_everywhere"
 MIN_GOOD_SHARE = 0.8

@@ -6,13 +6,14 @@ from typing import Any
 
 from render.timing import run_python
 
-from gmrdata.clip import Clip
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.masks.sources import masks_seconds
-from gmrdata.people import person_file
-from gmrdata.store import STAGE_FILE, read_json, stage_seconds
+from gmrdata.stage.store import stage_seconds
+from gmrdata.values.clip import Clip
+from gmrdata.values.files import STAGE_FILE, read_json
+from gmrdata.values.people import person_file
 
 
 @dataclass(frozen=True)

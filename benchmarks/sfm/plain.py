@@ -13,20 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.clip import Clip, load_clip, read_npz, save_clip
-from gmrdata.config import Config
-from gmrdata.evaluate.alignment import fit_similarity
-from gmrdata.frames import check_images, list_images, read_gray, write_gray
-from gmrdata.geometry.camera import CameraPath
-from gmrdata.geometry.transforms import invert, rigid
+from gmrdata.cameras.files import CAMERAS_FILE, SfmCameras, load_cameras, save_cameras
 from gmrdata.masks.folder import find_mask
-from gmrdata.pseudogt.compose import world_motion
-from gmrdata.pseudogt.make import fill_gaps
-from gmrdata.sfm.cameras import CAMERAS_FILE, SfmCameras, load_cameras, save_cameras
-from gmrdata.store import run_stage
+from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
+from gmrdata.read.threedpw import rigid_rows
+from gmrdata.read.threedpw_arrays import read_sequence_file
+from gmrdata.stage.store import run_stage
 from gmrdata.threedpw.camera_frame import WORLD_FROM_3DPW
-from gmrdata.threedpw.parse import read_sequence_file
-from gmrdata.threedpw.valid import rigid_rows
+from gmrdata.values.alignment import fit_similarity
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.files import read_npz
+from gmrdata.values.records import Config
+from gmrdata.values.transforms import invert, rigid
+from gmrdata.world.compose import world_motion
+from gmrdata.world.pseudo_gt import fill_gaps
 
 FEWEST_CAMERAS = 3
 """A similarity between fewer points is not fixed."""
@@ -149,7 +150,7 @@ def _largest_model(
     images: list[Path], intrinsics_px: np.ndarray, work_dir: Path, seed: int
 ) -> np.ndarray:
     """world_from_cam (T, 4, 4), NaN where the largest model has no camera."""
-    from gmrdata.sfm.colmap import pycolmap
+    from gmrdata.cameras.colmap import pycolmap
 
     pycolmap.set_random_seed(seed)
     reader = pycolmap.ImageReaderOptions()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from sfm.ours import Regenerated
 
-from gmrdata.store import sha256_of_path
+from gmrdata.values.files import sha256_of_path
 
 WHOLE_STAGES = ("people", "masks", "sfm", "pseudo_gt")
 

@@ -1,11 +1,11 @@
-"""The truth of twins, and the rows of `gmrdata.evaluate.sequence_error` put together."""
+"""The truth of twins, and the rows of `gmrdata.twins.pseudo_gt_error` put together."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from gmrdata.clip import Clip, load_clip
+from gmrdata.values.clip import Clip, load_clip
 
 
 def true_clips(truth_dir: Path, name: str) -> list[Clip]:

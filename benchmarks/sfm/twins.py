@@ -6,8 +6,8 @@ from typing import Any
 
 from render.timing import run_python
 
-from gmrdata.store import read_json
-from gmrdata.threedpw.layout import SequenceFiles, find_sequence
+from gmrdata.read.threedpw_layout import SequenceFiles, find_sequence
+from gmrdata.values.files import read_json
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.frames import check_images, list_images
+from gmrdata.cameras.files import load_cameras, load_points, load_quality
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.masks.sources import MasksConfig, OnnxSource, make_masks, masks_seconds
-from gmrdata.sfm.cameras import load_cameras, load_points, load_quality
-from gmrdata.sfm.config import SfmConfig
-from gmrdata.sfm.reconstruct import reconstruct
-from gmrdata.store import stage_seconds
-from gmrdata.video import extract_video
+from gmrdata.read.frames import check_images, list_images
+from gmrdata.read.video import extract_video
+from gmrdata.stage.store import stage_seconds
 
 DOG_FOCAL_PX = 929.0
 """COLMAP's own calibration of the video at its full size."""

@@ -1,1 +1,1 @@
-"""What GMR is compared with: each baseline turns a manifest into predicted world motions."""
+"""What GMR is compared with."""

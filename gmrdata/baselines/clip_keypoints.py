@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.baselines.openpose import Person2d, keypoint_files, read_people
-from gmrdata.body.tree import N_JOINTS
-from gmrdata.clip import Clip, camera_of
-from gmrdata.errors import BadKeypoints
-from gmrdata.geometry.camera import CameraPath
+from gmrdata.read.openpose import Person2d, keypoint_files, read_people
+from gmrdata.values.body import N_JOINTS
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadKeypoints
 
 BEYOND_IMAGE_SHARE = 0.1
 """How far outside the image a detector may put a joint, as a share of the larger side."""

@@ -4,8 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from gmrdata.config import Config
 from gmrdata.gmr.config import LossConfig, Representation
+from gmrdata.values.records import Config
 
 
 class JointModelConfig(Config):

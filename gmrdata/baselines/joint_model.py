@@ -8,20 +8,23 @@ from pydantic import ValidationError
 from torch import Tensor, nn
 
 from gmrdata.baselines.joint_config import JointConfig
-from gmrdata.body.tree import N_LOCAL
-from gmrdata.errors import BadCheckpoint, MissingInput
 from gmrdata.gmr import rotations
-from gmrdata.gmr.encoder import encode, make_encoder, motions_of
-from gmrdata.gmr.kept_steps import STATE_FILE, latest_checkpoint, read_step_state, write_step
-from gmrdata.gmr.losses import Motions
-from gmrdata.gmr.tensor_files import (
+from gmrdata.gmr.checkpoint import (
     OPTIMIZER_FILE,
+    STATE_FILE,
     WEIGHTS_FILE,
     fill_network,
     fill_optimizer,
+    latest_checkpoint,
     optimizer_tensors,
+    read_step_state,
     writable,
+    write_step,
 )
+from gmrdata.gmr.losses import Motions
+from gmrdata.gmr.model import encode, make_encoder, motions_of
+from gmrdata.values.body import N_LOCAL
+from gmrdata.values.errors import BadCheckpoint, MissingInput
 
 FORMAT = "gmrdata-joint/2"
 

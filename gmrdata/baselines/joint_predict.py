@@ -6,15 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmrdata.baselines.features import features_path, load_features
-from gmrdata.baselines.predictions import Prediction, predicted, write_predictions
-from gmrdata.baselines.subjects import Subject, first_pose, manifest_subjects
-from gmrdata.body.tree import N_LOCAL
-from gmrdata.config import Config
-from gmrdata.errors import BadFeatures
-from gmrdata.gmr.motion_deltas import accumulate
+from gmrdata.baselines.joint_data import features_path, load_features
+from gmrdata.baselines.predictions import (
+    Prediction,
+    Subject,
+    first_pose,
+    manifest_subjects,
+    predicted,
+    write_predictions,
+)
 from gmrdata.motion.resample import valid_runs
-from gmrdata.store import run_stage
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import N_LOCAL
+from gmrdata.values.errors import BadFeatures
+from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.records import Config
 
 if TYPE_CHECKING:
     from gmrdata.baselines.joint_model import JointModel
@@ -32,7 +38,7 @@ def predict_joint(
     Args:
         run_dir: A finished run of `gmrdata.baselines.joint_train`.
         manifest_path: The clips.
-        features_dir: Their image features; see `gmrdata.baselines.features`.
+        features_dir: Their image features; see `gmrdata.baselines.joint_data`.
         out_dir: Folder to make; see `gmrdata.baselines.predictions`.  Clips are at the network's
             frame rate.
         redo: Throw away a result of other inputs.

@@ -1,6 +1,6 @@
 """Stage: train the non-sequential model of Table 10.
 
-    run/checkpoints/    the network and its optimiser (`gmrdata.gmr.kept_steps`)
+    run/checkpoints/    the network and its optimiser (`gmrdata.gmr.checkpoint`)
     run/metrics.jsonl   one line per logged step: step, loss and its terms
     run/stage.json      recipe, inputs, versions
 
@@ -16,20 +16,25 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from gmrdata.baselines.features import features_path, load_features
 from gmrdata.baselines.joint_config import JointConfig
-from gmrdata.baselines.joint_data import JointBatch, JointRun, make_joint_batch, training_runs
+from gmrdata.baselines.joint_data import (
+    JointBatch,
+    JointRun,
+    features_path,
+    load_features,
+    make_joint_batch,
+    training_runs,
+)
 from gmrdata.baselines.joint_model import JointModel, JointOutput, resume_joint, save_joint
-from gmrdata.body.model import BodyModel
-from gmrdata.gmr.diverged import check_finite
 from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
 from gmrdata.gmr.parallel import check_device
 from gmrdata.gmr.run_log import run_log
-from gmrdata.gmr.torch_settings import derived_seed, torch_settings
-from gmrdata.gmr.usable import check_clips_fit, usable_clips
+from gmrdata.gmr.runs import check_clips_fit, usable_clips
+from gmrdata.gmr.steps import check_finite, derived_seed, torch_settings
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
-from gmrdata.progress import progress_bar
-from gmrdata.store import run_stage
+from gmrdata.stage.progress import progress_bar
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +73,7 @@ def train_joint(
 
     Args:
         manifest_paths: Manifests whose clips are trained on.
-        features_dir: Their image features; see `gmrdata.baselines.features`.
+        features_dir: Their image features; see `gmrdata.baselines.joint_data`.
         run_dir: The run folder to make.
         config: The recipe; None for its defaults.
         body_path: Body of the clips, as `load_body` takes it; None for the default body.
@@ -94,7 +99,7 @@ def train_joint(
         inputs["body"] = body_path
 
     def work(partial_dir: Path) -> None:
-        from gmrdata.body.load import load_body
+        from gmrdata.read.bodies import load_body
 
         body = load_body("anny" if body_path is None else str(body_path))
         check_clips_fit(clips, body)

@@ -7,16 +7,21 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from gmrdata.baselines.predictions import Prediction, predicted, write_predictions
-from gmrdata.baselines.subjects import Subject, first_pose, manifest_subjects
-from gmrdata.clip import Clip
-from gmrdata.config import Config
-from gmrdata.errors import BadManifest
-from gmrdata.geometry.transforms import rigid
-from gmrdata.gmr.motion_deltas import accumulate, deltas
-from gmrdata.gmr.runs import runs_at
-from gmrdata.gmr.usable import usable_clips
-from gmrdata.store import run_stage
+from gmrdata.baselines.predictions import (
+    Prediction,
+    Subject,
+    first_pose,
+    manifest_subjects,
+    predicted,
+    write_predictions,
+)
+from gmrdata.gmr.runs import runs_at, usable_clips
+from gmrdata.stage.store import run_stage
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadManifest
+from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.records import Config
+from gmrdata.values.transforms import rigid
 
 
 class MeanConfig(Config):

@@ -12,19 +12,23 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
+from gmrdata.baselines.camera_as_world import as_if_still
 from gmrdata.baselines.clip_keypoints import ClipKeypoints, clip_keypoints
-from gmrdata.baselines.placed_person import Placed, place_person
-from gmrdata.baselines.placement import PlacementConfig
-from gmrdata.baselines.predictions import Prediction, predicted, write_predictions
-from gmrdata.baselines.still_camera import as_if_still
-from gmrdata.baselines.subjects import Subject, manifest_subjects
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, camera_of, load_clip
-from gmrdata.config import Config
-from gmrdata.errors import BadMotionFile, BadRecipe
-from gmrdata.progress import track
-from gmrdata.row_runs import text_runs
-from gmrdata.store import run_stage
+from gmrdata.baselines.placement import Placed, PlacementConfig, place_person
+from gmrdata.baselines.predictions import (
+    Prediction,
+    Subject,
+    manifest_subjects,
+    predicted,
+    write_predictions,
+)
+from gmrdata.stage.progress import track
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.records import Config
+from gmrdata.values.rows import text_runs
 
 
 class VibeCamConfig(Config):
@@ -83,7 +87,7 @@ def predict_vibe_cam(
         inputs[f"keypoints_{one.clip.id}"] = keypoints_dir / one.clip.id
 
     def work(partial_dir: Path) -> None:
-        from gmrdata.body.load import load_body
+        from gmrdata.read.bodies import load_body
 
         body = load_body("anny" if body_path is None else str(body_path))
         predictions = []

@@ -5,10 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.baselines.predictions import Prediction, predicted, write_predictions
-from gmrdata.baselines.subjects import Subject, first_pose, manifest_subjects
-from gmrdata.config import Config
-from gmrdata.store import run_stage
+from gmrdata.baselines.predictions import (
+    Prediction,
+    Subject,
+    first_pose,
+    manifest_subjects,
+    predicted,
+    write_predictions,
+)
+from gmrdata.stage.store import run_stage
+from gmrdata.values.records import Config
 
 
 class ZeroConfig(Config):

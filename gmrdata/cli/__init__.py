@@ -7,18 +7,15 @@ import tyro
 
 from gmrdata.cli.answers import explain, fail
 from gmrdata.cli.baselines import baseline
-from gmrdata.cli.comparison import compare
-from gmrdata.cli.gmr import evaluate, train
-from gmrdata.cli.inference import infer
+from gmrdata.cli.gmr import compare, evaluate, infer, train
 from gmrdata.cli.manifests import manifest
 from gmrdata.cli.motion_files import fetch, motions
-from gmrdata.cli.noise_floor import floor
 from gmrdata.cli.paper_tables import tables
-from gmrdata.cli.pseudo_gt import threedpw
+from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.rendering import render
 from gmrdata.cli.sequence import masks, sfm
 from gmrdata.cli.whole import demo, report, run
-from gmrdata.errors import GmrdataError
+from gmrdata.values.errors import GmrdataError
 
 Verb = Callable[..., None]
 

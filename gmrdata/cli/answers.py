@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Sequence
 
-from gmrdata.progress import answers, console
+from gmrdata.stage.progress import answers, console
 
 
 def answer(value: object) -> None:

@@ -7,7 +7,7 @@ from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
 from gmrdata.cli.answers import answer
 from gmrdata.cli.options import body_path, need
-from gmrdata.errors import BadRecipe
+from gmrdata.values.errors import BadRecipe
 
 
 def baseline_zero(manifest: Positional[Path], out: Path, redo: bool = False) -> None:
@@ -121,7 +121,7 @@ def baseline_joint_train(
     """
     from gmrdata.baselines.joint_config import JointConfig
     from gmrdata.baselines.joint_train import train_joint
-    from gmrdata.recipes import load_recipe
+    from gmrdata.stage.recipes import load_recipe
 
     need(manifests, "a manifest file")
     config = JointConfig() if recipe is None else load_recipe(recipe, JointConfig)

@@ -8,7 +8,7 @@ from tyro.conf import Positional
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import need
-from gmrdata.errors import BadRecipe
+from gmrdata.values.errors import BadRecipe
 
 
 def fetch(
@@ -35,9 +35,8 @@ def fetch(
     """
     import numpy as np
 
-    from gmrdata.fetch.cmu import fetch_trials, plan
-    from gmrdata.fetch.config import FetchConfig
-    from gmrdata.fetch.trials import CMU_URL, listed_trials
+    from gmrdata.motion.cmu import fetch_trials, listed_trials, plan
+    from gmrdata.read.download import CMU_URL, FetchConfig
 
     wanted = (*trials, *(listed_trials(published_list) if published_list is not None else ()))
     need(wanted, "trials like 02_03, or --list paper_table8")
@@ -84,7 +83,7 @@ def motions(
         for path in _data_set(layout, sources, out, body, redo):
             answer(path)
         return
-    from gmrdata.library import make_library, motion_table
+    from gmrdata.motion.library import make_library, motion_table
 
     if out is None:
         headings, rows = motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map)
@@ -108,9 +107,9 @@ def _data_set(
     if len(sources) != 1 or out is None:
         raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")
     if layout == "human36m":
-        from gmrdata.human36m.make import make_human36m
+        from gmrdata.motion.human36m import make_human36m
 
         return make_human36m(sources[0], body, out, redo=redo)
-    from gmrdata.emdb.make import make_emdb
+    from gmrdata.motion.emdb import make_emdb
 
     return make_emdb(sources[0], body, out, redo=redo)

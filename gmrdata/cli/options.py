@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gmrdata.cli.answers import answer, print_table
-from gmrdata.errors import BadRecipe, MissingInput
-from gmrdata.people import PersonFiles
+from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.people import PersonFiles
 
 if TYPE_CHECKING:
-    from gmrdata.config import Config
-    from gmrdata.synthetic.recipe import SyntheticRecipe
+    from gmrdata.film.set_plan import SyntheticRecipe
+    from gmrdata.values.records import Config
 
 Recipe = TypeVar("Recipe", bound="Config")
 
@@ -36,14 +36,14 @@ def body_path(body: str) -> Path | None:
 
 def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
     """One person's clip, with the body of `--body`."""
-    from gmrdata.body.load import anny_file
+    from gmrdata.read.bodies import anny_file
 
     return (PersonFiles(clip_path, body_path(body) or anny_file()),)
 
 
 def show_dry_run(recipe: "SyntheticRecipe", out: Path, motions: Path | None, probe: bool) -> None:
     """Print what a set of clips would take: frames, time, disk."""
-    from gmrdata.synthetic import dry_run as dry
+    from gmrdata.film import set_dry_run as dry
 
     planned = dry.dry_run(recipe, out, motions_dir=motions, probe=probe)
     print_table(dry.HEADINGS, planned.rows)

@@ -6,8 +6,8 @@ from tyro.conf import Positional, UseAppendAction
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import body_path
-from gmrdata.errors import BadRecipe
-from gmrdata.tables.scales import ScaleName
+from gmrdata.tables.recipe import ScaleName
+from gmrdata.values.errors import BadRecipe
 
 
 def tables(
@@ -51,14 +51,12 @@ def tables(
         redo: Throw away runs of other settings.
         dry_run: List the trainings with an estimate of their time, and do nothing.
     """
-    from gmrdata.jobs import Workers
-    from gmrdata.store import read_json
-    from gmrdata.tables.dry_run import HEADINGS, planned_runs
-    from gmrdata.tables.given import Given
+    from gmrdata.stage.jobs import Workers
+    from gmrdata.tables.comparison import explanations, shown_rows
     from gmrdata.tables.make import lacking_text, make_table
-    from gmrdata.tables.plan import plan_table
+    from gmrdata.tables.plan import HEADINGS, Given, plan_table, planned_runs
     from gmrdata.tables.recipe import load_table
-    from gmrdata.tables.write_table import explanations, shown_rows
+    from gmrdata.values.files import read_json
 
     if workers < 1:
         raise BadRecipe(f"--workers {workers}: at least one process has to do the work")

@@ -1,4 +1,7 @@
-"""The verb for 3DPW: its pseudo ground truth, a look into it, a twin of it."""
+"""The verb for 3DPW: its pseudo ground truth, a look into it, a twin of it.
+
+The verb that measures the pseudo ground truth itself: floor.
+"""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -7,6 +10,7 @@ from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import show_dry_run, with_workers
+from gmrdata.values.errors import MissingInput
 
 
 def threedpw_regenerate(
@@ -32,11 +36,11 @@ def threedpw_regenerate(
         redo: Make anew what another recipe made.
         dry_run: Say what would be done, and do nothing.
     """
-    from gmrdata.recipes import find_recipe, load_recipe
-    from gmrdata.regenerate import regenerate_set as stage
-    from gmrdata.regenerate.recipe import ThreedpwRecipe
-    from gmrdata.regenerate.verdicts import HEADINGS, table_row
-    from gmrdata.store import read_json
+    from gmrdata.stage.recipes import find_recipe, load_recipe
+    from gmrdata.threedpw import regenerate as stage
+    from gmrdata.threedpw.recipe import ThreedpwRecipe
+    from gmrdata.threedpw.regenerate import VERDICT_HEADINGS, table_row
+    from gmrdata.values.files import read_json
 
     loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
     loaded = with_workers(loaded, workers)
@@ -47,7 +51,7 @@ def threedpw_regenerate(
         return
     made = stage.regenerate_set(loaded, root, out, scheduler=scheduler, redo=redo)
     rows = read_json(made.with_name("verdicts.json"))
-    print_table(HEADINGS, [table_row(row) for row in rows])
+    print_table(VERDICT_HEADINGS, [table_row(row) for row in rows])
     answer(made.with_name("index.html"))
     answer(made)
 
@@ -92,8 +96,13 @@ def threedpw_compare(manifest: Positional[Path], out: Path | None = None) -> Non
         manifest: A manifest of kind pseudo_gt, or the folder that holds one.
         out: CSV file for the rows, besides the table.
     """
-    from gmrdata.threedpw.compare import compare_with_table7
-    from gmrdata.threedpw.compare_table import HEADINGS, summary, table_rows, write_csv
+    from gmrdata.threedpw.table7 import (
+        HEADINGS,
+        compare_with_table7,
+        summary,
+        table_rows,
+        write_csv,
+    )
 
     rows = compare_with_table7(manifest)
     print_table(HEADINGS, table_rows(rows))
@@ -125,9 +134,9 @@ def threedpw_twin(
         dry_run: List clips and frames with an estimate of time and disk, and make nothing.
         probe: For the estimate of a dry run, render two frames in a temporary folder.
     """
-    from gmrdata.recipes import find_recipe, load_recipe
-    from gmrdata.threedpw.twin_recipe import TwinRecipe
-    from gmrdata.threedpw.twin_set import SET_FOLDER, make_twins
+    from gmrdata.stage.recipes import find_recipe, load_recipe
+    from gmrdata.twins.recipe import TwinRecipe
+    from gmrdata.twins.twin_set import SET_FOLDER, make_twins
 
     loaded = load_recipe(find_recipe(recipe), TwinRecipe)
     if workers is not None:
@@ -151,3 +160,70 @@ def threedpw(
 
     `gmrdata threedpw --root 3DPW --out OUT` is short for `gmrdata threedpw regenerate ...`.
     """
+
+
+def floor(
+    out: Path,
+    sequences: int = 6,
+    seed: int = 0,
+    motions: Path | None = None,
+    twins: Path | None = None,
+    recipe: str = "threedpw",
+    size: str = "small",
+    frames: int = 150,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+    dry_run: bool = False,
+    probe: bool = True,
+) -> None:
+    """How wrong the pseudo ground truth itself is: regenerate twins of 3DPW, and measure them.
+
+    Args:
+        out: Output folder: floor.json, twins/, regenerated/. A run that was stopped goes on where
+            it was.
+        sequences: Twins to draw; with 6 or more every class of camera motion is among them.
+        seed: Chooses their motions, cameras, places, people and faults.
+        motions: Folder of motion files to draw from.
+        twins: Output folder of `gmrdata threedpw twin`, in place of drawn ones.
+        recipe: A recipe file of kind `threedpw`, or the name of one that travels with gmrdata.
+        size: Images of drawn twins: small (540x960), full (1080x1920), or like 180x320 [px].
+        frames: Frames of each drawn twin, at 30 fps; at least 60.
+        workers: Worker processes; the recipes' numbers when left out.
+        scheduler: Address of a Dask cluster (tcp://host:port) for the sequences.
+        redo: Make anew what another recipe made.
+        dry_run: List the twins and frames with an estimate of the rendering's time and disk, or
+            what would be done with given twins, and make nothing.
+        probe: For the estimate of a dry run, render two frames in a temporary folder.
+    """
+    from gmrdata.stage.recipes import find_recipe, load_recipe
+    from gmrdata.threedpw import regenerate as regeneration
+    from gmrdata.threedpw.recipe import ThreedpwRecipe
+    from gmrdata.twins.floor import REGENERATED_FOLDER, TWINS_FOLDER, drawn_floor, floor_of_twins
+    from gmrdata.twins.floor_record import HEADINGS, floor_rows, notes, read_floor
+    from gmrdata.twins.sampling import draw_twins, film_of
+    from gmrdata.twins.twin_set import SET_FOLDER, read_truth
+
+    loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
+    loaded = with_workers(loaded, workers)
+    if twins is not None and dry_run:
+        plan = regeneration.plan(loaded, read_truth(twins).root, out / REGENERATED_FOLDER)
+        print_table(regeneration.HEADINGS, plan)
+        return
+    if twins is not None:
+        made = floor_of_twins(twins, loaded, out, scheduler=scheduler, redo=redo)
+    elif motions is not None:
+        drawn = draw_twins(sequences, seed, motions, film_of(size, frames), workers)
+        if dry_run:
+            show_dry_run(drawn.set, out / TWINS_FOLDER / SET_FOLDER, motions, probe)
+            return
+        made = drawn_floor(drawn, motions, loaded, out, scheduler=scheduler, redo=redo)
+    else:
+        raise MissingInput("nothing to measure on. Name --motions to draw twins, or --twins")
+    measured = read_floor(made.path)
+    print_table(HEADINGS, floor_rows(measured))
+    for line in notes(measured):
+        answer(line)
+    answer(made.path)
+    if made.failed is not None:
+        raise made.failed

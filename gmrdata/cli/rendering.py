@@ -32,8 +32,8 @@ def render(
         probe: For the estimate of a dry run, render two frames in a temporary folder.
         preview: Only draw a few small frames and the paths of each clip, to OUT/preview/index.html.
     """
-    from gmrdata.recipes import find_recipe, load_recipe
-    from gmrdata.synthetic.recipe import SyntheticRecipe
+    from gmrdata.film.set_plan import SyntheticRecipe
+    from gmrdata.stage.recipes import find_recipe, load_recipe
 
     loaded = load_recipe(find_recipe(recipe), SyntheticRecipe)
     loaded = with_workers(loaded, workers)
@@ -41,10 +41,10 @@ def render(
         show_dry_run(loaded, out, motions, probe)
         return
     if preview:
-        from gmrdata.synthetic.preview import preview_set
+        from gmrdata.pages.preview import preview_set
 
         answer(preview_set(loaded, out, motions_dir=motions, scheduler=scheduler))
         return
-    from gmrdata.synthetic.render_set import render_set
+    from gmrdata.film.render_set import render_set
 
     answer(render_set(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))

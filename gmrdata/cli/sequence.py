@@ -36,8 +36,8 @@ def masks(
         body: "anny", or the path of the body model of that clip.
         redo: Make anew what other settings made.
     """
-    from gmrdata.masks.of_frames import masks_of_frames
     from gmrdata.masks.sources import masks_named
+    from gmrdata.pages.masks_sheet import masks_of_frames
 
     need(sources, "a source of masks: --sources onnx")
     config = masks_named(sources, model=model, weights=weights, classes=classes)
@@ -75,9 +75,9 @@ def sfm(
         seed: Seed of the reconstruction.
         redo: Make anew what other settings made.
     """
+    from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.masks.sources import masks_named
-    from gmrdata.sequence import SequenceConfig, regenerate_sequence
-    from gmrdata.sfm.config import SfmConfig
+    from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
 
     need(masks, "a source of masks: --masks silhouette")
     config = masks_named(masks, model=model, weights=weights, classes=classes)

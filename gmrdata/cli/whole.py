@@ -32,9 +32,9 @@ def demo(
         redo: Make anew what another recipe made.
         dry_run: Say what would be done, and do nothing.
     """
-    from gmrdata.demo.recipe import DemoRecipe
-    from gmrdata.demo.run import plan, run_demo
-    from gmrdata.recipes import find_recipe, load_recipe
+    from gmrdata.cli.demo import plan, run_demo
+    from gmrdata.cli.demo_recipe import DemoRecipe
+    from gmrdata.stage.recipes import find_recipe, load_recipe
 
     loaded = load_recipe(find_recipe(recipe), DemoRecipe)
     loaded = with_workers(loaded, workers)
@@ -50,10 +50,9 @@ def report(demo_out: Positional[Path]) -> None:
     Args:
         demo_out: Output folder of `gmrdata demo`.
     """
-    from gmrdata.demo.paths import DemoPaths
-    from gmrdata.demo.recipe import DemoRecipe
-    from gmrdata.demo.show import show
-    from gmrdata.recipes import load_recipe
+    from gmrdata.cli.demo_figures import show
+    from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
+    from gmrdata.stage.recipes import load_recipe
 
     paths = DemoPaths(demo_out.resolve())
     show(paths, load_recipe(paths.recipe, DemoRecipe))
@@ -75,6 +74,6 @@ def run(
         scheduler: Address of a Dask cluster (tcp://host:port) for the clips.
         redo: Make anew what another recipe made.
     """
-    from gmrdata.run import run_recipe
+    from gmrdata.cli.recipes import run_recipe
 
     answer(run_recipe(recipe, out, motions_dir=motions, scheduler=scheduler, redo=redo))

@@ -1,1 +1,1 @@
-"""The GMR network: model, losses, data, training, inference."""
+"""The network: model, loss, windows, training, inference."""

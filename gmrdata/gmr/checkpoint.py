@@ -1,34 +1,200 @@
-"""A checkpoint of GMR: what a kept step's folder holds (`gmrdata.gmr.kept_steps`).
+"""A checkpoint of GMR: what a kept step's folder holds (`gmrdata.gmr.checkpoint`).
 
 `model.safetensors`, `optimizer.safetensors` and `state.json`.  A run that averages its weights has
 `average.safetensors` too, and `averaged` in its state says so: that is then the network, and
 `model` what training goes on from.  Where there are held-out scores, `best.safetensors` has the
 network that scored best up to that step: the best so far is part of the state that a killed run
 goes on from, and comes and goes with it.
+
+Weights and the optimiser's state as safetensors files, held against the network they are for.
+
+The folder of a kept step, whole or absent, and a pointer to the latest.
+
+`<run>/checkpoints/step_00001000/` holds files of weights and `state.json`; the file `latest` beside
+it holds the folder's name.
 """
 
 import math
+import os
+import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import torch
 from pydantic import ValidationError
-from torch import Tensor
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
 
-from gmrdata.errors import BadCheckpoint
 from gmrdata.gmr.config import ModelConfig, Which
-from gmrdata.gmr.kept_steps import STATE_FILE, read_step_state, write_step
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.tensor_files import (
-    OPTIMIZER_FILE,
-    WEIGHTS_FILE,
-    fill_network,
-    fill_optimizer,
-    optimizer_tensors,
-    read_tensors,
-    writable,
-)
+from gmrdata.values.errors import BadCheckpoint, BadRecord, MissingInput
+from gmrdata.values.files import read_json, write_json, write_text
+
+WEIGHTS_FILE = "model.safetensors"
+"""What training goes on from."""
+OPTIMIZER_FILE = "optimizer.safetensors"
+"""The optimiser's state, beside it."""
+
+
+def fill_network(path: Path, model: nn.Module) -> None:
+    """Fill a network with a file's weights.
+
+    Raises:
+        BadCheckpoint: the file is truncated or missing, or of another model.
+    """
+    tensors = read_tensors(path)
+    _check_names(path, tensors, {name: t.shape for name, t in model.state_dict().items()})
+    model.load_state_dict(tensors)
+
+
+def fill_optimizer(path: Path, model: nn.Module, optimizer: torch.optim.Optimizer) -> None:
+    """Fill an optimiser that was just made over `model.parameters()`.
+
+    Raises:
+        BadCheckpoint: the file is truncated or missing, or of another model.
+    """
+    tensors = read_tensors(path)
+    shapes = {}
+    for name, parameter in model.named_parameters():
+        shapes[f"{name}.step"] = torch.Size(())
+        shapes |= {f"{name}.{key}": parameter.shape for key in ("exp_avg", "exp_avg_sq")}
+    _check_names(path, tensors, shapes)
+    state = {
+        i: {key: tensors[f"{name}.{key}"] for key in ("step", "exp_avg", "exp_avg_sq")}
+        for i, (name, _) in enumerate(model.named_parameters())
+    }
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})
+
+
+def optimizer_tensors(model: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """State of an Adam over `model.parameters()`, by the names of these."""
+    state = optimizer.state_dict()["state"]
+    return writable(
+        {
+            f"{name}.{key}": value
+            for i, (name, _) in enumerate(model.named_parameters())
+            for key, value in state[i].items()
+        }
+    )
+
+
+def writable(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Copies on the CPU that share no memory: a GRU on a GPU keeps its weights in one buffer."""
+    return {name: tensor.detach().cpu().clone().contiguous() for name, tensor in tensors.items()}
+
+
+def read_tensors(path: Path) -> dict[str, Tensor]:
+    """All tensors of a file.
+
+    Raises:
+        BadCheckpoint: it is truncated, missing, or not safetensors.
+    """
+    try:
+        tensors: dict[str, Tensor] = load_file(path)
+    except (SafetensorError, OSError) as error:
+        raise BadCheckpoint(
+            f"{path}: truncated, missing or not safetensors ({error}). Train again"
+        ) from None
+    return tensors
+
+
+def _check_names(path: Path, tensors: dict[str, Tensor], shapes: dict[str, torch.Size]) -> None:
+    found = {name: tensor.shape for name, tensor in tensors.items()}
+    if found == shapes:
+        return
+    differing = sorted(
+        name for name in found.keys() | shapes.keys() if found.get(name) != shapes.get(name)
+    )
+    raise BadCheckpoint(
+        f"{path}: of another model; differing tensors: {', '.join(differing[:5])}"
+        f"{' ...' if len(differing) > 5 else ''}. Use the run's own settings, or train again"
+    )
+
+
+STATE_FILE = "state.json"
+
+
+def checkpoint_dir(run_dir: Path, step: int) -> Path:
+    """Where the checkpoint of a step lies."""
+    return run_dir / "checkpoints" / f"step_{step:08d}"
+
+
+def latest_checkpoint(run_dir: Path) -> Path | None:
+    """The checkpoint that the pointer names, or None where there is none yet.
+
+    Raises:
+        BadCheckpoint: the pointer names a folder that is not there.
+    """
+    pointer = run_dir / "checkpoints" / "latest"
+    if not pointer.is_file():
+        return None
+    folder = pointer.parent / pointer.read_text(encoding="utf-8").strip()
+    if folder == pointer.parent or not folder.is_dir():
+        raise BadCheckpoint(f"{pointer}: names {folder.name!r}, which is not there. Train again")
+    return folder
+
+
+def write_step(
+    run_dir: Path, step: int, tensors: Mapping[str, dict[str, Tensor]], state: dict[str, Any]
+) -> Path:
+    """Write a step's files, point `latest` to them, and drop older ones.
+
+    A process that is killed at any moment leaves the former folder or this one.
+
+    Args:
+        run_dir: The run's folder.
+        step: Steps done.
+        tensors: Tensors on the CPU that share no memory, by name, for each file.
+        state: JSON values for `state.json`, to which the step is added.
+    """
+    folder = checkpoint_dir(run_dir, step)
+    temporary = folder.with_name(f".{folder.name}.tmp")
+    shutil.rmtree(temporary, ignore_errors=True)
+    temporary.mkdir(parents=True)
+    for name, values in tensors.items():
+        save_file(values, temporary / name)
+    write_json(temporary / STATE_FILE, state | {"step": step})
+    for file in temporary.iterdir():
+        _fsync(file)
+    shutil.rmtree(folder, ignore_errors=True)
+    temporary.rename(folder)
+    _fsync(folder.parent)
+    write_text(folder.with_name("latest"), folder.name + "\n")
+    for other in folder.parent.glob("*step_*"):
+        if other != folder:
+            shutil.rmtree(other)
+    return folder
+
+
+def read_step_state(folder: Path, file_format: str) -> dict[str, Any]:
+    """A kept step's `state.json`.
+
+    Raises:
+        BadCheckpoint: it is missing, not JSON, or of another format.
+    """
+    path = folder / STATE_FILE
+    try:
+        state = read_json(path)
+    except (MissingInput, BadRecord) as error:
+        raise BadCheckpoint(f"{path}: unreadable ({error}). Train again") from None
+    if not isinstance(state, dict) or state.get("format") != file_format or "step" not in state:
+        raise BadCheckpoint(
+            f"{path}: not a checkpoint of {file_format}. Give a run made by gmrdata"
+        )
+    return state
+
+
+def _fsync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
 
 FORMAT = "gmrdata-gmr/1"
 

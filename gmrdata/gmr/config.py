@@ -4,18 +4,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from gmrdata.config import Config
+from gmrdata.values.records import Config
 
 Representation = Literal["quaternion", "axis-angle", "6d"]
 """How a rotation is given to the network, or by it."""
 
 ExtraInput = Literal["velocity", "standing"]
 """What the network may be given beside the local rotations, of which it is a function
-(gmrdata.gmr.extra_inputs)."""
+(gmrdata.gmr.inputs)."""
 
 MotionSource = Literal["regressed", "standing_joint"]
 """Where dR or dT comes from: from the last layer, the paper's way, or from the joint that stands
-and the last layer (gmrdata.gmr.standing_joint)."""
+and the last layer (gmrdata.gmr.inputs)."""
 
 Which = Literal["latest", "best"]
 """The network after a run's last step so far, or what scored best on held-out clips up to it."""

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.errors import BadRecord
-from gmrdata.store import locked, read_json, write_json
+from gmrdata.stage.store import locked
+from gmrdata.values.errors import BadRecord
+from gmrdata.values.files import read_json, write_json
 
 FORMAT = "gmrdata-pack/1"
 PACK_FILE = "pack.json"

@@ -1,133 +1,373 @@
-"""Inference: a trained network, and the world motion that it sees in a local pose sequence."""
+"""The stage: a file of local poses and a trained network to world motions in usual formats.
 
-from dataclasses import dataclass, replace
+The predicted world motion at the frame rate of the poses that it was predicted from.
+
+The network sees the poses at its own rate.  Between two of its moments the predicted root is
+interpolated as `gmrdata.motion.resample` does it everywhere: rotations on the shortest way (slerp),
+positions linearly; at its moments the prediction stands as it is.  Its last moment may lie up to
+one of its steps before the last pose.  For what is left the network looks at the poses a second
+time, in the phase that ends with the last one, and that last predicted step is laid on the end.  So
+the first and the last frame are there, and nothing is extrapolated.
+
+Where up is in a predicted world, and its floor.
+
+GMR predicts motion between frames and knows no gravity.  But a foot that stands still stands flat,
+nearly always: in the frames in which its ankle and its toe joint hardly move, the direction that
+points out of the foot's upper side in the rest pose points up.  The geometric median of those
+directions (Weiszfeld 1937) is taken as up, so a few feet on their toes do not matter.  A motion in
+which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the first
+frame.  Last, standing soles are put on z = 0 (`gmrdata.motion.ground`).
+"""
+
+import re
+from collections.abc import Callable, Collection
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from gmrdata.clip import Clip
-from gmrdata.errors import BadCheckpoint, BadMotionFile, MissingInput
-from gmrdata.gmr.checkpoint import read_model, read_state
 from gmrdata.gmr.config import Which
-from gmrdata.gmr.kept_steps import latest_checkpoint
-from gmrdata.gmr.model import Gmr, network_input
-from gmrdata.gmr.motion_deltas import accumulate
-from gmrdata.gmr.runs import runs_at
-from gmrdata.motion.motion import Motion
+from gmrdata.motion.files import input_files
+from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
+from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
+from gmrdata.motion.resample import ON_A_SAMPLE, resample
+from gmrdata.motion.rest_pose import minimal_rotation
+from gmrdata.read.source_motion import global_rotmats
+from gmrdata.stage.progress import console, track
+from gmrdata.stage.store import is_made, run_stage
+from gmrdata.values import transforms
+from gmrdata.values.body import JOINT, PARENTS, WORLD_FROM_REST, BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.files import write_json
+from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config
+from gmrdata.values.skinning import motion_joints_m
+from gmrdata.write.amass import write_amass
+from gmrdata.write.bvh import write_bvh
+from gmrdata.write.glb import write_glb
+
+if TYPE_CHECKING:
+    from gmrdata.gmr.predict import TrainedGmr
 
 
-@dataclass(frozen=True, eq=False)
-class TrainedGmr:
-    """A network with what it takes to use it."""
-
-    model: Gmr
-    """The network, in evaluation mode."""
-    fps_hz: float
-    """Frame rate that it was trained at [Hz]."""
-    name: str
-    """The run's folder name, for a reader."""
-    step: int
-    """Training steps behind the weights."""
-
-
-def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
-    """The latest checkpoint of a training run, or what scored best on its held-out clips.
-
-    Raises:
-        MissingInput: the folder is not there, or holds no checkpoint.
-        BadCheckpoint: the checkpoint is truncated or of another kind, or has no best weights.
-    """
-    run_dir = Path(run_dir)
-    folder = latest_checkpoint(run_dir)
-    if folder is None:
-        raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a finished run")
-    state = read_state(folder)
-    fps_hz = state.get("fps_hz")
-    if not isinstance(fps_hz, int | float) or not fps_hz > 0:
-        raise BadCheckpoint(f"{folder / 'state.json'}: no frame rate. Train again")
-    model = read_model(folder, which).eval()
-    step = state["best"]["step"] if which == "best" else state["step"]
-    return TrainedGmr(model, float(fps_hz), run_dir.name, int(step))
-
-
-def predict_deltas(gmr: TrainedGmr, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Motions between the frames of a local pose sequence at the network's frame rate.
+def predict_at_source_rate(gmr: "TrainedGmr", motion: Motion) -> Motion:
+    """World motion of a person from the local pose alone, with a row for each of the poses.
 
     Args:
         gmr: The network.
-        local_rotmats: (T, 23, 3, 3) parent_from_joint, T >= 2.
+        motion: Local poses at the network's frame rate or above; its root is not looked at.
 
     Returns:
-        dR (T-1, 3, 3), orthonormal to float64, and dT (T-1, 3) [m].
-    """
-    poses = network_input(
-        torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64),
-        gmr.model.config.input,
-        gmr.model.config.extra_inputs,
-    )
-    device = next(gmr.model.parameters()).device
-    with torch.no_grad():
-        delta_rotmats, delta_m = gmr.model(poses.float()[None].to(device))
-    # Rounding errors of float32 would grow over thousands of accumulated frames.
-    orthonormal = Rotation.from_matrix(delta_rotmats[0, :-1].cpu().double().numpy()).as_matrix()
-    return orthonormal, delta_m[0, :-1].cpu().double().numpy()
-
-
-def predict_world_motion(
-    gmr: TrainedGmr,
-    motion: Motion,
-    *,
-    first_root_rotmat: np.ndarray | None = None,
-    first_pelvis_m: np.ndarray | None = None,
-) -> Motion:
-    """World motion of a person from the local pose alone, by eqs. 3-4 (paper, section 3.6).
-
-    The motion's own root is not looked at.  With the paper's first pose, the identity, the world is
-    the body's own frame at the first moment (x to its left, y up, z to its front); give the first
-    pose to have another world.
-
-    Args:
-        gmr: The network.
-        motion: Local poses, at any frame rate of the network's or above; others than the network's
-            are resampled to it, and the result's `source` says so.
-        first_root_rotmat: (3, 3) R_1, world_from_root; the identity if None.
-        first_pelvis_m: (3,) T_1 [m]; the origin if None.
-
-    Returns:
-        The motion at the network's frame rate, with predicted root and pelvis.
+        The given local poses with predicted root and pelvis, in a world in which the pelvis stands
+        upright at the origin in the first frame; `upright.stand` finds a better one.
 
     Raises:
-        BadMotionFile: fewer than two frames, NaN poses, or a lower frame rate than the network's.
+        BadMotionFile: less than two frames at the network's rate, NaN poses, or a lower rate.
     """
-    local = _at_network_rate(gmr, motion)
-    delta_rotmats, delta_m = predict_deltas(gmr, local.local_rotmats)
-    root_rotmats, pelvis_m = accumulate(
-        delta_rotmats,
-        delta_m,
-        np.eye(3) if first_root_rotmat is None else np.asarray(first_root_rotmat, np.float64),
-        np.zeros(3) if first_pelvis_m is None else np.asarray(first_pelvis_m, np.float64),
-    )
-    source = f"world motion predicted by GMR {gmr.name} (step {gmr.step}) from: {motion.source}"
-    if abs(motion.fps_hz - gmr.fps_hz) > 1e-6 * gmr.fps_hz:
-        source += f", resampled from {motion.fps_hz:g} to {gmr.fps_hz:g} fps"
-    return replace(
-        local, root_rotmats=root_rotmats, pelvis_m=pelvis_m, frame="world", source=source
-    )
+    from gmrdata.gmr.predict import predict_world_motion
 
-
-def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
-    """The motion at the network's rate; roots, which may be absent, are set to the identity."""
     n = motion.n_frames
-    rootless = replace(
-        motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3))
-    )
-    clip = Clip(motion.source, rootless, np.ones(n, bool), np.full(n, -1), None)
-    runs = runs_at(clip, gmr.fps_hz, all_phases=False)
-    if not runs:
-        raise BadMotionFile(
-            f"{motion.source}: {n} frames at {motion.fps_hz:g} fps are less than two frames at"
-            f" {gmr.fps_hz:g} fps. Give a longer motion"
+    poses = replace(motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3)))
+    seen = predict_world_motion(gmr, poses, first_root_rotmat=WORLD_FROM_REST)
+    # Only the root is wanted at the source's rate, so the joints need no interpolation.
+    back = resample(replace(seen, local_rotmats=seen.local_rotmats[:, :0]), motion.fps_hz)
+    world_from_root = transforms.rigid(back.root_rotmats, back.pelvis_m)[:n]
+    if len(world_from_root) < n:
+        world_from_root = np.concatenate(
+            [world_from_root, _rest_of_the_way(gmr, poses, seen, n - len(world_from_root))]
         )
-    return runs[0].motion
+    return replace(
+        motion,
+        root_rotmats=world_from_root[:, :3, :3],
+        pelvis_m=world_from_root[:, :3, 3],
+        frame="world",
+        source=seen.source if seen.n_frames == n else f"{seen.source}, and back",
+    )
+
+
+def _rest_of_the_way(gmr: "TrainedGmr", poses: Motion, seen: Motion, n_missing: int) -> np.ndarray:
+    """(n_missing, 4, 4) world_from_root of the frames after the network's last moment."""
+    from gmrdata.gmr.predict import predict_world_motion
+
+    end_s = (poses.n_frames - 1) / poses.fps_hz
+    n_steps = int(end_s * gmr.fps_hz + ON_A_SAMPLE)
+    late = predict_world_motion(
+        gmr, resample(poses, gmr.fps_hz, start_s=max(0.0, end_s - n_steps / gmr.fps_hz))
+    )
+    last_step = transforms.rigid(late.root_rotmats[-2:], late.pelvis_m[-2:])
+    frames = np.arange(poses.n_frames - n_missing, poses.n_frames)
+    times_s = np.array([(seen.n_frames - 1) / gmr.fps_hz, *(frames / poses.fps_hz)])
+    late_from_root = _between(last_step[0], last_step[1], 1.0 - (end_s - times_s) * gmr.fps_hz)
+    joint = transforms.rigid(seen.root_rotmats[-1], seen.pelvis_m[-1])
+    world_from_late = joint @ transforms.invert(late_from_root[0])
+    return np.asarray(world_from_late @ late_from_root[1:])
+
+
+def _between(start: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Transforms (N, 4, 4) at shares (N,) of the way from one (4, 4) to another."""
+    turn = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
+    rotmats = start[:3, :3] @ Rotation.from_rotvec(shares[:, None] * turn).as_matrix()
+    return transforms.rigid(rotmats, start[:3, 3] + shares[:, None] * (end - start)[:3, 3])
+
+
+UP = np.array([0.0, 0.0, 1.0])
+SHORTEST_UP = 0.5
+"""Standing feet that point everywhere have a median near zero, which is no direction."""
+_UP_IN_REST = np.array([0.0, 1.0, 0.0])
+
+
+def stand(motion: Motion, body: BodyModel) -> Motion:
+    """The same motion in a z-up world with the floor at z = 0, as its feet show them.
+
+    The person starts above the origin.
+
+    Args:
+        motion: At least two frames, in any world.
+        body: Its body.
+    """
+    up = up_of_standing_feet(motion, body)
+    level_from_world = np.eye(3) if up is None else minimal_rotation(up, UP)
+    root_rotmats = level_from_world @ motion.root_rotmats
+    pelvis_m = motion.pelvis_m @ level_from_world.T
+    rotmats = np.concatenate([root_rotmats[:, None], motion.local_rotmats], axis=1)
+    root_rotmats, pelvis_m, _ = put_on_floor(body, motion.shape, rotmats, pelvis_m, motion.fps_hz)
+    how = (
+        "no foot stands still; up from the first pelvis" if up is None else "up from standing feet"
+    )
+    return replace(
+        motion,
+        root_rotmats=root_rotmats,
+        pelvis_m=pelvis_m - [*pelvis_m[0, :2], 0.0],
+        source=f"{motion.source}; {how}",
+    )
+
+
+def up_of_standing_feet(motion: Motion, body: BodyModel) -> np.ndarray | None:
+    """The direction (3,) that standing feet show as up, or None where none stands for 0.1 s."""
+    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    world_from_joint = global_rotmats(PARENTS, rotmats)
+    joints_m = motion_joints_m(body, motion)
+    ups = []
+    for side in ("left", "right"):
+        ankle, toe = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
+        speeds = np.linalg.norm(np.gradient(joints_m[:, [ankle, toe]], axis=0), axis=-1)
+        still = (speeds * motion.fps_hz < PLANTED_M_PER_S).all(axis=1)
+        ups.append(world_from_joint[still, ankle] @ _UP_IN_REST)
+    found = np.concatenate(ups)
+    if len(found) < max(1.0, SHORTEST_STAND_S * motion.fps_hz):
+        return None
+    up = _geometric_median(found)
+    length = np.linalg.norm(up)
+    return np.asarray(up / length) if length > SHORTEST_UP else None
+
+
+def _geometric_median(points: np.ndarray) -> np.ndarray:
+    """The point (3,) with the least sum of distances to points (N, 3)."""
+    middle = points.mean(axis=0)
+    for _ in range(50):
+        weights = 1.0 / np.maximum(np.linalg.norm(points - middle, axis=1), 1e-3)
+        middle = weights @ points / weights.sum()
+    return np.asarray(middle)
+
+
+FORMAT = "gmrdata-infer/1"
+CLIP_FILE, AMASS_FILE = "clip.npz", "amass.npz"
+BVH_FILE, GLB_FILE = "motion.bvh", "body.glb"
+PATH_FILE, VIDEO_FILE = "path.png", "body.mp4"
+RECORD_FILE = "infer.json"
+
+
+class InferConfig(Config):
+    """What is made of a file of poses."""
+
+    fps_hz: float | None = Field(default=None, gt=0.0)
+    """True frame rate of the poses [Hz]; None for the file's own."""
+    bridge_frames: int = Field(default=0, ge=0)
+    """Longest gap of a person's track that is filled, by slerp of the joints [frames].  At longer
+    ones a new motion begins, with a world of its own."""
+    which: Which = "latest"
+    """Which weights of the network are used."""
+    video: bool = True
+    """Whether to draw the video, which takes longer than all else."""
+    width_px: int = Field(default=640, ge=64, le=4096)
+    """Width of the video [px]."""
+    height_px: int = Field(default=480, ge=64, le=4096)
+    """Height of the video [px]."""
+
+
+def infer_world_motion(
+    run_dir: Path,
+    source: Path,
+    body_spec: str,
+    out_dir: Path,
+    config: InferConfig | None = None,
+    *,
+    joint_map: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Stage: predict the world motion of each person of a file and write it in usual formats.
+
+    Args:
+        run_dir: A finished training run.
+        source: Local poses, as `gmrdata.local_pose` lists the formats.
+        body_spec: The body that stands for the people, as `load_body` takes it.
+        out_dir: Gets `infer.json` and a folder for each unbroken run of each person: `clip.npz`,
+            `amass.npz`, `motion.bvh`, `body.glb`, `path.png` and `body.mp4`.  People and runs do
+            not share a world: each starts above the origin of its own.
+        config: The recipe; None for its defaults.
+        joint_map: For a BVH or AMC with unknown joint names.
+        redo: Throw away a result of another recipe.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        MissingInput: a file is not there.
+        BadCheckpoint: the run's checkpoint is broken.
+        BadMotionFile: the poses are broken, or too short or slow for the network.
+        UnsafePickle: the poses' file wants to run something.
+        BrokenPickle: it is truncated.
+    """
+    from gmrdata.read.bodies import load_body
+
+    config = config or InferConfig()
+    inputs = {"run": run_dir} | _pose_inputs(source)
+    if joint_map is not None:
+        inputs["joint_map"] = joint_map
+    if body_spec != "anny":
+        inputs["body"] = Path(body_spec)
+    if out_dir.is_dir() and is_made("infer", out_dir, config, inputs):
+        return out_dir
+    # Before anything is written, so that a bad file leaves nothing behind.
+    body = load_body(body_spec)
+    gmr, worlds, left_out = _predict(run_dir, source, body, config, joint_map)
+
+    def work(partial_dir: Path) -> None:
+        write_json(partial_dir / RECORD_FILE, _record(gmr, source, body, worlds, left_out))
+        for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
+            _write_files(partial_dir / name, world, body)
+        if config.video:
+            _write_videos(partial_dir, worlds, body, config)
+
+    return run_stage("infer", out_dir, config, inputs, work, resumable=True, redo=redo)
+
+
+def _pose_inputs(source: Path) -> dict[str, Path]:
+    """The files that the poses are read from, by role."""
+    return {f"poses_{role}": path for role, path in input_files(source).items()}
+
+
+def _predict(
+    run_dir: Path, source: Path, body: BodyModel, config: InferConfig, joint_map: Path | None
+) -> tuple["TrainedGmr", dict[str, Clip], dict[str, str]]:
+    """The network, the world motions by folder, and why runs of frames were left out."""
+    from gmrdata.gmr.predict import load_gmr
+
+    gmr = load_gmr(run_dir, config.which)
+    runs = read_local_poses(
+        source, config.fps_hz, body=body, joint_map=joint_map, bridge_frames=config.bridge_frames
+    )
+    worlds: dict[str, Clip] = {}
+    left_out: dict[str, str] = {}
+    for run in track(runs, "predicting", total=len(runs)):
+        name = _folder_name(run.id, worlds.keys() | left_out.keys())
+        if reason := _too_short(run.motion, gmr.fps_hz):
+            left_out[name] = reason
+            continue
+        world = stand(predict_at_source_rate(gmr, run.motion), body)
+        worlds[name] = Clip(name, world, run.valid, run.image_numbers, None)
+    if not worlds:
+        name, reason = next(iter(left_out.items()))
+        raise BadMotionFile(
+            f"{source}: no run of frames is long enough ({name}: {reason}). Give a longer sequence,"
+            " or the true frame rate with --fps-hz"
+        )
+    for name, reason in left_out.items():
+        console.print(f"left out {name}: {reason}", markup=False, soft_wrap=True)
+    return gmr, worlds, left_out
+
+
+def _too_short(motion: Motion, fps_hz: float) -> str:
+    """Why a motion has no two frames at a rate [Hz]; empty if it has, or if its rate is lower."""
+    steps = (motion.n_frames - 1) / motion.fps_hz * fps_hz
+    if motion.n_frames >= MIN_FRAMES and (steps > 1 - ON_A_SAMPLE or motion.fps_hz < fps_hz):
+        return ""
+    return (
+        f"{motion.n_frames} frame{'' if motion.n_frames == 1 else 's'} at {motion.fps_hz:g} fps:"
+        f" less than two at {fps_hz:g} fps"
+    )
+
+
+def _write_files(folder: Path, clip: Clip, body: BodyModel) -> None:
+    """All but the video; each file is written as a whole, so what is there is kept."""
+    from gmrdata.pages.inference import write_top_view
+
+    motion = clip.motion
+    writers: dict[str, Callable[[Path], None]] = {
+        CLIP_FILE: lambda path: save_clip(path, clip, body.rest_pelvis_m(motion.shape)),
+        AMASS_FILE: lambda path: write_amass(path, motion, body),
+        BVH_FILE: lambda path: write_bvh(path, motion, body),
+        GLB_FILE: lambda path: write_glb(path, motion, body),
+        PATH_FILE: lambda path: write_top_view(path, motion),
+    }
+    for file_name, write in writers.items():
+        if not (folder / file_name).exists():
+            write(folder / file_name)
+
+
+def _write_videos(
+    out_dir: Path, worlds: dict[str, Clip], body: BodyModel, config: InferConfig
+) -> None:
+    from gmrdata.pages.inference import write_body_video
+
+    for name, clip in worlds.items():
+        path = out_dir / name / VIDEO_FILE
+        if not path.exists():
+            size_px = (config.width_px, config.height_px)
+            write_body_video(path, clip.motion, body, size_px, name)
+
+
+def _record(
+    gmr: "TrainedGmr",
+    source: Path,
+    body: BodyModel,
+    worlds: dict[str, Clip],
+    left_out: dict[str, str],
+) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "poses": source.name,
+        "body": body.name,
+        "model": {"run": gmr.name, "step": gmr.step, "fps_hz": gmr.fps_hz},
+        "motions": {
+            name: {
+                "frames": clip.motion.n_frames,
+                "fps_hz": clip.motion.fps_hz,
+                "first_frame": int(clip.image_numbers[0]),
+                "last_frame": int(clip.image_numbers[-1]),
+                "filled_frames": int((~clip.valid).sum()),
+                "path_m": _length_m(clip.motion.pelvis_m),
+                "source": clip.motion.source,
+            }
+            for name, clip in worlds.items()
+        },
+        "left_out": left_out,
+    }
+
+
+def _length_m(pelvis_m: np.ndarray) -> float:
+    """Length of the pelvis's path over the ground [m]."""
+    return round(float(np.linalg.norm(np.diff(pelvis_m[:, :2], axis=0), axis=1).sum()), 4)
+
+
+def _folder_name(clip_id: str, taken: Collection[str]) -> str:
+    """A name of letters, digits, `_`, `-` and `.` that leads nowhere and is not taken yet."""
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", clip_id).strip(".")[:100] or "motion"
+    number = 2
+    while name in taken:
+        name, number = f"{name}_{number}", number + 1
+    return name

@@ -1,4 +1,7 @@
-"""The training loop: windows in, weights out, exactly resumable."""
+"""The training loop: windows in, weights out, exactly resumable.
+
+Scores on held-out clips during training.
+"""
 
 import math
 import os
@@ -7,16 +10,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
+import numpy as np
 import torch
 from torch import nn
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
-from gmrdata.errors import BadCheckpoint, StageFailed
-from gmrdata.gmr.average import start_average, update_average
 from gmrdata.gmr.checkpoint import (
     Best,
     best_of,
+    latest_checkpoint,
     load_optimizer,
     load_weights,
     read_best,
@@ -24,21 +25,67 @@ from gmrdata.gmr.checkpoint import (
     save_checkpoint,
 )
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.gmr.data import Batch, make_batch, make_training_set
-from gmrdata.gmr.diverged import check_finite
 from gmrdata.gmr.flat_runs import remove_files
-from gmrdata.gmr.held_out import held_out_runs, held_out_scores
-from gmrdata.gmr.kept_steps import latest_checkpoint
 from gmrdata.gmr.losses import Counts, LossTerms, Motions, counts_of, gmr_loss
-from gmrdata.gmr.mixing import Mix
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaged, averaging, check_device, own_part
-from gmrdata.gmr.prefetch import prefetched
+from gmrdata.gmr.predict import TrainedGmr, predict_deltas
 from gmrdata.gmr.run_log import run_log
-from gmrdata.gmr.torch_settings import derived_seed, torch_settings
-from gmrdata.gmr.usable import fitting_clips
+from gmrdata.gmr.runs import Run, fitting_clips, runs_at
+from gmrdata.gmr.steps import (
+    check_finite,
+    derived_seed,
+    prefetched,
+    start_average,
+    torch_settings,
+    update_average,
+)
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
-from gmrdata.progress import progress_bar, track
+from gmrdata.gmr.windows import Batch, Mix, make_batch, make_training_set
+from gmrdata.stage.progress import progress_bar, track
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion_metrics import orientation_errors_deg, translation_errors_mm
+
+
+def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list[Run]:
+    """What to score: the runs of valid frames of the held-out clips, first phase.
+
+    Raises:
+        BadManifest: there are clips, but none with two valid frames in a row, or not of this body.
+        BadMotionFile: a clip holds NaN, or has a lower frame rate.
+    """
+    if not clips:
+        return []
+    fitting = fitting_clips(clips, body)
+    runs = [run for clip in fitting for run in runs_at(clip, fps_hz, all_phases=False)]
+    if not runs:
+        raise BadManifest(
+            f"none of the {len(clips)} held-out clips has two valid frames in a row at {fps_hz:g}"
+            " fps. Give others, or none"
+        )
+    return runs
+
+
+def held_out_scores(model: Gmr, runs: Sequence[Run], fps_hz: float) -> dict[str, float]:
+    """OME and TME over all motions of the runs (eqs. 15, 16), with true local poses.
+
+    Returns:
+        `held_out_ome_deg` and `held_out_tme_mm`.
+    """
+    gmr = TrainedGmr(model.eval(), fps_hz, "(in training)", 0)
+    angles_deg, lengths_mm = [], []
+    for run in runs:
+        predicted_rotmats, predicted_m = predict_deltas(gmr, run.motion.local_rotmats)
+        true_rotmats, true_m = deltas(run.motion.root_rotmats, run.motion.pelvis_m)
+        angles_deg.append(orientation_errors_deg(predicted_rotmats, true_rotmats))
+        lengths_mm.append(translation_errors_mm(predicted_m, true_m))
+    return {
+        "held_out_ome_deg": float(np.concatenate(angles_deg).mean()),
+        "held_out_tme_mm": float(np.concatenate(lengths_mm).mean()),
+    }
 
 
 def fit(

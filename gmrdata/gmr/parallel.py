@@ -15,9 +15,9 @@ import torch
 import torch.distributed as dist
 from torch import nn
 
-from gmrdata.errors import StageFailed
-from gmrdata.gmr.data import Batch
 from gmrdata.gmr.losses import Motions
+from gmrdata.gmr.windows import Batch
+from gmrdata.values.errors import StageFailed
 
 PATIENCE = timedelta(hours=2)
 """How long processes wait for one another: for scores on held-out clips, which the first makes."""

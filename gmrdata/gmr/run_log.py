@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from gmrdata.errors import MissingExtra
-from gmrdata.store import write_text
+from gmrdata.values.errors import MissingExtra
+from gmrdata.values.files import write_text
 
 Log = Callable[[dict[str, Any]], None]
 """Takes a line: `step`, and numbers by name."""

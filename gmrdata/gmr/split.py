@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from gmrdata import resources
-from gmrdata.errors import BadManifest, BadRecipe
 from gmrdata.gmr.config import DataConfig
-from gmrdata.gmr.mixing import Mix
-from gmrdata.gmr.usable import ClipFile, usable_files
+from gmrdata.gmr.runs import ClipFile, usable_files
+from gmrdata.gmr.windows import Mix
 from gmrdata.manifest.current import ListManifest, Source
 from gmrdata.manifest.read import read_manifest
-from gmrdata.motion.frame_rate import CMU_TRIAL
+from gmrdata.read.source_motion import CMU_TRIAL
+from gmrdata.stage import resources
+from gmrdata.values.errors import BadManifest, BadRecipe
 
 _OTHERS = frozenset({"gmrdata", "3DPW", "Human3.6M", "EMDB"})
 """Data sets whose sequences are no CMU trials, whatever they are called."""

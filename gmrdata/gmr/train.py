@@ -9,14 +9,72 @@
 A run that was killed, at any moment and however, goes on when it is started again, and ends with
 the weights that it would have had: each step's windows and dropout depend on (seed, step) alone.
 Started by `torchrun`, several processes train one network (gmrdata.gmr.parallel).
+
+A recipe of kind `gmr`: what to train on, how, and what to score.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
 
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.store import run_stage
+from gmrdata.stage.store import run_stage
+from gmrdata.values.records import Config
+
+
+class WeightedManifest(Config):
+    """A manifest to train on, and how often."""
+
+    manifest: Path
+    """The manifest, relative to the recipe's folder."""
+    weight: float | None = Field(default=None, gt=0.0)
+    """Share of the windows that come from it, up to a factor; None for its share of all frames."""
+
+
+class GmrRecipe(Config):
+    """Train a network on manifests and score it on others."""
+
+    recipe: Literal["gmr"]
+    """Kind of recipe."""
+    training: tuple[Path | WeightedManifest, ...] = ()
+    """Manifests to train on, relative to the recipe's folder; else those of the command line.
+    Either all of them have a weight or none."""
+    scored: tuple[Path, ...] = ()
+    """Manifests to score on, relative to the recipe's folder."""
+    body: Path | None = None
+    """Body model of the clips, relative to the recipe's folder; the default body if left out."""
+    train: TrainConfig = TrainConfig()
+    """The network and its training."""
+
+    @model_validator(mode="after")
+    def _weights_fit(self) -> Self:
+        known = [weight is not None for weight in self._weights()]
+        if any(known) and not all(known):
+            raise ValueError("training: give each manifest a weight, or none of them")
+        if any(known) and self.train.data.weights is not None:
+            raise ValueError("weights stand in training and in train.data.weights; leave one out")
+        return self
+
+    def training_paths(self, folder: Path) -> list[Path]:
+        """The manifests to train on, for a recipe that lies in `folder`."""
+        return [
+            folder / (one.manifest if isinstance(one, WeightedManifest) else one)
+            for one in self.training
+        ]
+
+    def train_config(self) -> TrainConfig:
+        """`train`, with the weights that stand beside the manifests."""
+        weights = [weight for weight in self._weights() if weight is not None]
+        if not weights:
+            return self.train
+        data = self.train.data.model_copy(update={"weights": tuple(weights)})
+        return self.train.model_copy(update={"data": data})
+
+    def _weights(self) -> list[float | None]:
+        return [one.weight if isinstance(one, WeightedManifest) else None for one in self.training]
+
 
 __all__ = ["TrainConfig", "train"]
 
@@ -52,12 +110,12 @@ def train(
         StageFailed: a GPU is asked for, and there is none.
         StaleOutput: the folder was made with another recipe.
     """
-    from gmrdata.body.load import load_body
     from gmrdata.gmr.loop import fit
     from gmrdata.gmr.parallel import from_first, join_processes
+    from gmrdata.gmr.runs import LazyClips, usable_files
     from gmrdata.gmr.split import split_manifests
-    from gmrdata.gmr.usable import LazyClips, usable_files
-    from gmrdata.progress import console
+    from gmrdata.read.bodies import load_body
+    from gmrdata.stage.progress import console
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}

@@ -15,9 +15,8 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from gmrdata.body.forward import joint_transforms
-from gmrdata.body.model import BodyModel
-from gmrdata.body.subset import vertex_rows
+from gmrdata.values.body import BodyModel, vertex_rows
+from gmrdata.values.skinning_torch import joint_transforms
 
 BLOCK_VERTICES = 1024
 """Vertices of a block on the CPU; a GPU takes all at once."""

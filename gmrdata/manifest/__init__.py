@@ -1,1 +1,1 @@
-"""Manifest v1: schema, reader, writer, check."""
+"""Manifest v1: schema, reader, writer, check, diff."""

@@ -5,14 +5,14 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from gmrdata import clip as clip_file
-from gmrdata.character_record import load_character
-from gmrdata.errors import BadMotionFile
-from gmrdata.frames import number_in_name
-from gmrdata.geometry.camera import CameraPath
-from gmrdata.joints2d import load_joints
+from gmrdata.film.character import load_character
+from gmrdata.film.render_outputs import load_joints
 from gmrdata.manifest.current import Clip
 from gmrdata.manifest.read import rows_in
+from gmrdata.read.frames import number_in_name
+from gmrdata.values import clip as clip_file
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadMotionFile
 
 ROTATION_TOLERANCE = 1e-6
 """Largest entry of R^T R - I that passes; rotations are stored in float64."""

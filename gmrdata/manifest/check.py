@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.clip import load_clip
-from gmrdata.errors import BadManifest, BadMotionFile, MissingInput
 from gmrdata.manifest.arrays import (
     array_problems,
     character_problems,
@@ -18,12 +16,13 @@ from gmrdata.manifest.arrays import (
     unmatched_rows,
 )
 from gmrdata.manifest.current import Clip, FileRecord, FolderRecord, ListManifest, Manifest
+from gmrdata.manifest.entry import recipe_sha256
 from gmrdata.manifest.listing import BAR_FROM, ListedFile, files_below, read_listing
 from gmrdata.manifest.read import join_problems, read_manifest, rows_in
-from gmrdata.manifest.recipe import recipe_sha256
-from gmrdata.paths import resolve_inside
-from gmrdata.progress import progress_bar
-from gmrdata.store import sha256_of_file
+from gmrdata.stage.progress import progress_bar
+from gmrdata.values.clip import load_clip
+from gmrdata.values.errors import BadManifest, BadMotionFile, MissingInput
+from gmrdata.values.files import resolve_inside, sha256_of_file
 
 AGAIN = "copy it again, or write the manifest again if the change is meant"
 

@@ -1,16 +1,22 @@
-"""Make a clip's manifest entry from the files that a stage left."""
+"""Make a clip's manifest entry from the files that a stage left.
 
-from collections.abc import Sequence
+Records of what made a manifest and its clips, without times and machine paths.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
-from gmrdata.clip import load_clip
-from gmrdata.errors import BadManifest
+from gmrdata import __version__
 from gmrdata.manifest.current import (
     CameraMotion,
     Clip,
+    CreatedBy,
     DroppedRange,
     Extra,
     FolderRecord,
@@ -20,7 +26,71 @@ from gmrdata.manifest.current import (
     Source,
 )
 from gmrdata.manifest.listing import file_record, folder_record, relative_to_root
-from gmrdata.row_runs import text_runs
+from gmrdata.stage.store import package_versions
+from gmrdata.values.clip import load_clip
+from gmrdata.values.errors import BadManifest
+from gmrdata.values.files import STAGE_FILE, read_json
+from gmrdata.values.records import Config
+from gmrdata.values.rows import text_runs
+
+
+def created_by(
+    recipe: Config | Mapping[str, Any] | None = None, seeds: Mapping[str, int] | None = None
+) -> CreatedBy:
+    """The record for a manifest's head.
+
+    Args:
+        recipe: The whole recipe; absolute paths in it are cut to their last part, because where
+            a data set lay on its maker's disk is nobody's business and differs between machines.
+        seeds: Seeds by their use.
+    """
+    values = recipe.model_dump(mode="json") if isinstance(recipe, Config) else dict(recipe or {})
+    return CreatedBy(
+        gmrdata=__version__,
+        recipe=without_machine_paths(values),
+        seeds=dict(sorted((seeds or {}).items())),
+        packages=package_versions(),
+    )
+
+
+def stage_recipe(stage_dir: Path) -> Recipe:
+    """The record of the stage that made a finished folder.
+
+    Raises:
+        MissingInput: the folder has no stage record, so it isn't a finished stage's.
+        BadManifest: the record lacks a part.
+    """
+    record = read_json(stage_dir / STAGE_FILE)
+    if not isinstance(record, dict) or not {"stage", "config", "inputs"} <= record.keys():
+        raise BadManifest(f"{stage_dir / STAGE_FILE}: not a stage's record; make the folder again")
+    config = without_machine_paths(record["config"])
+    return Recipe(
+        stage=record["stage"],
+        config=config,
+        inputs=record["inputs"],
+        sha256=recipe_sha256(record["stage"], config, record["inputs"]),
+    )
+
+
+def recipe_sha256(stage: str, config: Mapping[str, Any], inputs: Mapping[str, str]) -> str:
+    """Hex SHA-256 of a stage's recipe, as JSON with sorted keys and no spaces."""
+    value = {"stage": stage, "config": config, "inputs": inputs}
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def without_machine_paths(value: Any) -> Any:
+    """Plain data with every absolute path cut to its last part."""
+    if isinstance(value, Mapping):
+        return {str(key): without_machine_paths(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_machine_paths(item) for item in value]
+    if isinstance(value, Path):
+        value = str(value)
+    if isinstance(value, str) and value.startswith("/"):
+        return Path(value).name
+    return value
+
 
 LISTINGS = "listings"
 """Folder of listings below the manifest's folder."""
@@ -74,7 +144,7 @@ def clip_entry(
         dropped_reason: Why rows are not valid: one reason, or T reasons; a row with a reason of its
             own is dropped, valid in the file or not.
         quality: How far the clip can be trusted.
-        recipe: What made the clip, from `gmrdata.manifest.recipe.stage_recipe`.
+        recipe: What made the clip, from `gmrdata.manifest.entry.stage_recipe`.
 
     Raises:
         MissingInput: a file or folder is not there.

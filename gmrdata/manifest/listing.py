@@ -10,11 +10,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmrdata.errors import BadManifest, MissingInput
 from gmrdata.manifest.current import FileRecord, FolderRecord
-from gmrdata.paths import resolve_inside, safe_relative
-from gmrdata.progress import track
-from gmrdata.store import STAGE_FILE, sha256_of_file, write_text
+from gmrdata.stage.progress import track
+from gmrdata.values.errors import BadManifest, MissingInput
+from gmrdata.values.files import (
+    STAGE_FILE,
+    resolve_inside,
+    safe_relative,
+    sha256_of_file,
+    write_text,
+)
 
 _LINE = re.compile(r"([0-9a-f]{64})\t(0|[1-9][0-9]{0,17})\t(.+)")
 RECORDS = (STAGE_FILE, "masks.json")

@@ -1,4 +1,10 @@
-"""Read a manifest, and the clips that it lists."""
+"""Read a manifest, and the clips that it lists.
+
+The JSON Schema of the manifest format, generated from the models.
+
+`python -m gmrdata.manifest.read` writes it to manifests/schema/v1.json of a checkout; a test
+compares the two.
+"""
 
 import datetime
 import json
@@ -9,12 +15,14 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from gmrdata import __version__
-from gmrdata.clip import Clip, load_clip
-from gmrdata.errors import BadManifest
 from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import READS, AnyManifest, FrameRange, ListManifest, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.paths import resolve_inside
+from gmrdata.stage.progress import console
+from gmrdata.stage.resources import schema_v1
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadManifest
+from gmrdata.values.files import resolve_inside, write_json
 
 ADAPTER: TypeAdapter[Manifest | ListManifest] = TypeAdapter(AnyManifest)
 MAX_PROBLEMS = 50
@@ -154,3 +162,20 @@ def _field(location: tuple[str | int, ...], data: Any) -> str:
         else:
             text += f".{part}" if text else part
     return text or "manifest"
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of `format: gmrdata/1`.
+
+    It can't say everything: that kept and dropped ranges tile a clip, that ids are unique and that
+    paths stay inside are checked by `gmrdata manifest check` alone.
+    """
+    return ADAPTER.json_schema() | {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "gmrdata manifest, format gmrdata/1",
+    }
+
+
+if __name__ == "__main__":
+    write_json(schema_v1().resolve(), json_schema())
+    console.print(f"wrote {schema_v1().resolve()}")

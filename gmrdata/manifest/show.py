@@ -8,7 +8,7 @@ from rich.table import Table
 
 from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.progress import answers
+from gmrdata.stage.progress import answers
 
 
 def show_manifest(path: Path) -> None:

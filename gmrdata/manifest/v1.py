@@ -15,7 +15,7 @@ from pydantic import (
     model_validator,
 )
 
-from gmrdata.paths import safe_relative
+from gmrdata.values.files import safe_relative
 
 FORMAT = "gmrdata/1"
 

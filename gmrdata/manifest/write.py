@@ -6,19 +6,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gmrdata.errors import BadManifest
 from gmrdata.manifest import yaml_text
-from gmrdata.manifest.current import (
-    FORMAT,
-    Clip,
-    CreatedBy,
-    ListedClip,
-    ListManifest,
-    Manifest,
-)
+from gmrdata.manifest.current import FORMAT, Clip, CreatedBy, ListedClip, ListManifest, Manifest
+from gmrdata.manifest.entry import created_by as made_now
 from gmrdata.manifest.read import ADAPTER, read_manifest
-from gmrdata.manifest.recipe import created_by as made_now
-from gmrdata.store import write_text
+from gmrdata.values.errors import BadManifest
+from gmrdata.values.files import write_text
 
 
 def write_manifest(
@@ -44,7 +37,7 @@ def write_manifest(
         licence: Terms of the data set as a whole.
         clips: What `gmrdata.manifest.entry.clip_entry` made, written in order of id; or, for a
             list, its rows, written in the order given.
-        created_by: From `gmrdata.manifest.recipe.created_by`; without it, versions alone.
+        created_by: From `gmrdata.manifest.entry.created_by`; without it, versions alone.
         redo: Replace a manifest of the same name and version but other content.
 
     Returns:

@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from gmrdata.errors import BadManifest, MissingInput
+from gmrdata.values.errors import BadManifest, MissingInput
 
 MAX_BYTES = 64 << 20
 MAX_DEPTH = 32

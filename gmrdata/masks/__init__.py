@@ -1,1 +1,1 @@
-"""Dynamic-object masks."""
+"""What moves in the picture."""

@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from gmrdata.config import Config
-from gmrdata.errors import BadFrames, MissingInput
-from gmrdata.frames import check_images, list_images, read_gray, write_gray
 from gmrdata.masks.silhouette import dilate
-from gmrdata.store import run_stage
+from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
+from gmrdata.stage.store import run_stage
+from gmrdata.values.errors import BadFrames, MissingInput
+from gmrdata.values.records import Config
 
 
 class FolderMaskConfig(Config):

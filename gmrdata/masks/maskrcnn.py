@@ -13,16 +13,15 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from gmrdata.clip import read_npz
-from gmrdata.config import Config
-from gmrdata.errors import BadDetector, FetchFailed, MissingExtra, MissingInput, StageFailed
-from gmrdata.frames import check_images, list_images, read_color, write_gray
-from gmrdata.masks.boxes import Detections, fill_boxes
-from gmrdata.masks.coco import CATEGORY_NUMBERS, DYNAMIC, CocoClasses, class_indices
+from gmrdata.masks.boxes import Detections, TrackConfig, TrackedFrame, fill_boxes, track
 from gmrdata.masks.silhouette import dilate
-from gmrdata.masks.tracks import TrackConfig, TrackedFrame, track
-from gmrdata.progress import track as with_bar
-from gmrdata.store import run_stage, write_npz
+from gmrdata.masks.yolox import CATEGORY_NUMBERS, DYNAMIC, CocoClasses, class_indices
+from gmrdata.read.frames import check_images, list_images, read_color, write_gray
+from gmrdata.stage.progress import track as with_bar
+from gmrdata.stage.store import run_stage
+from gmrdata.values.errors import BadDetector, FetchFailed, MissingExtra, MissingInput, StageFailed
+from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.records import Config
 
 Segmenter = Callable[[np.ndarray], Mapping[str, np.ndarray]]
 

@@ -7,13 +7,13 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, camera_of, load_clip
-from gmrdata.config import Config
-from gmrdata.errors import BadFrames, BadMotionFile, MissingInput
-from gmrdata.frames import check_images, image_number, list_images, write_gray
-from gmrdata.people import PersonFiles, stage_inputs
-from gmrdata.store import run_stage
+from gmrdata.read.frames import check_images, image_number, list_images, write_gray
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
+from gmrdata.values.people import PersonFiles, stage_inputs
+from gmrdata.values.records import Config
 
 NEAREST_DEPTH_M = 0.05
 SUBPIXEL_BITS = 4
@@ -97,7 +97,7 @@ def silhouette(
     """
     import cv2
 
-    from gmrdata.geometry.camera import project_cam
+    from gmrdata.values.camera import project_cam
 
     width_px, height_px = size_px
     mask = np.zeros((height_px, width_px), dtype=np.uint8)
@@ -156,7 +156,7 @@ def _dot_small(mask: np.ndarray, corners_px: np.ndarray) -> np.ndarray:
 def _write_silhouettes(
     people: tuple[PersonFiles, ...], images: list[Path], partial: Path, config: SilhouetteConfig
 ) -> None:
-    from gmrdata.body.load import load_body
+    from gmrdata.read.bodies import load_body
 
     size_px = check_images(images)
     clips = [_clip(person.clip_path, images[0], size_px) for person in people]
@@ -179,7 +179,7 @@ def _masks_of_person(
     clip: Clip, body: BodyModel, rows: list[int], size_px: tuple[int, int], config: SilhouetteConfig
 ) -> Iterator[np.ndarray]:
     """A mask for each row."""
-    from gmrdata.body.skin import motion_vertices_m
+    from gmrdata.values.skinning import motion_vertices_m
 
     shown = [rows_that_show(clip.valid, row, config.bridge_frames) for row in rows]
     posed = sorted({row for some in shown for row in some})

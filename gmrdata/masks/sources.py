@@ -7,16 +7,17 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
-from gmrdata.config import Config
-from gmrdata.errors import BadRecipe, MissingInput
 from gmrdata.masks.folder import FolderMaskConfig, folder_masks
 from gmrdata.masks.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.masks.onnx import OnnxConfig, onnx_masks
 from gmrdata.masks.silhouette import SilhouetteConfig, silhouette_masks
 from gmrdata.masks.union import UnionConfig, unite_masks
-from gmrdata.people import PersonFiles
-from gmrdata.recipes import find_recipe, load_recipe
-from gmrdata.store import STAGE_FILE, stage_seconds
+from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.stage.store import stage_seconds
+from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.records import Config
 
 Settings = TypeVar("Settings", bound=Config)
 

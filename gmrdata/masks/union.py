@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from gmrdata.config import Config
-from gmrdata.frames import check_images, list_images, read_gray, write_gray
 from gmrdata.masks.folder import find_mask
-from gmrdata.progress import console
-from gmrdata.store import read_json, run_stage, write_json
-from gmrdata.threads import in_threads
+from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
+from gmrdata.stage.jobs import in_threads
+from gmrdata.stage.progress import console
+from gmrdata.stage.store import run_stage
+from gmrdata.values.files import read_json, write_json
+from gmrdata.values.records import Config
 
 Shares = dict[str, dict[str, float]]
 """Masked share of each frame's picture, by frame and source."""

@@ -1,1 +1,1 @@
-"""Motion, its readers, retargeting, resampling, and the embedded gait."""
+"""One person over time: onto the 24-joint tree, the ground, other frame rates, embedded gait."""

@@ -16,19 +16,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import N_JOINTS
-from gmrdata.clip import read_npz
-from gmrdata.errors import BadMotionFile
-from gmrdata.motion.frame_rate import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
 from gmrdata.motion.ground import put_on_floor
-from gmrdata.motion.motion import Motion
 from gmrdata.motion.rest_pose import leg_length_m
-from gmrdata.motion.retarget import gender_of
-from gmrdata.motion.text_numbers import LARGEST_NUMBER
+from gmrdata.read.numbers import LARGEST_IN_TEXT
+from gmrdata.read.source_motion import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
+from gmrdata.values.body import HANDS, N_JOINTS, BodyModel, gender_of
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.files import read_npz
+from gmrdata.values.motion import Motion
 
-HANDS = {72: (22, 23), 156: (22, 37), 165: (25, 40)}
-"""Where SMPL's two hand joints stand among the joints, by the number of pose values in a frame."""
 RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 """SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
 SMPL_LEG_M = 0.78
@@ -134,7 +130,7 @@ def _numbers(arrays: dict[str, np.ndarray], key: str, path: Path) -> np.ndarray:
         values = np.asarray(arrays[key], dtype=np.float64)
     except (TypeError, ValueError):
         raise BadMotionFile(f"{path}: {key} does not hold numbers; fetch it again") from None
-    wrong = np.argwhere(~(np.abs(values) <= LARGEST_NUMBER))
+    wrong = np.argwhere(~(np.abs(values) <= LARGEST_IN_TEXT))
     if len(wrong):
         at = f"frame {wrong[0][0]}" if values.ndim > 1 else "it"
         raise BadMotionFile(

@@ -6,9 +6,6 @@ exactly, the pelvis rides on two-bone legs, and the arms swing against them, wit
 
 import numpy as np
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import JOINT
-from gmrdata.errors import BadRecipe
 from gmrdata.motion.gait_body import (
     lift_pelvis,
     local_rotations,
@@ -16,20 +13,23 @@ from gmrdata.motion.gait_body import (
     pose_trunk,
     swing_arms,
 )
-from gmrdata.motion.gait_feet import (
+from gmrdata.motion.gait_steps import (
     FIRST_STEP,
     SIDES,
     FootPoses,
     Footsteps,
+    GroundPath,
+    Leg,
+    draw_path,
     foot_poses,
     ground_under_pelvis,
     plan_footsteps,
     rest_foot,
 )
-from gmrdata.motion.gait_path import GroundPath, draw_path
 from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, draw_style
-from gmrdata.motion.leg_ik import Leg
-from gmrdata.motion.motion import Motion
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.motion import Motion
 
 N_DRAWN = 10
 """Shape coefficients that vary, as many as SMPL's; further ones of a body stay at the mean."""

@@ -6,11 +6,9 @@ import numpy as np
 from scipy.ndimage import convolve1d, minimum_filter1d
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.tree import JOINT, N_LOCAL
-from gmrdata.motion.gait_feet import SIDES, FootPoses, upright
-from gmrdata.motion.gait_path import BEND, GroundPath
+from gmrdata.motion.gait_steps import BEND, SIDES, FootPoses, GroundPath, Leg, turn, upright
 from gmrdata.motion.gait_style import GRAVITY_M_S2, GaitStyle
-from gmrdata.motion.leg_ik import Leg, turn
+from gmrdata.values.body import JOINT, N_LOCAL
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from gmrdata.errors import BadRecipe
-from gmrdata.motion.motion import Motion
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import slerp
 
 ON_A_SAMPLE = 1e-6
 """Sample times closer than this to a source frame, in frames, are that frame."""
@@ -118,10 +118,3 @@ def _brackets(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     before = np.floor(rows).astype(int)
     share = rows - before
     return before, before + (share > 0.0), share
-
-
-def slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Rotations (N, J, 3, 3) at a share (N,) of the shortest way from start to end."""
-    step = Rotation.from_matrix((start.swapaxes(-1, -2) @ end).reshape(-1, 3, 3)).as_rotvec()
-    turned = np.repeat(share, start.shape[1])[:, None] * step
-    return start @ Rotation.from_rotvec(turned).as_matrix().reshape(start.shape)

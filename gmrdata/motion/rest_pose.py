@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gmrdata.body.tree import JOINT, JOINT_NAMES, N_JOINTS
-from gmrdata.errors import BadMotionFile
+from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS
+from gmrdata.values.errors import BadMotionFile
 
 LIMBS = tuple(
     (JOINT[f"{side}_{start}"], JOINT[f"{side}_{end}"])

@@ -37,11 +37,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import JOINT, N_JOINTS, PARENTS
-from gmrdata.motion.feet import foot_corrections
-from gmrdata.motion.ground import put_on_floor
-from gmrdata.motion.motion import Motion
+from gmrdata.motion.ground import foot_corrections, put_on_floor
 from gmrdata.motion.rest_pose import (
     check_size,
     leg_length_m,
@@ -49,10 +45,9 @@ from gmrdata.motion.rest_pose import (
     smpl_joints_m,
     source_from_rest_axes,
 )
-from gmrdata.motion.skeleton import SourceMotion, global_rotmats, joint_positions_m
-
-WORLD_FROM_REST = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""W: from rest axes (y up, z front) to a z-up world."""
+from gmrdata.read.source_motion import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel, gender_of
+from gmrdata.values.motion import Motion
 
 _HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 _FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))
@@ -141,12 +136,6 @@ def retarget(
         frame="world",
         source=f"{name}: {', '.join(notes)}",
     )
-
-
-def gender_of(body: BodyModel) -> str:
-    """ "female" or "male" for a body whose name ends so, else "neutral"."""
-    ending = body.name.rpartition("-")[2]
-    return ending if ending in ("female", "male") else "neutral"
 
 
 def _local_rotmats(

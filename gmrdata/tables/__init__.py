@@ -1,1 +1,1 @@
-"""The paper's tables made again: what each trains and scores, beside the paper's figures."""
+"""The paper's tables again."""

@@ -3,19 +3,78 @@
 out/runs/<row>/seed_<n>          a training run (gmrdata.gmr.train)
 out/predictions/<row>/seed_<n>   what a row that isn't GMR on true poses predicts
 out/scores/<row>/seed_<n>        its scores (gmrdata.evaluate)
+
+What a table is made from, as the command line gives it, and what a row of it lacks.
+
+What a table's trainings would take, without any of them.
 """
 
 import re
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gmrdata.baselines.joint_config import JointConfig
-from gmrdata.errors import BadRecipe
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.tables.given import Given, lacking
-from gmrdata.tables.recipe import Row, TableRecipe, joint_config, train_config
-from gmrdata.tables.scales import ScaleName
+from gmrdata.tables.recipe import Row, Scale, ScaleName, TableRecipe, joint_config, train_config
+from gmrdata.values.errors import BadRecipe
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from gmrdata.gmr.model import Gmr
+
+
+@dataclass(frozen=True)
+class Given:
+    """Files and people."""
+
+    manifests: tuple[Path, ...]
+    """Manifests to train on."""
+    scored: Path | None = None
+    """Manifest to score; None for the held-out subjects of the manifests to train on."""
+    poses: Path | None = None
+    """Folder with another network's <clip id>.npz (the paper: VIBE's)."""
+    keypoints: Path | None = None
+    """Folder with <clip id>/ of 2D keypoints."""
+    features: Path | None = None
+    """Folder with <clip id>.npz of image features, of clips to train on and to score."""
+    videos: tuple[Path, ...] = ()
+    """Manifests of videos that the non-sequential model is trained on."""
+    held_out: tuple[int | str, ...] = ()
+    """People to hold out in place of the recipe's."""
+    body: Path | None = None
+    """Body model of the clips; None for the default body."""
+
+    def subjects(self, scale: Scale) -> tuple[int | str, ...]:
+        """Who is not trained on; nobody is held out where a manifest to score is given."""
+        if self.scored is not None:
+            return self.held_out
+        return self.held_out or scale.held_out_subjects
+
+
+def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[str]:
+    """What has to be given for a row and is not, in words."""
+    owner = row if row.network is None else recipe.row(row.network)
+    # Another network's poses are of filmed clips, not of those that are held out of the training.
+    has_own_clips = row.method == "gmr" and row.poses == "true" and bool(given.subjects(scale))
+    needs = {
+        "motions to train on (--manifest)": owner.method == "gmr"
+        and row.method == "gmr"
+        and not given.manifests,
+        "clips to score (--scored)": given.scored is None and not has_own_clips,
+        "VIBE's poses as <clip id>.npz (--poses)": given.poses is None
+        and (row.poses == "given" or row.method == "vibe_cam"),
+        "2D keypoints of STAF or OpenPose as <clip id>/ (--keypoints)": given.keypoints is None
+        and row.method == "vibe_cam",
+        "videos with true motions to train on (--videos)": row.method == "joint"
+        and not given.videos,
+        "image features as <clip id>.npz (--features)": row.method == "joint"
+        and given.features is None,
+    }
+    return [what for what, is_lacking in needs.items() if is_lacking]
 
 
 @dataclass(frozen=True)
@@ -104,3 +163,87 @@ def folder_name(name: str) -> str:
 def scored_manifest(given: Given, out_dir: Path) -> Path:
     """The clips to score: those given, or the held-out ones."""
     return given.scored or out_dir / "held_out" / "manifest.yaml"
+
+
+HEADINGS = ("training", "parameters", "steps", "state", "minutes")
+PROBED_STEPS = 2
+
+
+def planned_runs(
+    plan: Plan, out_dir: Path, workers: int
+) -> tuple[list[tuple[str, ...]], list[str]]:
+    """The trainings of a table as rows, and the sum of what is left.
+
+    The estimate is of the network's forward and backward pass on this machine, timed for two steps
+    after a first one; the loss and the data come on top.
+
+    Args:
+        plan: The table's.
+        out_dir: Where runs that are made lie.
+        workers: How many trainings run at a time.
+
+    Returns:
+        Rows under `HEADINGS`, and lines to print below them.
+    """
+    probed: dict[str, tuple[int, float | None]] = {}
+    rows: list[tuple[str, ...]] = []
+    left_minutes, n_left, unknown = 0.0, 0, False
+    for one in plan.trainings:
+        config = one.config
+        if isinstance(config, JointConfig):
+            parameters, step_s = "-", None
+        else:
+            key = f"{config.model!r} {config.batch_size} {config.windows.frames} {config.device}"
+            if key not in probed:
+                probed[key] = _probe(config)
+            parameters, step_s = f"{probed[key][0]:,}", probed[key][1]
+        is_made = (out_dir / "runs" / one.id).is_dir()
+        minutes = None if step_s is None else config.steps * step_s / 60
+        if not is_made:
+            n_left += 1
+            unknown |= minutes is None
+            left_minutes += minutes or 0.0
+        shown = "?" if minutes is None else f"{minutes:.1f}"
+        rows.append((one.id, parameters, str(config.steps), _state(out_dir, one.id), shown))
+    total = f"at least {left_minutes / max(1, min(workers, n_left)):.0f} minutes"
+    if unknown:
+        total = "no estimate for those with ?: their device is not here, or their input is unknown"
+    lines = [f"{n_left} of {len(plan.trainings)} trainings to make with {workers} workers: {total}"]
+    lines.append(f"{sum(map(len, plan.scorings.values()))} scores")
+    return rows, lines
+
+
+def _state(out_dir: Path, id: str) -> str:
+    run_dir = out_dir / "runs" / id
+    if run_dir.is_dir():
+        return "made"
+    return "begun" if run_dir.with_name(run_dir.name + ".partial").is_dir() else "to make"
+
+
+def _probe(config: TrainConfig) -> tuple[int, float | None]:
+    """Number of parameters, and seconds of a step on one CPU thread; None for another device."""
+    import torch
+
+    from gmrdata.gmr.model import Gmr, input_size
+
+    model = Gmr(config.model)
+    n_parameters = sum(values.numel() for values in model.parameters())
+    if config.device != "cpu":
+        return n_parameters, None
+    threads = torch.get_num_threads()
+    torch.set_num_threads(config.threads)
+    try:
+        poses = torch.zeros(config.batch_size, config.windows.frames, input_size(config.model))
+        # The first step loads what the others find loaded, so it is not counted.
+        times_s = [_step_s(model, poses) for _ in range(1 + PROBED_STEPS)]
+        return n_parameters, min(times_s[1:])
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _step_s(model: "Gmr", poses: "Tensor") -> float:
+    """Seconds of one forward and backward pass."""
+    start_s = time.monotonic()
+    rotmats, metres = model(poses)
+    (rotmats.sum() + metres.sum()).backward()
+    return time.monotonic() - start_s

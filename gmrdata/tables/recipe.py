@@ -1,4 +1,7 @@
-"""A recipe of kind `table`: the rows of one of the paper's tables, and what is trained for each."""
+"""A recipe of kind `table`: the rows of one of the paper's tables, and what is trained for each.
+
+Names of the sizes at which tables are made; apart, so that the command line loads no recipe.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,13 +9,16 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from gmrdata import resources
 from gmrdata.baselines.joint_config import JointConfig
-from gmrdata.config import Config
-from gmrdata.errors import BadRecipe
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.recipes import find_recipe, load_recipe
-from gmrdata.tables.scales import ScaleName
+from gmrdata.stage import resources
+from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.records import Config
+
+ScaleName = Literal["paper", "small"]
+"""As the paper trains, or as a machine without a GPU can."""
+
 
 Method = Literal["gmr", "vibe_cam", "camera_as_world", "joint"]
 Metric = Literal["ome_deg", "tme_mm", "vme_mm"]

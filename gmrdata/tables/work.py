@@ -1,11 +1,127 @@
-"""One training and one score of a table, as jobs for workers.  A finished folder is kept."""
+"""GMR on another network's local poses, for the paper's rows "Ours" (Tables 5 and 6).
 
+One training and one score of a table, as jobs for workers.  A finished folder is kept.
+"""
+
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from gmrdata.baselines.joint_config import JointConfig
+from gmrdata.baselines.predictions import (
+    first_pose,
+    manifest_subjects,
+    predicted,
+    write_predictions,
+)
+from gmrdata.baselines.vibe_cam import load_poses
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.tables.given import Given
-from gmrdata.tables.plan import Scoring, Training, scored_manifest
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_deltas
+from gmrdata.motion.resample import valid_runs
+from gmrdata.stage.store import run_stage
+from gmrdata.tables.plan import Given, Scoring, Training, scored_manifest
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.records import Config
+
+
+class InferPosesConfig(Config):
+    """There is nothing to choose: the frame rate is the network's."""
+
+
+def infer_poses(
+    run_dir: Path,
+    manifest_path: Path,
+    poses_dir: Path,
+    out_dir: Path,
+    *,
+    body_path: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Predict world motions from given local poses; their orientations are not looked at.
+
+    Args:
+        run_dir: A finished training run.
+        manifest_path: The clips.
+        poses_dir: `<clip id>.npz` for each clip, as `gmrdata.baselines.vibe_cam` takes them.
+        out_dir: Folder to make; see `gmrdata.baselines.predictions`.  Clips are at the network's
+            frame rate, and have the given poses and shape.
+        body_path: Body of the poses; None for the default body.
+        redo: Throw away a result of other inputs.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        MissingInput: a clip has no poses.
+        BadMotionFile: poses are of another kind, body or length; or the clip's rate is no multiple
+            of the network's.
+    """
+    from gmrdata.read.bodies import load_body
+
+    subjects, left_out = manifest_subjects(manifest_path)
+    inputs = {"run": run_dir, "manifest": manifest_path}
+    if body_path is not None:
+        inputs["body"] = body_path
+    inputs |= {f"poses_{one.clip.id}": poses_dir / f"{one.clip.id}.npz" for one in subjects}
+
+    def work(partial_dir: Path) -> None:
+        gmr, body = load_gmr(run_dir), load_body("anny" if body_path is None else str(body_path))
+        found = []
+        for one in subjects:
+            seen = load_poses(poses_dir / f"{one.clip.id}.npz", one.clip, body)
+            step = _step(seen.motion, gmr.fps_hz, one.clip.id)
+            usable = one.clip.valid & seen.valid
+            rows = np.arange(0, seen.motion.n_frames, step)
+            # No step between two frames may hide a row that is not valid.
+            valid = np.array([usable[max(0, row - step + 1) : row + 1].all() for row in rows])
+            motion = _moved(gmr, seen.motion, rows, valid, first_pose(one.clip))
+            rest_m = body.rest_pelvis_m(motion.shape)
+            found.append(predicted(one, motion, valid, step=step, rest_pelvis_m=rest_m))
+        write_predictions(partial_dir, "gmr", found, left_out, {"run": run_dir.name})
+
+    return run_stage("gmr-on-poses", out_dir, InferPosesConfig(), inputs, work, redo=redo)
+
+
+def _step(motion: Motion, fps_hz: float, clip_id: str) -> int:
+    ratio = motion.fps_hz / fps_hz
+    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+        raise BadMotionFile(
+            f"clip {clip_id}: {motion.fps_hz:g} fps is no multiple of the network's {fps_hz:g}"
+        )
+    return round(ratio)
+
+
+def _moved(
+    gmr: TrainedGmr,
+    motion: Motion,
+    rows: np.ndarray,
+    valid: np.ndarray,
+    start: tuple[np.ndarray, np.ndarray],
+) -> Motion:
+    """The world motion of the rows that are valid; a run begins where the one before it ended."""
+    root_rotmats = np.full((len(rows), 3, 3), np.nan)
+    pelvis_m = np.full((len(rows), 3), np.nan)
+    root_rotmat, place_m = start
+    for first, stop in valid_runs(valid):
+        now = slice(first, stop)
+        if stop - first == 1:
+            root_rotmats[first], pelvis_m[first] = root_rotmat, place_m
+            continue
+        turns, steps_m = predict_deltas(gmr, motion.local_rotmats[rows[now]])
+        root_rotmats[now], pelvis_m[now] = accumulate(turns, steps_m, root_rotmat, place_m)
+        root_rotmat, place_m = root_rotmats[stop - 1], pelvis_m[stop - 1]
+    return replace(
+        motion,
+        local_rotmats=motion.local_rotmats[rows],
+        root_rotmats=root_rotmats,
+        pelvis_m=pelvis_m,
+        fps_hz=gmr.fps_hz,
+        frame="world",
+        source=f"GMR on local poses of: {motion.source}",
+    )
 
 
 def train_one(training: Training, given: Given, out_dir: Path, redo: bool) -> None:
@@ -31,7 +147,7 @@ def score_one(scoring: Scoring, given: Given, out_dir: Path, redo: bool) -> Path
     Returns:
         Path of `scores.json`.
     """
-    from gmrdata.evaluate.score import score_manifest, score_predictions
+    from gmrdata.score.score import score_manifest, score_predictions
 
     manifest = scored_manifest(given, out_dir)
     scores_dir = out_dir / "scores" / scoring.id
@@ -46,8 +162,6 @@ def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, redo
     into, run_dir = out_dir / "predictions" / scoring.id, out_dir / "runs" / str(scoring.training)
     match scoring.row.method:
         case "gmr":
-            from gmrdata.tables.infer_poses import infer_poses
-
             assert given.poses is not None
             return infer_poses(
                 run_dir, manifest, given.poses, into, body_path=given.body, redo=redo

@@ -1,1 +1,1 @@
-"""Reader and writer of the 3DPW layout (von Marcard et al. 2018)."""
+"""A whole 3DPW to a manifest."""

@@ -10,15 +10,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
-from gmrdata.errors import BadBodyFile
-from gmrdata.geometry.camera import CameraPath
-from gmrdata.geometry.transforms import apply, invert, rigid
-from gmrdata.motion.motion import Motion
-from gmrdata.threedpw.arrays import FPS_HZ, Person
-from gmrdata.threedpw.read import Sequence3DPW
-from gmrdata.threedpw.valid import ValidRule, finite_rows, rigid_rows, unusable_reasons
+from gmrdata.read.threedpw import Sequence3DPW, ValidRule, finite_rows, rigid_rows, unusable_reasons
+from gmrdata.read.threedpw_arrays import FPS_HZ, Person
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadBodyFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import apply, invert, rigid
 
 WORLD_FROM_3DPW = rigid(Rotation.from_euler("x", 90, degrees=True).as_matrix(), np.zeros(3))
 """(4, 4): 3DPW's world is y-up, ours z-up."""
@@ -42,7 +41,7 @@ def camera_clip(
         sequence: The sequence.
         person_index: Which person, from 0.
         bodies: Bodies to choose from; see `fitting_body`.
-        rule: Which frames are valid, see `gmrdata.threedpw.valid.ValidRule`.
+        rule: Which frames are valid, see `gmrdata.read.threedpw.ValidRule`.
 
     Returns:
         Clip `<sequence>.p<person>` with `frame` "camera", the sequence's intrinsics and no camera

@@ -15,15 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m
-from gmrdata.config import Config
-from gmrdata.geometry.camera import project_cam
-from gmrdata.threedpw.arrays import FPS_HZ
+from gmrdata.read.openpose import OPENPOSE_JOINTS
+from gmrdata.read.threedpw import Sequence3DPW, ValidRule
+from gmrdata.read.threedpw_arrays import FPS_HZ
 from gmrdata.threedpw.camera_frame import camera_clip, fitting_body
-from gmrdata.threedpw.keypoints import OPENPOSE_JOINTS
-from gmrdata.threedpw.read import Sequence3DPW
-from gmrdata.threedpw.valid import ValidRule
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project_cam
+from gmrdata.values.records import Config
+from gmrdata.values.skinning import motion_joints_m
 
 NEAREST_M = 0.3
 """Joints closer to the camera than this are left out [m]: there a small error is many pixels."""
@@ -87,7 +86,7 @@ def estimate_focal(
         sequence: The sequence.
         bodies: Bodies to choose from; see `gmrdata.threedpw.camera_frame.fitting_body`.
         config: The recipe.
-        rule: Which frames are valid, see `gmrdata.threedpw.valid.ValidRule`.
+        rule: Which frames are valid, see `gmrdata.read.threedpw.ValidRule`.
 
     Raises:
         BadBodyFile: no body fits a person.

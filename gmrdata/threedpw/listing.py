@@ -3,9 +3,14 @@
 from pathlib import Path
 from typing import get_args
 
-from gmrdata.errors import BadRecipe, BadSequence, GmrdataError
-from gmrdata.progress import track
-from gmrdata.threedpw.layout import (
+from gmrdata.read.threedpw import (
+    ValidRule,
+    dropped_ranges,
+    read_found,
+    read_sequence,
+    unusable_reasons,
+)
+from gmrdata.read.threedpw_layout import (
     SEQUENCE_NAME,
     SequenceFiles,
     find_sequences,
@@ -13,8 +18,8 @@ from gmrdata.threedpw.layout import (
     require_one_split,
     splits_of,
 )
-from gmrdata.threedpw.read import read_found, read_sequence
-from gmrdata.threedpw.valid import ValidRule, dropped_ranges, unusable_reasons
+from gmrdata.stage.progress import track
+from gmrdata.values.errors import BadRecipe, BadSequence, GmrdataError
 
 HEADINGS = ("sequence", "split", "people", "frames", "size [px]", "usable", "problems")
 RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "usable, or why not")

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
-from gmrdata.geometry.programmes import Circular, camera_path
+from gmrdata.film.programmes import Circular, camera_path
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
 from tests.clip_manifests import write_clips
 
 WriteSet = Callable[..., Path]

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.baselines.openpose import PAIRS
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
-from gmrdata.joints2d import project_joints
+from gmrdata.film.render_outputs import project_joints
+from gmrdata.read.openpose import PAIRS
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
 
 
 def person(points_px: np.ndarray, confidence: float, track: int = -1, n: int = 25) -> dict:

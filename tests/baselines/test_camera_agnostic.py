@@ -14,15 +14,15 @@ import torch
 
 from gmrdata.baselines.camera_as_world import predict_camera_as_world
 from gmrdata.baselines.vibe_cam import predict_vibe_cam
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.evaluate.metrics import angles_rad
-from gmrdata.evaluate.motion_error import motion_errors
-from gmrdata.geometry.static_twin import static_twin
+from gmrdata.film.programmes import static_twin
 from gmrdata.gmr.config import ModelConfig
-from gmrdata.gmr.infer import TrainedGmr, predict_world_motion
 from gmrdata.gmr.model import Gmr
-from gmrdata.pseudogt.compose import camera_motion
+from gmrdata.gmr.predict import TrainedGmr, predict_world_motion
+from gmrdata.twins.pseudo_gt_error import motion_errors
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.world.compose import camera_motion
 from tests.baselines.openpose_files import write_frames
 
 WriteSet = Callable[..., Path]

@@ -7,16 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.baselines.camera_as_world import CameraAsWorldConfig, predict_camera_as_world
-from gmrdata.baselines.still_camera import as_if_still, seen_motion
+from gmrdata.baselines.camera_as_world import (
+    CameraAsWorldConfig,
+    as_if_still,
+    predict_camera_as_world,
+    seen_motion,
+)
+from gmrdata.cameras.files import Geometry, SfmCameras, save_cameras
 from gmrdata.cli import main
-from gmrdata.clip import Clip, camera_of, load_clip
-from gmrdata.errors import BadMotionFile, BadRecord, MissingInput
-from gmrdata.gmr.motion_deltas import deltas
-from gmrdata.motion.motion import Motion
-from gmrdata.pseudogt.compose import camera_motion, metric_cameras
-from gmrdata.sfm.cameras import Geometry, SfmCameras, save_cameras
-from gmrdata.store import read_json, write_json
+from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
+from gmrdata.values.files import read_json, write_json
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.world.compose import camera_motion, metric_cameras
 
 WriteSet = Callable[..., Path]
 RECOVERED = CameraAsWorldConfig(camera="recovered")

@@ -9,22 +9,26 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.baselines.features import load_features
 from gmrdata.baselines.joint_config import JointConfig, JointModelConfig
 from gmrdata.baselines.joint_data import (
     JointBatch,
     JointRun,
     joint_runs,
+    load_features,
     make_joint_batch,
     training_runs,
 )
 from gmrdata.baselines.joint_model import JointModel, load_joint
 from gmrdata.baselines.joint_predict import predict_joint
 from gmrdata.baselines.joint_train import fit_joint, joint_loss
-from gmrdata.body.model import BodyModel
 from gmrdata.cli import main
-from gmrdata.clip import Clip, load_clip
-from gmrdata.errors import (
+from gmrdata.gmr.checkpoint import latest_checkpoint
+from gmrdata.gmr.config import LossConfig
+from gmrdata.gmr.vertex_loss import make_loss_body
+from gmrdata.motion.gait import embedded_motions
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import (
     BadCheckpoint,
     BadFeatures,
     BadManifest,
@@ -32,13 +36,9 @@ from gmrdata.errors import (
     MissingInput,
     TrainingDiverged,
 )
-from gmrdata.evaluate.metrics import angles_rad
-from gmrdata.gmr.config import LossConfig
-from gmrdata.gmr.kept_steps import latest_checkpoint
-from gmrdata.gmr.motion_deltas import deltas
-from gmrdata.gmr.vertex_loss import make_loss_body
-from gmrdata.motion.gait import embedded_motions
-from gmrdata.store import write_npz
+from gmrdata.values.files import write_npz
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion_metrics import angles_rad
 
 WriteSet = Callable[..., Path]
 N_FEATURES = 48

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.baselines.openpose import PAIRS, keypoint_files, read_people
-from gmrdata.body.tree import JOINT, JOINT_NAMES, MIRRORED
-from gmrdata.errors import BadKeypoints, BadRecord, GmrdataError, MissingInput
+from gmrdata.read.openpose import PAIRS, keypoint_files, read_people
+from gmrdata.values.body import JOINT, JOINT_NAMES, MIRRORED
+from gmrdata.values.errors import BadKeypoints, BadRecord, GmrdataError, MissingInput
 
 BODY_25 = (
     "Nose", "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist", "MidHip",

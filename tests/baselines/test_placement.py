@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from gmrdata.baselines.openpose import PAIRS
 from gmrdata.baselines.placement import PlacementConfig, closed_form, place
-from gmrdata.body.model import BodyModel
-from gmrdata.geometry.camera import intrinsics_from_fov, project_cam
+from gmrdata.read.openpose import PAIRS
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import intrinsics_from_fov, project_cam
 
 INTRINSICS_PX = intrinsics_from_fov(60.0, 640, 480)
 CONFIG = PlacementConfig()

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gmrdata.baselines.camera_as_world import as_if_still
 from gmrdata.baselines.clip_keypoints import clip_keypoints
-from gmrdata.baselines.still_camera import as_if_still
 from gmrdata.baselines.vibe_cam import VibeCamConfig, predict_vibe_cam
-from gmrdata.body.model import BodyModel
 from gmrdata.cli import main
-from gmrdata.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.errors import BadKeypoints, BadMotionFile, BadRecipe, BadRecord, MissingInput
-from gmrdata.joints2d import project_joints
-from gmrdata.motion.motion import Motion
-from gmrdata.pseudogt.compose import camera_motion
-from gmrdata.store import read_json
+from gmrdata.film.render_outputs import project_joints
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadKeypoints, BadMotionFile, BadRecipe, BadRecord, MissingInput
+from gmrdata.values.files import read_json
+from gmrdata.values.motion import Motion
+from gmrdata.world.compose import camera_motion
 from tests.baselines.openpose_files import person, write_frame, write_frames
 
 WriteSet = Callable[..., Path]

@@ -9,16 +9,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.baselines.mean import MeanConfig, mean_motion, moving_as, predict_mean
-from gmrdata.baselines.subjects import Subject
+from gmrdata.baselines.predictions import Subject
 from gmrdata.baselines.zero import predict_zero
-from gmrdata.body.model import BodyModel
 from gmrdata.cli import main
-from gmrdata.clip import Clip, load_clip
-from gmrdata.errors import BadManifest, StageFailed, StaleOutput
-from gmrdata.gmr.motion_deltas import accumulate, deltas
 from gmrdata.gmr.runs import runs_at
 from gmrdata.manifest.current import Quality
-from gmrdata.store import read_json
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadManifest, StageFailed, StaleOutput
+from gmrdata.values.files import read_json
+from gmrdata.values.motion_deltas import accumulate, deltas
 
 WriteSet = Callable[..., Path]
 

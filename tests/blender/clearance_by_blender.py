@@ -14,7 +14,7 @@ from blender.clearance import GROUND, measure_clearance
 from blender.layout import Thing
 from blender.meshes import ground_mesh, mesh_of
 from blender.scene import add_object
-from gmrdata.errors import RenderFailed
+from gmrdata.values.errors import RenderFailed
 
 
 def add(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:

@@ -13,7 +13,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
 from blender.camera import animate_camera, make_camera, read_back
-from gmrdata.geometry.camera import CameraPath
+from gmrdata.values.camera import CameraPath
 
 arrays = np.load(sys.argv[1])
 width_px, height_px = (int(v) for v in arrays["size_px"])

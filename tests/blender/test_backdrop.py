@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.errors import RenderFailed
-from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov, project
-from gmrdata.geometry.look_at import look_at
-from gmrdata.geometry.transforms import apply, rigid
-from gmrdata.motion.motion import Motion
-from gmrdata.passes import read_depth, read_flow
-from gmrdata.render import RenderConfig, render_clip
-from gmrdata.scene_config import BackdropConfig, SceneConfig
-from gmrdata.store import read_json, sha256_of_file
+from gmrdata.film.camera_moves import look_at
+from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.film.render_outputs import read_depth, read_flow
+from gmrdata.film.scene import BackdropConfig, SceneConfig
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import RenderFailed
+from gmrdata.values.files import read_json, sha256_of_file
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import apply, rigid
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 2, 160, 90
 ORIGIN_M, YAW_DEG = (10.0, 20.0, 1.0), 90.0

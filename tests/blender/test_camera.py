@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov, project
-from gmrdata.geometry.programmes import (
+from gmrdata.film.programmes import (
     Circular,
     Linear,
     LinearPanning,
@@ -19,6 +18,7 @@ from gmrdata.geometry.programmes import (
     Static,
     camera_path,
 )
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
 
 PROGRAMMES: dict[str, Programme] = {
     "circular": Circular(),

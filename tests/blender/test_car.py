@@ -5,8 +5,8 @@ import pytest
 
 from blender.car import car_things, moved_vertices_m
 from blender.meshes import mesh_of
-from gmrdata.extras.drive import CAR_SIZE_M, WHEEL_RADIUS_M, Drive
-from gmrdata.geometry.transforms import apply, invert, rigid
+from gmrdata.film.cars import CAR_SIZE_M, WHEEL_RADIUS_M, Drive
+from gmrdata.values.transforms import apply, invert, rigid
 
 ALONG_Y = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from gmrdata.clearance import Clearance, clearance_figures, save_clearance
-from gmrdata.errors import BadRecord
+from gmrdata.film.render_outputs import Clearance, clearance_figures, save_clearance
+from gmrdata.values.errors import BadRecord
 
 # A box fills x 4 to 6, y -1 to 1, z 0 to 2; a wall 2 cm thick stands at y = 3, x -1 to 1, z 0 to 2.
 PERSON = [[0.0, 0.0, 1.0], [0.5, 0.0, 1.0]]

@@ -9,9 +9,8 @@ from blender.atlas import Atlas, lay_out
 from blender.clothes import paint
 from blender.outfit import LEAST_CONTRAST, Outfit, contrasts, draw_outfit
 from blender.patterns import KINDS, Cloth, colours_at
-from gmrdata.body.model import BodyModel
-from gmrdata.body.people import draw_person
-from gmrdata.body.tree import JOINT
+from gmrdata.film.people import draw_person
+from gmrdata.values.body import JOINT, BodyModel
 
 UV_TOLERANCE_PX = 1e-6
 

@@ -10,18 +10,17 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gmrdata.body.file import save_body
-from gmrdata.body.forward import motion_vertices_m
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.engines import find_renderer
-from gmrdata.errors import EngineMissing
-from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov, project
-from gmrdata.geometry.look_at import look_at
-from gmrdata.geometry.transforms import rigid
-from gmrdata.motion.motion import Motion
-from gmrdata.render import RenderConfig, render_clip
-from gmrdata.store import read_json, sha256_of_file
+from gmrdata.film.camera_moves import look_at
+from gmrdata.film.render import RenderConfig, find_renderer, render_clip
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import EngineMissing
+from gmrdata.values.files import read_json, sha256_of_file
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning_torch import motion_vertices_m
+from gmrdata.values.transforms import rigid
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 160, 90
 SHARP = RenderConfig(samples=8, image_format="png", depth=True, normals=True, flow=True)
@@ -83,8 +82,8 @@ def without_opengl(code: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize("engine", ["eevee", "workbench"])
 def test_without_opengl_it_is_said_before_any_frame(engine: str) -> None:
     answer = without_opengl(
-        "from gmrdata.engines import find_renderer\n"
-        "from gmrdata.errors import EngineMissing\n"
+        "from gmrdata.film.render import find_renderer\n"
+        "from gmrdata.values.errors import EngineMissing\n"
         f"try: print(find_renderer({engine!r}, 'cpu'))\n"
         "except EngineMissing as error: print('missing:', error)"
     )

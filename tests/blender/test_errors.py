@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import MissingInput, RenderFailed
-from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov
-from gmrdata.geometry.look_at import look_at
-from gmrdata.geometry.transforms import rigid
-from gmrdata.motion.motion import Motion
-from gmrdata.render import RenderConfig, render_clip
+from gmrdata.film.camera_moves import look_at
+from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import MissingInput, RenderFailed
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rigid
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ def test_a_folder_that_cannot_be_written(
 
 
 def test_bpy_is_imported_in_the_blender_folder_only() -> None:
-    code = "import sys, gmrdata.render, gmrdata.geometry.programmes; print('bpy' in sys.modules)"
+    code = "import sys, gmrdata.film.render, gmrdata.film.programmes; print('bpy' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout == "False\n"
     package = Path(__file__).resolve().parents[2] / "gmrdata"

@@ -11,14 +11,13 @@ from blender.places.courtyard import courtyard
 from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import PAVEMENT_M, street
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, camera_of
-from gmrdata.extras.cast import Cast, make_cast
-from gmrdata.extras.config import Extras
-from gmrdata.extras.drive import CAR_SIZE_M
-from gmrdata.film import Film, film_motion, plan_clip
-from gmrdata.geometry.programmes import Circular, Panning, Programme
+from gmrdata.film.cars import CAR_SIZE_M
+from gmrdata.film.extras import Cast, Extras, make_cast
+from gmrdata.film.programmes import Circular, Panning, Programme
+from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of
 
 PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
 CASES: list[tuple[str, Programme]] = [

@@ -6,26 +6,25 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_vertices_m
-from gmrdata.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.extras.config import Extras
-from gmrdata.extras.files import load_car
-from gmrdata.film import Film, film_motion, plan_clip
-from gmrdata.geometry.camera import project
-from gmrdata.geometry.programmes import Panning
-from gmrdata.geometry.transforms import apply, invert
+from gmrdata.film.extras import Extras, load_car
+from gmrdata.film.programmes import Panning
+from gmrdata.film.render import RenderConfig, optional_outputs, render_clip
+from gmrdata.film.render_outputs import read_depth, read_flow, read_instances
+from gmrdata.film.scene import SceneConfig
+from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.gait import make_gait
-from gmrdata.passes import read_depth, read_flow, read_instances
-from gmrdata.render import RenderConfig, optional_outputs, render_clip
-from gmrdata.scene_config import SceneConfig
-from gmrdata.store import sha256_of_file
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.files import sha256_of_file
+from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.values.transforms import apply, invert
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 5, 320, 180
 EXTRAS = Extras(company=1, passers_by=1, cars=1)

@@ -6,7 +6,7 @@ import pytest
 from blender.layout import Thing, Yard, is_free
 from blender.meshes import mesh_of
 from blender.places.courtyard import courtyard
-from gmrdata.geometry.programmes import Circular, Panning, Programme, camera_path
+from gmrdata.film.programmes import Circular, Panning, Programme, camera_path
 
 
 def yard_for(programme: Programme, seed: int) -> tuple[Yard, np.ndarray, np.ndarray]:

@@ -7,21 +7,19 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m, motion_vertices_m
-from gmrdata.body.tree import JOINT
-from gmrdata.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.errors import RenderFailed
-from gmrdata.geometry.camera import project, project_cam
-from gmrdata.geometry.programmes import Circular, camera_path
-from gmrdata.geometry.transforms import apply, invert
-from gmrdata.joints2d import load_joints
-from gmrdata.motion.motion import Motion
-from gmrdata.passes import read_depth, read_flow, read_normals
-from gmrdata.render import RenderConfig, frame_files, render_clip
-from gmrdata.scene_config import SceneConfig
-from gmrdata.store import sha256_of_file
+from gmrdata.film.programmes import Circular, camera_path
+from gmrdata.film.render import RenderConfig, frame_files, render_clip
+from gmrdata.film.render_outputs import load_joints, read_depth, read_flow, read_normals
+from gmrdata.film.scene import SceneConfig
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.camera import project, project_cam
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import RenderFailed
+from gmrdata.values.files import sha256_of_file
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from gmrdata.values.transforms import apply, invert
 
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 3, 320, 180
 PLAIN = RenderConfig(samples=1, scene=SceneConfig(seed=5))

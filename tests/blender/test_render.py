@@ -12,18 +12,17 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_vertices_m
-from gmrdata.body.tree import JOINT
-from gmrdata.clip import Clip, load_clip, save_clip
-from gmrdata.errors import RenderFailed
-from gmrdata.geometry.camera import project
-from gmrdata.geometry.programmes import Circular, camera_path
-from gmrdata.motion.motion import Motion
-from gmrdata.render import RenderConfig, render_clip
-from gmrdata.scene_config import SceneConfig
-from gmrdata.store import sha256_of_file
+from gmrdata.film.programmes import Circular, camera_path
+from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.film.scene import SceneConfig
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.camera import project
+from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.errors import RenderFailed
+from gmrdata.values.files import sha256_of_file
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_vertices_m
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 N_FRAMES, WIDTH_PX, HEIGHT_PX = 4, 320, 180
@@ -189,7 +188,7 @@ def test_a_killed_parent_takes_blender_along_and_the_next_run_goes_on(
 ) -> None:
     out_dir = tmp_path / "stride"
     code = (
-        "import sys; from pathlib import Path; from gmrdata.render import *\n"
+        "import sys; from pathlib import Path; from gmrdata.film.render import *\n"
         "clip, body, out, config = sys.argv[1:]\n"
         "render_clip(Path(clip), Path(body), Path(out), RenderConfig.model_validate_json(config))"
     )

@@ -14,31 +14,30 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m, motion_vertices_m
-from gmrdata.body.tree import JOINT, JOINT_NAMES, PARENTS
-from gmrdata.character import Character
-from gmrdata.character_record import (
+from gmrdata.film.character import (
+    Character,
     CharacterRecord,
     limb_angles_deg,
     load_character,
     residual_figures,
     save_character,
 )
-from gmrdata.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.errors import BadManifest, RenderFailed
-from gmrdata.geometry.camera import project
-from gmrdata.geometry.programmes import Static, camera_path
-from gmrdata.joints2d import load_joints
+from gmrdata.film.programmes import Static, camera_path
+from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.film.render_outputs import load_joints
+from gmrdata.film.render_set import render_set
+from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.motion.motion import Motion
-from gmrdata.render import RenderConfig, render_clip
-from gmrdata.store import sha256_of_file
-from gmrdata.synthetic.recipe import SyntheticRecipe
-from gmrdata.synthetic.render_set import render_set
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
+from gmrdata.values.camera import project
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadManifest, RenderFailed
+from gmrdata.values.files import sha256_of_file
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 pytestmark = pytest.mark.slow
 

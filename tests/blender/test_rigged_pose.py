@@ -19,13 +19,12 @@ from blender.rigged_pose import (
     of_feet,
     size_of,
 )
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m
-from gmrdata.body.tree import JOINT, PARENTS
-from gmrdata.errors import BadCharacter
-from gmrdata.motion.motion import Motion
 from gmrdata.motion.rest_pose import LIMBS
-from gmrdata.motion.skeleton import global_rotmats
+from gmrdata.read.source_motion import global_rotmats
+from gmrdata.values.body import JOINT, PARENTS, BodyModel
+from gmrdata.values.errors import BadCharacter
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m
 
 N_FRAMES = 4
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])

@@ -11,14 +11,7 @@ from blender.meshes import mesh_of
 from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import street
-from gmrdata.geometry.programmes import (
-    Circular,
-    Linear,
-    LinearPanning,
-    Panning,
-    Programme,
-    camera_path,
-)
+from gmrdata.film.programmes import Circular, Linear, LinearPanning, Panning, Programme, camera_path
 
 PROGRAMMES: dict[str, Programme] = {
     "circular": Circular(),

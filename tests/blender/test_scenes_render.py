@@ -6,16 +6,16 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import MissingInput, RenderFailed, StaleOutput
-from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov
-from gmrdata.geometry.look_at import look_at
-from gmrdata.geometry.transforms import rigid
-from gmrdata.motion.motion import Motion
-from gmrdata.render import RenderConfig, render_clip
-from gmrdata.scene_config import SceneConfig
+from gmrdata.film.camera_moves import look_at
+from gmrdata.film.render import RenderConfig, render_clip
+from gmrdata.film.scene import SceneConfig
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import MissingInput, RenderFailed, StaleOutput
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rigid
 
 WIDTH_PX, HEIGHT_PX = 320, 180
 STANDS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m, motion_vertices_m
-from gmrdata.body.tree import JOINT, JOINT_NAMES
-from gmrdata.motion.motion import Motion
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import JOINT, JOINT_NAMES, BodyModel
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 PLACES_M = {
     "front": (4.0, 0.0, 1.2),

@@ -17,7 +17,7 @@ from blender.light import Light
 from blender.person import joint_of_face, person_mesh
 from blender.scene import add_object
 from blender.visibility import visible_joints
-from gmrdata.body.file import read_body
+from gmrdata.read.bodies import read_body
 
 arrays = np.load(sys.argv[1])
 body = read_body(Path(sys.argv[2]))

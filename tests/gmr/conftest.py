@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.motion.gait import embedded_motions
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
 
 
 @pytest.fixture(scope="session")

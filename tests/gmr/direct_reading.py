@@ -3,8 +3,7 @@
 import torch
 from torch import Tensor
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.tree import N_JOINTS, PARENTS
+from gmrdata.values.body import N_JOINTS, PARENTS, BodyModel
 
 
 def direct_mesh_m(

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
-from gmrdata.errors import BadCheckpoint
 from gmrdata.gmr import loop
-from gmrdata.gmr.average import decay_at, start_average, update_average
-from gmrdata.gmr.checkpoint import load_weights
+from gmrdata.gmr.checkpoint import checkpoint_dir, load_weights
 from gmrdata.gmr.config import ModelConfig, TrainConfig
-from gmrdata.gmr.infer import load_gmr
-from gmrdata.gmr.kept_steps import checkpoint_dir
 from gmrdata.gmr.loop import fit
 from gmrdata.gmr.model import Gmr
+from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.steps import decay_at, start_average, update_average
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadCheckpoint
 
 
 @pytest.fixture

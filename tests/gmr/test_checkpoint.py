@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from gmrdata.errors import BadCheckpoint, MissingInput
 from gmrdata.gmr.checkpoint import (
     best_of,
+    checkpoint_dir,
+    latest_checkpoint,
     load_optimizer,
     load_weights,
     read_best,
@@ -17,10 +18,10 @@ from gmrdata.gmr.checkpoint import (
     save_checkpoint,
 )
 from gmrdata.gmr.config import ModelConfig
-from gmrdata.gmr.infer import load_gmr
-from gmrdata.gmr.kept_steps import checkpoint_dir, latest_checkpoint
 from gmrdata.gmr.model import Gmr
-from gmrdata.store import write_json
+from gmrdata.gmr.predict import load_gmr
+from gmrdata.values.errors import BadCheckpoint, MissingInput
+from gmrdata.values.files import write_json
 
 CONFIG = ModelConfig(layers=2, hidden=6, dropout=0.1)
 
@@ -83,9 +84,9 @@ def test_a_kill_while_writing_leaves_the_former(
         raise Killed
 
     for place in (
-        "gmrdata.gmr.kept_steps.save_file",
-        "gmrdata.gmr.kept_steps.write_json",
-        "gmrdata.gmr.kept_steps.write_text",
+        "gmrdata.gmr.checkpoint.save_file",
+        "gmrdata.gmr.checkpoint.write_json",
+        "gmrdata.gmr.checkpoint.write_text",
     ):
         with monkeypatch.context() as patch:
             patch.setattr(place, die)

@@ -8,14 +8,14 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.clip import Clip
-from gmrdata.errors import BadManifest, BadMotionFile
 from gmrdata.gmr.config import Representation, WindowConfig
-from gmrdata.gmr.data import Batch, TrainingRun, make_batch, make_training_set, reverse
-from gmrdata.gmr.motion_deltas import accumulate, deltas
 from gmrdata.gmr.rotations import to_rotmats
 from gmrdata.gmr.runs import runs_at
-from gmrdata.motion.motion import Motion
+from gmrdata.gmr.windows import Batch, TrainingRun, make_batch, make_training_set, reverse
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadManifest, BadMotionFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import accumulate, deltas
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 

@@ -7,13 +7,12 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.forward import posed_joints
-from gmrdata.body.model import BodyModel
 from gmrdata.gmr.config import ModelConfig
-from gmrdata.gmr.extra_inputs import SCALE, motions_if_standing, velocities
+from gmrdata.gmr.inputs import REST_JOINTS_M, SCALE, motions_if_standing, velocities
 from gmrdata.gmr.model import input_size, network_input
-from gmrdata.gmr.motion_deltas import deltas
-from gmrdata.gmr.root_frame import REST_JOINTS_M
+from gmrdata.values.body import BodyModel
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.skinning_torch import posed_joints
 
 
 def random_poses(*sizes: int) -> torch.Tensor:

@@ -11,13 +11,12 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gmrdata.clip import Clip
-from gmrdata.errors import BadManifest, BadRecord
 from gmrdata.gmr.config import Representation, WindowConfig
-from gmrdata.gmr.data import Batch, make_batch, make_training_set
 from gmrdata.gmr.flat_runs import FlatRuns, RunRows, in_files, in_memory, remove_files
-from gmrdata.gmr.mixing import Mix, draw_run
 from gmrdata.gmr.model import network_input
+from gmrdata.gmr.windows import Batch, Mix, draw_run, make_batch, make_training_set
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadManifest, BadRecord
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 

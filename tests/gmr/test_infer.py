@@ -8,13 +8,13 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.clip import Clip
-from gmrdata.errors import BadMotionFile
-from gmrdata.geometry import transforms
 from gmrdata.gmr.config import ModelConfig
-from gmrdata.gmr.infer import TrainedGmr, predict_deltas, predict_world_motion
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.motion_deltas import deltas
+from gmrdata.gmr.predict import TrainedGmr, predict_deltas, predict_world_motion
+from gmrdata.values import transforms
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion_deltas import deltas
 
 
 @pytest.fixture

@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
-from gmrdata.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
 from gmrdata.gmr import loop
-from gmrdata.gmr.checkpoint import read_best, read_model
+from gmrdata.gmr.checkpoint import latest_checkpoint, read_best, read_model
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
-from gmrdata.gmr.held_out import held_out_runs, held_out_scores
-from gmrdata.gmr.infer import load_gmr
-from gmrdata.gmr.kept_steps import latest_checkpoint
-from gmrdata.gmr.loop import fit, learning_rate_at
-from gmrdata.store import write_json
+from gmrdata.gmr.loop import fit, held_out_runs, held_out_scores, learning_rate_at
+from gmrdata.gmr.predict import load_gmr
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed, TrainingDiverged
+from gmrdata.values.files import write_json
 
 
 def bytes_of(run_dir: Path) -> dict[str, bytes]:

@@ -9,15 +9,14 @@ import torch
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.forward import posed_vertices
-from gmrdata.body.model import BodyModel
-from gmrdata.body.subset import vertex_rows, with_vertices
 from gmrdata.gmr import vertex_loss
 from gmrdata.gmr.config import LossConfig, ModelConfig
 from gmrdata.gmr.losses import Motions, counts_of, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.rotations import to_rotmats
 from gmrdata.gmr.vertex_loss import Bodies, make_loss_body, vertex_l1_m
+from gmrdata.values.body import BodyModel, vertex_rows, with_vertices
+from gmrdata.values.skinning_torch import posed_vertices
 from tests.gmr.direct_reading import direct_mesh_m
 
 B, N = 3, 6

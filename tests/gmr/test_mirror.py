@@ -10,16 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m
-from gmrdata.body.tree import JOINT_NAMES, MIRRORED
-from gmrdata.clip import Clip
-from gmrdata.errors import BadMotionFile
+from gmrdata.gmr.augmentation import mirror_motion
 from gmrdata.gmr.config import ExtraInput, Representation, WindowConfig
-from gmrdata.gmr.data import make_batch, make_training_set
-from gmrdata.gmr.mirror import mirror_motion
-from gmrdata.gmr.motion_deltas import accumulate, deltas
-from gmrdata.motion.motion import Motion
+from gmrdata.gmr.windows import make_batch, make_training_set
+from gmrdata.values.body import JOINT_NAMES, MIRRORED, BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import accumulate, deltas
+from gmrdata.values.skinning import motion_joints_m
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 

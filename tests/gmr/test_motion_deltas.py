@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.geometry import transforms
-from gmrdata.gmr.motion_deltas import accumulate, deltas
+from gmrdata.values import transforms
+from gmrdata.values.motion_deltas import accumulate, deltas
 
 poses = st.builds(
     lambda seed, n: (

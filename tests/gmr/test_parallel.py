@@ -11,14 +11,14 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig
-from gmrdata.gmr.data import make_batch, make_training_set
 from gmrdata.gmr.parallel import Processes, own_part
 from gmrdata.gmr.train import train
-from gmrdata.store import read_json
+from gmrdata.gmr.windows import make_batch, make_training_set
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.files import read_json
 from tests.clip_manifests import write_clips
 from tests.gmr.test_loop import lines_of
 

@@ -7,10 +7,10 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.clip import Clip
+from gmrdata.gmr.augmentation import turned
 from gmrdata.gmr.config import WindowConfig
-from gmrdata.gmr.data import make_batch, make_training_set
-from gmrdata.gmr.pose_noise import turned
+from gmrdata.gmr.windows import make_batch, make_training_set
+from gmrdata.values.clip import Clip
 
 STILL = np.tile(np.eye(3), (6, 64, 23, 1, 1))
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from gmrdata.gmr.prefetch import AHEAD, prefetched
+from gmrdata.gmr.steps import AHEAD, prefetched
 
 
 def test_steps_come_in_order_with_their_batches() -> None:

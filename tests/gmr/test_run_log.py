@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.errors import MissingExtra
 from gmrdata.gmr.run_log import run_log
+from gmrdata.values.errors import MissingExtra
 
 
 def steps_of(run_dir: Path) -> list[int]:

@@ -9,20 +9,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from gmrdata import resources
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.gmr.config import DataConfig, TrainConfig
-from gmrdata.gmr.recipe import GmrRecipe
 from gmrdata.gmr.split import cmu_trial, split_manifests, subject_of
-from gmrdata.gmr.train import train
+from gmrdata.gmr.train import GmrRecipe, train
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import write_manifest
-from gmrdata.store import read_json
+from gmrdata.read.bodies import save_body
+from gmrdata.stage import resources
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.values.files import read_json
 
 CMU_02_03 = Source(dataset="CMU", sequence="02_03")
 SOURCES = {

@@ -7,13 +7,18 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.forward import posed_joints
-from gmrdata.body.model import BodyModel
 from gmrdata.gmr.config import ModelConfig, Representation
+from gmrdata.gmr.inputs import (
+    REST_JOINTS_M,
+    joints_in_root_frame,
+    joints_seen,
+    root_step_m,
+    root_turn,
+)
 from gmrdata.gmr.model import Gmr, network_input, parameter_count
-from gmrdata.gmr.motion_deltas import deltas
-from gmrdata.gmr.root_frame import REST_JOINTS_M, joints_in_root_frame
-from gmrdata.gmr.standing_joint import joints_seen, root_step_m, root_turn
+from gmrdata.values.body import BodyModel
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.skinning_torch import posed_joints
 from tests.gmr.test_extra_inputs import random_poses
 
 NONE = 23

@@ -13,22 +13,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, read_npz
-from gmrdata.errors import (
+from gmrdata.gmr.checkpoint import latest_checkpoint
+from gmrdata.gmr.config import ModelConfig, TrainConfig
+from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.train import train
+from gmrdata.manifest.current import Quality
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import (
     BadCheckpoint,
     BadManifest,
     BadMotionFile,
     StaleOutput,
     TrainingDiverged,
 )
-from gmrdata.gmr.config import ModelConfig, TrainConfig
-from gmrdata.gmr.infer import load_gmr
-from gmrdata.gmr.kept_steps import latest_checkpoint
-from gmrdata.gmr.train import train
-from gmrdata.manifest.current import Quality
-from gmrdata.store import read_json, sha256_of_file, write_npz
+from gmrdata.values.files import read_json, read_npz, sha256_of_file, write_npz
 from tests.clip_manifests import write_clips
 
 PROGRAM = """

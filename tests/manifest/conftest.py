@@ -11,13 +11,12 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from gmrdata.clip import Clip, save_clip
-from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry
-from gmrdata.manifest.recipe import created_by
+from gmrdata.manifest.entry import clip_entry, created_by
 from gmrdata.manifest.write import write_manifest
-from gmrdata.motion.motion import Motion
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.motion import Motion
 
 REST_PELVIS_M = np.array([0.001, -0.24, 0.03])
 N_FRAMES = 6

@@ -11,14 +11,14 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import BadManifest, MissingInput
-from gmrdata.joints2d import Joints2d, save_joints
+from gmrdata.film.render_outputs import Joints2d, save_joints
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.listing import file_record, folder_record
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.manifest.write import write_manifest
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadManifest, MissingInput
 
 Edit = Callable[[Callable[[dict], None]], Path]
 WALK = 1

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata import clip as clip_file
-from gmrdata.geometry.camera import project
-from gmrdata.manifest.read import load_clips
-from gmrdata.manifest.schema import json_schema
-from gmrdata.resources import format_page
+from gmrdata.manifest.read import json_schema, load_clips
+from gmrdata.stage.resources import format_page
+from gmrdata.values import clip as clip_file
+from gmrdata.values.camera import project
 
 
 def test_every_field_is_on_the_page() -> None:

@@ -23,10 +23,9 @@ from gmrdata.manifest.current import (
     Recipe,
     Source,
 )
-from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.schema import json_schema
+from gmrdata.manifest.read import json_schema, read_manifest
 from gmrdata.manifest.write import manifest_text
-from gmrdata.resources import schema_v1
+from gmrdata.stage.resources import schema_v1
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 ids = st.from_regex(r"\A[A-Za-z0-9_][A-Za-z0-9_.-]{0,8}\Z")
@@ -155,7 +154,7 @@ def test_yaml_keeps_every_value(value: dict, tmp_path_factory: pytest.TempPathFa
 
 
 def test_checked_in_schema_is_the_models() -> None:
-    """If this fails: `python -m gmrdata.manifest.schema`."""
+    """If this fails: `python -m gmrdata.manifest.read`."""
     assert json.loads(schema_v1().read_text()) == json_schema()
 
 

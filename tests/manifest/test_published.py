@@ -6,13 +6,13 @@ from typing import get_args
 
 import pytest
 
-from gmrdata import resources
-from gmrdata.errors import MissingInput
-from gmrdata.geometry import programmes
+from gmrdata.film import programmes
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import ListedClip, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import manifest_text
+from gmrdata.stage import resources
+from gmrdata.values.errors import MissingInput
 
 
 def published(name: str) -> tuple[ListedClip, ...]:

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gmrdata.errors import BadManifest
 from gmrdata.manifest import yaml_text
 from gmrdata.manifest.read import load_clips, read_manifest
-from gmrdata.resources import published_manifest
+from gmrdata.stage.resources import published_manifest
+from gmrdata.values.errors import BadManifest
 
 Edit = Callable[[Callable[[dict], None]], Path]
 HEAD = """\

@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata import clip as clip_file
-from gmrdata.config import Config
-from gmrdata.errors import BadManifest, MissingInput
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import ListManifest, Source
-from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.entry import clip_entry, created_by, recipe_sha256, stage_recipe
 from gmrdata.manifest.read import read_manifest
-from gmrdata.manifest.recipe import created_by, recipe_sha256, stage_recipe
 from gmrdata.manifest.write import write_manifest
-from gmrdata.store import run_stage
+from gmrdata.stage.store import run_stage
+from gmrdata.values import clip as clip_file
+from gmrdata.values.errors import BadManifest, MissingInput
+from gmrdata.values.records import Config
 
 ENTRY: dict[str, Any] = {
     "camera_motion": "circular",

@@ -13,7 +13,7 @@ from gmrdata.masks.boxes import (
     grow,
     keep_best,
 )
-from gmrdata.masks.coco import CATEGORY_NUMBERS, COCO_NAMES, class_indices
+from gmrdata.masks.yolox import CATEGORY_NUMBERS, COCO_NAMES, class_indices
 
 DOG, CAT = COCO_NAMES.index("dog"), COCO_NAMES.index("cat")
 

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.errors import BadFrames, MissingInput
-from gmrdata.frames import read_gray
 from gmrdata.masks.folder import FolderMaskConfig, folder_masks
+from gmrdata.read.frames import read_gray
+from gmrdata.values.errors import BadFrames, MissingInput
 
 
 @pytest.fixture

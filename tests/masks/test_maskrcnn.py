@@ -11,11 +11,8 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.errors import BadDetector, MissingExtra, MissingInput
-from gmrdata.frames import read_gray
 from gmrdata.masks import maskrcnn
-from gmrdata.masks.boxes import Detections
-from gmrdata.masks.coco import CATEGORY_NUMBERS, COCO_NAMES
+from gmrdata.masks.boxes import Detections, TrackConfig, TrackedFrame
 from gmrdata.masks.maskrcnn import (
     Instances,
     MaskRcnnConfig,
@@ -24,7 +21,9 @@ from gmrdata.masks.maskrcnn import (
     open_segmenter,
     united_mask,
 )
-from gmrdata.masks.tracks import TrackConfig, TrackedFrame
+from gmrdata.masks.yolox import CATEGORY_NUMBERS, COCO_NAMES
+from gmrdata.read.frames import read_gray
+from gmrdata.values.errors import BadDetector, MissingExtra, MissingInput
 
 NUMBER = dict(zip(COCO_NAMES, CATEGORY_NUMBERS, strict=True))
 Answer = dict[str, np.ndarray]

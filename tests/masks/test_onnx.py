@@ -9,12 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.errors import BadDetector, BadFrames, MissingInput, StaleOutput
-from gmrdata.frames import read_color, read_gray
 from gmrdata.masks import onnx
-from gmrdata.masks.coco import COCO_NAMES
 from gmrdata.masks.onnx import DETECTIONS_FILE, OnnxConfig, onnx_masks, open_detector
-from gmrdata.masks.yolox import letterbox
+from gmrdata.masks.yolox import COCO_NAMES, letterbox
+from gmrdata.read.frames import read_color, read_gray
+from gmrdata.values.errors import BadDetector, BadFrames, MissingInput, StaleOutput
 
 
 @pytest.fixture

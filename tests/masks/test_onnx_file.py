@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gmrdata.errors import BadDetector, MissingInput
-from gmrdata.masks.onnx_file import OnnxInput, read_inputs
+from gmrdata.masks.onnx import OnnxInput, read_inputs
+from gmrdata.values.errors import BadDetector, MissingInput
 
 IN_ONE_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 

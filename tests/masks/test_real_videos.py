@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
+from gmrdata.cameras.files import load_cameras, load_quality
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.masks.sources import MasksConfig, OnnxSource, make_masks
-from gmrdata.sfm.cameras import load_cameras, load_quality
-from gmrdata.sfm.config import SfmConfig
-from gmrdata.sfm.reconstruct import reconstruct
 
 pytestmark = pytest.mark.slow
 

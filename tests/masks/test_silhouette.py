@@ -9,13 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_vertices_m
-from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import BadFrames, BadMotionFile, MissingInput
-from gmrdata.frames import read_gray
-from gmrdata.geometry.camera import CameraPath, intrinsics_from_fov, project_cam
 from gmrdata.masks.silhouette import (
     DOTTED_FROM_PX,
     SilhouetteConfig,
@@ -24,8 +17,15 @@ from gmrdata.masks.silhouette import (
     silhouette,
     silhouette_masks,
 )
-from gmrdata.motion.motion import Motion
-from gmrdata.people import PersonFiles
+from gmrdata.read.bodies import save_body
+from gmrdata.read.frames import read_gray
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project_cam
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
+from gmrdata.values.motion import Motion
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.skinning import motion_vertices_m
 
 INTRINSICS_PX = intrinsics_from_fov(60.0, 160, 120)
 

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gmrdata.errors import BadFrames, BadRecipe, MissingInput
-from gmrdata.frames import read_gray
 from gmrdata.masks.sources import (
     FolderSource,
     MaskRcnnSource,
@@ -20,7 +18,9 @@ from gmrdata.masks.sources import (
     masks_named,
     masks_seconds,
 )
-from gmrdata.sequence import SequenceConfig
+from gmrdata.read.frames import read_gray
+from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from gmrdata.world.sequence import SequenceConfig
 
 
 def test_the_body_is_the_source_unless_others_are_named() -> None:

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmrdata.masks.boxes import Detections
-from gmrdata.masks.tracks import TrackConfig, link, track
+from gmrdata.masks.boxes import Detections, TrackConfig, link, track
 
 CONFIG = TrackConfig(link_iou=0.3, max_gap_frames=2, hold_frames=0)
 NO_BOX: list[tuple[float, float]] = []

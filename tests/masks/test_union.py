@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.errors import BadFrames, MissingInput
-from gmrdata.frames import read_gray
 from gmrdata.masks.union import RECORD_FILE, UnionConfig, unite_masks
+from gmrdata.read.frames import read_gray
+from gmrdata.values.errors import BadFrames, MissingInput
 
 SIZE = (48, 64)
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmrdata.masks.coco import COCO_NAMES, class_indices
-from gmrdata.masks.yolox import cells, decode, letterbox, problem_with
+from gmrdata.masks.yolox import COCO_NAMES, cells, class_indices, decode, letterbox, problem_with
 
 INPUT_PX = (96, 64)
 N_CELLS = 12 * 8 + 6 * 4 + 3 * 2

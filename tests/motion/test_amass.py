@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.clip import Clip, save_clip
-from gmrdata.errors import BadMotionFile, GmrdataError
 from gmrdata.motion.amass import SMPL_LEG_M
-from gmrdata.motion.read import read_motion
+from gmrdata.motion.files import read_motion
 from gmrdata.motion.rest_pose import leg_length_m
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadMotionFile, GmrdataError
 
 HAND_COLUMNS = {72: (22, 23), 156: (22, 37), 165: (25, 40)}
 

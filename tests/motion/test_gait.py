@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m, motion_vertices_m
-from gmrdata.body.tree import JOINT
-from gmrdata.errors import BadRecipe
 from gmrdata.motion.gait import GAIT_KINDS, embedded_motions, gait_with_contacts, make_gait
-from gmrdata.motion.motion import Motion
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 FPS_HZ = 120.0
 SEEDS = (0, 1, 2)

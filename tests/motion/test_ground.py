@@ -8,15 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m, motion_vertices_m
-from gmrdata.body.tree import JOINT
-from gmrdata.motion.feet import foot_corrections
-from gmrdata.motion.ground import floor_height_m, put_on_floor, sole_points_m
-from gmrdata.motion.motion import Motion
-from gmrdata.motion.read import read_motion
+from gmrdata.motion.files import read_motion
+from gmrdata.motion.ground import floor_height_m, foot_corrections, put_on_floor, sole_points_m
 from gmrdata.motion.rest_pose import minimal_rotation
-from gmrdata.motion.retarget import WORLD_FROM_REST
+from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 
 def _steps(body: BodyModel, n_stands: int = 12) -> tuple[np.ndarray, np.ndarray]:

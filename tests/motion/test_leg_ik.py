@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmrdata.motion.leg_ik import Leg, turn
+from gmrdata.motion.gait_steps import Leg, turn
 
 BENT = Leg(np.array([0.03, -0.38, 0.02]), np.array([-0.02, -0.41, -0.03]))
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.body.model import BodyModel
-from gmrdata.errors import BadMotionFile, BadRecipe, MissingInput
-from gmrdata.motion.read import find_motions, read_motion
+from gmrdata.motion.files import find_motions, read_motion
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 
 
 def _touch(path: Path) -> Path:

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from gmrdata.errors import BadRecipe
-from gmrdata.motion.motion import Motion
 from gmrdata.motion.resample import resample, resample_valid, slice_motion, valid_runs
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.motion import Motion
 
 
 def _motion(n_frames: int, fps_hz: float, seed: int = 0) -> Motion:

@@ -7,18 +7,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m
-from gmrdata.body.tree import JOINT, JOINT_NAMES
-from gmrdata.errors import BadMotionFile
-from gmrdata.motion.amc import read_amc
-from gmrdata.motion.bvh import read_bvh
-from gmrdata.motion.joint_maps import MIXAMO, find_joints
-from gmrdata.motion.motion import Motion
-from gmrdata.motion.read import read_motion
+from gmrdata.motion.files import read_motion
 from gmrdata.motion.rest_pose import LIMBS, minimal_rotation
-from gmrdata.motion.retarget import WORLD_FROM_REST
-from gmrdata.motion.skeleton import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.read.amc import read_amc
+from gmrdata.read.bvh import read_bvh
+from gmrdata.read.source_motion import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.values.body import JOINT, JOINT_NAMES, WORLD_FROM_REST, BodyModel
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.joint_names import MIXAMO, find_joints
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m
 
 SOLE_M = -1.195
 """The small body's lowest vertex in its rest frame."""

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m
-from gmrdata.motion.amc import read_amc
-from gmrdata.motion.bvh import read_bvh
-from gmrdata.motion.read import read_motion
-from gmrdata.motion.skeleton import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.motion.files import read_motion
+from gmrdata.read.amc import read_amc
+from gmrdata.read.bvh import read_bvh
+from gmrdata.read.source_motion import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.values.body import BodyModel
+from gmrdata.values.skinning import motion_joints_m
 
 LEGS = {
     "Hips": "root", "LeftUpLeg": "lfemur", "LeftLeg": "ltibia", "LeftFoot": "lfoot",

@@ -8,24 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata import resources
-from gmrdata.body.file import save_body
-from gmrdata.body.model import BodyModel
 from gmrdata.cli import main
-from gmrdata.clip import Clip
-from gmrdata.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.gmr.config import DataConfig
-from gmrdata.gmr.infer import load_gmr
-from gmrdata.gmr.usable import usable_clips
-from gmrdata.jobs import Workers
+from gmrdata.gmr.predict import load_gmr
+from gmrdata.gmr.runs import usable_clips
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.store import read_json
-from gmrdata.tables.given import Given
-from gmrdata.tables.held_out_set import held_out_set
-from gmrdata.tables.make import clip_figure, make_table
-from gmrdata.tables.orderings import RowFigures, orderings
-from gmrdata.tables.plan import folder_name, plan_table
+from gmrdata.read.bodies import save_body
+from gmrdata.stage import resources
+from gmrdata.stage.jobs import Workers
+from gmrdata.tables.comparison import RowFigures, orderings
+from gmrdata.tables.make import clip_figure, held_out_set, make_table
+from gmrdata.tables.plan import Given, folder_name, plan_table
 from gmrdata.tables.recipe import load_table, train_config
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
+from gmrdata.values.files import read_json
 from tests.clip_manifests import write_clips
 
 TINY = """

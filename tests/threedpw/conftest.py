@@ -1,109 +1,123 @@
-"""A small dataset in 3DPW's layout: two people, one circling camera, one second."""
+"""A data set in 3DPW's layout whose cameras are known: a drawn room, filmed, and people in it."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m
-from gmrdata.clip import Clip, camera_of
-from gmrdata.geometry.programmes import Circular, camera_path
 from gmrdata.motion.gait import make_gait
-from gmrdata.motion.motion import Motion
-from gmrdata.threedpw.arrays import SequenceArrays
-from gmrdata.threedpw.build import sequence_arrays
-from gmrdata.threedpw.keypoints import KeypointConfig, detected_keypoints
-from gmrdata.threedpw.write import write_sequence
+from gmrdata.read.bodies import save_body
+from gmrdata.read.openpose import KeypointConfig, detected_keypoints
+from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.threedpw.recipe import ThreedpwRecipe
+from gmrdata.threedpw.regenerate import regenerate_set
+from gmrdata.twins.twin import sequence_arrays
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.skinning import motion_joints_m
+from gmrdata.write.threedpw import write_sequence
 
-WIDTH_PX, HEIGHT_PX = 90, 160
-N_FRAMES = 30
-NAME = "courtyard_walk_00"
-
-MakeDataset = Callable[..., Path]
-
-
-@pytest.fixture(scope="session")
-def walkers(small_body: BodyModel) -> list[Clip]:
-    """Two people of different shapes in one world, filmed by one camera."""
-    rng = np.random.default_rng(5)
-    motions = [make_gait("walk", N_FRAMES / 30, 30.0, small_body, rng) for _ in range(2)]
-    beside_m = motions[0].pelvis_m[15] - motions[1].pelvis_m[15] + np.array([0.7, 0.5, 0.0])
-    motions[1] = replace(
-        motions[1],
-        pelvis_m=motions[1].pelvis_m + beside_m * (1.0, 1.0, 0.0),
-        shape=motions[1].shape + 0.2,
-    )
-    motions = [cut(motion) for motion in motions]
-    programme = Circular(distance_m=5.0, azimuth_deg=40.0)
-    camera = camera_path(
-        programme, motions[0].pelvis_m, 30.0, WIDTH_PX, HEIGHT_PX, 45.0, np.random.default_rng(1)
-    )
-    valid = np.ones(N_FRAMES, dtype=bool)
-    valid[10:13] = False
-    numbers = np.arange(N_FRAMES)
-    return [
-        Clip("walk.p0", motions[0], valid, numbers, camera),
-        Clip("walk.p1", motions[1], ~np.zeros(N_FRAMES, dtype=bool), numbers, camera),
-    ]
+N_FRAMES = 36
+WIDTH_PX, HEIGHT_PX = 320, 180
 
 
-def cut(motion: Motion) -> Motion:
-    rows = slice(0, N_FRAMES)
-    return replace(
-        motion,
-        local_rotmats=motion.local_rotmats[rows],
-        root_rotmats=motion.root_rotmats[rows],
-        pelvis_m=motion.pelvis_m[rows],
-    )
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A data set, and the truth of its sequences."""
+
+    root: Path
+    body_path: Path
+    truth: dict[str, list[Clip]]
+
+    def recipe(self, **changes: Any) -> ThreedpwRecipe:
+        """Small, and with the small body."""
+        given = {
+            "recipe": "threedpw",
+            "bodies": [str(self.body_path)],
+            "workers": 1,
+            "sequence": {
+                "masks": {"sources": [{"kind": "silhouette", "dilate_px": 3}]},
+                "sfm": {"max_features": 1200, "first_octave": -1},
+            },
+        }
+        return ThreedpwRecipe.model_validate(given | changes)
 
 
 @pytest.fixture(scope="session")
-def walk_arrays(walkers: list[Clip], small_body: BodyModel) -> SequenceArrays:
-    """What 3DPW's file would hold for the walkers."""
-    exact = KeypointConfig(noise_px=0.0)
-    points_px = [
-        detected_keypoints(
-            motion_joints_m(small_body, clip.motion),
-            camera_of(clip),
-            exact,
-            np.random.default_rng(2),
+def filmed_set(
+    film: Callable[..., Any], small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory
+) -> Made:
+    """`arc_00` with two people and an arc, `pan_00` with one and a camera that turns."""
+    root = tmp_path_factory.mktemp("filmed") / "3DPW"
+    body_path = root.with_name("body.npz")
+    save_body(body_path, small_body)
+    truth = {
+        "arc_00": _write(root, "arc_00", film("arc", N_FRAMES, person=False), small_body, 2),
+        "pan_00": _write(root, "pan_00", film("pan", N_FRAMES, person=False), small_body, 1),
+    }
+    return Made(root, body_path, truth)
+
+
+def _write(root: Path, name: str, filmed: Any, body: BodyModel, n_people: int) -> list[Clip]:
+    n = np.arange(N_FRAMES)
+    camera = CameraPath(filmed.intrinsics_px, WIDTH_PX, HEIGHT_PX, filmed.world_from_cam, n >= 0)
+    rng = np.random.default_rng(3)
+    clips = []
+    for person in range(n_people):
+        motion = make_gait("walk", N_FRAMES / 30, 30.0, body, rng)
+        rows = slice(0, N_FRAMES)
+        place_m = np.array([0.9 * person, 0.4, 0.0]) - motion.pelvis_m[rows].mean(axis=0) * (
+            1,
+            1,
+            0,
         )
-        for clip in walkers
+        motion = replace(
+            motion,
+            local_rotmats=motion.local_rotmats[rows],
+            root_rotmats=motion.root_rotmats[rows],
+            pelvis_m=motion.pelvis_m[rows] + place_m,
+        )
+        clips.append(Clip(f"{name}.p{person}", motion, n >= 0, n, camera))
+    files = write_sequence(root, "train", _arrays(name, clips, body))
+    files.image_dir.mkdir(parents=True)
+    for row in n:
+        frame = filmed.images_dir / f"{row:05d}.jpg"
+        files.image_path(int(row)).write_bytes(frame.read_bytes())
+    return clips
+
+
+def _arrays(name: str, clips: Sequence[Clip], body: BodyModel) -> Any:
+    exact = KeypointConfig(noise_px=0.5)
+    keypoints_px = [
+        detected_keypoints(
+            motion_joints_m(body, clip.motion), camera_of(clip), exact, np.random.default_rng(0)
+        )
+        for clip in clips
     ]
-    return sequence_arrays(NAME, walkers, small_body, ["female", "male"], points_px)
+    return sequence_arrays(name, clips, body, ["female"] * len(clips), keypoints_px)
 
 
 @pytest.fixture(scope="session")
-def jpeg() -> Callable[[int, int], bytes]:
-    """A JPEG of a width and height."""
-
-    def make(width_px: int, height_px: int) -> bytes:
-        _, encoded = cv2.imencode(".jpg", np.full((height_px, width_px, 3), 128, dtype=np.uint8))
-        return encoded.tobytes()
-
-    return make
+def made_set(filmed_set: Made, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What was regenerated from the data set; tests leave it as it is."""
+    out_dir = tmp_path_factory.mktemp("regenerated") / "out"
+    regenerate_set(filmed_set.recipe(), filmed_set.root, out_dir)
+    return out_dir
 
 
 @pytest.fixture
-def make_dataset(
-    tmp_path: Path, walk_arrays: SequenceArrays, jpeg: Callable[[int, int], bytes]
-) -> MakeDataset:
-    """Writes a sequence, by default the walkers', with its images; gives the dataset's root."""
+def copied_set(filmed_set: Made, tmp_path: Path) -> Made:
+    """The data set once more, for a test that breaks it."""
+    import shutil
 
-    def make(
-        arrays: SequenceArrays = walk_arrays,
-        split: str = "train",
-        size_px: tuple[int, int] = (WIDTH_PX, HEIGHT_PX),
-    ) -> Path:
-        root = tmp_path / "3DPW"
-        files = write_sequence(root, split, arrays)
-        files.image_dir.mkdir(parents=True)
-        for row in range(arrays.n_frames):
-            files.image_path(row).write_bytes(jpeg(*size_px))
-        return root
+    shutil.copytree(filmed_set.root, tmp_path / "3DPW")
+    return replace(filmed_set, root=tmp_path / "3DPW")
 
-    return make
+
+def files_of(made: Made, name: str) -> SequenceFiles:
+    """Where a sequence is."""
+    return SequenceFiles(made.root, name, "train")

@@ -10,14 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m, motion_vertices_m
-from gmrdata.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.errors import BadBodyFile
-from gmrdata.geometry.camera import project_cam
-from gmrdata.geometry.transforms import apply, rigid
-from gmrdata.pseudogt.compose import camera_motion, world_motion
-from gmrdata.threedpw.arrays import SequenceArrays
+from gmrdata.read.openpose import OPENPOSE_JOINTS
+from gmrdata.read.threedpw import Sequence3DPW, read_sequence
+from gmrdata.read.threedpw_arrays import SequenceArrays
 from gmrdata.threedpw.camera_frame import (
     WORLD_FROM_3DPW,
     camera_clip,
@@ -25,8 +20,13 @@ from gmrdata.threedpw.camera_frame import (
     shape_of,
     world_clip,
 )
-from gmrdata.threedpw.keypoints import OPENPOSE_JOINTS
-from gmrdata.threedpw.read import Sequence3DPW, read_sequence
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project_cam
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadBodyFile
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from gmrdata.values.transforms import apply, rigid
+from gmrdata.world.compose import camera_motion, world_motion
 
 NAME = "courtyard_walk_00"
 Make = Callable[..., Path]

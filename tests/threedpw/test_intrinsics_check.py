@@ -7,34 +7,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.body.model import BodyModel
-from gmrdata.body.skin import motion_joints_m
-from gmrdata.clip import Clip, camera_of
-from gmrdata.geometry.camera import CameraPath
-from gmrdata.geometry.programmes import (
-    Circular,
-    Linear,
-    Panning,
-    Programme,
-    Small,
-    Static,
-    camera_path,
-)
+from gmrdata.film.programmes import Circular, Linear, Panning, Programme, Small, Static, camera_path
 from gmrdata.motion.gait import make_gait
-from gmrdata.motion.motion import Motion
-from gmrdata.threedpw.arrays import Person, SequenceArrays
-from gmrdata.threedpw.build import sequence_arrays
-from gmrdata.threedpw.faults import FaultConfig, dataset_side
-from gmrdata.threedpw.images import SequenceImages
+from gmrdata.read.openpose import KeypointConfig, detected_keypoints
+from gmrdata.read.threedpw import Sequence3DPW, SequenceImages
+from gmrdata.read.threedpw_arrays import Person, SequenceArrays
+from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.threedpw.intrinsics_check import (
     FocalEstimate,
     IntrinsicsConfig,
     estimate_focal,
     intrinsics_reason,
 )
-from gmrdata.threedpw.keypoints import KeypointConfig, detected_keypoints
-from gmrdata.threedpw.layout import SequenceFiles
-from gmrdata.threedpw.read import Sequence3DPW
+from gmrdata.twins.faults import FaultConfig, dataset_side
+from gmrdata.twins.twin import sequence_arrays
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m
 
 WIDTH_PX, HEIGHT_PX, N_FRAMES = 540, 960, 150
 CONFIG = IntrinsicsConfig()

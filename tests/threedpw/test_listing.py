@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.errors import BadRecipe
-from gmrdata.threedpw.arrays import SequenceArrays
-from gmrdata.threedpw.layout import SequenceFiles
+from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.threedpw.listing import range_rows, sequence_rows
-from gmrdata.threedpw.write import write_sequence
+from gmrdata.values.errors import BadRecipe
+from gmrdata.write.threedpw import write_sequence
 
 NAME = "courtyard_walk_00"
 Make = Callable[..., Path]

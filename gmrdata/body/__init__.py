@@ -1,1 +1,0 @@
-"""BodyModel, its forward pass, and its readers."""

@@ -1,0 +1,1 @@
+"""Frames, masks and intrinsics to cameras up to scale: the COLMAP stage."""

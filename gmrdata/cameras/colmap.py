@@ -1,0 +1,47 @@
+"""Bundle adjustment over a whole model, with a loss that forgives wrong matches.
+
+pycolmap, imported in the one order that works, and silent.
+"""
+
+from typing import Any
+
+import cv2  # noqa: F401
+import pycolmap
+
+# OpenCV first: with pycolmap loaded before it, cv2.imwrite of a PNG aborts the process, because
+# both wheels carry their own libpng (seen with pycolmap 4.2.1 and OpenCV 4.11).
+
+# Only fatal messages: what goes wrong is told by our own errors, with the file and the remedy.
+pycolmap.logging.minloglevel = 3
+
+__all__ = ["pycolmap"]
+
+
+def adjustment_options(*, free_focal: bool, max_iterations: int, function_tolerance: float) -> Any:
+    """COLMAP's options on one thread, so that results repeat.
+
+    Args:
+        free_focal: Whether the focal length is refined; no other intrinsic ever is.
+        max_iterations: Most steps of the solver.
+        function_tolerance: Relative change of the cost at which it ends.
+    """
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = free_focal
+    options.refine_principal_point = False
+    options.refine_extra_params = False
+    options.print_summary = False
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_scale = 1.0
+    options.ceres.solver_options.num_threads = 1
+    options.ceres.solver_options.max_num_iterations = max_iterations
+    options.ceres.solver_options.function_tolerance = function_tolerance
+    return options
+
+
+def whole_problem(model: Any) -> Any:
+    """All cameras and points of a model, its gauge held by two cameras."""
+    problem = pycolmap.BundleAdjustmentConfig()
+    for image_id in sorted(model.reg_image_ids()):
+        problem.add_image(image_id)
+    problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    return problem

@@ -1,0 +1,252 @@
+"""Several models of one sequence as one, where they share frames.
+
+COLMAP's incremental mapper starts a new model where it can't go on, and lets it grow back into
+frames that it has already.  What both models see there fixes the similarity between them.
+
+Cameras of frames that no mapper placed, against points that are known already.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.matches import Matches, pinhole_params
+from gmrdata.values import transforms
+
+MIN_PNP_INLIERS = 20
+
+SeenPoints = dict[int, dict[int, np.ndarray]]
+"""By frame and feature: the point (3,) that is seen there, in the unit of the reconstruction."""
+
+
+def place_frames(
+    rows: Iterable[int],
+    world_from_cam: np.ndarray,
+    observations: np.ndarray,
+    seen: SeenPoints,
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+) -> int:
+    """Place frames by the points that their matched neighbours see.
+
+    Args:
+        rows: The frames without a camera.
+        world_from_cam: (T, 4, 4); filled in place.
+        observations: (T,) points per frame; filled in place.
+        seen: Points of the frames that have a camera; those of placed frames are added.
+        matches: Matches of all T frames.
+        intrinsics_px: (3, 3) calibration matrix [px].
+
+    Returns:
+        How many frames got a camera.
+    """
+    camera = pycolmap.Camera(
+        model="PINHOLE",
+        width=round(2 * intrinsics_px[0, 2]),
+        height=round(2 * intrinsics_px[1, 2]),
+        params=list(pinhole_params(intrinsics_px)),
+    )
+    placed = 0
+    for row, points in _points_of(set(rows), seen, matches).items():
+        if len(points) < MIN_PNP_INLIERS:
+            continue
+        answer = pycolmap.estimate_and_refine_absolute_pose(
+            matches.keypoints_px[row][list(points)], np.array(list(points.values())), camera
+        )
+        if answer is not None and answer["num_inliers"] >= MIN_PNP_INLIERS:
+            matrix = np.asarray(answer["cam_from_world"].matrix())
+            world_from_cam[row] = transforms.invert(transforms.rigid(matrix[:, :3], matrix[:, 3]))
+            observations[row] = answer["num_inliers"]
+            agree = zip(points.items(), answer["inlier_mask"], strict=True)
+            seen[row] = {feature: point for (feature, point), inlier in agree if inlier}
+            placed += 1
+    return placed
+
+
+def _points_of(rows: set[int], seen: SeenPoints, matches: Matches) -> SeenPoints:
+    """Points behind the features of each row, through its matches with frames that see them."""
+    found: SeenPoints = {row: {} for row in sorted(rows)}
+    for pair in matches.pairs:
+        for mine, other, column in ((pair.first, pair.second, 0), (pair.second, pair.first, 1)):
+            if mine not in rows or other not in seen:
+                continue
+            points = seen[other]
+            for features in pair.features:
+                theirs = int(features[1 - column])
+                if theirs in points:
+                    found[mine][int(features[column])] = points[theirs]
+    return found
+
+
+MIN_SHARED_POINTS = 12
+"""Points that both models must have; a similarity is fixed by three."""
+MIN_COMMON_OBSERVATIONS = 2
+"""Image points by which a point of one model is known to be a point of the other."""
+POINT_ERROR_SHARE = 0.05
+"""How far apart the two may be, as a share of the distance to the camera: depths are uncertain."""
+MIN_INLIER_SHARE = 0.5
+"""Share of the shared points that must agree with the similarity."""
+MAX_SHARED_ERROR_PX = 4.0
+"""Median error at which one model's points appear in the other's cameras of the shared frames."""
+
+
+@dataclass(frozen=True)
+class ModelRecord:
+    """What became of one model that a mapper returned."""
+
+    frames: int
+    """Frames that it has a camera for."""
+    kept: bool
+    """Whether it is part of the result."""
+    reason: str
+    """What it was joined by, or why it was dropped."""
+
+
+def join_models(models: list[Any], seed: int) -> tuple[Any, tuple[ModelRecord, ...]]:
+    """Join to the largest model all that share enough with it, one after the other.
+
+    Args:
+        models: One or more of COLMAP's reconstructions from one database.
+        seed: Seed of the robust fit.
+
+    Returns:
+        The largest model, in its own world, with what was joined to it; and what became of each
+        model, the largest first.
+    """
+    ranked = sorted(models, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))
+    whole, waiting = pycolmap.Reconstruction(ranked[0]), dict(enumerate(ranked[1:], start=1))
+    records = {0: ModelRecord(whole.num_reg_images(), True, "the largest")}
+    grown = True
+    # A model may share frames only with one that is joined later.
+    while waiting and grown:
+        grown = False
+        for i, model in list(waiting.items()):
+            whole_from_model, said = _similarity(whole, model, seed)
+            records[i] = ModelRecord(model.num_reg_images(), whole_from_model is not None, said)
+            if whole_from_model is not None:
+                moved = pycolmap.Reconstruction(model)
+                moved.transform(whole_from_model)
+                _take_over(whole, moved)
+                del waiting[i]
+                grown = True
+    return whole, tuple(records[i] for i in range(len(ranked)))
+
+
+def _similarity(whole: Any, model: Any, seed: int) -> tuple[Any | None, str]:
+    """whole_from_model, or None; and the reason in words."""
+    shared = sorted(set(whole.reg_image_ids()) & set(model.reg_image_ids()))
+    if not shared:
+        return None, "shares no frame with the largest"
+    frames = f"{len(shared)} frame{'s' if len(shared) > 1 else ''}"
+    theirs, ours = _shared_points(whole, model)
+    if len(ours) < MIN_SHARED_POINTS:
+        return None, (
+            f"shares {frames} but only {len(ours)} points with the largest "
+            f"(limit {MIN_SHARED_POINTS})"
+        )
+    options = pycolmap.RANSACOptions()
+    options.random_seed = seed
+    options.max_error = POINT_ERROR_SHARE * _median_distance(whole, shared)
+    # Points, not centres: those of a camera that goes straight leave a turn about its way open.
+    fit: Any = pycolmap.estimate_sim3d_robust(theirs, ours, options)
+    if fit is None or fit["num_inliers"] < MIN_INLIER_SHARE * len(ours):
+        return None, f"no similarity fits the {len(ours)} points that it shares with the largest"
+    whole_from_model = fit["tgt_from_src"]
+    error_px = _shared_error_px(whole, model, whole_from_model, shared)
+    if not error_px <= MAX_SHARED_ERROR_PX:
+        return None, (
+            f"its cameras of the {frames} shared with the largest are {error_px:.1f} px off "
+            f"(limit {MAX_SHARED_ERROR_PX:g} px)"
+        )
+    return whole_from_model, f"joined by {frames} and {len(ours)} points, {error_px:.2f} px off"
+
+
+def _owners(model: Any) -> dict[tuple[int, int], int]:
+    """The point behind each image point, by image and number."""
+    return {
+        (element.image_id, element.point2D_idx): point_id
+        for point_id in sorted(model.point3D_ids())
+        for element in model.point3D(point_id).track.elements
+    }
+
+
+def _shared_points(whole: Any, model: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) of a model and those of the whole that the same image points belong to."""
+    owners, theirs, ours = _owners(whole), [], []
+    for point_id in sorted(model.point3D_ids()):
+        point = model.point3D(point_id)
+        at = [(element.image_id, element.point2D_idx) for element in point.track.elements]
+        votes = Counter(owners[image_point] for image_point in at if image_point in owners)
+        owner, common = votes.most_common(1)[0] if votes else (0, 0)
+        if common >= MIN_COMMON_OBSERVATIONS:
+            theirs.append(point.xyz)
+            ours.append(whole.point3D(owner).xyz)
+    return np.array(theirs).reshape(-1, 3), np.array(ours).reshape(-1, 3)
+
+
+def _seen_from(model: Any, image_id: int) -> np.ndarray:
+    """Points (N, 3) that a frame sees."""
+    ids = [p.point3D_id for p in model.image(image_id).points2D if p.has_point3D()]
+    return np.array([model.point3D(i).xyz for i in ids]).reshape(-1, 3)
+
+
+def _median_distance(model: Any, image_ids: list[int]) -> float:
+    distances = [
+        np.linalg.norm(_seen_from(model, i) - model.image(i).projection_center(), axis=1)
+        for i in image_ids
+    ]
+    return float(np.median(np.concatenate(distances)))
+
+
+def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list[int]) -> float:
+    """Median distance at which the whole's points appear in the model's cameras and in its own."""
+    model_from_whole = whole_from_model.inverse()
+    errors = []
+    for image_id in shared:
+        points = _seen_from(whole, image_id)
+        moved = points @ (model_from_whole.scale * model_from_whole.rotation.matrix()).T
+        moved += model_from_whole.translation
+        own_px = _project(whole.image(image_id), points)
+        errors.append(np.linalg.norm(_project(model.image(image_id), moved) - own_px, axis=1))
+    return float(np.median(np.concatenate(errors)))
+
+
+def _project(image: Any, points: np.ndarray) -> np.ndarray:
+    """Image points (N, 2) [px]; NaN behind the camera."""
+    matrix = np.asarray(image.cam_from_world().matrix())
+    points_cam = transforms.apply(transforms.rigid(matrix[:, :3], matrix[:, 3]), points)
+    points_cam[points_cam[:, 2] <= 0] = np.nan
+    rays = points_cam[:, :2] / points_cam[:, 2:]
+    return rays @ image.camera.calibration_matrix()[:2, :2].T
+
+
+def _take_over(whole: Any, model: Any) -> None:
+    """Add frames and points of a model that is in the same world."""
+    registered = set(whole.reg_image_ids())
+    for image_id in sorted(set(model.reg_image_ids()) - registered):
+        theirs = model.image(image_id)
+        image = pycolmap.Image(
+            theirs.name,
+            np.array([point.xy for point in theirs.points2D]).reshape(-1, 2),
+            theirs.camera_id,
+            image_id,
+        )
+        whole.add_image_with_trivial_frame(image, theirs.cam_from_world())
+    owners = _owners(whole)
+    for point_id in sorted(model.point3D_ids()):
+        point = model.point3D(point_id)
+        seen = [(element.image_id, element.point2D_idx) for element in point.track.elements]
+        known = sorted({owners[at] for at in seen if at in owners})
+        free = [pycolmap.TrackElement(*at) for at in seen if at not in owners]
+        if known:
+            frames = {e.image_id for e in whole.point3D(known[0]).track.elements}
+            for element in free:
+                if element.image_id not in frames:
+                    frames.add(element.image_id)
+                    whole.add_observation(known[0], element)
+        elif len(free) >= 2:
+            whole.add_point3D(point.xyz, pycolmap.Track(free))

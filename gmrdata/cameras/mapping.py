@@ -1,0 +1,258 @@
+"""Cameras with six degrees of freedom: COLMAP's mappers, then a robust bundle adjustment."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.cameras.colmap import adjustment_options, pycolmap, whole_problem
+from gmrdata.cameras.focal import FreedFocal, freed_focal
+from gmrdata.cameras.joining import ModelRecord, SeenPoints, join_models, place_frames
+from gmrdata.cameras.matches import Matches
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.values import transforms
+
+MIN_PARALLAX_DEG = 0.1
+"""Points with less hardly have a depth [deg]; COLMAP's usual 1 degree empties slow sequences."""
+SMALL_START_DEG = 0.5
+"""Parallax of the first pair where the camera hardly leaves its place [deg]; COLMAP's usual 16
+degrees find no pair there.  About a hand's 5 cm before a background 5 m away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """A reconstruction as arrays.  The unit of length is arbitrary."""
+
+    world_from_cam: np.ndarray
+    """(T, 4, 4); NaN where `has_camera` is False."""
+    has_camera: np.ndarray
+    """(T,) bool."""
+    points: np.ndarray
+    """(N, 3) points of the background, world frame [unit of length]."""
+    track_lengths: np.ndarray
+    """(N,) frames that see each point."""
+    errors_px: np.ndarray
+    """(M,) reprojection error of every observation [px]."""
+    observations: np.ndarray
+    """(T,) observations per frame."""
+    mapper: str
+    """"global", "incremental" or "small_parallax", which is incremental with lower limits."""
+    models: tuple[ModelRecord, ...]
+    """Separate models that the mapper returned, the largest first, and what became of them."""
+    n_resected: int
+    """Frames that the mapper left out and that were placed against its points afterwards."""
+    seen: SeenPoints
+    """Points that each frame with a camera sees."""
+    focal: FreedFocal | None = None
+    """The focal length that the model would choose; None where it doesn't say."""
+
+
+def map_frames(
+    database_path: Path,
+    images: list[Path],
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+    config: SfmConfig,
+) -> Mapped | None:
+    """Map all frames; None if neither mapper finds a model.
+
+    The global mapper goes first.  The incremental one is tried where the global one leaves frames
+    out, and is taken if it registers more of them, or as many with more observations.  Models that
+    share frames are joined.  Where neither finds a model, the camera may hardly leave its place:
+    the incremental one is run with lower limits for parallax.  A pan has no model even then.
+
+    Args:
+        database_path: COLMAP's database with verified matches.
+        images: Frames in order.
+        matches: The same matches as arrays.
+        intrinsics_px: (3, 3) calibration matrix [px].
+        config: The recipe.
+    """
+    found: list[Mapped] = []
+    runs = {
+        "global": _run_global,
+        "incremental": _run_incremental,
+        "small_parallax": _run_small_parallax,
+    }
+    for mapper, run in runs.items():
+        if found and mapper == "small_parallax":
+            break
+        out_dir = database_path.parent / mapper
+        out_dir.mkdir()
+        models = list(run(database_path, images, out_dir, config).values())
+        if models:
+            whole, records = join_models(models, config.seed)
+            found.append(_finish(whole, mapper, records, images, matches, intrinsics_px, config))
+            if found[-1].has_camera.all():
+                break
+    return max(found, key=lambda m: (m.has_camera.sum(), m.observations.sum()), default=None)
+
+
+def place_between(
+    keys: Mapped, key_rows: np.ndarray, matches: Matches, intrinsics_px: np.ndarray
+) -> Mapped:
+    """A reconstruction of K keyframes, with the frames between them placed against its points.
+
+    Args:
+        keys: The reconstruction.
+        key_rows: (K,) rows of the keyframes.
+        matches: Matches of all T frames.
+        intrinsics_px: (3, 3) calibration matrix [px].
+    """
+    n = matches.n_frames
+    world_from_cam = np.full((n, 4, 4), np.nan)
+    observations = np.zeros(n, dtype=np.int64)
+    world_from_cam[key_rows], observations[key_rows] = keys.world_from_cam, keys.observations
+    seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
+    between = sorted(set(range(n)) - {int(row) for row in key_rows})
+    place_frames(between, world_from_cam, observations, seen, matches, intrinsics_px)
+    return replace(
+        keys,
+        world_from_cam=world_from_cam,
+        has_camera=np.isfinite(world_from_cam[:, 0, 0]),
+        observations=observations,
+        seen=seen,
+    )
+
+
+def _run_global(
+    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
+) -> dict[int, Any]:
+    options = pycolmap.GlobalPipelineOptions()
+    options.num_threads = options.mapper.num_threads = 1
+    options.random_seed = options.mapper.random_seed = config.seed
+    options.min_num_matches = config.min_pair_inliers
+    options.mapper.bundle_adjustment.refine_focal_length = False
+    options.mapper.bundle_adjustment.refine_extra_params = False
+    options.mapper.bundle_adjustment.ceres.use_gpu = False
+    options.mapper.global_positioning.use_gpu = False
+    return dict(pycolmap.global_mapping(database_path, images[0].parent, out_dir, options))
+
+
+def _run_incremental(
+    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
+) -> dict[int, Any]:
+    options = _incremental_options(config)
+    return dict(pycolmap.incremental_mapping(database_path, images[0].parent, out_dir, options))
+
+
+def _run_small_parallax(
+    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
+) -> dict[int, Any]:
+    options = _incremental_options(config)
+    options.mapper.init_min_tri_angle = SMALL_START_DEG
+    options.mapper.filter_min_tri_angle = options.triangulation.min_angle = MIN_PARALLAX_DEG
+    # Half of what else is asked for: small frames between masks have no more.
+    options.mapper.init_min_num_inliers = 50
+    return dict(pycolmap.incremental_mapping(database_path, images[0].parent, out_dir, options))
+
+
+def _incremental_options(config: SfmConfig) -> Any:
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads = options.mapper.num_threads = 1
+    options.random_seed = options.mapper.random_seed = config.seed
+    options.min_num_matches = config.min_pair_inliers
+    options.min_model_size = config.min_frames_registered
+    options.ba_refine_focal_length = options.ba_refine_extra_params = False
+    options.mapper.abs_pose_refine_focal_length = False
+    options.mapper.abs_pose_refine_extra_params = False
+    options.extract_colors = False
+    return options
+
+
+def _finish(
+    model: Any,
+    mapper: str,
+    records: tuple[ModelRecord, ...],
+    images: list[Path],
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+    config: SfmConfig,
+) -> Mapped:
+    """Refine a model, place the frames that it lacks, and read it out."""
+    _adjust(model)
+    _drop_outliers(model, config.max_reprojection_px)
+    _adjust(model)
+    row_of_name = {image.name: row for row, image in enumerate(images)}
+    n = len(images)
+    world_from_cam = np.full((n, 4, 4), np.nan)
+    observations = np.zeros(n, dtype=np.int64)
+    errors: list[np.ndarray] = []
+    point_of_feature: SeenPoints = {}
+    # Sorted by name, since COLMAP keeps them in hash tables.
+    for image_id in sorted(model.reg_image_ids()):
+        image = model.image(image_id)
+        row = row_of_name[image.name]
+        cam_from_world = transforms.rigid(*_split(image.cam_from_world().matrix()))
+        world_from_cam[row] = transforms.invert(cam_from_world)
+        seen = {
+            feature: np.asarray(model.point3D(point.point3D_id).xyz)
+            for feature, point in enumerate(image.points2D)
+            if point.has_point3D()
+        }
+        point_of_feature[row] = seen
+        observations[row] = len(seen)
+        errors.append(_errors_px(seen, matches.keypoints_px[row], cam_from_world, intrinsics_px))
+    _forget_weak(world_from_cam, observations, point_of_feature, config.min_frame_points)
+    missing = [row for row in range(n) if row not in point_of_feature]
+    n_resected = place_frames(
+        missing, world_from_cam, observations, point_of_feature, matches, intrinsics_px
+    )
+    point_ids = sorted(model.point3D_ids())
+    return Mapped(
+        world_from_cam,
+        np.isfinite(world_from_cam[:, 0, 0]),
+        np.array([model.point3D(i).xyz for i in point_ids]).reshape(-1, 3),
+        np.array([model.point3D(i).track.length() for i in point_ids], dtype=np.int64),
+        np.concatenate(errors) if errors else np.zeros(0),
+        observations,
+        mapper,
+        records,
+        n_resected,
+        point_of_feature,
+        freed_focal(model),
+    )
+
+
+def _forget_weak(
+    world_from_cam: np.ndarray,
+    observations: np.ndarray,
+    point_of_feature: SeenPoints,
+    min_points: int,
+) -> None:
+    """Take away cameras that too few points hold in place."""
+    for row in list(point_of_feature):
+        if observations[row] < min_points:
+            world_from_cam[row], observations[row] = np.nan, 0
+            del point_of_feature[row]
+
+
+def _adjust(model: Any) -> None:
+    """Bundle adjustment with fixed intrinsics and a loss that forgives wrong matches."""
+    options = adjustment_options(free_focal=False, max_iterations=50, function_tolerance=1e-6)
+    # Not `pycolmap.bundle_adjustment`, which turns its log back on.
+    pycolmap.create_default_bundle_adjuster(options, whole_problem(model), model).solve()
+
+
+def _drop_outliers(model: Any, max_error_px: float) -> None:
+    model.update_point_3d_errors()
+    manager = pycolmap.ObservationManager(model)
+    manager.filter_all_points3D(max_error_px, MIN_PARALLAX_DEG)
+
+
+def _split(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(matrix)[:, :3], np.asarray(matrix)[:, 3]
+
+
+def _errors_px(
+    seen: dict[int, np.ndarray],
+    keypoints_px: np.ndarray,
+    cam_from_world: np.ndarray,
+    intrinsics_px: np.ndarray,
+) -> np.ndarray:
+    if not seen:
+        return np.zeros(0)
+    points_cam = transforms.apply(cam_from_world, np.array(list(seen.values())))
+    image_px = (points_cam / points_cam[:, 2:]) @ intrinsics_px.T
+    return np.asarray(np.linalg.norm(image_px[:, :2] - keypoints_px[list(seen)], axis=1))

@@ -1,0 +1,237 @@
+"""Features outside the masks, and verified matches between frames."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.masks.folder import find_mask
+from gmrdata.read.frames import read_gray, write_gray
+from gmrdata.stage.jobs import own_cores
+from gmrdata.values.errors import BadFrames, NoReconstruction
+
+FEWEST_FEATURES = 8
+"""A frame with fewer can't be matched."""
+MIN_FRAMES = 3
+"""Frames with features that a reconstruction needs at least."""
+MASKED_SHARE = 0.9
+"""Masks that cover more than this leave nothing to be seen."""
+DARK_GREY = 24
+"""Frames whose 95th percentile is darker than this are black [of 255]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairMatches:
+    """Verified matches of two frames."""
+
+    first: int
+    """Row of the first frame."""
+    second: int
+    """Row of the second frame."""
+    features: np.ndarray
+    """(M, 2) feature index in the first and in the second frame."""
+    configuration: str
+    """What COLMAP's two-view test says: CALIBRATED, PLANAR, PANORAMIC, PLANAR_OR_PANORAMIC, ..."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """All that is known of a sequence before a geometry is chosen."""
+
+    keypoints_px: list[np.ndarray]
+    """T arrays (N, 2): image points of each frame [px]."""
+    pairs: list[PairMatches]
+    """Pairs with enough verified matches, in order of (first, second)."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames T."""
+        return len(self.keypoints_px)
+
+
+def match_frames(
+    images: list[Path],
+    masks_dir: Path | None,
+    intrinsics_px: np.ndarray,
+    size_px: tuple[int, int],
+    work_dir: Path,
+    config: SfmConfig,
+) -> Matches:
+    """Find and match features; COLMAP's database stays in `work_dir` for the mappers.
+
+    Args:
+        images: Frames in order, all in one folder.
+        masks_dir: Masks (255 = dynamic), or None to use the whole of every frame.
+        intrinsics_px: (3, 3) calibration matrix [px].
+        size_px: (width, height) of the frames.
+        work_dir: Folder for the database `database.db`.
+        config: The recipe.
+
+    Raises:
+        BadFrames: a mask is missing or of another size.
+        NoReconstruction: too few features outside the masks, or no two frames match.
+    """
+    pycolmap.set_random_seed(config.seed)
+    database_path = work_dir / "database.db"
+    _extract(images, masks_dir, intrinsics_px, size_px, work_dir, config)
+    _match(database_path, config)
+    _sort_pairs(database_path)
+    matches = _read(database_path, images)
+    _require_usable(matches, images, masks_dir)
+    return matches
+
+
+def _extract(
+    images: list[Path],
+    masks_dir: Path | None,
+    intrinsics_px: np.ndarray,
+    size_px: tuple[int, int],
+    work_dir: Path,
+    config: SfmConfig,
+) -> None:
+    reader = pycolmap.ImageReaderOptions()
+    reader.camera_model = "PINHOLE"
+    reader.camera_params = ",".join(repr(float(v)) for v in pinhole_params(intrinsics_px))
+    if masks_dir is not None:
+        colmap_masks_dir = work_dir / "masks"
+        colmap_masks_dir.mkdir()
+        for image in images:
+            # COLMAP's sense: no features where the mask is 0.
+            mask = read_gray(find_mask(masks_dir, image), size_px)
+            write_gray(colmap_masks_dir / f"{image.name}.png", 255 * (mask <= 127).astype(np.uint8))
+        reader.mask_path = str(colmap_masks_dir)
+    options = pycolmap.FeatureExtractionOptions()
+    options.num_threads = config.threads or own_cores()
+    options.max_image_size = max(size_px)
+    options.sift.max_num_features = config.max_features
+    options.sift.first_octave = config.first_octave
+    database_path, names = work_dir / "database.db", [image.name for image in images]
+    single = pycolmap.CameraMode.SINGLE
+    # Images get their ids here, in order; threads of the extraction would give them in any.
+    pycolmap.Database.open(database_path).close()
+    pycolmap.import_images(database_path, images[0].parent, single, names, reader)
+    pycolmap.extract_features(
+        database_path=database_path,
+        image_path=images[0].parent,
+        image_names=names,
+        camera_mode=single,
+        reader_options=reader,
+        extraction_options=options,
+        device=pycolmap.Device.cpu,
+    )
+
+
+def _match(database_path: Path, config: SfmConfig) -> None:
+    # One thread: with two, pycolmap 4.2.1 now and then gives other matches for the same features.
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.num_threads = 1
+    pairing = pycolmap.SequentialPairingOptions()
+    pairing.overlap = config.overlap
+    pairing.quadratic_overlap = True
+    pairing.num_threads = 1
+    pycolmap.match_sequential(
+        database_path=database_path,
+        matching_options=matching,
+        pairing_options=pairing,
+        verification_options=_verification(config),
+        device=pycolmap.Device.cpu,
+    )
+
+
+def _verification(config: SfmConfig) -> Any:
+    options = pycolmap.TwoViewGeometryOptions()
+    options.min_num_inliers = config.min_pair_inliers
+    options.ransac.max_error = config.verification_error_px
+    options.ransac.random_seed = config.seed
+    # A slow camera leaves matches where they are, as a watermark would.
+    options.detect_watermark = False
+    return options
+
+
+def _sort_pairs(database_path: Path) -> None:
+    """Put the pairs in order: threads write them as they finish, and mappers depend on it."""
+    database = pycolmap.Database.open(database_path)
+    try:
+        pair_ids, geometries = database.read_two_view_geometries()
+        database.clear_two_view_geometries()
+        for i in np.argsort(np.asarray(pair_ids, dtype=np.uint64)):
+            database.write_two_view_geometry(
+                *pycolmap.pair_id_to_image_pair(pair_ids[i]), geometries[i]
+            )
+    finally:
+        database.close()
+
+
+def pinhole_params(intrinsics_px: np.ndarray) -> tuple[float, float, float, float]:
+    """fx, fy, cx, cy of a calibration matrix [px]."""
+    return (
+        float(intrinsics_px[0, 0]),
+        float(intrinsics_px[1, 1]),
+        float(intrinsics_px[0, 2]),
+        float(intrinsics_px[1, 2]),
+    )
+
+
+def _read(database_path: Path, images: list[Path]) -> Matches:
+    database = pycolmap.Database.open(database_path)
+    try:
+        row_of_name = {image.name: row for row, image in enumerate(images)}
+        row_of_id: dict[int, int] = {}
+        keypoints_px = [np.zeros((0, 2))] * len(images)
+        for image in database.read_all_images():
+            row = row_of_name.pop(image.name)
+            row_of_id[image.image_id] = row
+            if database.exists_keypoints(image.image_id):
+                points = np.asarray(database.read_keypoints(image.image_id), dtype=np.float64)
+                if len(points):
+                    keypoints_px[row] = points[:, :2]
+        if row_of_name:
+            unread = images[min(row_of_name.values())]
+            raise BadFrames(f"{unread}: cannot be decoded; extract or copy this frame again")
+        pairs = []
+        pair_ids, geometries = database.read_two_view_geometries()
+        for pair_id, geometry in zip(pair_ids, geometries, strict=True):
+            first, second = (row_of_id[i] for i in pycolmap.pair_id_to_image_pair(pair_id))
+            features = np.asarray(geometry.inlier_matches, dtype=np.int64).reshape(-1, 2)
+            if len(features) == 0:
+                continue
+            configuration = pycolmap.TwoViewGeometryConfiguration(geometry.config).name
+            if first > second:
+                first, second, features = second, first, features[:, ::-1]
+            pairs.append(PairMatches(first, second, features, configuration))
+    finally:
+        database.close()
+    return Matches(keypoints_px, sorted(pairs, key=lambda pair: (pair.first, pair.second)))
+
+
+def _why_featureless(images: list[Path], masks_dir: Path | None) -> str:
+    """What keeps the frames from having features, by how much is masked and how bright they are."""
+    if masks_dir is not None:
+        masked = np.mean(
+            [(read_gray(find_mask(masks_dir, image)) > 127).mean() for image in images]
+        )
+        if masked > MASKED_SHARE:
+            return f"the masks cover {masked:.0%} of the picture; check what made them"
+    brightness = np.median([np.percentile(read_gray(image), 95) for image in images])
+    if brightness < DARK_GREY:
+        return f"the frames are black (grey value {brightness:.0f} of 255); check the images"
+    return "the background is textureless; take a sequence that shows more of its surroundings"
+
+
+def _require_usable(matches: Matches, images: list[Path], masks_dir: Path | None) -> None:
+    counts = np.array([len(points) for points in matches.keypoints_px])
+    folder = images[0].parent
+    if (counts >= FEWEST_FEATURES).sum() < MIN_FRAMES:
+        where = "outside the masks" if masks_dir is not None else "in the frames"
+        raise NoReconstruction(
+            f"{folder}: {int(np.median(counts))} features per frame {where}: "
+            f"{_why_featureless(images, masks_dir)}"
+        )
+    if not matches.pairs:
+        raise NoReconstruction(
+            f"{folder}: no two frames show the same background; check that the frames are in order "
+            "and belong to one take"
+        )

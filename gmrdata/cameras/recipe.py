@@ -1,0 +1,74 @@
+"""The recipe of structure from motion."""
+
+from pydantic import Field
+
+from gmrdata.values.records import Config
+
+
+class SfmConfig(Config):
+    """Cameras from frames: features, pairs, verification, choice of geometry, refinement."""
+
+    max_image_size_px: int = Field(default=1280, ge=64)
+    """Longer side above which frames are reduced before anything is sought in them; all pixels of
+    this recipe and of the record are then those of the reduced frames [px]."""
+    keyframe_step: float = Field(default=0.04, ge=0, le=0.5)
+    """How far the background moves from one keyframe to the next, as a share of the frame's longer
+    side; 0: every frame is a keyframe."""
+    keyframe_gap: int = Field(default=15, ge=1)
+    """Frames from one keyframe to the next at most."""
+    min_keyframes: int = Field(default=12, ge=2)
+    """Keyframes at least, evenly spread where the motion asks for fewer: mappers need pairs."""
+    keyframe_image_size_px: int = Field(default=640, ge=64)
+    """Longer side of the reduced frames on which keyframes are chosen [px]."""
+    followed_points: int = Field(default=500, ge=20)
+    """Points of a keyframe that are followed into the frames between, at most."""
+    max_features: int = Field(default=2000, ge=100)
+    """SIFT features per frame at most; the largest are kept."""
+    first_octave: int = Field(default=0, ge=-1, le=2)
+    """First SIFT octave: -1 doubles the image (slower, more features), 0 takes it as it is."""
+    overlap: int = Field(default=8, ge=1)
+    """Each frame is paired with those 1, 2, 4, ... later: so many pairs per frame."""
+    min_pair_inliers: int = Field(default=15, ge=8)
+    """Matches that a pair of frames must share after geometric verification."""
+    verification_error_px: float = Field(default=2.0, gt=0)
+    """Distance from the epipolar line (or homography) up to which a match is an inlier [px]."""
+    rotation_only_median_px: float = Field(default=1.0, gt=0)
+    """Largest median residual at which a pure rotation explains the matches [px]."""
+    rotation_only_wide_median_px: float = Field(default=1.5, gt=0)
+    """Largest median residual of the worst tenth of the pairs for a pure rotation [px]."""
+    rotation_only_inlier_px: float = Field(default=2.0, gt=0)
+    """Residual up to which a match agrees with a pure rotation [px]."""
+    rotation_only_share: float = Field(default=0.85, gt=0, le=1)
+    """Smallest share of verified matches that must agree with a pure rotation."""
+    small_travel_share: float = Field(default=0.1, ge=0)
+    """A camera whose places are further apart than this share of the background's distance
+    travels; of one that doesn't, a pure rotation is taken if the model is bent."""
+    small_travel_median_px: float = Field(default=1.5, gt=0)
+    """Largest median residual of a pure rotation for that [px]."""
+    static_px: float = Field(default=0.3, ge=0)
+    """A camera that only turns, and moves the middle of its image by less than this, is static
+    [px]."""
+    min_frames_registered: int = Field(default=3, ge=2)
+    """A reconstruction with fewer cameras counts as none."""
+    min_frame_points: int = Field(default=15, ge=4)
+    """A frame that sees fewer background points has no camera, for six degrees of freedom."""
+    acceleration_deg: float = Field(default=0.002, gt=0)
+    """Least standard deviation of the change in the camera's turn from one frame to the next, per
+    axis, of the prior that refines all frames together [degrees/frame^2]; a path that keeps to more
+    is allowed that.  The default is 1.8 degrees/s^2 at 30 frames/s, the unrest of a good tripod
+    head; with a camera's noise of 0.004 degrees it halves what is faster than 0.115 cycles/frame,
+    3.4 Hz, so that even a hand's 0.5-2 Hz would pass, which itself is far above that value.  A
+    large value (1) smooths nothing."""
+    acceleration_share: float = Field(default=4e-5, gt=0)
+    """The same for its place, as a share of the background's median distance, since metres are not
+    known yet [1/frame^2]: 0.14 m/s^2 for a background 4 m away, at 30 frames/s."""
+    max_gap_frames: int = Field(default=5, ge=0)
+    """Frames without a camera between two with one get an interpolated camera if they are not more
+    than this, left-out images among them; 0: none is interpolated."""
+    max_reprojection_px: float = Field(default=2.0, gt=0)
+    """Observations with a larger error are dropped before the last bundle adjustment [px]."""
+    threads: int | None = Field(default=None, ge=1)
+    """Threads for finding features, whose number changes nothing in them; None for all cores, or a
+    worker process's share of them.  All else of COLMAP uses one, so that results repeat."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of every random choice."""

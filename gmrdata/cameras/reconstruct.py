@@ -1,0 +1,260 @@
+"""Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits.
+
+Large frames made smaller before cameras are sought in them.
+
+A camera is held by hundreds of points, so it gains little from more pixels than about a million,
+while everything takes as many times longer as there are more.
+"""
+
+import shutil
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.cameras.evidence import explains_better, is_bent, weigh
+from gmrdata.cameras.files import (
+    CAMERAS_FILE,
+    POINTS_FILE,
+    QUALITY_FILE,
+    SfmCameras,
+    save_cameras,
+    save_points,
+)
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.solution import (
+    Solution,
+    mapped_solution,
+    turning_solution,
+    with_short_gaps_filled,
+)
+from gmrdata.cameras.timeline import Timeline, cuts_in_words
+from gmrdata.masks.folder import find_mask
+from gmrdata.read.frames import check_images, image_number, list_images, read_gray
+from gmrdata.stage.jobs import in_threads
+from gmrdata.stage.store import run_stage
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadRecipe, NoReconstruction
+from gmrdata.values.files import write_json
+from gmrdata.values.records import Config
+
+FAST_PNG = 1
+"""zlib's level of compression."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Frames as they are worked on."""
+
+    images: list[Path]
+    """The frames."""
+    masks_dir: Path | None
+    """Masks (255 = dynamic), one per frame."""
+    intrinsics_px: np.ndarray
+    """(3, 3) calibration matrix [px]."""
+    size_px: tuple[int, int]
+    """(width, height)."""
+
+
+def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
+    """Frames whose longer side is at most so long; those that are given if it is so already.
+
+    Args:
+        frames: The frames.
+        longest_px: Longer side [px].
+        out_dir: Folder for smaller ones, in shades of grey, and for their masks.
+
+    Raises:
+        BadFrames: a mask is missing, or it or a frame is broken or of another size.
+    """
+    import cv2
+
+    share = longest_px / max(frames.size_px)
+    if share >= 1:
+        return frames
+    width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
+    masks_dir = None if frames.masks_dir is None else out_dir / "masks"
+    (out_dir / "frames").mkdir(parents=True)
+    if masks_dir is not None:
+        masks_dir.mkdir()
+
+    def reduce_one(image: Path) -> Path:
+        # As PNG it would take 40 times as long to write, and 14 times to read.
+        path = out_dir / "frames" / f"{image.stem}.bmp"
+        gray = read_gray(image, frames.size_px)
+        small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(path), small)
+        if masks_dir is not None and frames.masks_dir is not None:
+            mask = read_gray(find_mask(frames.masks_dir, image), frames.size_px)
+            # A pixel is dynamic if any part of it is.
+            covered = cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_AREA) > 0
+            fast = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
+            cv2.imwrite(str(masks_dir / f"{image.stem}.png"), 255 * covered.astype(np.uint8), fast)
+        return path
+
+    images = in_threads(reduce_one, frames.images)
+    # Pixel (0, 0) is an outer corner, so pixels scale as lengths do.
+    scaling = np.diag([width_px / frames.size_px[0], height_px / frames.size_px[1], 1.0])
+    return Frames(images, masks_dir, scaling @ frames.intrinsics_px, (width_px, height_px))
+
+
+class _SfmRecipe(Config):
+    """What the stage's record holds: the recipe, and the intrinsics that it was given."""
+
+    sfm: SfmConfig
+    """The recipe."""
+    intrinsics_px: tuple[tuple[float, float, float], ...]
+    """Calibration matrix [px]."""
+
+
+def reconstruct(
+    images_dir: Path,
+    masks_dir: Path | None,
+    intrinsics_px: np.ndarray,
+    out_dir: Path,
+    config: SfmConfig,
+    *,
+    left_out: Collection[int] = (),
+    redo: bool = False,
+) -> Path:
+    """Find the camera of every frame, up to one similarity of the world.
+
+    Args:
+        images_dir: Frames with consecutive numbers, but for those left out, all of one size.
+        masks_dir: Masks (255 = dynamic, not used), one per frame; None to use whole frames.
+        intrinsics_px: (3, 3) calibration matrix, without skew, kept fixed [px].
+        out_dir: Folder to make: `cameras.npz`, `points.npz`, `quality.json`.
+        config: The recipe.
+        left_out: Numbers of images that are known to be unusable and get no camera and no row.
+        redo: Replace a folder that another recipe made.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        BadFrames: frames or masks are missing, of different sizes, or not images.
+        BadRecipe: the intrinsics are not a calibration matrix.
+        NoReconstruction: no camera path can be had from these frames; the message says why.
+    """
+    matrix = _checked(intrinsics_px)
+    recipe = _SfmRecipe(sfm=config, intrinsics_px=tuple(tuple(row) for row in matrix.tolist()))
+
+    def work(partial: Path) -> None:
+        images = list_images(images_dir, left_out)
+        size_px = check_images(images)
+        # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
+        work_dir = partial / "colmap"
+        work_dir.mkdir()
+        given = Frames(images, masks_dir, matrix, size_px)
+        frames = reduced(given, config.max_image_size_px, work_dir / "reduced")
+        try:
+            solution = _solve(work_dir, frames, config)
+        except NoReconstruction as error:
+            # The reduced frames are gone when somebody reads this.
+            said = str(error).replace(str(frames.images[0].parent), str(images_dir))
+            raise NoReconstruction(said) from None
+        shutil.rmtree(work_dir)
+        path = CameraPath(matrix, *size_px, solution.world_from_cam, solution.has_camera)
+        cameras = SfmCameras(path, solution.geometry, _numbers(images), solution.interpolated)
+        save_cameras(partial / CAMERAS_FILE, cameras)
+        save_points(partial / POINTS_FILE, solution.points, solution.track_lengths)
+        worked_on = {"worked_on_px": list(frames.size_px)}
+        write_json(partial / QUALITY_FILE, solution.quality | worked_on)
+
+    inputs = {"images": images_dir} | ({} if masks_dir is None else {"masks": masks_dir})
+    return run_stage("sfm", out_dir, recipe, inputs, work, redo=redo)
+
+
+def _checked(intrinsics_px: np.ndarray) -> np.ndarray:
+    matrix = np.asarray(intrinsics_px, dtype=np.float64)
+    expected_zero = [(0, 1), (1, 0), (2, 0), (2, 1)]
+    if (
+        matrix.shape != (3, 3)
+        or not np.isfinite(matrix).all()
+        or any(matrix[at] != 0 for at in expected_zero)
+        or matrix[2, 2] != 1
+        or min(matrix[0, 0], matrix[1, 1]) <= 0
+    ):
+        raise BadRecipe(
+            f"intrinsics {matrix.tolist()}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] [px]"
+        )
+    return matrix
+
+
+def _solve(work_dir: Path, frames: Frames, config: SfmConfig) -> Solution:
+    """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
+    from gmrdata.cameras.keyframes import choose_keyframes
+
+    keys = choose_keyframes(frames.images, frames.masks_dir, frames.size_px, config)
+    timeline = Timeline(_numbers(frames.images), keys.cuts)
+    try:
+        solution = _solve_keyframes(keys.rows, timeline, work_dir, frames, config)
+    except NoReconstruction as error:
+        raise NoReconstruction(f"{error}{cuts_in_words(keys.cuts)}") from None
+    choice = {
+        "keyframes": keys.rows.tolist(),
+        "cuts_after_frames": keys.cuts.tolist(),
+        "featureless": keys.featureless.tolist(),
+    }
+    solution = replace(solution, quality=solution.quality | choice)
+    return with_short_gaps_filled(solution, timeline, config.max_gap_frames)
+
+
+def _solve_keyframes(
+    key_rows: np.ndarray,
+    timeline: Timeline,
+    work_dir: Path,
+    frames: Frames,
+    config: SfmConfig,
+) -> Solution:
+    """Solve keyframes, as a pure rotation where that does, then all frames."""
+    from gmrdata.cameras.focal import turning_focal
+    from gmrdata.cameras.frames_between import with_frames_between
+    from gmrdata.cameras.mapping import map_frames, place_between
+    from gmrdata.cameras.matches import Matches, match_frames
+    from gmrdata.cameras.rotation_only import RotationOnly, solve_rotation_only
+    from gmrdata.cameras.smoothing import refine_mapped, refine_turning
+
+    images, masks_dir = frames.images, frames.masks_dir
+    intrinsics_px, size_px = frames.intrinsics_px, frames.size_px
+    key_images = [images[row] for row in key_rows]
+    matches = match_frames(key_images, masks_dir, intrinsics_px, size_px, work_dir, config)
+
+    def turn(of: Matches) -> RotationOnly:
+        rng = np.random.default_rng(config.seed)
+        return solve_rotation_only(of, intrinsics_px, config.rotation_only_inlier_px, rng)
+
+    turning = turn(matches)
+    evidence = weigh(turning, matches, config)
+    mapped = None
+    if evidence.verdict != "rotation_only":
+        mapped = map_frames(work_dir / "database.db", key_images, matches, intrinsics_px, config)
+    bent = mapped is not None and is_bent(mapped, turning, config)
+    everything = with_frames_between(matches, key_rows, images, masks_dir, size_px, config)
+    if (
+        evidence.verdict == "rotation_only"
+        or bent
+        or (evidence.verdict == "either" and not explains_better(mapped, turning, config))
+    ):
+        focal_px = float(intrinsics_px[0, 0])
+        freed = turning_focal(turning, matches, intrinsics_px)
+        refined, figures = refine_turning(turn(everything), timeline, config)
+        solution = turning_solution(refined, evidence, focal_px, config, freed)
+    elif mapped is not None and mapped.has_camera.sum() >= config.min_frames_registered:
+        placed = place_between(mapped, key_rows, everything, intrinsics_px)
+        placed, figures = refine_mapped(placed, everything, intrinsics_px, timeline, config)
+        solution = mapped_solution(placed, evidence)
+    else:
+        raise NoReconstruction(
+            f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
+            "could build a model; the parallax may be too small, the intrinsics wrong or the "
+            "background moving"
+        )
+    smoothing = figures if solution.geometry != "static" else {}
+    chosen = {"smoothing": smoothing, "bent_model_set_aside": bent}
+    return replace(solution, quality=solution.quality | chosen)
+
+
+def _numbers(images: list[Path]) -> np.ndarray:
+    return np.array([image_number(image) for image in images])

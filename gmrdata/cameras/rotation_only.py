@@ -1,0 +1,265 @@
+"""A camera that only turns: rotations from matched rays, without any depth.
+
+Pairwise rotations come from a robust orthogonal Procrustes fit (Kabsch 1976), a spanning tree of
+the best pairs chains them, and Gauss-Newton with Cauchy weights refines all of them on all matches.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import block_diag, coo_array, csc_array, csr_array, diags_array
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+from scipy.sparse.linalg import spsolve
+from scipy.spatial.transform import Rotation
+
+from gmrdata.cameras.matches import Matches, PairMatches
+from gmrdata.cameras.smoothing import noise_px
+
+HYPOTHESES = 200
+MATCHES_PER_PAIR = 200
+MAX_ITERATIONS = 30
+CAUCHY_SCALE_PX = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class RotationOnly:
+    """Rotations of a camera with a fixed centre, and how well they explain the matches."""
+
+    world_from_cam_rotmats: np.ndarray
+    """(T, 3, 3); identity where `has_camera` is False.  The tree's first frame is the world."""
+    has_camera: np.ndarray
+    """(T,) bool: frames that matches link to the largest group."""
+    residuals_px: np.ndarray
+    """(M,) reprojection error of the sampled matches within that group [px]."""
+    pair_of_residual: np.ndarray
+    """(M,) index into the pairs that were used."""
+    pairs_rows: np.ndarray
+    """(P, 2) first and second frame of the pairs that were used."""
+    information: csr_array
+    """(3T, 3T) of small turns in the world's axes, R <- exp(w) R, at the noise that the residuals
+    show [1/rad^2]; the world is fixed at its first frame, and frames without a camera are zero."""
+
+    @property
+    def pair_medians_px(self) -> np.ndarray:
+        """(P,) median residual of each pair [px]."""
+        order = np.argsort(self.pair_of_residual, kind="stable")
+        starts = np.searchsorted(self.pair_of_residual[order], np.arange(1, len(self.pairs_rows)))
+        groups = np.split(self.residuals_px[order], starts)
+        return np.array([np.median(group) for group in groups])
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Sampled matches of the linked pairs, pair after pair."""
+
+    rows: np.ndarray
+    """(M, 2) first and second frame."""
+    first: np.ndarray
+    """(M, 3) unit rays in the first frame."""
+    second_px: np.ndarray
+    """(M, 2) image points in the second frame [px]."""
+    pair: np.ndarray
+    """(M,) index of the pair."""
+
+
+def solve_rotation_only(
+    matches: Matches, intrinsics_px: np.ndarray, inlier_px: float, rng: np.random.Generator
+) -> RotationOnly:
+    """Fit pure rotations to all verified matches.
+
+    Args:
+        matches: Verified matches; at least one pair.
+        intrinsics_px: (3, 3) calibration matrix [px].
+        inlier_px: Residual up to which a match supports a pairwise rotation [px].
+        rng: Source of the minimal samples.
+    """
+    threshold_rad = inlier_px / float(intrinsics_px[0, 0])
+    sampled = [_sample(pair, rng) for pair in matches.pairs]
+    rays = [unit_rays(points, intrinsics_px) for points in matches.keypoints_px]
+    second_from_first, inliers = [], []
+    for pair, features in zip(matches.pairs, sampled, strict=True):
+        rotation, agree = relative_rotation(
+            rays[pair.first][features[:, 0]], rays[pair.second][features[:, 1]], threshold_rad, rng
+        )
+        second_from_first.append(rotation)
+        inliers.append(int(agree.sum()))
+    rotmats, linked = _chain(matches, np.array(second_from_first), np.array(inliers))
+    used = [i for i, pair in enumerate(matches.pairs) if linked[pair.first] and linked[pair.second]]
+    data = _gather(matches, rays, sampled, used)
+    rotmats = _refine(rotmats, linked, data, intrinsics_px)
+    residuals = np.linalg.norm(_residuals(rotmats, data, intrinsics_px), axis=1)
+    rows = np.array([(matches.pairs[i].first, matches.pairs[i].second) for i in used])
+    information = _information(rotmats, linked, data, intrinsics_px)
+    return RotationOnly(rotmats, linked, residuals, data.pair, rows, information)
+
+
+def unit_rays(points_px: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
+    """Viewing directions (N, 3) of image points (N, 2) [px], camera frame, unit length."""
+    rays = (
+        np.concatenate([points_px, np.ones((len(points_px), 1))], axis=1)
+        @ np.linalg.inv(intrinsics_px).T
+    )
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def relative_rotation(
+    rays_a: np.ndarray, rays_b: np.ndarray, threshold_rad: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation b_from_a (3, 3) that most matched unit rays (M, 3) agree with, and which do (M,)."""
+    samples = rng.integers(0, len(rays_a), size=(HYPOTHESES, 2))
+    hypotheses = _kabsch(rays_a[samples], rays_b[samples])
+    rotated = np.einsum("hij,mj->hmi", hypotheses, rays_a)
+    # Chords stand for angles: the two differ by 1e-7 relative at these sizes.
+    agree = ((rotated - rays_b) ** 2).sum(axis=-1) < threshold_rad**2
+    best = agree[agree.sum(axis=1).argmax()]
+    rotation = hypotheses[agree.sum(axis=1).argmax()]
+    for _ in range(3):
+        if best.sum() < 2:
+            break
+        rotation = _kabsch(rays_a[best][None], rays_b[best][None])[0]
+        best = ((rays_a @ rotation.T - rays_b) ** 2).sum(axis=1) < threshold_rad**2
+    return rotation, best
+
+
+def _kabsch(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Rotations (H, 3, 3) that best map directions a (H, N, 3) to b."""
+    u, _, vt = np.linalg.svd(np.einsum("hni,hnj->hij", b, a))
+    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    u[:, :, 2] *= sign[:, None]
+    return u @ vt
+
+
+def _sample(pair: PairMatches, rng: np.random.Generator) -> np.ndarray:
+    if len(pair.features) <= MATCHES_PER_PAIR:
+        return pair.features
+    chosen = rng.choice(len(pair.features), MATCHES_PER_PAIR, replace=False)
+    return pair.features[np.sort(chosen)]
+
+
+def _chain(
+    matches: Matches, second_from_first: np.ndarray, inliers: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """World rotations along the tree of the pairs with most inliers, from the best linked frame."""
+    n = matches.n_frames
+    first = np.array([pair.first for pair in matches.pairs])
+    second = np.array([pair.second for pair in matches.pairs])
+    strong = inliers >= 2
+    graph = coo_array((1.0 / inliers[strong], (first[strong], second[strong])), shape=(n, n))
+    tree = minimum_spanning_tree(graph.tocsr())
+    strength = np.bincount(np.concatenate([first, second]), np.tile(inliers, 2), minlength=n)
+    root = int(strength.argmax())
+    order, predecessor = breadth_first_order(tree, root, directed=False)
+    b_from_a = {}
+    for a, b, rotation in zip(first, second, second_from_first, strict=True):
+        b_from_a[a, b], b_from_a[b, a] = rotation, rotation.T
+    rotmats = np.tile(np.eye(3), (n, 1, 1))
+    linked = np.zeros(n, dtype=bool)
+    linked[order] = True
+    for frame in order[1:]:
+        before = int(predecessor[frame])
+        rotmats[frame] = rotmats[before] @ b_from_a[int(frame), before]
+    return rotmats, linked
+
+
+def _gather(
+    matches: Matches, rays: list[np.ndarray], sampled: list[np.ndarray], used: list[int]
+) -> _Rays:
+    rows, first, second_px, pair_index = [], [], [], []
+    for k, i in enumerate(used):
+        pair, features = matches.pairs[i], sampled[i]
+        rows.append(np.tile([pair.first, pair.second], (len(features), 1)))
+        first.append(rays[pair.first][features[:, 0]])
+        second_px.append(matches.keypoints_px[pair.second][features[:, 1]])
+        pair_index.append(np.full(len(features), k))
+    return _Rays(*(np.concatenate(x) for x in (rows, first, second_px, pair_index)))
+
+
+def _predict(rotmats: np.ndarray, data: _Rays) -> tuple[np.ndarray, np.ndarray]:
+    """Rays of the first frames, seen in the second ones, and second_from_first rotations."""
+    second_from_first = np.swapaxes(rotmats[data.rows[:, 1]], 1, 2) @ rotmats[data.rows[:, 0]]
+    return np.einsum("mij,mj->mi", second_from_first, data.first), second_from_first
+
+
+def _residuals(rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray) -> np.ndarray:
+    """(M, 2) reprojection errors [px]; rays that turn out of sight count as far away."""
+    seen, _ = _predict(rotmats, data)
+    depth = np.maximum(seen[:, 2:], 1e-3)
+    return (seen / depth) @ intrinsics_px[:2].T - data.second_px
+
+
+def _refine(
+    rotmats: np.ndarray, linked: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
+) -> np.ndarray:
+    """Gauss-Newton on turns in the camera frames, R <- R exp(w), with Cauchy weights."""
+    free = np.flatnonzero(linked)[1:]
+    if len(free) == 0:
+        return rotmats
+    unknowns = (3 * free[:, None] + np.arange(3)).ravel()
+    for _ in range(MAX_ITERATIONS):
+        hessian, gradient = _normal_equations(rotmats, data, intrinsics_px)
+        block = hessian[np.ix_(unknowns, unknowns)]
+        block[np.diag_indices_from(block)] += 1e-9 * np.trace(block) / len(block)
+        step = np.zeros(3 * len(rotmats))
+        # Sparse, and unlike a dense solver the same to the last bit for any number of BLAS threads.
+        step[unknowns] = -spsolve(csc_array(block), gradient[unknowns])
+        turn = step.reshape(-1, 3)
+        rotmats = rotmats @ Rotation.from_rotvec(turn).as_matrix()
+        if np.abs(turn).max() < 1e-9:
+            break
+    return rotmats
+
+
+def _information(
+    rotmats: np.ndarray, linked: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
+) -> csr_array:
+    hessian, _ = _normal_equations(rotmats, data, intrinsics_px)
+    # Turns in the cameras' axes become turns in the world's.
+    world_from_cam = csr_array(block_diag(rotmats, format="csr"))
+    information = world_from_cam @ csr_array(hessian) @ world_from_cam.T
+    variance_px2 = noise_px(_residuals(rotmats, data, intrinsics_px)) ** 2
+    first = int(np.flatnonzero(linked)[0])
+    fixed = np.zeros(len(hessian))
+    fixed[3 * first : 3 * first + 3] = np.trace(hessian) / len(hessian)
+    return csr_array((information + diags_array(fixed)) / variance_px2)
+
+
+def _normal_equations(
+    rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """J^T W J (3T, 3T) and J^T W r (3T,) at the present rotations."""
+    n = len(rotmats)
+    seen, second_from_first = _predict(rotmats, data)
+    residual = _residuals(rotmats, data, intrinsics_px)
+    weight = 1.0 / (1.0 + (residual**2).sum(axis=1) / CAUCHY_SCALE_PX**2)
+    depth = np.maximum(seen[:, 2], 1e-3)
+    projection = np.zeros((len(seen), 2, 3))
+    projection[:, 0, 0] = intrinsics_px[0, 0] / depth
+    projection[:, 1, 1] = intrinsics_px[1, 1] / depth
+    projection[:, 0, 2] = -intrinsics_px[0, 0] * seen[:, 0] / depth**2
+    projection[:, 1, 2] = -intrinsics_px[1, 1] * seen[:, 1] / depth**2
+    by_second = projection @ _cross(seen)
+    by_first = -projection @ second_from_first @ _cross(data.first)
+    jacobian = np.concatenate([by_first, by_second], axis=2)
+    weighted = jacobian * weight[:, None, None]
+    blocks = np.einsum("mki,mkj->mij", weighted, jacobian)
+    slopes = np.einsum("mki,mk->mi", weighted, residual)
+    columns = (3 * data.rows[:, :, None] + np.arange(3)).reshape(-1, 6)
+    # Sum over each pair's matches first: they all fall on the same 6x6 block.
+    starts = np.flatnonzero(np.diff(data.pair, prepend=-1))
+    hessian, gradient = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
+    for where, block, slope in zip(
+        columns[starts],
+        np.add.reduceat(blocks, starts),
+        np.add.reduceat(slopes, starts),
+        strict=True,
+    ):
+        hessian[np.ix_(where, where)] += block
+        gradient[where] += slope
+    return hessian, gradient
+
+
+def _cross(vectors: np.ndarray) -> np.ndarray:
+    """Matrices (M, 3, 3) of the cross product from the left."""
+    zero = np.zeros(len(vectors))
+    x, y, z = vectors.T
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)

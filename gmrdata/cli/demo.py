@@ -1,0 +1,183 @@
+"""The demo from end to end: every stage in order, each of them done once.
+
+One clip's way through the COLMAP stage, given only what a data set like 3DPW gives.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from gmrdata.cli.demo_figures import show
+from gmrdata.cli.demo_manifests import write_manifests
+from gmrdata.cli.demo_motions import MotionFiles, choose_files, make_motions
+from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
+from gmrdata.film.render_jobs import render_clips
+from gmrdata.gmr.train import train
+from gmrdata.read.bodies import keep_body, load_body, read_body
+from gmrdata.score.score import score_manifest
+from gmrdata.stage.jobs import Job, Workers, run_jobs, worker_pool
+from gmrdata.stage.progress import console
+from gmrdata.stage.store import run_stage
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.files import write_text
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.records import Config
+from gmrdata.world.compose import camera_motion
+from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
+
+
+class TruthRemovedConfig(Config):
+    """Nothing to choose: the camera-frame body follows from the clip."""
+
+
+def regenerate(root: Path, clip_id: str, config: SequenceConfig, redo: bool) -> Path:
+    """Frames, intrinsics and camera-frame body of one clip to its world motion.
+
+    Returns:
+        The folder of the pseudo ground truth.
+    """
+    paths = DemoPaths(root)
+    _remove_truth(paths, clip_id, redo)
+    return regenerate_sequence(
+        paths.frames_dir(clip_id),
+        (PersonFiles(paths.camera_clip(clip_id), paths.body),),
+        paths.regenerated_dir(clip_id),
+        config,
+        redo=redo,
+    )
+
+
+def _remove_truth(paths: DemoPaths, clip_id: str, redo: bool) -> None:
+    """Keep only what 3DPW gives: local poses, the root in the camera's frame, and K."""
+
+    def work(out_dir: Path) -> None:
+        true = load_clip(paths.true_clip(clip_id))
+        camera = camera_of(true)
+        unknown = replace(
+            camera,
+            world_from_cam=np.full_like(camera.world_from_cam, np.nan),
+            has_camera=np.zeros_like(camera.has_camera),
+        )
+        motion = camera_motion(true.motion, camera.world_from_cam)
+        clip = Clip(clip_id, motion, true.valid, true.image_numbers, unknown)
+        rest_pelvis_m = read_body(paths.body).rest_pelvis_m(motion.shape)
+        save_clip(out_dir / paths.camera_clip(clip_id).name, clip, rest_pelvis_m)
+
+    inputs = {"clip": paths.true_clip(clip_id), "body": paths.body}
+    run_stage(
+        "sequence", paths.sequence_dir(clip_id), TruthRemovedConfig(), inputs, work, redo=redo
+    )
+
+
+def run_demo(
+    recipe: DemoRecipe,
+    out_dir: Path,
+    *,
+    motions_dir: Path | None = None,
+    trials: tuple[str, ...] = (),
+    scheduler: str | None = None,
+    redo: bool = False,
+) -> Path:
+    """Run every stage that isn't done; a run that was killed goes on where it was.
+
+    Args:
+        recipe: The recipe.
+        out_dir: The output folder.
+        motions_dir: Folder of motion files to film and train on; the embedded gait when None.
+        trials: Names of the files to film, without suffix; the first that fit when empty.
+        scheduler: Address of a Dask cluster for the clips; local processes when None.
+        redo: Make stages anew that another recipe made.
+
+    Returns:
+        Path of the report.
+    """
+    paths = DemoPaths(out_dir.resolve())
+    _step(1, "body")
+    keep_body(recipe.body, paths.body_dir, redo=redo)
+    _step(2, "motions")
+    files = MotionFiles()
+    if motions_dir is not None:
+        files = choose_files(motions_dir, trials, recipe, load_body(str(paths.body)))
+        console.print("  filming " + ", ".join(path.stem for path in files.filmed))
+    make_motions(paths, recipe, files, redo=redo)
+    with worker_pool(Workers(recipe.workers, scheduler)) as client:
+        _step(3, "render")
+        render_clips(
+            {clip.id: paths.planned_clip(clip.id) for clip in recipe.clips},
+            paths.body,
+            paths.all_renders_dir,
+            recipe.render,
+            client,
+            paths.failures_dir,
+            redo=redo,
+        )
+        _step(4, "masks, cameras, scale, world motion")
+        _regenerate(paths, recipe, client, redo)
+    _step(5, "manifests")
+    write_manifests(paths, recipe, files)
+    _step(6, "train GMR")
+    train([paths.training_manifest], paths.gmr_dir, recipe.gmr, body_path=paths.body, redo=redo)
+    _step(7, "score GMR")
+    for manifest in (paths.synthetic_manifest, paths.pseudo_gt_manifest):
+        score_manifest(
+            paths.gmr_dir, manifest, paths.body, paths.scores_dir(manifest.stem), redo=redo
+        )
+    _step(8, "report")
+    write_text(paths.recipe, yaml.safe_dump(recipe.model_dump(mode="json"), sort_keys=False))
+    return show(paths, recipe)
+
+
+def _step(number: int, what: str) -> None:
+    console.rule(f"[bold]{number}/8[/bold] {what}", align="left")
+
+
+def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: object, redo: bool) -> None:
+    jobs = [
+        Job(
+            clip.id,
+            regenerate,
+            {
+                "root": paths.root,
+                "clip_id": clip.id,
+                "config": recipe.sequence,
+                "redo": redo,
+            },
+        )
+        for clip in recipe.clips
+    ]
+    stage_dirs = [
+        folder
+        for clip in recipe.clips
+        for folder in (
+            paths.sequence_dir(clip.id),
+            paths.masks_dir(clip.id),
+            paths.sfm_dir(clip.id),
+            paths.pseudo_gt_dir(clip.id),
+        )
+    ]
+    run_jobs(
+        "regenerating world poses",
+        jobs,
+        client,
+        paths.failures_dir,
+        units_total=len(stage_dirs),
+        units_done=lambda: sum(folder.is_dir() for folder in stage_dirs),
+    )
+
+
+def plan(recipe: DemoRecipe, out_dir: Path) -> list[tuple[str, str]]:
+    """What a run would do: (stage, "done" or "to do"), without doing any of it."""
+    paths = DemoPaths(out_dir.resolve())
+    stages = [("body", paths.body_dir), ("motions", paths.motions_dir)]
+    for clip in recipe.clips:
+        stages += [
+            (f"render {clip.id}", paths.render_dir(clip.id)),
+            (f"masks {clip.id}", paths.masks_dir(clip.id)),
+            (f"cameras {clip.id}", paths.sfm_dir(clip.id)),
+            (f"world motion {clip.id}", paths.pseudo_gt_dir(clip.id)),
+        ]
+    stages += [("train GMR", paths.gmr_dir)]
+    stages += [(f"score on {name}", paths.scores_dir(name)) for name in ("synthetic", "pseudo_gt")]
+    return [(name, "done" if folder.is_dir() else "to do") for name, folder in stages]

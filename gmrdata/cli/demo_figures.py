@@ -1,0 +1,160 @@
+"""The demo's figures: summary.json, the report, and the last lines on the terminal."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
+from gmrdata.masks.sources import masks_seconds
+from gmrdata.pages.overview import summary_table, write_overview
+from gmrdata.pages.report import write_report
+from gmrdata.pages.report_data import (
+    ClipFigures,
+    ClipReport,
+    ManifestScore,
+    Quality,
+    ReportData,
+    RunReport,
+    Score,
+    summary,
+)
+from gmrdata.read.bodies import read_body
+from gmrdata.stage.progress import answers
+from gmrdata.stage.store import stage_seconds
+from gmrdata.twins.pseudo_gt_error import compare_clips
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import load_clip
+from gmrdata.values.files import STAGE_FILE, read_json, write_json
+
+FPS_HZ = 10.0
+"""Rate at which all errors are measured [Hz]: the paper's."""
+
+
+def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
+    """Write summary.json, overview.png and report.html, and print the figures.
+
+    Returns:
+        Path of the report.
+    """
+    report = _report_data(paths, recipe)
+    figures = summary(report)
+    write_json(paths.summary, figures)
+    write_overview(paths.overview, report)
+    write_report(paths.report, report)
+    answers.print(summary_table(figures))
+    answers.print(f"\n[bold]{paths.report}[/bold]", soft_wrap=True)
+    return paths.report
+
+
+def _report_data(paths: DemoPaths, recipe: DemoRecipe) -> ReportData:
+    body = read_body(paths.body)
+    gmr = load_gmr(paths.gmr_dir)
+    return ReportData(
+        run=_run_report(paths, recipe),
+        clips=tuple(_clip_report(paths, clip, body, gmr) for clip in recipe.clips),
+        scores=tuple(_manifest_score(paths, name) for name in ("synthetic", "pseudo_gt")),
+        learning_curve=_learning_curve(paths.gmr_dir / "metrics.jsonl"),
+    )
+
+
+def _run_report(paths: DemoPaths, recipe: DemoRecipe) -> RunReport:
+    record = read_json(paths.gmr_dir / STAGE_FILE)
+    return RunReport(
+        title="gmrdata demo",
+        data_source=_data_source(paths),
+        seconds=_seconds(paths, recipe),
+        versions={
+            "gmrdata": record["gmrdata"],
+            "python": record["python"],
+            **record["packages"],
+        },
+        recipe=paths.recipe.read_text(encoding="utf-8"),
+    )
+
+
+def _data_source(paths: DemoPaths) -> str:
+    record = read_json(paths.motions_dir / STAGE_FILE)
+    filmed = record["config"]["filmed"]
+    if not filmed:
+        return "Embedded gait generator: made by a program, not motion capture."
+    n_files = sum(key.startswith("file ") and not key.endswith(".asf") for key in record["inputs"])
+    return (
+        f"Motion files {', '.join(filmed)}; GMR trained on {n_files - len(filmed)} other files "
+        "and on the embedded gait."
+    )
+
+
+def _seconds(paths: DemoPaths, recipe: DemoRecipe) -> dict[str, float]:
+    """Wall time per stage [s]; the clips run side by side, so theirs is the longest."""
+
+    def longest(folders: list[Path]) -> float:
+        return max(stage_seconds(folder) for folder in folders)
+
+    ids = [clip.id for clip in recipe.clips]
+    return {
+        "body": stage_seconds(paths.body_dir),
+        "motions": stage_seconds(paths.motions_dir),
+        "render": longest([paths.render_dir(i) for i in ids]),
+        "masks": max(masks_seconds(paths.masks_dir(i)) for i in ids),
+        "cameras": longest([paths.sfm_dir(i) for i in ids]),
+        "world motion": longest([paths.pseudo_gt_dir(i) for i in ids]),
+        "train": stage_seconds(paths.gmr_dir),
+        "score": sum(stage_seconds(paths.scores_dir(n)) for n in ("synthetic", "pseudo_gt")),
+    }
+
+
+def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: TrainedGmr) -> ClipReport:
+    true, pseudo = load_clip(paths.true_clip(clip.id)), load_clip(paths.pseudo_clip(clip.id))
+    error = compare_clips(pseudo, true, fps_hz=FPS_HZ)
+    predicted = predict_world_motion(
+        gmr,
+        true.motion,
+        first_root_rotmat=true.motion.root_rotmats[0],
+        first_pelvis_m=true.motion.pelvis_m[0],
+    )
+    return ClipReport(
+        id=clip.id,
+        camera_motion=clip.programme.kind,
+        true=true,
+        pseudo=pseudo,
+        true_from_pseudo=error.true_from_pseudo,
+        images_dir=paths.frames_dir(clip.id),
+        masks_dir=paths.masks_dir(clip.id),
+        body=body,
+        figures=ClipFigures(
+            ome_deg=error.ome_deg,
+            tme_mm=error.tme_mm,
+            camera_rotation_deg=error.camera_rotation_deg,
+            scale_error_percent=error.scale_error_percent,
+            frames=true.motion.n_frames,
+            frames_with_camera=error.frames_with_camera,
+        ),
+        quality=_quality(paths.pseudo_gt_dir(clip.id)),
+        figures_fps_hz=FPS_HZ,
+        predicted=predicted,
+    )
+
+
+def _quality(pseudo_gt_dir: Path) -> Quality:
+    record = read_json(pseudo_gt_dir / "quality.json")
+    return Quality(
+        geometry=record["geometry"],
+        scale=record["scale"],
+        scale_sigma=record["scale_sigma"],
+        reprojection_error_px=record["mean_reprojection_px"],
+        inliers=np.array(record["inliers_per_frame"]),
+    )
+
+
+def _manifest_score(paths: DemoPaths, name: str) -> ManifestScore:
+    record: dict[str, Any] = read_json(paths.scores_dir(name) / "scores.json")
+    pooled = record["overall"]["pooled_over_motions"]
+    return ManifestScore(name, Score(**pooled["predicted"]), Score(**pooled["zero"]))
+
+
+def _learning_curve(path: Path) -> tuple[tuple[int, float], ...]:
+    rows = [json.loads(line) for line in path.read_text().splitlines()]
+    return tuple((row["step"], row["loss"]) for row in rows if "loss" in row)

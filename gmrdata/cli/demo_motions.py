@@ -1,0 +1,168 @@
+"""The demo's motions: three to film and a set to train on, embedded or from files."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe, Training
+from gmrdata.film.shots import Film, film_motion, plan_clip
+from gmrdata.motion.files import find_motions, input_files, read_motion
+from gmrdata.motion.gait import embedded_motions, make_gait
+from gmrdata.motion.resample import resample
+from gmrdata.read.bodies import read_body
+from gmrdata.stage.progress import track
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import MissingInput
+from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config
+
+SHORTEST_S = 1.2
+"""A trial shorter than this has too few motions at 10 fps to say anything."""
+WIDEST_M = 7.0
+"""The scene's free ground; a trial that walks further than this doesn't fit."""
+LEAST_TRAVEL_M = 0.5
+"""A trial that stays in place would make a dull picture."""
+
+
+class MotionsConfig(Config):
+    """What decides the motions."""
+
+    seed: int
+    """Seed of the gait and of the cameras."""
+    clips: tuple[DemoClip, ...]
+    """The clips to film."""
+    film: Film
+    """What they share."""
+    training: Training
+    """The training set."""
+    filmed: tuple[str, ...]
+    """Names of the motion files to film, one for each clip; empty for the embedded gait."""
+
+
+@dataclass(frozen=True)
+class MotionFiles:
+    """Motion files that a person gave, by their use."""
+
+    filmed: tuple[Path, ...] = ()
+    """One for each clip; empty for the embedded gait."""
+    training: tuple[Path, ...] = ()
+    """The rest, to train on."""
+
+
+def choose_files(
+    folder: Path, trials: tuple[str, ...], recipe: DemoRecipe, body: BodyModel
+) -> MotionFiles:
+    """Pick the files to film: those named, or the first that fit the scene.
+
+    Args:
+        folder: Folder of BVH, ASF/AMC or AMASS files.
+        trials: File names without suffix, one for each clip; empty to choose.
+        recipe: Says how many clips there are.
+        body: The body that the motions are retargeted to.
+
+    Raises:
+        MissingInput: the folder, or a named trial in it, is not there, or too few files fit.
+    """
+    files = find_motions(folder)
+    n_clips = len(recipe.clips)
+    if trials:
+        filmed = tuple(_named(files, trial, folder) for trial in trials)
+    else:
+        fitting = (path for path in files if _fits(read_motion(path, body), recipe.film))
+        filmed = tuple(path for path, _ in zip(fitting, range(n_clips), strict=False))
+    if len(filmed) != n_clips:
+        raise MissingInput(
+            f"{folder}: the recipe films {n_clips} motions, but {len(filmed)} of {len(files)} "
+            f"files were {'named' if trials else 'found to fit'}. Name {n_clips} with --trials"
+        )
+    others = tuple(path for path in files if path not in filmed)
+    return MotionFiles(filmed, others[: recipe.training.max_files])
+
+
+def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, redo: bool) -> Path:
+    """Stage: the planned clips (motion and camera) and the training clips.
+
+    Returns:
+        The stage's folder.
+    """
+    config = MotionsConfig(
+        seed=recipe.seed,
+        clips=recipe.clips,
+        film=recipe.film,
+        training=recipe.training,
+        filmed=tuple(path.name for path in files.filmed),
+    )
+
+    def work(out_dir: Path) -> None:
+        body = read_body(paths.body)
+        for index, spec in enumerate(recipe.clips):
+            rng = np.random.default_rng([config.seed, index])
+            path = files.filmed[index] if files.filmed else None
+            motion = _filmed_motion(spec, config, path, body, rng)
+            clip = plan_clip(spec.id, motion, spec.programme, config.film, rng)
+            save_clip(
+                out_dir / paths.planned_clip(spec.id).relative_to(paths.motions_dir),
+                clip,
+                body.rest_pelvis_m(motion.shape),
+            )
+        for clip in _training_clips(config, files, body):
+            target = out_dir / paths.training_dir.name / f"{clip.id}.npz"
+            save_clip(target, clip, body.rest_pelvis_m(clip.motion.shape))
+
+    inputs = {"body": paths.body}
+    for path in (*files.filmed, *files.training):
+        inputs |= {f"file {file.name}": file for file in input_files(path).values()}
+    return run_stage("motions", paths.motions_dir, config, inputs, work, redo=redo)
+
+
+def _filmed_motion(
+    clip: DemoClip,
+    config: MotionsConfig,
+    path: Path | None,
+    body: BodyModel,
+    rng: np.random.Generator,
+) -> Motion:
+    if path is not None:
+        return film_motion(read_motion(path, body), config.film)
+    return film_motion(make_gait(clip.gait, config.film.duration_s, 30.0, body, rng), config.film)
+
+
+def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) -> list[Clip]:
+    """Embedded gait and, where files were given, those that are not filmed."""
+    training = config.training
+    rng = np.random.default_rng([config.seed, len(config.clips)])
+    gaits = embedded_motions(
+        body,
+        rng,
+        count=training.gait_count,
+        fps_hz=training.fps_hz,
+        duration_s=training.gait_duration_s,
+    )
+    clips = [_training_clip(f"gait_{index:03d}", motion) for index, motion in enumerate(gaits)]
+    for path in track(files.training, "reading training motions") if files.training else ():
+        motion = read_motion(path, body)
+        if motion.n_frames / motion.fps_hz >= SHORTEST_S:
+            clips.append(_training_clip(path.stem, resample(motion, training.fps_hz)))
+    return clips
+
+
+def _training_clip(clip_id: str, motion: Motion) -> Clip:
+    n = motion.n_frames
+    return Clip(clip_id, motion, np.ones(n, dtype=bool), np.full(n, -1), None)
+
+
+def _named(files: list[Path], trial: str, folder: Path) -> Path:
+    for path in files:
+        if path.stem == trial:
+            return path
+    raise MissingInput(f"{folder}: no motion file named {trial} (.bvh, .amc or .npz)")
+
+
+def _fits(motion: Motion, film: Film) -> bool:
+    n_frames = min(motion.n_frames, round(film.duration_s * motion.fps_hz))
+    path = motion.pelvis_m[:n_frames, :2]
+    extent_m = float(np.ptp(path, axis=0).max())
+    return n_frames >= SHORTEST_S * motion.fps_hz and LEAST_TRAVEL_M <= extent_m <= WIDEST_M

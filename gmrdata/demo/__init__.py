@@ -1,1 +1,0 @@
-"""The demo: from motions to a scored GMR and a report, through every stage."""

@@ -1,1 +1,0 @@
-"""Reader of EMDB's sequences (Kaufmann et al. 2023)."""

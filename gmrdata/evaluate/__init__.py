@@ -1,1 +1,0 @@
-"""Metrics of the paper and their scores per manifest."""

@@ -1,1 +1,0 @@
-"""Getting motion files from the site of those who captured them."""

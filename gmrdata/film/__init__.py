@@ -1,0 +1,1 @@
+"""What Blender shall render; Blender's own side is in `blender/`."""

@@ -1,0 +1,212 @@
+"""Where a camera goes and where it looks: the parts that camera programmes are made of.
+
+Azimuths are those of the direction from the middle of the subject's path to the camera.
+
+Pointing a camera at a moving target.
+
+What a camera programme knows of its subject, and the random choices that it may use.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.transforms import rigid
+
+UP_WORLD = np.array([0.0, 0.0, 1.0])
+
+
+def look_at(centres_world_m: np.ndarray, targets_world_m: np.ndarray) -> np.ndarray:
+    """Rotations of cameras that look at targets and keep the horizon level.
+
+    Args:
+        centres_world_m: (..., 3) optical centres, z-up world [m].
+        targets_world_m: (..., 3) points that fall on the optical axis [m].
+
+    Returns:
+        (..., 3, 3) world_from_cam rotations, OpenCV axes (x right, y down, z forward).
+
+    Raises:
+        BadRecipe: a target is at the camera, or straight above or below it.
+    """
+    forward = np.asarray(targets_world_m, dtype=np.float64) - centres_world_m
+    right = np.cross(forward, UP_WORLD)
+    length = np.linalg.norm(forward, axis=-1, keepdims=True)
+    level = np.linalg.norm(right, axis=-1, keepdims=True)
+    if not np.all(level > 1e-6 * np.maximum(length, 1e-6)):
+        raise BadRecipe(
+            "the camera would look straight up or down, or be inside its subject; "
+            "give it another height or distance"
+        )
+    forward, right = forward / length, right / level
+    return np.stack([right, np.cross(forward, right), forward], axis=-1)
+
+
+def smooth_path(points_m: np.ndarray, fps_hz: float, sigma_s: float, lag_s: float) -> np.ndarray:
+    """A path as a camera operator follows it: low-pass filtered, and late.
+
+    Args:
+        points_m: (T, 3) path [m].
+        fps_hz: Frame rate [Hz].
+        sigma_s: Standard deviation of the Gaussian low-pass [s].
+        lag_s: How late the operator is [s]; before the path starts it rests at its first point.
+
+    Returns:
+        (T, 3) smoothed path [m].
+    """
+    smooth = gaussian_filter1d(points_m, max(sigma_s * fps_hz, 1e-3), axis=0, mode="nearest")
+    frames = np.arange(len(points_m))
+    late = np.clip(frames - lag_s * fps_hz, 0, len(points_m) - 1)
+    return np.stack([np.interp(late, frames, column) for column in smooth.T], axis=-1)
+
+
+FOLLOW_SIGMA_S = 0.35
+"""Low-pass on the subject's path: steps bob at about 2 Hz, and an operator doesn't follow those."""
+STANDING_M = 0.5
+"""A subject that ends this close to its start has no walking direction."""
+SWAY_HZ = (0.15, 0.35, 0.7, 1.3, 2.4)
+"""A hand's unrest: sway below 1 Hz and some tremor above."""
+
+
+@dataclass(frozen=True, eq=False)
+class SubjectPath:
+    """A subject's path over T frames."""
+
+    time_s: np.ndarray
+    """(T,), 0 at the middle of the clip [s]."""
+    target_m: np.ndarray
+    """(T, 3) what a camera that follows looks at: the smoothed, delayed pelvis, world [m]."""
+    centre_m: np.ndarray
+    """(3,) middle of the path, world [m]."""
+    heading_rad: float
+    """Walking direction, from x to y; a chosen one for a subject that stays in place."""
+    speed_m_per_s: float
+    """Mean speed along the walking direction, 0 when standing."""
+    side: float
+    """+1 or -1: which side of the path the camera takes."""
+    jitter_rad: float
+    """By how much the camera is off the exact side."""
+    waves: np.ndarray
+    """(T, 6) smooth noise of unit variance: 3 of position, 3 of rotation."""
+
+
+def subject_path(
+    pelvis_m: np.ndarray, fps_hz: float, lag_s: float, rng: np.random.Generator
+) -> SubjectPath:
+    """Look at a subject's path, and make the choices of one clip.
+
+    Args:
+        pelvis_m: (T, 3) pelvis, z-up world [m].
+        fps_hz: Frame rate [Hz].
+        lag_s: How late the camera follows [s].
+        rng: Chooses.
+    """
+    n_frames = len(pelvis_m)
+    time_s = (np.arange(n_frames) - (n_frames - 1) / 2) / fps_hz
+    # The same draws in the same order for every programme, so that seeds are comparable.
+    any_heading_rad, side = rng.uniform(-np.pi, np.pi), rng.choice([-1.0, 1.0])
+    jitter_rad = np.deg2rad(rng.uniform(-8, 8))
+    waves = _hand_waves(time_s, rng)
+    span = pelvis_m[-1, :2] - pelvis_m[0, :2]
+    walks = np.linalg.norm(span) > STANDING_M
+    return SubjectPath(
+        time_s=time_s,
+        target_m=smooth_path(pelvis_m, fps_hz, FOLLOW_SIGMA_S, lag_s),
+        centre_m=(pelvis_m.min(axis=0) + pelvis_m.max(axis=0)) / 2,
+        heading_rad=float(np.arctan2(span[1], span[0]) if walks else any_heading_rad),
+        speed_m_per_s=float(np.linalg.norm(span) * fps_hz / (n_frames - 1)) if walks else 0.0,
+        side=float(side),
+        jitter_rad=float(jitter_rad),
+        waves=waves,
+    )
+
+
+def _hand_waves(time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(T, 6) smooth noise of unit variance with a 1/f spectrum."""
+    frequencies_hz = np.array(SWAY_HZ) * rng.uniform(0.8, 1.2, (6, len(SWAY_HZ)))
+    phases_rad = rng.uniform(0, 2 * np.pi, (6, len(SWAY_HZ)))
+    amplitudes = 1 / frequencies_hz
+    amplitudes /= np.sqrt((amplitudes**2).sum(axis=1, keepdims=True) / 2)
+    angles = 2 * np.pi * frequencies_hz * time_s[:, None, None] + phases_rad
+    return np.asarray((amplitudes * np.sin(angles)).sum(axis=-1))
+
+
+SLOWEST_M_PER_S = 0.3
+"""Speed of a travelling camera whose subject stays in place."""
+
+
+def station(
+    subject: SubjectPath, azimuth_rad: float, distance_m: float, height_m: float
+) -> np.ndarray:
+    """A place (3,) for the camera, on the ground `distance_m` from the path's middle [m]."""
+    place = subject.centre_m + distance_m * _direction(azimuth_rad)
+    return np.array([place[0], place[1], height_m])
+
+
+def at_rest(subject: SubjectPath, place_m: np.ndarray) -> np.ndarray:
+    """Centres (T, 3) of a camera that stays at a place (3,) [m]."""
+    return np.tile(place_m, (len(subject.time_s), 1))
+
+
+def circle(
+    subject: SubjectPath, middle_rad: float, rate_rad_per_s: float, radius_m: float, height_m: float
+) -> np.ndarray:
+    """Centres (T, 3) on a circle, at the azimuth `middle_rad` in the middle of the clip [m]."""
+    angles_rad = middle_rad + rate_rad_per_s * subject.time_s
+    return np.stack([station(subject, angle, radius_m, height_m) for angle in angles_rad])
+
+
+def line(
+    subject: SubjectPath,
+    place_m: np.ndarray,
+    along_rad: float,
+    speed_m_per_s: float | None,
+    share: float,
+) -> np.ndarray:
+    """Centres (T, 3) on a straight line through a place (3,) in the middle of the clip [m].
+
+    Args:
+        subject: The subject.
+        place_m: The place, world [m].
+        along_rad: Direction of the line; the camera takes the sense of it that goes with the
+            subject.
+        speed_m_per_s: Speed in that sense; None: `share` of the subject's along the line.
+        share: See there.
+    """
+    along = _direction(along_rad)
+    heading = _direction(subject.heading_rad)
+    along = along if along @ heading >= 0 else -along
+    if speed_m_per_s is None:
+        own_m_per_s = share * subject.speed_m_per_s * float(along @ heading)
+        speed_m_per_s = max(own_m_per_s, SLOWEST_M_PER_S)
+    return np.asarray(place_m + speed_m_per_s * subject.time_s[:, None] * along)
+
+
+def looking_ahead(subject: SubjectPath, centres_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
+    """Cameras (T, 4, 4) of one orientation: from a place (3,) to the middle of the path."""
+    return rigid(look_at(place_m, subject.centre_m), centres_m)
+
+
+def following(subject: SubjectPath, centres_m: np.ndarray) -> np.ndarray:
+    """Cameras (T, 4, 4) that turn to the subject."""
+    return rigid(look_at(centres_m, subject.target_m), centres_m)
+
+
+def held(
+    subject: SubjectPath, world_from_cam: np.ndarray, drift_m: float, shake_deg: float
+) -> np.ndarray:
+    """Cameras (T, 4, 4) with a hand's unrest on them; the same for amplitudes of zero."""
+    unsteady = world_from_cam.copy()
+    if drift_m > 0:
+        unsteady[:, :3, 3] += drift_m * subject.waves[:, :3]
+    if shake_deg > 0:
+        shake = Rotation.from_rotvec(np.deg2rad(shake_deg) * subject.waves[:, 3:])
+        unsteady[:, :3, :3] = unsteady[:, :3, :3] @ shake.as_matrix()
+    return unsteady
+
+
+def _direction(angle_rad: float) -> np.ndarray:
+    return np.array([np.cos(angle_rad), np.sin(angle_rad), 0.0])

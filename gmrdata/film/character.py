@@ -1,0 +1,258 @@
+"""What can be said of a character's file before Blender opens it: its kind, and what it links to.
+
+Layout of .glb and .gltf: the glTF 2.0 specification, sections 3 and 4.4 (binary glTF).
+
+A rigged character that is filmed in place of the body: what a recipe may say of it.
+
+The residual of a rigged character: how far its joints are from those of the truth.
+
+A character is driven by rotations: each limb points where the body's limb points.  As its bones
+have other lengths, and its joints lie elsewhere in its flesh, its joints are then at other places
+than the body's, which the stored motion says.  The residual is that gap, joint by joint [m].  It is
+no error of the motion; it is how much a picture of the character misleads a method that is scored
+by joint places.  Directions of limbs show the error of the motion itself, which should be none.
+"""
+
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal
+from urllib.parse import unquote
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.motion.rest_pose import LIMBS
+from gmrdata.values.body import N_JOINTS
+from gmrdata.values.errors import BadCharacter, BadMotionFile, MissingInput
+from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.records import Config
+
+SUFFIXES = (".glb", ".gltf", ".fbx")
+_GLB_HEADER = struct.Struct("<4sII")
+_CHUNK_HEADER = struct.Struct("<I4s")
+_FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX")
+
+
+def linked_files(path: Path) -> dict[str, Path]:
+    """Files that a character's file names, buffers and pictures, by the name that it gives them.
+
+    Args:
+        path: A .glb, .gltf or .fbx file.
+
+    Returns:
+        Paths, all inside the file's folder.  None for FBX, whose pictures must be inside the file.
+
+    Raises:
+        MissingInput: the file, or one that it names, is not there.
+        BadCharacter: it is cut off, not of its kind, or names files outside its folder.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise BadCharacter(
+            f"{path}: a character is a .glb, .gltf or .fbx file; export it as one (.glb is best)"
+        )
+    if suffix == ".fbx":
+        with path.open("rb") as file:
+            if not file.read(64).startswith(_FBX_STARTS):
+                raise BadCharacter(f"{path}: not an FBX file; export the character again")
+        return {}
+    names = {name: None for name in _uris(_gltf_of(path)) if not name.startswith("data:")}
+    return {name: _inside(path, name) for name in names}
+
+
+def _gltf_of(path: Path) -> Any:
+    """The JSON part of a .glb or .gltf file."""
+    data = path.read_bytes()
+    if path.suffix.lower() == ".glb":
+        data = _json_chunk(path, data)
+    try:
+        scene = json.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise BadCharacter(
+            f"{path}: its JSON part can't be read ({error}); export it again"
+        ) from None
+    if not isinstance(scene, dict) or not isinstance(scene.get("asset"), dict):
+        raise BadCharacter(f"{path}: not a glTF file; export the character again")
+    return scene
+
+
+def _json_chunk(path: Path, data: bytes) -> bytes:
+    if len(data) < _GLB_HEADER.size + _CHUNK_HEADER.size or data[:4] != b"glTF":
+        raise BadCharacter(f"{path}: not a binary glTF file; export the character again")
+    _, version, length = _GLB_HEADER.unpack_from(data)
+    if version != 2:
+        raise BadCharacter(f"{path}: glTF {version}, and only glTF 2 is read; export it again")
+    if length != len(data):
+        raise BadCharacter(
+            f"{path}: has {len(data)} bytes and says {length}, so it is cut off or damaged; "
+            "copy or export it again"
+        )
+    chunk_length, kind = _CHUNK_HEADER.unpack_from(data, _GLB_HEADER.size)
+    start = _GLB_HEADER.size + _CHUNK_HEADER.size
+    if kind != b"JSON" or start + chunk_length > len(data):
+        raise BadCharacter(f"{path}: has no JSON part; export the character again")
+    return data[start : start + chunk_length]
+
+
+def _uris(value: Any) -> Iterator[str]:
+    """Every text under a key `uri`, at any depth."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if key == "uri" and isinstance(item, str):
+                yield item
+            else:
+                yield from _uris(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _uris(item)
+
+
+def _inside(path: Path, name: str) -> Path:
+    """The file that a URI names, links followed."""
+    plain = unquote(name)
+    outside = BadCharacter(
+        f"{path}: names the file {name!r}, which is not in its folder; nothing was read from "
+        "there. Put everything into one .glb"
+    )
+    bad_letters = any(ord(letter) < 32 for letter in plain) or "\\" in plain or ":" in plain
+    if not plain or bad_letters or PurePosixPath(plain).is_absolute() or ".." in plain.split("/"):
+        raise outside
+    folder = path.resolve().parent
+    try:
+        target = (folder / plain).resolve()
+    except (OSError, RuntimeError):  # links that point at each other
+        raise outside from None
+    if not target.is_relative_to(folder):
+        raise outside
+    if not target.is_file():
+        raise MissingInput(f"{path}: names the file {name!r}, which is not there")
+    return target
+
+
+class Character(Config):
+    """A skinned character whose bones are driven by the 24 joints.
+
+    The truth that is stored stays the motion on the body's tree.  How far the character's own
+    joints are from it is measured and stored: `gmrdata.film.character`.
+    """
+
+    path: Path
+    """A .glb, .gltf or .fbx file with one skeleton; any unit, standing along the axes in a T-pose
+    or an A-pose.  An FBX file must hold its pictures itself.  Surfaces become matt, and a
+    half transparent one is there or not."""
+    joint_map: dict[str, str] | None = None
+    """`{bone: SMPL joint}`; None: by the bones' names, where they are Mixamo's, SMPL's, CMU's,
+    Unreal's or Rigify's."""
+    scale: Literal["legs", "keep"] = "legs"
+    """`legs`: made as large as gives its legs (hip, knee, ankle) the length of the body's; `keep`:
+    the file's size.  Then its feet slide by as much as its legs differ from the body's."""
+    licence: str = Field(default="not stated", min_length=1)
+    """Terms under which pictures of it may be passed on, for the manifest."""
+
+    @property
+    def inputs(self) -> dict[str, Path]:
+        """Files that the pictures depend on, by name.
+
+        Raises:
+            MissingInput: a file is not there.
+            BadCharacter: the file is cut off, not of its kind, or names files outside its folder.
+        """
+        linked = linked_files(self.path)
+        return {"character": self.path} | {f"character/{name}": linked[name] for name in linked}
+
+    def with_full_paths(self) -> "Character":
+        """The same character for a process that runs in another folder."""
+        return self.model_copy(update={"path": self.path.resolve()})
+
+
+CHARACTER_FILE = "character.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class CharacterRecord:
+    """What a render with a character knows beside the truth; T frames."""
+
+    joints_world_m: np.ndarray
+    """(T, 24, 3) the character's joints, which are the heads of its bones, in the world [m]; NaN
+    where it has no bone for a joint."""
+    residual_m: np.ndarray
+    """(T, 24, 3) the same less the body's joints, world axes [m]."""
+    in_frame: np.ndarray
+    """(T,) bool: the whole character is inside the image."""
+    bones: tuple[str, ...]
+    """24 names of bones, empty where there is none for a joint."""
+    scale: float
+    """By how much the character's file was enlarged."""
+
+
+def save_character(path: Path, record: CharacterRecord) -> None:
+    """Write `character.npz`; FORMAT.md describes it."""
+    write_npz(
+        path,
+        {
+            "joints_world_m": record.joints_world_m,
+            "residual_m": record.residual_m,
+            "in_frame": record.in_frame,
+            "bones": np.array(record.bones),
+            "scale": record.scale,
+        },
+    )
+
+
+def load_character(path: Path) -> CharacterRecord:
+    """Read a file by `save_character`.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: not readable, or its arrays do not fit together.
+    """
+    arrays = read_npz(path)
+    n_frames = len(np.atleast_1d(arrays.get("in_frame", ())))
+    wanted: dict[str, tuple[str, tuple[int, ...]]] = {
+        "joints_world_m": ("f", (n_frames, N_JOINTS, 3)),
+        "residual_m": ("f", (n_frames, N_JOINTS, 3)),
+        "in_frame": ("b", (n_frames,)),
+        "bones": ("U", (N_JOINTS,)),
+        "scale": ("f", ()),
+    }
+    for key, (kind, shape) in wanted.items():
+        found = arrays.get(key)
+        if found is None or found.dtype.kind != kind or found.shape != shape:
+            raise BadMotionFile(f"{path}: no array {key!r} of shape {shape}; render it again")
+    return CharacterRecord(
+        arrays["joints_world_m"],
+        arrays["residual_m"],
+        arrays["in_frame"],
+        tuple(str(name) for name in arrays["bones"]),
+        float(arrays["scale"]),
+    )
+
+
+def residual_figures(record: CharacterRecord) -> dict[str, float]:
+    """The residual in three numbers for the manifest.
+
+    `character_residual_mm_mean` and `_max` are over all frames and all joints that have a bone;
+    `character_bone_direction_deg_mean` is the mean angle between the character's and the body's
+    thighs, shanks, upper arms and forearms.
+    """
+    residual_mm = 1000 * np.linalg.norm(record.residual_m, axis=-1)
+    return {
+        "character_residual_mm_mean": float(np.nanmean(residual_mm)),
+        "character_residual_mm_max": float(np.nanmax(residual_mm)),
+        "character_bone_direction_deg_mean": float(limb_angles_deg(record).mean()),
+    }
+
+
+def limb_angles_deg(record: CharacterRecord) -> np.ndarray:
+    """(T, 8) angles between the character's limbs, in `LIMBS`' order, and the body's [deg]."""
+    start, end = np.transpose(LIMBS)
+    true_m = record.joints_world_m - record.residual_m
+    a = record.joints_world_m[:, end] - record.joints_world_m[:, start]
+    b = true_m[:, end] - true_m[:, start]
+    sine, cosine = np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)
+    return np.asarray(np.rad2deg(np.arctan2(sine, cosine)))

@@ -1,0 +1,198 @@
+"""The extras of a clip: who they are and where they go.
+
+What a recipe may say of the extras.
+
+The truth of the extras on disk: a clip for each person, transforms for each car.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.film.cars import CAR_SIZE_M, Drive, drive_past
+from gmrdata.film.walkers import Shot, shot_of
+from gmrdata.motion.resample import resample, slice_motion
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config
+
+
+class Extras(Config):
+    """Who and what moves through the scene beside the clip's person.
+
+    Their instance numbers go on from the person's 1: first the company, then the passers-by, then
+    the cars.
+    """
+
+    company: int = Field(default=0, ge=0, le=2)
+    """People who go along with the clip's person, about 0.9 to 1.5 m away, in view for at least
+    four fifths of the frames."""
+    passers_by: int = Field(default=0, ge=0, le=8)
+    """People who cross the view once, in front of the clip's person or behind."""
+    cars: int = Field(default=0, ge=0, le=2)
+    """Cars that drive across the view at 3 to 8 m/s; not in a room."""
+    motions: tuple[Path, ...] = ()
+    """Motion files for the passers-by, each at least as long as the clip; none: embedded gaits."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Each extra's name, in the order of the instance numbers 2, 3, ..."""
+        kinds = {"company": self.company, "passer_by": self.passers_by, "car": self.cars}
+        return tuple(f"{kind}_{n + 1}" for kind, count in kinds.items() for n in range(count))
+
+    @property
+    def inputs(self) -> dict[str, Path]:
+        """Files that the extras depend on, by name."""
+        if not self.passers_by:
+            return {}
+        from gmrdata.motion.files import input_files
+
+        return {
+            f"extras_{role}{number}": file
+            for number, path in enumerate(self.motions)
+            for role, file in input_files(path).items()
+        }
+
+    def with_full_paths(self) -> "Extras":
+        """The same for a process that runs in another folder."""
+        return self.model_copy(update={"motions": tuple(path.resolve() for path in self.motions)})
+
+
+EXTRAS_STREAM = 1000
+"""Spawn key of the extras' random numbers: apart from those of the place, its meshes and the
+person, so that extras leave these as they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """The extras; the walkers come first in the order of instance numbers, then the cars."""
+
+    walkers: tuple[Motion, ...]
+    """World motions of company and passers-by, of one length and rate."""
+    cars: tuple[Drive, ...]
+    """The cars' ways."""
+
+    @property
+    def ground_m(self) -> np.ndarray:
+        """(N, 3) points that nothing may stand near, at the height of a pelvis [m]."""
+        walked_m = [walker.pelvis_m for walker in self.walkers]
+        driven_m = [np.c_[car.ground_m, np.ones(len(car.ground_m))] for car in self.cars]
+        return np.concatenate([np.empty((0, 3)), *walked_m, *driven_m])
+
+
+def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int) -> Cast:
+    """Plan all extras of a place.
+
+    Those of one kind don't depend on how many more of their kind are asked for; passers-by make way
+    for company, and cars for both.
+
+    Args:
+        extras: The recipe.
+        clips: The clips that are filmed there; the first one's camera is the one to be crossed.
+        body: Body model of all people.
+        seed: The scene's seed.
+
+    Raises:
+        BadRecipe: there is no room for someone, or a motion is too short.
+        BadMotionFile: a motion file is broken.
+        MissingInput: a motion file is not there.
+    """
+    if not extras.names:
+        return Cast((), ())
+    from gmrdata.film.walkers import keep_company, pass_by, passing_gait
+
+    shot = shot_of(clips)
+    kinds = np.random.SeedSequence(seed, spawn_key=(EXTRAS_STREAM,)).spawn(3)
+    walkers: list[Motion] = []
+    for n, own in enumerate(kinds[0].spawn(extras.company)):
+        walkers.append(keep_company(f"company_{n + 1}", shot, walkers, body, own))
+    for n, own in enumerate(kinds[1].spawn(extras.passers_by)):
+        rng = np.random.default_rng(own)
+        if extras.motions:
+            file = extras.motions[int(rng.integers(len(extras.motions)))]
+            motion = recorded(file, shot, body, rng)
+        else:
+            motion = passing_gait(shot, body, rng)
+        walkers.append(pass_by(f"passer_by_{n + 1}", motion, shot, walkers, rng))
+    cars: list[Drive] = []
+    for n, own in enumerate(kinds[2].spawn(extras.cars)):
+        paths_m = [walker.pelvis_m for walker in walkers]
+        cars.append(drive_past(f"car_{n + 1}", shot, paths_m, cars, np.random.default_rng(own)))
+    return Cast(tuple(walkers), tuple(cars))
+
+
+def looks_of(name: str, seed: int) -> np.random.Generator:
+    """Chooses an extra's clothes or paint: from the scene's seed and its name alone."""
+    key = (EXTRAS_STREAM, 3, *name.encode())
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def recorded(path: Path, shot: Shot, body: BodyModel, rng: np.random.Generator) -> Motion:
+    """A piece of a motion file as long as the shot, at its frame rate, on a build that is drawn.
+
+    Raises:
+        BadRecipe: the motion is shorter than the shot.
+    """
+    from gmrdata.motion.files import read_motion
+    from gmrdata.motion.gait import draw_shape
+
+    whole = resample(read_motion(path, body, shape=draw_shape(body, rng)), shot.fps_hz)
+    if whole.n_frames < shot.n_frames:
+        raise BadRecipe(
+            f"extras.motions: {path} lasts {whole.n_frames / shot.fps_hz:.2f} s, the clip "
+            f"{shot.n_frames / shot.fps_hz:.2f} s; give longer motions, or none for embedded gaits"
+        )
+    start = int(rng.integers(whole.n_frames - shot.n_frames + 1))
+    return slice_motion(whole, start, start + shot.n_frames)
+
+
+def save_extras(
+    folder: Path, names: tuple[str, ...], cast: Cast, filmed: Clip, body: BodyModel
+) -> None:
+    """Write `<name>.npz` for each extra into a folder, which is made if there are any.
+
+    A person's file is a clip, with the filmed clip's camera, that `load_clip` reads.
+
+    Args:
+        folder: Where to.
+        names: `Extras.names`.
+        cast: The extras.
+        filmed: The rendered clip; the extras' first rows are its.
+        body: The people's body.
+    """
+    if names:
+        folder.mkdir(exist_ok=True)
+    n_frames = filmed.motion.n_frames
+    for name, motion in zip(names, cast.walkers, strict=False):
+        walk = slice_motion(motion, 0, n_frames)
+        everywhere = np.ones(n_frames, dtype=bool)
+        clip = Clip(f"{filmed.id}_{name}", walk, everywhere, filmed.image_numbers, filmed.camera)
+        save_clip(folder / f"{name}.npz", clip, body.rest_pelvis_m(walk.shape))
+    for name, car in zip(names[len(cast.walkers) :], cast.cars, strict=True):
+        arrays = {"world_from_car": car.world_from_car[:n_frames], "size_m": CAR_SIZE_M}
+        write_npz(folder / f"{name}.npz", arrays)
+
+
+def load_car(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Transforms `world_from_car` (T, 4, 4) and size (3,) [m] of a car's file.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: it holds something else.
+    """
+    arrays = read_npz(path)
+    world_from_car, size_m = arrays.get("world_from_car"), arrays.get("size_m")
+    if (
+        world_from_car is None
+        or size_m is None
+        or world_from_car.shape[1:] != (4, 4)
+        or size_m.shape != (3,)
+    ):
+        raise BadMotionFile(f"{path}: not a car's file; render the clip again")
+    return world_from_car, size_m

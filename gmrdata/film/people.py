@@ -1,0 +1,80 @@
+"""Drawing people of a body: shapes that belong to usual adults.
+
+What a recipe may say of how the filmed person looks.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.values.body import PHENOTYPES, BodyModel
+from gmrdata.values.records import Config
+
+
+class TextureConfig(Config):
+    """A picture that the body wears, such as those of the SMPL literature."""
+
+    image: Path
+    """The picture, .png or .jpg."""
+    uv: Path
+    """Picture coordinates of the body's faces: an .obj, or an .npz with `vt` (N, 2) and `ft` (F, 3)
+    as some model files have them."""
+
+
+class PersonConfig(Config):
+    """How the person looks."""
+
+    seed: int | None = Field(default=None, ge=0)
+    """Chooses skin, hair and clothes; None: the scene's seed does."""
+    texture: TextureConfig | None = None
+    """A picture instead of painted skin and clothes."""
+
+    @property
+    def inputs(self) -> dict[str, Path]:
+        """Files that the pictures depend on, by name."""
+        if self.texture is None:
+            return {}
+        return {"texture_image": self.texture.image, "texture_uv": self.texture.uv}
+
+    def with_full_paths(self) -> "PersonConfig":
+        """The same person for a process that runs in another folder."""
+        if self.texture is None:
+            return self
+        texture = TextureConfig(image=self.texture.image.resolve(), uv=self.texture.uv.resolve())
+        return self.model_copy(update={"texture": texture})
+
+
+JITTER = 0.1
+"""Deviation by which a drawn person differs from the listed one, so that no two are the same."""
+LARGEST_COEFFICIENT = 2.0
+"""Of people of a body without a list of adults."""
+
+
+def draw_person(body: BodyModel, rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
+    """Draw someone: (S,) shape coefficients.
+
+    The default body's people are adults of Anny's distribution (`adult_shapes`), in which the six
+    phenotypes go together as they do there: independent coefficients would give a strong man's
+    shoulders to a tired woman's hips.  Other bodies get normal coefficients within two deviations.
+
+    Args:
+        body: The body.
+        rng: The same state gives the same person.
+        spread: How far from the mean: 1 is the distribution itself, 0 always the mean person.
+    """
+    if body.adult_shapes is None:
+        drawn = rng.normal(0.0, 1.0, body.n_shape)
+        shape = np.clip(drawn, -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT)
+    else:
+        adult = body.adult_shapes[int(rng.integers(len(body.adult_shapes)))]
+        shape = adult + rng.normal(0.0, JITTER, body.n_shape)
+    return np.asarray(spread * shape, dtype=np.float64)
+
+
+def phenotypes_of(body: BodyModel, shape: np.ndarray) -> dict[str, float] | None:
+    """Phenotypes of the listed adult of the nearest shape; None for a body without a list."""
+    if body.adult_shapes is None or body.adult_phenotypes is None:
+        return None
+    nearest = np.linalg.norm(body.adult_shapes - shape, axis=1).argmin()
+    return dict(zip(PHENOTYPES, body.adult_phenotypes[nearest].tolist(), strict=True))

@@ -1,0 +1,300 @@
+"""Camera programmes: how a camera moves while it films a person.
+
+Each programme is a pure function of time and of the subject's path, so the same recipe drives
+Blender, tests, and cameras that are never rendered.
+
+How far away a camera must be to have its subject in frame.
+
+The same take with the camera's motion off (Table 6 of the paper).
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.film import camera_moves as moves
+from gmrdata.film.camera_moves import SubjectPath, look_at, subject_path
+from gmrdata.values.camera import CameraPath, in_frame_share, intrinsics_from_fov, person_box
+from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.records import Config
+from gmrdata.values.transforms import rigid
+
+FRAME_MARGIN_SHARE = 0.03
+"""Border that is kept free, as a share of the image's height."""
+DISTANCES_M = np.arange(2.0, 25.01, 0.25)
+"""Distances that are tried, nearest first, until the subject stays in frame."""
+
+
+def nearest_in_frame(
+    at: Callable[[float], CameraPath], pelvis_m: np.ndarray, kind: str
+) -> CameraPath:
+    """The nearest camera that has the whole subject in frame all the time.
+
+    Args:
+        at: The camera at a distance [m].
+        pelvis_m: (T, 3) the subject's pelvis, world [m].
+        kind: What kind of camera it is, for the message.
+
+    Raises:
+        BadRecipe: no distance keeps the subject in frame.
+    """
+    box = person_box(pelvis_m)
+    for distance_m in DISTANCES_M:
+        camera = at(float(distance_m))
+        if in_frame_share(camera, box, FRAME_MARGIN_SHARE) == 1.0:
+            return camera
+    raise BadRecipe(
+        f"a {kind} camera can't keep the subject in frame from any distance up to "
+        f"{DISTANCES_M[-1]:.0f} m; widen hfov_deg, shorten the clip, or give distance_m"
+    )
+
+
+class View(Config):
+    """Where the camera is, seen from the subject at the middle of the clip."""
+
+    height_m: float = Field(default=1.5, gt=0, le=20)
+    """Height of the optical centre above the ground [m]."""
+    azimuth_deg: float | None = None
+    """Direction from the subject to the camera, from x to y [degrees]; None: by the path."""
+    distance_m: float | None = Field(default=None, gt=0)
+    """Distance to the middle of the path on the ground [m]; None: the nearest that frames all."""
+    lag_s: float = Field(default=0.1, ge=0, le=2)
+    """How late the camera follows the subject [s]."""
+
+
+class Moving(View):
+    """A camera that moves, on wheels unless it is held in the hand."""
+
+    handheld_deg: float = Field(default=0.0, ge=0, le=5)
+    """Hand-held shake: standard deviation of the rotation per axis [degrees], with a 1/f spectrum
+    from 0.1 to 3 Hz."""
+    handheld_m: float = Field(default=0.0, ge=0, le=0.3)
+    """The same for the position per axis [m]."""
+
+
+class Circular(Moving):
+    """On a circle round the middle of the subject's path, looking at the subject."""
+
+    kind: Literal["circular"] = "circular"
+    rate_deg_per_s: float = Field(default=25.0, gt=0, le=180)
+    """Angular speed on the circle [degrees/s]."""
+    direction: Literal["counterclockwise", "clockwise"] = "counterclockwise"
+    """Direction of travel seen from above."""
+    radius_m: float | None = Field(default=None, gt=0)
+    """Radius of the circle [m]; None: `distance_m`, or the smallest that frames all."""
+
+
+class Linear(Moving):
+    """Along a straight line at constant speed."""
+
+    kind: Literal["linear"] = "linear"
+    move: Literal["truck", "dolly"] = "truck"
+    """Truck: sideways, beside the subject.  Dolly: along the line of sight, ahead of it."""
+    speed_m_per_s: float | None = None
+    """Speed, positive along the subject's walking direction [m/s]; None: that of the subject."""
+    look: Literal["fixed", "subject"] = "fixed"
+    """Keep the orientation, or turn to the subject."""
+
+
+class Panning(Moving):
+    """A pure rotation about a fixed point: a tripod head that follows the subject."""
+
+    kind: Literal["panning"] = "panning"
+
+
+class LinearPanning(Moving):
+    """Along a straight line, slower than the subject, turning to it."""
+
+    kind: Literal["linear_panning"] = "linear_panning"
+    move: Literal["truck", "dolly"] = "truck"
+    """Truck: sideways.  Dolly: along the line of sight at the middle of the clip."""
+    speed_m_per_s: float | None = None
+    """Speed, positive along the subject's walking direction [m/s]; None: half of the subject's."""
+
+
+class Small(View):
+    """Held in the hand by someone who stands still: a drift of some centimetres."""
+
+    kind: Literal["small"] = "small"
+    drift_m: float = Field(default=0.03, gt=0, le=0.3)
+    """Standard deviation of the position per axis [m]."""
+    shake_deg: float = Field(default=0.4, ge=0, le=5)
+    """Standard deviation of the rotation per axis [degrees]."""
+
+
+class Static(View):
+    """On a tripod, not moving."""
+
+    kind: Literal["static"] = "static"
+
+
+Programme = Annotated[
+    Circular | Linear | Panning | LinearPanning | Small | Static, Field(discriminator="kind")
+]
+
+
+def camera_path(
+    programme: Programme,
+    pelvis_world_m: np.ndarray,
+    fps_hz: float,
+    width_px: int,
+    height_px: int,
+    hfov_deg: float,
+    rng: np.random.Generator,
+) -> CameraPath:
+    """The camera of a programme for one subject.
+
+    Args:
+        programme: The recipe.
+        pelvis_world_m: (T, 3) pelvis path of the subject, z-up world with the ground at z = 0 [m].
+        fps_hz: Frame rate [Hz].
+        width_px: Image width [px].
+        height_px: Image height [px].
+        hfov_deg: Horizontal field of view [degrees].
+        rng: Chooses what the recipe leaves open: side, azimuth, the drift of a held camera.
+
+    Returns:
+        CameraPath of T frames, each with a camera.
+
+    Raises:
+        BadMotionFile: the path is empty or not finite.
+        BadRecipe: no distance keeps the subject in frame.
+    """
+    pelvis = np.asarray(pelvis_world_m, dtype=np.float64)
+    if pelvis.ndim != 2 or pelvis.shape[1] != 3 or not len(pelvis) or not np.isfinite(pelvis).all():
+        raise BadMotionFile(
+            f"the subject's path must be (T, 3) finite numbers, this one is {pelvis.shape}"
+        )
+    subject = subject_path(pelvis, fps_hz, programme.lag_s, rng)
+    intrinsics_px = intrinsics_from_fov(hfov_deg, width_px, height_px)
+
+    def at(distance_m: float) -> CameraPath:
+        world_from_cam = _world_from_cam(programme, subject, distance_m)
+        has_camera = np.ones(len(pelvis), dtype=bool)
+        return CameraPath(intrinsics_px, width_px, height_px, world_from_cam, has_camera)
+
+    given_m = programme.distance_m
+    if isinstance(programme, Circular) and programme.radius_m is not None:
+        given_m = programme.radius_m
+    return at(given_m) if given_m is not None else nearest_in_frame(at, pelvis, programme.kind)
+
+
+def _world_from_cam(programme: Programme, subject: SubjectPath, distance_m: float) -> np.ndarray:
+    """The programme's camera (T, 4, 4) at a distance [m]."""
+    if isinstance(programme, Circular):
+        steady = _circular(programme, subject, distance_m)
+    elif isinstance(programme, Linear):
+        place_m, centres_m = _travel(programme, subject, distance_m, share=1.0)
+        steady = (
+            moves.following(subject, centres_m)
+            if programme.look == "subject"
+            else moves.looking_ahead(subject, centres_m, place_m)
+        )
+    elif isinstance(programme, LinearPanning):
+        _, centres_m = _travel(programme, subject, distance_m, share=0.5)
+        steady = moves.following(subject, centres_m)
+    else:
+        azimuth_rad = _beside_rad(programme, subject)
+        place_m = moves.station(subject, azimuth_rad, distance_m, programme.height_m)
+        centres_m = moves.at_rest(subject, place_m)
+        steady = (
+            moves.following(subject, centres_m)
+            if isinstance(programme, Panning)
+            else moves.looking_ahead(subject, centres_m, place_m)
+        )
+    if isinstance(programme, Moving):
+        return moves.held(subject, steady, programme.handheld_m, programme.handheld_deg)
+    if isinstance(programme, Small):
+        return moves.held(subject, steady, programme.drift_m, programme.shake_deg)
+    return steady
+
+
+def _circular(programme: Circular, subject: SubjectPath, distance_m: float) -> np.ndarray:
+    turn = 1.0 if programme.direction == "counterclockwise" else -1.0
+    # On this side the camera travels with the subject, which keeps their distance even.
+    chosen_rad = subject.heading_rad - turn * np.pi / 2 + subject.jitter_rad
+    rate_rad_per_s = turn * np.deg2rad(programme.rate_deg_per_s)
+    centres_m = moves.circle(
+        subject,
+        _azimuth_rad(programme, chosen_rad),
+        rate_rad_per_s,
+        distance_m,
+        programme.height_m,
+    )
+    return moves.following(subject, centres_m)
+
+
+def _travel(
+    programme: Linear | LinearPanning, subject: SubjectPath, distance_m: float, share: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Place (3,) in the middle of the clip and centres (T, 3) of a camera on a straight line."""
+    if programme.move == "truck":
+        azimuth_rad = _beside_rad(programme, subject)
+        along_rad = azimuth_rad + np.pi / 2
+    else:
+        azimuth_rad = _azimuth_rad(programme, subject.heading_rad + subject.jitter_rad)
+        along_rad = azimuth_rad
+    place_m = moves.station(subject, azimuth_rad, distance_m, programme.height_m)
+    return place_m, moves.line(subject, place_m, along_rad, programme.speed_m_per_s, share)
+
+
+def _beside_rad(view: View, subject: SubjectPath) -> float:
+    """Azimuth of a camera beside the path, where a walk crosses the picture."""
+    chosen_rad = subject.heading_rad + subject.side * np.pi / 2 + subject.jitter_rad
+    return _azimuth_rad(view, chosen_rad)
+
+
+def _azimuth_rad(view: View, chosen_rad: float) -> float:
+    return chosen_rad if view.azimuth_deg is None else float(np.deg2rad(view.azimuth_deg))
+
+
+STEP_M = 0.25
+"""How far the camera steps back before it is tried again."""
+
+
+def static_twin(camera: CameraPath, pelvis_world_m: np.ndarray) -> CameraPath:
+    """A static camera where a moving one stands at the middle of the clip.
+
+    It looks at the middle of the subject's path.  Where that doesn't keep the subject in frame for
+    the whole clip, it steps back on the same side, at the same height, as far as it must.
+
+    Args:
+        camera: The moving camera, known at its middle frame.
+        pelvis_world_m: (T, 3) pelvis path of the subject, z-up world [m].
+
+    Returns:
+        CameraPath of the same lens and length.
+
+    Raises:
+        BadRecipe: the middle frame has no camera, or no place keeps the subject in frame.
+    """
+    place_m = camera.centres_world_m[camera.n_frames // 2]
+    if not np.isfinite(place_m).all():
+        raise BadRecipe("a clip whose middle frame has no camera has no twin with its motion off")
+    target_m = (pelvis_world_m.min(axis=0) + pelvis_world_m.max(axis=0)) / 2
+    across_m = place_m[:2] - target_m[:2]
+    near_m = float(np.linalg.norm(across_m))
+    if near_m == 0:
+        raise BadRecipe("the camera is straight above its subject; give it another place")
+    box = person_box(pelvis_world_m)
+    for distance_m in np.arange(near_m, max(near_m, DISTANCES_M[-1]) + STEP_M, STEP_M):
+        ground_m = target_m[:2] + across_m / near_m * distance_m
+        twin = _resting(camera, np.array([*ground_m, place_m[2]]), target_m)
+        if in_frame_share(twin, box, FRAME_MARGIN_SHARE) == 1.0:
+            return twin
+    raise BadRecipe(
+        f"a static camera can't keep the subject in frame from any distance up to "
+        f"{DISTANCES_M[-1]:.0f} m; widen hfov_deg, shorten the clip, or leave camera_off out"
+    )
+
+
+def _resting(camera: CameraPath, place_m: np.ndarray, target_m: np.ndarray) -> CameraPath:
+    pose = rigid(look_at(place_m, target_m), place_m)
+    return replace(
+        camera,
+        world_from_cam=np.tile(pose, (camera.n_frames, 1, 1)),
+        has_camera=np.ones(camera.n_frames, dtype=bool),
+    )

@@ -1,0 +1,276 @@
+"""Depth, normals, flow and instances of a frame as PNG, which every image library reads as it is.
+
+`cv2.imread(path, cv2.IMREAD_UNCHANGED)` gives the stored numbers, colours in the order blue, green,
+red.  The flow's form is that of KITTI's 2015 benchmark (http://www.cvlibs.net/datasets/kitti).
+
+The 24 joints of a filmed person: in the world, in the camera, in the image, seen or hidden.
+
+How near a rendered clip's camera and person come to what stands about.
+
+How much of a rendered clip has the whole person in frame.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from gmrdata.values.body import N_JOINTS, BodyModel
+from gmrdata.values.camera import in_frame, project_cam
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadFrames, BadMotionFile, BadRecord
+from gmrdata.values.files import atomic_path, read_json, read_npz, write_json, write_npz
+from gmrdata.values.records import Config
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from gmrdata.values.transforms import apply, invert
+
+
+@dataclass(frozen=True, eq=False)
+class Joints2d:
+    """Joints of T frames, in the order of `gmrdata.values.body.JOINT_NAMES`."""
+
+    world_m: np.ndarray
+    """(T, 24, 3) places in the world [m]."""
+    camera_m: np.ndarray
+    """(T, 24, 3) places in the camera's OpenCV axes [m]."""
+    image_px: np.ndarray
+    """(T, 24, 2) image points; NaN behind the camera."""
+    in_frame: np.ndarray
+    """(T, 24) bool: in front of the camera and inside the image."""
+    visible: np.ndarray
+    """(T, 24) bool: in the frame, and neither the scene nor another part of the body hides it."""
+
+
+def project_joints(clip: Clip, body: BodyModel) -> Joints2d:
+    """Joints of a world-frame clip through its camera; `visible` is `in_frame` here.
+
+    Raises:
+        BadMotionFile: the clip has no camera.
+    """
+    camera = camera_of(clip)
+    world_m = motion_joints_m(body, clip.motion)
+    camera_m = apply(invert(camera.world_from_cam), world_m)
+    image_px = project_cam(camera_m, camera.intrinsics_px)
+    size_px = (camera.width_px, camera.height_px)
+    in_frame = ((image_px >= 0) & (image_px < size_px)).all(axis=-1)  # False for NaN
+    return Joints2d(world_m, camera_m, image_px, in_frame, in_frame)
+
+
+def save_joints(path: Path, joints: Joints2d) -> None:
+    """Write `joints.npz`; FORMAT.md describes it."""
+    write_npz(
+        path,
+        {
+            "joints_world_m": joints.world_m,
+            "joints_camera_m": joints.camera_m,
+            "joints_px": joints.image_px,
+            "in_frame": joints.in_frame,
+            "visible": joints.visible,
+        },
+    )
+
+
+def load_joints(path: Path) -> Joints2d:
+    """Read a file by `save_joints`.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: not readable, or its arrays do not fit together.
+    """
+    arrays = read_npz(path)
+    n_frames = len(arrays.get("joints_px", ()))
+    keys = {
+        "joints_world_m": ("f", (3,)),
+        "joints_camera_m": ("f", (3,)),
+        "joints_px": ("f", (2,)),
+        "in_frame": ("b", ()),
+        "visible": ("b", ()),
+    }
+    for key, (kind, last) in keys.items():
+        found = arrays.get(key)
+        wanted = (n_frames, N_JOINTS, *last)
+        if found is None or found.dtype.kind != kind or found.shape != wanted:
+            raise BadMotionFile(f"{path}: no array {key!r} of shape {wanted}; render it again")
+    return Joints2d(*(arrays[key] for key in keys))
+
+
+MM_PER_M = 1000.0
+FARTHEST_M = 65.535
+FLOW_STEPS_PER_PX = 64.0
+FLOW_ZERO = 2**15
+_MOST = 65535
+
+
+def write_depth(path: Path, depth_m: np.ndarray) -> None:
+    """Write (H, W) depths along the optical axis [m] in whole millimetres.
+
+    0 stands for no surface (NaN, infinite) and for one farther than 65.535 m.
+    """
+    near = np.nan_to_num(depth_m, nan=np.inf) < FARTHEST_M
+    depth_mm = np.where(near, np.where(near, depth_m, 0.0) * MM_PER_M, 0.0)
+    _write(path, np.rint(depth_mm))
+
+
+def read_depth(path: Path) -> np.ndarray:
+    """(H, W) float64 depths [m] of a file by `write_depth`; infinite where it has none.
+
+    Raises:
+        BadFrames: not there, or no such file.
+    """
+    stored = _read(path, 2)
+    return np.where(stored > 0, stored / MM_PER_M, np.inf)
+
+
+def write_normals(path: Path, normals: np.ndarray) -> None:
+    """Write (H, W, 3) unit normals: red, green, blue are x, y, z, with -1 -> 0 and 1 -> 65535.
+
+    Pixels without a normal (zeros) become 0, 0, 0.
+    """
+    there = (normals != 0).any(axis=-1, keepdims=True)
+    stored = np.where(there, (np.clip(normals, -1, 1) + 1) / 2 * _MOST, 0.0)
+    _write(path, np.rint(stored)[..., ::-1])
+
+
+def read_normals(path: Path) -> np.ndarray:
+    """(H, W, 3) float64 normals of a file by `write_normals`; zeros where it has none.
+
+    Raises:
+        BadFrames: not there, or no such file.
+    """
+    stored = _read(path, 3)[..., ::-1]
+    return np.where((stored > 0).any(axis=-1, keepdims=True), stored / _MOST * 2 - 1, 0.0)
+
+
+def write_flow(path: Path, flow_px: np.ndarray) -> None:
+    """Write (H, W, 2) flow [px]: red and green are 64 u + 2^15 and 64 v + 2^15, blue is 1 if known.
+
+    Pixels with NaN, and with a flow of 512 px or more, are not known: 0, 0, 0.
+    """
+    stored = np.rint(flow_px * FLOW_STEPS_PER_PX + FLOW_ZERO)
+    known = ((stored >= 0) & (stored <= _MOST)).all(axis=-1)  # False for NaN
+    u, v = stored[..., 0], stored[..., 1]
+    pixels = np.stack([np.ones_like(u), v, u], axis=-1)
+    pixels[~known] = 0
+    _write(path, pixels)
+
+
+def read_flow(path: Path) -> np.ndarray:
+    """(H, W, 2) float64 flow [px] of a file by `write_flow`; NaN where it has none.
+
+    Raises:
+        BadFrames: not there, or no such file.
+    """
+    stored = _read(path, 3)
+    flow_px = (stored[..., :0:-1] - FLOW_ZERO) / FLOW_STEPS_PER_PX
+    return np.where(stored[..., :1] > 0, flow_px, np.nan)
+
+
+def write_instances(path: Path, instances: np.ndarray) -> None:
+    """Write (H, W) numbers of what is seen, 0 for the background: 8 bit."""
+    _write(path, instances, np.uint8)
+
+
+def read_instances(path: Path) -> np.ndarray:
+    """(H, W) uint8 numbers of a file by `write_instances`.
+
+    Raises:
+        BadFrames: not there, or no such file.
+    """
+    import cv2
+
+    stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
+    if stored is None or stored.dtype != np.uint8 or stored.ndim != 2:
+        raise BadFrames(f"{path}: missing, or not such an 8-bit PNG; render this frame again")
+    return stored
+
+
+def _write(path: Path, pixels: np.ndarray, kind: type[np.integer] = np.uint16) -> None:
+    import cv2
+
+    _, encoded = cv2.imencode(".png", pixels.astype(kind))
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(encoded.tobytes())
+
+
+def _read(path: Path, n_dimensions: int) -> np.ndarray:
+    import cv2
+
+    stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
+    if stored is None or stored.dtype != np.uint16 or stored.ndim != n_dimensions:
+        raise BadFrames(f"{path}: missing, or not such a 16-bit PNG; render this frame again")
+    return stored.astype(np.float64)
+
+
+CLEARANCE_FILE = "clearance.json"
+
+
+class Clearance(Config):
+    """Measured in Blender against the surfaces of everything that doesn't move, but the ground."""
+
+    camera_m: float = Field(gt=0)
+    """Smallest distance of the camera's place to a surface [m]."""
+    person_m: float = Field(gt=0)
+    """Smallest distance of the pelvis to a surface [m]."""
+    sight_share: float = Field(ge=0, le=1)
+    """Share of the frames in which nothing stands between the camera and the pelvis."""
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """As a manifest's quality figures."""
+        return {
+            "camera_clearance_m": self.camera_m,
+            "person_clearance_m": self.person_m,
+            "clear_sight_share": self.sight_share,
+        }
+
+
+def save_clearance(folder: Path, clearance: Clearance) -> None:
+    """Write `clearance.json`."""
+    write_json(folder / CLEARANCE_FILE, clearance.model_dump())
+
+
+def clearance_figures(folder: Path) -> Mapping[str, float]:
+    """The figures of a rendered clip; none for a clip with nothing round it.
+
+    Raises:
+        BadRecord: the file is not a clearance.
+    """
+    path = folder / CLEARANCE_FILE
+    if not path.is_file():
+        return {}
+    record: Any = read_json(path)
+    try:
+        return Clearance.model_validate(record).figures
+    except ValidationError as error:
+        raise BadRecord(f"{path}: {error.errors()[0]['msg']}; render the clip again") from None
+
+
+IN_FRAME = "in_frame_share"
+"""The manifest's figure: share of a clip's frames with the whole person in frame."""
+CHUNK_FRAMES = 64
+
+
+def whole_person_share(clip: Clip, body: BodyModel) -> float:
+    """Share of a clip's frames (0 to 1) in which every vertex of the body is inside the image.
+
+    Raises:
+        BadMotionFile: the clip has no camera.
+    """
+    camera = camera_of(clip)
+    seen = [
+        in_frame(
+            replace(
+                camera,
+                world_from_cam=camera.world_from_cam[rows],
+                has_camera=camera.has_camera[rows],
+            ),
+            motion_vertices_m(body, clip.motion, rows=rows),
+        )
+        for rows in np.array_split(
+            np.arange(clip.motion.n_frames), -(-clip.motion.n_frames // CHUNK_FRAMES)
+        )
+    ]
+    return float(np.concatenate(seen).mean())

@@ -1,0 +1,290 @@
+"""One clip before it is rendered: its person, its motion, cut and centred, and its camera.
+
+What the recipe of a synthetic set may say.
+
+What a set draws for each clip: its person's looks and its place.
+
+Every choice hangs on the set's seed and the clip's id, so that a clip stays as it is when others
+come and go, and a clip's twin has the same person in the same place.
+"""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gmrdata.film.character import Character
+from gmrdata.film.people import PersonConfig, draw_person
+from gmrdata.film.programmes import Programme, static_twin
+from gmrdata.film.render import RenderConfig
+from gmrdata.film.scene import SceneConfig
+from gmrdata.film.shots import Film, film_motion, plan_clip
+from gmrdata.motion.files import input_files, read_motion
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.bodies import read_body
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config
+
+
+class SyntheticClip(Config):
+    """One clip of a set."""
+
+    id: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    """Name of the clip and of its folders."""
+    trial: str | None = None
+    """Name of a motion file, without suffix."""
+    gait: str | None = None
+    """Or kind of embedded gait."""
+    programme: Programme
+    """Camera programme."""
+    duration_s: float | None = Field(default=None, gt=0)
+    """Length to film, from the motion's start [s]; the set's when left out."""
+    shape: tuple[float, ...] | None = None
+    """Shape coefficients of the person, as many as the body has; `people` decides when left out."""
+    scene: SceneConfig | None = None
+    """The clip's place; drawn from the set's `scenes`, or that of `render`, when left out."""
+    character: Character | None = None
+    """A rigged character to film in this clip; that of `render`, if any, when left out."""
+
+    @model_validator(mode="after")
+    def _one_motion(self) -> "SyntheticClip":
+        if (self.trial is None) == (self.gait is None):
+            raise ValueError("give either `trial` or `gait`")
+        return self
+
+
+class PeopleConfig(Config):
+    """Who is filmed."""
+
+    vary: bool = False
+    """Whether each clip has a person, skin, hair and clothes of its own, drawn by the set's seed
+    and the clip's id; else a file's motion has the body's mean shape, a gait one of its own, and
+    the scene's seed chooses the clothes."""
+    spread: float = Field(default=1.0, ge=0, le=1.2)
+    """How far shapes go from the mean; 1: as adults do in the body's own distribution."""
+
+
+class SyntheticRecipe(Config):
+    """A set of clips to render."""
+
+    recipe: Literal["synthetic"]
+    """Kind of recipe."""
+    name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
+    """Name of the data set."""
+    version: str = "1.0.0"
+    """Its version, major.minor.patch."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of every random choice."""
+    body: str = "anny"
+    """Body model: "anny", or the path of an SMPL model file."""
+    workers: int = Field(default=2, ge=1)
+    """Worker processes, one thread each."""
+    published_list: str | None = None
+    """A published list whose trials are rendered, each under its programme."""
+    clips: tuple[SyntheticClip, ...] = ()
+    """Further clips."""
+    camera_off: bool = False
+    """Render each clip a second time, as `<id>_off`, with the same motion in the same place under
+    a static camera (Table 6).  A static clip has no such twin."""
+    min_in_frame_share: float = Field(default=0.9, ge=0, le=1)
+    """A clip that has the whole person in frame in a smaller share of its frames gets a warning."""
+    people: PeopleConfig = PeopleConfig()
+    """Who is filmed."""
+    scenes: tuple[SceneConfig, ...] = ()
+    """Places of which each clip draws one, by the set's seed and its id; a place without a `seed`
+    gets one of the clip's own too.  None: all clips are in the place of `render`."""
+    film: Film = Film()
+    """What the clips share."""
+    render: RenderConfig = RenderConfig()
+    """The Blender stage."""
+
+
+def clip_rng(
+    seed: int, clip_id: str, choice: Literal["motion", "person", "looks", "place", "faults"]
+) -> np.random.Generator:
+    """The generator of one kind of choice for one clip."""
+    digest = hashlib.sha256(f"{clip_id}/{choice}".encode()).digest()
+    words = np.frombuffer(digest[:16], dtype="<u4")
+    return np.random.default_rng([seed, *words.tolist()])
+
+
+def render_config(recipe: SyntheticRecipe, clip: SyntheticClip) -> RenderConfig:
+    """How a clip, or its twin, is rendered: the set's recipe with the clip's place and looks."""
+    config = recipe.render
+    return config.model_copy(
+        update={
+            "scene": _scene(recipe, clip),
+            "person": _person(recipe, clip, config.person),
+            "character": clip.character or config.character,
+        }
+    )
+
+
+def _scene(recipe: SyntheticRecipe, clip: SyntheticClip) -> SceneConfig:
+    if clip.scene is not None:
+        return clip.scene
+    if not recipe.scenes:
+        return recipe.render.scene
+    rng = clip_rng(recipe.seed, clip.id, "place")
+    scene = recipe.scenes[int(rng.integers(len(recipe.scenes)))]
+    if "seed" in scene.model_fields_set:
+        return scene
+    return scene.model_copy(update={"seed": int(rng.integers(2**31))})
+
+
+def _person(recipe: SyntheticRecipe, clip: SyntheticClip, person: PersonConfig) -> PersonConfig:
+    if not recipe.people.vary or person.seed is not None:
+        return person
+    seed = int(clip_rng(recipe.seed, clip.id, "looks").integers(2**31))
+    return person.model_copy(update={"seed": seed})
+
+
+PLANNED_FILE = "clip.npz"
+
+
+class PlanConfig(Config):
+    """What decides one planned clip."""
+
+    seed: int
+    """Seed of the person, the gait and the camera."""
+    clip: SyntheticClip
+    """The clip."""
+    film: Film
+    """What the set's clips share."""
+    people: PeopleConfig
+    """Who is filmed."""
+
+
+def make_plan(
+    clip: SyntheticClip,
+    recipe: SyntheticRecipe,
+    motion_path: Path | None,
+    body_path: Path,
+    out_dir: Path,
+    *,
+    redo: bool = False,
+) -> Path:
+    """Stage: the planned clip.
+
+    Args:
+        clip: The clip; its random choices hang on the set's seed and its id alone.
+        recipe: The recipe.
+        motion_path: The motion file; None for an embedded gait.
+        body_path: The set's body.
+        out_dir: The stage's folder.
+        redo: Make anew what another recipe made.
+
+    Returns:
+        Path of the clip file.
+    """
+
+    def work(partial_dir: Path) -> None:
+        body = read_body(body_path)
+        planned = planned_clip(clip, recipe, motion_path, body)
+        save_clip(partial_dir / PLANNED_FILE, planned, body.rest_pelvis_m(planned.motion.shape))
+
+    # The place doesn't matter to the plan: another one must not make it stale.
+    config = PlanConfig(
+        seed=recipe.seed,
+        clip=clip.model_copy(update={"scene": None}),
+        film=_film(clip, recipe),
+        people=recipe.people,
+    )
+    inputs = {"body": body_path}
+    if motion_path is not None:
+        inputs |= input_files(motion_path)
+    return run_stage("plan", out_dir, config, inputs, work, redo=redo) / PLANNED_FILE
+
+
+def planned_clip(
+    clip: SyntheticClip, recipe: SyntheticRecipe, motion_path: Path | None, body: BodyModel
+) -> Clip:
+    """A clip's motion and camera; arguments as for `make_plan`.
+
+    Raises:
+        BadMotionFile: the motion can't be read, or is too short.
+        BadRecipe: no distance keeps the person in frame, or the body has no such shape.
+    """
+    film = _film(clip, recipe)
+    shape = _shape(clip, recipe, body)
+    rng = clip_rng(recipe.seed, clip.id, "motion")
+    motion = film_motion(_motion(clip, film, motion_path, body, shape, rng), film)
+    return plan_clip(clip.id, motion, clip.programme, film, rng)
+
+
+class TwinConfig(Config):
+    """What decides a planned twin beside the clip that it is the twin of."""
+
+    id: str
+    """The twin's id."""
+
+
+def make_twin(
+    twin_id: str,
+    planned_path: Path,
+    body_path: Path,
+    out_dir: Path,
+    *,
+    redo: bool = False,
+) -> Path:
+    """Stage: a planned clip once more, with the motion of its camera off.
+
+    Args:
+        twin_id: The twin's id.
+        planned_path: The planned clip.
+        body_path: The set's body.
+        out_dir: The stage's folder.
+        redo: Make anew what another recipe made.
+
+    Returns:
+        Path of the clip file.
+
+    Raises:
+        BadRecipe: no static camera keeps the subject in frame.
+    """
+
+    def work(partial_dir: Path) -> None:
+        clip = load_clip(planned_path)
+        camera = static_twin(camera_of(clip), clip.motion.pelvis_m)
+        rest_pelvis_m = read_body(body_path).rest_pelvis_m(clip.motion.shape)
+        save_clip(
+            partial_dir / PLANNED_FILE, replace(clip, id=twin_id, camera=camera), rest_pelvis_m
+        )
+
+    inputs = {"clip": planned_path, "body": body_path}
+    config = TwinConfig(id=twin_id)
+    return run_stage("twin", out_dir, config, inputs, work, redo=redo) / PLANNED_FILE
+
+
+def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:
+    if clip.duration_s is None:
+        return recipe.film
+    return recipe.film.model_copy(update={"duration_s": clip.duration_s})
+
+
+def _motion(
+    clip: SyntheticClip,
+    film: Film,
+    motion_path: Path | None,
+    body: BodyModel,
+    shape: np.ndarray | None,
+    rng: np.random.Generator,
+) -> Motion:
+    if motion_path is not None:
+        return read_motion(motion_path, body, shape=shape)
+    return make_gait(clip.gait or "", film.duration_s, 30.0, body, rng, shape=shape)
+
+
+def _shape(clip: SyntheticClip, recipe: SyntheticRecipe, body: BodyModel) -> np.ndarray | None:
+    """The person's shape (S,); None: as the motion has it."""
+    if clip.shape is not None:
+        return np.array(clip.shape)
+    if not recipe.people.vary:
+        return None
+    return draw_person(body, clip_rng(recipe.seed, clip.id, "person"), recipe.people.spread)

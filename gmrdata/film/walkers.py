@@ -1,0 +1,308 @@
+"""Where passers-by and company walk: placed motions that keep clear of everyone.
+
+Each is found by drawing ways until one is clear of the people and the cameras and is seen long
+enough.  So the constraints hold exactly, whatever the subject and the camera do.
+
+What extras have to keep clear of and be seen by: the subject's path and the cameras.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmrdata.motion.gait import make_gait
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, in_frame
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.motion import Motion
+
+PEOPLE_APART_M = 0.8
+"""Between the pelvises of two people, on the ground; a person is about half a metre wide."""
+FROM_CAMERA_M = 1.3
+HALF_TRUNK_M = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """Clips that share one place, all with T frames."""
+
+    fps_hz: float
+    """Frame rate [Hz]."""
+    subjects_m: tuple[np.ndarray, ...]
+    """(T, 3) pelvis path for each clip, world [m]."""
+    cameras: tuple[CameraPath, ...]
+    """Camera for each clip."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames T."""
+        return len(self.subjects_m[0])
+
+
+def shot_of(clips: Sequence[Clip]) -> Shot:
+    """The shot of clips with cameras; one that is shorter than the longest rests at its end.
+
+    Raises:
+        BadMotionFile: a clip has no camera.
+    """
+    n_frames = max(clip.motion.n_frames for clip in clips)
+    rows = [np.minimum(np.arange(n_frames), clip.motion.n_frames - 1) for clip in clips]
+    pairs = list(zip(clips, rows, strict=True))
+    return Shot(
+        clips[0].motion.fps_hz,
+        tuple(clip.motion.pelvis_m[row] for clip, row in pairs),
+        tuple(_camera_at(camera_of(clip), row) for clip, row in pairs),
+    )
+
+
+def _camera_at(camera: CameraPath, rows: np.ndarray) -> CameraPath:
+    return replace(
+        camera, world_from_cam=camera.world_from_cam[rows], has_camera=camera.has_camera[rows]
+    )
+
+
+def seen_share(shot: Shot, path_m: np.ndarray) -> float:
+    """Share of the frames with a moving point (T, 3) [m] in the image and not behind the subject.
+
+    The worst camera counts.  In less than a second nobody gets out from behind another, so there it
+    doesn't matter: a dry run probes two frames.
+    """
+    shares = []
+    for camera, subject_m in zip(shot.cameras, shot.subjects_m, strict=True):
+        seen = in_frame(camera, path_m)
+        if shot.n_frames >= shot.fps_hz:
+            seen &= ~_is_behind(path_m, subject_m, camera)
+        shares.append(float(seen.mean()))
+    return min(shares)
+
+
+def _is_behind(path_m: np.ndarray, subject_m: np.ndarray, camera: CameraPath) -> np.ndarray:
+    """(T,) bool: seen from above, the subject's trunk is in the line of sight to a point."""
+    sight_m = (path_m - camera.centres_world_m)[:, :2]
+    to_subject_m = (subject_m - camera.centres_world_m)[:, :2]
+    far_m = np.maximum(np.linalg.norm(sight_m, axis=1), 1e-9)
+    along_m = (to_subject_m * sight_m).sum(axis=1) / far_m
+    left_m = np.c_[-sight_m[:, 1], sight_m[:, 0]]
+    aside_m = np.abs((to_subject_m * left_m).sum(axis=1)) / far_m
+    return np.asarray((along_m > 0) & (along_m < far_m) & (aside_m < HALF_TRUNK_M))
+
+
+def enough_seen(shot: Shot, share: float, seconds: float) -> float:
+    """A share of the frames, but no more of them than a time [s] has."""
+    return min(share, seconds * shot.fps_hz / shot.n_frames)
+
+
+def apart_m(path_m: np.ndarray, other_m: np.ndarray) -> float:
+    """Least distance on the ground between two paths (T, 2 or 3) at the same time [m]."""
+    return float(np.linalg.norm(path_m[:, :2] - other_m[:, :2], axis=1).min())
+
+
+def place_in_sight(
+    shot: Shot,
+    row: int,
+    near_m: float,
+    room_m: float,
+    reach_m: float,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, float]:
+    """A place (2,) [m] in line with the first camera and its subject, and the line's angle [rad].
+
+    It is in front of the subject as often as behind, where there is room in front.
+
+    Args:
+        shot: The shot.
+        row: The frame.
+        near_m: Least distance to the camera [m].
+        room_m: Least distance to the subject [m].
+        reach_m: How much farther than that the place may be behind the subject [m].
+        rng: Chooses.
+    """
+    camera_m = shot.cameras[0].centres_world_m[row, :2]
+    sight_m = shot.subjects_m[0][row, :2] - camera_m
+    distance_m, angle_rad = float(np.linalg.norm(sight_m)), float(np.arctan2(*sight_m[::-1]))
+    in_front, share = rng.random() < 0.5, rng.random()
+    if in_front and near_m < distance_m - room_m:
+        along_m = near_m + share * (distance_m - room_m - near_m)
+    else:
+        along_m = distance_m + room_m + share * reach_m
+    return camera_m + along_m * np.array([np.cos(angle_rad), np.sin(angle_rad)]), angle_rad
+
+
+TRIES = 1500
+COMPANY_M = (0.9, 1.5)
+"""How far company walks from its subject, on average over the clip [m]."""
+COMPANY_FARTHEST_M = 2.0
+"""How far it may be in any frame, as long as the subject walks straight on [m]."""
+COMPANY_SEEN = 0.8
+PASSER_BY_SEEN = (0.15, 1.0)
+"""Least share of the frames with a passer-by in the image, or this many seconds if that is less."""
+BEHIND_M = 2.5
+STRAIGHT_S = 8.0
+"""For longer, a passer-by walks in a figure of eight, so that the place needn't be so large [s]."""
+STANDS_M_PER_S = 0.3
+"""A subject that gets away from its start more slowly has no direction that company could take."""
+RUN_M_PER_S = 2.0
+PACES = (0.5, 1.6)
+"""How much slower or faster than drawn a gait may be played to keep up with someone."""
+
+
+def move_motion(motion: Motion, yaw_rad: float, from_m: np.ndarray, to_m: np.ndarray) -> Motion:
+    """A world-frame motion turned about the vertical and shifted on the ground, all frames alike.
+
+    Args:
+        motion: The motion.
+        yaw_rad: Turn about z [rad].
+        from_m: (2,) point on the ground that comes to lie ...
+        to_m: (2,) ... here [m].
+    """
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    pivot_m, goal_m = np.append(from_m, 0.0), np.append(to_m, 0.0)
+    return replace(
+        motion,
+        root_rotmats=turn @ motion.root_rotmats,
+        pelvis_m=(motion.pelvis_m - pivot_m) @ turn.T + goal_m,
+    )
+
+
+def facing_rad(motion: Motion, row: int) -> float:
+    """Angle on the ground, from x to y, in which the body faces in a frame [rad]."""
+    ahead = motion.root_rotmats[row] @ (0.0, 0.0, 1.0)
+    return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def passing_gait(shot: Shot, body: BodyModel, rng: np.random.Generator) -> Motion:
+    """An embedded gait as long as the shot, on a body of its own."""
+    duration_s = shot.n_frames / shot.fps_hz
+    kind = "walk" if duration_s <= STRAIGHT_S else "figure_eight"
+    return make_gait(kind, duration_s, shot.fps_hz, body, rng)
+
+
+def pass_by(
+    name: str, motion: Motion, shot: Shot, others: Sequence[Motion], rng: np.random.Generator
+) -> Motion:
+    """Place a motion so that it crosses the first camera's line of sight to its subject.
+
+    Args:
+        name: Whose motion it is, for messages.
+        motion: A motion with the shot's frames, anywhere.
+        shot: The shot.
+        others: Extras that are there already.
+        rng: Chooses when, where and in which direction.
+
+    Raises:
+        BadRecipe: nowhere is room for it.
+    """
+    enough = enough_seen(shot, *PASSER_BY_SEEN)
+    for _ in range(TRIES):
+        row = round(rng.uniform(0.2, 0.8) * (shot.n_frames - 1))
+        place_m, sight_rad = place_in_sight(shot, row, FROM_CAMERA_M, PEOPLE_APART_M, BEHIND_M, rng)
+        across_rad = float(rng.choice([-1, 1]) * rng.uniform(np.deg2rad(40), np.deg2rad(140)))
+        yaw_rad = sight_rad + across_rad - facing_rad(motion, row)
+        placed = move_motion(motion, yaw_rad, motion.pelvis_m[row, :2], place_m)
+        if _is_clear(placed, shot, others) and seen_share(shot, placed.pelvis_m) >= enough:
+            return placed
+    raise BadRecipe(
+        f"no way is free for {name} that keeps {PEOPLE_APART_M} m from people and {FROM_CAMERA_M} m"
+        " from the camera and crosses the view. Ask for fewer extras, another seed, or give the "
+        "camera more distance_m"
+    )
+
+
+def keep_company(
+    name: str,
+    shot: Shot,
+    others: Sequence[Motion],
+    body: BodyModel,
+    seed: np.random.SeedSequence,
+) -> Motion:
+    """A gait beside the first subject, in its direction and at its mean speed.
+
+    It goes straight on, so it leaves a subject that turns; beside one that stays, or comes back, it
+    steps to and fro.
+    Of the ways that are clear and in view, a near one is taken.
+
+    Args:
+        name: Whose motion it is, for messages.
+        shot: The shot.
+        others: Extras that are there already.
+        body: The body.
+        seed: Chooses its build, gait and place.
+
+    Raises:
+        BadRecipe: nowhere is room for it in view.
+    """
+    subject_m = shot.subjects_m[0][:, :2]
+    way_m = subject_m[-1] - subject_m[0]
+    duration_s = shot.n_frames / shot.fps_hz
+    far_m = float(np.linalg.norm(way_m))
+    walked_m = float(np.linalg.norm(np.diff(subject_m, axis=0), axis=1).sum())
+    goes = far_m > STANDS_M_PER_S * duration_s and far_m > walked_m / 2
+    motion = _gait_at(far_m / duration_s if goes else 0.0, shot, body, seed)
+    rng = np.random.default_rng(seed.spawn(1)[0])
+    subject_rad = float(np.arctan2(way_m[1], way_m[0]))
+    own_m = motion.pelvis_m[-1, :2] - motion.pelvis_m[0, :2]
+    own_rad = float(np.arctan2(own_m[1], own_m[0])) if own_m.any() else facing_rad(motion, 0)
+    mean_m = motion.pelvis_m[:, :2].mean(axis=0)
+    best: Motion | None = None
+    least_m = np.inf
+    for attempt in range(TRIES):
+        # Beside the subject, in parallel, if that is in view; else anywhere round it.
+        strict = attempt < TRIES // 2
+        spread_rad = np.deg2rad(15) if strict else np.pi / 2
+        beside_rad = rng.choice([-1, 1]) * (np.pi / 2 + rng.uniform(-1, 1) * spread_rad)
+        other_way_rad = 0.0 if strict and goes else rng.uniform(-np.pi, np.pi)
+        angle_rad, away_m = subject_rad + beside_rad, rng.uniform(*COMPANY_M)
+        offset_m = away_m * np.array([np.cos(angle_rad), np.sin(angle_rad)])
+        yaw_rad = subject_rad - own_rad + other_way_rad
+        placed = move_motion(motion, yaw_rad, mean_m, subject_m.mean(axis=0) + offset_m)
+        farthest_m = np.linalg.norm(placed.pelvis_m[:, :2] - subject_m, axis=1).max()
+        if (
+            farthest_m < least_m
+            and _is_clear(placed, shot, others)
+            and seen_share(shot, placed.pelvis_m) >= COMPANY_SEEN
+        ):
+            best, least_m = placed, float(farthest_m)
+        if best is not None and least_m <= COMPANY_FARTHEST_M:
+            return best
+    if best is not None:
+        return best
+    raise BadRecipe(
+        f"{name} can't be beside its subject, {PEOPLE_APART_M} m from others and {FROM_CAMERA_M} m "
+        f"from the camera, and in view for {COMPANY_SEEN:.0%} of the frames. Give the camera more "
+        "distance_m or a wider hfov_deg, or ask for passers_by instead"
+    )
+
+
+def _gait_at(
+    speed_m_per_s: float, shot: Shot, body: BodyModel, seed: np.random.SeedSequence
+) -> Motion:
+    """A gait of the shot's length with a mean speed, as near as `PACES` allows; 0: to and fro."""
+    duration_s = shot.n_frames / shot.fps_hz
+    if speed_m_per_s == 0:
+        rng = np.random.default_rng(seed)
+        return make_gait("side_step", duration_s, shot.fps_hz, body, rng)
+    kind = "run" if speed_m_per_s > RUN_M_PER_S else "walk"
+    drawn = make_gait(kind, max(duration_s, 2.0), shot.fps_hz, body, np.random.default_rng(seed))
+    way_m = np.linalg.norm(drawn.pelvis_m[-1, :2] - drawn.pelvis_m[0, :2])
+    drawn_m_per_s = float(way_m) * drawn.fps_hz / max(drawn.n_frames - 1, 1)
+    pace = float(np.clip(speed_m_per_s / max(drawn_m_per_s, 1e-6), *PACES))
+    # The same gait, filmed at another rate and played at the shot's.
+    played = make_gait(
+        kind, duration_s * pace, shot.fps_hz / pace, body, np.random.default_rng(seed)
+    )
+    return replace(
+        played,
+        fps_hz=shot.fps_hz,
+        source=f"gmrdata gait {kind} played {pace:.2f} times as fast, not motion capture",
+    )
+
+
+def _is_clear(placed: Motion, shot: Shot, others: Sequence[Motion]) -> bool:
+    people_m = [*shot.subjects_m, *(other.pelvis_m for other in others)]
+    cameras_m = [camera.centres_world_m for camera in shot.cameras]
+    return all(apart_m(placed.pelvis_m, path_m) >= PEOPLE_APART_M for path_m in people_m) and all(
+        apart_m(placed.pelvis_m, path_m) >= FROM_CAMERA_M for path_m in cameras_m
+    )

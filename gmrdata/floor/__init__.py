@@ -1,1 +1,0 @@
-"""The error of the pseudo ground truth itself, on twins of 3DPW whose truth is known."""

@@ -1,1 +1,0 @@
-"""Transforms, rotations, the pinhole camera, and camera programmes."""

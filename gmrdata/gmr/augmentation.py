@@ -1,0 +1,98 @@
+"""Left and right exchanged: the mirror augmentation.
+
+A motion is reflected in a vertical plane of the world, x -> -x, and each joint takes over from its
+counterpart on the other side.  In the body's frame, x to its left, that is the same reflection
+M = diag(-1, 1, 1): a local rotation R becomes M R M, and of the motion between frames dR becomes
+M dR M and dT becomes M dT.  The mirrored body is exactly the body's mirror image where its two
+sides are alike.
+
+Random turns of the joints, for the network's input alone: an augmentation.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from gmrdata.gmr.config import WindowConfig
+from gmrdata.values.body import MIRRORED
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
+
+AXES = np.array([-1.0, 1.0, 1.0])
+"""Diagonal of the reflection M, in the world and in the body's frame."""
+
+_SIGNS = np.outer(AXES, AXES)
+"""M R M multiplies each entry of R by one of these."""
+
+_LOCAL = np.array(MIRRORED[1:]) - 1
+"""Row of the counterpart among the 23 local rotations."""
+
+
+def mirror_motion(motion: Motion) -> Motion:
+    """The motion with left and right exchanged, in the world.
+
+    Raises:
+        BadMotionFile: the motion is in the camera's frame, whose image would be mirrored too.
+    """
+    if motion.frame != "world":
+        raise BadMotionFile(
+            f"{motion.source}: only motions in the world can be mirrored. Give such a motion"
+        )
+    return replace(
+        motion,
+        local_rotmats=mirror_local(motion.local_rotmats),
+        root_rotmats=mirror_rotmats(motion.root_rotmats),
+        pelvis_m=mirror_points_m(motion.pelvis_m),
+        source=f"{motion.source}, mirrored",
+    )
+
+
+def mirror_local(local_rotmats: np.ndarray) -> np.ndarray:
+    """Local rotations of the mirrored pose: (..., 23, 3, 3) -> (..., 23, 3, 3)."""
+    return mirror_rotmats(local_rotmats[..., _LOCAL, :, :])
+
+
+def mirror_rotmats(rotmats: np.ndarray) -> np.ndarray:
+    """M R M, for a root or a motion between frames: (..., 3, 3) -> (..., 3, 3)."""
+    return rotmats * _SIGNS.astype(rotmats.dtype)
+
+
+def mirror_points_m(points_m: np.ndarray) -> np.ndarray:
+    """M p, for a pelvis or a motion between frames: (..., 3) -> (..., 3) [m]."""
+    return points_m * AXES.astype(points_m.dtype)
+
+
+def turned(local_rotmats: np.ndarray, config: WindowConfig, rng: np.random.Generator) -> np.ndarray:
+    """Local rotations with each joint turned by `pose_noise_deg`.
+
+    Args:
+        local_rotmats: (..., T, 23, 3, 3) parent_from_joint.
+        config: Size of the noise, the time over which it stays alike, and the frame rate.
+        rng: Source of the noise.
+
+    Returns:
+        R exp(n), of the same shape and dtype, with axis-angle vectors n of normal distribution.
+    """
+    rotvecs_rad = rng.normal(size=local_rotmats.shape[:-1])
+    if config.pose_noise_time_s > 0:
+        rotvecs_rad = _smoothed(rotvecs_rad, config.pose_noise_time_s * config.fps_hz)
+    # Three numbers of variance 1 make a vector of mean square length 3.
+    rotvecs_rad *= np.deg2rad(config.pose_noise_deg) / np.sqrt(3)
+    turns = Rotation.from_rotvec(rotvecs_rad.reshape(-1, 3)).as_matrix()
+    return local_rotmats @ turns.reshape(local_rotmats.shape).astype(local_rotmats.dtype)
+
+
+def _smoothed(noise: np.ndarray, sigma_frames: float) -> np.ndarray:
+    """Noise (..., T, 23, 3) smoothed in time, of the variance that it had.
+
+    The window's end is followed by its beginning, so that all frames have the same variance: the
+    sum of the squared weights, which is what a single 1 becomes.
+    """
+    n_frames = noise.shape[-3]
+    single = np.zeros(n_frames)
+    single[0] = 1.0
+    weights = gaussian_filter1d(single, sigma_frames, mode="wrap")
+    smooth = gaussian_filter1d(noise, sigma_frames, axis=-3, mode="wrap")
+    return np.asarray(smooth / np.sqrt((weights**2).sum()))

@@ -1,0 +1,166 @@
+"""The root's motion as what a standing joint leaves to it.
+
+A foot that stands neither turns nor moves in the world, so the root turns and moves by what the
+foot does in the root's frame.  With A_i the rotation and p_i the place of a joint there,
+dR = A_i A_{i+1}^T (eq. 3 with the joint's rotation in the world unchanged), and given dR,
+dT = p_i - dR p_{i+1} (eqs. 3-4 with its place unchanged).  The second asks only for a point at
+rest, about which the foot may turn; `extra_inputs.motions_if_standing` takes dR for it from the
+same joint, this from the network.
+
+Joints in the root's frame, on a mean skeleton: forward kinematics of what the network sees.
+
+What the network may be given beside the local rotations: functions of them, and of nothing else.
+
+The motion of the root cannot be seen in one local pose, only in how poses follow each other, and
+mostly in the joints that stand on the floor.  With few data it helps to say so.
+"""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor, nn
+
+from gmrdata.gmr import rotations
+from gmrdata.gmr.config import ExtraInput, Representation
+from gmrdata.values.body import N_JOINTS, N_LOCAL, PARENTS
+
+REST_JOINTS_M = (
+    (0.000, 0.000, 0.000), (0.112, -0.045, -0.008),
+    (-0.112, -0.045, -0.008), (0.000, 0.105, 0.006),
+    (0.112, -0.423, -0.008), (-0.112, -0.423, -0.008),
+    (0.000, 0.208, -0.003), (0.112, -0.856, -0.008),
+    (-0.112, -0.856, -0.008), (0.000, 0.328, -0.036),
+    (0.112, -0.905, 0.139), (-0.112, -0.905, 0.139),
+    (0.000, 0.511, 0.001), (0.062, 0.478, 0.008),
+    (-0.062, 0.478, 0.008), (0.000, 0.561, 0.013),
+    (0.175, 0.414, 0.012), (-0.175, 0.414, 0.012),
+    (0.433, 0.414, 0.012), (-0.433, 0.414, 0.012),
+    (0.663, 0.414, 0.012), (-0.663, 0.414, 0.012),
+    (0.768, 0.414, 0.012), (-0.768, 0.414, 0.012),
+)  # fmt: skip
+"""(24, 3) joints of an average adult in SMPL's T-pose, pelvis at the origin [m]: those of the
+default body, rounded to millimetres.  A person's own shape is no input of the network."""
+
+
+def joints_in_root_frame(local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
+    """Where joints 1 to 23 are, and how they are turned, seen from the root.
+
+    Args:
+        local_rotmats: (..., 23, 3, 3) parent_from_joint.
+
+    Returns:
+        Places (..., 23, 3) [m] and root_from_joint (..., 23, 3, 3), on the mean skeleton.
+    """
+    rest_m = torch.tensor(REST_JOINTS_M, dtype=local_rotmats.dtype, device=local_rotmats.device)
+    rotmats = [torch.eye(3).to(local_rotmats).expand(*local_rotmats.shape[:-3], 3, 3)]
+    places_m = [torch.zeros_like(rotmats[0][..., 0])]
+    for joint in range(1, N_JOINTS):
+        parent = PARENTS[joint]
+        places_m.append(places_m[parent] + rotmats[parent] @ (rest_m[joint] - rest_m[parent]))
+        rotmats.append(rotmats[parent] @ local_rotmats[..., joint - 1, :, :])
+    return torch.stack(places_m[1:], dim=-2), torch.stack(rotmats[1:], dim=-3)
+
+
+SCALE = 10.0
+"""Motions at 10 fps are about 0.1 rad and 0.1 m; the network's other numbers are about 1."""
+
+
+def velocities(local_rotmats: Tensor) -> Tensor:
+    """How each joint turns to the next frame: axis-angle of R_i^T R_{i+1}, in `SCALE`-ths [rad].
+
+    Args:
+        local_rotmats: (..., T, 23, 3, 3) parent_from_joint.
+
+    Returns:
+        (..., T, 23, 3); zero in the last frame, which has no next one.
+    """
+    turns = local_rotmats[..., :-1, :, :, :].transpose(-1, -2) @ local_rotmats[..., 1:, :, :, :]
+    return _with_last(SCALE * rotations.log_map(turns))
+
+
+def motions_if_standing(local_rotmats: Tensor) -> Tensor:
+    """For each joint, the motion that the root would make if this joint stood still.
+
+    With A_i the rotation and p_i the place of a joint in the root's frame, a joint that neither
+    turns nor moves in the world means dR = A_i A_{i+1}^T and dT = p_i - dR p_{i+1}.
+
+    Args:
+        local_rotmats: (..., T, 23, 3, 3) parent_from_joint.
+
+    Returns:
+        (..., T, 23, 6): axis-angle of dR [rad] and dT [m], both times `SCALE`; zero in the last
+        frame, which has no next one.
+    """
+    joints_m, root_from_joint = joints_in_root_frame(local_rotmats)
+    delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[..., 1:, :, :, :].mT
+    moved_m = (delta_rotmats @ joints_m[..., 1:, :, :, None])[..., 0]
+    delta_m = joints_m[..., :-1, :, :] - moved_m
+    return _with_last(SCALE * torch.cat([rotations.log_map(delta_rotmats), delta_m], dim=-1))
+
+
+SIZE: dict[ExtraInput, int] = {"velocity": 3, "standing": 6}
+"""Numbers per joint."""
+
+MAKE: dict[ExtraInput, Callable[[Tensor], Tensor]] = {
+    "velocity": velocities,
+    "standing": motions_if_standing,
+}
+"""Functions from (..., T, 23, 3, 3) to (..., T, 23, `SIZE`)."""
+
+
+def _with_last(values: Tensor) -> Tensor:
+    """A frame of zeros after the last one: (..., T-1, 23, n) -> (..., T, 23, n)."""
+    return torch.cat([values, torch.zeros_like(values[..., :1, :, :])], dim=-3)
+
+
+class StandingShares(nn.Module):
+    """Which joint stands, as shares that sum to 1 over the joints 1..23 and none of them."""
+
+    def __init__(self, n_features: int) -> None:
+        super().__init__()
+        self.logits = nn.Linear(n_features, N_LOCAL + 1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Shares of the joints, without that of none: (B, T, n) -> (B, T, 23, 1)."""
+        return self.logits(features).softmax(-1)[..., :N_LOCAL, None]
+
+
+def root_turn(shares: Tensor, root_from_joint: Tensor) -> Tensor:
+    """dR (B, T, 3, 3): the mean, as axis-angle, of what each joint leaves; none leaves no turn.
+
+    Args:
+        shares: (B, T, 23, 1).
+        root_from_joint: (B, T, 23, 3, 3).
+    """
+    turns = rotations.log_map(root_from_joint @ _next(root_from_joint).mT)
+    return rotations.to_rotmats((shares * turns).sum(-2), "axis-angle")
+
+
+def root_step_m(shares: Tensor, places_m: Tensor, delta_rotmats: Tensor) -> Tensor:
+    """dT (B, T, 3) [m]: the mean of what each joint leaves to the root; none leaves no step.
+
+    Args:
+        shares: (B, T, 23, 1).
+        places_m: (B, T, 23, 3) joints in the root's frame [m].
+        delta_rotmats: (B, T, 3, 3) dR.
+    """
+    return (shares * (places_m - _next(places_m) @ delta_rotmats.mT)).sum(-2)
+
+
+def joints_seen(poses: Tensor, representation: Representation) -> tuple[Tensor, Tensor]:
+    """Joints in the root's frame, from the network's input (B, T, D).
+
+    The local rotations come first in the input.  Frames of zeros, which are padding, give values
+    of no meaning, but finite ones.
+
+    Returns:
+        Places (B, T, 23, 3) [m] and root_from_joint (B, T, 23, 3, 3).
+    """
+    local = poses[..., : N_LOCAL * rotations.SIZE[representation]].unflatten(-1, (N_LOCAL, -1))
+    with torch.no_grad():
+        return joints_in_root_frame(rotations.to_rotmats(local, representation))
+
+
+def _next(values: Tensor) -> Tensor:
+    """Each frame's next one along axis 1, and the last again: its motion leads out."""
+    return torch.cat([values[:, 1:], values[:, -1:]], dim=1)

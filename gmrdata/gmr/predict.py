@@ -1,0 +1,132 @@
+"""Inference: a trained network, and the world motion that it sees in a local pose sequence."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+
+from gmrdata.gmr.checkpoint import latest_checkpoint, read_model, read_state
+from gmrdata.gmr.config import Which
+from gmrdata.gmr.model import Gmr, network_input
+from gmrdata.gmr.runs import runs_at
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadCheckpoint, BadMotionFile, MissingInput
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import accumulate
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedGmr:
+    """A network with what it takes to use it."""
+
+    model: Gmr
+    """The network, in evaluation mode."""
+    fps_hz: float
+    """Frame rate that it was trained at [Hz]."""
+    name: str
+    """The run's folder name, for a reader."""
+    step: int
+    """Training steps behind the weights."""
+
+
+def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
+    """The latest checkpoint of a training run, or what scored best on its held-out clips.
+
+    Raises:
+        MissingInput: the folder is not there, or holds no checkpoint.
+        BadCheckpoint: the checkpoint is truncated or of another kind, or has no best weights.
+    """
+    run_dir = Path(run_dir)
+    folder = latest_checkpoint(run_dir)
+    if folder is None:
+        raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a finished run")
+    state = read_state(folder)
+    fps_hz = state.get("fps_hz")
+    if not isinstance(fps_hz, int | float) or not fps_hz > 0:
+        raise BadCheckpoint(f"{folder / 'state.json'}: no frame rate. Train again")
+    model = read_model(folder, which).eval()
+    step = state["best"]["step"] if which == "best" else state["step"]
+    return TrainedGmr(model, float(fps_hz), run_dir.name, int(step))
+
+
+def predict_deltas(gmr: TrainedGmr, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Motions between the frames of a local pose sequence at the network's frame rate.
+
+    Args:
+        gmr: The network.
+        local_rotmats: (T, 23, 3, 3) parent_from_joint, T >= 2.
+
+    Returns:
+        dR (T-1, 3, 3), orthonormal to float64, and dT (T-1, 3) [m].
+    """
+    poses = network_input(
+        torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64),
+        gmr.model.config.input,
+        gmr.model.config.extra_inputs,
+    )
+    device = next(gmr.model.parameters()).device
+    with torch.no_grad():
+        delta_rotmats, delta_m = gmr.model(poses.float()[None].to(device))
+    # Rounding errors of float32 would grow over thousands of accumulated frames.
+    orthonormal = Rotation.from_matrix(delta_rotmats[0, :-1].cpu().double().numpy()).as_matrix()
+    return orthonormal, delta_m[0, :-1].cpu().double().numpy()
+
+
+def predict_world_motion(
+    gmr: TrainedGmr,
+    motion: Motion,
+    *,
+    first_root_rotmat: np.ndarray | None = None,
+    first_pelvis_m: np.ndarray | None = None,
+) -> Motion:
+    """World motion of a person from the local pose alone, by eqs. 3-4 (paper, section 3.6).
+
+    The motion's own root is not looked at.  With the paper's first pose, the identity, the world is
+    the body's own frame at the first moment (x to its left, y up, z to its front); give the first
+    pose to have another world.
+
+    Args:
+        gmr: The network.
+        motion: Local poses, at any frame rate of the network's or above; others than the network's
+            are resampled to it, and the result's `source` says so.
+        first_root_rotmat: (3, 3) R_1, world_from_root; the identity if None.
+        first_pelvis_m: (3,) T_1 [m]; the origin if None.
+
+    Returns:
+        The motion at the network's frame rate, with predicted root and pelvis.
+
+    Raises:
+        BadMotionFile: fewer than two frames, NaN poses, or a lower frame rate than the network's.
+    """
+    local = _at_network_rate(gmr, motion)
+    delta_rotmats, delta_m = predict_deltas(gmr, local.local_rotmats)
+    root_rotmats, pelvis_m = accumulate(
+        delta_rotmats,
+        delta_m,
+        np.eye(3) if first_root_rotmat is None else np.asarray(first_root_rotmat, np.float64),
+        np.zeros(3) if first_pelvis_m is None else np.asarray(first_pelvis_m, np.float64),
+    )
+    source = f"world motion predicted by GMR {gmr.name} (step {gmr.step}) from: {motion.source}"
+    if abs(motion.fps_hz - gmr.fps_hz) > 1e-6 * gmr.fps_hz:
+        source += f", resampled from {motion.fps_hz:g} to {gmr.fps_hz:g} fps"
+    return replace(
+        local, root_rotmats=root_rotmats, pelvis_m=pelvis_m, frame="world", source=source
+    )
+
+
+def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
+    """The motion at the network's rate; roots, which may be absent, are set to the identity."""
+    n = motion.n_frames
+    rootless = replace(
+        motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3))
+    )
+    clip = Clip(motion.source, rootless, np.ones(n, bool), np.full(n, -1), None)
+    runs = runs_at(clip, gmr.fps_hz, all_phases=False)
+    if not runs:
+        raise BadMotionFile(
+            f"{motion.source}: {n} frames at {motion.fps_hz:g} fps are less than two frames at"
+            f" {gmr.fps_hz:g} fps. Give a longer motion"
+        )
+    return runs[0].motion

@@ -1,0 +1,325 @@
+"""Training windows: from clips to batches that depend on the seed and the step alone.
+
+Which run a window is drawn from: by frames, or by manifest weights first.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from gmrdata.gmr import rotations
+from gmrdata.gmr.augmentation import mirror_local, mirror_points_m, mirror_rotmats, turned
+from gmrdata.gmr.config import ExtraInput, Representation, WindowConfig
+from gmrdata.gmr.flat_runs import FlatRuns, RunRows, in_files, in_memory
+from gmrdata.gmr.losses import Motions
+from gmrdata.gmr.model import network_input
+from gmrdata.gmr.runs import Run, runs_at
+from gmrdata.values.body import N_LOCAL
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadManifest
+from gmrdata.values.motion_deltas import deltas
+
+
+@dataclass(frozen=True)
+class Mix:
+    """How clips in a row belong to manifests, and how often windows come from each."""
+
+    sizes: tuple[int, ...]
+    """Number of clips of each manifest, in order."""
+    weights: tuple[float, ...] | None = None
+    """Share of the windows from each manifest, up to a factor; None for its share of all frames."""
+    names: tuple[str, ...] = ()
+    """Names of the manifests, for messages."""
+
+    def part_of_each(self) -> np.ndarray:
+        """(sum of sizes,) which manifest each clip comes from."""
+        return np.repeat(np.arange(len(self.sizes)), self.sizes)
+
+
+def check_mix(runs: FlatRuns, mix: Mix) -> None:
+    """Refuse a weight for a manifest that gives no window.
+
+    Raises:
+        BadManifest: there is one.
+    """
+    if mix.weights is None:
+        return
+    for part in set(range(len(mix.sizes))) - set(runs.parts.tolist()):
+        name = mix.names[part] if mix.names else f"number {part}"
+        raise BadManifest(
+            f"manifest {name} has a weight, but no clip of it gives a window. Leave it out"
+        )
+
+
+def draw_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.Generator) -> int:
+    """Draw a run by its share of the frames: of all, or of those of a manifest drawn by weight.
+
+    Args:
+        runs: The runs.
+        weights: One per manifest, or None.
+        rng: Advanced by one draw, or two.
+    """
+    start, stop = 0, int(runs.ends[-1])
+    if weights is not None:
+        upto = np.cumsum(weights)
+        part = int(np.searchsorted(upto[:-1], rng.random() * upto[-1], side="right"))
+        first, after = np.searchsorted(runs.parts, [part, part + 1])
+        start = int(runs.ends[first - 1]) if first else 0
+        stop = int(runs.ends[after - 1])
+    frame = start + int(rng.integers(stop - start))
+    return int(np.searchsorted(runs.ends, frame, side="right"))
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingRun:
+    """Frames that follow each other: a whole run, or a window of it."""
+
+    poses: np.ndarray
+    """(n, D) float32 network input without extra inputs."""
+    root_rotmats: np.ndarray
+    """(n, 3, 3) frame_from_root."""
+    pelvis_m: np.ndarray
+    """(n, 3) [m]."""
+    shape: np.ndarray
+    """(S,) float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingSet:
+    """All runs, in memory or in mapped files."""
+
+    frames: FlatRuns
+    """The runs, end to end."""
+    representation: Representation
+    """Of `poses`."""
+    extra_inputs: tuple[ExtraInput, ...] = ()
+    """What a batch's network input has beside them."""
+    weights: tuple[float, ...] | None = None
+    """Weight of each manifest; None where a run is drawn by its share of all frames."""
+
+    @property
+    def runs(self) -> tuple[TrainingRun, ...]:
+        """Every run as a whole."""
+        return tuple(self.window(run, slice(None)) for run in range(len(self.frames.ends)))
+
+    def n_frames(self, run: int) -> int:
+        """Frames of a run."""
+        rows = self.frames.rows(run)
+        return rows.stop - rows.start
+
+    def window(self, run: int, rows: slice) -> TrainingRun:
+        """Some frames of a run, as arrays of their own."""
+        frames, of_run = self.frames, self.frames.rows(run)
+        return TrainingRun(
+            poses=np.array(frames.poses[of_run][rows]),
+            root_rotmats=np.array(frames.root_rotmats[of_run][rows]),
+            pelvis_m=np.array(frames.pelvis_m[of_run][rows]),
+            shape=frames.shapes[run],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """B windows of T frames as tensors."""
+
+    poses: Tensor
+    """(B, T, D) network input; zero in padding."""
+    lengths: Tensor
+    """(B,) int64 on the CPU: real frames."""
+    mask: Tensor
+    """(B, T-1) bool: motions between real frames."""
+    motions: Motions
+    """True motions; the identity in padding."""
+    local_rotmats: Tensor
+    """(B, T, 23, 3, 3); those of the last real frame in padding."""
+    shape: Tensor
+    """(B, S)."""
+
+
+def make_training_set(
+    clips: Iterable[Clip],
+    representation: Representation,
+    config: WindowConfig,
+    extra_inputs: tuple[ExtraInput, ...] = (),
+    *,
+    mix: Mix | None = None,
+    pack_dir: Path | None = None,
+) -> TrainingSet:
+    """Cut clips into runs at the network's frame rate, all phases, and compute their inputs once.
+
+    Args:
+        clips: Gone through once and not kept, so they may come from disk one by one.
+        representation: Of the network's input.
+        config: The frame rate.
+        extra_inputs: What batches shall have beside them; not part of what is computed once.
+        mix: Which clips come from which manifest, and how often windows come from each; None to
+            draw by frames.
+        pack_dir: Folder for the runs' arrays, which are then mapped and not kept in memory; if it
+            is there, it is used as it is.
+
+    Raises:
+        BadManifest: no clip has two valid frames in a row, a manifest with a weight has none, or
+            the clips are of different bodies.
+        BadMotionFile: a clip has NaN in a valid frame, or too low a frame rate.
+    """
+    rows = _run_rows(clips, representation, config, mix)
+    if pack_dir is None:
+        frames = in_memory(rows)
+    else:
+        about = {"input": representation, "fps_hz": config.fps_hz}
+        frames = in_files(rows, pack_dir, about)
+    if mix is not None:
+        check_mix(frames, mix)
+    weights = None if mix is None else mix.weights
+    return TrainingSet(frames, representation, extra_inputs, weights)
+
+
+def make_batch(
+    training_set: TrainingSet, config: WindowConfig, batch_size: int, seed: int, step: int
+) -> Batch:
+    """The windows of one step: the same for the same seed and step, whatever was drawn before.
+
+    A run is chosen by its share of all frames, then a start, both uniformly.  A window that is to
+    be played backwards has its poses reversed and its motions computed from them anew: reversal
+    does not just change signs, since dT is seen from the frame in which the motion begins.
+
+    The network's input is computed once per run and cut with it, unless windows are mirrored or
+    noisy or there are extra inputs: then it is computed from the batch's local rotations.
+    """
+    rng = np.random.default_rng([seed, step])
+    drawn = [_draw(training_set, config, rng) for _ in range(batch_size)]
+    windows = [window for window, _ in drawn]
+    frames = config.frames
+    lengths = np.array([len(window.poses) for window in windows])
+    poses = np.zeros((batch_size, frames, windows[0].poses.shape[1]), np.float32)
+    delta_rotmats = np.tile(np.eye(3, dtype=np.float32), (batch_size, frames - 1, 1, 1))
+    delta_m = np.zeros((batch_size, frames - 1, 3), np.float32)
+    for row, window in enumerate(windows):
+        n = lengths[row]
+        poses[row, :n] = window.poses
+        delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = deltas(
+            window.root_rotmats, window.pelvis_m
+        )
+    poses = _signed(poses, training_set.representation)
+    mirrored = np.array([mirrored for _, mirrored in drawn])
+    local_rotmats = _local_rotmats(poses, lengths, mirrored, training_set.representation)
+    if config.mirror_probability > 0 or config.pose_noise_deg > 0 or training_set.extra_inputs:
+        poses = _input_of(local_rotmats, lengths, training_set, config, rng)
+    return Batch(
+        poses=torch.from_numpy(poses),
+        lengths=torch.from_numpy(lengths),
+        mask=torch.from_numpy(np.arange(frames - 1) < lengths[:, None] - 1),
+        motions=Motions(torch.from_numpy(delta_rotmats), torch.from_numpy(delta_m)),
+        local_rotmats=torch.from_numpy(local_rotmats),
+        shape=torch.from_numpy(np.stack([window.shape for window in windows])),
+    )
+
+
+def reverse(run: TrainingRun) -> TrainingRun:
+    """The same frames in the opposite order."""
+    rows = slice(None, None, -1)
+    return TrainingRun(run.poses[rows], run.root_rotmats[rows], run.pelvis_m[rows], run.shape)
+
+
+def _draw(
+    training_set: TrainingSet, config: WindowConfig, rng: np.random.Generator
+) -> tuple[TrainingRun, bool]:
+    """A window, and whether left and right are exchanged: so far in the root's motion alone."""
+    run = draw_run(training_set.frames, training_set.weights, rng)
+    start = int(rng.integers(max(1, training_set.n_frames(run) - config.frames + 1)))
+    backwards = rng.random() < config.reverse_probability
+    mirrored = config.mirror_probability > 0 and rng.random() < config.mirror_probability
+    window = training_set.window(run, slice(start, start + config.frames))
+    if backwards:
+        window = reverse(window)
+    if mirrored:
+        window = replace(
+            window,
+            root_rotmats=mirror_rotmats(window.root_rotmats),
+            pelvis_m=mirror_points_m(window.pelvis_m),
+        )
+    return window, mirrored
+
+
+def _local_rotmats(
+    poses: np.ndarray, lengths: np.ndarray, mirrored: np.ndarray, representation: Representation
+) -> np.ndarray:
+    """Local rotations (B, T, 23, 3, 3) of windows as they are cut, (B, T, D), and some mirrored.
+
+    Padding repeats the last real frame, so that what looks at the next frame sees no motion.
+    """
+    values = torch.from_numpy(poses).unflatten(-1, (N_LOCAL, -1))
+    local_rotmats = _padded(rotations.to_rotmats(values, representation).numpy(), lengths)
+    local_rotmats[mirrored] = mirror_local(local_rotmats[mirrored])
+    return local_rotmats
+
+
+def _padded(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Rows (B, T, ...) whose padding repeats the last real frame."""
+    last = np.minimum(np.arange(values.shape[1]), lengths[:, None] - 1)
+    return values[np.arange(len(values))[:, None], last]
+
+
+def _input_of(
+    local_rotmats: np.ndarray,
+    lengths: np.ndarray,
+    training_set: TrainingSet,
+    config: WindowConfig,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Network input of a batch's local rotations, (B, T, D) float32, zero in padding."""
+    if config.pose_noise_deg > 0:
+        local_rotmats = _padded(turned(local_rotmats, config, rng), lengths)
+    poses: np.ndarray = network_input(
+        torch.from_numpy(local_rotmats), training_set.representation, training_set.extra_inputs
+    ).numpy()
+    is_real = np.arange(config.frames) < lengths[:, None]
+    return poses * is_real[..., None].astype(np.float32)
+
+
+def _signed(poses: np.ndarray, representation: Representation) -> np.ndarray:
+    """Quaternions (B, T, D) with w >= 0 in a window's first frame, as inference gives them."""
+    if representation != "quaternion":
+        return poses
+    size = rotations.SIZE["quaternion"]
+    signs = np.where(poses[:, :1, ::size] < 0, np.float32(-1), np.float32(1))
+    return poses * np.repeat(signs, size, axis=-1)
+
+
+def _run_rows(
+    clips: Iterable[Clip], representation: Representation, config: WindowConfig, mix: Mix | None
+) -> Iterator[RunRows]:
+    """The runs of the clips, one after the other."""
+    parts = None if mix is None else mix.part_of_each()
+    body, n_clips, n_runs = "", 0, 0
+    for n_clips, clip in enumerate(clips, start=1):
+        body = body or clip.motion.body
+        if clip.motion.body != body:
+            raise BadManifest(
+                f"training clips are of different bodies ({body}, {clip.motion.body}), whose"
+                " shapes do not mix. Train on the clips of one body"
+            )
+        for run in runs_at(clip, config.fps_hz, all_phases=True):
+            n_runs += 1
+            yield _one_run(run, 0 if parts is None else int(parts[n_clips - 1]), representation)
+    if not n_runs:
+        raise BadManifest(
+            f"none of the {n_clips} training clips has two valid frames in a row at"
+            f" {config.fps_hz:g} fps. Give manifests with longer clips"
+        )
+
+
+def _one_run(run: Run, part: int, representation: Representation) -> RunRows:
+    motion = run.motion
+    local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
+    return RunRows(
+        part=part,
+        poses=network_input(local_rotmats, representation).float().numpy(),
+        root_rotmats=motion.root_rotmats,
+        pelvis_m=motion.pelvis_m,
+        shape=motion.shape,
+    )

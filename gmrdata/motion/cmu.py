@@ -1,0 +1,247 @@
+"""Motions of the CMU motion capture database, file by file, complete or not at all.
+
+Trials of the CMU motion capture database: their names, files and addresses.
+"""
+
+import re
+import shlex
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+
+from gmrdata.manifest.current import ListManifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.read.amc import read_amc, read_asf
+from gmrdata.read.download import FetchConfig, download, drop_part, part_of
+from gmrdata.stage import resources
+from gmrdata.stage.progress import console, progress_bar
+from gmrdata.stage.store import locked
+from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, FetchFailed
+from gmrdata.values.files import read_json, sha256_of_file, write_json, write_text
+
+"""Below it lie `02/02.asf` and `02/02_03.amc`."""
+_TRIAL = re.compile(r"[0-9]{2,3}_[0-9]{2}")
+
+
+def is_trial(name: str) -> bool:
+    """Whether a name is one of CMU's trials, `subject_trial`, like 02_03 or 143_18."""
+    return _TRIAL.fullmatch(name) is not None
+
+
+def check_trials(names: Iterable[str]) -> tuple[str, ...]:
+    """The names, each once, in their order.
+
+    Raises:
+        BadRecipe: a name is not a trial's.
+    """
+    trials = tuple(dict.fromkeys(names))
+    wrong = [repr(name) for name in trials if not is_trial(name)]
+    if wrong:
+        raise BadRecipe(
+            f"{', '.join(wrong)}: no name of a CMU trial; write subject and trial like 02_03"
+        )
+    return trials
+
+
+def listed_trials(name: str) -> tuple[str, ...]:
+    """CMU's trials in a list that gmrdata publishes, e.g. "paper_table8".
+
+    Raises:
+        MissingInput: there is no such list.
+        BadRecipe: it names no CMU trials.
+    """
+    published = read_manifest(resources.published_manifest(name))
+    rows = published.clips if isinstance(published, ListManifest) else ()
+    trials = [row.source.sequence for row in rows if row.source.dataset == "CMU"]
+    if not trials:
+        raise BadRecipe(f"--list {name}: names no CMU trials; paper_table8 does")
+    return check_trials(trials)
+
+
+def skeleton_of(trial: str) -> str:
+    """File name of a trial's skeleton: 02_03 -> 02.asf."""
+    return f"{trial.partition('_')[0]}.asf"
+
+
+def file_url(base_url: str, name: str) -> str:
+    """Address of `02.asf` or `02_03.amc` below `base_url`.
+
+    Raises:
+        BadRecipe: `base_url` is no http or https address.
+    """
+    parts = urlsplit(base_url)
+    if parts.scheme not in ("http", "https") or not parts.netloc or parts.query or parts.fragment:
+        raise BadRecipe(f"--base-url {base_url}: must be an http:// or https:// folder")
+    subject = Path(name).stem.partition("_")[0]
+    return f"{base_url.rstrip('/')}/{subject}/{name}"
+
+
+def fetch_command(trials: Sequence[str], folder: Path | None) -> str | None:
+    """The command that gets these trials, or None if none of them is CMU's."""
+    wanted = [trial for trial in dict.fromkeys(trials) if is_trial(trial)]
+    if not wanted:
+        return None
+    out = "FOLDER" if folder is None else shlex.quote(str(folder))
+    return f"gmrdata fetch cmu {' '.join(wanted)} --out {out}"
+
+
+RECORD = "fetched.json"
+SUMS = "SHA256SUMS"
+
+
+def fetch_trials(
+    trials: Sequence[str],
+    out_dir: Path,
+    config: FetchConfig,
+    rng: np.random.Generator,
+    *,
+    redo: bool = False,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Path:
+    """Get trials and their skeletons; those that are there and have their recorded hash stay.
+
+    Args:
+        trials: Names like 02_03.
+        out_dir: Gets `02.asf`, `02_03.amc`, ..., `SHA256SUMS` and `fetched.json`.
+        config: Where from, and how patiently.
+        rng: For the waits between attempts.
+        redo: Fetch again what is there and has another hash, or none on record.
+        sleep: Waits that many seconds.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        BadRecipe: a name is no trial's, or the address is not one of the web.
+        BadRecord: `fetched.json` is broken.
+        FetchFailed: some files could not be fetched; the others are there.
+    """
+    trials = check_trials(trials)
+    names = _files(trials)
+    urls = {name: file_url(config.base_url, name) for name in names}
+    out_dir.mkdir(parents=True, exist_ok=True)
+    problems: dict[str, str] = {}
+    with locked(out_dir / ".fetch.lock"), progress_bar() as bar:
+        task = bar.add_task("fetching", total=len(names))
+        for name in names:
+            bar.update(task, description=f"fetching {name}")
+            try:
+                _need_skeleton(name, problems)
+                _fetch_file(out_dir / name, urls[name], config, rng, redo, sleep)
+            except FetchFailed as error:
+                problems[name] = str(error)
+                console.print(f"{_what(name)}: {error}", markup=False, soft_wrap=True)
+            bar.advance(task)
+    missing = [trial for trial in trials if f"{trial}.amc" in problems]
+    if missing:
+        reasons = "\n".join(f"  {_what(name)}: {said}" for name, said in problems.items())
+        raise FetchFailed(
+            f"{len(missing)} of {len(trials)} trials missing: {', '.join(missing)}\n{reasons}"
+        )
+    return out_dir
+
+
+def plan(
+    trials: Sequence[str], out_dir: Path, config: FetchConfig
+) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    """A table of what `fetch_trials` would do, without doing or asking anything."""
+    record = _read_record(out_dir)
+    rows = [
+        (name, file_url(config.base_url, name), _state(out_dir / name, record))
+        for name in _files(check_trials(trials))
+    ]
+    return ("file", "address", "state"), rows
+
+
+def _files(trials: Sequence[str]) -> list[str]:
+    """File names, each trial's skeleton before it."""
+    pairs = [(skeleton_of(trial), f"{trial}.amc") for trial in trials]
+    return list(dict.fromkeys(name for pair in pairs for name in pair))
+
+
+def _what(name: str) -> str:
+    stem = Path(name).stem
+    return f"trial {stem}" if name.endswith(".amc") else f"skeleton of subject {stem}"
+
+
+def _need_skeleton(name: str, problems: dict[str, str]) -> None:
+    skeleton = skeleton_of(Path(name).stem)
+    if name != skeleton and skeleton in problems:
+        raise FetchFailed(f"its skeleton {skeleton} is missing")
+
+
+def _state(path: Path, record: dict[str, dict[str, Any]]) -> str:
+    if not path.is_file():
+        return "unfinished" if part_of(path).is_file() else "to do"
+    if path.name not in record:
+        return "there, not recorded"
+    same = sha256_of_file(path) == record[path.name].get("sha256")
+    return "done" if same else "there, with another hash"
+
+
+def _fetch_file(
+    path: Path,
+    url: str,
+    config: FetchConfig,
+    rng: np.random.Generator,
+    redo: bool,
+    sleep: Callable[[float], None],
+) -> None:
+    record = _read_record(path.parent)
+    state = _state(path, record)
+    if state == "done":
+        return
+    if path.exists() and not redo:
+        raise FetchFailed(f"{path} is {state}: move it away, or pass --redo to fetch it again")
+    part = download(url, path, config, rng, sleep)
+    try:
+        _check_content(part, path)
+    except BadMotionFile as error:
+        drop_part(path)
+        said = str(error).replace(str(part), path.name)
+        raise FetchFailed(
+            f"{url}: what the server sent is no usable {path.suffix}: {said}"
+        ) from None
+    entry = {"url": url, "size_bytes": part.stat().st_size, "sha256": sha256_of_file(part)}
+    # The record first: a run that is killed in between then fetches the file once more.
+    _write_record(path.parent, record | {path.name: entry})
+    part.replace(path)
+    drop_part(path)
+
+
+def _check_content(part: Path, path: Path) -> None:
+    """Read the file as what it should be, so that no error page gets a motion's name.
+
+    Raises:
+        BadMotionFile: it is something else, or cut off.
+    """
+    with part.open("rb") as stream:
+        start = stream.read(512).lstrip().lower()
+    if start.startswith((b"<!doctype", b"<html", b"<?xml")):
+        raise BadMotionFile("a web page")
+    if path.suffix == ".asf":
+        read_asf(part)
+        return
+    # The rate does not matter here; it is given since a .part's name does not tell the subject.
+    read_amc(part, asf_path=path.with_name(skeleton_of(path.stem)), fps_hz=120.0)
+
+
+def _read_record(folder: Path) -> dict[str, dict[str, Any]]:
+    path = folder / RECORD
+    if not path.exists():
+        return {}
+    record = read_json(path)
+    files = record.get("files") if isinstance(record, dict) else None
+    if not isinstance(files, dict) or not all(isinstance(e, dict) for e in files.values()):
+        raise BadRecord(f"{path}: no record of fetched files; move it away, and pass --redo")
+    return files
+
+
+def _write_record(folder: Path, files: dict[str, dict[str, Any]]) -> None:
+    write_json(folder / RECORD, {"files": files})
+    lines = [f"{entry['sha256']}  {name}\n" for name, entry in sorted(files.items())]
+    write_text(folder / SUMS, "".join(lines))

@@ -1,0 +1,145 @@
+"""Reading a motion of any known format onto a body, and finding the motions of a folder."""
+
+import os
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.motion.amass import is_amass_extra, read_amass
+from gmrdata.motion.retarget import retarget
+from gmrdata.read.amc import find_asf, read_amc
+from gmrdata.read.bvh import read_bvh
+from gmrdata.read.source_motion import CMU_TRIAL
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
+from gmrdata.values.motion import Motion
+
+SUFFIXES = (".amc", ".bvh", ".npz")
+
+
+def read_motion(
+    path: Path,
+    body: BodyModel,
+    *,
+    fps_hz: float | None = None,
+    joint_map: Mapping[str, str] | Path | str | None = None,
+    unit_m: float | None = None,
+    asf_path: Path | None = None,
+    drop_rest_frame: bool | None = None,
+    shape: np.ndarray | None = None,
+    source_body: BodyModel | None = None,
+    ground: bool = True,
+) -> Motion:
+    """Read a BVH, AMC or AMASS file, or one of gmrdata's clips, as a motion of `body`.
+
+    Args:
+        path: The file; its suffix tells the format.
+        body: The body to put the motion on.
+        fps_hz: Frame rate to believe instead of the file's [Hz].
+        joint_map: `{name in the file: SMPL joint}`, or a YAML or JSON file of it, for a BVH or ASF
+            whose names are not CMU's or Mixamo's.
+        unit_m: Metres per unit of a BVH or ASF, where the convention is wrong (see the readers).
+        asf_path: Skeleton of an AMC, where it does not lie beside it.
+        drop_rest_frame: Whether a BVH's frame 0 is an added rest pose; None looks for itself.
+        shape: (S,) shape of `body`; without it that of the file if it is of this body, else the
+            mean.
+        source_body: The body whose betas an AMASS file holds, for the leg length of its subject.
+        ground: Whether to level the floor that the feet show and move it to z = 0.
+
+    Returns:
+        A motion in a z-up world with the floor at z = 0; `source` records what was decided.
+
+    Raises:
+        MissingInput: the file, its skeleton or the joint map is not there.
+        BadMotionFile: the file cannot be read; the message names the place and the remedy.
+        BadRecipe: `shape` is not one of `body`, or `unit_m` is not positive.
+    """
+    path = Path(path)
+    _check_options(path, body, unit_m, shape)
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        return read_amass(
+            path, body, fps_hz=fps_hz, shape=shape, source_body=source_body, ground=ground
+        )
+    if suffix == ".bvh":
+        source = read_bvh(path, fps_hz=fps_hz, unit_m=unit_m, drop_rest_frame=drop_rest_frame)
+    elif suffix == ".amc":
+        source = read_amc(path, asf_path=asf_path, fps_hz=fps_hz, unit_m=unit_m)
+    else:
+        raise BadMotionFile(
+            f"{path}: no known motion format; a motion is a .bvh, an .amc with its .asf, or an "
+            "AMASS .npz"
+        )
+    joints = find_joints(source.names, joint_map, path)
+    upright = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else None
+    return retarget(
+        source, joints, body, shape=shape, upright_pitch_deg=upright, name=path.name, ground=ground
+    )
+
+
+def input_files(path: Path) -> dict[str, Path]:
+    """The files that a motion is read from, by their role: an AMC needs its skeleton."""
+    skeleton = {"skeleton": find_asf(path)} if path.suffix.lower() == ".amc" else {}
+    return {"motion": path} | skeleton
+
+
+def find_motions(folder: Path) -> list[Path]:
+    """Motion files in a folder and its subfolders, sorted by path.
+
+    Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses.  A trial that
+    is there both as AMC and as BVH (same name in one folder, or the same CMU name `02_03` anywhere)
+    is listed once, as AMC: that is CMU's own form.  Links that lead out of the folder are not
+    followed.
+
+    Raises:
+        MissingInput: there is no such folder.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder")
+    found = [
+        file
+        for parent, _, names in os.walk(folder, followlinks=False)
+        for file in (Path(parent) / name for name in names)
+        if file.suffix.lower() in SUFFIXES and _is_inside(file, folder) and _is_motion(file)
+    ]
+    as_amc = {_trial(file) for file in found if file.suffix.lower() == ".amc"}
+    return sorted(f for f in found if f.suffix.lower() != ".bvh" or _trial(f) not in as_amc)
+
+
+def _check_options(
+    path: Path, body: BodyModel, unit_m: float | None, shape: np.ndarray | None
+) -> None:
+    if unit_m is not None and not 0.0 < unit_m < np.inf:
+        raise BadRecipe(f"{path}: unit_m is {unit_m}; a unit is a positive number of metres")
+    if shape is not None and (np.shape(shape) != (body.n_shape,) or not np.isfinite(shape).all()):
+        raise BadRecipe(
+            f"{path}: body {body.name} takes a shape of {body.n_shape} finite numbers; leave it "
+            "out for the mean shape"
+        )
+
+
+def _trial(file: Path) -> str:
+    """What two forms of one recording have in common."""
+    return file.stem if CMU_TRIAL.match(file.stem) else str(file.with_suffix(""))
+
+
+def _is_inside(file: Path, folder: Path) -> bool:
+    """Whether a file, or what a link points to, is a regular file of the folder."""
+    return file.is_file() and file.resolve().is_relative_to(folder.resolve())
+
+
+def _is_motion(file: Path) -> bool:
+    """False for an .npz of something else.  A broken one counts, so that reading it says so."""
+    if file.suffix.lower() != ".npz":
+        return True
+    if is_amass_extra(file):
+        return False
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return "poses.npy" in archive.namelist()
+    except (zipfile.BadZipFile, OSError):
+        return True

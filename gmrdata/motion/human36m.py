@@ -1,0 +1,215 @@
+"""Human3.6M as two manifests of world clips: everybody's training and test subjects.
+
+A take as a clip in the world, with one of the four cameras.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.current import Source
+from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
+from gmrdata.manifest.write import write_manifest
+from gmrdata.read.bodies import keep_body, read_body
+from gmrdata.read.human36m import (
+    ACTIONS,
+    SIZES_PX,
+    TEST_SUBJECTS,
+    TRAINING_SUBJECTS,
+    VIDEO_HZ,
+    FixedCamera,
+    Take,
+    find_cameras,
+    find_subjects,
+    read_cameras,
+    read_takes,
+)
+from gmrdata.read.numbers import usable_rows
+from gmrdata.stage.progress import track
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadBodyFile, BadSequence
+from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config
+
+
+def take_clip(
+    subject: int, take: Take, camera_number: int, camera: FixedCamera, body: BodyModel
+) -> Clip:
+    """A take at the rate of its frames: 10 Hz where, as published, each fifth frame was fitted.
+
+    Frames without parameters, or with NaN, are rows that are not valid.  Each frame's pelvis is its
+    `trans` + J0 of its own betas; the clip's shape is the mean of the betas of the valid frames.
+
+    Args:
+        subject: Number of the subject.
+        take: The take.
+        camera_number: Which camera, 1 to 4.
+        camera: That camera.
+        body: SMPL's neutral body.
+
+    Returns:
+        Clip `S<subject>.<action>.<subaction>`; image numbers count from 1, as the image files do.
+
+    Raises:
+        BadBodyFile: the body isn't SMPL's neutral one.
+    """
+    clip_id = clip_name(subject, take)
+    if body.name != "smpl-neutral" or body.n_shape > take.shapes.shape[1]:
+        raise BadBodyFile(
+            f"{clip_id}: the betas are of SMPL's neutral body with {take.shapes.shape[1]}"
+            f" coefficients, given: {body.name} with {body.n_shape}. Give --body SMPL_NEUTRAL.pkl"
+        )
+    step = _step(take.frames)
+    on_grid = take.frames % step == _most_common(take.frames % step)
+    numbers = np.arange(take.frames[on_grid][0], take.frames[on_grid][-1] + 1, step)
+    n_rows = len(numbers)
+    usable = on_grid & usable_rows(take.poses_rad, take.shapes, take.trans_m)
+    rows = (take.frames[usable] - numbers[0]) // step
+    valid = np.zeros(n_rows, dtype=bool)
+    valid[rows] = True
+    shapes = take.shapes[usable, : body.n_shape]
+    rotmats = np.full((n_rows, 24, 3, 3), np.nan)
+    pelvis_m = np.full((n_rows, 3), np.nan)
+    if len(rows):
+        rotvecs = take.poses_rad[usable].reshape(-1, 3)
+        rotmats[rows] = Rotation.from_rotvec(rotvecs).as_matrix().reshape(-1, 24, 3, 3)
+        rest_pelvis_m = body.joints_template_m[0] + shapes @ body.joint_shape_dirs_m[0].T
+        pelvis_m[rows] = take.trans_m[usable] + rest_pelvis_m
+    motion = Motion(
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=pelvis_m,
+        shape=shapes.mean(axis=0) if len(rows) else np.zeros(body.n_shape),
+        fps_hz=VIDEO_HZ / step,
+        body=body.name,
+        gender="neutral",
+        frame="world",
+        source=f"Human3.6M S{subject} {ACTIONS[take.action]} {take.subaction}: each"
+        f" {step}. frame of the 50 Hz video, {n_rows - len(rows)} of {n_rows} without parameters,"
+        f" {int((~on_grid).sum())} between them left out, camera {camera_number}",
+    )
+    width_px, height_px = SIZES_PX[camera_number]
+    path = CameraPath(
+        camera.intrinsics_px,
+        width_px,
+        height_px,
+        np.tile(camera.world_from_cam, (n_rows, 1, 1)),
+        np.ones(n_rows, dtype=bool),
+    )
+    return Clip(clip_id, motion, valid, numbers + 1, path)
+
+
+def clip_name(subject: int, take: Take) -> str:
+    """`S9.Directions.1`."""
+    return f"S{subject}.{ACTIONS[take.action]}.{take.subaction}"
+
+
+def _step(frames: np.ndarray) -> int:
+    """Most common distance of neighbouring frames; 1 for a single frame."""
+    return _most_common(np.diff(frames)) if len(frames) > 1 else 1
+
+
+def _most_common(values: np.ndarray) -> int:
+    return int(np.bincount(values).argmax())
+
+
+LICENCE = "Human3.6M's licence (academic use; not to be passed on)"
+
+
+class Human36mConfig(Config):
+    """What decides a subject's clips."""
+
+    subject: int
+    """Number of the subject."""
+    camera: int = 4
+    """Number of the camera that the clips have, 1 to 4.  The motion is the same in each; 4 is the
+    frontal one (60457274), which HMR and SPIN test on."""
+
+
+def make_human36m(root: Path, body: str, out_dir: Path, *, redo: bool = False) -> tuple[Path, ...]:
+    """Write one clip per take, `train.yaml` (S1, S5, S6, S7, S8) and `test.yaml` (S9, S11).
+
+    Args:
+        root: Folder of the annotation files, see `gmrdata.read.human36m`.
+        body: SMPL's neutral model, as `load_body` takes it.
+        out_dir: Folder to make.
+        redo: Make anew what other settings made.
+
+    Returns:
+        The manifests of those subjects that are there.
+
+    Raises:
+        MissingInput: no subject's parameters, or not its cameras.
+        BadSequence: a file is broken, or laid out otherwise.
+        BadBodyFile: not SMPL's neutral body.
+    """
+    out_dir = out_dir.resolve()
+    parameter_paths = find_subjects(root)
+    body_path = keep_body(body, out_dir / "body", redo=redo)
+    made = []
+    for name, subjects in (("train", TRAINING_SUBJECTS), ("test", TEST_SUBJECTS)):
+        there = [subject for subject in subjects if subject in parameter_paths]
+        entries = [
+            entry
+            for subject in track(there, f"reading Human3.6M's {name} subjects")
+            for entry in _entries(parameter_paths[subject], subject, body_path, out_dir, redo)
+        ]
+        if not entries:
+            continue
+        path = write_manifest(
+            out_dir / f"{name}.yaml",
+            name=f"human36m_{name}",
+            version="1.0.0",
+            description=f"Human3.6M's {name} subjects in the world, with one fixed camera.",
+            kind="motions",
+            licence=LICENCE,
+            clips=entries,
+            created_by=created_by({"subjects": there}),
+            redo=redo,
+        )
+        made.append(path)
+    return tuple(made)
+
+
+def _entries(
+    parameter_path: Path, subject: int, body_path: Path, out_dir: Path, redo: bool
+) -> Iterator[ClipEntry]:
+    folder = _make_subject(parameter_path, subject, body_path, out_dir, redo)
+    for path in sorted(folder.glob("*.npz")):
+        yield clip_entry(
+            out_dir,
+            clip_path=path,
+            camera_motion="static",
+            licence=LICENCE,
+            source=Source(dataset="Human3.6M", sequence=path.stem.replace(".", "/")),
+            dropped_reason="no finite SMPL parameters in the file",
+            recipe=stage_recipe(folder),
+        )
+
+
+def _make_subject(
+    parameter_path: Path, subject: int, body_path: Path, out_dir: Path, redo: bool
+) -> Path:
+    config = Human36mConfig(subject=subject)
+    camera_path = find_cameras(parameter_path, subject)
+
+    def work(partial_dir: Path) -> None:
+        body = read_body(body_path)
+        cameras = read_cameras(camera_path)
+        if config.camera not in cameras:
+            raise BadSequence(
+                f"{camera_path}: has no camera {config.camera} of {', '.join(map(str, SIZES_PX))}"
+            )
+        for take in read_takes(parameter_path):
+            clip = take_clip(subject, take, config.camera, cameras[config.camera], body)
+            rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
+            save_clip(partial_dir / f"{clip.id}.npz", clip, rest_pelvis_m)
+
+    inputs = {"parameters": parameter_path, "cameras": camera_path, "body": body_path}
+    return run_stage("human36m", out_dir / "clips" / f"S{subject}", config, inputs, work, redo=redo)

@@ -1,0 +1,347 @@
+"""Motion files of any kind as a table, or as a manifest of training motions.
+
+Where a clip's motion came from, and what that allows.
+
+Which motion files go into a library of clips, and what each clip is called.
+"""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.current import Source
+from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
+from gmrdata.manifest.write import write_manifest
+from gmrdata.motion.files import find_motions, input_files, read_motion
+from gmrdata.read.bodies import keep_body, load_body
+from gmrdata.stage.jobs import Job, Outcome, Workers, record_failures, try_jobs, worker_pool
+from gmrdata.stage.progress import track
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
+from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config
+
+OWN_LICENCE = "CC0-1.0"
+"""Generated gait on a CC0 body: nobody's work but the program's."""
+CMU_LICENCE = (
+    "CMU Graphics Lab Motion Capture Database: free for all uses, may not be resold; credit "
+    "mocap.cs.cmu.edu, created with funding from NSF EIA-0196217"
+)
+AMASS_LICENCE = "AMASS's licence (amass.is.tue.mpg.de): non-commercial; not to be passed on"
+FILE_LICENCE = "as the motion file that it was made from"
+
+
+def gait_source(name: str) -> Source:
+    """A motion of the embedded generator."""
+    return Source(dataset="gmrdata", sequence=name)
+
+
+def file_source(stem: str) -> Source:
+    """A motion file, known as CMU's by a name like 02_03."""
+    is_cmu = re.fullmatch(r"\d{2,3}_\d{2}", stem) is not None
+    return Source(dataset="CMU" if is_cmu else "file", sequence=stem)
+
+
+def motion_source(path: Path, tail: PurePosixPath) -> Source:
+    """A motion file, known as AMASS's by its layout: `KIT/3/kick_poses.npz`.
+
+    Args:
+        path: The file.
+        tail: The last parts of its path.
+    """
+    in_amass = path.suffix.lower() == ".npz" and path.stem.endswith(("_poses", "_stageii"))
+    if in_amass and len(tail.parts) == 3:
+        return Source(dataset="AMASS", sequence=tail.with_suffix("").as_posix())
+    return file_source(path.stem)
+
+
+def licence_of(source: Source) -> str:
+    """Terms under which a clip of this source may be passed on."""
+    licences = {"gmrdata": OWN_LICENCE, "CMU": CMU_LICENCE, "AMASS": AMASS_LICENCE}
+    return licences.get(source.dataset, FILE_LICENCE)
+
+
+LONGEST_ID = 150
+
+
+@dataclass(frozen=True)
+class LibraryFile:
+    """A motion file and its clip's names."""
+
+    path: Path
+    """The file."""
+    id: str
+    """Id of the clip."""
+    source: Source
+    """What the manifest says of its origin."""
+
+
+def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
+    """The motion files among files and folders, each once.
+
+    A clip is called as its file.  An .npz that was found in a folder has its folders in the name
+    as well, `CMU.01.01_01_poses`, since AMASS's data sets repeat the names of files; so has any
+    file whose name another one has too.
+
+    Raises:
+        MissingInput: nothing is given, or a folder is not there or holds no motion file.
+        BadRecipe: two files would make clips of one name.
+    """
+    if not sources:
+        raise MissingInput("nothing given. Name motion files or folders of them")
+    found = [
+        (path, path.relative_to(source) if source.is_dir() else Path(path.name))
+        for source in sources
+        for path in (_in_folder(source) if source.is_dir() else [source])
+    ]
+    once = {path.resolve(): (path, inside) for path, inside in reversed(found)}
+    found = list(reversed(once.values()))
+    stems = Counter(path.stem for path, _ in found)
+    files = []
+    for path, inside in found:
+        with_folders = path.suffix.lower() == ".npz" or stems[path.stem] > 1
+        name = ".".join(inside.with_suffix("").parts) if with_folders else path.stem
+        files.append(LibraryFile(path, clip_id(name), motion_source(path, _tail(path, inside))))
+    by_id: dict[str, Path] = {}
+    for file in files:
+        other = by_id.setdefault(file.id, file.path)
+        if other is not file.path:
+            raise BadRecipe(
+                f"{other} and {file.path} would both be clip {file.id}. Give the folder that holds"
+                " both, or import them into two folders"
+            )
+    return files
+
+
+def clip_id(name: str) -> str:
+    """A name with the letters that a clip's id may have; AMASS has files with spaces."""
+    plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", name)[-LONGEST_ID:]
+    return plain if re.match(r"[A-Za-z0-9_]", plain) else f"_{plain}"
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    found = find_motions(folder)
+    if not found:
+        raise MissingInput(f"{folder}: holds no .bvh, .amc or .npz with a motion")
+    return found
+
+
+def _tail(path: Path, inside: Path) -> PurePosixPath:
+    """The last three parts of a file's path, as far as they lie in the folder that was given or are
+    that folder's name: data set, subject and trial in AMASS."""
+    n_inside = len(inside.parts)
+    given = (path.resolve().parents[n_inside - 1].name,) if n_inside > 1 else ()
+    return PurePosixPath(*(*given, *inside.parts)[-3:])
+
+
+READING = "reading motions"
+FAILED = "failed"
+"""Folder below the library's with a text file for each file that could not be read."""
+FEW_FILES = 8
+"""So many files are read faster than worker processes start."""
+MAX_LISTED = 20
+"""Bad files that the error message lists."""
+
+
+class LibraryConfig(Config):
+    """How the files are read."""
+
+    fps_hz: float | None
+    """True frame rate that a person gave [Hz], or None for the files' own."""
+
+
+def motion_table(
+    sources: tuple[Path, ...],
+    body: str,
+    *,
+    fps_hz: float | None = None,
+    joint_map: Path | None = None,
+) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    """Read motion files and say what is in them.
+
+    Returns:
+        Headings and rows: file, frames, rate, seconds, distance travelled, speed.
+
+    Raises:
+        MissingInput: there is no motion file.
+        BadMotionFile: a file can't be read.
+    """
+    loaded_body = load_body(body)
+    rows = []
+    for file in track(library_files(sources), READING):
+        motion = read_motion(file.path, loaded_body, fps_hz=fps_hz, joint_map=joint_map)
+        travelled_m = _travelled_m(motion)
+        seconds = motion.n_frames / motion.fps_hz
+        rows.append(
+            (
+                file.path.name,
+                f"{motion.n_frames}",
+                f"{motion.fps_hz:g}",
+                f"{seconds:.2f}",
+                f"{travelled_m:.2f}",
+                f"{travelled_m / seconds:.2f}",
+            )
+        )
+    return ("file", "frames", "rate [Hz]", "length [s]", "path [m]", "speed [m/s]"), rows
+
+
+def make_library(
+    sources: tuple[Path, ...],
+    body: str,
+    out_dir: Path,
+    *,
+    fps_hz: float | None = None,
+    joint_map: Path | None = None,
+    workers: int | None = None,
+    redo: bool = False,
+) -> Path:
+    """Write one clip per motion file, and `motions.yaml` that lists them.
+
+    Each file is a stage of its own, done by one of several worker processes, and is not done again.
+    A file that can't be read doesn't keep the others from the manifest.
+
+    Args:
+        sources: Motion files, and folders of them.
+        body: The body to put them on, as `load_body` takes it.
+        out_dir: Folder to make.
+        fps_hz: Frame rate to believe instead of the files' [Hz].
+        joint_map: A file of joint names, see `read_motion`.
+        workers: Worker processes; None for one per CPU.
+        redo: Make anew what other settings made.
+
+    Returns:
+        Path of the manifest.
+
+    Raises:
+        MissingInput: there is no motion file.
+        BadRecipe: two files would make clips of one name.
+        BadMotionFile: files could not be read; the message lists them, after the manifest of the
+            others was written.
+    """
+    out_dir = out_dir.resolve()
+    files = library_files(sources)
+    body_path = keep_body(body, out_dir / "body", redo=redo)
+    config = LibraryConfig(fps_hz=fps_hz)
+    shared = {
+        "body_path": body_path,
+        "out_dir": out_dir,
+        "config": config,
+        "joint_map": joint_map,
+        "redo": redo,
+    }
+    jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
+    outcome = _run(jobs, out_dir / FAILED, workers or os.cpu_count() or 1)
+    manifest_path = out_dir / "motions.yaml"
+    if outcome.results:
+        write_manifest(
+            manifest_path,
+            name=clip_id(out_dir.name),
+            version="1.0.0",
+            description="Motions on the 24-joint tree.",
+            kind="motions",
+            licence=f"clips as stated by each; body: {_body(body_path).licence}",
+            clips=list(outcome.results.values()),
+            created_by=created_by(config),
+            redo=redo,
+        )
+    if outcome.reasons:
+        raise BadMotionFile(_bad_files(outcome.reasons, len(files), out_dir))
+    return manifest_path
+
+
+def make_entry(
+    file: LibraryFile,
+    body_path: Path,
+    out_dir: Path,
+    config: LibraryConfig,
+    joint_map: Path | None,
+    redo: bool,
+) -> ClipEntry:
+    """Stage: the clip of one motion file.
+
+    Args:
+        file: The file.
+        body_path: The body, kept beside the clips.
+        out_dir: The library's folder; the clip goes to `clips/<id>`.
+        config: How to read it.
+        joint_map: A file of joint names.
+        redo: Replace a clip that other settings made.
+
+    Returns:
+        Its manifest entry.
+    """
+
+    def work(partial_dir: Path) -> None:
+        body = _body(body_path)
+        motion = read_motion(file.path, body, fps_hz=config.fps_hz, joint_map=joint_map)
+        n = motion.n_frames
+        clip = Clip(file.id, motion, np.ones(n, dtype=bool), np.full(n, -1), None)
+        save_clip(partial_dir / "clip.npz", clip, body.rest_pelvis_m(motion.shape))
+
+    inputs = input_files(file.path) | {"body": body_path}
+    if joint_map is not None:
+        inputs["joint_map"] = joint_map
+    folder = run_stage("motion", out_dir / "clips" / file.id, config, inputs, work, redo=redo)
+    return clip_entry(
+        out_dir,
+        clip_path=folder / "clip.npz",
+        camera_motion="none",
+        licence=licence_of(file.source),
+        source=file.source,
+        recipe=stage_recipe(folder),
+    )
+
+
+@lru_cache(maxsize=1)
+def _body(path: Path) -> BodyModel:
+    """The body, read once per process and not once per file."""
+    return load_body(str(path))
+
+
+def _run(jobs: Sequence[Job], failures_dir: Path, workers: int) -> Outcome:
+    """Make clips in worker processes, or a few of them right here.
+
+    Raises:
+        OSError: a clip could not be written, right here.
+    """
+    if len(jobs) > FEW_FILES and workers > 1:
+        with worker_pool(Workers(workers)) as client:
+            return try_jobs(READING, jobs, client, failures_dir)
+    outcome = Outcome({}, {})
+    for job in track(jobs, READING):
+        try:
+            outcome.results[job.id] = job.call(**job.arguments)
+        except GmrdataError as error:
+            outcome.reasons[job.id] = str(error)
+    record_failures(failures_dir, outcome.reasons, outcome.results)
+    return outcome
+
+
+def _bad_files(reasons: Mapping[str, str], n_files: int, out_dir: Path) -> str:
+    """Which files could not be read, and why."""
+    listed = [f"  {reason.splitlines()[0]}" for reason in reasons.values()]
+    if len(listed) > MAX_LISTED:
+        rest = f"  ... and {len(listed) - MAX_LISTED} more, see {out_dir / FAILED}"
+        listed = [*listed[:MAX_LISTED], rest]
+    others = (
+        "motions.yaml lists the others; mend them and give --redo to list them too"
+        if len(reasons) < n_files
+        else "there is no manifest"
+    )
+    return f"{len(reasons)} of {n_files} files could not be read; {others}:\n" + "\n".join(listed)
+
+
+def _travelled_m(motion: Motion) -> float:
+    """Length of the pelvis's path on the ground at 10 fps, which leaves out its sway [m]."""
+    step = max(1, round(motion.fps_hz / 10))
+    ground_m = motion.pelvis_m[::step, :2]
+    return float(np.linalg.norm(np.diff(ground_m, axis=0), axis=1).sum())

@@ -1,0 +1,177 @@
+"""Reading local poses of any known format as clips, one for each unbroken run of one person.
+
+A world motion from the poses of an estimator, in three lines (they are run in a test):
+
+    from gmrdata.gmr.infer import load_gmr, predict_world_motion
+    from gmrdata.motion.local_poses import read_local_poses
+    world = predict_world_motion(load_gmr("run"), read_local_poses("poses.pkl", 30)[0].motion)
+
+A local pose is the rotation of each joint in its parent's
+frame; where the person is and how the root is turned is not looked at, so it does not matter
+whether a file's root is in a camera's frame or in a world.
+
+| file | of | what is read |
+|---|---|---|
+| `vibe_output.pkl` | VIBE | `pose` (T, 72), `frame_ids`, `betas` of each person |
+| `wham_output.pkl` | WHAM | the same |
+| `demo_*.pkl` | PHALP, 4D-Humans | `smpl` of each frame's tracks |
+| `hmr4d_results.pt` | GVHMR | `body_pose` (T, 63) |
+| `.npz` | AMASS (SMPL, SMPL+H, SMPL-X), gmrdata's clips | local rotations |
+| `.bvh`, `.amc` | motion capture | retargeted to the SMPL tree |
+
+Estimators' files do not say the video's frame rate; a person has to.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.motion.files import SUFFIXES, read_motion
+from gmrdata.motion.resample import slice_motion, valid_runs
+from gmrdata.read import pose_estimators as phalp
+from gmrdata.read import pose_estimators as vibe_wham
+from gmrdata.read.bodies import load_body
+from gmrdata.read.safe_pickle import load_plain
+from gmrdata.read.source_motion import check_rate_hz
+from gmrdata.read.tracked_people import PersonPoses, runs_of
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.files import read_npz
+from gmrdata.values.motion import Motion
+
+ZIP = b"PK\3\4"
+"""How a file of torch.save begins, as each zip does."""
+MIN_FRAMES = 2
+"""Frames that make a motion."""
+
+
+def read_local_poses(
+    path: Path | str,
+    fps_hz: float | None = None,
+    *,
+    body: BodyModel | None = None,
+    joint_map: Mapping[str, str] | Path | None = None,
+    bridge_frames: int = 0,
+) -> tuple[Clip, ...]:
+    """Read the local poses of a file; `gmrdata.local_pose` lists the formats.
+
+    Args:
+        path: The file.  A BVH, AMC or npz is known by its suffix, the others by what they hold.
+        fps_hz: The true frame rate [Hz].  Needed for estimators' files, which don't say it.
+        body: The body that stands for the people; the default body if None.  Motion capture is
+            retargeted to it; the shape of the file is kept where it is of this body.
+        joint_map: For a BVH or AMC with unknown joint names, as `read_motion` takes it.
+        bridge_frames: Fill gaps of so many frames or fewer in a person's track, by slerp; 0 fills
+            none.
+
+    Returns:
+        One clip per unbroken run of a person; `valid` is False where a frame was filled.  A run may
+        be a single frame, which no motion can be predicted from.  Only the local rotations are
+        meant to be used.  `image_numbers` are the frames' numbers in the video, or the rows of the
+        file.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: another format, broken or NaN poses, fewer than two frames, or no frame rate.
+        UnsafePickle: a pickle that wants to run something.  Nothing of it was run.
+        BrokenPickle: a truncated pickle.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    body = load_body("anny") if body is None else body
+    if path.suffix.lower() in SUFFIXES:
+        return _of_motion_file(path, fps_hz, body, joint_map)
+    people = _people(path)
+    if fps_hz is None:
+        raise BadMotionFile(
+            f"{path}: does not say its frame rate. Give the video's with --fps-hz (fps_hz)"
+        )
+    rate_hz = check_rate_hz(fps_hz, path)
+    if not people:
+        raise BadMotionFile(f"{path}: has no person in it. Give a file with tracked people")
+    runs = tuple(
+        clip for person in people for clip in runs_of(person, body, rate_hz, path, bridge_frames)
+    )
+    if all(clip.motion.n_frames < MIN_FRAMES for clip in runs):
+        raise BadMotionFile(
+            f"{path}: no person has two frames in a row, which is no motion. Give a longer sequence"
+        )
+    return runs
+
+
+def _people(path: Path) -> list[PersonPoses]:
+    """The people of an estimator's file."""
+    with path.open("rb") as stream:
+        first_bytes = stream.read(len(ZIP))
+    if first_bytes == ZIP:
+        from gmrdata.read.pose_estimators import read_gvhmr
+
+        return read_gvhmr(path)
+    content = load_plain(path)
+    if isinstance(content, dict) and not content:
+        return []
+    first = next(iter(content.values())) if isinstance(content, dict) else None
+    keys: set[Any] = set(first) if isinstance(first, dict) else set()
+    if keys >= phalp.KEYS:
+        return phalp.people_of_phalp(content, path)
+    if keys & vibe_wham.KEYS:
+        return vibe_wham.people_of_vibe_or_wham(content, path)
+    found = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
+    raise BadMotionFile(
+        f"{path}: holds no poses in a known form (first entry has: {found or 'no dict'}). Known are"
+        " VIBE's, WHAM's, PHALP's and GVHMR's outputs, .npz, .bvh and .amc"
+    )
+
+
+def _of_motion_file(
+    path: Path,
+    fps_hz: float | None,
+    body: BodyModel,
+    joint_map: Mapping[str, str] | Path | None,
+) -> tuple[Clip, ...]:
+    if path.suffix.lower() == ".npz" and {"valid", "image_numbers"} <= read_npz(path).keys():
+        return _of_clip(path, fps_hz, body)
+    motion = read_motion(path, body, fps_hz=fps_hz, joint_map=joint_map, ground=False)
+    n = motion.n_frames
+    return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
+
+
+def _of_clip(path: Path, fps_hz: float | None, body: BodyModel) -> tuple[Clip, ...]:
+    """The runs of valid frames of one of gmrdata's clips, in any frame of reference."""
+    clip = load_clip(path)
+    runs = valid_runs(clip.valid)
+    if not runs:
+        raise BadMotionFile(f"{path}: none of its frames is valid. Give another clip")
+    rate_hz = clip.motion.fps_hz if fps_hz is None else check_rate_hz(fps_hz, path)
+    clips = []
+    for start, stop in runs:
+        motion = _on_body(slice_motion(clip.motion, start, stop), body, rate_hz, path)
+        numbers = clip.image_numbers[start:stop]
+        numbers = np.arange(start, stop) if (numbers < 0).any() else numbers
+        name = clip.id if len(runs) == 1 else f"{clip.id}_from_{start}"
+        clips.append(Clip(name, motion, np.ones(stop - start, bool), numbers, None))
+    return tuple(clips)
+
+
+def _on_body(motion: Motion, body: BodyModel, fps_hz: float, path: Path) -> Motion:
+    same = motion.body == body.name and motion.shape.shape == (body.n_shape,)
+    if not np.isfinite(motion.local_rotmats).all():
+        raise BadMotionFile(
+            f"{path}: a valid frame holds NaN or infinite poses. Mark such frames as not valid, or"
+            " make the clip again"
+        )
+    return Motion(
+        local_rotmats=motion.local_rotmats,
+        root_rotmats=motion.root_rotmats,
+        pelvis_m=motion.pelvis_m,
+        shape=motion.shape if same else np.zeros(body.n_shape),
+        fps_hz=fps_hz,
+        body=body.name,
+        gender=motion.gender,
+        frame=motion.frame,
+        source=f"{path.name}: {motion.source}",
+    )

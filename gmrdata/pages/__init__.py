@@ -1,0 +1,1 @@
+"""HTML pages and plots; the command line alone imports them."""

@@ -1,0 +1,148 @@
+"""One wide picture of a whole run: a row of frames and a view from above per clip.
+
+The report's figures for the terminal.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from gmrdata.pages.report_data import (
+    BARS,
+    ClipReport,
+    ReportData,
+    figure_texts,
+    score_texts,
+    verdicts,
+)
+from gmrdata.pages.strip import frame_tiles, tile_sheet
+from gmrdata.pages.style import COLOURS, picture
+from gmrdata.pages.topview import top_view
+from gmrdata.values.errors import BadFrames
+from gmrdata.values.files import atomic_path
+
+TILE_PX = (340, 255)
+"""Width and height of a frame's part round the person."""
+AROUND = 1.9
+"""Height of that part in heights of the person."""
+DPI = 144
+KINDS: dict[str, Literal["png", "jpeg"]] = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
+
+
+def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
+    """Write a picture with a row per clip: frames with overlays, then the paths from above.
+
+    Args:
+        path: The .png or .jpg file to write, as a whole or not at all; a .jpg is much smaller.
+        report: Gives the clips.
+        n_frames: Frames per clip.
+
+    Returns:
+        `path`.
+
+    Raises:
+        BadFrames: the report has no clip, the file's name has another suffix, or an image or mask
+            is missing or can't be read.
+    """
+    if not report.clips:
+        raise BadFrames(f"{path}: the report has no clip to draw")
+    if path.suffix.lower() not in KINDS:
+        raise BadFrames(f"{path}: name the picture .png or .jpg")
+    sheets = [_sheet(clip, n_frames) for clip in report.clips]
+    height, width = np.max([sheet.shape[:2] for sheet in sheets], axis=0)
+    rows_in = len(sheets) * (height / DPI + 0.42)
+    strip_in, paths_in = width / DPI, 1.25 * height / DPI
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(len(sheets), 2, squeeze=False, width_ratios=[strip_in, paths_in])
+        for (frames, paths), clip, sheet in zip(panels, report.clips, sheets, strict=True):
+            frames.imshow(cv2.cvtColor(sheet, cv2.COLOR_BGR2RGB), interpolation="lanczos")
+            frames.set_axis_off()
+            frames.set_anchor("W")
+            frames.set_title(f"{clip.camera_motion} camera", fontsize=11, fontweight="bold")
+            frames.set_title(_figures(clip), loc="right", fontsize=10, color=COLOURS["muted"])
+            spacing_m = top_view(paths, clip)
+            paths.set(xlabel="", ylabel="")
+            paths.set_title(f"from above, grid {spacing_m:g} m", color=COLOURS["muted"])
+            paths.tick_params(labelleft=False, labelbottom=False)
+
+    kind = KINDS[path.suffix.lower()]
+    data = picture(draw, strip_in + paths_in, rows_in, DPI, kind)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+    return path
+
+
+def _sheet(clip: ClipReport, n_frames: int) -> np.ndarray:
+    """A row of frames, each cut to the person and what is round it."""
+    images = [tile.close_up(*TILE_PX, around=AROUND) for tile in frame_tiles(clip, n_frames)]
+    return tile_sheet(images, columns=n_frames, gap_px=6)
+
+
+def _figures(clip: ClipReport) -> str:
+    texts = figure_texts(clip.figures)
+    figures = f"OME {texts['ome_deg']}° · TME {texts['tme_mm']} mm"
+    if clip.figures.scale_error_percent is not None:
+        figures += f" · scale {texts['scale_error_percent']} %"
+    return figures
+
+
+def summary_table(summary: Mapping[str, Any]) -> RenderableType:
+    """Tables of the figures, at most 80 columns wide.
+
+    Args:
+        summary: What `gmrdata.pages.report_data.summary` gives, or the same read from summary.json.
+    """
+    parts: list[RenderableType] = [_clip_table(summary["clips"])]
+    if summary.get("gmr"):
+        parts += [Text(), _gmr_table(summary["gmr"])]
+    if summary.get("seconds"):
+        total_s = sum(summary["seconds"].values())
+        stages = " · ".join(f"{name} {value:.0f} s" for name, value in summary["seconds"].items())
+        parts += [Text(), Text(f"{total_s:.0f} s in all: {stages}", style="dim")]
+    return Group(*parts)
+
+
+def _clip_table(clips: list[Mapping[str, Any]]) -> Table:
+    table = Table(title="Pseudo ground truth against the truth", title_justify="left", box=None)
+    table.add_column("clip", overflow="fold")
+    for heading in (
+        "cameras",
+        "OME\n\\[deg]",
+        "TME\n\\[mm]",
+        "cam. rot.\n\\[deg]",
+        "scale err.\n\\[%]",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    keys = ("frames_with_camera", "ome_deg", "tme_mm", "camera_rotation_deg", "scale_error_percent")
+    for clip in clips:
+        texts, met = figure_texts(clip), verdicts(clip)
+        texts["frames_with_camera"] = texts["cameras"]
+        cells = [Text(texts[key], style=_STYLE[met.get(key)]) for key in keys]
+        table.add_row(escape(clip["id"]), *cells)
+    table.add_section()
+    bar_cells = [f"≤ {BARS[key]:g}" if key in BARS else "" for key in keys[1:]]
+    table.add_row("bar", "all", *bar_cells, style="dim")
+    return table
+
+
+_STYLE = {True: "green", False: "bold red", None: ""}
+
+
+def _gmr_table(scores: Mapping[str, Mapping[str, Any]]) -> Table:
+    table = Table(title="GMR (in brackets: zero motion)", title_justify="left", box=None)
+    table.add_column("manifest", overflow="fold")
+    for heading in ("OME \\[deg]", "TME \\[mm]", "VME \\[mm]"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, score in scores.items():
+        ours, zero = score_texts(score), score_texts(score["zero_motion"])
+        table.add_row(escape(name), *(f"{ours[key]} ({zero[key]})" for key in ours))
+    return table

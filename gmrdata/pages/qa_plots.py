@@ -1,0 +1,196 @@
+"""What happened when: kept and dropped frames of each person, and the figures that decided.
+
+The cues of the metric scale with their error bars, beside the scale that they were fused to.
+
+The sequence from above: the recovered camera, the data set's own, and the people.
+"""
+
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from gmrdata.pages.qa_data import Aligned, Found
+from gmrdata.pages.qa_frames import Kind
+from gmrdata.pages.style import COLOURS, quiet
+from gmrdata.pages.topview import (
+    RECOVERED_WIDTH,
+    TRUE_WIDTH,
+    draw_camera,
+    draw_path,
+    extent_m,
+    finish_view,
+    mark_start,
+)
+from gmrdata.world.frame_checks import window_differences
+from gmrdata.world.recipe import VerdictConfig
+
+PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
+"""Heights of a person's row, of a plot, and of what is under the lowest [inch]."""
+
+
+def height_in(found: Found) -> float:
+    """Height of the figure that `draw_time` wants [inch]."""
+    return AXIS_IN + PERSON_IN * len(found.reasons) + PANEL_IN * n_panels(found)
+
+
+def n_panels(found: Found) -> int:
+    """How many plots are below the time line."""
+    if found.world_from_cam is None:
+        return 0
+    return 1 if found.tracked is None else 3
+
+
+def draw_time(
+    figure: Figure, found: Found, kinds: Mapping[str, Kind], config: VerdictConfig
+) -> None:
+    """The time line over the plots, on one axis of frames."""
+    n = n_panels(found)
+    heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * n]
+    column = figure.subplots(1 + n, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
+    _time_line(column[0], found, kinds)
+    world_from_cam = found.world_from_cam
+    if world_from_cam is not None:
+        _inliers(column[1], found, config.min_inliers)
+    if world_from_cam is not None and found.tracked is not None:
+        fps_hz = next(iter(found.clips.values())).motion.fps_hz
+        step = max(1, round(config.window_s * fps_hz))
+        turned_deg, moved_m = window_differences(world_from_cam, found.tracked, step)
+        span = f"over {config.window_s:g} s from the data set’s own camera"
+        _limited(column[2], turned_deg, config.max_window_deg, f"Turn: difference {span} [°]")
+        _limited(column[3], moved_m, config.max_window_m, f"Way: difference {span} [m]")
+    for axes in column:
+        for cut in found.frames_of(found.record.get("cuts_after_frames", [])):
+            axes.axvline(cut + 0.5, color=COLOURS["ink"], linewidth=1, linestyle=(0, (2, 2)))
+    column[-1].set_xlabel("frame")
+    column[-1].set_xlim(-0.5, max(1, found.n_frames) - 0.5)
+
+
+def _time_line(axes: Axes, found: Found, kinds: Mapping[str, Kind]) -> None:
+    accepted = [person["accepted"] for person in found.record.get("people", ())]
+    for person, reasons in enumerate(found.reasons):
+        stop = 0
+        for reason, group in groupby(reasons):
+            start, stop = stop, stop + len(list(group))
+            good = not reason and person < len(accepted) and accepted[person]
+            kept_colour = COLOURS["good" if good else "rule"]
+            colour = kinds[reason].colour if reason else kept_colour
+            axes.broken_barh([(start - 0.5, stop - start)], (person - 0.4, 0.8), color=colour)
+    axes.set_ylim(len(found.reasons) - 0.5, -0.5)
+    axes.set_yticks(range(len(found.reasons)), [f"person {i}" for i in range(len(found.reasons))])
+    axes.grid(visible=False)
+    axes.spines[["left", "bottom"]].set_visible(False)
+    quiet(axes)
+
+
+def _inliers(axes: Axes, found: Found, fewest: int) -> None:
+    counts = np.full(found.n_frames, np.nan)
+    recorded = np.array(found.record.get("inliers_per_frame", []), dtype=float)
+    if found.sfm_rows is not None and len(recorded):
+        known = found.sfm_rows >= 0
+        counts[known] = recorded[found.sfm_rows[known]]
+    _limited(axes, counts, fewest, "Inliers per frame", at_least=True)
+    between = found.frames_of(found.record.get("interpolated", []))
+    axes.plot(between, np.zeros(len(between)), "d", color=COLOURS["bad"], markersize=4, zorder=4)
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+
+
+def _limited(
+    axes: Axes, values: np.ndarray, limit: float, title: str, *, at_least: bool = False
+) -> None:
+    """A figure over the frames with its limit, and dots where it is beyond."""
+    axes.set_title(title)
+    quiet(axes)
+    if not np.isfinite(values).any():
+        axes.text(0.5, 0.5, "not known", transform=axes.transAxes, ha="center", va="center")
+        return
+    frames = np.arange(len(values))
+    axes.plot(frames, values, color=COLOURS["camera"], linewidth=1.2)
+    axes.fill_between(frames, 0, values, color=COLOURS["camera-pale"], alpha=0.5, linewidth=0)
+    axes.axhline(limit, color=COLOURS["bad"], linewidth=1, linestyle=(0, (4, 3)))
+    beyond = values < limit if at_least else values > limit
+    axes.plot(frames[beyond], values[beyond], ".", color=COLOURS["bad"], markersize=4)
+    axes.set_ylim(0, 1.15 * max(float(np.nanmax(values)), limit))
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+
+
+CUE_WORDS = {
+    "planted_feet": "planted feet",
+    "ground_contact": "feet on the ground",
+    "short_windows": "short windows",
+}
+
+
+def cue_words(cue: Mapping[str, Any]) -> str:
+    """A cue's name, with the person whose feet it is about."""
+    name = CUE_WORDS.get(cue["name"], str(cue["name"]).replace("_", " "))
+    return name if cue["person"] is None else f"{name}, person {cue['person']}"
+
+
+def draw_scale(figure: Figure, record: Mapping[str, Any]) -> None:
+    """Each cue's difference from the fused scale [%], with one and two standard errors."""
+    axes = figure.subplots()
+    scale, sigma, cues = record["scale"], record["scale_sigma"], record["scale_cues"]
+    share = 100 * sigma / scale
+    for sigmas, alpha in ((2, 0.45), (1, 0.9)):
+        axes.axvspan(
+            -sigmas * share, sigmas * share, color=COLOURS["rule"], alpha=alpha, linewidth=0
+        )
+    axes.axvline(0, color=COLOURS["muted"], linewidth=1)
+    for row, cue in enumerate(cues):
+        off, error = 100 * (cue["scale"] / scale - 1), 100 * cue["sigma"] / scale
+        axes.errorbar(off, row, xerr=2 * error, color=COLOURS["person-pale"], linewidth=2)
+        axes.errorbar(
+            off, row, xerr=error, fmt="o", color=COLOURS["person"], markersize=5, linewidth=2,
+            capsize=3,
+        )  # fmt: skip
+    axes.errorbar(
+        0, len(cues), xerr=share, fmt="D", color=COLOURS["ink"], markersize=5, linewidth=2,
+        capsize=3,
+    )  # fmt: skip
+    axes.set_yticks(range(len(cues) + 1), [*map(cue_words, cues), "fused"])
+    axes.tick_params(axis="y", labelcolor=COLOURS["ink"])
+    axes.set_ylim(len(cues) + 0.6, -0.6)
+    axes.set_xlabel("difference from the fused scale [%]")
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
+    quiet(axes)
+
+
+PERSON_ROLES = ("person", "gmr", "good", "ink")
+"""Colours of the people, in turn."""
+DROPPED_WIDTH = 1.0
+
+
+def draw_paths(axes: Axes, found: Found, aligned: Aligned | None) -> None:
+    """Paths in the levelled world [m], z up: the data set's camera as a pale band under ours."""
+    world_from_cam = found.world_from_cam
+    if world_from_cam is None:
+        return
+    paths_m = [world_from_cam[:, :3, 3], *(c.motion.pelvis_m for c in found.clips.values())]
+    tick_m = 0.09 * extent_m(paths_m)
+    if aligned is not None:
+        draw_camera(axes, aligned.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
+    draw_camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
+    people_m = np.nanmean([clip.motion.pelvis_m for clip in found.clips.values()], axis=0)
+    mark_start(axes, world_from_cam[:, :3, 3], "camera", "camera", people_m)
+    for person, clip in found.clips.items():
+        role = PERSON_ROLES[person % len(PERSON_ROLES)]
+        kept = np.array([not reason for reason in found.reasons[person]])[:, None]
+        pelvis_m = clip.motion.pelvis_m
+        draw_path(axes, pelvis_m, role, DROPPED_WIDTH, ":")
+        draw_path(axes, np.where(kept, pelvis_m, np.nan), role, RECOVERED_WIDTH)
+        mark_start(axes, pelvis_m, role, f"person {person}", None)
+    cuts = found.frames_of(found.record.get("cuts_after_frames", []))
+    _mark(axes, world_from_cam, cuts, "X", "ink")
+    _mark(axes, world_from_cam, found.frames_of(found.record.get("interpolated", [])), "d", "bad")
+    finish_view(axes)
+
+
+def _mark(axes: Axes, world_from_cam: np.ndarray, rows: np.ndarray, marker: str, role: str) -> None:
+    places_m = world_from_cam[rows, :2, 3]
+    axes.plot(*places_m.T, marker, color=COLOURS[role], markersize=5, zorder=6)

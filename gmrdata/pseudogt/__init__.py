@@ -1,1 +1,0 @@
-"""Camera-frame body and cameras to world-frame clips (eqs. 6-8)."""

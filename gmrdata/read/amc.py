@@ -1,0 +1,448 @@
+"""Reader of Acclaim AMC motions on their ASF skeleton: CMU's own form of its motions.
+
+Each bone has an `axis` rotation C, in which its degrees of freedom are measured.  With M the
+rotation by the AMC's angles, applied about fixed axes in the listed order, the bone turns relative
+to its parent by C M C^-1, in axes that are parallel to the world's in the zero pose.  A bone starts
+where its parent ends.
+
+Reader of Acclaim ASF skeletons, as CMU's files use the format (mocap.cs.cmu.edu).
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.read.numbers import parse_block, parse_floats, read_text
+from gmrdata.read.source_motion import SourceMotion, check_rate_hz, cmu_rate_hz, recorded_rows
+from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.joint_names import is_cmu
+
+INCH_M = 0.0254
+
+Section = list[tuple[int, list[str]]]
+"""Lines of a section as (line number, words)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Asf:
+    """A skeleton of bones.  Bone 0 is the root, which has no extent."""
+
+    names: tuple[str, ...]
+    """(J,) bone names, "root" first, a parent before its children."""
+    parents: tuple[int, ...]
+    """(J,) parent of each bone, -1 for the root."""
+    bones_m: np.ndarray
+    """(J, 3) end of each bone relative to its start, in the zero pose [m]."""
+    world_from_axis: np.ndarray
+    """(J, 3, 3) the frame C in which a bone's degrees of freedom are measured."""
+    channels: tuple[str, ...]
+    """(J,) per bone the axes of its angles in order, like "xz"; "" for a fixed bone."""
+    root_order: tuple[str, ...]
+    """(6,) meaning of the root's numbers in the AMC: "tx" ... "rz"."""
+    root_position_m: np.ndarray
+    """(3,) constant part of the root's position [m]."""
+    unit_m: float
+    """Metres per unit in the AMC."""
+    degrees: bool
+    """Whether the skeleton's angles are degrees."""
+
+
+@dataclass(frozen=True)
+class _Bone:
+    vector: np.ndarray
+    axis: np.ndarray
+    channels: str
+
+
+def read_asf(path: Path, *, unit_m: float | None = None) -> Asf:
+    """Read an ASF skeleton.
+
+    Args:
+        path: The file.
+        unit_m: Metres per unit; without it inches divided by the file's `length`, which is CMU's
+            use (0.056444 m for `length 0.45`).
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: it is no ASF, or is broken or truncated.
+    """
+    sections = _sections(path)
+    missing = [key for key in ("units", "root", "bonedata", "hierarchy") if key not in sections]
+    if missing:
+        raise BadMotionFile(f"{path}: no ASF file, or truncated: it has no section :{missing[0]}")
+    units = {words[0].lower(): (line, words[1:]) for line, words in sections["units"]}
+    degrees = _angle_unit(units, path)
+    unit_m = unit_m if unit_m is not None else INCH_M / _length_scale(units, path)
+    root, root_order, root_position = _read_root(sections["root"], degrees, path)
+    bones = {"root": root} | _read_bones(sections["bonedata"], degrees, path)
+    names, parents = _read_tree(sections["hierarchy"], bones, path)
+    return Asf(
+        names=names,
+        parents=parents,
+        bones_m=np.array([bones[name].vector for name in names]) * unit_m,
+        world_from_axis=np.array([bones[name].axis for name in names]),
+        channels=tuple(bones[name].channels for name in names),
+        root_order=root_order,
+        root_position_m=np.array(root_position) * unit_m,
+        unit_m=unit_m,
+        degrees=degrees,
+    )
+
+
+def _sections(path: Path) -> dict[str, Section]:
+    """Lines by section, without comments and empty lines."""
+    sections: dict[str, Section] = {}
+    section: Section = []
+    for line_number, line in enumerate(read_text(path).split("\n"), 1):
+        words = line.partition("#")[0].split()
+        if words and words[0].startswith(":"):
+            section = sections.setdefault(words[0][1:].lower(), [])
+        elif words:
+            section.append((line_number, words))
+    return sections
+
+
+def _angle_unit(units: dict[str, tuple[int, list[str]]], path: Path) -> bool:
+    line, words = units.get("angle", (0, []))
+    if not words or words[0].lower() not in ("deg", "rad"):
+        raise BadMotionFile(f"{path}:{line}: :units must say 'angle deg' or 'angle rad'")
+    return words[0].lower() == "deg"
+
+
+def _length_scale(units: dict[str, tuple[int, list[str]]], path: Path) -> float:
+    line, words = units.get("length", (0, []))
+    values = parse_floats(words, path, line)
+    if len(values) != 1 or values[0] <= 0.0:
+        raise BadMotionFile(
+            f"{path}:{line}: :units must give one positive 'length'; or pass unit_m"
+        )
+    return values[0]
+
+
+def _axis_frame(words: list[str], degrees: bool, path: Path, line: int) -> np.ndarray:
+    """C of three angles and an order of fixed axes, like `0 0 20 XYZ`: (3, 3)."""
+    values = parse_floats(words[:3], path, line)
+    order = words[3].lower() if len(words) == 4 else ""
+    if sorted(order) != ["x", "y", "z"]:
+        raise BadMotionFile(f"{path}:{line}: an axis is three angles and an order such as XYZ")
+    return np.asarray(Rotation.from_euler(order, values, degrees=degrees).as_matrix())
+
+
+def _read_root(
+    section: Section, degrees: bool, path: Path
+) -> tuple[_Bone, tuple[str, ...], list[float]]:
+    """The root's frame, the order of its six numbers, and its constant position."""
+    entries = {words[0].lower(): (line, words[1:]) for line, words in section}
+    for key, n_words in (("order", 6), ("axis", 1), ("position", 3), ("orientation", 3)):
+        if len(entries.get(key, (0, []))[1]) != n_words:
+            raise BadMotionFile(f"{path}: :root needs a line '{key}' with {n_words} values")
+    line, order = entries["order"]
+    order = [word.lower() for word in order]
+    if sorted(order) != ["rx", "ry", "rz", "tx", "ty", "tz"]:
+        raise BadMotionFile(
+            f"{path}:{line}: the root's order must hold TX TY TZ RX RY RZ once each"
+        )
+    line, turn = entries["orientation"]
+    axis = _axis_frame([*turn, entries["axis"][1][0]], degrees, path, line)
+    channels = "".join(word[1] for word in order if word[0] == "r")
+    position = parse_floats(entries["position"][1], path, entries["position"][0])
+    return _Bone(np.zeros(3), axis, channels), tuple(order), position
+
+
+def _read_bones(section: Section, degrees: bool, path: Path) -> dict[str, _Bone]:
+    """Every begin ... end block of :bonedata, by bone name."""
+    bones: dict[str, _Bone] = {}
+    block: dict[str, tuple[int, list[str]]] | None = None
+    for line, words in section:
+        key = words[0].lower()
+        if key == "begin" and block is None:
+            block = {}
+        elif key == "end" and block is not None:
+            name, bone = _read_bone(block, degrees, path, line)
+            if name in bones:
+                raise BadMotionFile(f"{path}:{line}: a second bone of the name {name}")
+            bones[name] = bone
+            block = None
+        elif block is None or key in ("begin", "end"):
+            raise BadMotionFile(f"{path}:{line}: 'begin' and 'end' do not alternate in :bonedata")
+        elif not key.startswith("("):
+            block[key] = (line, words[1:])
+    if block is not None:
+        raise BadMotionFile(
+            f"{path}: the last bone of :bonedata has no 'end'; the file is truncated"
+        )
+    return bones
+
+
+def _read_bone(
+    block: dict[str, tuple[int, list[str]]], degrees: bool, path: Path, end_line: int
+) -> tuple[str, _Bone]:
+    for key, n_words in (("name", 1), ("direction", 3), ("length", 1), ("axis", 4)):
+        line, words = block.get(key, (end_line, []))
+        if len(words) != n_words:
+            raise BadMotionFile(f"{path}:{line}: a bone needs '{key}' with {n_words} values")
+    line, dof = block.get("dof", (end_line, []))
+    channels = [word.lower() for word in dof]
+    if not set(channels) <= {"rx", "ry", "rz"} or len(set(channels)) != len(channels):
+        raise BadMotionFile(
+            f"{path}:{line}: dof {' '.join(dof)[:40]!r}: only rx, ry and rz, once each, can be read"
+        )
+    line, words = block["direction"]
+    direction = np.array(parse_floats(words, path, line))
+    size = float(np.linalg.norm(direction))
+    if size == 0.0:
+        raise BadMotionFile(f"{path}:{line}: a bone's direction is zero")
+    length = parse_floats(block["length"][1], path, block["length"][0])[0]
+    axis = _axis_frame(block["axis"][1], degrees, path, block["axis"][0])
+    return block["name"][1][0], _Bone(
+        direction / size * length, axis, "".join(channel[1] for channel in channels)
+    )
+
+
+def _read_tree(
+    section: Section, bones: dict[str, _Bone], path: Path
+) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Names and parents, in the order in which :hierarchy reaches the bones from the root."""
+    names, parents = ["root"], [-1]
+    for line, words in section:
+        if words[0].lower() in ("begin", "end") and len(words) == 1:
+            continue
+        if words[0] not in names:
+            raise BadMotionFile(f"{path}:{line}: {words[0][:40]} has no parent yet in :hierarchy")
+        parent = names.index(words[0])
+        for name in words[1:]:
+            if name not in bones or name in names:
+                raise BadMotionFile(
+                    f"{path}:{line}: bone {name[:40]} is not in :bonedata, or has two parents"
+                )
+            names.append(name)
+            parents.append(parent)
+    lost = sorted(set(bones) - set(names))
+    if lost:
+        raise BadMotionFile(f"{path}: :hierarchy does not reach the bones {', '.join(lost)}")
+    return tuple(names), tuple(parents)
+
+
+_BONE_NAME = re.compile(r"^[ \t]*([A-Za-z_]\S*)", re.MULTILINE)
+_FRAME_NUMBER = re.compile(r"[0-9]+")
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How the numbers of a frame lie, as its first occurrence in the AMC shows it."""
+
+    bones: tuple[str, ...]
+    columns: dict[str, slice]
+    """Where a bone's numbers stand in a frame's row; the frame's number is column 0."""
+    n_columns: int
+
+
+def read_amc(
+    path: Path,
+    *,
+    asf_path: Path | None = None,
+    fps_hz: float | None = None,
+    unit_m: float | None = None,
+) -> SourceMotion:
+    """Read an AMC motion with its ASF skeleton.
+
+    Args:
+        path: The AMC file.
+        asf_path: The skeleton; without it, the file's own name or its subject's (`02_03.amc`:
+            `02_03.asf`, then `02.asf`) beside it, or the only .asf there.
+        fps_hz: Frame rate [Hz].  The format does not hold it; without it CMU's index decides.
+        unit_m: Metres per unit, see `read_asf`.
+
+    Raises:
+        MissingInput: the AMC or its ASF is not there.
+        BadMotionFile: a file is broken or truncated, the two do not belong together, or the rate of
+            a file that is not CMU's was not given.
+    """
+    text = read_text(path)
+    asf_path = asf_path if asf_path is not None else find_asf(path)
+    asf = read_asf(asf_path, unit_m=unit_m)
+    if fps_hz is None and not is_cmu(asf.names):
+        raise BadMotionFile(f"{path}: an AMC file holds no frame rate; give it with fps_hz")
+    rate_note = "CMU's index" if fps_hz is None else "given"
+    fps_hz = cmu_rate_hz(path) if fps_hz is None else check_rate_hz(fps_hz, path)
+    first_line, body, degrees = _body(text, asf, path)
+    layout = _layout(body, asf, asf_path, path, first_line)
+    table = _table(body, layout, path, first_line)
+    rows, rows_notes = recorded_rows(table[:, 1:], [], is_cmu(asf.names), False, path)
+    table = table[rows]
+    angles = {bone: table[:, columns] for bone, columns in layout.columns.items()}
+    return SourceMotion(
+        names=asf.names,
+        parents=asf.parents,
+        offsets_m=np.array([asf.bones_m[p] if p >= 0 else np.zeros(3) for p in asf.parents]),
+        tips_m=asf.bones_m,
+        local_rotmats=_local_rotmats(asf, angles, len(table), degrees),
+        translations_m=_translations(asf, angles["root"]),
+        fps_hz=fps_hz,
+        notes=(
+            f"skeleton {asf_path.name}",
+            f"{fps_hz:.7g} Hz ({rate_note})",
+            f"{asf.unit_m:.6g} m per unit",
+            *rows_notes,
+        ),
+    )
+
+
+def find_asf(amc_path: Path) -> Path:
+    """The skeleton that lies beside an AMC file.
+
+    Raises:
+        MissingInput: the AMC is not there, or no skeleton is, or several are and none has its name.
+    """
+    subject = amc_path.stem.rpartition("_")[0]
+    named = [
+        amc_path.with_name(stem + suffix)
+        for stem in (amc_path.stem, subject)
+        if stem
+        for suffix in (".asf", ".ASF")
+    ]
+    for candidate in named:
+        if candidate.is_file():
+            return candidate
+    others = [p for p in sorted(amc_path.parent.glob("*")) if p.suffix.lower() == ".asf"]
+    if len(others) == 1:
+        return others[0]
+    raise MissingInput(
+        f"{amc_path}: its skeleton {subject or amc_path.stem}.asf is not beside it; "
+        "put it there or give asf_path"
+    )
+
+
+def _body(text: str, asf: Asf, path: Path) -> tuple[int, list[str], bool]:
+    """Line number of the first frame, the lines from there on, and whether angles are degrees."""
+    degrees = asf.degrees
+    lines = text.split("\n")
+    for i, line in enumerate(lines):
+        word = line.strip()
+        if word.upper() in (":DEGREES", ":RADIANS"):
+            degrees = word.upper() == ":DEGREES"
+        if word and not word.startswith(("#", ":")):
+            if not _FRAME_NUMBER.fullmatch(word):
+                raise BadMotionFile(
+                    f"{path}:{i + 1}: {word[:40]!r} where the first frame's number is due"
+                )
+            return i + 1, lines[i:], degrees
+    raise BadMotionFile(f"{path}: no frames; the file is truncated, fetch it again")
+
+
+def _layout(body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: int) -> _Layout:
+    """Bones and columns of the first frame, checked against the skeleton."""
+    columns: dict[str, slice] = {}
+    column = 1
+    for line_number, line in enumerate(body[1:], first_line + 1):
+        words = line.split()
+        if not words:
+            continue
+        if _FRAME_NUMBER.fullmatch(words[0]):
+            break
+        name = words[0]
+        if name not in asf.names or name in columns:
+            raise BadMotionFile(
+                f"{path}:{line_number}: bone {name[:40]} is not in {asf_path.name}, or comes "
+                "twice; "
+                "the AMC belongs to another skeleton: give its asf_path"
+            )
+        due = 6 if name == "root" else len(asf.channels[asf.names.index(name)])
+        if len(words) - 1 != due:
+            raise BadMotionFile(
+                f"{path}:{line_number}: {len(words) - 1} values for {name}, where {asf_path.name} "
+                "has "
+                f"{due} degrees of freedom; give the asf_path that belongs to this AMC"
+            )
+        columns[name] = slice(column, column + due)
+        column += due
+    lost = [n for n, dof in zip(asf.names, asf.channels, strict=True) if dof and n not in columns]
+    if lost:
+        raise BadMotionFile(
+            f"{path}: its frames have no {', '.join(lost)}, which {asf_path.name} has; "
+            "the file is truncated, or its skeleton is another one: give asf_path"
+        )
+    return _Layout(tuple(columns), columns, column)
+
+
+def _table(body: list[str], layout: _Layout, path: Path, first_line: int) -> np.ndarray:
+    """(T, n_columns): one row per frame."""
+    text = "\n".join(body)
+    names = _BONE_NAME.findall(text)
+    n_frames, rest = divmod(len(names), len(layout.bones))
+    values = parse_block(_BONE_NAME.sub("", text))
+    regular = (
+        values is not None
+        and rest == 0
+        and values.size == n_frames * layout.n_columns
+        and names == list(layout.bones) * n_frames
+    )
+    if not regular or values is None:
+        _explain(body, layout, path, first_line)
+        raise BadMotionFile(f"{path}: the frames are not regular; fetch the file again")
+    table = values.reshape(n_frames, layout.n_columns)
+    jumps = np.flatnonzero(np.diff(table[:, 0]) != 1.0)
+    if jumps.size:
+        before, after = table[jumps[0], 0], table[jumps[0] + 1, 0]
+        raise BadMotionFile(
+            f"{path}: frame {after:g} follows frame {before:g}; frames are missing. Split the file "
+            "there, or fetch it again"
+        )
+    return table
+
+
+def _explain(body: list[str], layout: _Layout, path: Path, first_line: int) -> None:
+    """Find the line at which the frames stop being regular, and raise with it."""
+    due = [("", 0), *((bone, c.stop - c.start) for bone, c in layout.columns.items())]
+    position, last_line = 0, first_line
+    for line_number, line in enumerate(body, first_line):
+        words = line.split()
+        if not words:
+            continue
+        last_line = line_number
+        name, n_values = due[position % len(due)]
+        if name == "" and not (len(words) == 1 and _FRAME_NUMBER.fullmatch(words[0])):
+            raise BadMotionFile(
+                f"{path}:{line_number}: {line[:40]!r} where a frame's number is due"
+            )
+        if name and (words[0] != name or len(words) - 1 != n_values):
+            raise BadMotionFile(
+                f"{path}:{line_number}: {line[:40]!r} where {name} with {n_values} values is due; "
+                "fetch the file again"
+            )
+        parse_floats(words[1:] if name else words, path, line_number)
+        position += 1
+    if position % len(due):
+        raise BadMotionFile(
+            f"{path}:{last_line}: the last frame is not complete; the file is truncated"
+        )
+
+
+def _local_rotmats(
+    asf: Asf, angles: dict[str, np.ndarray], n_frames: int, degrees: bool
+) -> np.ndarray:
+    """(T, J, 3, 3): C M C^-1 of every bone."""
+    rotmats = np.broadcast_to(np.eye(3), (n_frames, len(asf.names), 3, 3)).copy()
+    for bone, name in enumerate(asf.names):
+        axes = asf.channels[bone]
+        if not axes or name not in angles:
+            continue
+        values = angles[name]
+        if name == "root":
+            values = values[:, [i for i, word in enumerate(asf.root_order) if word[0] == "r"]]
+        turned = Rotation.from_euler(axes, values, degrees=degrees).as_matrix()
+        frame = asf.world_from_axis[bone]
+        rotmats[:, bone] = frame @ turned.reshape(-1, 3, 3) @ frame.T
+    return rotmats
+
+
+def _translations(asf: Asf, root: np.ndarray) -> np.ndarray:
+    """(T, J, 3) [m]: each bone starts at its parent's end."""
+    starts = np.array([asf.bones_m[p] if p >= 0 else np.zeros(3) for p in asf.parents])
+    translations = np.tile(starts, (len(root), 1, 1))
+    columns = [asf.root_order.index(word) for word in ("tx", "ty", "tz")]
+    translations[:, 0] = root[:, columns] * asf.unit_m + asf.root_position_m
+    return translations

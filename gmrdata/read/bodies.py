@@ -1,0 +1,212 @@
+"""The compact file of a BodyModel: one .npz of plain arrays, float32.
+
+Loading a body by name or by file.
+
+Keep the body that a data set uses beside its clips.
+"""
+
+import os
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.stage.store import locked, run_stage
+from gmrdata.values.body import N_JOINTS, N_LOCAL, PHENOTYPES, BodyModel
+from gmrdata.values.errors import BadBodyFile, BadMotionFile, MissingInput
+from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.records import Config
+
+FORMAT = "gmrdata-body/1"
+"""Value of the key `format`."""
+
+_OPTIONAL = ("pose_dirs_m", "adult_shapes", "adult_phenotypes")
+
+
+def save_body(path: Path, body: BodyModel) -> None:
+    """Write a body, as a whole or not at all.  The same body gives the same bytes.
+
+    Args:
+        path: The file, ending in .npz.
+        body: The body; its arrays are stored as float32 and int32.
+    """
+    arrays = {"format": np.array(FORMAT)}
+    for field in fields(BodyModel):
+        value = getattr(body, field.name)
+        if isinstance(value, str):
+            arrays[field.name] = np.array(value)
+        elif value is not None:
+            arrays[field.name] = value.astype(np.int32 if field.name == "faces" else np.float32)
+    write_npz(path, arrays, compressed=True)
+
+
+def read_body(path: Path) -> BodyModel:
+    """Read a body that `save_body` wrote; arrays come back as float64 and int64.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadBodyFile: not such a file, truncated, or its arrays do not fit together.
+    """
+    arrays = read_plain_npz(path)
+    if str(arrays.get("format")) != FORMAT:
+        raise BadBodyFile(f"{path}: not a body file of gmrdata (its format is not {FORMAT!r})")
+    values: dict[str, Any] = {}
+    for field in fields(BodyModel):
+        if field.name not in arrays and field.name not in _OPTIONAL:
+            raise BadBodyFile(f"{path}: the array {field.name} is missing")
+        values[field.name] = _in_memory(arrays.get(field.name))
+    body = BodyModel(**values)
+    check_body(path, body)
+    return body
+
+
+def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
+    """All arrays of a body's .npz, without unpickling anything.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadBodyFile: not an .npz, truncated, or with pickled objects inside.
+    """
+    try:
+        return read_npz(path)
+    except BadMotionFile as error:
+        raise BadBodyFile(str(error)) from None
+
+
+def check_body(path: Path, body: BodyModel) -> None:
+    """Refuse a body whose arrays do not fit together.
+
+    Raises:
+        BadBodyFile: a wrong shape, a value that is not finite, faces that point nowhere, or weights
+            that do not sum to 1; the message names the array.
+    """
+    n_vertices, n_shape = len(body.template_m), body.shape_dirs_m.shape[-1]
+    n_adults = 0 if body.adult_shapes is None else len(body.adult_shapes)
+    expected = {
+        "template_m": (n_vertices, 3),
+        "shape_dirs_m": (n_vertices, 3, n_shape),
+        "joints_template_m": (N_JOINTS, 3),
+        "joint_shape_dirs_m": (N_JOINTS, 3, n_shape),
+        "skin_weights": (n_vertices, N_JOINTS),
+        "faces": (len(body.faces), 3),
+        "pose_dirs_m": (n_vertices, 3, 9 * N_LOCAL),
+        "adult_shapes": (n_adults, n_shape),
+        "adult_phenotypes": (n_adults, len(PHENOTYPES)),
+    }
+    for name, shape in expected.items():
+        array = getattr(body, name)
+        if array is None:
+            continue
+        if array.shape != shape:
+            raise BadBodyFile(f"{path}: {name} has the shape {array.shape}, expected {shape}")
+        if not np.isfinite(array).all():
+            raise BadBodyFile(f"{path}: {name} holds values that are not finite")
+    if (body.adult_shapes is None) != (body.adult_phenotypes is None):
+        raise BadBodyFile(f"{path}: adult_shapes and adult_phenotypes belong together")
+    if len(body.faces) == 0 or body.faces.min() < 0 or body.faces.max() >= n_vertices:
+        raise BadBodyFile(f"{path}: faces must name vertices 0 to {n_vertices - 1}")
+    if np.abs(body.skin_weights.sum(axis=1) - 1).max() > 1e-4 or body.skin_weights.min() < -1e-4:
+        raise BadBodyFile(f"{path}: skin_weights of each vertex must be shares that sum to 1")
+
+
+def _in_memory(array: np.ndarray | None) -> Any:
+    if array is None:
+        return None
+    if array.dtype.kind == "U":
+        return str(array)
+    return array.astype(np.int64 if array.dtype.kind in "iu" else np.float64)
+
+
+SMPL_SOURCE = (
+    "SMPL is free for research after registering at https://smpl.is.tue.mpg.de "
+    "and accepting its licence"
+)
+
+
+def load_body(spec: str) -> BodyModel:
+    """Load a body.
+
+    Args:
+        spec: "anny" for the default body, which is made once per machine (about a minute, with
+            progress) and kept in the user's cache folder; or the path of SMPL's model as `.npz` or
+            `.pkl`; or the path of an `.npz` of gmrdata's own.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadBodyFile: the file is broken, or holds something else than a body of 24 joints.
+        UnsafePickle: the pickle wants to import something that is not plain data.
+    """
+    if spec == "anny":
+        made = anny_file()
+        try:
+            return read_body(made)
+        except BadBodyFile as error:
+            raise BadBodyFile(f"{error}. Delete {made}, and it is made again") from None
+    path = Path(spec).expanduser()
+    if not path.is_file():
+        raise MissingInput(
+            f"{path}: no such body file. Give 'anny' for the free default body, or the path of "
+            f"your own SMPL model; {SMPL_SOURCE}"
+        )
+    if path.suffix == ".npz" and str(read_plain_npz(path).get("format")) == FORMAT:
+        return read_body(path)
+    if path.suffix in (".npz", ".pkl"):
+        from gmrdata.read.smpl import read_smpl
+
+        return read_smpl(path)
+    raise BadBodyFile(f"{path}: a body is 'anny', or a file ending in .npz or .pkl")
+
+
+def anny_file() -> Path:
+    """The default body's file in the user's cache folder, made now if it is not there.
+
+    Two processes that ask at once make it once.
+    """
+    from gmrdata.read.anny import build_anny, file_name
+
+    path = cache_dir() / file_name()
+    if path.is_file():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with locked(path.with_suffix(".lock")):
+        if not path.is_file():
+            save_body(path, build_anny(path.with_suffix(".partial")))
+    return path
+
+
+def cache_dir() -> Path:
+    """Where files that can be made again are kept: $XDG_CACHE_HOME/gmrdata, or ~/.cache/gmrdata."""
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "gmrdata"
+
+
+BODY_FILE = "body.npz"
+
+
+class BodyConfig(Config):
+    """Which body."""
+
+    body: str
+    """"anny", or the file name of a body model."""
+
+
+def keep_body(spec: str, out_dir: Path, *, redo: bool = False) -> Path:
+    """Stage: write a body to `out_dir/body.npz`.
+
+    Args:
+        spec: What `load_body` takes.
+        out_dir: The stage's folder.
+        redo: Replace another body.
+
+    Returns:
+        Path of the file.
+    """
+    is_file = Path(spec).is_file()
+
+    def work(partial_dir: Path) -> None:
+        save_body(partial_dir / BODY_FILE, load_body(spec))
+
+    config = BodyConfig(body=Path(spec).name)
+    inputs = {"file": Path(spec)} if is_file else {}
+    return run_stage("body", out_dir, config, inputs, work, redo=redo) / BODY_FILE

@@ -1,0 +1,265 @@
+"""Reader of BVH (Biovision hierarchy) files.
+
+The zero pose is the hierarchy's offsets with all rotations zero.  A joint's rotation channels are
+applied in the listed order about the joint's own moving axes (R = R1 R2 R3); its position channels
+replace the offset, which for the root is what exporters write although the 1999 description adds
+them (for a motion that is put on the floor afterwards the two differ by a constant shift).
+
+The first half of a BVH file: joints, offsets and channels.
+"""
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.read.numbers import parse_floats, parse_table, read_text
+from gmrdata.read.source_motion import (
+    SourceMotion,
+    check_rate_hz,
+    cmu_rate_hz,
+    rate_of_frame_time_hz,
+    recorded_rows,
+)
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.joint_names import is_cmu
+
+_CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
+
+
+@dataclass
+class Hierarchy:
+    """The skeleton while it is being read."""
+
+    names: list[str] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    offsets: list[list[float]] = field(default_factory=list)
+    tips: list[list[float]] = field(default_factory=list)
+    channels: list[list[tuple[str, str]]] = field(default_factory=list)
+    """Per joint the (axis "X", kind "position" or "rotation") of each column."""
+    open_blocks: list[int | None] = field(default_factory=list)
+    """Joints whose braces are open; None stands for an End Site."""
+    announced: int | None = None
+    brace_due: bool = False
+    offset_due: bool = False
+
+
+def read_hierarchy(lines: list[str], path: Path) -> Hierarchy:
+    """Read everything above MOTION.
+
+    Raises:
+        BadMotionFile: braces, joints, offsets or channels are not as the format has them.
+    """
+    tree = Hierarchy()
+    for line_number, line in enumerate(lines, 1):
+        for statement in re.findall(r"[{}]|[^{}]+", line):
+            if statement.strip():
+                _read_statement(tree, statement.strip(), path, line_number)
+    if tree.open_blocks or tree.brace_due:
+        raise BadMotionFile(f"{path}:{len(lines)}: a brace of the hierarchy is not closed")
+    if not tree.names:
+        raise BadMotionFile(f"{path}: the hierarchy has no ROOT")
+    if not any(tree.channels):
+        raise BadMotionFile(f"{path}: the joints have no channels, so there is no motion to read")
+    return tree
+
+
+def _read_statement(tree: Hierarchy, statement: str, path: Path, line_number: int) -> None:
+    """One statement or brace of the hierarchy."""
+    keyword, _, rest = statement.partition(" ")
+    keyword, _, tabbed = keyword.partition("\t")
+    rest = f"{tabbed} {rest}".strip()
+    here = tree.open_blocks[-1] if tree.open_blocks else None
+    if tree.brace_due != (keyword == "{"):
+        raise BadMotionFile(
+            f"{path}:{line_number}: '{{' and joints do not alternate; broken hierarchy"
+        )
+    if keyword == "{":
+        tree.open_blocks.append(tree.announced)
+        tree.brace_due, tree.offset_due = False, True
+    elif keyword == "}" and tree.open_blocks and not tree.offset_due:
+        tree.open_blocks.pop()
+    elif keyword.upper() in ("ROOT", "JOINT") and rest:
+        _announce_joint(tree, keyword.upper(), rest, path, line_number)
+    elif keyword.upper() == "END" and here is not None:
+        tree.announced, tree.brace_due = None, True
+    elif keyword.upper() == "OFFSET" and tree.offset_due:
+        _read_offset(tree, parse_floats(rest.split(), path, line_number), path, line_number)
+    elif keyword.upper() == "CHANNELS" and here is not None and not tree.channels[here]:
+        tree.channels[here] = _read_channel_names(rest.split(), path, line_number)
+    elif not (keyword == "HIERARCHY" and not tree.names):
+        raise BadMotionFile(
+            f"{path}:{line_number}: {statement[:40]!r} is not expected here; broken hierarchy"
+        )
+
+
+def _announce_joint(tree: Hierarchy, keyword: str, name: str, path: Path, line_number: int) -> None:
+    here = tree.open_blocks[-1] if tree.open_blocks else None
+    if (keyword == "ROOT") != (not tree.names) or (keyword == "JOINT" and here is None):
+        raise BadMotionFile(
+            f"{path}:{line_number}: {keyword} {name[:40]} is not inside the one ROOT; broken "
+            "hierarchy"
+        )
+    if name in tree.names:
+        raise BadMotionFile(f"{path}:{line_number}: a second joint of the name {name[:40]}")
+    tree.announced, tree.brace_due = len(tree.names), True
+    tree.names.append(name)
+    tree.parents.append(-1 if here is None else here)
+    tree.offsets.append([0.0] * 3)
+    tree.tips.append([np.nan] * 3)
+    tree.channels.append([])
+
+
+def _read_offset(tree: Hierarchy, offset: list[float], path: Path, line_number: int) -> None:
+    if len(offset) != 3:
+        raise BadMotionFile(f"{path}:{line_number}: an OFFSET has 3 numbers, not {len(offset)}")
+    tree.offset_due = False
+    here = tree.open_blocks[-1]
+    if here is not None:
+        tree.offsets[here] = offset
+        return
+    bone = tree.open_blocks[-2]
+    if bone is not None:
+        tree.tips[bone] = offset
+
+
+def _read_channel_names(words: list[str], path: Path, line_number: int) -> list[tuple[str, str]]:
+    matches = [_CHANNEL.match(word) for word in words[1:]]
+    channels = [(m.group(1).upper(), m.group(2).lower()) for m in matches if m]
+    if not words or words[0] != str(len(matches)) or len(channels) != len(matches):
+        raise BadMotionFile(
+            f"{path}:{line_number}: CHANNELS needs its count and as many names like Xposition, "
+            "Zrotation"
+        )
+    if len(set(channels)) != len(channels):
+        raise BadMotionFile(f"{path}:{line_number}: a channel is listed twice")
+    return channels
+
+
+CMU_UNIT_M = 0.0254 / 0.45
+"""CMU's files hold inches times 0.45."""
+CENTIMETRE_M = 0.01
+
+
+def read_bvh(
+    path: Path,
+    *,
+    fps_hz: float | None = None,
+    unit_m: float | None = None,
+    drop_rest_frame: bool | None = None,
+) -> SourceMotion:
+    """Read a BVH file.
+
+    Args:
+        path: The file.
+        fps_hz: Frame rate to believe instead of the file's [Hz].  Without it, CMU files (known by
+            their joints and their `02_03` names) have the rate of CMU's index, others their
+            header's.
+        unit_m: Metres per unit.  Without it, CMU files are 0.056444 m per unit, all others
+            centimetres.
+        drop_rest_frame: Whether frame 0 is an added rest pose to leave out, as in cgspeed's CMU
+            files; None looks for itself (see `recorded`).
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: it is no BVH, is broken or truncated, or has a wrong rate.
+    """
+    lines = read_text(path).split("\n")
+    motion_line = next((i for i, line in enumerate(lines) if line.strip() == "MOTION"), None)
+    if motion_line is None:
+        raise BadMotionFile(f"{path}: no BVH file, or truncated: it has no line 'MOTION'")
+    tree = read_hierarchy(lines[:motion_line], path)
+    n_frames, frame_time, table_line = _read_motion_header(lines, motion_line + 1, path)
+    n_columns = sum(len(channels) for channels in tree.channels)
+    table = parse_table(lines[table_line:], n_columns, n_frames, path, table_line + 1)
+
+    cmu = is_cmu(tree.names)
+    unit_m, unit_note = (
+        (unit_m, "given")
+        if unit_m is not None
+        else (CMU_UNIT_M, "CMU's")
+        if cmu
+        else (CENTIMETRE_M, "centimetres")
+    )
+    fps_hz, rate_note = _choose_rate(fps_hz, cmu, frame_time, path)
+    notes: tuple[str, ...] = (
+        f"{fps_hz:.7g} Hz ({rate_note})",
+        f"{unit_m:.6g} m per unit ({unit_note})",
+    )
+    rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
+    rows, rows_notes = recorded_rows(table, rotation_columns, cmu, drop_rest_frame, path)
+    table, notes = table[rows], notes + rows_notes
+    return SourceMotion(
+        names=tuple(tree.names),
+        parents=tuple(tree.parents),
+        offsets_m=np.array(tree.offsets) * unit_m,
+        tips_m=np.array(tree.tips) * unit_m,
+        local_rotmats=_local_rotmats(tree, table),
+        translations_m=_translations(tree, table) * unit_m,
+        fps_hz=fps_hz,
+        notes=notes,
+    )
+
+
+def _choose_rate(
+    fps_hz: float | None, cmu: bool, frame_time: tuple[str, int], path: Path
+) -> tuple[float, str]:
+    """The frame rate [Hz] and why it is that."""
+    if fps_hz is not None:
+        return check_rate_hz(fps_hz, path), "given"
+    if cmu:
+        return cmu_rate_hz(path), "CMU's index"
+    return rate_of_frame_time_hz(frame_time[0], path, frame_time[1]), "header"
+
+
+def _read_motion_header(
+    lines: list[str], start: int, path: Path
+) -> tuple[int, tuple[str, int], int]:
+    """Frame count, (frame time, its line number), index of the first line of numbers."""
+    filled = [i for i in range(start, min(start + 20, len(lines))) if lines[i].strip()][:2]
+    keys = [lines[i].partition(":") for i in filled]
+    if [key.strip().lower() for key, _, _ in keys] != ["frames", "frame time"]:
+        raise BadMotionFile(f"{path}:{start + 1}: 'Frames:' and 'Frame Time:' must follow MOTION")
+    count = keys[0][2].strip()
+    if not (count.isascii() and count.isdigit() and len(count) < 9):
+        raise BadMotionFile(f"{path}:{filled[0] + 1}: {count[:40]!r} is no number of frames")
+    return int(count), (keys[1][2].strip(), filled[1] + 1), filled[1] + 1
+
+
+def _columns(tree: Hierarchy, kind: str) -> list[list[tuple[str, int]]]:
+    """Per joint, the (axis, column in the table) of its channels of one kind."""
+    columns: list[list[tuple[str, int]]] = []
+    column = 0
+    for channels in tree.channels:
+        columns.append(
+            [(axis, column + i) for i, (axis, found) in enumerate(channels) if found == kind]
+        )
+        column += len(channels)
+    return columns
+
+
+def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
+    """(T, J, 3, 3); the joints with one channel order are converted together."""
+    rotmats = np.broadcast_to(np.eye(3), (len(table), len(tree.names), 3, 3)).copy()
+    by_order: dict[str, list[tuple[int, list[int]]]] = {}
+    for joint, channels in enumerate(_columns(tree, "rotation")):
+        order = "".join(axis for axis, _ in channels)
+        by_order.setdefault(order, []).append((joint, [column for _, column in channels]))
+    for order, entries in by_order.items():
+        if order:
+            joints = [joint for joint, _ in entries]
+            angles_deg = table[:, [columns for _, columns in entries]].reshape(-1, len(order))
+            turned = Rotation.from_euler(order, angles_deg, degrees=True).as_matrix()
+            rotmats[:, joints] = turned.reshape(len(table), len(joints), 3, 3)
+    return rotmats
+
+
+def _translations(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
+    """(T, J, 3) in the file's unit: offsets, replaced where there are position channels."""
+    translations = np.tile(np.array(tree.offsets), (len(table), 1, 1))
+    for joint, channels in enumerate(_columns(tree, "position")):
+        for axis, column in channels:
+            translations[:, joint, "XYZ".index(axis)] = table[:, column]
+    return translations

@@ -1,0 +1,306 @@
+"""One file, fetched into a `.part` file that a later attempt goes on with.
+
+How files are fetched.
+
+One HTTP request, with the errors sorted into those worth another attempt and the others.
+"""
+
+import http.client
+import json
+import os
+import re
+import ssl
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import IO, Any
+from urllib.parse import urlsplit
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata import __version__
+from gmrdata.stage.progress import console
+from gmrdata.values.errors import BadRecord, FetchFailed, MissingInput
+from gmrdata.values.files import read_json, write_text
+from gmrdata.values.records import Config
+
+CMU_URL = "http://mocap.cs.cmu.edu/subjects"
+
+
+class FetchConfig(Config):
+    """Where from, and how patiently."""
+
+    base_url: str = CMU_URL
+    """Folder with one folder per subject; http or https."""
+    timeout_s: float = Field(default=30.0, gt=0)
+    """Longest silence of the server [s]."""
+    file_limit_s: float = Field(default=900.0, gt=0)
+    """Longest time for one attempt at one file [s]."""
+    attempts: int = Field(default=5, ge=1)
+    """Attempts at one file."""
+    first_wait_s: float = Field(default=1.0, ge=0)
+    """Mean wait before the second attempt; it doubles with each further one [s]."""
+    longest_wait_s: float = Field(default=30.0, ge=0)
+    """Upper bound of the mean wait [s]."""
+    largest_bytes: int = Field(default=1 << 28, gt=0)
+    """A longer answer is no motion file and is refused [bytes]."""
+
+
+BLOCK_BYTES = 1 << 16
+_PASSING = frozenset({408, 425, 429, 500, 502, 503, 504})
+
+
+class PassingFailure(FetchFailed):
+    """The same request may well work a little later."""
+
+
+class NotOnServer(FetchFailed):
+    """The server says that there is no such file."""
+
+
+class _WebOnly(urllib.request.HTTPRedirectHandler):
+    """Follows redirects to http and https; urllib would follow ftp too."""
+
+    def redirect_request(
+        self, req: Any, fp: IO[bytes], code: int, msg: str, headers: Any, newurl: str
+    ) -> urllib.request.Request | None:
+        if urlsplit(newurl).scheme not in ("http", "https"):
+            raise FetchFailed(f"{req.full_url}: redirects to {newurl[:200]}, which is not followed")
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+
+def open_url(url: str, headers: Mapping[str, str], timeout_s: float) -> http.client.HTTPResponse:
+    """Ask for a file; the answer is 200, 206 or 416.
+
+    Raises:
+        NotOnServer: 404 or 410.
+        PassingFailure: the network or the server failed in a way that may pass.
+        FetchFailed: anything else.
+    """
+    request = urllib.request.Request(
+        url, headers={"User-Agent": f"gmrdata/{__version__}", **headers}
+    )
+    try:
+        return _opener().open(request, timeout=timeout_s)
+    except urllib.error.HTTPError as error:
+        error.close()
+        raise _of_status(url, error) from None
+    except urllib.error.URLError as error:
+        if isinstance(error.reason, ssl.SSLCertVerificationError):
+            raise FetchFailed(f"{url}: the server's certificate is not good: {error}") from None
+        raise PassingFailure(f"{url}: no connection ({error.reason})") from None
+    except (OSError, http.client.HTTPException) as error:
+        raise PassingFailure(f"{url}: no answer ({_say(error)})") from None
+
+
+def blocks(answer: http.client.HTTPResponse, url: str, limit_s: float) -> Iterator[bytes]:
+    """The body, block by block, as it comes.
+
+    Raises:
+        PassingFailure: the connection broke, or the time ran out.
+    """
+    start_s = time.monotonic()
+    while True:
+        try:
+            block = answer.read1(BLOCK_BYTES)
+        except (OSError, http.client.HTTPException) as error:
+            raise PassingFailure(f"{url}: the connection broke ({_say(error)})") from None
+        if not block:
+            return
+        if time.monotonic() - start_s > limit_s:
+            raise PassingFailure(f"{url}: not done after {limit_s:g} s")
+        yield block
+
+
+def _opener() -> urllib.request.OpenerDirector:
+    """An opener without handlers for file, ftp and data addresses."""
+    opener = urllib.request.OpenerDirector()
+    for handler in (
+        urllib.request.ProxyHandler(),
+        urllib.request.HTTPHandler(),
+        urllib.request.HTTPSHandler(),
+        urllib.request.UnknownHandler(),
+        _WebOnly(),
+        urllib.request.HTTPErrorProcessor(),
+        urllib.request.HTTPDefaultErrorHandler(),
+    ):
+        opener.add_handler(handler)
+    return opener
+
+
+def _of_status(url: str, error: urllib.error.HTTPError) -> FetchFailed:
+    if error.code in (404, 410):
+        return NotOnServer(f"{url}: the server has no such file ({error.code})")
+    if 300 <= error.code < 400:
+        place = error.headers.get("Location", "nowhere") if error.headers else "nowhere"
+        return FetchFailed(f"{url}: redirects to {place[:200]}, which is not followed")
+    kind = PassingFailure if error.code in _PASSING else FetchFailed
+    return kind(f"{url}: the server answers {error.code} {error.reason}")
+
+
+def _say(error: Exception) -> str:
+    return str(error) or type(error).__name__
+
+
+_RANGE = re.compile(r"bytes ([0-9]+)-([0-9]+)/([0-9]+)")
+
+
+def part_of(path: Path) -> Path:
+    """Where an unfinished download of `path` lies."""
+    return path.with_name(path.name + ".part")
+
+
+def note_of(path: Path) -> Path:
+    """Where stands which version of the file its `.part` belongs to."""
+    return path.with_name(path.name + ".part.json")
+
+
+def drop_part(path: Path) -> None:
+    """Forget an unfinished download."""
+    part_of(path).unlink(missing_ok=True)
+    note_of(path).unlink(missing_ok=True)
+
+
+def download(
+    url: str,
+    path: Path,
+    config: FetchConfig,
+    rng: np.random.Generator,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Path:
+    """Fetch all bytes of a file, with further attempts where they may help.
+
+    Args:
+        url: Its address.
+        path: Its final name, which is not touched.
+        config: Patience.
+        rng: Spreads the waits, so that many clients don't come back at the same time.
+        sleep: Waits that many seconds.
+
+    Returns:
+        The `.part` file, as long as the server said; what is in it was not looked at.
+
+    Raises:
+        NotOnServer: there is no such file.
+        FetchFailed: it could not be fetched.
+    """
+    wait_s = config.first_wait_s
+    for attempt in range(1, config.attempts + 1):
+        try:
+            _attempt(url, path, config)
+            break
+        except PassingFailure as error:
+            if attempt == config.attempts:
+                raise FetchFailed(
+                    f"{error}; gave up after {attempt} attempts. The same command goes on"
+                ) from None
+            pause_s = min(wait_s, config.longest_wait_s) * float(rng.uniform(0.5, 1.5))
+            console.print(
+                f"{error}; attempt {attempt + 1} of {config.attempts} in {pause_s:.1f} s",
+                markup=False,
+                soft_wrap=True,
+            )
+            sleep(pause_s)
+            wait_s *= 2
+    return part_of(path)
+
+
+def _attempt(url: str, path: Path, config: FetchConfig) -> None:
+    part = part_of(path)
+    note = _read_note(path, url)
+    n_there = part.stat().st_size if part.is_file() and note else 0
+    if n_there and n_there == note.get("size"):
+        return
+    headers = {"Accept-Encoding": "identity"}
+    if n_there:
+        headers |= {"Range": f"bytes={n_there}-", "If-Range": note["validator"]}
+    try:
+        answer = open_url(url, headers, config.timeout_s)
+    except FetchFailed as error:
+        if n_there and "answers 416" in str(error):
+            drop_part(path)
+            raise PassingFailure(f"{url}: its length changed; from the start again") from None
+        raise
+    with answer:
+        _refuse_page(answer, url)
+        start, total = _place(answer, url, n_there, note, path)
+        if total is not None and total > config.largest_bytes:
+            raise FetchFailed(f"{url}: {total} bytes are too many for a motion file")
+        if start == 0:
+            drop_part(path)
+            _write_note(answer, url, total, path)
+        n_bytes = _append(answer, url, part, start, config)
+    if total is not None and n_bytes != total:
+        if n_bytes > total:
+            drop_part(path)
+        raise PassingFailure(f"{url}: {n_bytes} bytes came where the server promised {total}")
+
+
+def _append(
+    answer: http.client.HTTPResponse, url: str, part: Path, start: int, config: FetchConfig
+) -> int:
+    """Write the body at the end of the `.part`; its length then."""
+    n_bytes = start
+    with part.open("ab") as stream:
+        for block in blocks(answer, url, config.file_limit_s):
+            n_bytes += len(block)
+            if n_bytes > config.largest_bytes:
+                raise FetchFailed(f"{url}: more than {config.largest_bytes} bytes, no motion file")
+            stream.write(block)
+        stream.flush()
+        os.fsync(stream.fileno())
+    return n_bytes
+
+
+def _place(
+    answer: http.client.HTTPResponse, url: str, n_there: int, note: dict[str, Any], path: Path
+) -> tuple[int, int | None]:
+    """Where the body goes in the file, and the whole file's length if the server says it."""
+    if answer.status != 206:
+        length = answer.headers.get("Content-Length", "")
+        return 0, int(length) if re.fullmatch(r"[0-9]{1,15}", length) else None
+    found = _RANGE.fullmatch(answer.headers.get("Content-Range", ""))
+    same = found and _validator(answer) in (None, note.get("validator"))
+    if not (
+        found and same and int(found[1]) == n_there and note.get("size") in (None, int(found[3]))
+    ):
+        drop_part(path)
+        raise PassingFailure(f"{url}: the file on the server changed; from the start again")
+    return n_there, int(found[3])
+
+
+def _refuse_page(answer: http.client.HTTPResponse, url: str) -> None:
+    kind = answer.headers.get_content_type()
+    if kind in ("text/html", "application/xhtml+xml"):
+        raise FetchFailed(f"{url}: the server sends a web page in place of the file")
+    if answer.headers.get("Content-Encoding", "identity") != "identity":
+        raise FetchFailed(f"{url}: the server sends it packed, which was not asked for")
+
+
+def _validator(answer: http.client.HTTPResponse) -> str | None:
+    """What tells this version from others: a strong ETag, else Last-Modified (RFC 9110, 13.1.5)."""
+    tag = answer.headers.get("ETag")
+    if tag is not None and not tag.startswith("W/"):
+        return str(tag)
+    return answer.headers.get("Last-Modified")
+
+
+def _write_note(answer: http.client.HTTPResponse, url: str, total: int | None, path: Path) -> None:
+    """Without a validator nothing is noted, and the next attempt starts anew."""
+    validator = _validator(answer)
+    if validator is not None:
+        write_text(
+            note_of(path), json.dumps({"url": url, "validator": validator, "size": total}) + "\n"
+        )
+
+
+def _read_note(path: Path, url: str) -> dict[str, Any]:
+    try:
+        note = read_json(note_of(path))
+    except (MissingInput, BadRecord):
+        return {}
+    good = isinstance(note, dict) and note.get("url") == url
+    return note if good and isinstance(note.get("validator"), str) else {}

@@ -1,0 +1,185 @@
+"""Image folders: which files are the frames, in which order, and whether they can be used."""
+
+import re
+import struct
+from collections import Counter
+from collections.abc import Collection
+from itertools import pairwise
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from gmrdata.values.errors import BadFrames, MissingInput
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+# Start-of-frame markers (ITU T.81, table B.1): C0-CF without DHT (C4), JPG (C8) and DAC (CC).
+JPEG_START_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+
+
+def image_number(path: Path) -> int:
+    """Number of a frame: the last run of digits in the file's stem (`image_00012.jpg` -> 12).
+
+    Raises:
+        BadFrames: the name holds no number.
+    """
+    number = number_in_name(path.name)
+    if number is None:
+        raise BadFrames(f"{path}: no number in the name; name frames like 00012.jpg")
+    return number
+
+
+def number_in_name(name: str) -> int | None:
+    """The last run of digits in a file name without its suffix, or None."""
+    runs = re.findall(r"[0-9]+", PurePosixPath(name).stem)
+    return int(runs[-1]) if runs else None
+
+
+def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
+    """The .jpg and .png files of a folder in the order of their numbers.
+
+    Args:
+        folder: The folder.
+        left_out: Numbers of images that the caller knows to be unusable: they are not listed, and
+            neither they nor their absence is an error.
+
+    Raises:
+        MissingInput: there is no such folder.
+        BadFrames: fewer than 2 images, a number that occurs twice, or one that is missing.
+    """
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder of images")
+    paths = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
+    paths = [path for path in paths if image_number(path) not in left_out]
+    paths.sort(key=lambda path: (image_number(path), path.name))
+    if len(paths) < 2:
+        but = f" but {len(left_out)} left out" if left_out else ""
+        raise BadFrames(
+            f"{folder}: {len(paths)} image(s){but}; at least 2 frames (.jpg or .png) needed"
+        )
+    _require_one_each(folder, [image_number(path) for path in paths], left_out)
+    return paths
+
+
+def check_images(paths: list[Path]) -> tuple[int, int]:
+    """Check that all images can be read and have one size.
+
+    Only headers and end marks are looked at, so that a long sequence costs milliseconds.
+
+    Returns:
+        (width_px, height_px) of every image, as stored (an EXIF rotation is not applied).
+
+    Raises:
+        BadFrames: no images, an empty, truncated or unknown file, or different sizes.
+    """
+    if not paths:
+        raise BadFrames("no images were given; at least 2 frames needed")
+    sizes = [_image_size(path) for path in paths]
+    expected = Counter(sizes).most_common(1)[0][0]
+    for path, size in zip(paths, sizes, strict=True):
+        if size != expected:
+            raise BadFrames(
+                f"{path}: {size[0]}x{size[1]} px, other frames are {expected[0]}x{expected[1]} px; "
+                "all frames of a sequence must have one size"
+            )
+    return expected
+
+
+def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
+    """Read an image as (H, W) uint8.
+
+    Args:
+        path: The file.
+        size_px: The (width, height) that it must have, if any.
+
+    Raises:
+        BadFrames: not there, not an image, or of another size.
+    """
+    import cv2
+
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.is_file() else None
+    if image is None:
+        raise BadFrames(f"{path}: missing or not an image; make this file again")
+    if size_px is not None and image.shape != size_px[::-1]:
+        raise BadFrames(
+            f"{path}: {image.shape[1]}x{image.shape[0]} px, "
+            f"its frame is {size_px[0]}x{size_px[1]} px; make this file again at that size"
+        )
+    return np.asarray(image)
+
+
+def read_color(path: Path) -> np.ndarray:
+    """Read an image as (H, W, 3) uint8 BGR, as stored: an EXIF rotation is not applied.
+
+    Raises:
+        BadFrames: not there, or can't be decoded.
+    """
+    import cv2
+
+    # Of 16 bits the upper 8 are kept; grey becomes three equal channels.
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    image = cv2.imread(str(path), flags) if path.is_file() else None
+    if image is None:
+        raise BadFrames(f"{path}: missing or cannot be decoded; extract or copy this frame again")
+    return np.asarray(image)
+
+
+def write_gray(path: Path, image: np.ndarray) -> None:
+    """Write (H, W) uint8 as PNG, as a whole or not at all."""
+    import cv2
+
+    from gmrdata.values.files import atomic_path
+
+    _, encoded = cv2.imencode(".png", image)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(encoded.tobytes())
+
+
+def _require_one_each(folder: Path, numbers: list[int], left_out: Collection[int]) -> None:
+    for before, after in pairwise(numbers):
+        if before == after:
+            raise BadFrames(f"{folder}: two images have the number {after}; keep one of them")
+        missing = [number for number in range(before + 1, after) if number not in left_out]
+        if missing:
+            named = f"{missing[0]}" if len(missing) == 1 else f"{missing[0]} to {missing[-1]}"
+            raise BadFrames(
+                f"{folder}: frame {named} missing between {before} and {after}; "
+                "put it back, or renumber the frames without a gap"
+            )
+
+
+def _image_size(path: Path) -> tuple[int, int]:
+    if not path.is_file():
+        raise BadFrames(f"{path}: no such image")
+    content = path.read_bytes()
+    if not content:
+        raise BadFrames(f"{path}: empty file (0 bytes); extract or copy this frame again")
+    size = _png_size(content) if content.startswith(PNG_SIGNATURE) else _jpeg_size(content)
+    if size is None:
+        raise BadFrames(f"{path}: truncated or not an image; extract or copy this frame again")
+    return size
+
+
+def _png_size(content: bytes) -> tuple[int, int] | None:
+    """(width, height) of a complete PNG (IHDR comes first, IEND last), else None."""
+    if len(content) < 33 or b"IEND" not in content[-64:]:
+        return None
+    width, height = struct.unpack(">II", content[16:24])
+    return (width, height) if width and height else None
+
+
+def _jpeg_size(content: bytes) -> tuple[int, int] | None:
+    """(width, height) of a complete JPEG: its first start-of-frame segment, else None."""
+    if not content.startswith(b"\xff\xd8") or b"\xff\xd9" not in content[-1024:]:
+        return None
+    at = 2
+    while at + 9 <= len(content) and content[at] == 0xFF:
+        marker = content[at + 1]
+        if marker == 0xFF:  # a fill byte
+            at += 1
+            continue
+        if marker in JPEG_START_OF_FRAME:
+            height, width = struct.unpack(">HH", content[at + 5 : at + 9])
+            return (width, height) if width and height else None
+        at += 2 + struct.unpack(">H", content[at + 2 : at + 4])[0]
+    return None

@@ -1,0 +1,238 @@
+"""The JSON files of one subject: SMPL parameters of each take, and the four cameras.
+
+Layout, as I2L-MeshNet (Moon and Lee 2020) and NeuralAnnot (Moon et al. 2022) give it out and their
+loaders read it: parameters[action][subaction][frame] = {pose, shape, trans, ...} with `pose` 72
+numbers [rad], `shape` 10 betas of SMPL's neutral body and `trans` SMPL's transl in Human3.6M's
+z-up world [m]; cameras[number] = {R, t, f, c}, where a world point X [mm] is R X + t in the camera.
+
+Where Human3.6M's annotation files lie, and what its numbers mean.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.read.numbers import kind_of, numbers, usable_rows
+from gmrdata.values.errors import BadRecord, BadSequence, MissingInput
+from gmrdata.values.files import read_json
+from gmrdata.values.transforms import invert, rigid
+
+TRAINING_SUBJECTS = (1, 5, 6, 7, 8)
+"""Subjects that everybody trains on."""
+TEST_SUBJECTS = (9, 11)
+"""Subjects that everybody tests on."""
+VIDEO_HZ = 50.0
+"""Rate of the videos, and of frame numbers [Hz]."""
+ACTIONS = {
+    2: "Directions",
+    3: "Discussion",
+    4: "Eating",
+    5: "Greeting",
+    6: "Phoning",
+    7: "Posing",
+    8: "Purchases",
+    9: "Sitting",
+    10: "SittingDown",
+    11: "Smoking",
+    12: "Photo",
+    13: "Waiting",
+    14: "Walking",
+    15: "WalkDog",
+    16: "WalkTogether",
+}
+"""Names by the numbers that the files use."""
+SIZES_PX = {1: (1000, 1002), 2: (1000, 1000), 3: (1000, 1000), 4: (1000, 1002)}
+"""Width and height of each camera's images [px]: 54138969, 55011271, 58860488 and 60457274."""
+PARAMETER_FILES = (
+    "Human36M_subject{}_smpl_param.json",
+    "Human36M_subject{}_SMPL_NeuralAnnot.json",
+)
+"""Names of a subject's SMPL parameters; the first that is there is read."""
+CAMERA_FILE = "Human36M_subject{}_camera.json"
+
+
+def find_subjects(root: Path) -> dict[int, Path]:
+    """The file of SMPL parameters of each subject, in the folder or in its `annotations`.
+
+    Raises:
+        MissingInput: there is none.
+    """
+    folders = (root, root / "annotations")
+    found = {}
+    for subject in (*TRAINING_SUBJECTS, *TEST_SUBJECTS):
+        names = [name.format(subject) for name in PARAMETER_FILES]
+        paths = [folder / name for name in names for folder in folders]
+        there = next((path for path in paths if path.is_file()), None)
+        if there is not None:
+            found[subject] = there
+    if not found:
+        raise MissingInput(
+            f"{root}: no {PARAMETER_FILES[0].format('N')} here or in annotations/. Name the folder"
+            " of Human3.6M's annotation files"
+        )
+    return found
+
+
+def find_cameras(parameter_path: Path, subject: int) -> Path:
+    """A subject's camera file: beside the parameters, or in `annotations` or the folder above.
+
+    Raises:
+        MissingInput: it is not there.
+    """
+    name = CAMERA_FILE.format(subject)
+    folder = parameter_path.parent
+    for place in (folder, folder / "annotations", folder.parent):
+        if (place / name).is_file():
+            return place / name
+    raise MissingInput(f"{folder / name}: no such file. Put the subject's cameras there")
+
+
+LARGEST_FILE_BYTES = 1 << 31
+"""A subject's parameters have some ten to some hundred million bytes."""
+MOST_FRAMES = 20_000
+"""The longest video has 6343 frames."""
+RIGID_TOLERANCE = 1e-3
+"""Largest entry of R^T R - 1 of a rotation as files round it."""
+SMPL_SHAPES = 10
+_WHOLE_NUMBER = re.compile(r"0|[1-9][0-9]{0,5}")
+_AGAIN = "get the file again"
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """One performance of an action: N frames that have SMPL parameters, in ascending order."""
+
+    action: int
+    """Number of the action, 2 to 16."""
+    subaction: int
+    """1 or 2."""
+    frames: np.ndarray
+    """(N,) int frame numbers in the 50 Hz video, from 0."""
+    poses_rad: np.ndarray
+    """(N, 72) axis-angle of the 24 SMPL joints, the root's in the world [rad]."""
+    shapes: np.ndarray
+    """(N, 10) betas, which each frame's fit chose anew."""
+    trans_m: np.ndarray
+    """(N, 3) SMPL's transl in the world [m].  Not the pelvis: that is `trans` + J0(betas)."""
+
+
+@dataclass(frozen=True, eq=False)
+class FixedCamera:
+    """One of the four cameras, which do not move."""
+
+    intrinsics_px: np.ndarray
+    """(3, 3) calibration matrix [px]."""
+    world_from_cam: np.ndarray
+    """(4, 4) rigid transform, z-up world [m]."""
+
+
+def read_takes(path: Path) -> list[Take]:
+    """All takes of a subject's file of SMPL parameters, in order of action and subaction.
+
+    NaN in a frame is kept; `usable_rows` finds such frames.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadSequence: truncated, or not laid out as above; the message names the place.
+    """
+    content = _read(path)
+    takes = []
+    for action, of_action in _numbered(path, "", content):
+        if action not in ACTIONS:
+            raise BadSequence(f"{path}: action {action} is none of Human3.6M's 2 to 16; {_AGAIN}")
+        for subaction, of_take in _numbered(path, f"[{action}]", of_action):
+            takes.append(_take(path, action, subaction, of_take))
+    if not takes:
+        raise BadSequence(f"{path}: holds no takes; {_AGAIN}")
+    return takes
+
+
+def read_cameras(path: Path) -> dict[int, FixedCamera]:
+    """The cameras of a subject by their numbers 1 to 4.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadSequence: truncated, or not laid out as above; the message names the place.
+    """
+    return {
+        number: _camera(path, number, values) for number, values in _numbered(path, "", _read(path))
+    }
+
+
+def _read(path: Path) -> Any:
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    if path.stat().st_size > LARGEST_FILE_BYTES:
+        raise BadSequence(f"{path}: has {path.stat().st_size} bytes, which no subject has")
+    try:
+        return read_json(path)
+    except BadRecord as error:
+        raise BadSequence(str(error).replace("make it again", _AGAIN)) from None
+
+
+def _numbered(path: Path, place: str, value: Any) -> Iterator[tuple[int, Any]]:
+    """Items of an object whose keys are whole numbers, in their order."""
+    if not isinstance(value, dict):
+        raise BadSequence(f"{path}: {place or 'the file'} is {kind_of(value)}, not an object")
+    if not all(_WHOLE_NUMBER.fullmatch(key) for key in value):
+        raise BadSequence(f"{path}: {place or 'the file'} has keys that are no whole numbers")
+    for key in sorted(value, key=int):
+        yield int(key), value[key]
+
+
+def _take(path: Path, action: int, subaction: int, value: Any) -> Take:
+    place = f"[{action}][{subaction}]"
+    rows = list(_numbered_frames(path, place, value))
+    frames = np.array([frame for frame, _ in rows], dtype=np.int64)
+    if not len(frames):
+        raise BadSequence(f"{path}: {place} has no frames; {_AGAIN}")
+    if frames[-1] >= MOST_FRAMES:
+        raise BadSequence(f"{path}: {place} has a frame {frames[-1]}, which no video has")
+    arrays = {
+        key: np.stack([_flat(path, f"{place}[{n}]", row, key, size) for n, row in rows])
+        for key, size in (("pose", 72), ("shape", SMPL_SHAPES), ("trans", 3))
+    }
+    return Take(action, subaction, frames, arrays["pose"], arrays["shape"], arrays["trans"])
+
+
+def _numbered_frames(path: Path, place: str, value: Any) -> Iterator[tuple[int, dict[str, Any]]]:
+    for frame, row in _numbered(path, place, value):
+        if not isinstance(row, dict):
+            raise BadSequence(f"{path}: {place}[{frame}] is {kind_of(row)}, not an object")
+        yield frame, row
+
+
+def _flat(path: Path, place: str, row: dict[str, Any], key: str, size: int) -> np.ndarray:
+    """Numbers that stand in one list or in a list of one list, as `trans` does."""
+    value = row.get(key)
+    while isinstance(value, list) and len(value) == 1 and size > 1:
+        value = value[0]
+    try:
+        return numbers(value, (size,))
+    except ValueError as error:
+        raise BadSequence(f"{path}: {place}.{key} {error}; {_AGAIN}") from None
+
+
+def _camera(path: Path, number: int, value: Any) -> FixedCamera:
+    place = f"[{number}]"
+    if not isinstance(value, dict):
+        raise BadSequence(f"{path}: {place} is {kind_of(value)}, not an object")
+    try:
+        rotmat = numbers(value.get("R"), (3, 3))
+    except ValueError as error:
+        raise BadSequence(f"{path}: {place}.R {error}; {_AGAIN}") from None
+    t_mm, focal_px, centre_px = (
+        _flat(path, place, value, key, size) for key, size in (("t", 3), ("f", 2), ("c", 2))
+    )
+    off = np.abs(rotmat.T @ rotmat - np.eye(3)).max()
+    if not (off < RIGID_TOLERANCE and np.linalg.det(rotmat) > 0):
+        raise BadSequence(f"{path}: {place}.R is no rotation; {_AGAIN}")
+    if not (usable_rows(t_mm[None], focal_px[None], centre_px[None]).all() and focal_px.min() > 0):
+        raise BadSequence(f"{path}: {place} has no finite t, f and c with f > 0; {_AGAIN}")
+    intrinsics_px = np.diag([*focal_px, 1.0])
+    intrinsics_px[:2, 2] = centre_px
+    return FixedCamera(intrinsics_px, invert(rigid(rotmat, t_mm / 1000.0)))

@@ -1,0 +1,181 @@
+"""2D keypoints in the JSON of OpenPose and STAF: one file per frame, people in no fixed order.
+
+    {"people": [{"person_id": [3], "pose_keypoints_2d": [x0, y0, confidence0, x1, ...]}]}
+
+`person_id` is STAF's track, -1 where nothing tracks.  x and y are in pixels of the image; OpenPose
+adds half a pixel to the peaks of its maps, so (0, 0) is the outer corner of the first pixel, as
+everywhere here.
+
+2D keypoints in OpenPose's COCO order, as a detector would see the 24 joints of a body.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.read.frames import number_in_name
+from gmrdata.read.threedpw_arrays import N_KEYPOINTS
+from gmrdata.values.body import JOINT, N_JOINTS
+from gmrdata.values.camera import CameraPath, project_cam
+from gmrdata.values.errors import BadKeypoints, MissingInput
+from gmrdata.values.files import read_json
+from gmrdata.values.records import Config
+from gmrdata.values.transforms import apply, invert
+
+OPENPOSE_JOINTS = {
+    1: JOINT["neck"],
+    2: JOINT["right_shoulder"], 3: JOINT["right_elbow"], 4: JOINT["right_wrist"],
+    5: JOINT["left_shoulder"], 6: JOINT["left_elbow"], 7: JOINT["left_wrist"],
+    8: JOINT["right_hip"], 9: JOINT["right_knee"], 10: JOINT["right_ankle"],
+    11: JOINT["left_hip"], 12: JOINT["left_knee"], 13: JOINT["left_ankle"],
+}  # fmt: skip
+"""OpenPose's COCO keypoint -> SMPL joint.  Nose, eyes and ears (0, 14-17) are no SMPL joints."""
+
+FEWEST_JOINTS = 6
+"""With fewer joints 3DPW gives no keypoints at all."""
+
+
+class KeypointConfig(Config):
+    """How well the joints are detected."""
+
+    noise_px: float = 2.0
+    """Standard deviation of x and of y [px]."""
+    confidence: tuple[float, float] = (0.6, 0.95)
+    """Confidence of a joint that is seen is drawn from this range; 3DPW's are like that."""
+
+
+def detected_keypoints(
+    joints_world_m: np.ndarray, camera: CameraPath, config: KeypointConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """Keypoints of a person: joints inside the image with noise, all others zero.
+
+    Occlusion is not looked at: OpenPose guesses hidden joints too.
+
+    Args:
+        joints_world_m: (N, 24, 3) joints in the world [m].
+        camera: The camera of the same N frames.
+        config: How well joints are detected.
+        rng: Source of noise and confidence.
+
+    Returns:
+        (N, 18, 3): x [px], y [px], confidence.
+
+    Raises:
+        ValueError: not 24 joints, or as many frames as the camera has.
+    """
+    if joints_world_m.shape != (camera.n_frames, N_JOINTS, 3):
+        raise ValueError(f"joints {joints_world_m.shape} for {camera.n_frames} cameras")
+    rows = list(OPENPOSE_JOINTS)
+    joints_m = joints_world_m[:, list(OPENPOSE_JOINTS.values())]
+    points_px = project_cam(apply(invert(camera.world_from_cam), joints_m), camera.intrinsics_px)
+    points_px = points_px + rng.normal(0.0, config.noise_px, points_px.shape)
+    confidence = rng.uniform(*config.confidence, points_px.shape[:2])
+    seen = ((points_px >= 0) & (points_px < (camera.width_px, camera.height_px))).all(axis=-1)
+    seen &= (seen.sum(axis=1) >= FEWEST_JOINTS)[:, None]
+    keypoints = np.zeros((camera.n_frames, N_KEYPOINTS, 3))
+    keypoints[:, rows, :2] = np.where(seen[..., None], points_px, 0.0)
+    keypoints[:, rows, 2] = np.where(seen, confidence, 0.0)
+    return keypoints
+
+
+LAYOUTS = {25: "BODY_25 of OpenPose", 21: "BODY_21A of STAF"}
+"""Number of keypoints -> layout.  Both begin with the same 15."""
+
+PAIRS = {
+    1: JOINT["neck"],
+    2: JOINT["right_shoulder"], 3: JOINT["right_elbow"], 4: JOINT["right_wrist"],
+    5: JOINT["left_shoulder"], 6: JOINT["left_elbow"], 7: JOINT["left_wrist"],
+    9: JOINT["right_hip"], 10: JOINT["right_knee"], 11: JOINT["right_ankle"],
+    12: JOINT["left_hip"], 13: JOINT["left_knee"], 14: JOINT["left_ankle"],
+}  # fmt: skip
+"""Keypoint of both layouts -> SMPL joint.
+
+Left out, since SMPL has no joint there: nose (0), eyes and ears (15-18), heels and the tips of the
+toes (19-24; SMPL's `foot` is the ball of it), LSP's neck and the top of the head (STAF's 19, 20);
+and the middle of the hips (8), which adds nothing to the hips and lies below SMPL's pelvis.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Person2d:
+    """One person in one frame."""
+
+    id: int | None
+    """Track, or None where nothing tracks."""
+    keypoints: np.ndarray
+    """(24, 3) x [px], y [px], confidence of SMPL's joints; zero for those without a pair."""
+
+    @property
+    def confidence(self) -> float:
+        """Sum of the joints' confidences."""
+        return float(self.keypoints[:, 2].sum())
+
+
+def keypoint_files(folder: Path) -> dict[int, Path]:
+    """The frames of a folder by number: the last run of digits in each file's name.
+
+    OpenPose counts a video's frames from 0 (`clip_000000000012_keypoints.json` is the 13th), and
+    keeps the names of images (`00012_keypoints.json`).
+
+    Raises:
+        MissingInput: there is no such folder, or no JSON file in it.
+        BadKeypoints: a name without number, or two files of one frame.
+    """
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder of keypoints, one JSON file per frame")
+    files: dict[int, Path] = {}
+    for path in sorted(folder.glob("*.json")):
+        number = number_in_name(path.name)
+        if number is None:
+            raise BadKeypoints(f"{path}: no number in the name; name it 00012_keypoints.json")
+        if number in files:
+            raise BadKeypoints(f"{path}: and {files[number].name} are both of frame {number}")
+        files[number] = path
+    if not files:
+        raise MissingInput(f"{folder}: no JSON files; run OpenPose or STAF with --write_json")
+    return files
+
+
+def read_people(path: Path) -> list[Person2d]:
+    """The people of one frame.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadRecord: truncated, or no JSON.
+        BadKeypoints: JSON of another kind, another number of keypoints, or numbers that are none.
+    """
+    record = read_json(path)
+    people = record.get("people") if isinstance(record, dict) else None
+    if not isinstance(people, list):
+        raise BadKeypoints(f"{path}: no list of people; give OpenPose's JSON (--write_json)")
+    return [_person(path, person) for person in people]
+
+
+def _person(path: Path, person: Any) -> Person2d:
+    flat = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
+    if not isinstance(flat, list) or len(flat) not in {3 * n for n in LAYOUTS}:
+        found = f"{len(flat)} numbers" if isinstance(flat, list) else "none"
+        known = " or ".join(f"{3 * n} ({name})" for n, name in LAYOUTS.items())
+        raise BadKeypoints(f"{path}: pose_keypoints_2d has {found}, expected {known}")
+    if not all(_is_number(value) for value in flat) or min(flat[2::3]) < 0:
+        raise BadKeypoints(
+            f"{path}: pose_keypoints_2d holds something that is no number, or a confidence below"
+            " zero; write it again"
+        )
+    keypoints = np.zeros((N_JOINTS, 3))
+    keypoints[list(PAIRS.values())] = np.reshape(flat, (-1, 3))[list(PAIRS)]
+    return Person2d(_track(path, person.get("person_id", -1)), keypoints)
+
+
+def _is_number(value: Any) -> bool:
+    # Whole numbers of JSON have no largest one, and NaN is below nothing.
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
+
+
+def _track(path: Path, given: Any) -> int | None:
+    number = given[0] if isinstance(given, list) and len(given) == 1 else given
+    if not isinstance(number, int) or isinstance(number, bool):
+        raise BadKeypoints(f"{path}: person_id is {given!r}, expected [number]")
+    return None if number < 0 else number

@@ -1,0 +1,245 @@
+"""What a pickle of plain data may call, as inert records, and turning those into arrays."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gmrdata.values.errors import UnsafePickle
+
+_ARRAY, _SCALAR, _BUFFER = "array", "scalar", "buffer"
+JOBLIB_ARRAY = "joblib array"
+"""Kind of record whose array's bytes stand in the file right after it; see `array_that_follows`."""
+_CALLS = {
+    "numpy.dtype": "dtype",
+    **{f"numpy.{core}.multiarray._reconstruct": _ARRAY for core in ("core", "_core")},
+    **{f"numpy.{core}.multiarray.scalar": _SCALAR for core in ("core", "_core")},
+    **{f"numpy.{core}.numeric._frombuffer": _BUFFER for core in ("core", "_core")},
+    **{f"scipy.sparse.{module}.csc_matrix": "csc" for module in ("csc", "_csc")},
+    **{f"scipy.sparse.{module}.csr_matrix": "csr" for module in ("csr", "_csr")},
+    "chumpy.ch.Ch": "chumpy.ch.Ch",
+    "chumpy.reordering.Select": "chumpy.reordering.Select",
+    "_codecs.encode": "encode",
+    "copy_reg._reconstructor": "object",
+    "copyreg._reconstructor": "object",
+    **{f"{module}.bytes": "bytes" for module in ("__builtin__", "builtins")},
+    **{f"{module}.set": "set" for module in ("__builtin__", "builtins")},
+    "collections.defaultdict": "dict",
+    "joblib.numpy_pickle.NumpyArrayWrapper": JOBLIB_ARRAY,
+}
+"""Kind of record for each name that may be called, as Python 2 and 3, old and new numpy say it."""
+
+_ONLY_NAMED = frozenset({"numpy.ndarray"}) | {
+    f"{module}.{name}" for module in ("__builtin__", "builtins") for name in ("object", "dict")
+}
+ADMITTED_IMPORTS = frozenset(_CALLS) | _ONLY_NAMED
+"""Every name that a pickle may import; some only as an argument of a call."""
+
+_DTYPE_CODE = re.compile(r"b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?")
+
+
+_PLAIN = (bool, int, float, complex, str, bytes, bytearray, np.ndarray)
+"""What is itself already; an array is so when it was read as joblib writes it."""
+
+
+@dataclass(eq=False)
+class Record:
+    """A call that the pickle asked for; nothing was called."""
+
+    kind: str
+    arguments: tuple[Any, ...]
+    state: Any = None
+    """What the pickle wanted to set on the result."""
+
+
+def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
+    """The record of a call, or its value where that is a plain one.
+
+    Args:
+        name: Full name of what is called, one of `ADMITTED_IMPORTS`.
+        arguments: The arguments; imported names as strings.
+
+    Raises:
+        UnsafePickle: the name is only admitted as an argument, or the arguments are not those that
+            a pickle of plain data has there.
+    """
+    kind = _CALLS.get(name)
+    match kind, arguments:
+        case "encode" | "bytes" | "set" | "dict", _:
+            return _value_of_call(name, arguments)
+        case "object", (str() as made, "__builtin__.object" | "builtins.object", None):
+            return record_of_call(made, ())
+        case "array", ("numpy.ndarray", _, _):
+            return Record(_ARRAY, ())
+        case "dtype", (str() as code, *_) if _DTYPE_CODE.fullmatch(code):
+            return Record("dtype", (code,))
+        case "scalar", (
+            Record(kind="dtype", arguments=(str() as code,)),
+            bytes() | str(),
+        ) if code[0] != "O":
+            return Record(_SCALAR, arguments)
+        case "buffer", (bytes() | bytearray(), Record(kind="dtype"), tuple(), "C" | "F"):
+            return Record(_BUFFER, arguments)
+        case "csc" | "csr" | "chumpy.ch.Ch" | "chumpy.reordering.Select" | "joblib array", ():
+            return Record(str(kind), ())
+    raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
+
+
+def _value_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
+    """What is a value at once: bytes, a set, or a defaultdict, of which only the dict is kept."""
+    match _CALLS[name], arguments:
+        case "encode", (str() as text, "latin1" | "latin-1"):
+            return text.encode("latin1")
+        case "bytes", ():
+            return b""
+        case "set", (list() as members,):
+            return set(members)
+        case "dict", ("__builtin__.dict" | "builtins.dict",):
+            return {}
+    raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
+
+
+def array_that_follows(
+    state: Any, subclass: str | None, read: Callable[[int], bytes]
+) -> np.ndarray:
+    """The array of a joblib `NumpyArrayWrapper`, whose bytes stand in the file right after it.
+
+    joblib.dump writes each array so (joblib/numpy_pickle.py, version 0.10 and later): the wrapper
+    with shape, order and dtype, then the bytes in that order.  Since 1.2 one byte stands before
+    them that says how many bytes of padding follow it.
+
+    Args:
+        state: The wrapper's attributes.
+        subclass: Name of the class that the array shall have.
+        read: Reads from the file; gives less at its end.
+
+    Raises:
+        UnsafePickle: the array is of objects, or of another class than numpy's own.
+        ValueError: the attributes do not fit together, or the file ends.
+    """
+    match state:
+        case {
+            "shape": tuple() as shape,
+            "order": "C" | "F" as order,
+            "dtype": Record(kind="dtype") as recorded,
+        }:
+            dtype = _dtype(recorded)
+        case _:
+            raise ValueError("a joblib array lacks its shape, order or dtype")
+    if subclass != "numpy.ndarray" or dtype.hasobject:
+        raise UnsafePickle(f"holds a joblib array of {subclass!r} of {dtype}, not of numbers")
+    if state.get("numpy_array_alignment_bytes") is not None:
+        read(read(1)[0])
+    if not all(isinstance(n, int) and n >= 0 for n in shape):
+        raise ValueError(f"an array cannot have the shape {shape}")
+    return _array(read(math.prod(shape) * dtype.itemsize), dtype, shape, order, {})
+
+
+def plain(value: Any) -> Any:
+    """Replace the records in nested containers by arrays.  Shared parts stay shared.
+
+    Raises:
+        UnsafePickle: a bare import, or an array of other things than numbers, strings and objects.
+        ValueError: a record whose parts do not fit together.
+    """
+    return _plain(value, {})
+
+
+def _plain(value: Any, done: dict[int, Any]) -> Any:
+    if value is None or isinstance(value, _PLAIN):
+        return value
+    if id(value) in done:
+        return done[id(value)]
+    if isinstance(value, list):
+        items: list[Any] = []
+        done[id(value)] = items
+        items.extend(_plain(item, done) for item in value)
+    elif isinstance(value, dict):
+        table: dict[Any, Any] = {}
+        done[id(value)] = table
+        table.update({_plain(key, done): _plain(item, done) for key, item in value.items()})
+    elif isinstance(value, tuple | set | frozenset):
+        done[id(value)] = type(value)(_plain(item, done) for item in value)
+    elif isinstance(value, Record):
+        done[id(value)] = _evaluate(value, done)
+    else:
+        name = getattr(value, "name", type(value).__name__)
+        raise UnsafePickle(f"holds {name!r} itself, which is not data")
+    return done[id(value)]
+
+
+def _evaluate(record: Record, done: dict[int, Any]) -> Any:
+    match record.kind, record.arguments, record.state:
+        case "array", _, (
+            1,
+            tuple() as shape,
+            Record(kind="dtype") as dtype,
+            int() as fortran,
+            raw,
+        ):
+            return _array(raw, _dtype(dtype), shape, "F" if fortran else "C", done)
+        case "scalar", (dtype, raw), None:
+            return _array(raw, _dtype(dtype), (), "C", done)[()]
+        case "buffer", (raw, dtype, shape, order), None:
+            return _array(raw, _dtype(dtype), shape, order, done)
+        case "dtype", _, _:
+            return _dtype(record)
+        case "csc" | "csr", _, dict() as state:
+            return _sparse(record.kind, {key: _plain(item, done) for key, item in state.items()})
+        case "chumpy.ch.Ch", _, {"x": x}:
+            return np.asarray(_plain(x, done))
+        case "chumpy.reordering.Select", _, {"a": a, "idxs": idxs, **rest}:
+            chosen = np.asarray(_plain(a, done)).ravel()[np.asarray(_plain(idxs, done))]
+            shape = _plain(rest.get("preferred_shape", chosen.shape), done)
+            return chosen.reshape(shape)
+    raise ValueError(f"the parts of a {record.kind} do not fit together")
+
+
+def _dtype(record: Record) -> np.dtype:
+    dtype = np.dtype(record.arguments[0])
+    match record.state:
+        case None:
+            return dtype
+        case (3, "<" | ">" | "|" | "=" as order, None, None, None, _, _, _):
+            return dtype.newbyteorder(order)
+    raise UnsafePickle(f"holds an array of a dtype that is not plain: {_summary((record.state,))}")
+
+
+def _array(
+    raw: Any, dtype: np.dtype, shape: tuple[Any, ...], order: Any, done: dict[int, Any]
+) -> np.ndarray:
+    if not all(isinstance(n, int) and n >= 0 for n in shape):
+        raise ValueError(f"an array cannot have the shape {shape}")
+    size = math.prod(shape)
+    if dtype.hasobject:
+        if not isinstance(raw, list) or len(raw) != size:
+            raise ValueError(f"an array of shape {shape} lacks its list of objects")
+        objects = np.empty(size, dtype=object)
+        for n, item in enumerate(raw):
+            objects[n] = _plain(item, done)
+        return objects.reshape(shape)
+    data = raw.encode("latin1") if isinstance(raw, str) else raw
+    if not isinstance(data, bytes | bytearray) or len(data) != size * dtype.itemsize:
+        raise ValueError(f"an array of shape {shape} and dtype {dtype} lacks its bytes")
+    if size * dtype.itemsize == 0:
+        return np.zeros(shape, dtype)
+    return np.frombuffer(data, dtype).reshape(shape, order=order).copy(order="K")
+
+
+def _sparse(kind: str, state: dict[str, Any]) -> Any:
+    from scipy import sparse
+
+    shape = state["_shape"] if "_shape" in state else state["shape"]
+    make = sparse.csc_matrix if kind == "csc" else sparse.csr_matrix
+    matrix = make((state["data"], state["indices"], state["indptr"]), shape=shape)
+    # Without this an index outside the shape would make scipy write outside its memory.
+    matrix.check_format(full_check=True)
+    return matrix
+
+
+def _summary(arguments: tuple[Any, ...]) -> str:
+    text = ", ".join(repr(a) if isinstance(a, str | int) else type(a).__name__ for a in arguments)
+    return f"({text[:200]})"

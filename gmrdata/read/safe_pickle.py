@@ -1,0 +1,233 @@
+"""Reading pickles of plain data (SMPL's models, 3DPW's sequences, estimators' outputs) without
+running them.
+
+A pickle is a program that may import and call.  Here an import only yields an inert `_Import`, and
+a call only a record of what was to be called; records become arrays after the program has ended.
+So whatever a file holds, none of its imports is made and none of its calls is run.
+
+joblib.dump's files are read as well: pickles, compressed or not, in which the bytes of each array
+stand outside of the program (`pickle_records.array_that_follows`).  joblib itself is not needed.
+
+The bytes of a file that may be compressed as joblib.dump does it: its first bytes tell.
+"""
+
+import bz2
+import gzip
+import io
+import lzma
+import pickle  # noqa: TID251  Only its interpreter is used, with every import and call taken out.
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import IO, Any, ClassVar
+
+from gmrdata.read.pickle_records import (
+    ADMITTED_IMPORTS,
+    JOBLIB_ARRAY,
+    Record,
+    array_that_follows,
+    plain,
+    record_of_call,
+)
+from gmrdata.values.errors import BrokenPickle, MissingInput, UnsafePickle
+
+MAX_UNPACKED_BYTES = 4 << 30
+"""A file that unpacks to more is refused before it fills the memory."""
+_CHUNK_BYTES = 1 << 20
+
+_OPENERS: dict[bytes, Callable[[IO[bytes]], Any]] = {
+    b"\x1f\x8b": lambda stream: gzip.GzipFile(fileobj=stream),
+    b"BZh": bz2.BZ2File,
+    b"\xfd7zXZ\x00": lzma.LZMAFile,
+    b"\x5d\x00": partial(lzma.LZMAFile, format=lzma.FORMAT_ALONE),
+}
+"""First bytes of each compression; zlib's are below."""
+_ZLIB_FIRST = b"\x78"
+"""No pickle begins so: there is no such opcode."""
+
+
+def unpacked_bytes(path: Path) -> bytes:
+    """Read a whole file, unpacking zlib, gzip, bz2, xz and lzma.
+
+    Raises:
+        BrokenPickle: it is truncated, or unpacks to more than `MAX_UNPACKED_BYTES`.
+    """
+    data = path.read_bytes()
+    if data.startswith(_ZLIB_FIRST):
+        return _unpacked(path, _zlib_chunks(data))
+    for first, opener in _OPENERS.items():
+        if data.startswith(first):
+            return _unpacked(path, _stream_chunks(opener(io.BytesIO(data))))
+    return data
+
+
+def _zlib_chunks(data: bytes) -> Iterator[bytes]:
+    unpacker = zlib.decompressobj()
+    for start in range(0, len(data), _CHUNK_BYTES):
+        rest = data[start : start + _CHUNK_BYTES]
+        while rest and not unpacker.eof:
+            yield unpacker.decompress(rest, _CHUNK_BYTES)
+            rest = unpacker.unconsumed_tail
+    yield unpacker.flush()
+    if not unpacker.eof:
+        raise EOFError("the compressed data ends in its middle")
+
+
+def _stream_chunks(stream: IO[bytes]) -> Iterator[bytes]:
+    while chunk := stream.read(_CHUNK_BYTES):
+        yield chunk
+
+
+def _unpacked(path: Path, chunks: Iterable[bytes]) -> bytes:
+    found, size_bytes = [], 0
+    try:
+        for chunk in chunks:
+            found.append(chunk)
+            size_bytes += len(chunk)
+            if size_bytes > MAX_UNPACKED_BYTES:
+                raise BrokenPickle(
+                    f"{path}: unpacks to more than {MAX_UNPACKED_BYTES} bytes; no motion needs that"
+                )
+    except (zlib.error, lzma.LZMAError, EOFError, OSError) as error:
+        raise BrokenPickle(
+            f"{path}: truncated or not a pickle ({type(error).__name__}: {error}); get it again"
+        ) from None
+    return b"".join(found)
+
+
+_BROKEN = (
+    pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
+    OverflowError, MemoryError, RecursionError, AssertionError, struct.error,
+)  # fmt: skip
+
+
+def load_plain(path: Path) -> Any:
+    """Read a pickle of plain data, or a joblib file of it.
+
+    Args:
+        path: The file, as it is or compressed (zlib, gzip, bz2, xz, lzma).  Python 2's strings are
+            read as Latin-1.
+
+    Returns:
+        Nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Sparse
+        matrices come back as `scipy.sparse.csc_matrix` or `csr_matrix`, chumpy's arrays as numpy's.
+
+    Raises:
+        MissingInput: there is no such file.
+        UnsafePickle: the pickle wants to import something that is not plain data; the message names
+            it.  Nothing of it was run.
+        BrokenPickle: truncated, or not a pickle.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    try:
+        return plain(_Interpreter(unpacked_bytes(path)).load())
+    except UnsafePickle as error:
+        raise UnsafePickle(
+            f"{path}: {error}. Do not trust this file; get it from its maker"
+        ) from None
+    except _BROKEN as error:
+        raise BrokenPickle(
+            f"{path}: truncated or not a pickle ({type(error).__name__}: {error}); get it again"
+        ) from None
+
+
+@dataclass(frozen=True)
+class _Import:
+    """What the pickle wanted to import: a name, and nothing behind it."""
+
+    name: str
+
+
+class _Interpreter(pickle._Unpickler):
+    """Python's own pickle interpreter, with every opcode that could reach an object replaced.
+
+    The pure Python one, since the C one cannot be kept from setting attributes and allocates what
+    a file's length fields say.
+    """
+
+    dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(pickle._Unpickler.dispatch)
+    stack: list[Any]
+    append: Callable[[Any], None]
+    read: Callable[[int], bytes]
+    readline: Callable[[], bytes]
+
+    def __init__(self, data: bytes) -> None:
+        self._stream = io.BytesIO(data)
+        super().__init__(self._stream, encoding="latin1")
+
+    def find_class(self, module: str, name: str) -> Any:
+        full_name = f"{module}.{name}"
+        if full_name not in ADMITTED_IMPORTS:
+            raise UnsafePickle(f"wants to import {full_name!r}")
+        return _Import(full_name)
+
+    def persistent_load(self, pid: Any) -> Any:
+        raise UnsafePickle(f"wants the outside object {pid!r}")
+
+    def get_extension(self, code: int) -> None:
+        raise UnsafePickle(f"wants to import number {code} of the extension registry")
+
+    def _call(self) -> None:
+        arguments = self.stack.pop()
+        self.stack[-1] = _record(self.stack[-1], arguments)
+
+    def _call_with_keywords(self) -> None:
+        keywords, arguments = self.stack.pop(), self.stack.pop()
+        if keywords:
+            raise UnsafePickle(f"wants to call with the keywords {sorted(map(str, keywords))}")
+        self.stack[-1] = _record(self.stack[-1], arguments)
+
+    def _old_instance(self) -> None:
+        module, name = (self.readline()[:-1].decode("ascii") for _ in range(2))
+        raise UnsafePickle(f"wants to make an object of the old class {f'{module}.{name}'!r}")
+
+    def _old_object(self) -> None:
+        raise UnsafePickle("wants to make an object the way only old classes are made")
+
+    def _set_state(self) -> None:
+        state = self.stack.pop()
+        if not isinstance(self.stack[-1], Record) or self.stack[-1].state is not None:
+            raise UnsafePickle(f"wants to set attributes of a {type(self.stack[-1]).__name__}")
+        self.stack[-1].state = state
+        if self.stack[-1].kind == JOBLIB_ARRAY:
+            self.stack[-1] = self._array_that_follows(state)
+
+    def _array_that_follows(self, state: Any) -> Any:
+        """The array whose bytes stand behind this opcode, which is where a frame has ended."""
+        subclass = state.get("subclass") if isinstance(state, dict) else None
+        named = subclass.name if isinstance(subclass, _Import) else None
+        return array_that_follows(state, named, self._stream.read)
+
+    def _bytearray(self) -> None:
+        (length,) = struct.unpack("<Q", self.read(8))
+        # Python's own allocates the length first, which a broken file may claim to be anything.
+        self.append(bytearray(self.read(length)))
+
+    def _out_of_band(self) -> None:
+        raise UnsafePickle("wants a buffer from outside the file")
+
+
+def _record(called: Any, arguments: Any) -> Any:
+    if not isinstance(called, _Import) or not isinstance(arguments, tuple):
+        raise UnsafePickle(f"wants to call a {type(called).__name__}")
+    names = [a.name if isinstance(a, _Import) else a for a in arguments]
+    return record_of_call(called.name, tuple(names))
+
+
+_REPLACED: dict[bytes, Callable[[_Interpreter], None]] = {
+    pickle.REDUCE: _Interpreter._call,
+    pickle.NEWOBJ: _Interpreter._call,
+    pickle.NEWOBJ_EX: _Interpreter._call_with_keywords,
+    pickle.OBJ: _Interpreter._old_object,
+    pickle.INST: _Interpreter._old_instance,
+    pickle.BUILD: _Interpreter._set_state,
+    pickle.BYTEARRAY8: _Interpreter._bytearray,
+    pickle.NEXT_BUFFER: _Interpreter._out_of_band,
+    pickle.READONLY_BUFFER: _Interpreter._out_of_band,
+}
+for _opcode, _method in _REPLACED.items():
+    _Interpreter.dispatch[_opcode[0]] = _method

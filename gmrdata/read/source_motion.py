@@ -1,0 +1,214 @@
+"""SourceMotion: a motion on its own skeleton, as the BVH and ASF/AMC readers give it.
+
+Which rows of a motion file were recorded: not an added rest pose, not rows without data.
+
+Frame rates: which number is believed, and why.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.values.errors import BadMotionFile
+
+
+@dataclass(frozen=True, eq=False)
+class SourceMotion:
+    """T frames of a skeleton of J joints, in the file's own axes, in metres.
+
+    A joint's frame is parallel to the world's in the file's zero pose, so a global rotation says
+    how far the joint has turned away from the zero pose.  Both formats are brought to this form, so
+    the same motion has the same rotations whichever file it came from.
+    """
+
+    names: tuple[str, ...]
+    """(J,) joint names; a parent comes before its children."""
+    parents: tuple[int, ...]
+    """(J,) index of each joint's parent, -1 for the root."""
+    offsets_m: np.ndarray
+    """(J, 3) joint position relative to its parent's in the zero pose [m]."""
+    tips_m: np.ndarray
+    """(J, 3) end of the joint's bone relative to the joint in the zero pose [m]; NaN if unknown."""
+    local_rotmats: np.ndarray
+    """(T, J, 3, 3) parent_from_joint rotations; of the root: world_from_joint."""
+    translations_m: np.ndarray
+    """(T, J, 3) joint position in its parent's frame [m]; of the root: in the file's world."""
+    fps_hz: float
+    """Frame rate [Hz]."""
+    notes: tuple[str, ...]
+    """What the reader decided (unit, rate, dropped frame), for the record."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames T."""
+        return int(self.local_rotmats.shape[0])
+
+    def rest_joints_m(self) -> np.ndarray:
+        """Joint positions in the zero pose, root at its offset: (J, 3) [m]."""
+        positions = np.array(self.offsets_m, dtype=np.float64)
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                positions[joint] += positions[parent]
+        return positions
+
+
+def global_rotmats(parents: Sequence[int], local_rotmats: np.ndarray) -> np.ndarray:
+    """world_from_joint rotations of a tree: (T, J, 3, 3) local rotations -> (T, J, 3, 3)."""
+    rotmats = np.empty(local_rotmats.shape)
+    for joint, parent in enumerate(parents):
+        local = local_rotmats[:, joint]
+        rotmats[:, joint] = local if parent < 0 else rotmats[:, parent] @ local
+    return rotmats
+
+
+def joint_positions_m(
+    parents: Sequence[int], world_from_joint: np.ndarray, translations_m: np.ndarray
+) -> np.ndarray:
+    """Forward kinematics of a tree.
+
+    Args:
+        parents: (J,) parent of each joint, -1 for the root; a parent comes before its children.
+        world_from_joint: (T, J, 3, 3) global rotations.
+        translations_m: (J, 3) or (T, J, 3) joint positions in their parents' frames [m].
+
+    Returns:
+        (T, J, 3) positions in the world [m].
+    """
+    positions = np.empty(world_from_joint.shape[:-1])
+    steps = np.broadcast_to(translations_m, positions.shape)
+    for joint, parent in enumerate(parents):
+        step = steps[:, joint]
+        positions[:, joint] = (
+            step
+            if parent < 0
+            else positions[:, parent] + np.einsum("tij,tj->ti", world_from_joint[:, parent], step)
+        )
+    return positions
+
+
+REST_FRAME_JUMP_DEG = 10.0
+"""A first frame without any root rotation is an added rest pose if a joint then jumps this far."""
+
+
+def recorded_rows(
+    table: np.ndarray,
+    rotation_columns: Sequence[Sequence[int]],
+    cmu: bool,
+    drop_rest_frame: bool | None,
+    path: Path,
+) -> tuple[slice, tuple[str, ...]]:
+    """The recorded rows of a file's table of channels.
+
+    cgspeed's CMU files begin with a T-pose.  A recorded root is never turned by exactly nothing; in
+    a recording that does start at rest the next frame is close to it, after the added pose comes a
+    jump. Some CMU trials (09_10) hold rows of nothing but zeros before or after the recording.
+
+    Args:
+        table: (T, C) channels; angles in degrees.
+        rotation_columns: Per joint, root first, the columns of its angles.
+        cmu: Whether the file is CMU's, so that rows of zeros are rows without data.
+        drop_rest_frame: Whether row 0 is an added rest pose; None looks for itself.
+        path: The file, for messages.
+
+    Returns:
+        The rows to keep, and notes on those that were dropped.
+
+    Raises:
+        BadMotionFile: there are rows without data in the middle, or fewer than 2 recorded rows.
+    """
+    empty = ~table.any(axis=1) if cmu else np.zeros(len(table), dtype=bool)
+    if drop_rest_frame is None:
+        drop_rest_frame = _starts_with_rest_frame(table, rotation_columns, empty)
+    filled = np.flatnonzero(~empty[1:]) + 1 if drop_rest_frame else np.flatnonzero(~empty)
+    if len(filled) < 2:
+        raise BadMotionFile(
+            f"{path}: {len(filled)} recorded frames are no motion; it takes at least 2"
+        )
+    start, stop = int(filled[0]), int(filled[-1]) + 1
+    if empty[start:stop].any():
+        gap = start + int(np.argmax(empty[start:stop]))
+        raise BadMotionFile(f"{path}: frame {gap} holds no data, all is zero; split the file there")
+    notes = ("added rest pose in frame 0 dropped",) if drop_rest_frame else ()
+    n_empty = len(table) - (stop - start) - len(notes)
+    return slice(start, stop), notes + ((f"{n_empty} empty frames dropped",) if n_empty else ())
+
+
+def _starts_with_rest_frame(
+    table: np.ndarray, rotation_columns: Sequence[Sequence[int]], empty: np.ndarray
+) -> bool:
+    """Whether row 0 is a pose that was put in front of a recording."""
+    later = np.flatnonzero(~empty[1:]) + 1
+    root = list(rotation_columns[0])
+    if not len(later) or not root or table[0, root].any() or not table[later[0], root].any():
+        return False
+    angles_deg = table[:, [column for columns in rotation_columns for column in columns]]
+    turn_deg = angles_deg[later[0]] - angles_deg[0]
+    return bool(np.abs((turn_deg + 180.0) % 360.0 - 180.0).max() > REST_FRAME_JUMP_DEG)
+
+
+CMU_60_HZ_SUBJECTS = frozenset({33, 34, 42, 60, 61, 62, 74, 75, 77, 79, 80, 87, 88, 89, 136})
+"""Subjects that CMU's index lists with 60 fps, whatever their files say; all others have 120."""
+
+CMU_TRIAL = re.compile(r"^(\d{2,3})_(\d{2})(?:_|$)")
+"""CMU's file names: subject_trial; AMASS appends `_poses` or `_stageii`."""
+
+LOWEST_HZ, HIGHEST_HZ = 1.0, 1000.0
+
+
+def cmu_subject(path: Path) -> int | None:
+    """Subject number in a file name like CMU's `02_03.amc` or `62_11_poses.npz`, else None."""
+    match = CMU_TRIAL.match(path.stem)
+    return int(match.group(1)) if match else None
+
+
+def cmu_rate_hz(path: Path) -> float:
+    """Frame rate of a CMU file by its subject: 60 or 120 [Hz]."""
+    return 60.0 if cmu_subject(path) in CMU_60_HZ_SUBJECTS else 120.0
+
+
+def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
+    """Frame rate of a BVH `Frame Time`, with the rounding of the printed number undone.
+
+    `.0083333` stands for everything from .00833325 to .00833335, and 120 Hz lies in there; so does
+    29.97 Hz and no whole rate in .0333667.
+
+    Raises:
+        BadMotionFile: not a number, or no rate from 1 to 1000 Hz.
+    """
+    try:
+        frame_time_s = float(text)
+    except ValueError:
+        raise BadMotionFile(
+            f"{path}:{line_number}: frame time {text[:40]!r} is not a number"
+        ) from None
+    if not 1 / HIGHEST_HZ <= frame_time_s <= 1 / LOWEST_HZ:
+        raise BadMotionFile(
+            f"{path}:{line_number}: a frame time of {text[:40]} s is no rate from {LOWEST_HZ:g} to "
+            f"{HIGHEST_HZ:g} Hz; give the true rate with fps_hz"
+        )
+    mantissa, _, exponent = text.strip().lower().partition("e")
+    decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
+    # 1/256 lies exactly in the middle of two numbers of 7 digits; what is computed, beside it.
+    half_step_s = 0.5 * 10.0**-decimals * (1 + 1e-6)
+    nearest_hz = round(1 / frame_time_s)
+    return (
+        float(nearest_hz) if abs(1 / nearest_hz - frame_time_s) <= half_step_s else 1 / frame_time_s
+    )
+
+
+def check_rate_hz(fps_hz: float, path: Path) -> float:
+    """The rate as a float.
+
+    Raises:
+        BadMotionFile: no rate from 1 to 1000 Hz.
+    """
+    if not LOWEST_HZ <= fps_hz <= HIGHEST_HZ:
+        raise BadMotionFile(
+            f"{path}: a frame rate of {fps_hz:g} Hz is not from {LOWEST_HZ:g} to {HIGHEST_HZ:g} "
+            "Hz; "
+            "give the true rate with fps_hz"
+        )
+    return float(fps_hz)

@@ -1,0 +1,332 @@
+"""Which frames of a person can be used, by the named rules of the field, and why others can't.
+
+The images of a sequence: which rows have one that can be used, their size, and K against it.
+
+One sequence of 3DPW: its arrays, its images, and what is odd about them.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from gmrdata.read.frames import check_images, number_in_name
+from gmrdata.read.threedpw_arrays import Person, SequenceArrays, read_sequence_file
+from gmrdata.read.threedpw_layout import SequenceFiles, find_sequence, require_inside, require_name
+from gmrdata.values.errors import BadFrames, BadRecipe, BadSequence, MissingInput
+from gmrdata.values.rows import text_runs
+
+CENTRE_TOLERANCE = 0.05
+"""3DPW's principal points are the images' middles; by this share of the width or height they may
+be elsewhere before K is taken for that of other images."""
+
+
+@dataclass(frozen=True, eq=False)
+class SequenceImages:
+    """The images of N rows."""
+
+    paths: tuple[Path, ...]
+    """(N,) `image_{row:05d}.jpg`, there or not."""
+    width_px: int
+    """Width of the images as stored [px]."""
+    height_px: int
+    """Height of the images as stored [px]."""
+    faults: tuple[str, ...]
+    """(N,) why a row's image can't be used; empty where it can."""
+    spare: int
+    """Images in the folder that no row belongs to."""
+
+
+def check_sequence_images(files: SequenceFiles, n_frames: int) -> SequenceImages:
+    """Look at the image of each row: there, whole, of one size, and inside the dataset's folder.
+
+    Args:
+        files: The sequence.
+        n_frames: Number of rows N.
+
+    Raises:
+        MissingInput: there is no folder of images.
+        BadSequence: the folder is a link out of the dataset.
+        BadFrames: not one image can be used.
+    """
+    if not files.image_dir.is_dir():
+        raise MissingInput(
+            f"{files.image_dir}: no such folder; unpack 3DPW's imageFiles.zip so that it is there"
+        )
+    require_inside(files.root, files.image_dir)
+    paths = [files.image_path(row) for row in range(n_frames)]
+    looked_at = [_look_at(files, path) for path in paths]
+    sizes = Counter(size for size, _ in looked_at if size is not None)
+    if not sizes:
+        raise BadFrames(f"{files.image_dir}: not one image can be used: {looked_at[0][1]}")
+    width_px, height_px = sizes.most_common(1)[0][0]
+    return SequenceImages(
+        paths=tuple(paths),
+        width_px=width_px,
+        height_px=height_px,
+        faults=tuple(_fault(size, fault, (width_px, height_px)) for size, fault in looked_at),
+        spare=_count_spare(files.image_dir, n_frames),
+    )
+
+
+def check_intrinsics(path: Path, intrinsics_px: np.ndarray, width_px: int, height_px: int) -> None:
+    """Check that K is that of the images: 3DPW has portrait and landscape sequences.
+
+    Args:
+        path: The sequence file, for the message.
+        intrinsics_px: (3, 3) calibration matrix [px].
+        width_px: Width of the images [px].
+        height_px: Height of the images [px].
+
+    Raises:
+        BadSequence: the principal point is that of the other orientation, or far from the middle.
+    """
+    centre_px = intrinsics_px[:2, 2]
+    if _is_middle(centre_px, (width_px, height_px)):
+        return
+    found = (
+        f"{path}: cam_intrinsics has its principal point at ({centre_px[0]:g}, {centre_px[1]:g}) "
+        f"px, the images are {width_px}x{height_px} px"
+    )
+    if _is_middle(centre_px, (height_px, width_px)):
+        raise BadSequence(
+            f"{found}: it is that of the other orientation; a tool has turned the images, unpack "
+            "imageFiles again"
+        )
+    raise BadSequence(
+        f"{found}: it is that of other images; use the images at 3DPW's own size, uncropped"
+    )
+
+
+def _is_middle(centre_px: np.ndarray, size_px: Sequence[int]) -> bool:
+    off = np.abs(centre_px / np.array(size_px) - 0.5)
+    return bool((off <= CENTRE_TOLERANCE).all())
+
+
+def _look_at(files: SequenceFiles, path: Path) -> tuple[tuple[int, int] | None, str]:
+    """(width, height) of an image, or None and what is wrong with it."""
+    if path.is_symlink():
+        try:
+            require_inside(files.root, path)
+        except BadSequence:
+            return None, f"{path.name} is a link out of the dataset"
+    if not path.is_file():
+        return None, f"{path.name} is missing"
+    try:
+        return check_images([path]), ""
+    except BadFrames:
+        what = "empty (0 bytes)" if path.stat().st_size == 0 else "truncated or no image"
+        return None, f"{path.name} is {what}"
+
+
+def _fault(size: tuple[int, int] | None, fault: str, expected: tuple[int, int]) -> str:
+    if size is None or size == expected:
+        return fault
+    return f"image of {size[0]}x{size[1]} px, others have {expected[0]}x{expected[1]} px"
+
+
+def _count_spare(image_dir: Path, n_frames: int) -> int:
+    numbers = [number_in_name(path.name) for path in image_dir.glob("image_*.jpg")]
+    return sum(number is not None and number >= n_frames for number in numbers)
+
+
+SAME_POSE_RAD = 1e-3
+"""Largest difference between a 30 Hz pose and the 60 Hz row that it was taken from [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence3DPW:
+    """A sequence: row t of the arrays belongs to image t."""
+
+    files: SequenceFiles
+    """Where it is."""
+    arrays: SequenceArrays
+    """The content of the sequence file."""
+    images: SequenceImages
+    """Its images."""
+    problems: tuple[str, ...]
+    """What is odd and doesn't keep the sequence from being used, for a person to read."""
+
+    @property
+    def name(self) -> str:
+        """The sequence's name, that of its file."""
+        return self.files.name
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames N at 30 Hz."""
+        return self.arrays.n_frames
+
+
+def read_sequence(root: Path, name: str) -> Sequence3DPW:
+    """Read a sequence by name from whichever split it is in.
+
+    Args:
+        root: The folder that holds `imageFiles` and `sequenceFiles`.
+        name: Name of the sequence, e.g. `courtyard_arguing_00`.
+
+    Raises:
+        MissingInput: the sequence, or its folder of images, is not there.
+        UnsafePickle: the pickle wants to call something; nothing was run.
+        BrokenPickle: truncated, or no pickle.
+        BadSequence: arrays that do not fit together, K of other images, or a path out of the root.
+        BadFrames: not one image can be used.
+    """
+    return read_found(find_sequence(root, name))
+
+
+def read_found(files: SequenceFiles) -> Sequence3DPW:
+    """Read a sequence that `find_sequences` found; errors as in `read_sequence`."""
+    require_name(files.name)
+    require_inside(files.root, files.pickle_path)
+    arrays = read_sequence_file(files.pickle_path)
+    images = check_sequence_images(files, arrays.n_frames)
+    check_intrinsics(files.pickle_path, arrays.intrinsics_px, images.width_px, images.height_px)
+    return Sequence3DPW(files, arrays, images, tuple(_problems(files, arrays, images)))
+
+
+def _problems(files: SequenceFiles, arrays: SequenceArrays, images: SequenceImages) -> list[str]:
+    problems = []
+    if arrays.name != files.name:
+        problems.append(f"the file says that it is sequence {arrays.name[:100]!r}")
+    bad_images = sum(fault != "" for fault in images.faults)
+    if bad_images:
+        problems.append(f"{bad_images} of {arrays.n_frames} images can't be used")
+    if images.spare:
+        problems.append(f"{images.spare} images beyond the last row")
+    if len(arrays.people) > 2:
+        problems.append(f"{len(arrays.people)} people, 3DPW has one or two")
+    for index, person in enumerate(arrays.people):
+        odd = _odd_60hz(person, arrays.img_frame_ids)
+        problems += [f"person {index}: {odd}"] if odd else []
+    return problems
+
+
+def _odd_60hz(person: Person, img_frame_ids: np.ndarray) -> str:
+    """What is odd about the 60 Hz arrays: `img_frame_ids` are rows of theirs, not image numbers."""
+    poses, trans = person.poses_60hz_rad, person.trans_60hz_m
+    if poses is None or trans is None:
+        return "no 60 Hz arrays"
+    if len(poses) != len(trans):
+        return f"poses_60Hz has {len(poses)} rows, trans_60Hz {len(trans)}"
+    if img_frame_ids.min() < 0 or img_frame_ids.max() >= len(poses):
+        return f"img_frame_ids goes to {img_frame_ids.max()}, poses_60Hz has {len(poses)} rows"
+    difference = np.abs(poses[img_frame_ids] - person.poses_rad)
+    if np.nanmax(difference, initial=0.0) > SAME_POSE_RAD:
+        return "img_frame_ids doesn't lead from poses_60Hz to poses"
+    return ""
+
+
+ValidRule = Literal["campose_valid", "3dpw_eval", "glamr", "vibe", "slahmr"]
+"""Users of 3DPW score four different sets of frames; each rule says which ones it keeps.
+
+- `campose_valid`: the dataset aligned the camera to the person.
+- `3dpw_eval`: that, and any 2D keypoint (the official evaluation, `evaluate.py`).
+- `glamr`: that, and at least 6 keypoints of confidence above 0.3 (`preprocess_3dpw.py`).
+- `vibe`: more than 6 keypoints of confidence above 0.3; `campose_valid` is not asked
+  (`threedpw_utils.py`).
+- `slahmr`: `campose_valid`, and any keypoint of confidence above 0 (`run_eval.py`).
+"""
+
+CONFIDENT = 0.3
+"""Confidence above which GLAMR and VIBE count a keypoint."""
+LARGEST_NUMBER = 1e6
+"""No angle [rad] or position [m] of a person is larger."""
+RIGID_TOLERANCE = 1e-3
+"""Largest entry of R^T R - 1 of a rotation as files round it."""
+
+
+def frames_by_rule(person: Person, rule: ValidRule) -> np.ndarray:
+    """The frames that a rule keeps: (N,) bool.
+
+    Args:
+        person: The person.
+        rule: Name of the rule.
+
+    Raises:
+        BadRecipe: there is no such rule.
+    """
+    confidence = person.poses2d_px[:, :, 2]
+    confident = (confidence > CONFIDENT).sum(axis=1)
+    match rule:
+        case "campose_valid":
+            return person.campose_valid
+        case "3dpw_eval":
+            return person.campose_valid & (np.abs(person.poses2d_px).mean(axis=(1, 2)) != 0)
+        case "glamr":
+            return person.campose_valid & (confident >= 6)
+        case "vibe":
+            return np.asarray(confident > 6)
+        case "slahmr":
+            return person.campose_valid & (confidence > 0).any(axis=1)
+    raise BadRecipe(
+        f"no rule {rule!r} for valid frames; there are {', '.join(get_args(ValidRule))}"
+    )
+
+
+def unusable_reasons(
+    sequence: Sequence3DPW, person_index: int, rule: ValidRule = "campose_valid"
+) -> list[str]:
+    """Why each frame of a person can't be used: (N,) texts, empty where it can.
+
+    Beyond the rule, a frame needs an image, finite numbers, a rigid camera and a body in front of
+    it.
+
+    Args:
+        sequence: The sequence.
+        person_index: Which person, from 0.
+        rule: Name of the rule.
+    """
+    arrays = sequence.arrays
+    person = arrays.people[person_index]
+    finite_pose = finite_rows(person.poses_rad) & finite_rows(person.trans_m)
+    tests = (
+        (finite_rows(arrays.cam_from_world), "cam_poses is not finite"),
+        (rigid_rows(arrays.cam_from_world), "cam_poses is no rigid transform"),
+        (finite_pose, "poses or trans is not finite"),
+        (_in_front(arrays.cam_from_world, person), "the body is behind the camera"),
+        (frames_by_rule(person, rule), _RULE_REASONS[rule]),
+    )
+    reasons = list(sequence.images.faults)
+    for passed, reason in tests:
+        reasons = [
+            old or ("" if good else reason) for old, good in zip(reasons, passed, strict=True)
+        ]
+    return reasons
+
+
+def dropped_ranges(reasons: list[str]) -> list[tuple[int, int, str]]:
+    """Runs of frames that share a reason, as (start, stop, reason); stop is one past the last."""
+    return [run for run in text_runs(reasons) if run[2]]
+
+
+_RULE_REASONS: dict[ValidRule, str] = {
+    "campose_valid": "campose_valid is 0",
+    "3dpw_eval": "campose_valid is 0, or poses2d is all 0",
+    "glamr": f"campose_valid is 0, or fewer than 6 keypoints above {CONFIDENT}",
+    "vibe": f"not more than 6 keypoints above {CONFIDENT}",
+    "slahmr": "campose_valid is 0, or no keypoint above 0",
+}
+
+
+def finite_rows(values: np.ndarray) -> np.ndarray:
+    """(N, ...) -> (N,) bool: all numbers of the row are finite, and none is absurd."""
+    return np.asarray((np.abs(values) < LARGEST_NUMBER).reshape(len(values), -1).all(axis=1))
+
+
+def rigid_rows(transforms: np.ndarray) -> np.ndarray:
+    """(N, 4, 4) -> (N,) bool: a proper rotation and a translation."""
+    rotmats = transforms[:, :3, :3]
+    with np.errstate(all="ignore"):
+        off = np.abs(np.swapaxes(rotmats, 1, 2) @ rotmats - np.eye(3)).max(axis=(1, 2))
+        proper = (off < RIGID_TOLERANCE) & (np.linalg.det(rotmats) > 0)
+    return np.asarray(proper & (transforms[:, 3] == (0.0, 0.0, 0.0, 1.0)).all(axis=1))
+
+
+def _in_front(cam_from_world: np.ndarray, person: Person) -> np.ndarray:
+    with np.errstate(all="ignore"):
+        depth_m = np.einsum("nj,nj->n", cam_from_world[:, 2, :3], person.trans_m)
+        return np.asarray(depth_m + cam_from_world[:, 2, 3] > 0)

@@ -1,0 +1,226 @@
+"""What the readers of local poses share: one person's frames, their checks, and their runs."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.values.body import N_LOCAL, BodyModel, gender_of
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import slerp
+
+LARGEST_NUMBER = 1 << 31
+"""Of a frame or a person."""
+LARGEST_SKEW = 0.02
+"""How far the product of a rotation matrix with its transpose may be from the identity."""
+_PERSON = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+
+@dataclass(frozen=True, eq=False)
+class PersonPoses:
+    """The frames in which a file has one person."""
+
+    name: str
+    """Unique in the file; letters, digits, `_` and `-`."""
+    local_rotmats: np.ndarray
+    """(T, 23, 3, 3) parent_from_joint."""
+    frame_numbers: np.ndarray
+    """(T,) int, rising: which frame of the video each row is."""
+    betas: np.ndarray | None
+    """(S,) shape coefficients of SMPL's neutral body; None where the file has others or none."""
+    cuts: frozenset[int] = frozenset()
+    """Frames with which a new shot of the video begins."""
+
+
+def person_name(key: Any, path: Path) -> str:
+    """Name of a person that a file knows by a number or a word.
+
+    Raises:
+        BadMotionFile: it is neither.
+    """
+    number = whole_number(key)
+    if number is not None:
+        return f"person_{number}"
+    if isinstance(key, str) and _PERSON.fullmatch(key):
+        return key
+    raise BadMotionFile(
+        f"{path}: a person is called {shown(key)}; give people numbers or plain words"
+    )
+
+
+def whole_number(value: Any) -> int | None:
+    """A whole number of a reasonable size, else None."""
+    if not isinstance(value, int | np.integer):
+        return None
+    number = int(value)
+    return number if abs(number) < LARGEST_NUMBER else None
+
+
+def shown(key: Any) -> str:
+    """A file's own name for something, as a message can have it."""
+    return repr(key[-80:]) if isinstance(key, str) else f"a {type(key).__name__}"
+
+
+def numbers(value: Any, what: str, path: Path) -> np.ndarray:
+    """A value of a file as finite float64.
+
+    Raises:
+        BadMotionFile: not numbers, or NaN or infinite ones; the message names the first bad row.
+    """
+    try:
+        with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
+            array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BadMotionFile(f"{path}: {what} does not hold numbers; make the file again") from None
+    if not np.isfinite(array).all():
+        row = np.argwhere(~np.isfinite(array))[0]
+        at = f" in row {row[0]}" if array.ndim > 1 else ""
+        raise BadMotionFile(
+            f"{path}: {what} holds NaN or infinite numbers{at}; cut such frames out of the file"
+        )
+    return array
+
+
+def rotmats_of_rotvecs(rotvecs: np.ndarray, n_joints: int, what: str, path: Path) -> np.ndarray:
+    """Local rotations of the tree from axis-angle arrays.
+
+    Args:
+        rotvecs: (T, 3 * n_joints) finite [rad].
+        n_joints: 24 for SMPL with its root, 21 for SMPL-X's body joints without root and hands.
+        what: The array's name, for messages.
+        path: The file, for messages.
+
+    Returns:
+        (T, 23, 3, 3); the two hand joints are the identity where the file has none.
+
+    Raises:
+        BadMotionFile: another number of joints.
+    """
+    if rotvecs.ndim != 2 or rotvecs.shape[1] != 3 * n_joints or not len(rotvecs):
+        raise BadMotionFile(
+            f"{path}: {what} is {rotvecs.shape}, not (T, {3 * n_joints}): {n_joints} joints as"
+            " axis-angle. Give the estimator's own output"
+        )
+    rotmats = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix()
+    rotmats = rotmats.reshape(len(rotvecs), n_joints, 3, 3)
+    body = rotmats[:, 1:] if n_joints == N_LOCAL + 1 else rotmats
+    local = np.tile(np.eye(3), (len(rotvecs), N_LOCAL, 1, 1))
+    local[:, : body.shape[1]] = body
+    return local
+
+
+def orthonormal(rotmats: np.ndarray, what: str, path: Path) -> np.ndarray:
+    """The rotations nearest to float32 matrices (..., 3, 3).
+
+    Raises:
+        BadMotionFile: they are no rotations.
+    """
+    skew = np.abs(rotmats @ np.swapaxes(rotmats, -1, -2) - np.eye(3)).max()
+    if skew > LARGEST_SKEW or (np.linalg.det(rotmats) < 0).any():
+        raise BadMotionFile(f"{path}: {what} holds matrices that are no rotations; make it again")
+    flat = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_matrix()
+    return np.asarray(flat.reshape(rotmats.shape))
+
+
+def frame_numbers(value: Any, n_frames: int, what: str, path: Path) -> np.ndarray:
+    """Checked video frames of the rows: (T,) int, rising.
+
+    Raises:
+        BadMotionFile: as many as there are rows are not there, or they do not rise.
+    """
+    found = numbers(value, what, path)
+    if found.shape != (n_frames,):
+        raise BadMotionFile(
+            f"{path}: {what} is {found.shape} for {n_frames} poses; make the file again"
+        )
+    whole = np.array_equal(found, np.round(found)) and np.abs(found).max() < LARGEST_NUMBER
+    if not whole or (np.diff(found) <= 0).any():
+        raise BadMotionFile(f"{path}: {what} are not rising frame numbers; make the file again")
+    return found.astype(np.int64)
+
+
+def mean_betas(value: Any, what: str, path: Path) -> np.ndarray | None:
+    """One shape for all frames: (T, S) or (S,) -> (S,), or None where the file has none.
+
+    Raises:
+        BadMotionFile: not finite numbers of that form.
+    """
+    if value is None:
+        return None
+    betas = numbers(value, what, path)
+    if betas.ndim not in (1, 2) or not betas.size:
+        raise BadMotionFile(f"{path}: {what} is {betas.shape}, not (T, S); make the file again")
+    return np.asarray(betas.mean(axis=0)) if betas.ndim == 2 else betas
+
+
+def runs_of(
+    person: PersonPoses, body: BodyModel, fps_hz: float, path: Path, bridge_frames: int
+) -> list[Clip]:
+    """A person's unbroken runs as clips: where frames are missing or a shot ends, one ends.
+
+    Args:
+        person: The person.
+        body: The body that stands for the person; the file's shape is taken where it is of it.
+        fps_hz: The video's frame rate [Hz].
+        path: The file.
+        bridge_frames: Gaps of so many frames or fewer are filled instead, by slerp of each joint;
+            never over the beginning of a shot.  Filled frames are not valid.
+
+    Returns:
+        Clips without camera.  Their root is the identity and their pelvis 0, since the file's do
+        not matter; `image_numbers` are the video's frames.
+    """
+    numbers = person.frame_numbers
+    begins = np.diff(numbers, prepend=numbers[0]) > 1 + bridge_frames
+    shot = np.searchsorted(sorted(person.cuts), numbers, side="right")
+    begins |= np.diff(shot, prepend=shot[0]) > 0
+    begins[0] = True
+    starts = np.flatnonzero(begins)
+    shape = _shape_on(body, person.betas)
+    clips = []
+    for start, stop in zip(starts, [*starts[1:], len(begins)], strict=True):
+        local_rotmats, valid = _filled(person.local_rotmats[start:stop], numbers[start:stop])
+        first, last, n = int(numbers[start]), int(numbers[stop - 1]), len(valid)
+        filled = f", {n - valid.sum()} missing frames filled" if not valid.all() else ""
+        motion = Motion(
+            local_rotmats=local_rotmats,
+            root_rotmats=np.tile(np.eye(3), (n, 1, 1)),
+            pelvis_m=np.zeros((n, 3)),
+            shape=shape,
+            fps_hz=fps_hz,
+            body=body.name,
+            gender=gender_of(body),
+            frame="camera",
+            source=f"{path.name}, {person.name}, frames {first}-{last} at {fps_hz:g} fps{filled}",
+        )
+        name = person.name if len(starts) == 1 else f"{person.name}_from_{first}"
+        clips.append(Clip(name, motion, valid, np.arange(first, last + 1), None))
+    return clips
+
+
+def _filled(rotmats: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (n, 23, 3, 3) of all frames from the first number to the last, and which were
+    there."""
+    frames = np.arange(numbers[0], numbers[-1] + 1)
+    before = np.searchsorted(numbers, frames, side="right") - 1
+    valid = numbers[before] == frames
+    filled = rotmats[before].copy()
+    gaps = before[~valid]
+    if len(gaps):
+        shares = (frames[~valid] - numbers[gaps]) / (numbers[gaps + 1] - numbers[gaps])
+        filled[~valid] = slerp(rotmats[gaps], rotmats[gaps + 1], shares)
+    return filled, valid
+
+
+def _shape_on(body: BodyModel, betas: np.ndarray | None) -> np.ndarray:
+    """(S,) SMPL's neutral betas on SMPL's neutral body; the mean shape of all others."""
+    shape = np.zeros(body.n_shape)
+    if betas is not None and body.name == "smpl-neutral":
+        n_common = min(len(shape), len(betas))
+        shape[:n_common] = betas[:n_common]
+    return shape

@@ -1,0 +1,74 @@
+"""A video file as a folder of numbered frames."""
+
+from pathlib import Path
+
+from pydantic import Field
+
+from gmrdata.stage.store import run_stage
+from gmrdata.values.errors import BadFrames, MissingInput
+from gmrdata.values.files import atomic_path
+from gmrdata.values.records import Config
+
+VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".webm", ".m4v")
+
+
+class VideoConfig(Config):
+    """How frames are written."""
+
+    jpeg_quality: int = Field(default=95, ge=1, le=100)
+    """Quality of the JPEG files."""
+
+
+def is_video(path: Path) -> bool:
+    """Whether a path is a file with a video's suffix."""
+    return path.is_file() and path.suffix.lower() in VIDEO_SUFFIXES
+
+
+def extract_video(
+    path: Path, out_dir: Path, config: VideoConfig | None = None, *, redo: bool = False
+) -> Path:
+    """Stage: write a video's frames as `00000.jpg`, ...; the number is the frame's in the video.
+
+    Args:
+        path: The video.
+        out_dir: The stage's folder.
+        config: How they are written; None for the defaults.
+        redo: Throw away frames of another recipe or video.
+
+    Returns:
+        The folder of the frames.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadFrames: it can't be decoded, or has fewer than two frames.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    config = config or VideoConfig()
+
+    def work(partial_dir: Path) -> None:
+        n_written = _write_frames(path, partial_dir, config.jpeg_quality)
+        if n_written < 2:
+            raise BadFrames(
+                f"{path}: {n_written} frames could be read, but a motion needs at least 2. "
+                "Give a longer video, or one in a common format (H.264 in .mp4)"
+            )
+
+    return run_stage("frames", out_dir, config, {"video": path}, work, redo=redo)
+
+
+def _write_frames(path: Path, folder: Path, jpeg_quality: int) -> int:
+    import cv2
+
+    video = cv2.VideoCapture(str(path))
+    n_written = 0
+    try:
+        while True:
+            decoded, image = video.read()
+            if not decoded:
+                return n_written
+            with atomic_path(folder / f"{n_written:05d}.jpg") as temporary:
+                cv2.imwrite(str(temporary), image, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+            n_written += 1
+    finally:
+        video.release()

@@ -1,1 +1,0 @@
-"""A page for each sequence of a regenerated set: what was decided of it, and on what figures."""

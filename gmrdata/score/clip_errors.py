@@ -1,0 +1,192 @@
+"""Errors of a prediction of one clip, and of zero motion beside it.
+
+Points of a body's feet whose sliding is measured.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_run
+from gmrdata.score.protocols import Protocol, WorldBody, WorldPair, protocol_values
+from gmrdata.values import motion_metrics as metrics
+from gmrdata.values.body import JOINT, BodyModel, with_vertices
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion_metrics import VertexErrors, run_vertex_errors
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+
+SMPL_VERTICES = 6890
+SMPL_FEET = (3216, 3387, 6617, 6787)
+"""Two points on each foot of SMPL, left and right: yohanshin/WHAM, lib/eval/eval_utils.py."""
+SOLE_M = 0.03
+"""Vertices of a foot up to this high above its lowest one are its sole [m]."""
+
+
+def foot_vertices(body: BodyModel) -> tuple[int, ...]:
+    """Vertices at the toes and heels, left foot first.
+
+    SMPL's own four for a body of its mesh.  Of another mesh the front-most and the rear-most vertex
+    of each sole in the rest pose.
+    """
+    if len(body.template_m) == SMPL_VERTICES and body.name.startswith("smpl"):
+        return SMPL_FEET
+    found = []
+    for side in ("left", "right"):
+        joints = [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]
+        foot = np.flatnonzero(body.skin_weights[:, joints].sum(axis=1) > 0.5)
+        heights_m = body.template_m[foot, 1]
+        sole = foot[heights_m < heights_m.min() + SOLE_M]
+        depths_m = body.template_m[sole, 2]
+        found += [int(sole[depths_m.argmax()]), int(sole[depths_m.argmin()])]
+    return tuple(found)
+
+
+METRICS = ("ome_deg", "tme_mm", "vme_mm")
+METHODS = ("predicted", "zero")
+"""What was predicted, and a body that neither turns nor moves."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClipErrors:
+    """Errors of one clip by method, "predicted" or "zero"."""
+
+    clip_id: str
+    """The clip."""
+    camera_motion: str
+    """Class of its camera's motion."""
+    errors: dict[str, dict[str, np.ndarray]]
+    """OME, TME and VME per motion: (n,) by method and metric."""
+    motion_type: str | None = None
+    """What the person does, where that is on record."""
+    over_time_mm: dict[str, np.ndarray] = field(default_factory=dict)
+    """Vertex error in each frame of the clip's longest run, whose first pose is the true one: (K,)
+    by method [mm]."""
+    protocol: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    """A protocol's samples: (n,) by method and metric; none without a protocol."""
+    protocol_fps_hz: float | None = None
+    """Rate of the protocol's frames [Hz]; None without a protocol."""
+    dropped_frames: int = 0
+    """Valid frames without a prediction."""
+
+    @property
+    def n_motions(self) -> int:
+        """Motions that were scored."""
+        return len(self.errors["predicted"]["ome_deg"])
+
+
+def clip_errors(
+    clip: PredictedClip,
+    body: BodyModel,
+    protocol: Protocol | None = None,
+    predicted_body: BodyModel | None = None,
+) -> ClipErrors:
+    """Score a prediction of a clip, whatever made it.
+
+    Args:
+        clip: The prediction, with at least one run.
+        body: The true person's body.
+        protocol: What to measure beside OME, TME and VME.
+        predicted_body: The predicted person's body, with the same mesh; None for the true one.
+    """
+    runs = [_run_errors(run, body, predicted_body) for run in clip.runs]
+    errors = {
+        method: {
+            metric: np.concatenate([run[method].errors[metric] for run in runs])
+            for metric in METRICS
+        }
+        for method in METHODS
+    }
+    longest = max(runs, key=lambda run: len(run["predicted"].over_time_mm))
+    over_time_mm = {method: longest[method].over_time_mm for method in METHODS}
+    found = ClipErrors(
+        clip.clip_id,
+        clip.camera_motion,
+        errors,
+        clip.motion_type,
+        over_time_mm,
+        dropped_frames=clip.dropped_frames,
+    )
+    if protocol is None:
+        return found
+    return replace(
+        found,
+        protocol=_protocol(clip.worlds, protocol, body, predicted_body),
+        protocol_fps_hz=clip.worlds[0][0].true.fps_hz,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _RunErrors:
+    errors: dict[str, np.ndarray]
+    over_time_mm: np.ndarray
+
+
+def _run_errors(
+    run: PredictedRun, body: BodyModel, predicted_body: BodyModel | None
+) -> dict[str, _RunErrors]:
+    motions = {"predicted": run.predicted, "zero": still_run(run).predicted}
+    vertices = run_vertex_errors(body, run.true, motions, predicted_body)
+    return {
+        method: _against(run.true, motion, vertices[method]) for method, motion in motions.items()
+    }
+
+
+def _against(true: Motion, predicted: Motion, vertices: VertexErrors) -> _RunErrors:
+    rotmats, metres = deltas(predicted.root_rotmats, predicted.pelvis_m)
+    true_rotmats, true_m = deltas(true.root_rotmats, true.pelvis_m)
+    errors = {
+        "ome_deg": metrics.orientation_errors_deg(rotmats, true_rotmats),
+        "tme_mm": metrics.translation_errors_mm(metres, true_m),
+        "vme_mm": vertices.vme_mm,
+    }
+    return _RunErrors(errors, vertices.over_time_mm)
+
+
+def _protocol(
+    worlds: Sequence[World],
+    protocol: Protocol,
+    body: BodyModel,
+    predicted_body: BodyModel | None,
+) -> dict[str, dict[str, np.ndarray]]:
+    with_feet = "foot_sliding_mm" in protocol.metrics
+    found: dict[str, list[dict[str, np.ndarray]]] = {method: [] for method in METHODS}
+    for world in worlds:
+        true = _world_body(body, [run.true for run in world], with_feet)
+        edges = np.cumsum([0, *(run.true.n_frames for run in world)]).tolist()
+        rows = tuple(pairwise(edges))
+        still = [still_run(run, world[0].true).predicted for run in world]
+        bodies = {
+            "predicted": _world_body(
+                predicted_body or body, [run.predicted for run in world], with_feet
+            ),
+            "zero": _world_body(body, still, with_feet),
+        }
+        for method, predicted in bodies.items():
+            pair = WorldPair(predicted, true, rows, world[0].true.fps_hz)
+            found[method].append(protocol_values(protocol, pair))
+    return {
+        method: {
+            metric: np.concatenate([np.zeros(0), *(values[metric] for values in parts)])
+            for metric in protocol.metrics
+        }
+        for method, parts in found.items()
+    }
+
+
+def _world_body(body: BodyModel, motions: Sequence[Motion], with_feet: bool) -> WorldBody:
+    feet = with_vertices(body, np.array(foot_vertices(body))) if with_feet else None
+    return WorldBody(
+        np.concatenate([motion.root_rotmats for motion in motions]),
+        np.concatenate([motion_joints_m(body, motion) for motion in motions]),
+        np.concatenate(
+            [
+                np.zeros((motion.n_frames, 0, 3))
+                if feet is None
+                else motion_vertices_m(feet, motion).astype(np.float64)
+                for motion in motions
+            ]
+        ),
+    )

@@ -1,0 +1,241 @@
+"""Predictions from a folder of clip files, whatever made them.
+
+A prediction beside its truth: what is scored, whoever predicted it.
+
+Predictions of a trained network for a clip.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmrdata.gmr.runs import Run, UsableClip, runs_at, take
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import accumulate
+
+if TYPE_CHECKING:
+    from gmrdata.gmr.predict import TrainedGmr
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedRun:
+    """A person over consecutive frames without a gap: the truth and a prediction of it."""
+
+    true: Motion
+    """The truth, in its world."""
+    predicted: Motion
+    """The same frames at the same rate, in a world of the prediction's own."""
+
+
+World = tuple[PredictedRun, ...]
+"""Runs, in the order of time, whose predictions share one world."""
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedClip:
+    """A clip's predictions."""
+
+    clip_id: str
+    """The clip."""
+    camera_motion: str
+    """Class of its camera's motion; "none" without a camera."""
+    motion_type: str | None
+    """What the person does, where that is on record."""
+    runs: tuple[PredictedRun, ...]
+    """For OME, TME, VME and the vertex error over time, at their rate."""
+    worlds: tuple[World, ...]
+    """For a protocol, at the prediction's own rate."""
+    dropped_frames: int = 0
+    """Valid frames, at the prediction's rate, for which there is no prediction."""
+
+
+def still_run(run: PredictedRun, first: Motion | None = None) -> PredictedRun:
+    """The same run with zero motion: the body stays at the true first root and pelvis.
+
+    Args:
+        run: The run.
+        first: The motion in whose first frame it stays; None for the run's own.
+    """
+    where, n = run.true if first is None else first, run.true.n_frames
+    still = replace(
+        run.true,
+        root_rotmats=np.tile(where.root_rotmats[0], (n, 1, 1)),
+        pelvis_m=np.tile(where.pelvis_m[0], (n, 1)),
+    )
+    return PredictedRun(run.true, still)
+
+
+def network_clip(
+    gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool, motion_type: str | None = None
+) -> PredictedClip | None:
+    """What a network sees in a clip's local poses; None where no two valid frames are in a row.
+
+    Each run of valid frames is a sequence, and a world, of its own: motions are accumulated
+    (eqs. 3-4) from the run's true first pose.
+
+    Args:
+        gmr: The network.
+        one: The clip.
+        all_phases: As for `runs_at`.
+        motion_type: What the person does.
+
+    Raises:
+        BadMotionFile: as `runs_at` does.
+    """
+    runs = tuple(
+        _predicted(gmr, run) for run in runs_at(one.clip, gmr.fps_hz, all_phases=all_phases)
+    )
+    if not runs:
+        return None
+    worlds = tuple((run,) for run in runs)
+    return PredictedClip(one.clip.id, one.camera_motion, motion_type, runs, worlds)
+
+
+def _predicted(gmr: "TrainedGmr", run: Run) -> PredictedRun:
+    from gmrdata.gmr.predict import predict_deltas
+
+    true = run.motion
+    delta_rotmats, delta_m = predict_deltas(gmr, true.local_rotmats)
+    root_rotmats, pelvis_m = accumulate(
+        delta_rotmats, delta_m, true.root_rotmats[0], true.pelvis_m[0]
+    )
+    return PredictedRun(true, replace(true, root_rotmats=root_rotmats, pelvis_m=pelvis_m))
+
+
+def file_clip(
+    folder: Path,
+    one: UsableClip,
+    fps_hz: float,
+    *,
+    protocol_fps_hz: float | None = None,
+    all_phases: bool = False,
+    drop_missing: bool = False,
+    motion_type: str | None = None,
+) -> PredictedClip | None:
+    """A clip beside `<clip id>.npz` of a folder; None where no two frames in a row have both.
+
+    The file is a clip as `save_clip` writes it, in a world of its own.  Its row i is
+    the truth's row i, or row k i where the truth's rate is k times the prediction's.
+
+    Args:
+        folder: The folder of clip files.
+        one: The true clip.
+        fps_hz: Rate of OME, TME and VME [Hz].
+        protocol_fps_hz: Rate of a protocol's figures [Hz], which is taken where the prediction's is
+            a multiple of it; the prediction's own otherwise.
+        all_phases: As for `runs_at`.
+        drop_missing: Whether true frames without a prediction are dropped and counted; they are an
+            error otherwise.
+        motion_type: What the person does.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: the file is broken, holds another clip, or is in the camera's frame; the
+            rates don't fit; or valid frames have no prediction and may not be dropped.
+    """
+    path = folder / f"{one.clip.id}.npz"
+    predicted = load_clip(path)
+    _check(path, predicted, one.clip)
+    step = _rows_per_frame(path, predicted, one.clip)
+    true = _at_rate(one.clip, step)
+    has = np.zeros(true.motion.n_frames, bool)
+    has[: predicted.motion.n_frames] = predicted.valid[: len(has)]
+    missing = np.flatnonzero(true.valid & ~has)
+    if missing.size and not drop_missing:
+        raise BadMotionFile(
+            f"{path}: no prediction for {missing.size} of {int(true.valid.sum())} valid frames, "
+            f"the first is row {missing[0]}. Predict them, or pass --missing drop to leave them out"
+        )
+    n = min(true.motion.n_frames, predicted.motion.n_frames)
+    valid = (true.valid & has)[:n]
+    true = _first_rows(true, one.clip.id, valid)
+    # By its path, so that what is said of it names the file.
+    predicted = _first_rows(predicted, str(path), valid)
+    runs = _paired(true, predicted, fps_hz, all_phases=all_phases)
+    if not runs:
+        return None
+    world_hz = predicted.motion.fps_hz
+    if protocol_fps_hz is not None and _whole_ratio(world_hz, protocol_fps_hz) is not None:
+        world_hz = protocol_fps_hz
+    world = _paired(true, predicted, world_hz, all_phases=False)
+    return PredictedClip(
+        one.clip.id, one.camera_motion, motion_type, runs, (world,), int(missing.size)
+    )
+
+
+def _check(path: Path, predicted: Clip, true: Clip) -> None:
+    if predicted.id != true.id:
+        raise BadMotionFile(
+            f"{path}: holds clip {predicted.id}. Name each file by the id of its clip"
+        )
+    if predicted.motion.frame != "world":
+        raise BadMotionFile(
+            f"{path}: its motion is in the camera's frame. Give predictions in the world"
+        )
+
+
+def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
+    """How many true rows there are for one row of the prediction."""
+    step = _whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz)
+    if step is None:
+        raise BadMotionFile(
+            f"{path}: {predicted.motion.fps_hz:g} fps, but the truth's {true.motion.fps_hz:g} fps "
+            "is no multiple of that. Resample the prediction to the truth's rate"
+        )
+    n_rows = -(-true.motion.n_frames // step)
+    if predicted.motion.n_frames > n_rows:
+        raise BadMotionFile(
+            f"{path}: {predicted.motion.n_frames} frames, but the clip has {n_rows} at "
+            f"{predicted.motion.fps_hz:g} fps. Give one row for each row of the clip"
+        )
+    return step
+
+
+def _whole_ratio(higher_hz: float, lower_hz: float) -> int | None:
+    """Frames of the higher rate for one of the lower; None where that is no whole number."""
+    ratio = higher_hz / lower_hz
+    whole = round(ratio)
+    return whole if whole >= 1 and abs(ratio - whole) <= 1e-6 * ratio else None
+
+
+def _at_rate(true: Clip, step: int) -> Clip:
+    """Every `step`-th row; valid where all rows since the one before are, so that no step between
+    two valid rows hides a gap."""
+    if step == 1:
+        return true
+    rows = np.arange(0, true.motion.n_frames, step)
+    valid = np.array([true.valid[max(0, row - step + 1) : row + 1].all() for row in rows])
+    motion = take(true.motion, slice(0, None, step), true.motion.fps_hz / step)
+    return replace(true, motion=motion, valid=valid, image_numbers=rows, camera=None)
+
+
+def _first_rows(clip: Clip, name: str, valid: np.ndarray) -> Clip:
+    n = len(valid)
+    motion = take(clip.motion, slice(0, n), clip.motion.fps_hz)
+    return Clip(name, motion, valid, np.full(n, -1), None)
+
+
+def _paired(
+    true: Clip, predicted: Clip, fps_hz: float, *, all_phases: bool
+) -> tuple[PredictedRun, ...]:
+    pairs = zip(
+        runs_at(true, fps_hz, all_phases=all_phases),
+        runs_at(predicted, fps_hz, all_phases=all_phases),
+        strict=True,
+    )
+    return tuple(PredictedRun(true.motion, predicted.motion) for true, predicted in pairs)
+
+
+def missing_file(folder: Path, clip_id: str) -> str | None:
+    """Why a clip has no prediction at all; None where its file is there.
+
+    Raises:
+        MissingInput: there is no such folder.
+    """
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder of predictions")
+    return None if (folder / f"{clip_id}.npz").is_file() else f"no prediction {clip_id}.npz"

@@ -1,0 +1,298 @@
+"""Named protocols: what other systems measure in the world, and how each differs, as plain data.
+
+Each entry says which public code it follows; `notes` say where it can't, or must not, be followed
+to the letter.  The protocols agree in this: positions are of SMPL's tree in metres, alignments are
+least squares (Umeyama 1991), and published figures are of video at 30 fps.
+
+Names of the protocols, for those who don't need what is behind them.
+
+A protocol's figures for one person in one world, as samples of which means are taken.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gmrdata.score import world_metrics
+from gmrdata.score.world_metrics import Remainder, Rows
+from gmrdata.values.body import JOINT, N_JOINTS
+
+ProtocolName = Literal["gmr", "wham", "tram", "gvhmr", "slahmr", "emdb"]
+
+
+WorldMetric = Literal[
+    "w_mpjpe_mm",
+    "wa_mpjpe_mm",
+    "rte_percent",
+    "roe_deg",
+    "erve_mm_per_frame",
+    "jitter_10m_per_s3",
+    "foot_sliding_mm",
+]
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What is measured beside OME, TME and VME, and how."""
+
+    name: ProtocolName
+    """Its name on the command line."""
+    metrics: tuple[WorldMetric, ...]
+    """What it measures."""
+    source: str
+    """Repository and files that it follows."""
+    notes: tuple[str, ...]
+    """What a reader of the figures must know, as sentences."""
+    fps_hz: float = 30.0
+    """Rate of the published figures [Hz]."""
+    segment_frames: int = 100
+    """Frames of a segment of W-MPJPE and WA-MPJPE."""
+    remainder: Remainder = "own_segment"
+    """What becomes of frames after the last full segment."""
+    first_frames: int = 2
+    """Frames whose joints W-MPJPE aligns."""
+    scale: bool = True
+    """Whether W-MPJPE and WA-MPJPE fit the scale too."""
+    joints: tuple[int, ...] = tuple(range(N_JOINTS))
+    """Joints of W-MPJPE and WA-MPJPE."""
+    sample: Literal["frame", "segment", "clip"] = "frame"
+    """What each value stands for, of which the mean over all clips is taken."""
+    zeroed_joints: tuple[int, ...] = ()
+    """Joints that count as standing still in jitter, and so lower its mean."""
+    jitter_of_path: bool = True
+    """Whether jitter is of joints in the world; of joints relative to the pelvis otherwise."""
+    contact_m: float = 0.01
+    """A true point of a foot stands while it moves less than this from frame to frame [m]."""
+
+
+_WHAM_NOTES = (
+    "Released code joins the frames on both sides of a gap; here no velocity, jitter, sliding or "
+    "path length goes over one.",
+    "W-MPJPE and WA-MPJPE fit the scale, so they don't show an error of it; RTE does.",
+)
+
+_LSP_JOINTS = (
+    "right_ankle", "right_knee", "right_hip", "left_hip", "left_knee", "left_ankle", "right_wrist",
+    "right_elbow", "right_shoulder", "left_shoulder", "left_elbow", "left_wrist", "neck", "head",
+)  # fmt: skip
+
+_EMDB_ZEROED = (
+    "pelvis", "left_ankle", "right_ankle", "left_foot", "right_foot",
+    "left_wrist", "right_wrist", "left_hand", "right_hand",
+)  # fmt: skip
+
+PROTOCOLS: dict[ProtocolName, Protocol] = {
+    protocol.name: protocol
+    for protocol in (
+        Protocol(
+            name="gmr",
+            metrics=(),
+            source="the GMR paper (arXiv 2112.00343), eqs. 15-17 and fig. 5",
+            notes=("OME, TME, VME and the vertex error over time; nothing is aligned.",),
+            fps_hz=10.0,
+        ),
+        Protocol(
+            name="wham",
+            metrics=(
+                "w_mpjpe_mm",
+                "wa_mpjpe_mm",
+                "rte_percent",
+                "roe_deg",
+                "erve_mm_per_frame",
+                "jitter_10m_per_s3",
+                "foot_sliding_mm",
+            ),
+            source="yohanshin/WHAM, lib/eval/eval_utils.py and lib/eval/evaluate_emdb.py",
+            notes=(
+                *_WHAM_NOTES,
+                "The released code has no ROE and no ERVE. ROE is taken after the first frame's "
+                "orientations were made equal, ERVE as yufu-wang/tram codes it.",
+                "RTE is of SMPL's transl there and of the pelvis here; the two paths differ by a "
+                "constant, which the alignment takes away.",
+            ),
+        ),
+        Protocol(
+            name="tram",
+            metrics=("w_mpjpe_mm", "wa_mpjpe_mm", "rte_percent", "erve_mm_per_frame"),
+            source="yufu-wang/tram, lib/utils/eval_utils.py and scripts/emdb/run_eval.py",
+            notes=(
+                *_WHAM_NOTES,
+                "Frames after the last full segment belong to it, but for the very last one; "
+                "sequences of up to 100 frames have no W-MPJPE and no WA-MPJPE, and where the "
+                "length is a multiple of 100 the last 100 frames are not scored.",
+                "There the predicted path is smoothed before it is scored; here it is scored as "
+                "it is given.",
+            ),
+            remainder="joined_but_last_frame",
+        ),
+        Protocol(
+            name="gvhmr",
+            metrics=(
+                "w_mpjpe_mm",
+                "wa_mpjpe_mm",
+                "rte_percent",
+                "jitter_10m_per_s3",
+                "foot_sliding_mm",
+            ),
+            source="zju3dv/GVHMR, hmr4d/utils/eval/eval_utils.py and "
+            "hmr4d/model/gvhmr/callbacks/metric_emdb.py",
+            notes=(
+                *_WHAM_NOTES,
+                "There the joints of both bodies are regressed from their meshes by the neutral "
+                "SMPL model; here each body has its own joints.",
+            ),
+        ),
+        Protocol(
+            name="slahmr",
+            metrics=("w_mpjpe_mm", "wa_mpjpe_mm"),
+            source="vye16/slahmr, slahmr/eval/tools.py, slahmr/eval/run_eval.py (fa_jmse, ga_jmse) "
+            "and slahmr/eval/split_egobody.py",
+            notes=(
+                "Each segment counts once, however many frames it has: figures are means of "
+                "segments.",
+                "Sequences are cut into segments of 100 frames, the rest belongs to the last one, "
+                "and sequences of up to 100 frames have none; where no frame is left over, the "
+                "last 200 frames are one segment.",
+                "There the joints are Human3.6M's, regressed from the mesh by a file that is not "
+                "free; here they are SMPL's of the same names, 14 without the root. Until commit "
+                "f65c767 the root was aligned too, and its error was a figure of its own.",
+                "Both fit the scale, so they don't show an error of it.",
+            ),
+            remainder="joined",
+            joints=tuple(JOINT[name] for name in _LSP_JOINTS),
+            sample="segment",
+        ),
+        Protocol(
+            name="emdb",
+            metrics=("jitter_10m_per_s3",),
+            source="eth-ait/emdb, evaluation_metrics.py and evaluation_engine.py",
+            notes=(
+                "The jitter of EMDB's own evaluation: nine joints count as standing still, which "
+                "makes it 15/24 of the mean of the others; the pelvis' translation is left out; "
+                "each sequence counts once. One file there calls the unit km/s^3, the other "
+                "10 m/s^3, which it is.",
+                "The figures of others on EMDB 2 are those of protocol wham.",
+                "Released code joins the frames on both sides of a gap; here no jitter goes over "
+                "one.",
+            ),
+            sample="clip",
+            zeroed_joints=tuple(JOINT[name] for name in _EMDB_ZEROED),
+            jitter_of_path=False,
+        ),
+    )
+}
+"""By name."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorldBody:
+    """What protocols look at of a body over T frames in one world."""
+
+    root_rotmats: np.ndarray
+    """(T, 3, 3) world_from_root."""
+    joints_m: np.ndarray
+    """(T, 24, 3) SMPL's joints, the pelvis first [m]."""
+    feet_m: np.ndarray
+    """(T, F, 3) points of the feet [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorldPair:
+    """A prediction in a world of its own, and the truth of the same frames."""
+
+    predicted: WorldBody
+    true: WorldBody
+    runs: tuple[Rows, ...]
+    """Rows (start, stop) between the gaps; together they are all T frames."""
+    fps_hz: float
+    """Frame rate [Hz]."""
+
+
+def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[str, np.ndarray]:
+    """Samples of each of a protocol's metrics: (n,) by metric, (0,) where there are none."""
+    return {metric: _VALUES[metric](protocol, pair) for metric in protocol.metrics}
+
+
+def _w(protocol: Protocol, pair: WorldPair) -> np.ndarray:
+    return _segments(protocol, pair, protocol.first_frames)
+
+
+def _wa(protocol: Protocol, pair: WorldPair) -> np.ndarray:
+    return _segments(protocol, pair, None)
+
+
+def _segments(protocol: Protocol, pair: WorldPair, first_frames: int | None) -> np.ndarray:
+    joints = list(protocol.joints)
+    errors_mm = world_metrics.segment_errors_mm(
+        pair.predicted.joints_m[:, joints],
+        pair.true.joints_m[:, joints],
+        world_metrics.segments_of(
+            len(pair.true.joints_m), protocol.segment_frames, protocol.remainder
+        ),
+        first_frames=first_frames,
+        scale=protocol.scale,
+    )
+    if protocol.sample == "segment":
+        return np.array([segment_mm.mean() for segment_mm in errors_mm])
+    return _sampled(protocol, np.concatenate([np.zeros(0), *errors_mm]))
+
+
+def _rte(protocol: Protocol, pair: WorldPair) -> np.ndarray:
+    errors = world_metrics.root_errors_percent(
+        pair.predicted.joints_m[:, 0], pair.true.joints_m[:, 0], pair.runs
+    )
+    return _sampled(protocol, errors)
+
+
+def _roe(protocol: Protocol, pair: WorldPair) -> np.ndarray:
+    errors_deg = world_metrics.root_orientation_errors_deg(
+        pair.predicted.root_rotmats, pair.true.root_rotmats
+    )
+    return _sampled(protocol, errors_deg)
+
+
+def _erve(protocol: Protocol, pair: WorldPair) -> np.ndarray:
+    errors = world_metrics.root_velocity_errors_mm_per_frame(
+        pair.predicted.root_rotmats,
+        pair.predicted.joints_m[:, 0],
+        pair.true.root_rotmats,
+        pair.true.joints_m[:, 0],
+        pair.runs,
+    )
+    return _sampled(protocol, errors)
+
+
+def _jitter(protocol: Protocol, pair: WorldPair) -> np.ndarray:
+    joints_m = pair.predicted.joints_m
+    if not protocol.jitter_of_path:
+        joints_m = joints_m - joints_m[:, :1]
+    joints_m = joints_m.copy()
+    joints_m[:, list(protocol.zeroed_joints)] = 0.0
+    return _sampled(protocol, world_metrics.jitter_10m_per_s3(joints_m, pair.fps_hz, pair.runs))
+
+
+def _foot_sliding(protocol: Protocol, pair: WorldPair) -> np.ndarray:
+    slid_mm = world_metrics.foot_sliding_mm(
+        pair.predicted.feet_m, pair.true.feet_m, pair.runs, protocol.contact_m
+    )
+    return _sampled(protocol, slid_mm)
+
+
+def _sampled(protocol: Protocol, values: np.ndarray) -> np.ndarray:
+    """The values themselves, or their mean where each clip counts once."""
+    if protocol.sample == "clip" and len(values):
+        return np.array([values.mean()])
+    return values
+
+
+_VALUES: dict[str, Callable[[Protocol, WorldPair], np.ndarray]] = {
+    "w_mpjpe_mm": _w,
+    "wa_mpjpe_mm": _wa,
+    "rte_percent": _rte,
+    "roe_deg": _roe,
+    "erve_mm_per_frame": _erve,
+    "jitter_10m_per_s3": _jitter,
+    "foot_sliding_mm": _foot_sliding,
+}

@@ -1,0 +1,352 @@
+"""Score a trained network, or predictions of anything else, on a manifest's clips.
+
+How clips are scored.
+
+Errors of each clip, by whoever predicts its motion.
+
+What the person does in each clip, where a published list says it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from gmrdata.gmr.config import Which
+from gmrdata.gmr.runs import UsableClip, check_clips_fit, usable_clips
+from gmrdata.manifest.current import ListManifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.score.beside_floor import beside_floor, read_fitting_floor
+from gmrdata.score.clip_errors import ClipErrors, clip_errors
+from gmrdata.score.files import FORMAT, protocol_record, write_scores
+from gmrdata.score.predictions import PredictedClip, file_clip, missing_file, network_clip
+from gmrdata.score.protocols import PROTOCOLS, ProtocolName
+from gmrdata.score.summary import summarise
+from gmrdata.stage import resources
+from gmrdata.stage.progress import track
+from gmrdata.stage.store import run_stage
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile
+from gmrdata.values.records import Config
+
+if TYPE_CHECKING:
+    from gmrdata.gmr.predict import TrainedGmr
+
+
+class ScoreConfig(Config):
+    """The recipe of a score."""
+
+    which: Which = "latest"
+    """Which weights of a network are scored; predictions from files have none."""
+    all_phases: bool = False
+    """Whether a clip of a higher frame rate is scored in all its phases, or in the first; the paper
+    doesn't say."""
+    protocol: ProtocolName | None = None
+    """What is measured beside OME, TME, VME and the vertex error over time."""
+    fps_hz: float = Field(default=10.0, gt=0)
+    """Rate of OME, TME and VME of predictions from files [Hz]; a network is scored at its own."""
+    missing: Literal["error", "drop"] = "error"
+    """Whether valid frames without a prediction are an error, or dropped and counted."""
+    resamples: int = Field(default=2000, ge=100)
+    """How often clips are drawn for a bootstrap interval."""
+    seed: int = Field(default=0, ge=0)
+    """What they are drawn by."""
+
+
+Predict = Callable[[UsableClip], PredictedClip | str]
+"""A prediction of a clip, or the reason why there is none."""
+
+
+def score_clips(
+    predict: Predict,
+    body: BodyModel,
+    clips: Sequence[UsableClip],
+    protocol: ProtocolName | None = None,
+    predicted_body: BodyModel | None = None,
+) -> tuple[list[ClipErrors], dict[str, str]]:
+    """Errors of each clip.
+
+    Args:
+        predict: Gives a clip's prediction, or the reason why there is none.
+        body: The clips' body.
+        clips: What to score.
+        protocol: What to measure beside OME, TME and VME.
+        predicted_body: The predictions' body; None for the clips' own.
+
+    Returns:
+        Errors of those clips that have a prediction, and the reason by id of those that have none.
+
+    Raises:
+        BadMotionFile: a prediction is of another body.
+    """
+    chosen = None if protocol is None else PROTOCOLS[protocol]
+    scored, skipped = [], {}
+    for one in track(clips, "scoring", total=len(clips)):
+        predicted = predict(one)
+        if isinstance(predicted, str):
+            skipped[one.clip.id] = predicted
+            continue
+        _check_body(predicted, predicted_body or body)
+        scored.append(clip_errors(predicted, body, chosen, predicted_body))
+    return scored, skipped
+
+
+def by_network(gmr: "TrainedGmr", config: ScoreConfig, types: Mapping[str, str]) -> Predict:
+    """Predictions of a network, at its own rate.
+
+    Args:
+        gmr: The network.
+        config: Which phases it sees.
+        types: Type of motion by clip id.
+    """
+
+    def predict(one: UsableClip) -> PredictedClip | str:
+        found = network_clip(
+            gmr, one, all_phases=config.all_phases, motion_type=types.get(one.clip.id)
+        )
+        return found or f"no two valid frames in a row at {gmr.fps_hz:g} fps"
+
+    return predict
+
+
+def from_folder(folder: Path, config: ScoreConfig, types: Mapping[str, str]) -> Predict:
+    """Predictions from a folder of clip files.
+
+    Args:
+        folder: The folder, with `<clip id>.npz` for each clip.
+        config: Rate, phases, and what becomes of missing frames.
+        types: Type of motion by clip id.
+    """
+    protocol_fps_hz = None if config.protocol is None else PROTOCOLS[config.protocol].fps_hz
+
+    def predict(one: UsableClip) -> PredictedClip | str:
+        reason = missing_file(folder, one.clip.id)
+        if reason is not None and config.missing == "error":
+            raise BadMotionFile(
+                f"{folder}: {reason}. Predict this clip too, or pass --missing drop to leave it out"
+            )
+        if reason is not None:
+            return reason
+        found = file_clip(
+            folder,
+            one,
+            config.fps_hz,
+            protocol_fps_hz=protocol_fps_hz,
+            all_phases=config.all_phases,
+            drop_missing=config.missing == "drop",
+            motion_type=types.get(one.clip.id),
+        )
+        return found or f"no two frames in a row with a prediction at {config.fps_hz:g} fps"
+
+    return predict
+
+
+def _check_body(predicted: PredictedClip, body: BodyModel) -> None:
+    motion = predicted.runs[0].predicted
+    if motion.body != body.name or motion.shape.shape != (body.n_shape,):
+        raise BadMotionFile(
+            f"clip {predicted.clip_id}: its prediction is of body {motion.body} with "
+            f"{motion.shape.size} shape coefficients, but the given body is {body.name} with "
+            f"{body.n_shape}. Pass the predictions' own body with --predictions-body"
+        )
+
+
+def motion_types(manifest_path: Path) -> dict[str, str]:
+    """Type of motion by clip id, in the words of the list that names the clip's sequence.
+
+    A clip has one only where its source is a sequence that a published list (the paper's Table 8 of
+    CMU trials) gives a label; the others are left out.
+
+    Raises:
+        MissingInput: there is no such manifest.
+        BadManifest: the manifest is broken.
+    """
+    labels = _published_labels()
+    entries = read_manifest(manifest_path).clips
+    sources = {entry.id: (entry.source.dataset, entry.source.sequence) for entry in entries}
+    return {id: labels[source] for id, source in sources.items() if source in labels}
+
+
+def _published_labels() -> dict[tuple[str, str], str]:
+    """Label by data set and sequence."""
+    labels: dict[tuple[str, str], str] = {}
+    for name in resources.published_names():
+        published = read_manifest(resources.published_manifest(name))
+        if isinstance(published, ListManifest):
+            for row in published.clips:
+                if row.label is not None:
+                    labels.setdefault((row.source.dataset, row.source.sequence), row.label)
+    return labels
+
+
+__all__ = ["ScoreConfig", "score_manifest", "score_predictions"]
+
+
+def score_manifest(
+    run_dir: Path,
+    manifest_path: Path,
+    body_path: Path | None,
+    out_dir: Path,
+    config: ScoreConfig | None = None,
+    *,
+    floor_path: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Score a trained network on a manifest's clips: OME, TME and VME (eqs. 15-17).
+
+    The input is each clip's own local pose and shape, so VME is of the motion alone.  Clips that
+    the manifest rejects are left out and named.  Differences are never taken across frames that are
+    not valid; each run of valid frames is a sequence of its own for the network.
+
+    Args:
+        run_dir: A finished training run.
+        manifest_path: The clips.
+        body_path: Their body, as `load_body` takes it; None for the default body.
+        out_dir: Gets `scores.json`, `scores.csv`, `scores.md`, `scores.html` and `over_time.png`.
+        config: The recipe; None for its defaults.
+        floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
+        redo: Throw away a result of another recipe.
+
+    Returns:
+        Path of `scores.json`: per clip, per class of camera motion, per type of motion and overall,
+        each pooled over motions and, where several clips are put together, as the mean of the
+        clips' means, with bootstrap intervals.
+
+    Raises:
+        MissingInput: a file is not there.
+        BadCheckpoint: the run's checkpoint is broken.
+        BadManifest: no clip can be scored, a clip is of another body, or a floor is given for a
+            manifest that is no pseudo ground truth.
+        BadRecord: the floor is broken, or of another frame rate.
+    """
+    from gmrdata.gmr.predict import load_gmr
+
+    config = config or ScoreConfig()
+    optional = {"body": body_path, "floor": floor_path}
+
+    def work(partial_dir: Path) -> None:
+        gmr = load_gmr(run_dir, config.which)
+        predict = by_network(gmr, config, motion_types(manifest_path))
+        record = _record(predict, manifest_path, optional, gmr.fps_hz, config)
+        network = gmr.model.config.model_dump(mode="json")
+        model = {"run": gmr.name, "step": gmr.step, "which": config.which, "network": network}
+        write_scores(partial_dir, record | {"name": gmr.name, "model": model})
+
+    inputs = {"run": run_dir, "manifest": manifest_path, **_given(optional)}
+    return run_stage("score", out_dir, config, inputs, work, redo=redo) / "scores.json"
+
+
+def score_predictions(
+    predictions_dir: Path,
+    manifest_path: Path,
+    body_path: Path | None,
+    out_dir: Path,
+    config: ScoreConfig | None = None,
+    *,
+    predictions_body_path: Path | None = None,
+    floor_path: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Score predicted world motions, whatever made them, by the same code as a network's.
+
+    Args:
+        predictions_dir: `<clip id>.npz` for each clip, as `save_clip` writes it, each
+            in a world of its own; row i is the clip's row i, or row k i where the clip's rate is k
+            times the prediction's.  Its local pose and shape count in VME and in a protocol.
+        manifest_path: The true clips.
+        body_path: Their body, as `load_body` takes it; None for the default body.
+        out_dir: As for `score_manifest`.
+        config: The recipe; None for its defaults.
+        predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
+        floor_path: As for `score_manifest`.
+        redo: Throw away a result of another recipe.
+
+    Returns:
+        Path of `scores.json`.
+
+    Raises:
+        MissingInput: a file is not there.
+        BadManifest: as for `score_manifest`.
+        BadMotionFile: a prediction is missing or lacks frames, and may not be dropped; or it is
+            broken, of another clip or body, or in the camera's frame.
+        BadBodyFile: the two bodies have different meshes.
+        BadRecord: the floor is broken, or of another frame rate.
+    """
+    config = config or ScoreConfig()
+    optional = {
+        "body": body_path,
+        "predictions_body": predictions_body_path,
+        "floor": floor_path,
+    }
+
+    def work(partial_dir: Path) -> None:
+        predict = from_folder(predictions_dir, config, motion_types(manifest_path))
+        record = _record(predict, manifest_path, optional, config.fps_hz, config)
+        name = _name_of(predictions_dir)
+        write_scores(partial_dir, record | {"name": name, "model": {"predictions": name}})
+
+    inputs = {"predictions": predictions_dir, "manifest": manifest_path, **_given(optional)}
+    return run_stage("score", out_dir, config, inputs, work, redo=redo) / "scores.json"
+
+
+def _name_of(predictions_dir: Path) -> str:
+    """The folder's name, or that of the folder around one that is called just predictions."""
+    folder = predictions_dir.resolve()
+    return folder.parent.name if folder.name == "predictions" else folder.name
+
+
+def _given(optional: Mapping[str, Path | None]) -> dict[str, Path]:
+    return {key: path for key, path in optional.items() if path is not None}
+
+
+def _record(
+    predict: Predict,
+    manifest_path: Path,
+    optional: Mapping[str, Path | None],
+    fps_hz: float,
+    config: ScoreConfig,
+) -> dict[str, Any]:
+    """Everything in `scores.json` but what is the predictor's own."""
+    floor_path = optional["floor"]
+    floor = None
+    if floor_path is not None:
+        floor = read_fitting_floor(floor_path, manifest_path, fps_hz)
+    body, predicted_body = _bodies(optional["body"], optional.get("predictions_body"))
+    usable = usable_clips(manifest_path)
+    check_clips_fit([one.clip for one in usable.clips], body)
+    scored, skipped = score_clips(predict, body, usable.clips, config.protocol, predicted_body)
+    if not scored:
+        raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
+    rng = np.random.default_rng(config.seed)
+    summary = summarise(scored, fps_hz, config.resamples, rng)
+    return (summary if floor is None else beside_floor(summary, floor)) | {
+        "format": FORMAT,
+        "fps_hz": fps_hz,
+        "body": body.name,
+        "protocol": protocol_record(config.protocol),
+        "bootstrap": {"resamples": config.resamples, "seed": config.seed},
+        "skipped": usable.skipped | skipped,
+        "dropped_frames": sum(one.dropped_frames for one in scored),
+    }
+
+
+def _bodies(
+    body_path: Path | None, predicted_body_path: Path | None
+) -> tuple[BodyModel, BodyModel | None]:
+    """The clips' body, and the predictions' where that is another one."""
+    from gmrdata.read.bodies import load_body
+
+    body = load_body("anny" if body_path is None else str(body_path))
+    if predicted_body_path is None:
+        return body, None
+    predicted_body = load_body(str(predicted_body_path))
+    n_vertices, n_predicted = len(body.template_m), len(predicted_body.template_m)
+    if n_vertices != n_predicted:
+        raise BadBodyFile(
+            f"{predicted_body_path}: {n_predicted} vertices, but the clips' body {body.name} has "
+            f"{n_vertices}, so no vertex error can be measured. Give predictions of a body with "
+            "the clips' mesh"
+        )
+    return body, predicted_body

@@ -1,1 +1,0 @@
-"""The COLMAP stage: features, cameras, metric scale."""

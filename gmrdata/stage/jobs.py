@@ -1,0 +1,246 @@
+"""Independent jobs on Dask workers: local processes by default, a cluster by its address.
+
+Threads for work that leaves Python's lock alone, such as reading and writing images.
+"""
+
+import os
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeVar
+
+from gmrdata.stage.progress import console, progress_bar
+from gmrdata.values.errors import GmrdataError, StageFailed
+from gmrdata.values.files import write_text
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def own_cores() -> int:
+    """Cores for this process: its share of them in a worker, else all of them."""
+    share = os.environ.get("OMP_NUM_THREADS", "")
+    return int(share) if share.isdecimal() and int(share) > 0 else os.cpu_count() or 1
+
+
+def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """A function of each item, in the items' order, with a thread for each of the own cores.
+
+    Raises:
+        Exception: what the function raises for the first item that it does so for; items that are
+            not begun then are left alone.
+    """
+    with ThreadPoolExecutor(own_cores()) as pool:
+        return list(pool.map(function, items))
+
+
+POLL_S = 0.5
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where jobs run."""
+
+    count: int = 2
+    """Local worker processes."""
+    scheduler: str | None = None
+    """Address of a running Dask scheduler (tcp://host:port); local processes when None."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One clip's share of a stage: a call with paths and plain values as its arguments."""
+
+    id: str
+    """The clip, for messages and file names."""
+    call: Callable[..., Any]
+    """A module-level function, so that a worker process can import it."""
+    arguments: dict[str, Any] = field(default_factory=dict)
+    """Keyword arguments of the call."""
+    retries: int = 0
+    """How often the call is made again after a StageFailed: a process that crashed may not crash
+    again, while bad input stays bad."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of jobs."""
+
+    results: dict[str, Any]
+    """Result of each job that finished, by job id."""
+    reasons: dict[str, str]
+    """Why each other job failed, by job id."""
+
+
+def run_jobs(
+    description: str,
+    jobs: Sequence[Job],
+    client: Any,
+    failures_dir: Path,
+    *,
+    units_total: int | None = None,
+    units_done: Callable[[], int] | None = None,
+) -> dict[str, Any]:
+    """Run every job as `try_jobs` does, for callers that need them all.
+
+    Returns:
+        Each job's result, by job id.
+
+    Raises:
+        StageFailed: at least one job failed; the message lists them with their reasons.
+    """
+    outcome = try_jobs(
+        description, jobs, client, failures_dir, units_total=units_total, units_done=units_done
+    )
+    raise_failures(description, outcome.reasons, len(jobs), failures_dir)
+    return outcome.results
+
+
+def try_jobs(
+    description: str,
+    jobs: Sequence[Job],
+    client: Any,
+    failures_dir: Path,
+    *,
+    units_total: int | None = None,
+    units_done: Callable[[], int] | None = None,
+) -> Outcome:
+    """Run every job; a job that fails is recorded and the others go on.
+
+    Args:
+        description: Label of the progress bar.
+        jobs: What to run.
+        client: A Dask client, as `worker_pool` gives it.
+        failures_dir: Gets one text file with the reason for each job that failed.
+        units_total: Length of the progress bar when it counts something finer than jobs.
+        units_done: How many of those units exist by now.
+    """
+    futures = {
+        job.id: client.submit(_call, job, key=f"{description}-{job.id}", pure=False) for job in jobs
+    }
+    with progress_bar() as bar:
+        task = bar.add_task(description, total=units_total or len(jobs))
+        while not all(future.done() for future in futures.values()):
+            done = units_done() if units_done else sum(f.done() for f in futures.values())
+            bar.update(task, completed=done)
+            time.sleep(POLL_S)
+        bar.update(task, completed=units_total or len(jobs))
+    results: dict[str, Any] = {}
+    reasons: dict[str, str] = {}
+    for id, future in futures.items():
+        # Not by its status: a worker that dies now takes its results along, and Dask makes them
+        # again, for which these two wait.
+        error = future.exception()
+        if error is None:
+            results[id] = future.result()
+        else:
+            reasons[id] = _reason(error, future.traceback())
+    record_failures(failures_dir, reasons, results)
+    return Outcome(results, reasons)
+
+
+def record_failures(
+    failures_dir: Path, reasons: Mapping[str, str], finished: Iterable[str]
+) -> None:
+    """Write one text file for each job that failed, and remove those of jobs that now finished."""
+    for id, reason in reasons.items():
+        write_text(failures_dir / f"{id}.txt", reason)
+    for id in finished:
+        (failures_dir / f"{id}.txt").unlink(missing_ok=True)
+
+
+def raise_failures(
+    description: str, reasons: Mapping[str, str], n_jobs: int, failures_dir: Path
+) -> None:
+    """Raise StageFailed with the first line of each reason; nothing when there are none."""
+    if reasons:
+        listed = "\n".join(f"  {id}: {reason.splitlines()[0]}" for id, reason in reasons.items())
+        raise StageFailed(
+            f"{description}: {len(reasons)} of {n_jobs} failed "
+            f"(whole messages in {failures_dir}):\n{listed}"
+        )
+
+
+@contextmanager
+def worker_pool(workers: Workers) -> Iterator[Any]:
+    """A Dask client for `run_jobs`: of local processes, or of the cluster at `workers.scheduler`.
+
+    Raises:
+        StageFailed: nothing answers at the scheduler's address.
+    """
+    from dask.distributed import Client, LocalCluster
+
+    if workers.scheduler is not None:
+        try:
+            client = Client(workers.scheduler, timeout="5s")
+        except (OSError, ValueError) as error:
+            raise StageFailed(
+                f"no Dask scheduler at {workers.scheduler} ({error}). "
+                "Start one, or leave --scheduler out"
+            ) from error
+        with client:
+            yield client
+        return
+    threads = max(1, (os.cpu_count() or 1) // workers.count)
+    environment = {
+        name: str(threads)
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    }
+    with (
+        LocalCluster(
+            n_workers=workers.count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
+            memory_limit=0,
+            env=environment,
+            silence_logs="CRITICAL",
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _call(job: Job) -> Any:
+    """In the worker: its progress bars would write over those of the process that waits."""
+    console.quiet = True
+    earlier: list[str] = []
+    while True:
+        try:
+            return job.call(**job.arguments)
+        except StageFailed as error:
+            if len(earlier) < job.retries:
+                earlier.append(str(error))
+                continue
+            for number, reason in enumerate(earlier, start=1):
+                error.add_note(f"attempt {number} of {job.retries + 1}: {reason}")
+            raise
+
+
+def _reason(error: BaseException, where: TracebackType | None) -> str:
+    """What went wrong in one line; below it the traceback of an error that we did not foresee."""
+    from dask.distributed import KilledWorker
+
+    if isinstance(error, GmrdataError | OSError):
+        return "\n".join([str(error), *getattr(error, "__notes__", ())])
+    if isinstance(error, KilledWorker):
+        return (
+            "its worker process was killed again and again, as the system does when memory runs "
+            "out. Run again to go on, with fewer workers"
+        )
+    trace = "".join(traceback.format_tb(where))
+    return f"{type(error).__name__}: {error}\n{trace}"
+
+
+def count_files(folders: Sequence[Path], pattern: str) -> int:
+    """How many files of a pattern stages have made by now, in finished and unfinished folders."""
+    return sum(
+        sum(1 for _ in folder.glob(pattern))
+        for out_dir in folders
+        for folder in (out_dir, out_dir.with_name(out_dir.name + ".partial"))
+    )

@@ -1,1 +1,0 @@
-"""Synthetic sets: motions under camera programmes, rendered with exact truth."""

@@ -1,0 +1,108 @@
+"""What the recipe of a regenerated data set may say.
+
+Where a regenerated data set keeps what: the only place that knows these names.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from gmrdata.read.threedpw import ValidRule
+from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
+from gmrdata.values.records import Config
+from gmrdata.world.sequence import SequenceConfig
+from gmrdata.world.verdict import Override
+
+
+class ThreedpwRecipe(Config):
+    """World-frame pseudo ground truth for sequences in 3DPW's layout."""
+
+    recipe: Literal["threedpw"]
+    """Kind of recipe."""
+    name: str = Field(default="3dpw-world", pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
+    """Name of the data set that is made."""
+    version: str = "1.0.0"
+    """Its version, major.minor.patch."""
+    licence: str = Field(default="3DPW's licence: research only, not to be passed on", min_length=1)
+    """Terms of the sequences."""
+    bodies: tuple[str, ...] = Field(default=("anny",), min_length=1)
+    """Body models: SMPL's female and male files for 3DPW; "anny" for twins."""
+    valid_rule: ValidRule = "campose_valid"
+    """Which frames of a person the data set vouches for."""
+    sequences: tuple[str, ...] = ()
+    """Names of sequences; all when empty."""
+    overrides: dict[str, Override] = Field(default_factory=dict)
+    """What a person decided of sequences, by name."""
+    intrinsics: IntrinsicsConfig = IntrinsicsConfig()
+    """How the data set's intrinsics are checked against its 2D keypoints."""
+    workers: int = Field(default=2, ge=1)
+    """Worker processes; each uses its share of the cores for images and features, else one."""
+    sequence: SequenceConfig = SequenceConfig()
+    """Masks, cameras, scale, verdict."""
+
+    def of_sequence(self, name: str) -> SequenceConfig:
+        """The stages' recipe for one sequence, with a person's decision on it."""
+        if name not in self.overrides:
+            return self.sequence
+        decided = {"override": self.overrides[name]}
+        pseudo_gt = self.sequence.pseudo_gt.model_copy(update=decided)
+        return self.sequence.model_copy(update={"pseudo_gt": pseudo_gt})
+
+
+@dataclass(frozen=True)
+class SetPaths:
+    """The output folder of `gmrdata threedpw`."""
+
+    root: Path
+    """The folder; the manifest stands in it and points below it."""
+
+    @property
+    def manifest(self) -> Path:
+        """The manifest."""
+        return self.root / "pseudo_gt.yaml"
+
+    @property
+    def verdicts(self) -> Path:
+        """Every sequence's verdict, those included that could not be read."""
+        return self.root / "verdicts.json"
+
+    @property
+    def failures_dir(self) -> Path:
+        """Why sequences failed, one text file each."""
+        return self.root / "failed"
+
+    @property
+    def index_page(self) -> Path:
+        """Every sequence at a glance."""
+        return self.root / "index.html"
+
+    @property
+    def pages_dir(self) -> Path:
+        """A page for each sequence."""
+        return self.root / "qa"
+
+    def body_dir(self, number: int) -> Path:
+        """Stage: a body of the recipe."""
+        return self.root / "bodies" / f"body_{number}"
+
+    def sequence_dir(self, name: str) -> Path:
+        """All stages of one sequence."""
+        return self.root / "sequences" / name
+
+    def people_dir(self, name: str) -> Path:
+        """Stage: the people as the cameras see them."""
+        return self.sequence_dir(name) / "people"
+
+    def masks_dir(self, name: str) -> Path:
+        """Stage: the masks."""
+        return self.sequence_dir(name) / "masks"
+
+    def sfm_dir(self, name: str) -> Path:
+        """Stage: the cameras."""
+        return self.sequence_dir(name) / "sfm"
+
+    def pseudo_gt_dir(self, name: str) -> Path:
+        """Stage: the world motions, or why there are none."""
+        return self.sequence_dir(name) / "pseudo_gt"

@@ -1,0 +1,284 @@
+"""Our pseudo ground truth of 3DPW beside the ranges that the GMR paper chose by hand (Table 7).
+
+Counting frames in ranges.
+
+A comparison with Table 7 as a table, as one line and as a CSV file.
+"""
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gmrdata.manifest import yaml_text
+from gmrdata.manifest.current import Clip, FrameRange, ListedClip, ListManifest, Manifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.stage.resources import published_manifest
+from gmrdata.values.errors import BadManifest, MissingInput
+from gmrdata.values.files import write_text
+
+
+def merged(ranges: Iterable[FrameRange]) -> list[tuple[int, int]]:
+    """The same frames as (start, stop) that neither meet nor overlap, in ascending order."""
+    result: list[tuple[int, int]] = []
+    for start, stop in sorted((part.start, part.stop) for part in ranges):
+        if result and start <= result[-1][1]:
+            result[-1] = (result[-1][0], max(stop, result[-1][1]))
+        else:
+            result.append((start, stop))
+    return result
+
+
+def n_frames(ranges: Iterable[FrameRange]) -> int:
+    """Number of frames in any of the ranges."""
+    return sum(stop - start for start, stop in merged(ranges))
+
+
+def n_shared(a: Iterable[FrameRange], b: Iterable[FrameRange]) -> int:
+    """Number of frames that are in a range of both."""
+    others = merged(b)
+    return sum(
+        max(0, min(stop, other_stop) - max(start, other_start))
+        for start, stop in merged(a)
+        for other_start, other_stop in others
+    )
+
+
+TABLE7 = "paper_table7"
+DATASET = "3DPW"
+NOT_OURS = "not in our manifest"
+NOT_LISTED = "not in Table 7"
+
+
+@dataclass(frozen=True)
+class ComparedRow:
+    """A range of Table 7 and one of our clips; at least one of the two."""
+
+    sequence: str
+    """Name of the 3DPW sequence."""
+    listed: ListedClip | None
+    """The row of Table 7; None: it has none of this sequence."""
+    clip: Clip | None
+    """Our clip; None: we have none of this sequence."""
+    kept_of_listed: int
+    """Frames of the row that the clip keeps."""
+    kept_beyond: int
+    """Frames that the clip keeps and that are in no row of Table 7."""
+
+    @property
+    def kept_share(self) -> float | None:
+        """Share of the row's frames that the clip keeps, 0 to 1; None unless there are both."""
+        if self.listed is None or self.clip is None:
+            return None
+        return self.kept_of_listed / n_frames([self.listed.frames])
+
+    @property
+    def same_class(self) -> bool | None:
+        """Whether both say the same of the camera's motion; None unless there are both."""
+        if self.listed is None or self.clip is None:
+            return None
+        return self.listed.camera_motion == self.clip.camera_motion
+
+    @property
+    def verdict(self) -> str:
+        """ "accepted", "rejected", or "" where nobody judged."""
+        quality = None if self.clip is None else self.clip.quality
+        return "" if quality is None or quality.verdict is None else quality.verdict
+
+    @property
+    def reason(self) -> str:
+        """The first reason of the verdict, or why there is nothing to compare."""
+        if self.clip is None:
+            return NOT_OURS
+        reasons = () if self.clip.quality is None else self.clip.quality.reasons
+        return "; ".join(([] if self.listed else [NOT_LISTED]) + list(reasons[:1]))
+
+
+def compare_with_table7(path: Path) -> list[ComparedRow]:
+    """Lay a manifest of 3DPW pseudo ground truth beside Table 7.
+
+    Table 7 doesn't say which person of a sequence was scored, so each person gets a row.
+
+    Args:
+        path: The manifest, or a folder that holds one of kind `pseudo_gt`.
+
+    Returns:
+        The rows of Table 7 in its order, then our clips of other sequences in ours.
+
+    Raises:
+        MissingInput: no such file, or no such manifest in the folder.
+        BadManifest: not such a manifest, or several in the folder.
+    """
+    return compare(_clips_of_3dpw(find_manifest(path)), _table7())
+
+
+def compare(clips: Sequence[Clip], listed: Sequence[ListedClip]) -> list[ComparedRow]:
+    """Rows for clips whose rows are 3DPW's image numbers, as in every sequence file of 3DPW."""
+    rows: list[ComparedRow] = []
+    for row in listed:
+        sequence = row.source.sequence
+        everything = [other.frames for other in listed if other.source.sequence == sequence]
+        ours = [clip for clip in clips if clip.source.sequence == sequence]
+        rows += [_compared(row, clip, everything) for clip in ours]
+        rows += [] if ours else [ComparedRow(sequence, row, None, 0, 0)]
+    known = {row.source.sequence for row in listed}
+    others = (clip for clip in clips if clip.source.sequence not in known)
+    return rows + [
+        ComparedRow(clip.source.sequence, None, clip, 0, n_frames(clip.kept)) for clip in others
+    ]
+
+
+def find_manifest(path: Path) -> Path:
+    """The manifest itself, or the only one of kind `pseudo_gt` right in a folder.
+
+    Raises:
+        MissingInput: there is none.
+        BadManifest: there are several.
+    """
+    if not path.is_dir():
+        return path
+    found = [file for file in sorted(path.glob("*.yaml")) if _kind(file) == "pseudo_gt"]
+    if not found:
+        raise MissingInput(f"{path}: holds no manifest (.yaml) of kind pseudo_gt")
+    if len(found) > 1:
+        names = ", ".join(file.name for file in found)
+        raise BadManifest(f"{path}: several manifests of kind pseudo_gt: {names}; name one")
+    return found[0]
+
+
+def _compared(listed: ListedClip, clip: Clip, everything: list[FrameRange]) -> ComparedRow:
+    beyond = n_frames(clip.kept) - n_shared(clip.kept, everything)
+    kept = n_shared(clip.kept, [listed.frames])
+    return ComparedRow(clip.source.sequence, listed, clip, kept, beyond)
+
+
+def _clips_of_3dpw(path: Path) -> list[Clip]:
+    manifest = read_manifest(path)
+    if not isinstance(manifest, Manifest) or manifest.kind != "pseudo_gt":
+        raise BadManifest(f"{path}: is of kind {manifest.kind}; give one of kind pseudo_gt")
+    clips = [clip for clip in manifest.clips if clip.source.dataset == DATASET]
+    if not clips:
+        raise BadManifest(f"{path}: holds no clip whose source is {DATASET}")
+    return clips
+
+
+def _table7() -> tuple[ListedClip, ...]:
+    path = published_manifest(TABLE7)
+    manifest = read_manifest(path)
+    if not isinstance(manifest, ListManifest):
+        raise BadManifest(f"{path}: is no list")
+    return manifest.clips
+
+
+def _kind(path: Path) -> str | None:
+    """What a YAML file says that it is; recipes lie beside manifests, and other things may."""
+    try:
+        data, _ = yaml_text.load(path)
+    except BadManifest:
+        return None
+    return data.get("kind") if isinstance(data, dict) and "format" in data else None
+
+
+HEADINGS = (
+    "sequence", "person", "Table 7", "class there", "ours", "kept of it", "kept beyond",
+    "verdict", "first reason",
+)  # fmt: skip
+CSV_HEADINGS = (
+    "sequence", "person", "table7_start", "table7_stop", "table7_camera_motion", "camera_motion",
+    "same_camera_motion", "kept_share_of_table7", "kept_frames_beyond_table7", "verdict", "reason",
+)  # fmt: skip
+
+
+def table_rows(rows: Iterable[ComparedRow]) -> list[tuple[str, ...]]:
+    """Rows for `HEADINGS`."""
+    return [
+        (
+            row.sequence,
+            _person(row),
+            "-" if row.listed is None else _first_last(row.listed.frames),
+            "-" if row.listed is None else row.listed.camera_motion,
+            "-" if row.clip is None else row.clip.camera_motion,
+            "-" if row.kept_share is None else f"{100 * row.kept_share:.1f} %",
+            "-" if row.clip is None else str(row.kept_beyond),
+            row.verdict or "-",
+            row.reason,
+        )
+        for row in rows
+    ]
+
+
+def summary(rows: Sequence[ComparedRow]) -> str:
+    """One line: how many rows of Table 7 we have, agree with and cover.
+
+    A row agrees in class if all our people of it do.  A frame is covered if an accepted clip of
+    anybody keeps it.
+    """
+    listed = {row.listed.id: row.listed for row in rows if row.listed is not None}
+    ours: dict[str, list[ComparedRow]] = {name: [] for name in listed}
+    for row in rows:
+        if row.listed is not None and row.clip is not None:
+            ours[row.listed.id].append(row)
+    found = [people for people in ours.values() if people]
+    accepted = sum(any(row.verdict == "accepted" for row in people) for people in found)
+    agree = sum(all(row.same_class for row in people) for people in found)
+    total = sum(n_frames([row.frames]) for row in listed.values())
+    covered = sum(_covered(people) for people in found)
+    share = f" ({100 * covered / total:.1f} %)" if total else ""
+    others = len({row.sequence for row in rows if row.listed is None})
+    return (
+        f"Table 7: {len(listed)} rows, {len(found)} in our manifest, {accepted} accepted; the "
+        f"camera's class agrees in {agree} of {len(found)}; {covered} of {total} frames{share} are "
+        f"kept in accepted clips; sequences of ours that it lacks: {others}"
+    )
+
+
+def write_csv(path: Path, rows: Iterable[ComparedRow]) -> Path:
+    """Write the rows under `CSV_HEADINGS`, with shares from 0 to 1 and empty cells where unknown.
+
+    Returns:
+        `path`.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(CSV_HEADINGS)
+    writer.writerows(_csv_row(row) for row in rows)
+    write_text(path, text.getvalue())
+    return path
+
+
+def _covered(people: Sequence[ComparedRow]) -> int:
+    """Frames of one row of Table 7 that an accepted clip keeps."""
+    kept = [
+        part
+        for row in people
+        if row.clip is not None and row.verdict == "accepted"
+        for part in row.clip.kept
+    ]
+    return n_shared(kept, [row.listed.frames for row in people if row.listed is not None])
+
+
+def _person(row: ComparedRow) -> str:
+    return (row.clip.source.person or "-") if row.clip is not None else "-"
+
+
+def _first_last(frames: FrameRange) -> str:
+    """As Table 7 writes it, with the last frame named."""
+    return f"{frames.start}-{frames.stop - 1}"
+
+
+def _csv_row(row: ComparedRow) -> tuple[str | int | float, ...]:
+    frames = None if row.listed is None else row.listed.frames
+    return (
+        row.sequence,
+        "" if row.clip is None else row.clip.source.person or "",
+        "" if frames is None else frames.start,
+        "" if frames is None else frames.stop,
+        "" if row.listed is None else row.listed.camera_motion,
+        "" if row.clip is None else row.clip.camera_motion,
+        "" if row.same_class is None else str(row.same_class).lower(),
+        "" if row.kept_share is None else round(row.kept_share, 4),
+        "" if row.clip is None else row.kept_beyond,
+        row.verdict,
+        row.reason,
+    )

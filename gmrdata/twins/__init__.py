@@ -1,0 +1,1 @@
+"""3DPW's rendered twin, and the noise floor."""

@@ -1,0 +1,322 @@
+"""The faults of 3DPW put into exact clips: what the dataset says, where the truth is known.
+
+3DPW's camera-frame bodies are nearly right and its world is not: person and camera drift together
+(GMR paper, S1).  So a drift D(t) turns world_from_cam into D world_from_cam and the person into
+D person, which leaves what the camera sees as it was; small errors of root and joints, and frames
+in which the camera was not aligned, come on top.
+
+Band-limited random curves: sums of slow sine waves, of an exact size over the clip.
+
+Changes of exposure put into images: a phone's camera that never stops metering.
+
+The gain is one factor of the light for a whole frame.  It wanders, and now and then an automatic
+exposure corrects it within a fraction of a second.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadFrames, BadSequence
+from gmrdata.values.records import Config
+from gmrdata.values.transforms import apply, rigid
+
+N_WAVES = 4
+LONGEST_SHARE = 4.0
+"""The longest period is this many times the shortest."""
+
+
+def smooth_noise(
+    n_frames: int,
+    fps_hz: float,
+    shortest_period_s: float,
+    n_channels: int,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Random curves without any part that is faster than a period.
+
+    Args:
+        n_frames: Number of frames N.
+        fps_hz: Their rate [Hz].
+        shortest_period_s: No wave has a shorter period [s].
+        n_channels: Number of independent curves C.
+        rng: Source of periods, phases and amplitudes.
+
+    Returns:
+        (N, C), each curve a sum of sine waves of standard-normal amplitudes.
+    """
+    times_s = np.arange(n_frames)[:, None, None] / fps_hz
+    shape = (n_channels, N_WAVES)
+    periods_s = shortest_period_s * np.exp(rng.uniform(0.0, np.log(LONGEST_SHARE), shape))
+    phases_rad = rng.uniform(0.0, 2 * np.pi, shape)
+    amplitudes = rng.normal(size=shape)
+    return np.asarray(
+        (amplitudes * np.sin(2 * np.pi * times_s / periods_s + phases_rad)).sum(axis=2)
+    )
+
+
+def with_peak(vectors: np.ndarray, peak: float) -> np.ndarray:
+    """Scale vectors (N, C) so that the longest of the N has the length `peak`."""
+    return vectors * (peak / np.linalg.norm(vectors, axis=1).max())
+
+
+def with_rms(vectors: np.ndarray, rms: np.ndarray) -> np.ndarray:
+    """Scale vectors (N, J, 3) so that the root mean square length over N is `rms` (J,)."""
+    found = np.sqrt((vectors**2).sum(axis=2).mean(axis=0))
+    return vectors * (rms / found)[:, None]
+
+
+WANDER = 0.5
+"""How far the gain wanders to either side, as a share of one correction."""
+SMALLEST_SHARE = 0.6
+"""A sequence uses at least this share of the range (of its logarithm)."""
+UNCHANGED = (1.0, 1.0)
+
+
+class ExposureConfig(Config):
+    """How the exposure of a twin's images changes.  Ranges are (least, most)."""
+
+    gain: tuple[float, float] = (0.7, 1.4)
+    """Light of the darkest and the brightest frame that there may be, as factors of what was
+    rendered.  (1, 1): the images stay as they are, byte for byte."""
+    period_s: float = Field(default=3.0, gt=0)
+    """The slow part has no shorter period [s]."""
+    steps: tuple[int, int] = (1, 2)
+    """Corrections of the automatic exposure in a sequence."""
+    step_s: tuple[float, float] = (0.15, 0.5)
+    """How long a correction takes [s]."""
+    jpeg_quality: int = Field(default=92, ge=1, le=100)
+    """Quality of the images, which are encoded once more."""
+
+    @model_validator(mode="after")
+    def _ranges(self) -> "ExposureConfig":
+        for name, value in self:
+            if isinstance(value, tuple) and not 0 <= value[0] <= value[1]:
+                raise ValueError(f"{name} is {value}: give (least, most), neither below 0")
+        if self.gain[0] == 0 or self.step_s[0] == 0:
+            raise ValueError("gain and step_s must be above 0")
+        return self
+
+
+def exposure_gains(
+    n_frames: int, fps_hz: float, config: ExposureConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """Gain of each frame (N,), inside `config.gain`.
+
+    Args:
+        n_frames: Number of frames N.
+        fps_hz: Their rate [Hz].
+        config: How exposure changes.
+        rng: Source of the wander and of the corrections.
+    """
+    slow = smooth_noise(n_frames, fps_hz, config.period_s, 1, rng)
+    curve = WANDER * with_peak(slow, 1.0)[:, 0]
+    times_s = np.arange(n_frames) / fps_hz
+    for _ in range(rng.integers(config.steps[0], config.steps[1] + 1)):
+        start_s = rng.uniform(0.1, 0.9) * times_s[-1]
+        share = np.clip((times_s - start_s) / rng.uniform(*config.step_s), 0.0, 1.0)
+        curve += rng.choice([-1.0, 1.0]) * share**2 * (3 - 2 * share)
+    least, most = np.log(config.gain)
+    used = (most - least) * rng.uniform(SMALLEST_SHARE, 1.0)
+    lowest = rng.uniform(least, most - used)
+    unit = (curve - curve.min()) / max(float(np.ptp(curve)), 1e-9)
+    # The logarithm's last bits must not take a gain out of its range.
+    return np.clip(np.exp(lowest + used * unit), *config.gain)
+
+
+def exposed_jpeg(content: bytes, gain: float, jpeg_quality: int) -> bytes:
+    """The JPEG of a frame as if `gain` times the light had come in; what is too bright is white.
+
+    Raises:
+        BadFrames: the bytes are no image.
+    """
+    import cv2
+
+    image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise BadFrames("a frame cannot be decoded; render it again")
+    ok, encoded = cv2.imencode(
+        ".jpg", cv2.LUT(image, _table(gain)), [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
+    )
+    if not ok:
+        raise BadFrames(f"a frame of {image.shape} can't be encoded as JPEG")
+    return encoded.tobytes()
+
+
+def _table(gain: float) -> np.ndarray:
+    """(256,) uint8: what each 8-bit sRGB value becomes (IEC 61966-2-1)."""
+    value = np.arange(256) / 255
+    light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    light = np.minimum(gain * light, 1.0)
+    value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.round(255 * value).astype(np.uint8)
+
+
+UP = np.array([0.0, 0.0, 1.0])
+DRIFT_TILT_DEG = 30.0
+"""The drift turns about an axis within this angle of the vertical: IMUs know gravity, not north."""
+LARGEST_WOBBLE = 0.8
+"""How unevenly the drift grows; below 1 it never goes back."""
+
+
+class FaultConfig(Config):
+    """Faults of the dataset's side of a twin.  Ranges are (least, most), drawn per clip."""
+
+    drift_m: tuple[float, float] = (0.2, 0.8)
+    """Drift of the world over the clip, at the middle of the people's paths [m]."""
+    drift_deg: tuple[float, float] = (3.0, 10.0)
+    """The same for its orientation [degrees]."""
+    root_error_m: tuple[float, float] = (0.005, 0.010)
+    """Largest error of the pelvis in the camera frame over the clip [m]."""
+    root_error_deg: tuple[float, float] = (0.25, 0.5)
+    """Largest error of the root orientation in the camera frame [degrees]."""
+    root_error_period_s: float = Field(default=4.0, gt=0)
+    """Neither error has a part with a shorter period [s]."""
+    joint_noise_deg: tuple[float, float] = (2.0, 4.0)
+    """Root mean square error of each local joint rotation, drawn per joint [degrees]."""
+    joint_noise_period_s: float = Field(default=2.0, gt=0)
+    """It has no part with a shorter period [s]: sensors slip on the body, they don't flicker."""
+    invalid_runs: tuple[int, int] = (1, 3)
+    """Runs of frames per person in which the camera is not aligned."""
+    invalid_frames: tuple[int, int] = (3, 15)
+    """Length of such a run [frames]."""
+    invalid_error_m: tuple[float, float] = (0.1, 0.3)
+    """Error of the pelvis in such a run [m]."""
+
+    @model_validator(mode="after")
+    def _ranges(self) -> "FaultConfig":
+        for name, value in self:
+            if isinstance(value, tuple) and not 0 <= value[0] <= value[1]:
+                raise ValueError(f"{name} is {value}: give (least, most), neither below 0")
+        return self
+
+
+def dataset_side(
+    clips: Sequence[Clip], config: FaultConfig, rng: np.random.Generator
+) -> list[Clip]:
+    """What a faulty dataset says of exact clips.
+
+    Args:
+        clips: One clip per person, `frame` "world", all with the same camera.
+        config: The faults.
+        rng: Source of all of them; the same state gives the same bytes.
+
+    Returns:
+        The clips with one drift common to people and camera, errors of their own in root and
+        joints, and unaligned frames that are not `valid`.
+
+    Raises:
+        BadSequence: a clip is not in the world frame, or has frames without a camera.
+    """
+    for clip in clips:
+        if clip.motion.frame != "world" or not camera_of(clip).has_camera.all():
+            raise BadSequence(
+                f"{clip.id}: faults need a world-frame clip with a camera in each frame"
+            )
+    pivot_world_m = np.mean([clip.motion.pelvis_m.mean(axis=0) for clip in clips], axis=0)
+    drifted_from_world = drift(camera_of(clips[0]).n_frames, pivot_world_m, config, rng)
+    faulty = []
+    for clip in clips:
+        clip = with_joint_noise(with_root_error(clip, config, rng), config, rng)
+        faulty.append(drifted(with_invalid_frames(clip, config, rng), drifted_from_world))
+    return faulty
+
+
+def drift(
+    n_frames: int, pivot_world_m: np.ndarray, config: FaultConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """A drift that starts at identity and only grows: drifted_from_world (N, 4, 4).
+
+    Args:
+        n_frames: Number of frames N.
+        pivot_world_m: (3,) the point that only the translation moves [m].
+        config: `drift_m` and `drift_deg` are reached at the last frame.
+        rng: Source of sizes, directions and growth.
+    """
+    offset_m = rng.uniform(*config.drift_m) * _direction(rng)
+    tilt = Rotation.from_rotvec(np.deg2rad(rng.uniform(0, DRIFT_TILT_DEG)) * _across(rng))
+    turn_rad = np.deg2rad(rng.uniform(*config.drift_deg)) * rng.choice([-1.0, 1.0])
+    turns = Rotation.from_rotvec(_growth(n_frames, rng)[:, None] * turn_rad * tilt.apply(UP))
+    rotmats = turns.as_matrix()
+    moves_m = _growth(n_frames, rng)[:, None] * offset_m
+    return rigid(rotmats, pivot_world_m - rotmats @ pivot_world_m + moves_m)
+
+
+def drifted(clip: Clip, drifted_from_world: np.ndarray) -> Clip:
+    """The clip with person and camera moved by one drift (N, 4, 4): the camera sees the same."""
+    camera, motion = camera_of(clip), clip.motion
+    return replace(
+        clip,
+        motion=replace(
+            motion,
+            root_rotmats=drifted_from_world[:, :3, :3] @ motion.root_rotmats,
+            pelvis_m=apply(drifted_from_world, motion.pelvis_m[:, None])[:, 0],
+        ),
+        camera=replace(camera, world_from_cam=drifted_from_world @ camera.world_from_cam),
+    )
+
+
+def with_root_error(clip: Clip, config: FaultConfig, rng: np.random.Generator) -> Clip:
+    """The clip with a slow error of root position and orientation, as the camera sees them."""
+    motion, fps_hz = clip.motion, clip.motion.fps_hz
+    waves = smooth_noise(motion.n_frames, fps_hz, config.root_error_period_s, 6, rng)
+    offsets_cam_m = with_peak(waves[:, :3], rng.uniform(*config.root_error_m))
+    turns_rad = with_peak(waves[:, 3:], np.deg2rad(rng.uniform(*config.root_error_deg)))
+    world_from_cam = camera_of(clip).world_from_cam[:, :3, :3]
+    # R_wc exp(w) R_cw = exp(R_wc w)
+    turns = Rotation.from_rotvec(_rotate(world_from_cam, turns_rad)).as_matrix()
+    pelvis_m = motion.pelvis_m + _rotate(world_from_cam, offsets_cam_m)
+    erring = replace(motion, root_rotmats=turns @ motion.root_rotmats, pelvis_m=pelvis_m)
+    return replace(clip, motion=erring)
+
+
+def with_joint_noise(clip: Clip, config: FaultConfig, rng: np.random.Generator) -> Clip:
+    """The clip with a slow error of each of the 23 local joint rotations."""
+    motion = clip.motion
+    n_frames, n_local = motion.local_rotmats.shape[:2]
+    waves = smooth_noise(n_frames, motion.fps_hz, config.joint_noise_period_s, 3 * n_local, rng)
+    rms_rad = np.deg2rad(rng.uniform(*config.joint_noise_deg, n_local))
+    turns_rad = with_rms(waves.reshape(n_frames, n_local, 3), rms_rad)
+    turns = Rotation.from_rotvec(turns_rad.reshape(-1, 3)).as_matrix()
+    noisy = motion.local_rotmats @ turns.reshape(n_frames, n_local, 3, 3)
+    return replace(clip, motion=replace(motion, local_rotmats=noisy))
+
+
+def with_invalid_frames(clip: Clip, config: FaultConfig, rng: np.random.Generator) -> Clip:
+    """The clip with runs of frames that are not valid, and whose person is elsewhere."""
+    valid, pelvis_m = clip.valid.copy(), clip.motion.pelvis_m.copy()
+    for _ in range(rng.integers(config.invalid_runs[0], config.invalid_runs[1] + 1)):
+        length = rng.integers(config.invalid_frames[0], config.invalid_frames[1] + 1)
+        start = rng.integers(0, max(1, len(valid) - length + 1))
+        run = slice(start, start + length)
+        # A run that meets an earlier one leaves its frames as they are, so no error adds up.
+        fresh = np.flatnonzero(valid[run]) + start
+        pelvis_m[fresh] += rng.uniform(*config.invalid_error_m) * _direction(rng)
+        valid[run] = False
+    return replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m), valid=valid)
+
+
+def _growth(n_frames: int, rng: np.random.Generator) -> np.ndarray:
+    """(N,) from 0 to 1, never falling, at an uneven rate."""
+    share = np.linspace(0.0, 1.0, n_frames)
+    wobble = rng.uniform(-LARGEST_WOBBLE, LARGEST_WOBBLE)
+    return np.asarray(share + wobble * np.sin(2 * np.pi * share) / (2 * np.pi))
+
+
+def _direction(rng: np.random.Generator) -> np.ndarray:
+    vector = rng.normal(size=3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _across(rng: np.random.Generator) -> np.ndarray:
+    """A horizontal direction."""
+    azimuth_rad = rng.uniform(0.0, 2 * np.pi)
+    return np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
+
+
+def _rotate(rotmats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    return np.asarray(np.einsum("nij,nj->ni", rotmats, vectors))

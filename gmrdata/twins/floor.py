@@ -1,0 +1,256 @@
+"""A regenerated twin set against its truth.
+
+Rows of sequences put together: by the camera's true class, and all.
+
+Twins made, regenerated and measured: `floor.json`.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.entry import without_machine_paths
+from gmrdata.manifest.read import load_entry, read_manifest
+from gmrdata.masks.sources import masks_seconds
+from gmrdata.read.bodies import BODY_FILE, read_body
+from gmrdata.stage.progress import track
+from gmrdata.stage.store import stage_seconds
+from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
+from gmrdata.threedpw.regenerate import regenerate_set
+from gmrdata.twins.floor_record import Floor, FloorGroup
+from gmrdata.twins.pseudo_gt_error import FPS_HZ, sequence_row
+from gmrdata.twins.recipe import TwinRecipe
+from gmrdata.twins.twin_set import TwinTruth, make_twins, read_truth
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadBodyFile, StageFailed
+from gmrdata.values.files import STAGE_FILE, read_json, write_json
+
+Row = dict[str, Any]
+
+
+def by_class(rows: Sequence[Row]) -> dict[str, FloorGroup]:
+    """A group for each true class, in alphabetical order."""
+    names = sorted({str(row["class_true"]) for row in rows})
+    return {name: group([row for row in rows if row["class_true"] == name]) for name in names}
+
+
+def group(rows: Sequence[Row]) -> FloorGroup:
+    """Figures of some sequences.
+
+    Args:
+        rows: At least one, as `gmrdata.twins.pseudo_gt_error.sequence_row` gives them.
+    """
+    accepted = [row for row in rows if row["accepted"]]
+    people = [person for row in accepted for person in row["people"]]
+    scaled = [row for row in accepted if row["scale_error_percent"] is not None]
+    seen = sum(row["frames"] * len(row["people"]) for row in rows)
+    kept = sum(person["kept_frames"] for row in rows for person in row["people"])
+    return FloorGroup(
+        sequences=len(rows),
+        accepted=len(accepted),
+        class_right=sum(row["class_measured"] == row["class_true"] for row in rows),
+        n_motions=sum(person["n_motions"] for person in people),
+        ome_deg=_over_motions(people, "ome_deg"),
+        tme_mm=_over_motions(people, "tme_mm"),
+        vme_mm=_over_motions(people, "vme_mm"),
+        camera_rotation_deg=_mean(row["camera_rotation_deg"] for row in accepted),
+        camera_path_mm=_mean(row["camera_path_mm"] for row in accepted),
+        abs_scale_error_percent=_mean(abs(row["scale_error_percent"]) for row in scaled),
+        scale_stated=len(scaled),
+        scale_within_2sigma=sum(row["scale_within_2sigma"] is True for row in scaled),
+        kept_share=_figure(kept / seen),
+        seconds_per_frame=_figure(
+            sum(row["seconds"] for row in rows) / sum(row["frames"] for row in rows)
+        ),
+    )
+
+
+def _over_motions(people: Sequence[Row], key: str) -> float | None:
+    """Mean over all motions of all people."""
+    known = [person for person in people if person[key] is not None]
+    n_motions = sum(person["n_motions"] for person in known)
+    if not n_motions:
+        return None
+    return _figure(sum(person[key] * person["n_motions"] for person in known) / n_motions)
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return _figure(sum(known) / len(known)) if known else None
+
+
+def _figure(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def measure(
+    twins: TwinTruth, regenerated_dir: Path, recipe: ThreedpwRecipe, *, seed: int | None = None
+) -> Floor:
+    """Figures of each sequence that `regenerate_set` has a verdict on, of each class, and of all.
+
+    Args:
+        twins: The truth.
+        regenerated_dir: What `regenerate_set` made of the twins.
+        recipe: Its recipe.
+        seed: What the twins were drawn by.
+
+    Raises:
+        MissingInput: a sequence has no truth.
+        BadBodyFile: a sequence's body is not among the recipe's.
+    """
+    paths = SetPaths(regenerated_dir.resolve())
+    bodies = [read_body(paths.body_dir(n) / BODY_FILE) for n in range(len(recipe.bodies))]
+    clips = _clips(paths.manifest)
+    rows = []
+    for verdict in track(read_json(paths.verdicts), "measuring"):
+        name = verdict["sequence"]
+        truth = twins.people(name)
+        row = sequence_row(
+            name,
+            twins.classes[name],
+            clips.get(name, []),
+            truth,
+            accepted=verdict["accepted"],
+            seconds=_seconds(paths, name),
+            body=_body_of(truth[0], bodies),
+            class_measured=verdict["class"],
+            scale=verdict["scale"],
+            scale_sigma=verdict["scale_sigma"],
+        )
+        rows.append(row | {"reasons": verdict["reasons"]})
+    return Floor(
+        format="gmrdata-floor/1",
+        fps_hz=FPS_HZ,
+        seed=seed,
+        recipe=without_machine_paths(recipe.model_dump(mode="json", exclude={"workers"})),
+        sequences=tuple(rows),
+        classes=by_class(rows),
+        overall=group(rows),
+    )
+
+
+def _clips(manifest_path: Path) -> dict[str, list[Clip]]:
+    """Each sequence's people, valid only where the manifest keeps a frame."""
+    if not manifest_path.is_file():  # no sequence could be read
+        return {}
+    manifest = read_manifest(manifest_path)
+    assert isinstance(manifest, Manifest)
+    clips: dict[str, list[Clip]] = {}
+    for entry in manifest.clips:
+        assert entry.source.sequence is not None
+        clips.setdefault(entry.source.sequence, []).append(load_entry(manifest_path, entry))
+    return clips
+
+
+def _seconds(paths: SetPaths, name: str) -> float:
+    """Wall time of the stages that were finished [s]."""
+    folder = paths.sequence_dir(name)
+    total = masks_seconds(folder / "masks") if _is_done(folder / "masks") else 0.0
+    stages = [folder / "people", folder / "sfm", folder / "pseudo_gt"]
+    return total + sum(stage_seconds(stage) for stage in stages if _is_done(stage))
+
+
+def _is_done(stage_dir: Path) -> bool:
+    return (stage_dir / STAGE_FILE).is_file()
+
+
+def _body_of(clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:
+    for body in bodies:
+        if body.name == clip.motion.body and clip.motion.shape.shape == (body.n_shape,):
+            return body
+    raise BadBodyFile(
+        f"{clip.id}: of body {clip.motion.body}, which is not among the recipe's "
+        f"({', '.join(body.name for body in bodies)}); name it in the recipe's `bodies`"
+    )
+
+
+TWINS_FOLDER, REGENERATED_FOLDER, FLOOR_FILE = "twins", "regenerated", "floor.json"
+
+
+class MadeFloor(NamedTuple):
+    """What was measured, and what could not be."""
+
+    path: Path
+    """`floor.json`."""
+    failed: StageFailed | None
+    """Sequences that could not be rendered, or not be read; the others are measured."""
+
+
+def drawn_floor(
+    drawn: TwinRecipe,
+    motions_dir: Path,
+    recipe: ThreedpwRecipe,
+    out_dir: Path,
+    *,
+    scheduler: str | None = None,
+    redo: bool = False,
+) -> MadeFloor:
+    """Render twins to `out_dir/twins`, then as `floor_of_twins`.
+
+    Args:
+        drawn: The twins' recipe.
+        motions_dir: Folder of the motion files that it names.
+        recipe: The recipe of the pseudo ground truth.
+        out_dir: Output folder.
+        scheduler: Address of a Dask cluster; local processes when None.
+        redo: Make anew what another recipe made.
+
+    Raises:
+        StageFailed: not one twin could be rendered.
+        GmrdataError: as `floor_of_twins` says.
+    """
+    twins_dir = out_dir / TWINS_FOLDER
+    failed: StageFailed | None = None
+    try:
+        make_twins(drawn, twins_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo)
+    except StageFailed as error:
+        failed = error
+        if not read_truth(twins_dir).classes:
+            raise
+    made = floor_of_twins(
+        twins_dir, recipe, out_dir, seed=drawn.set.seed, scheduler=scheduler, redo=redo
+    )
+    return made._replace(failed=failed or made.failed)
+
+
+def floor_of_twins(
+    twins_dir: Path,
+    recipe: ThreedpwRecipe,
+    out_dir: Path,
+    *,
+    seed: int | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+) -> MadeFloor:
+    """Regenerate twins to `out_dir/regenerated` and measure them.  A run that was stopped goes on.
+
+    Args:
+        twins_dir: What `gmrdata threedpw twin` made.
+        recipe: The recipe of the pseudo ground truth.
+        out_dir: Output folder.
+        seed: What the twins were drawn by.
+        scheduler: Address of a Dask cluster; local processes when None.
+        redo: Make anew what another recipe made.
+
+    Returns:
+        Path of `out_dir/floor.json`, in which sequences that failed are listed as rejected.
+
+    Raises:
+        MissingInput: the folder holds no twins, or a sequence has no truth.
+    """
+    twins = read_truth(twins_dir)
+    names = recipe.sequences or tuple(sorted(twins.classes))
+    for name in names:
+        twins.people(name)
+    recipe = recipe.model_copy(update={"sequences": names})
+    regenerated_dir = out_dir / REGENERATED_FOLDER
+    failed: StageFailed | None = None
+    try:
+        regenerate_set(recipe, twins.root, regenerated_dir, scheduler=scheduler, redo=redo)
+    except StageFailed as error:
+        failed = error
+    floor = measure(twins, regenerated_dir, recipe, seed=seed)
+    write_json(out_dir / FLOOR_FILE, floor.model_dump(mode="json"))
+    return MadeFloor(out_dir / FLOOR_FILE, failed)

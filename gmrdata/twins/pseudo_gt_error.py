@@ -1,0 +1,404 @@
+"""Error of a pseudo ground truth against the truth, where a rendered clip has both.
+
+Errors of recovered cameras against the true ones of the same frames.
+
+Errors of a recovered clip's motions against those of the true clip, motion by motion.
+
+A recovered sequence against its truth: one row of figures.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmrdata.values import transforms
+from gmrdata.values.alignment import fit_similarity, mean_rotation
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import NothingToCompare, StageFailed
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion_metrics import (
+    angles_rad,
+    orientation_errors_deg,
+    posed_vertex_errors_mm,
+    translation_errors_mm,
+)
+
+MIN_CAMERA_EXTENT_M = 0.05
+"""Extent of the true camera path below which a scale can't be read off it [m]."""
+
+
+def camera_rotation_deg(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:
+    """Mean angle between world_from_cam (n, 4, 4) after one best rotation of the pseudo world
+    [deg]; None without cameras."""
+    if not len(pseudo_cameras):
+        return None
+    pseudo_rotmats, true_rotmats = pseudo_cameras[:, :3, :3], true_cameras[:, :3, :3]
+    true_from_pseudo = mean_rotation(true_rotmats @ np.swapaxes(pseudo_rotmats, 1, 2))
+    residuals = np.swapaxes(true_rotmats, 1, 2) @ true_from_pseudo @ pseudo_rotmats
+    return float(np.rad2deg(angles_rad(residuals)).mean())
+
+
+def camera_path_mm(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:
+    """Mean distance of the centres of world_from_cam (n, 4, 4) after one best rigid transform of
+    the pseudo world [mm]; None without cameras.
+
+    The absolute trajectory error of Sturm et al. (2012, section IV-D), as a mean.  The scale is not
+    fitted, so its error counts.
+    """
+    if not len(pseudo_cameras):
+        return None
+    centres_m, true_centres_m = pseudo_cameras[:, :3, 3], true_cameras[:, :3, 3]
+    fit = fit_similarity(true_centres_m, centres_m, scale=False)
+    moved_m = transforms.apply(transforms.rigid(fit.rotmat, fit.translation_m), centres_m)
+    return float(np.linalg.norm(moved_m - true_centres_m, axis=1).mean() * 1000)
+
+
+def scale_error_percent(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:
+    """By how much the pseudo path is too large (> 0) or too small (< 0) in the best similarity fit
+    of the centres of world_from_cam (n, 4, 4) [%]; None where the true camera stays within 5 cm, or
+    the pseudo cameras have no positions."""
+    centres_m, true_centres_m = pseudo_cameras[:, :3, 3], true_cameras[:, :3, 3]
+    if len(centres_m) < 2 or _extent_m(true_centres_m) < MIN_CAMERA_EXTENT_M:
+        return None
+    # Cameras of which only the rotations were recovered all stand in one place.
+    if _extent_m(centres_m) < 1e-9:
+        return None
+    true_scale_from_pseudo = fit_similarity(true_centres_m, centres_m, scale=True).scale
+    if true_scale_from_pseudo <= 0:
+        return None
+    return 100 * (1 / true_scale_from_pseudo - 1)
+
+
+def _extent_m(points_m: np.ndarray) -> float:
+    """Diagonal of the bounding box."""
+    return float(np.linalg.norm(np.ptp(points_m, axis=0)))
+
+
+class MotionErrors(NamedTuple):
+    """Errors per motion, (n,) each."""
+
+    ome_deg: np.ndarray
+    """[deg]."""
+    tme_mm: np.ndarray
+    """[mm]."""
+    vme_mm: np.ndarray
+    """[mm]; (0,) without a body."""
+
+
+def motion_errors(
+    pseudo: Clip,
+    true: Clip,
+    rows: np.ndarray,
+    true_rows: np.ndarray,
+    step: int,
+    body: BodyModel | None,
+) -> MotionErrors:
+    """Errors of the motions between frames `step` apart, in all phases, none of them over a gap.
+
+    Args:
+        pseudo: What was recovered, in a world of its own.
+        true: What was rendered.
+        rows: Rows of `pseudo`, ascending, that may be used.
+        true_rows: The rows of `true` that show the same images.
+        step: Frames per motion.
+        body: The true clip's body, for VME.
+
+    Raises:
+        NothingToCompare: there is no such motion.
+    """
+    phases = [
+        _errors_of_neighbours(pseudo, true, rows, true_rows, phase, step, body)
+        for phase in range(step)
+    ]
+    errors = MotionErrors(*(np.concatenate(parts) for parts in zip(*phases, strict=True)))
+    if not len(errors.ome_deg):
+        raise NothingToCompare(
+            f"clip {pseudo.id}: no two frames in a row are valid in it and in its truth {true.id}."
+            " There is nothing to compare"
+        )
+    return errors
+
+
+def _errors_of_neighbours(
+    pseudo: Clip,
+    true: Clip,
+    rows: np.ndarray,
+    true_rows: np.ndarray,
+    phase: int,
+    step: int,
+    body: BodyModel | None,
+) -> MotionErrors:
+    """Errors of the motions from frame to frame of one phase of the video."""
+    chosen = np.flatnonzero(true_rows % step == phase)
+    rows, true_rows = rows[chosen], true_rows[chosen]
+    # Frames in between that are missing on either side would show in one of the three.
+    adjacent = (np.diff(rows) == step) & (np.diff(true_rows) == step) & (np.diff(chosen) == step)
+    rotmats, metres = _deltas(pseudo, rows, adjacent)
+    true_rotmats, true_m = _deltas(true, true_rows, adjacent)
+    vertex_mm = np.zeros(0)
+    if body is not None:
+        poses = true.motion.local_rotmats[true_rows[:-1][adjacent]]
+        vertex_mm = posed_vertex_errors_mm(
+            body, true.motion.shape, poses, rotmats, metres, true_rotmats, true_m
+        )
+    return MotionErrors(
+        orientation_errors_deg(rotmats, true_rotmats),
+        translation_errors_mm(metres, true_m),
+        vertex_mm,
+    )
+
+
+def _deltas(clip: Clip, rows: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Those motions between a clip's rows that are chosen."""
+    rotmats, metres = deltas(clip.motion.root_rotmats[rows], clip.motion.pelvis_m[rows])
+    return rotmats[chosen], metres[chosen]
+
+
+BODY_AXIS_M = 0.5
+"""Length that stands for the body's orientation where trajectories are aligned [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PseudoGtError:
+    """How far a pseudo ground truth is from the truth."""
+
+    ome_deg: float
+    """Mean orientation motion error at the clip's frame rate (eq. 15) [deg]."""
+    tme_mm: float
+    """Mean translation motion error at the clip's frame rate (eq. 16) [mm]."""
+    vme_mm: float | None
+    """Mean vertex motion error of the true body in its true local pose (eq. 17) [mm], so it is of
+    the motion alone; None where no body was given."""
+    n_motions: int
+    """Motions of which the three are means."""
+    camera_rotation_deg: float | None
+    """Mean angle between the cameras' rotations after one best rotation of the pseudo world [deg];
+    None without cameras."""
+    camera_path_mm: float | None
+    """Mean distance of the cameras' centres after one best rigid transform of the pseudo world
+    [mm], the scale as it is; None without cameras."""
+    scale_error_percent: float | None
+    """By how much the pseudo camera path is too large (> 0) or too small (< 0) in the best
+    similarity fit of its centres [%]; None where the true camera stays within 5 cm, or the pseudo
+    cameras have no positions."""
+    trajectory_mm: float
+    """Mean distance of the pelvis after `true_from_pseudo` [mm]."""
+    frames: int
+    """Frames with a pseudo ground truth and a truth."""
+    frames_with_camera: int
+    """Those in which both have a camera."""
+    true_from_pseudo: np.ndarray
+    """(4, 4) rigid transform between the worlds that fits the bodies' places and orientations
+    best."""
+
+
+def compare_clips(
+    pseudo: Clip, true: Clip, *, fps_hz: float | None = None, body: BodyModel | None = None
+) -> PseudoGtError:
+    """Compare a pseudo ground truth with the truth of the same video.
+
+    Rows are paired by image number where both clips have images, by position otherwise.  Motions
+    are taken between paired frames that follow each other in both clips, never across a gap.
+
+    Args:
+        pseudo: What was recovered, in a world of its own.
+        true: What was rendered.
+        fps_hz: Rate at which motions are taken [Hz], of which the clips' rate is a multiple; each
+            frame begins one, so all phases count.  None for the clips' own rate.
+        body: The true clip's body, for VME.
+
+    Raises:
+        NothingToCompare: the clips have no two frames in a row in common.
+        StageFailed: the clips are not in the world frame, differ in frame rate, or are no multiple
+            of `fps_hz`.
+    """
+    _check_comparable(pseudo, true)
+    rows, true_rows = _paired_rows(pseudo, true)
+    both = pseudo.valid[rows] & true.valid[true_rows]
+    rows, true_rows = rows[both], true_rows[both]
+    step = 1 if fps_hz is None else _frames_per_motion(true, fps_hz)
+    errors = motion_errors(pseudo, true, rows, true_rows, step, body)
+    true_from_pseudo = _align_bodies(pseudo, true, rows, true_rows)
+    moved_m = transforms.apply(true_from_pseudo, pseudo.motion.pelvis_m[rows])
+    distances_m = np.linalg.norm(moved_m - true.motion.pelvis_m[true_rows], axis=1)
+    pseudo_cameras, true_cameras = _paired_cameras(pseudo, true, rows, true_rows)
+    return PseudoGtError(
+        ome_deg=float(errors.ome_deg.mean()),
+        tme_mm=float(errors.tme_mm.mean()),
+        vme_mm=None if body is None else float(errors.vme_mm.mean()),
+        n_motions=len(errors.ome_deg),
+        camera_rotation_deg=camera_rotation_deg(pseudo_cameras, true_cameras),
+        camera_path_mm=camera_path_mm(pseudo_cameras, true_cameras),
+        scale_error_percent=scale_error_percent(pseudo_cameras, true_cameras),
+        trajectory_mm=float(distances_m.mean() * 1000),
+        frames=len(rows),
+        frames_with_camera=len(pseudo_cameras),
+        true_from_pseudo=true_from_pseudo,
+    )
+
+
+def _check_comparable(pseudo: Clip, true: Clip) -> None:
+    for clip in (pseudo, true):
+        if clip.motion.frame != "world":
+            raise StageFailed(f"clip {clip.id}: not in the world frame. Give a clip with a world")
+    if abs(pseudo.motion.fps_hz - true.motion.fps_hz) > 1e-6 * true.motion.fps_hz:
+        raise StageFailed(
+            f"clip {pseudo.id}: {pseudo.motion.fps_hz:g} fps, but its truth {true.id} has"
+            f" {true.motion.fps_hz:g} fps. Compare clips of one video"
+        )
+
+
+def _paired_rows(pseudo: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray]:
+    if (pseudo.image_numbers >= 0).all() and (true.image_numbers >= 0).all():
+        _, rows, true_rows = np.intersect1d(
+            pseudo.image_numbers, true.image_numbers, return_indices=True
+        )
+        return rows, true_rows
+    if pseudo.motion.n_frames != true.motion.n_frames:
+        raise StageFailed(
+            f"clip {pseudo.id}: {pseudo.motion.n_frames} frames, but its truth {true.id} has"
+            f" {true.motion.n_frames}, and they cannot be paired. Compare clips of one video"
+        )
+    rows = np.arange(true.motion.n_frames)
+    return rows, rows
+
+
+def _frames_per_motion(clip: Clip, fps_hz: float) -> int:
+    ratio = clip.motion.fps_hz / fps_hz
+    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+        raise StageFailed(
+            f"clip {clip.id}: {clip.motion.fps_hz:g} fps is no multiple of {fps_hz:g} fps."
+            " Resample both clips first"
+        )
+    return round(ratio)
+
+
+def _align_bodies(pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray) -> np.ndarray:
+    """Rigid fit of pelvis and body axes, so that it is defined for a person who stands still,
+    too."""
+    similarity = fit_similarity(
+        _body_points_m(true, true_rows), _body_points_m(pseudo, rows), scale=False
+    )
+    return transforms.rigid(similarity.rotmat, similarity.translation_m)
+
+
+def _body_points_m(clip: Clip, rows: np.ndarray) -> np.ndarray:
+    """Pelvis, and the points half a metre from it along the body's axes: (4 * rows, 3) [m]."""
+    axes_m = BODY_AXIS_M * np.concatenate([np.zeros((1, 3)), np.eye(3)])
+    world_from_root = transforms.rigid(clip.motion.root_rotmats[rows], clip.motion.pelvis_m[rows])
+    return transforms.apply(world_from_root, axes_m).reshape(-1, 3)
+
+
+def _paired_cameras(
+    pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """world_from_cam of the frames in which both clips have a camera: (n, 4, 4) each."""
+    if pseudo.camera is None or true.camera is None:
+        return np.zeros((0, 4, 4)), np.zeros((0, 4, 4))
+    both = pseudo.camera.has_camera[rows] & true.camera.has_camera[true_rows]
+    return pseudo.camera.world_from_cam[rows[both]], true.camera.world_from_cam[true_rows[both]]
+
+
+FPS_HZ = 10.0
+"""Rate of the scores; clips have three times as much, so all three phases count."""
+OF_PERSON = ("ome_deg", "tme_mm", "vme_mm", "camera_rotation_deg", "camera_path_mm")
+
+
+def sequence_row(
+    name: str,
+    class_true: str,
+    clips: Sequence[Clip],
+    truth: Sequence[Clip],
+    *,
+    accepted: bool,
+    seconds: float,
+    body: BodyModel | None = None,
+    class_measured: str | None = None,
+    scale: float | None = None,
+    scale_sigma: float | None = None,
+) -> dict[str, Any]:
+    """Figures of one sequence as JSON values; None for what is not known.
+
+    Motion and camera errors are those of the person who fares worst; `people` has each one's.
+
+    Args:
+        name: The sequence.
+        class_true: What its camera does.
+        clips: The people as they were recovered, in the order of `truth`; none where nothing was.
+        truth: The exact people.
+        accepted: Whether the sequence may be used.
+        seconds: Wall time [s].
+        body: The exact people's body, for VME.
+        class_measured: Class of the recovered path.
+        scale: Metres per unit of the recovered path.
+        scale_sigma: Its stated standard error, same unit.
+
+    Raises:
+        StageFailed: the clips and their truth don't belong together.
+    """
+    n_frames = truth[0].motion.n_frames
+    recovered = [*clips, *[None] * (len(truth) - len(clips))]
+    people = [_person(clip, true, body) for clip, true in zip(recovered, truth, strict=True)]
+    scale_error = next((p["scale_error_percent"] for p in people if _is_known(p)), None)
+    kept_frames = sum(person["kept_frames"] for person in people)
+    return {
+        "id": name,
+        "class_true": class_true,
+        "class_measured": class_measured,
+        "accepted": accepted,
+        "frames": n_frames,
+        "kept_share": _figure(kept_frames / (n_frames * len(truth))),
+        **{key: _largest([person[key] for person in people]) for key in OF_PERSON},
+        "scale_error_percent": scale_error,
+        "scale_within_2sigma": within_2sigma(scale_error, scale, scale_sigma),
+        "seconds": round(seconds, 2),
+        "people": people,
+    }
+
+
+def error_of(clip: Clip | None, true: Clip, body: BodyModel | None = None) -> PseudoGtError | None:
+    """Errors of one person at 10 fps over the kept frames; None where no two follow each other."""
+    if clip is None or clip.motion.frame != "world" or not clip.valid.any():
+        return None
+    try:
+        return compare_clips(clip, true, fps_hz=FPS_HZ, body=body)
+    except NothingToCompare:
+        return None
+
+
+def within_2sigma(
+    scale_error_percent: float | None, scale: float | None, sigma: float | None
+) -> bool | None:
+    """Whether the true scale is inside the stated error bar; None where there is none."""
+    if scale_error_percent is None or scale is None or sigma is None:
+        return None
+    true_scale = scale / (1 + scale_error_percent / 100)
+    return bool(abs(scale - true_scale) <= 2 * sigma)
+
+
+def _person(clip: Clip | None, true: Clip, body: BodyModel | None) -> dict[str, Any]:
+    error = error_of(clip, true, body)
+    figures = {key: None if error is None else getattr(error, key) for key in OF_PERSON}
+    return {
+        "id": true.id,
+        "kept_frames": 0 if clip is None else int(clip.valid.sum()),
+        "n_motions": 0 if error is None else error.n_motions,
+        **{key: _figure(value) for key, value in figures.items()},
+        "scale_error_percent": _figure(None if error is None else error.scale_error_percent),
+    }
+
+
+def _is_known(person: dict[str, Any]) -> bool:
+    return person["scale_error_percent"] is not None
+
+
+def _largest(values: Sequence[float | None]) -> float | None:
+    return max((value for value in values if value is not None), default=None)
+
+
+def _figure(value: float | None) -> float | None:
+    """Six digits; None for what isn't finite, which JSON has no word for."""
+    return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")

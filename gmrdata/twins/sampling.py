@@ -1,0 +1,293 @@
+"""Draw the recipe of a twin set: other motions, cameras and places for each seed.
+
+What is drawn is planned before it is taken, by the code that the renderer uses: the motion is long
+enough and has its feet on the floor, people stay in view, the class of the camera's motion is
+beyond doubt, and there is room for everyone.
+
+The twins that a floor is measured on, drawn by a seed.
+"""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from gmrdata.film.extras import make_cast
+from gmrdata.film.scene import SceneConfig
+from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, planned_clip
+from gmrdata.film.shots import Film
+from gmrdata.motion.files import find_motions
+from gmrdata.read.bodies import load_body
+from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.twins.recipe import TwinRecipe
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import in_frame_share, person_box
+from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadMotionFile, BadRecipe
+
+BAR_RECIPE = "twins"
+"""Its trials are not drawn."""
+CLASSES: tuple[MotionClass, ...] = get_args(MotionClass)
+PLACES = ("courtyard", "street", "park", "room")
+FILM = Film(duration_s=5.0, fps_hz=30.0, width_px=540, height_px=960, hfov_deg=30.8)
+"""3DPW's portrait camera at half its size: its K says fx = 1962 px for 1080 px of width."""
+RENDER = {"samples": 5, "shutter": 0.5, "instances": True}
+ROOMY = (1.05, 1.25)
+"""How much farther away than the nearest that frames the person the camera is."""
+FARTHEST_M = 8.0
+FARTHEST_IN_ROOM_M = 5.5
+FOR_COMPANY_M = 1.2
+"""How much farther away it is for the sake of somebody beside."""
+COMPANY_EVERY = 4
+COMPANY_IN_FRAME = 0.95
+"""Least share of the frames with the whole company in view."""
+DOUBT = 1.4
+"""A class must be the same with each threshold multiplied and divided by this."""
+FLOOR_M, FLOOR_SHARE = 0.15, 0.9
+"""The lower foot's joint is at most this high in this share of the frames: nobody climbs."""
+PLACE_TRIES = 4
+
+
+def twin_recipe(
+    n_sequences: int, seed: int, motions_dir: Path, *, film: Film = FILM, name: str = "floor"
+) -> TwinRecipe:
+    """A recipe of kind `threedpw_twin`, a function of the arguments and of the motion files alone.
+
+    The first sequences of a longer recipe are those of a shorter one.  Six or more have cameras of
+    all six classes; each fourth sequence has two people.
+
+    Args:
+        n_sequences: How many sequences.
+        seed: Chooses trials, cameras, places, people and faults.
+        motions_dir: Folder of motion files; each is taken once.
+        film: Size, lens, frame rate (30) and length of the sequences.
+        name: The set's name.
+
+    Raises:
+        MissingInput: there is no such folder.
+        BadRecipe: too few motions are long enough and fit a camera.
+    """
+    if n_sequences < 1:
+        raise BadRecipe(f"{n_sequences} sequences: ask for at least one")
+    base = SyntheticRecipe.model_validate(
+        {
+            "recipe": "synthetic",
+            "name": name,
+            "seed": seed,
+            "people": {"vary": True},
+            "film": film,
+            "render": RENDER,
+            "min_in_frame_share": 0.9,
+        }
+    )
+    body = load_body(base.body)
+    rng = np.random.default_rng([seed, 0])
+    files = _files(motions_dir)
+    waiting = [files[i] for i in rng.permutation(len(files))]
+    classes = [CLASSES[i] for i in rng.permutation(len(CLASSES))]
+    places = [PLACES[i] for i in rng.permutation(len(PLACES))]
+    clips: list[SyntheticClip] = []
+    for number in range(n_sequences):
+        kind = classes[number % len(classes)]
+        # The round of places is shifted by one each time, so that no class keeps its place.
+        place = places[(number + number // len(places)) % len(places)]
+        own = np.random.default_rng([seed, 1, number])
+        company = int(number % COMPANY_EVERY == 1)
+        for path in waiting:
+            clip = _draw(f"{kind}_{number:02d}", path, kind, place, company, base, body, own)
+            if clip is not None:
+                clips.append(clip)
+                waiting.remove(path)
+                break
+        else:
+            raise BadRecipe(
+                f"{motions_dir}: no motion is left for sequence {number} with a {kind} camera; "
+                f"motions of {film.duration_s:g} s are needed. Give more, or ask for fewer"
+            )
+    return TwinRecipe(recipe="threedpw_twin", set=base.model_copy(update={"clips": tuple(clips)}))
+
+
+def _files(motions_dir: Path) -> list[Path]:
+    bars = load_recipe(find_recipe(BAR_RECIPE), TwinRecipe)
+    taken = {clip.trial for clip in bars.set.clips}
+    return [path for path in find_motions(motions_dir) if path.stem not in taken]
+
+
+def _draw(
+    id: str,
+    path: Path,
+    kind: MotionClass,
+    place: str,
+    company: int,
+    base: SyntheticRecipe,
+    body: BodyModel,
+    rng: np.random.Generator,
+) -> SyntheticClip | None:
+    """A sequence with this motion and class of camera, or None if they don't fit each other."""
+    programme = _programme(kind, rng)
+    roomy, scene_seeds = rng.uniform(*ROOMY), rng.integers(2**31, size=PLACE_TRIES)
+    extras = {
+        "company": company,
+        "passers_by": int(rng.random() < 0.75),
+        "cars": int(place != "room" and rng.random() < 0.6),
+    }
+    overcast = place != "room" and rng.random() < 0.4
+    scene = {"kind": place, "extras": extras} | ({"light": "overcast"} if overcast else {})
+    given: dict[str, Any] = {"id": id, "trial": path.stem, "programme": programme, "scene": scene}
+    try:
+        nearest = planned_clip(SyntheticClip.model_validate(given), base, path, body)
+        if not _is_whole(nearest, base.film) or not _has_feet_on_the_floor(nearest, body):
+            return None
+        distance_m = round(roomy * _distance_m(nearest) + FOR_COMPANY_M * company, 2)
+        if distance_m > (FARTHEST_IN_ROOM_M if place == "room" else FARTHEST_M):
+            return None
+        given["programme"] = programme | {"distance_m": distance_m}
+        planned = planned_clip(SyntheticClip.model_validate(given), base, path, body)
+    except (BadMotionFile, BadRecipe):
+        return None
+    if not _in_view(planned, 1.0) or not is_beyond_doubt(planned, kind):
+        return None
+    for scene_seed in scene_seeds:
+        given["scene"] = scene | {"seed": int(scene_seed)}
+        clip = SyntheticClip.model_validate(given)
+        if clip.scene is not None and _has_room(clip.scene, planned, body):
+            return clip
+    return None
+
+
+def _programme(kind: MotionClass, rng: np.random.Generator) -> dict[str, Any]:
+    """A camera of a class, held in the hand unless it is static."""
+    view = {"kind": kind, "height_m": round(rng.uniform(1.1, 1.8), 2)}
+    held = {
+        "handheld_m": round(rng.uniform(0.005, 0.015), 4),
+        "handheld_deg": round(rng.uniform(0.15, 0.3), 3),
+    }
+    with_the_person, speed = rng.random() < 0.5, round(rng.uniform(0.25, 0.6), 2)
+    speed_m_per_s = None if with_the_person else speed
+    move = ("truck", "dolly")[int(rng.random() < 0.25)]
+    match kind:
+        case "static":
+            return view
+        case "small":
+            return view | {
+                "drift_m": round(rng.uniform(0.015, 0.03), 3),
+                "shake_deg": round(rng.uniform(0.25, 0.45), 3),
+            }
+        case "panning":
+            return view | held
+        case "linear" | "linear_panning":
+            return view | held | {"move": move, "speed_m_per_s": speed_m_per_s}
+        case _:
+            turn = ("counterclockwise", "clockwise")[int(rng.integers(2))]
+            rate_deg_per_s = round(rng.uniform(12.0, 25.0), 1)
+            return view | held | {"direction": turn, "rate_deg_per_s": rate_deg_per_s}
+
+
+def _is_whole(clip: Clip, film: Film) -> bool:
+    return clip.motion.n_frames == round(film.duration_s * clip.motion.fps_hz)
+
+
+def _has_feet_on_the_floor(clip: Clip, body: BodyModel) -> bool:
+    from gmrdata.values.body import JOINT
+    from gmrdata.values.skinning import motion_joints_m
+
+    feet = [JOINT["left_foot"], JOINT["right_foot"]]
+    lower_m = motion_joints_m(body, clip.motion)[:, feet, 2].min(axis=1)
+    return bool((lower_m <= FLOOR_M).mean() >= FLOOR_SHARE)
+
+
+def _distance_m(clip: Clip) -> float:
+    """From the camera to the middle of the path, on the ground, at the middle of the clip [m]."""
+    low_m, high_m = clip.motion.pelvis_m.min(axis=0), clip.motion.pelvis_m.max(axis=0)
+    centres_m = camera_of(clip).centres_world_m
+    away_m = centres_m[len(centres_m) // 2] - (low_m + high_m) / 2
+    return float(np.linalg.norm(away_m[:2]))
+
+
+def _in_view(clip: Clip, share: float) -> bool:
+    return in_frame_share(camera_of(clip), person_box(clip.motion.pelvis_m)) >= share
+
+
+def is_beyond_doubt(clip: Clip, kind: MotionClass) -> bool:
+    """Whether a clip's camera is of a class by whatever thresholds, within reason."""
+    own = MotionClassConfig()
+    configs = [own]
+    for factor in (DOUBT, 1 / DOUBT):
+        scaled = {key: value * factor for key, value in own.model_dump().items()}
+        configs.append(MotionClassConfig(**scaled))
+    path, motion = camera_of(clip).world_from_cam, clip.motion
+    found = {classify(path, motion.pelvis_m, motion.fps_hz, config)[0] for config in configs}
+    return found == {kind}
+
+
+def _has_room(scene: SceneConfig, planned: Clip, body: BodyModel) -> bool:
+    """Whether all extras find a way, and the company is seen whole."""
+    try:
+        cast = make_cast(scene.extras, [planned], body, scene.seed)
+    except BadRecipe:
+        return False
+    company = cast.walkers[: scene.extras.company]
+    return all(_in_view(replace(planned, motion=one), COMPANY_IN_FRAME) for one in company)
+
+
+SIZES_PX = {"small": (FILM.width_px, FILM.height_px), "full": (1080, 1920)}
+"""Width and height by name: half of 3DPW's portrait camera, and the whole."""
+MIN_SIDE_PX = 64
+MIN_FRAMES = 60
+"""In less time the class of a camera's motion does not show."""
+
+
+def draw_twins(
+    n_sequences: int, seed: int, motions_dir: Path, film: Film, workers: int | None
+) -> TwinRecipe:
+    """The recipe of the twins.
+
+    Args:
+        n_sequences: How many sequences.
+        seed: Chooses motions, cameras, places, people and faults.
+        motions_dir: Folder of motion files.
+        film: What `film_of` gave.
+        workers: Processes that render; the recipe's number when None.
+
+    Raises:
+        BadRecipe: the seed is negative, or as `twin_recipe` says.
+        MissingInput: there is no such folder.
+    """
+    if seed < 0:
+        raise BadRecipe(f"--seed {seed}: give 0 or more")
+    drawn = twin_recipe(n_sequences, seed, motions_dir, film=film)
+    if workers is None:
+        return drawn
+    clips = drawn.set.model_copy(update={"workers": workers})
+    return drawn.model_copy(update={"set": clips})
+
+
+def film_of(size: str, n_frames: int) -> Film:
+    """The twins' film, with 3DPW's horizontal field of view at any size.
+
+    Args:
+        size: "small", "full", or width and height like 180x320 [px].
+        n_frames: Images of each sequence, at 30 fps.
+
+    Raises:
+        BadRecipe: the size is of another form, or there is too little of it.
+    """
+    width_px, height_px = SIZES_PX.get(size, (0, 0))
+    if found := re.fullmatch(r"(\d{1,5})x(\d{1,5})", size):
+        width_px, height_px = int(found[1]), int(found[2])
+    if min(width_px, height_px) < MIN_SIDE_PX:
+        raise BadRecipe(
+            f"--size {size}: give small, full, or width x height in pixels, like 180x320, each "
+            f"{MIN_SIDE_PX} or more"
+        )
+    if n_frames < MIN_FRAMES:
+        raise BadRecipe(
+            f"--frames {n_frames}: give {MIN_FRAMES} or more; in less time the class of a camera's "
+            "motion does not show"
+        )
+    assert FILM.fps_hz is not None
+    size_px = {"width_px": width_px, "height_px": height_px}
+    return FILM.model_copy(update=size_px | {"duration_s": n_frames / FILM.fps_hz})

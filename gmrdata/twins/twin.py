@@ -1,0 +1,240 @@
+"""A twin on disk: rendered frames and exact clips as a faulty sequence of 3DPW, the truth aside.
+
+From world-frame Clips of one camera to the arrays of a sequence file.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.motion.resample import resample
+from gmrdata.read.frames import check_images
+from gmrdata.read.openpose import KeypointConfig, detected_keypoints
+from gmrdata.read.threedpw_arrays import FPS_HZ, IMU_HZ, Person, SequenceArrays
+from gmrdata.read.threedpw_layout import SequenceFiles, require_name
+from gmrdata.threedpw.camera_frame import WORLD_FROM_3DPW
+from gmrdata.twins.faults import (
+    UNCHANGED,
+    ExposureConfig,
+    FaultConfig,
+    dataset_side,
+    exposed_jpeg,
+    exposure_gains,
+)
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, save_clip
+from gmrdata.values.errors import BadFrames, BadSequence
+from gmrdata.values.files import atomic_path, write_npz
+from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config
+from gmrdata.values.transforms import apply, invert
+from gmrdata.write.threedpw import write_sequence
+
+IMU_ROWS = round(IMU_HZ / FPS_HZ)
+_3DPW_FROM_WORLD = invert(WORLD_FROM_3DPW)
+
+
+def sequence_arrays(
+    name: str,
+    clips: Sequence[Clip],
+    body: BodyModel,
+    genders: Sequence[str],
+    poses2d_px: Sequence[np.ndarray],
+) -> SequenceArrays:
+    """Arrays of a sequence whose people and camera are given in our z-up world.
+
+    The pelvis becomes SMPL's `trans` and the world y-up here; `camera_clip` and `world_clip` of the
+    result are the clips again.
+
+    Args:
+        name: Name of the sequence.
+        clips: One clip per person, `frame` "world", 30 Hz, with the same camera for every frame.
+            `valid` becomes `campose_valid`.
+        body: The body of all clips.
+        genders: "female" or "male" per person, which a 3DPW file can't do without.
+        poses2d_px: (N, 18, 3) keypoints per person.
+
+    Raises:
+        BadSequence: the clips have not one camera, rate and length, or are not in the world.
+    """
+    camera = camera_of(clips[0])
+    _require_one_camera(name, clips)
+    n_frames = camera.n_frames
+    people = zip(clips, genders, poses2d_px, strict=True)
+    return SequenceArrays(
+        name=name,
+        intrinsics_px=camera.intrinsics_px.copy(),
+        cam_from_world=invert(camera.world_from_cam) @ WORLD_FROM_3DPW,
+        img_frame_ids=IMU_ROWS * np.arange(n_frames),
+        people=tuple(_person(clip, body, gender, points) for clip, gender, points in people),
+    )
+
+
+def _require_one_camera(name: str, clips: Sequence[Clip]) -> None:
+    first = camera_of(clips[0])
+    for clip in clips:
+        camera = camera_of(clip)
+        if clip.motion.frame != "world" or clip.motion.fps_hz != FPS_HZ:
+            raise BadSequence(
+                f"{name}: clip {clip.id} is in the {clip.motion.frame} frame at "
+                f"{clip.motion.fps_hz:g} Hz; a sequence needs the world frame at {FPS_HZ:g} Hz"
+            )
+        same = np.array_equal(camera.world_from_cam, first.world_from_cam) and np.array_equal(
+            camera.intrinsics_px, first.intrinsics_px
+        )
+        if not same or not camera.has_camera.all():
+            raise BadSequence(
+                f"{name}: clip {clip.id} has another camera than {clips[0].id}, or frames without; "
+                "people of a sequence share one camera"
+            )
+
+
+def _person(clip: Clip, body: BodyModel, gender: str, poses2d_px: np.ndarray) -> Person:
+    from gmrdata.values.skinning import motion_joints_m
+
+    motion = clip.motion
+    rest_pelvis_m = body.rest_pelvis_m(motion.shape)
+    poses_60hz_rad, trans_60hz_m = _poses_and_trans(_at_60hz(motion), rest_pelvis_m)
+    joints_m = motion_joints_m(body, motion)
+    n_frames = motion.n_frames
+    return Person(
+        poses_rad=poses_60hz_rad[::IMU_ROWS].copy(),
+        trans_m=trans_60hz_m[::IMU_ROWS].copy(),
+        betas=np.asarray(motion.shape, dtype=np.float64),
+        gender=gender,
+        campose_valid=clip.valid.copy(),
+        poses2d_px=poses2d_px,
+        poses_60hz_rad=poses_60hz_rad,
+        trans_60hz_m=trans_60hz_m,
+        joints_world_m=apply(np.broadcast_to(_3DPW_FROM_WORLD, (n_frames, 4, 4)), joints_m),
+        betas_clothed=np.asarray(motion.shape, dtype=np.float64),
+        template_clothed_m=body.template_m + body.shape_dirs_m @ motion.shape,
+    )
+
+
+def _at_60hz(motion: Motion) -> Motion:
+    """The motion at the IMUs' rate, 2N rows: the last one holds, as there is nothing after it."""
+    between = resample(motion, IMU_HZ)
+    rows = np.minimum(np.arange(IMU_ROWS * motion.n_frames), between.n_frames - 1)
+    return Motion(
+        local_rotmats=between.local_rotmats[rows],
+        root_rotmats=between.root_rotmats[rows],
+        pelvis_m=between.pelvis_m[rows],
+        shape=motion.shape,
+        fps_hz=IMU_HZ,
+        body=motion.body,
+        gender=motion.gender,
+        frame=motion.frame,
+        source=motion.source,
+    )
+
+
+def _poses_and_trans(motion: Motion, rest_pelvis_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(M, 72) axis-angle and (M, 3) `trans` in the y-up world."""
+    to_3dpw = _3DPW_FROM_WORLD[:3, :3]
+    rotmats = np.concatenate(
+        [(to_3dpw @ motion.root_rotmats)[:, None], motion.local_rotmats], axis=1
+    )
+    rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
+    trans_m = motion.pelvis_m @ to_3dpw.T - rest_pelvis_m
+    return rotvecs.reshape(-1, 72), trans_m
+
+
+class TwinConfig(Config):
+    """How a twin's dataset side differs from the truth."""
+
+    faults: FaultConfig = FaultConfig()
+    """Errors of world, cameras and bodies."""
+    keypoints: KeypointConfig = KeypointConfig()
+    """How well the 2D keypoints are detected."""
+    exposure: ExposureConfig = ExposureConfig()
+    """How the exposure of the images changes."""
+
+
+def write_twin(
+    root: Path,
+    split: str,
+    name: str,
+    clips: Sequence[Clip],
+    frames: Sequence[Path],
+    genders: Sequence[str],
+    body: BodyModel,
+    truth_dir: Path,
+    config: TwinConfig,
+    rng: np.random.Generator,
+    *,
+    image_dir: Path | None = None,
+) -> SequenceFiles:
+    """Write one twin.  The sequence file comes last, so one that exists has all that belongs to it.
+
+    Args:
+        root: Root of the dataset to write in.
+        split: `train`, `validation` or `test`.
+        name: Name of the sequence.
+        clips: Exact world-frame clips at 30 Hz, one per person, with the camera that was rendered.
+        frames: The N images in order, .jpg.
+        genders: "female" or "male" per person; letters in the file, without effect on the body.
+        body: The body of all clips.
+        truth_dir: Where the exact clips are kept, as `<name>.p<person>.npz`, and the exposure's
+            `gains` (N,), as `<name>.exposure.npz`.
+        config: The faults.
+        rng: Source of all faults and keypoints; the same state gives the same bytes.
+        image_dir: Where to write the images; the sequence's own folder when left out.
+
+    Returns:
+        Where the sequence is.
+
+    Raises:
+        BadSequence: the name, the split or the clips do not make a sequence.
+        BadFrames: not one whole JPEG of the camera's size per row of the clips.
+    """
+    require_name(name)
+    keypoints_px = [_keypoints(clip, body, config.keypoints, rng) for clip in clips]
+    faulty = dataset_side(clips, config.faults, rng)
+    arrays = sequence_arrays(name, faulty, body, genders, keypoints_px)
+    _require_frames(name, clips[0], frames)
+    files = SequenceFiles(root, name, split)
+    gains = exposure_gains(len(frames), clips[0].motion.fps_hz, config.exposure, rng)
+    write_npz(truth_dir / f"{name}.exposure.npz", {"gains": gains})
+    for row, frame in enumerate(frames):
+        with atomic_path((image_dir or files.image_dir) / files.image_path(row).name) as temporary:
+            temporary.write_bytes(_image(frame, float(gains[row]), config.exposure))
+    for person, clip in enumerate(clips):
+        truth = replace(clip, id=f"{name}.p{person}", image_numbers=np.arange(len(frames)))
+        rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
+        save_clip(truth_dir / f"{truth.id}.npz", truth, rest_pelvis_m)
+    return write_sequence(root, split, arrays)
+
+
+def _keypoints(
+    clip: Clip, body: BodyModel, config: KeypointConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """Keypoints of the exact person: detectors look at the image, which has no drift."""
+    from gmrdata.values.skinning import motion_joints_m
+
+    return detected_keypoints(motion_joints_m(body, clip.motion), camera_of(clip), config, rng)
+
+
+def _image(frame: Path, gain: float, config: ExposureConfig) -> bytes:
+    content = frame.read_bytes()
+    if config.gain == UNCHANGED:
+        return content
+    return exposed_jpeg(content, gain, config.jpeg_quality)
+
+
+def _require_frames(name: str, clip: Clip, frames: Sequence[Path]) -> None:
+    camera = camera_of(clip)
+    if len(frames) != camera.n_frames:
+        raise BadFrames(f"{name}: {len(frames)} images for {camera.n_frames} frames of {clip.id}")
+    for frame in frames:
+        if frame.suffix.lower() != ".jpg":
+            raise BadFrames(f"{frame}: 3DPW's images are .jpg; render the twin as JPEG")
+    width_px, height_px = check_images(list(frames))
+    if (width_px, height_px) != (camera.width_px, camera.height_px):
+        raise BadFrames(
+            f"{frames[0]}: {width_px}x{height_px} px, the camera of {clip.id} has "
+            f"{camera.width_px}x{camera.height_px} px; give the frames that it rendered"
+        )

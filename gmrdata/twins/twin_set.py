@@ -1,0 +1,241 @@
+"""A twin set: clips rendered, then written as a dataset in 3DPW's layout, the truth beside it.
+
+Read a twin set: the dataset's root, what each sequence is, and its exact people.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from gmrdata.film.extras import Extras
+from gmrdata.film.render import EXTRAS_FOLDER
+from gmrdata.film.render_set import render_dir, render_set
+from gmrdata.film.scene import SceneConfig
+from gmrdata.film.set_plan import SyntheticClip, clip_rng, render_config
+from gmrdata.film.set_takes import select
+from gmrdata.read.bodies import read_body
+from gmrdata.read.frames import list_images
+from gmrdata.read.threedpw_layout import IMAGES_DIR, SEQUENCES_DIR, SPLITS, require_name
+from gmrdata.stage.progress import track
+from gmrdata.stage.store import run_stage
+from gmrdata.twins.recipe import Split, TwinRecipe
+from gmrdata.twins.twin import TwinConfig, write_twin
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadRecord, MissingInput, StageFailed
+from gmrdata.values.files import read_json, remove_orphans, write_json
+from gmrdata.values.records import Config
+
+
+@dataclass(frozen=True)
+class TwinTruth:
+    """A folder that `gmrdata threedpw twin` made."""
+
+    folder: Path
+    """The folder."""
+    classes: dict[str, str]
+    """What the camera does, by sequence."""
+
+    @property
+    def root(self) -> Path:
+        """The dataset, in 3DPW's layout."""
+        return self.folder / DATASET_FOLDER
+
+    def people(self, name: str) -> list[Clip]:
+        """The exact people of a sequence.
+
+        Raises:
+            MissingInput: there is no such sequence, or it has no people.
+        """
+        if name not in self.classes:
+            raise MissingInput(
+                f"{self.folder}: no twin {name!r}; there are {', '.join(self.classes)}"
+            )
+        folder = self.folder / TRUTH_FOLDER
+        clips: list[Clip] = []
+        while (path := folder / f"{name}.p{len(clips)}.npz").is_file():
+            clips.append(load_clip(path))
+        if not clips:
+            raise MissingInput(f"{folder}: no {name}.p0.npz; make the twins again")
+        return clips
+
+
+def read_truth(folder: Path) -> TwinTruth:
+    """Read `truth/twins.json` of a twin set.
+
+    Raises:
+        MissingInput: the folder is no twin set.
+        BadRecord: twins.json is broken.
+        BadSequence: a name in it is no sequence's.
+    """
+    path = folder / TRUTH_FOLDER / TWINS_FILE
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file; give a folder that `gmrdata threedpw twin` made")
+    record = read_json(path)
+    try:
+        classes = {str(row["name"]): str(row["class_true"]) for row in record["sequences"]}
+    except (KeyError, TypeError):
+        raise BadRecord(
+            f"{path}: not a list of sequences with name and class_true; make the twins again"
+        ) from None
+    for name in classes:
+        require_name(name)
+    return TwinTruth(folder, classes)
+
+
+SET_FOLDER, DATASET_FOLDER, TRUTH_FOLDER = "render_set", "3DPW", "truth"
+TWINS_FILE = "twins.json"
+GENDERS = ("female", "male")
+
+
+class SequenceTwinConfig(Config):
+    """What decides one sequence beside what was rendered."""
+
+    name: str
+    """Name of the sequence."""
+    split: Split
+    """Its split."""
+    seed: int
+    """The set's seed; faults hang on it and on the name."""
+    people: tuple[str, ...]
+    """The clips of the annotated people, below the rendered clip's folder."""
+    twin: TwinConfig
+    """The faults."""
+
+
+def make_twins(
+    recipe: TwinRecipe,
+    out_dir: Path,
+    *,
+    motions_dir: Path | None = None,
+    scheduler: str | None = None,
+    redo: bool = False,
+) -> Path:
+    """Render a twin set to `out_dir/render_set`, and write it to `out_dir/3DPW`.
+
+    The truth is kept in `out_dir/truth`: `<name>.p<person>.npz`, the exact clip of each annotated
+    person, `<name>.exposure.npz`, and `twins.json`, which says of each sequence what it is.  A run
+    that was stopped goes on where it was; the same recipe again does nothing.
+
+    Args:
+        recipe: The recipe.
+        out_dir: Output folder.
+        motions_dir: Folder of motion files.
+        scheduler: Address of a Dask cluster for the clips; local processes when None.
+        redo: Make anew what another recipe made.
+
+    Returns:
+        `out_dir/3DPW`, the root of the dataset.
+
+    Raises:
+        MissingInput: not one clip of the recipe can be rendered.
+        StageFailed: some clips failed; the sequences of the others are written.
+        StaleOutput: something was made by another recipe.
+    """
+    out_dir = out_dir.resolve()
+    failed: StageFailed | None = None
+    try:
+        render_set(
+            recipe.set,
+            out_dir / SET_FOLDER,
+            motions_dir=motions_dir,
+            scheduler=scheduler,
+            redo=redo,
+        )
+    except StageFailed as error:
+        failed = error
+    failures_dir = out_dir / SET_FOLDER / "failed"
+    clips = [
+        take.clip
+        for take in select(recipe.set, motions_dir).takes
+        if not (failures_dir / f"{take.id}.txt").exists()
+    ]
+    for folder in (out_dir / TRUTH_FOLDER, *(out_dir / DATASET_FOLDER).glob("*/*/")):
+        remove_orphans(folder)
+    for clip in track(clips, "writing sequences"):
+        write_sequence_twin(recipe, clip, out_dir, redo=redo)
+    _write_index(out_dir / TRUTH_FOLDER / TWINS_FILE, recipe, clips)
+    if failed is not None:
+        raise failed
+    return out_dir / DATASET_FOLDER
+
+
+def write_sequence_twin(
+    recipe: TwinRecipe, clip: SyntheticClip, out_dir: Path, *, redo: bool = False
+) -> Path:
+    """Stage: one sequence.  Its folder of images comes last, so one that exists is complete.
+
+    Args:
+        recipe: The recipe.
+        clip: One of its clips, already rendered below `out_dir/render_set`.
+        out_dir: The twin set's folder.
+        redo: Make anew what another recipe made.
+
+    Returns:
+        The folder of images.
+
+    Raises:
+        MissingInput: the clip was not rendered.
+        StaleOutput: the sequence was made by another recipe or from other frames.
+    """
+    rendered = render_dir(out_dir / SET_FOLDER, clip.id)
+    root, truth_dir = out_dir / DATASET_FOLDER, out_dir / TRUTH_FOLDER
+    body_path = out_dir / SET_FOLDER / "body" / "body.npz"
+    config = SequenceTwinConfig(
+        name=clip.id,
+        split=recipe.splits.get(clip.id, recipe.split),
+        seed=recipe.set.seed,
+        people=_annotated(_place(recipe, clip).extras),
+        twin=recipe.twin,
+    )
+    paths = [rendered / file for file in config.people]
+
+    def work(partial_dir: Path) -> None:
+        for split in SPLITS:  # of another recipe, which had more people or another split
+            (root / SEQUENCES_DIR / split / f"{clip.id}.pkl").unlink(missing_ok=True)
+        for stale in truth_dir.glob(f"{clip.id}.p[0-9].npz"):
+            stale.unlink()
+        rng = clip_rng(recipe.set.seed, clip.id, "faults")
+        genders = [GENDERS[int(rng.integers(2))] for _ in paths]
+        write_twin(
+            root,
+            config.split,
+            clip.id,
+            [load_clip(path) for path in paths],
+            list_images(rendered / "frames"),
+            genders,
+            read_body(body_path),
+            truth_dir,
+            config.twin,
+            rng,
+            image_dir=partial_dir,
+        )
+
+    inputs = {"frames": rendered / "frames", "body": body_path}
+    inputs |= {f"person{number}": path for number, path in enumerate(paths)}
+    return run_stage("twin", root / IMAGES_DIR / clip.id, config, inputs, work, redo=redo)
+
+
+def _annotated(extras: Extras) -> tuple[str, ...]:
+    return ("clip.npz", *(f"{EXTRAS_FOLDER}/{name}.npz" for name in extras.names[: extras.company]))
+
+
+def _place(recipe: TwinRecipe, clip: SyntheticClip) -> SceneConfig:
+    return render_config(recipe.set, clip).scene
+
+
+def _write_index(path: Path, recipe: TwinRecipe, clips: list[SyntheticClip]) -> None:
+    """Write what each sequence is; a file that says the same is left alone."""
+    index = {"sequences": [_about(recipe, clip) for clip in clips]}
+    if not path.is_file() or read_json(path) != index:
+        write_json(path, index)
+
+
+def _about(recipe: TwinRecipe, clip: SyntheticClip) -> dict[str, object]:
+    scene = _place(recipe, clip)
+    return {
+        "name": clip.id,
+        "class_true": clip.programme.kind,
+        "trial": clip.trial or f"gait {clip.gait}",
+        "people": 1 + scene.extras.company,
+        "scene": scene.model_dump(mode="json"),
+        "programme": clip.programme.model_dump(mode="json"),
+    }

@@ -1,0 +1,1 @@
+"""The values that carry everything, and the records that stages leave."""

@@ -1,0 +1,125 @@
+"""BodyModel: a skinned body of the SMPL tree as plain arrays.
+
+The 24-joint SMPL tree: names, parents, and the joints that other modules ask for by name.
+
+Some of a body's vertices, where all of them are more than is needed.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+HANDS = {72: (22, 23), 156: (22, 37), 165: (25, 40)}
+"""Where SMPL's two hand joints stand among the joints, by the number of pose values in a frame."""
+
+WORLD_FROM_REST = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""W: from rest axes (y up, z front) to a z-up world."""
+
+JOINT_NAMES = (
+    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee",
+    "spine2", "left_ankle", "right_ankle", "spine3", "left_foot", "right_foot",
+    "neck", "left_collar", "right_collar", "head", "left_shoulder", "right_shoulder",
+    "left_elbow", "right_elbow", "left_wrist", "right_wrist", "left_hand", "right_hand",
+)  # fmt: skip
+"""SMPL's joints in SMPL's order (Loper et al. 2015)."""
+
+PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
+"""Parent of each joint; the pelvis has none (-1).  A parent always comes before its children."""
+
+N_JOINTS = 24
+N_LOCAL = 23
+"""Joints with a local rotation: all but the pelvis, whose rotation is the root's."""
+
+JOINT = {name: i for i, name in enumerate(JOINT_NAMES)}
+
+_OTHER_SIDE = {"left": "right", "right": "left"}
+
+MIRRORED = tuple(
+    JOINT["_".join(_OTHER_SIDE.get(word, word) for word in name.split("_"))] for name in JOINT_NAMES
+)
+"""Index of each joint's counterpart on the other side of the body."""
+
+
+PHENOTYPES = ("gender", "age", "muscle", "weight", "height", "proportions")
+"""Anny's, each from 0 to 1: gender 0 is male and 1 female; age 2/3 is young and 1 old."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """A body whose vertices follow 24 joints by linear blend skinning (Loper et al. 2015).
+
+    Rest frame: SMPL's T-pose, metres, x to the body's left, y up, z to the front.  Rest joints and
+    rest vertices are linear in the shape, so a regressor is applied once, when the model is read.
+    """
+
+    name: str
+    """Which body this is, as stored in clips: "anny", "smpl-neutral", "smpl-male", ..."""
+    template_m: np.ndarray
+    """(V, 3) rest vertices of the mean shape, rest frame [m]."""
+    shape_dirs_m: np.ndarray
+    """(V, 3, S) vertex offset for one unit of each shape coefficient [m]."""
+    joints_template_m: np.ndarray
+    """(24, 3) rest joints of the mean shape, rest frame [m]."""
+    joint_shape_dirs_m: np.ndarray
+    """(24, 3, S) joint offset for one unit of each shape coefficient [m]."""
+    skin_weights: np.ndarray
+    """(V, 24) share of each joint in each vertex; rows sum to 1."""
+    faces: np.ndarray
+    """(F, 3) vertex indices, counter-clockwise seen from outside."""
+    pose_dirs_m: np.ndarray | None
+    """(V, 3, 207) vertex offset per entry of (local rotation - identity) [m]; None for a body
+    without them."""
+    licence: str
+    """Terms under which renders and arrays of this body may be passed on."""
+    adult_shapes: np.ndarray | None = None
+    """(N, S) shapes of usual adults, to draw people from; None for a body without such a list."""
+    adult_phenotypes: np.ndarray | None = None
+    """(N, 6) `PHENOTYPES` of those adults."""
+
+    @property
+    def n_shape(self) -> int:
+        """Number of shape coefficients."""
+        return int(self.shape_dirs_m.shape[2])
+
+    def rest_joints_m(self, shape: np.ndarray) -> np.ndarray:
+        """Rest joints of one shape: (S,) -> (24, 3), rest frame [m]."""
+        return self.joints_template_m + self.joint_shape_dirs_m @ np.asarray(
+            shape, dtype=np.float64
+        )
+
+    def rest_pelvis_m(self, shape: np.ndarray) -> np.ndarray:
+        """J0(shape), by which SMPL's `trans` differs from the pelvis position: (S,) -> (3,) [m]."""
+        return self.rest_joints_m(shape)[0]
+
+
+def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> np.ndarray:
+    """Rows of n vertices, evenly spread over the body's list, ascending: (n,) int.
+
+    All of them for None, or where the body has no more than asked for.
+    """
+    if n_vertices is None or n_vertices >= n_body_vertices:
+        return np.arange(n_body_vertices)
+    return (np.arange(n_vertices) * n_body_vertices) // n_vertices
+
+
+def with_vertices(body: BodyModel, rows: np.ndarray) -> BodyModel:
+    """The same body with some of its vertices and no faces; joints and shapes stay as they are.
+
+    Args:
+        body: A body of V vertices.
+        rows: (n,) int indices of the vertices to keep.
+    """
+    return replace(
+        body,
+        template_m=body.template_m[rows],
+        shape_dirs_m=body.shape_dirs_m[rows],
+        skin_weights=body.skin_weights[rows],
+        pose_dirs_m=None if body.pose_dirs_m is None else body.pose_dirs_m[rows],
+        faces=np.zeros((0, 3), dtype=body.faces.dtype),
+    )
+
+
+def gender_of(body: BodyModel) -> str:
+    """ "female" or "male" for a body whose name ends so, else "neutral"."""
+    ending = body.name.rpartition("-")[2]
+    return ending if ending in ("female", "male") else "neutral"

@@ -1,0 +1,115 @@
+"""CameraPath and the pinhole projection.
+
+Is the subject in the picture?
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmrdata.values import transforms
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPath:
+    """A pinhole camera over T frames.
+
+    The camera looks along +z with x right and y down (OpenCV); pixel (0, 0) is the outer corner of
+    the top-left pixel (COLMAP), so the centre of an image of width w is at x = w / 2.
+    """
+
+    intrinsics_px: np.ndarray
+    """(3, 3) calibration matrix K [px], the same for all frames."""
+    width_px: int
+    """Image width [px]."""
+    height_px: int
+    """Image height [px]."""
+    world_from_cam: np.ndarray
+    """(T, 4, 4) rigid transforms [m]; NaN where `has_camera` is False."""
+    has_camera: np.ndarray
+    """(T,) bool: whether the camera of this frame is known."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames T."""
+        return int(self.world_from_cam.shape[0])
+
+    @property
+    def centres_world_m(self) -> np.ndarray:
+        """(T, 3) optical centres, world frame [m]."""
+        return self.world_from_cam[:, :3, 3]
+
+
+def intrinsics_from_fov(hfov_deg: float, width_px: int, height_px: int) -> np.ndarray:
+    """Calibration matrix (3, 3) [px]: square pixels, principal point in the image centre."""
+    focal_px = 0.5 * width_px / np.tan(np.deg2rad(hfov_deg) / 2)
+    return np.array(
+        [[focal_px, 0.0, width_px / 2], [0.0, focal_px, height_px / 2], [0.0, 0.0, 1.0]]
+    )
+
+
+def project_cam(points_cam_m: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
+    """Project points (..., 3) in the camera frame [m] to (..., 2) image points [px].
+
+    Points with depth <= 0 are behind the camera; their image points are NaN.
+    """
+    depth_m = points_cam_m[..., 2:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rays = np.where(depth_m > 0, points_cam_m / depth_m, np.nan)
+    return (rays @ intrinsics_px.T)[..., :2]
+
+
+def project(
+    world_from_cam: np.ndarray, points_world_m: np.ndarray, intrinsics_px: np.ndarray
+) -> np.ndarray:
+    """Project world points (..., N, 3) [m] through cameras (..., 4, 4) to (..., N, 2) [px]."""
+    return project_cam(
+        transforms.apply(transforms.invert(world_from_cam), points_world_m), intrinsics_px
+    )
+
+
+HEAD_ABOVE_PELVIS_M = 0.85
+FEET_BELOW_PELVIS_M = 1.05
+REACH_M = 0.4
+"""A standing adult of 1.9 m fits this box round the pelvis."""
+
+
+def in_frame_share(
+    camera: CameraPath, points_world_m: np.ndarray, margin_share: float = 0.0
+) -> float:
+    """Share of the frames with all points in front of the camera and inside the image.
+
+    Args:
+        camera: Camera over T frames.
+        points_world_m: (T, 3) or (T, N, 3) points per frame, world [m].
+        margin_share: Border that does not count as inside, as a share of the image's height.
+
+    Returns:
+        0 to 1.  A frame without a camera counts as out of frame.
+    """
+    return float(in_frame(camera, points_world_m, margin_share).mean())
+
+
+def in_frame(
+    camera: CameraPath, points_world_m: np.ndarray, margin_share: float = 0.0
+) -> np.ndarray:
+    """(T,) bool: frames with all points in view; `in_frame_share` has the arguments."""
+    points = np.asarray(points_world_m, dtype=np.float64)
+    points = points[:, None] if points.ndim == 2 else points
+    points_px = project(camera.world_from_cam, points, camera.intrinsics_px)
+    border_px = margin_share * camera.height_px
+    size_px = np.array([camera.width_px, camera.height_px])
+    # Comparisons with NaN are False: points behind the camera and frames without one drop out here.
+    inside = (points_px >= border_px) & (points_px <= size_px - border_px)
+    return np.asarray(inside.all(axis=(1, 2)))
+
+
+def person_box(pelvis_world_m: np.ndarray) -> np.ndarray:
+    """Corners (T, 8, 3) of a box that holds a standing person, from pelvis positions (T, 3) [m]."""
+    corners = [
+        (x, y, z)
+        for x in (-REACH_M, REACH_M)
+        for y in (-REACH_M, REACH_M)
+        for z in (-FEET_BELOW_PELVIS_M, HEAD_ABOVE_PELVIS_M)
+    ]
+    return pelvis_world_m[:, None] + np.array(corners)

@@ -1,0 +1,182 @@
+"""Clip: what the manifest lists, the trainer trains on and the evaluator scores; and its file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.motion import Motion
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """One person in one take, over T frames."""
+
+    id: str
+    """Unique within a manifest; letters, digits, `_`, `-` and `.`."""
+    motion: Motion
+    """The person."""
+    valid: np.ndarray
+    """(T,) bool: frames whose motion can be used."""
+    image_numbers: np.ndarray
+    """(T,) int: number in the image's file name for each row; -1 where the clip has no image."""
+    camera: CameraPath | None
+    """The camera, or None for a training motion."""
+
+
+def camera_of(clip: Clip) -> CameraPath:
+    """The clip's camera, for callers that can't do without.
+
+    Raises:
+        BadMotionFile: the clip has none.
+    """
+    if clip.camera is None:
+        raise BadMotionFile(
+            f"clip {clip.id} has no camera. Give a clip that was rendered or reconstructed"
+        )
+    return clip.camera
+
+
+def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
+    """Write a clip as an .npz with AMASS's keys, camera keys beside them, and no pickled objects.
+
+    AMASS's `trans` is not the pelvis: pelvis = trans + J0.  It is converted here and back in
+    `load_clip`, and J0 travels in the file, so no body model is needed to read it.
+
+    Args:
+        path: The file.
+        clip: The clip.
+        rest_pelvis_m: (3,) J0 of the clip's body and shape, rest frame [m].
+
+    Raises:
+        BadMotionFile: the clip's arrays do not fit together.
+    """
+    motion = clip.motion
+    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    arrays: dict[str, Any] = {
+        "poses": _rotvecs(rotmats).reshape(motion.n_frames, 72),
+        "trans": np.asarray(motion.pelvis_m - rest_pelvis_m, dtype=np.float64),
+        "betas": np.asarray(motion.shape, dtype=np.float64),
+        "gender": motion.gender,
+        "mocap_framerate": float(motion.fps_hz),
+        "rest_pelvis_m": np.asarray(rest_pelvis_m, dtype=np.float64),
+        "body": motion.body,
+        "frame": motion.frame,
+        "source": motion.source,
+        "id": clip.id,
+        "valid": clip.valid,
+        "image_numbers": clip.image_numbers,
+    }
+    if clip.camera is not None:
+        arrays |= {
+            "camera_intrinsics_px": clip.camera.intrinsics_px,
+            "camera_size_px": np.array([clip.camera.width_px, clip.camera.height_px]),
+            "world_from_cam": clip.camera.world_from_cam,
+            "has_camera": clip.camera.has_camera,
+        }
+    _check_arrays(path, {key: np.asarray(value) for key, value in arrays.items()})
+    write_npz(path, arrays)
+
+
+def load_clip(path: Path) -> Clip:
+    """Read a clip that `save_clip` wrote.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: the file is truncated, lacks a key, or its arrays do not fit together.
+    """
+    from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
+
+    arrays = read_npz(path)
+    _check_arrays(path, arrays)
+    n_frames = len(arrays["poses"])
+    rotmats = Rotation.from_rotvec(arrays["poses"].reshape(-1, 3)).as_matrix()
+    rotmats = rotmats.reshape(n_frames, 24, 3, 3)
+    motion = Motion(
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=arrays["trans"] + arrays["rest_pelvis_m"],
+        shape=arrays["betas"],
+        fps_hz=float(arrays["mocap_framerate"]),
+        body=str(arrays["body"]),
+        gender=str(arrays["gender"]),
+        frame="camera" if str(arrays["frame"]) == "camera" else "world",
+        source=str(arrays["source"]),
+    )
+    camera = None
+    if "world_from_cam" in arrays:
+        width_px, height_px = (int(size) for size in arrays["camera_size_px"])
+        camera = CameraPath(
+            arrays["camera_intrinsics_px"],
+            width_px,
+            height_px,
+            arrays["world_from_cam"],
+            arrays["has_camera"],
+        )
+    return Clip(str(arrays["id"]), motion, arrays["valid"], arrays["image_numbers"], camera)
+
+
+_SHAPES: dict[str, tuple[str, tuple[str | int, ...]]] = {
+    "poses": ("f", ("T", 72)),
+    "trans": ("f", ("T", 3)),
+    "betas": ("f", ("S",)),
+    "rest_pelvis_m": ("f", (3,)),
+    "mocap_framerate": ("fi", ()),
+    "valid": ("b", ("T",)),
+    "image_numbers": ("iu", ("T",)),
+    "body": ("U", ()),
+    "gender": ("U", ()),
+    "frame": ("U", ()),
+    "source": ("U", ()),
+    "id": ("U", ()),
+}
+"""Kind (numpy's letters) and shape of each array of a clip; T frames, S shape coefficients."""
+
+_CAMERA_SHAPES: dict[str, tuple[str, tuple[str | int, ...]]] = {
+    "camera_intrinsics_px": ("f", (3, 3)),
+    "camera_size_px": ("iu", (2,)),
+    "world_from_cam": ("f", ("T", 4, 4)),
+    "has_camera": ("b", ("T",)),
+}
+"""The same for a clip with a camera."""
+
+
+def _check_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Check that all arrays of a clip are there and fit together."""
+    shapes = _SHAPES | (_CAMERA_SHAPES if arrays.keys() & _CAMERA_SHAPES.keys() else {})
+    lengths: dict[str, int] = {}
+    for key, (kinds, shape) in shapes.items():
+        if key not in arrays:
+            raise BadMotionFile(f"{path}: not a clip file, it has no array {key!r}")
+        found = arrays[key]
+        wanted = tuple(
+            lengths.setdefault(size, length) if isinstance(size, str) else size
+            for size, length in zip(shape, found.shape, strict=False)
+        )
+        if found.dtype.kind not in kinds or len(found.shape) != len(shape) or found.shape != wanted:
+            raise BadMotionFile(
+                f"{path}: array {key!r} has shape {found.shape} and type {found.dtype}, which "
+                f"doesn't fit a clip of {lengths.get('T')} frames; make the clip again"
+            )
+    if lengths["T"] == 0:
+        raise BadMotionFile(f"{path}: the clip has no frames")
+    if str(arrays["frame"]) not in ("world", "camera"):
+        raise BadMotionFile(f"{path}: frame is {str(arrays['frame'])!r}, not 'world' or 'camera'")
+    if not (np.isfinite(arrays["mocap_framerate"]) and arrays["mocap_framerate"] > 0):
+        raise BadMotionFile(f"{path}: the frame rate is {arrays['mocap_framerate']} Hz")
+
+
+def _rotvecs(rotmats: np.ndarray) -> np.ndarray:
+    """Axis-angle of rotation matrices (..., 3, 3); NaN where a frame without a motion has NaN."""
+    from scipy.spatial.transform import Rotation
+
+    flat = rotmats.reshape(-1, 3, 3)
+    known = np.isfinite(flat).all(axis=(1, 2))
+    rotvecs = np.full((len(flat), 3), np.nan)
+    if known.any():
+        rotvecs[known] = Rotation.from_matrix(flat[known]).as_rotvec()
+    return rotvecs.reshape(*rotmats.shape[:-1])

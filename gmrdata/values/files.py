@@ -1,0 +1,225 @@
+"""Files that are whole when they exist: hashes, atomic writes, JSON and .npz.
+
+Relative paths that stay inside their folder.
+"""
+
+import hashlib
+import io
+import json
+import os
+import re
+import threading
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
+
+STAGE_FILE = "stage.json"
+
+
+RECIPE_FILE = "recipe.json"
+
+
+_LOCK_NAME = re.compile(r"\..+\.lock")
+
+
+_TEMPORARY_NAME = re.compile(r"\..+\.(?P<pid>\d+)-\d+\.tmp(\..*)?")
+"""What `atomic_path` calls the file that a process writes."""
+
+
+def sha256_of_file(path: Path) -> str:
+    """Hex SHA-256 of a file's bytes.
+
+    Raises:
+        MissingInput: there is no such file.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def sha256_of_path(path: Path) -> str:
+    """Hex SHA-256 of a file, or of a folder's relative paths and contents.
+
+    A stage's own record is left out, since it holds times, and so are the lock files of stages.
+
+    Raises:
+        MissingInput: there is nothing at the path.
+    """
+    if not path.is_dir():
+        return sha256_of_file(path)
+    digest = hashlib.sha256()
+    for file in sorted(p for p in path.rglob("*") if p.is_file()):
+        if file.name in (STAGE_FILE, RECIPE_FILE) or _LOCK_NAME.fullmatch(file.name):
+            continue
+        digest.update(f"{file.relative_to(path).as_posix()}\0{sha256_of_file(file)}\n".encode())
+    return digest.hexdigest()
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """A temporary sibling of `path` to write to; it replaces `path` when the block ends well."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unique = f"{os.getpid()}-{threading.get_ident()}"
+    temporary = path.with_name(f".{path.name}.{unique}.tmp{path.suffix}")
+    try:
+        yield temporary
+        with temporary.open("rb") as stream:
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def remove_orphans(folder: Path) -> None:
+    """Remove what `atomic_path` left right in a folder for processes that were killed."""
+    for leftover in folder.glob(".*.tmp*"):
+        written_by = _TEMPORARY_NAME.fullmatch(leftover.name)
+        if written_by and leftover.is_file() and not _is_running(int(written_by["pid"])):
+            leftover.unlink(missing_ok=True)
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # somebody else's
+        return True
+    return True
+
+
+def write_npz(path: Path, arrays: Mapping[str, ArrayLike], *, compressed: bool = False) -> None:
+    """Write arrays as an .npz as a whole or not at all; the same arrays give the same bytes.
+
+    The archive is made in memory: a disk that fills up in the middle of one leaves zipfile with an
+    archive that it can neither finish nor give up quietly.
+    """
+    archive = io.BytesIO()
+    save = np.savez_compressed if compressed else np.savez
+    save(archive, **arrays)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(archive.getbuffer())
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file as a whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON with sorted keys, as a whole or not at all.  NaN and infinities are refused."""
+    write_text(path, json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadRecord: it isn't JSON.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise BadRecord(f"{path}: not JSON ({error}); make it again") from None
+
+
+MAX_UNPACKED_BYTES = 4 << 30
+"""An .npz that unpacks to more is refused before it fills the memory."""
+
+
+def read_npz(path: Path) -> dict[str, np.ndarray]:
+    """All arrays of an .npz, without unpickling anything.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: not an .npz, truncated, or with pickled objects inside.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size_bytes = sum(entry.file_size for entry in archive.infolist())
+        if size_bytes > MAX_UNPACKED_BYTES:
+            raise BadMotionFile(f"{path}: unpacks to {size_bytes} bytes, which no motion needs")
+        with np.load(path, allow_pickle=False) as arrays:
+            return {key: arrays[key] for key in arrays.files}
+    except _NPZ_ERRORS as error:
+        raise BadMotionFile(f"{path}: not a readable .npz of plain arrays ({error})") from None
+
+
+_NPZ_ERRORS = (
+    zipfile.BadZipFile,
+    zlib.error,
+    ValueError,
+    TypeError,
+    OSError,
+    EOFError,
+    MemoryError,
+    # An encrypted or strangely compressed member.
+    RuntimeError,
+)
+"""What numpy and zipfile raise for files that are not what they say."""
+
+
+_DRIVE = re.compile(r"^[A-Za-z]:")
+
+
+def safe_relative(text: str) -> str:
+    """Return `text` if it is a plain relative path with forward slashes.
+
+    Raises:
+        ValueError: the path is absolute, climbs with `..`, or is written in a way that another
+            system would read differently (backslashes, drive letters, control characters, `a//b`).
+    """
+    if not text:
+        raise ValueError("path is empty")
+    if text.startswith("/") or _DRIVE.match(text):
+        raise ValueError(f"path {text!r} is absolute; write it relative to the manifest's folder")
+    if "\\" in text or any(ord(letter) < 32 or ord(letter) == 127 for letter in text):
+        raise ValueError(f"path {text!r} has a backslash or control character; use forward slashes")
+    if ".." in text.split("/"):
+        raise ValueError(f"path {text!r} climbs out with '..'; keep files below the manifest")
+    if text == ".":
+        raise ValueError("path '.' is the manifest's folder itself; name a file or folder below it")
+    if PurePosixPath(text).as_posix() != text:
+        raise ValueError(f"path {text!r} is not in its short form {PurePosixPath(text).as_posix()}")
+    return text
+
+
+def resolve_inside(root: Path, relative: str) -> Path:
+    """The real path of `root / relative`, with every link on the way followed.
+
+    Args:
+        root: The folder that nothing may leave.
+        relative: A path that `safe_relative` accepts.
+
+    Raises:
+        ValueError: the path, or a link anywhere along it, leads out of `root`.
+    """
+    real_root = root.resolve()
+    try:
+        target = (real_root / safe_relative(relative)).resolve()
+    except (OSError, RuntimeError) as error:  # links that point at each other
+        raise ValueError(f"path {relative!r} can't be followed ({error})") from None
+    if not target.is_relative_to(real_root):
+        raise ValueError(
+            f"path {relative!r} is or passes a link out of the manifest's folder; "
+            "copy the file in place of the link"
+        )
+    return target

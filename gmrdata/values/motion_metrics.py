@@ -1,0 +1,218 @@
+"""Errors of a body's vertices: they are posed a chunk of frames at a time.
+
+The paper's motion errors (eqs. 15-17): OME [deg], TME [mm], VME [mm].
+
+Each is a mean over the T-1 motions of T frames.  The functions ending in `_errors_*` give the
+values per motion, of which the mean is taken; a caller with gaps pools those of several runs.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from gmrdata.values.body import BodyModel
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import deltas
+
+
+def angles_rad(rotmats: np.ndarray) -> np.ndarray:
+    """Rotation angles in [0, pi] of matrices (..., 3, 3), i.e. the length of the log map: (...)
+    [rad].
+
+    From sine and cosine together, so it is as accurate near 0 and pi as between.
+    """
+    skew = rotmats - np.swapaxes(rotmats, -1, -2)
+    sines = 0.5 * np.sqrt(skew[..., 2, 1] ** 2 + skew[..., 0, 2] ** 2 + skew[..., 1, 0] ** 2)
+    cosines = 0.5 * (np.trace(rotmats, axis1=-2, axis2=-1) - 1)
+    angles: np.ndarray = np.arctan2(sines, cosines)
+    return angles
+
+
+def orientation_errors_deg(predicted_rotmats: np.ndarray, true_rotmats: np.ndarray) -> np.ndarray:
+    """Angle of dR* dR^T per motion: (..., 3, 3) twice -> (...) [deg]."""
+    return np.rad2deg(angles_rad(true_rotmats @ np.swapaxes(predicted_rotmats, -1, -2)))
+
+
+def translation_errors_mm(predicted_m: np.ndarray, true_m: np.ndarray) -> np.ndarray:
+    """Length of dT - dT* per motion: (..., 3) [m] twice -> (...) [mm]."""
+    lengths: np.ndarray = np.linalg.norm(predicted_m - true_m, axis=-1) * 1000
+    return lengths
+
+
+def vertex_errors_mm(
+    predicted_rotmats: np.ndarray,
+    predicted_m: np.ndarray,
+    true_rotmats: np.ndarray,
+    true_m: np.ndarray,
+    true_vertices_m: np.ndarray,
+    predicted_vertices_m: np.ndarray | None = None,
+) -> np.ndarray:
+    """Mean distance of the vertices of M([dA, L], beta, dT) per motion: (n,) [mm].
+
+    Args:
+        predicted_rotmats: (n, 3, 3) dR.
+        predicted_m: (n, 3) dT [m].
+        true_rotmats: (n, 3, 3) dR*.
+        true_m: (n, 3) dT* [m].
+        true_vertices_m: (n, V, 3) true posed body in the first frame of each motion, root at
+            identity, pelvis at the origin [m].
+        predicted_vertices_m: The same of the predicted local pose and shape; None where those are
+            the true ones.
+    """
+    if predicted_vertices_m is None:
+        predicted_vertices_m = true_vertices_m
+    predicted = predicted_vertices_m @ np.swapaxes(predicted_rotmats, -1, -2)
+    true = true_vertices_m @ np.swapaxes(true_rotmats, -1, -2)
+    offsets_m = predicted - true + (predicted_m - true_m)[:, None]
+    means: np.ndarray = np.linalg.norm(offsets_m, axis=-1).mean(-1) * 1000
+    return means
+
+
+def ome_deg(predicted_rotmats: np.ndarray, true_rotmats: np.ndarray) -> float:
+    """Orientation motion error, eq. 15: mean over motions (n, 3, 3) [deg]."""
+    return float(orientation_errors_deg(predicted_rotmats, true_rotmats).mean())
+
+
+def tme_mm(predicted_m: np.ndarray, true_m: np.ndarray) -> float:
+    """Translation motion error, eq. 16: mean over motions (n, 3) [mm]."""
+    return float(translation_errors_mm(predicted_m, true_m).mean())
+
+
+def vme_mm(
+    predicted_rotmats: np.ndarray,
+    predicted_m: np.ndarray,
+    true_rotmats: np.ndarray,
+    true_m: np.ndarray,
+    true_vertices_m: np.ndarray,
+    predicted_vertices_m: np.ndarray | None = None,
+) -> float:
+    """Vertex motion error, eq. 17: mean over motions and vertices [mm]; see `vertex_errors_mm`."""
+    return float(
+        vertex_errors_mm(
+            predicted_rotmats,
+            predicted_m,
+            true_rotmats,
+            true_m,
+            true_vertices_m,
+            predicted_vertices_m,
+        ).mean()
+    )
+
+
+CHUNK_BYTES = 64 << 20
+"""Memory for the vertices of one chunk of frames."""
+
+
+class VertexErrors(NamedTuple):
+    """Errors of a predicted motion's vertices."""
+
+    vme_mm: np.ndarray
+    """(T-1,) mean over the vertices for each motion (eq. 17) [mm]."""
+    over_time_mm: np.ndarray
+    """(T,) mean over the vertices in each frame, where the predicted motions are accumulated from
+    the true first pose (the paper's fig. 5) [mm]."""
+
+
+def posed_vertex_errors_mm(
+    body: BodyModel,
+    shape: np.ndarray,
+    local_rotmats: np.ndarray,
+    rotmats: np.ndarray,
+    metres: np.ndarray,
+    true_rotmats: np.ndarray,
+    true_m: np.ndarray,
+) -> np.ndarray:
+    """VME of n motions of one body with its true local pose and shape (eq. 17): (n,) [mm].
+
+    Args:
+        body: The body.
+        shape: Its shape coefficients.
+        local_rotmats: (n, 23, 3, 3) local pose in the first frame of each motion.
+        rotmats: (n, 3, 3) dR.
+        metres: (n, 3) dT [m].
+        true_rotmats: (n, 3, 3) dR*.
+        true_m: (n, 3) dT* [m].
+    """
+    errors_mm = [np.zeros(0)]
+    for rows in _chunks(len(metres), body):
+        vertices_m = _posed_m(body, shape, local_rotmats[rows])
+        errors_mm.append(
+            vertex_errors_mm(
+                rotmats[rows], metres[rows], true_rotmats[rows], true_m[rows], vertices_m
+            )
+        )
+    return np.concatenate(errors_mm)
+
+
+def run_vertex_errors(
+    body: BodyModel,
+    true: Motion,
+    predicted: Mapping[str, Motion],
+    predicted_body: BodyModel | None = None,
+) -> dict[str, VertexErrors]:
+    """Vertex errors of several predictions of one motion; the true body is posed once.
+
+    Args:
+        body: The true motion's body.
+        true: T frames.
+        predicted: The same frames by name, each in a world of its own: only its motion from frame
+            to frame counts.  One with the true local pose and shape (the same arrays) is not posed
+            again.
+        predicted_body: Body of the predictions with a pose of their own, with the true body's
+            vertices; None for the true body.
+    """
+    true_turns, true_steps_m = deltas(true.root_rotmats, true.pelvis_m)
+    motions = {name: deltas(one.root_rotmats, one.pelvis_m) for name, one in predicted.items()}
+    placed = {name: _from_true_start(one, true) for name, one in predicted.items()}
+    found: dict[str, list[VertexErrors]] = {name: [] for name in predicted}
+    for rows in _chunks(true.n_frames, body):
+        true_m = _posed_m(body, true.shape, true.local_rotmats[rows])
+        for name, one in predicted.items():
+            own_m = true_m
+            if one.local_rotmats is not true.local_rotmats or one.shape is not true.shape:
+                own_m = _posed_m(predicted_body or body, one.shape, one.local_rotmats[rows])
+            rotmats, metres = (part[rows] for part in motions[name])
+            # The last frame begins no motion.
+            n = len(metres)
+            vme_mm = vertex_errors_mm(
+                rotmats, metres, true_turns[rows], true_steps_m[rows], true_m[:n], own_m[:n]
+            )
+            roots, places_m = (part[rows] for part in placed[name])
+            over_time_mm = vertex_errors_mm(
+                roots, places_m, true.root_rotmats[rows], true.pelvis_m[rows], true_m, own_m
+            )
+            found[name].append(VertexErrors(vme_mm, over_time_mm))
+    return {
+        name: VertexErrors(*(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
+        for name, chunks in found.items()
+    }
+
+
+def _from_true_start(predicted: Motion, true: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """R (T, 3, 3) and T (T, 3) [m] of a prediction whose first pose is made the true one."""
+    true_from_predicted = true.root_rotmats[0] @ predicted.root_rotmats[0].T
+    path_m = predicted.pelvis_m - predicted.pelvis_m[0]
+    return (
+        true_from_predicted @ predicted.root_rotmats,
+        path_m @ true_from_predicted.T + true.pelvis_m[0],
+    )
+
+
+def _posed_m(body: BodyModel, shape: np.ndarray, local_rotmats: np.ndarray) -> np.ndarray:
+    """Vertices (n, V, 3) [m], root at identity and pelvis at the origin."""
+    import torch
+
+    from gmrdata.values.skinning_torch import posed_vertices
+
+    betas = torch.as_tensor(shape, dtype=torch.float64)
+    poses = torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64)
+    with torch.no_grad():
+        vertices_m: np.ndarray = posed_vertices(body, betas, poses).numpy()
+    return vertices_m
+
+
+def _chunks(n_rows: int, body: BodyModel) -> Iterator[slice]:
+    length = max(1, CHUNK_BYTES // (len(body.template_m) * 24 * 8))
+    for start in range(0, n_rows, length):
+        yield slice(start, min(start + length, n_rows))

@@ -1,0 +1,92 @@
+"""A motion's joints and vertices with numpy alone.
+
+`gmrdata.values.skinning_torch` computes the same with torch, for learning.  Loading torch takes
+longer than posing a whole clip, and the Blender process, which starts anew for each clip, needs
+nothing else of it.  Loper et al. 2015, eqs. 2-10.
+"""
+
+import numpy as np
+
+from gmrdata.values.body import N_JOINTS, PARENTS, BodyModel
+from gmrdata.values.motion import Motion
+
+CHUNK_BYTES = 64 << 20
+"""Memory that the transforms of one chunk of frames may take."""
+
+
+def motion_joints_m(body: BodyModel, motion: Motion) -> np.ndarray:
+    """Joints of a motion, (T, 24, 3) float64 [m], in the motion's frame.
+
+    Raises:
+        ValueError: the motion's shape does not fit the body.
+    """
+    _check_shape(body, motion)
+    joints_m, _ = _chain(body.rest_joints_m(motion.shape), motion)
+    return joints_m
+
+
+def motion_vertices_m(
+    body: BodyModel, motion: Motion, rows: np.ndarray | slice | None = None
+) -> np.ndarray:
+    """Vertices of a motion, (n, V, 3) float32 [m], in the motion's frame.
+
+    Args:
+        body: The body.
+        motion: The motion.
+        rows: Which of the motion's T frames: an index array, a bool mask or a slice; None for all.
+
+    Raises:
+        ValueError: the motion's shape does not fit the body.
+    """
+    _check_shape(body, motion)
+    rest_joints_m = body.rest_joints_m(motion.shape)
+    joints_m, frame_from_joint = _chain(rest_joints_m, motion)
+    # A joint's transform maps rest points to posed points, so its own rest place comes off first.
+    # Seen from the pelvis, single precision is fine: far from the origin it would not be.
+    pelvis_m = joints_m[:, :1]
+    turned_m = (frame_from_joint @ (rest_joints_m - rest_joints_m[0])[..., None])[..., 0]
+    offsets_m = joints_m - pelvis_m - turned_m
+    transforms = np.concatenate([frame_from_joint, offsets_m[..., None]], axis=-1)
+    numbers = np.arange(motion.n_frames)[slice(None) if rows is None else rows]
+    template_m = body.template_m + body.shape_dirs_m @ motion.shape - rest_joints_m[0]
+    weights = body.skin_weights.astype(np.float32)
+    vertices_m = np.empty((len(numbers), *template_m.shape), dtype=np.float32)
+    chunk = max(1, CHUNK_BYTES // (len(template_m) * 12 * 4))
+    for start in range(0, len(numbers), chunk):
+        now = numbers[start : start + chunk]
+        rest_m = _bent(body, template_m, motion, now)
+        moved = transforms[now].reshape(-1, N_JOINTS, 12).astype(np.float32)
+        blended = (weights @ moved).reshape(len(now), -1, 3, 4)
+        posed_m = np.einsum("tvij,tvj->tvi", blended[..., :3], rest_m) + blended[..., 3]
+        vertices_m[start : start + chunk] = posed_m + pelvis_m[now]
+    return vertices_m
+
+
+def _chain(rest_joints_m: np.ndarray, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Joints (T, 24, 3) and frame_from_joint (T, 24, 3, 3) down the tree (eq. 4)."""
+    joints_m = np.empty((motion.n_frames, N_JOINTS, 3))
+    rotations = np.empty((motion.n_frames, N_JOINTS, 3, 3))
+    joints_m[:, 0], rotations[:, 0] = motion.pelvis_m, motion.root_rotmats
+    for joint in range(1, N_JOINTS):
+        parent = PARENTS[joint]
+        bone_m = rest_joints_m[joint] - rest_joints_m[parent]
+        joints_m[:, joint] = joints_m[:, parent] + rotations[:, parent] @ bone_m
+        rotations[:, joint] = rotations[:, parent] @ motion.local_rotmats[:, joint - 1]
+    return joints_m, rotations
+
+
+def _bent(body: BodyModel, template_m: np.ndarray, motion: Motion, rows: np.ndarray) -> np.ndarray:
+    """The rest shape (n or 1, V, 3) float32 with the pose's blend shapes (eq. 9)."""
+    if body.pose_dirs_m is None:
+        return template_m[None].astype(np.float32)
+    bends = (motion.local_rotmats[rows] - np.eye(3)).reshape(len(rows), -1)
+    directions = body.pose_dirs_m.reshape(-1, bends.shape[1])
+    bent_m = template_m + (bends @ directions.T).reshape(len(rows), -1, 3)
+    return np.asarray(bent_m, dtype=np.float32)
+
+
+def _check_shape(body: BodyModel, motion: Motion) -> None:
+    if motion.shape.shape != (body.n_shape,):
+        raise ValueError(
+            f"body {body.name} has {body.n_shape} shape coefficients, got {motion.shape.shape}"
+        )

@@ -1,0 +1,187 @@
+"""The forward pass of a BodyModel: linear blend skinning after Loper et al. 2015, eqs. 2-10.
+
+The root is left at identity with the pelvis at the origin, so a vertex of the placed body is
+`R v + T` with T the pelvis position; `place` does that.  SMPL's own placement, which turns the body
+about the pelvis and then adds `trans`, is the same with T = trans + J0.
+"""
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from gmrdata.values.body import N_JOINTS, N_LOCAL, PARENTS, BodyModel
+from gmrdata.values.skinning import motion_joints_m as motion_joints_m
+from gmrdata.values.skinning import motion_vertices_m as motion_vertices_m
+
+
+@dataclass(frozen=True, eq=False)
+class _BodyTensors:
+    """A body's arrays as tensors of one dtype on one device, rest pelvis not yet subtracted."""
+
+    template_m: Tensor
+    """(V*3,)."""
+    shape_dirs_m: Tensor
+    """(V*3, S)."""
+    joints_template_m: Tensor
+    """(24, 3)."""
+    joint_shape_dirs_m: Tensor
+    """(24, 3, S)."""
+    skin_weights: Tensor
+    """(V, 24)."""
+    pose_dirs_m: Tensor | None
+    """(V*3, 207)."""
+
+
+_TENSORS: WeakKeyDictionary[BodyModel, dict[tuple[torch.dtype, torch.device], _BodyTensors]] = (
+    WeakKeyDictionary()
+)
+"""Tensors of the bodies that are still alive, so that calling the forward pass again is cheap."""
+
+
+def posed_joints(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
+    """Joints of a posed body with the root at identity and the pelvis at the origin.
+
+    Args:
+        body: The body.
+        shape: (..., S) shape coefficients; batch dimensions broadcast against the pose's.
+        local_rotmats: (..., 23, 3, 3) parent_from_joint of joints 1..23.  Its dtype and device are
+            those of the result.
+
+    Returns:
+        Joints (..., 24, 3) [m] in the root's frame, and root_from_joint rotations (..., 24, 3, 3).
+
+    Raises:
+        ValueError: the shape has another number of coefficients than the body, or the pose is not
+            of 23 rotations.
+    """
+    _check_sizes(body, shape, local_rotmats)
+    tensors = _tensors(body, local_rotmats)
+    return _chain(_rest_joints(tensors, shape.to(local_rotmats)), local_rotmats)
+
+
+def posed_vertices(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> Tensor:
+    """Vertices of a posed body with the root at identity and the pelvis at the origin.
+
+    Args:
+        body: The body.
+        shape: (..., S) shape coefficients; batch dimensions broadcast against the pose's.
+        local_rotmats: (..., 23, 3, 3) parent_from_joint of joints 1..23.  Its dtype and device are
+            those of the result.
+
+    Returns:
+        (..., V, 3) [m] in the root's frame.
+
+    Raises:
+        ValueError: the shape has another number of coefficients than the body, or the pose is not
+            of 23 rotations.
+    """
+    transforms = joint_transforms(body, shape, local_rotmats).flatten(-2)
+    tensors = _tensors(body, local_rotmats)
+    shape = shape.to(local_rotmats)
+    blended = (tensors.skin_weights @ transforms).unflatten(-1, (3, 4))
+    rest_m = _rest_vertices(tensors, shape, local_rotmats)
+    rest_m = rest_m - _rest_joints(tensors, shape)[..., :1, :]
+    return _rotate(blended[..., :3], rest_m) + blended[..., 3]
+
+
+def joint_transforms(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> Tensor:
+    """Where each joint takes the points that are bound to it.
+
+    Points of the rest frame with the pelvis at the origin go to the root's frame with the pelvis at
+    the origin.  Arguments and errors are those of `posed_vertices`.
+
+    Returns:
+        root_from_rest (..., 24, 3, 4): rotations, and offsets [m] in the last column.
+    """
+    _check_sizes(body, shape, local_rotmats)
+    rest_joints_m = _rest_joints(_tensors(body, local_rotmats), shape.to(local_rotmats))
+    joints_m, root_from_joint = _chain(rest_joints_m, local_rotmats)
+    rest_from_pelvis_m = rest_joints_m - rest_joints_m[..., :1, :]
+    # A joint's transform maps rest points to posed points, so its own rest place comes off first.
+    offsets_m = joints_m - _rotate(root_from_joint, rest_from_pelvis_m)
+    return torch.cat([root_from_joint, offsets_m[..., None]], dim=-1)
+
+
+def place(root_rotmats: Tensor, pelvis_m: Tensor, points: Tensor) -> Tensor:
+    """Points of the root's frame in the frame of the root's pose: R p + T.
+
+    Args:
+        root_rotmats: (..., 3, 3) frame_from_root.
+        pelvis_m: (..., 3) pelvis position in that frame [m].
+        points: (..., N, 3) in the root's frame with the pelvis at the origin [m].
+
+    Returns:
+        (..., N, 3) [m].
+    """
+    return points @ root_rotmats.transpose(-1, -2) + pelvis_m[..., None, :]
+
+
+def _chain(rest_joints_m: Tensor, local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
+    """Forward kinematics down the tree (Loper et al. 2015, eq. 4)."""
+    batch = torch.broadcast_shapes(rest_joints_m.shape[:-2], local_rotmats.shape[:-3])
+    rest_joints_m = rest_joints_m.expand(*batch, N_JOINTS, 3)
+    local_rotmats = local_rotmats.expand(*batch, N_LOCAL, 3, 3)
+    rotations = [torch.eye(3).to(local_rotmats).expand(*batch, 3, 3)]
+    places_m = [torch.zeros_like(rest_joints_m[..., 0, :])]
+    for joint in range(1, N_JOINTS):
+        parent = PARENTS[joint]
+        bone_m = rest_joints_m[..., joint, :] - rest_joints_m[..., parent, :]
+        places_m.append(places_m[parent] + _rotate(rotations[parent], bone_m))
+        rotations.append(rotations[parent] @ local_rotmats[..., joint - 1, :, :])
+    return torch.stack(places_m, dim=-2), torch.stack(rotations, dim=-3)
+
+
+def _rest_joints(tensors: _BodyTensors, shape: Tensor) -> Tensor:
+    return tensors.joints_template_m + torch.einsum(
+        "jcs,...s->...jc", tensors.joint_shape_dirs_m, shape
+    )
+
+
+def _rest_vertices(tensors: _BodyTensors, shape: Tensor, local_rotmats: Tensor) -> Tensor:
+    """Template, shape blend shapes and pose blend shapes (Loper et al. 2015, eqs. 6, 8, 9)."""
+    rest_m = tensors.template_m + shape @ tensors.shape_dirs_m.T
+    if tensors.pose_dirs_m is not None:
+        bends = local_rotmats - torch.eye(3).to(local_rotmats)
+        rest_m = rest_m + bends.flatten(-3) @ tensors.pose_dirs_m.T
+    return rest_m.unflatten(-1, (-1, 3))
+
+
+def _rotate(rotmats: Tensor, points: Tensor) -> Tensor:
+    return (rotmats @ points[..., None])[..., 0]
+
+
+def _tensors(body: BodyModel, like: Tensor) -> _BodyTensors:
+    made = _TENSORS.setdefault(body, {})
+    key = (like.dtype, like.device)
+    if key not in made:
+        made[key] = _make_tensors(body, like)
+    return made[key]
+
+
+def _make_tensors(body: BodyModel, like: Tensor) -> _BodyTensors:
+    def convert(array: np.ndarray) -> Tensor:
+        return torch.tensor(array, dtype=like.dtype, device=like.device)
+
+    pose_dirs_m = body.pose_dirs_m
+    return _BodyTensors(
+        template_m=convert(body.template_m).flatten(),
+        shape_dirs_m=convert(body.shape_dirs_m).flatten(0, 1),
+        joints_template_m=convert(body.joints_template_m),
+        joint_shape_dirs_m=convert(body.joint_shape_dirs_m),
+        skin_weights=convert(body.skin_weights),
+        pose_dirs_m=None if pose_dirs_m is None else convert(pose_dirs_m).flatten(0, 1),
+    )
+
+
+def _check_sizes(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> None:
+    if shape.shape[-1:] != (body.n_shape,):
+        raise ValueError(
+            f"body {body.name} has {body.n_shape} shape coefficients, got {tuple(shape.shape)}"
+        )
+    if local_rotmats.shape[-3:] != (N_LOCAL, 3, 3):
+        raise ValueError(
+            f"a pose is (..., {N_LOCAL}, 3, 3) rotations, got {tuple(local_rotmats.shape)}"
+        )

@@ -1,0 +1,140 @@
+"""A world that stands upright: z up, the ground at z = 0, as far as the person tells.
+
+Eqs. 6-8 of the paper: from the camera's frame to the world's, and back.
+
+The body's translation is the pelvis throughout.  With SMPL's `trans` in its place eq. 8 is wrong
+by (R_col,i+1 - R_col,i) J0 per frame: 11.8 mm at 10 fps for a camera that tilts at 30 degrees/s.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gmrdata.values import transforms
+from gmrdata.values.motion import Motion
+
+
+def world_motion(camera_motion: Motion, world_from_cam: np.ndarray, scale: float = 1.0) -> Motion:
+    """The person in the world: R_w = R_col R_c and T_w = R_col T_c + s T_col (eqs. 7 and 8).
+
+    Args:
+        camera_motion: T frames, `frame` "camera".
+        world_from_cam: (T, 4, 4) cameras, metric up to `scale`.
+        scale: Metres per unit of the cameras' translations.
+
+    Returns:
+        The motion with `frame` "world".
+
+    Raises:
+        ValueError: the motion is not in the camera frame, or the frame counts differ.
+    """
+    _require(camera_motion, "camera", world_from_cam)
+    metric = metric_cameras(world_from_cam, scale)
+    return replace(
+        camera_motion,
+        root_rotmats=metric[:, :3, :3] @ camera_motion.root_rotmats,
+        pelvis_m=transforms.apply(metric, camera_motion.pelvis_m[:, None])[:, 0],
+        frame="world",
+    )
+
+
+def camera_motion(motion: Motion, world_from_cam: np.ndarray) -> Motion:
+    """The person as each camera sees it: the inverse of `world_motion` for metric cameras.
+
+    Args:
+        motion: T frames, `frame` "world".
+        world_from_cam: (T, 4, 4) metric cameras.
+
+    Returns:
+        The motion with `frame` "camera".
+
+    Raises:
+        ValueError: the motion is not in the world frame, or the frame counts differ.
+    """
+    _require(motion, "world", world_from_cam)
+    cam_from_world = transforms.invert(world_from_cam)
+    return replace(
+        motion,
+        root_rotmats=cam_from_world[:, :3, :3] @ motion.root_rotmats,
+        pelvis_m=transforms.apply(cam_from_world, motion.pelvis_m[:, None])[:, 0],
+        frame="camera",
+    )
+
+
+def metric_cameras(world_from_cam: np.ndarray, scale: float) -> np.ndarray:
+    """Cameras (T, 4, 4) with their centres multiplied by `scale`."""
+    return transforms.rigid(world_from_cam[:, :3, :3], scale * world_from_cam[:, :3, 3])
+
+
+def _require(motion: Motion, frame: str, world_from_cam: np.ndarray) -> None:
+    if motion.frame != frame:
+        raise ValueError(f"the motion is in the {motion.frame} frame, expected the {frame} frame")
+    if len(world_from_cam) != motion.n_frames:
+        raise ValueError(f"{motion.n_frames} frames of motion, {len(world_from_cam)} cameras")
+
+
+FEET_SIGMA_M = 0.02
+"""How far planted soles lie from one plane, as a standard deviation [m]."""
+BODY_UP_SIGMA_RAD = np.deg2rad(5.0)
+"""How far a person's mean up direction is from the vertical, as a standard deviation [rad]."""
+LARGEST_RESIDUAL_M = 0.05
+"""Planted soles further from one plane than this (RMS) are not on flat ground, as on stairs [m]."""
+
+
+def level_from_world(
+    root_rotmats: np.ndarray,
+    pelvis_m: np.ndarray,
+    planted_m: np.ndarray,
+    first_viewing_direction: np.ndarray,
+) -> np.ndarray:
+    """Transform from the reconstruction's metric world to a levelled one.
+
+    Up is the mean of the body's own up direction (y of the root).  Where planted feet tell more
+    than that, they correct it: a plane is fitted to them with the body's up as prior knowledge, so
+    feet along one line only correct the tilt along that line.  The first pelvis is above the
+    origin, and the first camera looks along +y.
+
+    Args:
+        root_rotmats: (N, 3, 3) world_from_root of frames that can be used.
+        pelvis_m: (N, 3) pelvis of the same frames [m].
+        planted_m: (M, 3) sole points while they stand still [m]; M may be 0.
+        first_viewing_direction: (3,) z axis of the first camera, in the world.
+
+    Returns:
+        (4, 4) level_from_world.
+    """
+    mean_up = root_rotmats[:, :, 1].mean(axis=0)
+    up = ground_normal(planted_m, mean_up / np.linalg.norm(mean_up))
+    rotation = _upright(up, first_viewing_direction)
+    origin_m = rotation @ pelvis_m[0]
+    lowest_m = planted_m if len(planted_m) else pelvis_m
+    origin_m[2] = np.median(lowest_m @ rotation[2])
+    return transforms.rigid(rotation, -origin_m)
+
+
+def ground_normal(planted_m: np.ndarray, body_up: np.ndarray) -> np.ndarray:
+    """Unit normal (3,) of the ground under planted feet (M, 3) [m], given the body's up (3,).
+
+    Linear least squares for two small tilts and a height, the tilts with a prior of zero.
+    """
+    if len(planted_m) < 3:
+        return body_up
+    across = np.linalg.svd(body_up[None])[2][1:]
+    centred_m = planted_m - planted_m.mean(axis=0)
+    design = centred_m @ across.T / FEET_SIGMA_M
+    target = -(centred_m @ body_up) / FEET_SIGMA_M
+    precision = design.T @ design + np.eye(2) / BODY_UP_SIGMA_RAD**2
+    tilts = np.linalg.solve(precision, design.T @ target)
+    if np.sqrt(np.mean((design @ tilts - target) ** 2)) * FEET_SIGMA_M > LARGEST_RESIDUAL_M:
+        return body_up
+    normal = body_up + tilts @ across
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
+def _upright(up: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) that takes `up` to +z and the horizontal part of `forward` to +y."""
+    level_forward = forward - up * (up @ forward)
+    if np.linalg.norm(level_forward) < 1e-6:  # looking straight up or down: any heading will do
+        level_forward = np.linalg.svd(up[None])[2][1]
+    y = level_forward / np.linalg.norm(level_forward)
+    return np.stack([np.cross(y, up), y, up])

@@ -1,0 +1,133 @@
+"""Scale from the ground: planted soles lie on the plane of the points triangulated round them.
+
+Above that plane, seen along its normal n, the camera is n.c - d in the reconstruction's unit, and
+-n.(R p) metres above a planted sole p that is known in its frame.  The scale is their ratio.  It
+needs no slow feet, and it holds for a camera that hardly travels, as long as there are points.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from gmrdata.values.camera import CameraPath
+from gmrdata.world.planted_feet import SOLE_POINTS, standing
+from gmrdata.world.recipe import CueEstimate, ScaleConfig
+
+SAMPLES = 400
+LARGEST_TILT_RAD = np.deg2rad(15.0)
+"""Between the ground's normal and the person's mean up direction."""
+LOWEST_CAMERA = 0.1
+"""A camera nearer to the ground than this share of its distance to the feet tells too little."""
+
+
+def ground_contact_scale(
+    camera_path: CameraPath,
+    points: np.ndarray,
+    feet_cam_m: np.ndarray,
+    up_cam: np.ndarray,
+    fps_hz: float,
+    rough_scale: float,
+    config: ScaleConfig,
+) -> CueEstimate | None:
+    """Scale at which planted soles are on the ground; None where too few points show the ground.
+
+    Args:
+        camera_path: T cameras up to scale; NaN where unknown.
+        points: (N, 3) background points, in the cameras' unit.
+        feet_cam_m: (T, 2, K, 3) points of both feet, camera frame [m].
+        up_cam: (T, 3) the person's own up direction, camera frame.
+        fps_hz: Frame rate [Hz].
+        rough_scale: Metres per unit, right to some tens of percent.
+        config: The recipe.
+    """
+    rotmats, centres = camera_path.world_from_cam[:, :3, :3], camera_path.centres_world_m
+    soles_m = np.einsum("tij,tfkj->tfki", rotmats, feet_cam_m[:, :, SOLE_POINTS])
+    up = np.nanmean(np.einsum("tij,tj->ti", rotmats, up_cam), axis=0)
+    up /= np.linalg.norm(up)
+    frames, planted_m = _planted(soles_m, rough_scale * centres, up, fps_hz, config)
+    if not len(frames):
+        return None
+    near = _near_feet(points, centres[frames] + planted_m / rough_scale, up, rough_scale, config)
+    plane = _fit_plane(near, up, config.ground_inlier_m / rough_scale)
+    if plane is None or plane[2] < config.min_ground_points:
+        return None
+    normal, offset, n_points, residual = plane
+    height_m = -planted_m @ normal
+    height = centres[frames] @ normal - offset
+    if np.median(height_m) < LOWEST_CAMERA * np.median(np.linalg.norm(planted_m, axis=1)):
+        return None
+    scales = height_m / height
+    scale = float(np.median(scales))
+    stances = 1 + np.count_nonzero(np.diff(np.unique(frames)) > 1)
+    spread = 1.4826 * float(np.median(np.abs(scales - scale))) / np.sqrt(stances)
+    contact = scale * config.contact_sigma_m / float(np.median(height_m))
+    plane_error = scale * residual / np.sqrt(n_points) / float(np.median(height))
+    sigma = float(np.sqrt(spread**2 + contact**2 + plane_error**2))
+    return CueEstimate("ground_contact", scale, sigma, n_points, residual * scale)
+
+
+def _planted(
+    soles_m: np.ndarray, centres_m: np.ndarray, up: np.ndarray, fps_hz: float, config: ScaleConfig
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frames (M,) and vectors (M, 3) from the camera to soles that stand still, world axes [m].
+
+    Of each foot the lowest such point: a heel that is about to leave the ground is slow as well.
+    """
+    slip_m = config.slip_floor_m + config.slip_m_per_s / fps_hz
+    still = standing(soles_m + centres_m[:, None, None], slip_m)
+    height_m = np.where(still, soles_m @ up, np.inf)
+    frames, foot = np.nonzero(still.any(axis=-1))
+    return frames, soles_m[frames, foot, height_m.argmin(axis=-1)[frames, foot]]
+
+
+def _near_feet(
+    points: np.ndarray, feet: np.ndarray, up: np.ndarray, scale: float, config: ScaleConfig
+) -> np.ndarray:
+    """Points that may be the ground, (P, 3): near planted feet, and about as low."""
+    across = np.linalg.svd(up[None])[2][1:]
+    tree = cKDTree(feet @ across.T)
+    apart, nearest = tree.query(points @ across.T)
+    above = np.abs(points @ up - feet[nearest] @ up)
+    near = (apart * scale < config.ground_radius_m) & (above * scale < config.ground_height_m)
+    return np.asarray(points[near])
+
+
+def _fit_plane(
+    points: np.ndarray, up: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, float, int, float] | None:
+    """Normal (3,), offset, number and RMS of the points on the best nearly level plane.
+
+    Samples of three points, then least squares with Cauchy weights.
+    """
+    if len(points) < 3:
+        return None
+    rng = np.random.default_rng(0)
+    corners = points[rng.integers(0, len(points), (SAMPLES, 3))]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    normals = normals[lengths > 0] / lengths[lengths > 0, None]
+    normals *= np.sign(normals @ up)[:, None]
+    level = normals @ up > np.cos(LARGEST_TILT_RAD)
+    normals, starts = np.r_[normals[level], up[None]], corners[lengths > 0][level][:, 0]
+    offsets = np.r_[(normals[:-1] * starts).sum(axis=1), np.median(points @ up)]
+    costs = [
+        np.minimum(np.abs(points @ normal - offset), tolerance).sum()
+        for normal, offset in zip(normals, offsets, strict=True)
+    ]
+    normal, offset = normals[int(np.argmin(costs))], offsets[int(np.argmin(costs))]
+    for _ in range(20):
+        residual = points @ normal - offset
+        weights = 1.0 / (1.0 + (residual / tolerance) ** 2) ** 2
+        middle = weights @ points / weights.sum()
+        spread = (points - middle).T @ ((points - middle) * weights[:, None])
+        normal = np.linalg.eigh(spread)[1][:, 0]
+        normal = normal * np.sign(normal @ up)
+        offset = float(middle @ normal)
+    on = np.abs(points @ normal - offset) < 2 * tolerance
+    if normal @ up < np.cos(LARGEST_TILT_RAD) or not on.any():
+        return None
+    return (
+        normal,
+        offset,
+        int(on.sum()),
+        float(np.sqrt(np.mean((points[on] @ normal - offset) ** 2))),
+    )

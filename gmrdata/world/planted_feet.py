@@ -1,0 +1,199 @@
+"""Scale from planted feet.
+
+The body is metric and known in the camera's frame, so its feet are at R p + s t in the world, which
+is linear in the scale s.  A planted foot stands still: at the true s many foot points do, at others
+none.
+
+Points of the feet that touch the ground, and when they stand still.
+"""
+
+import numpy as np
+
+from gmrdata.values.body import JOINT, BodyModel, with_vertices
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import NoReconstruction
+from gmrdata.values.motion import Motion
+from gmrdata.world.recipe import CueEstimate, ScaleConfig
+
+SIDES = ("left", "right")
+POINT_NAMES = ("ankle", "foot", "heel", "ball", "toe")
+SOLE_POINTS = slice(2, 5)
+"""Heel, ball and toe: the points that lie on the sole."""
+SOLE_THICKNESS_M = 0.02
+"""Rest vertices this close above the lowest one of a foot belong to its sole [m]."""
+
+
+def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
+    """Points of both feet, in the motion's frame of reference.
+
+    Args:
+        body: The motion's body.
+        motion: T frames.
+
+    Returns:
+        (T, 2, 5, 3) [m]: left and right; ankle joint, foot joint (ball of the foot), and the
+        sole's heel, ball and toe vertices.
+    """
+    from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+
+    joints_m = motion_joints_m(body, motion)
+    sole = np.array([_sole_vertices(body, motion.shape, side) for side in SIDES])
+    vertices_m = motion_vertices_m(with_vertices(body, sole.ravel()), motion)
+    points = []
+    for s, side in enumerate(SIDES):
+        inner = joints_m[:, [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]]
+        points.append(np.concatenate([inner, vertices_m[:, 3 * s : 3 * s + 3]], axis=1))
+    return np.stack(points, axis=1)
+
+
+def standing(points_world_m: np.ndarray, slip_m: float) -> np.ndarray:
+    """Which points stand still.
+
+    Args:
+        points_world_m: (T, ..., 3) points [m]; NaN where unknown.
+        slip_m: Distance between neighbouring frames up to which a point counts as still [m].
+
+    Returns:
+        (T, ...) bool: the point moved less to the next frame, or since the one before.
+    """
+    still = np.linalg.norm(np.diff(points_world_m, axis=0), axis=-1) < slip_m
+    result = np.zeros(points_world_m.shape[:-1], dtype=bool)
+    result[1:] |= still
+    result[:-1] |= still
+    return result
+
+
+def _sole_vertices(body: BodyModel, shape: np.ndarray, side: str) -> list[int]:
+    """Indices of a foot's heel, ball and toe on the sole, in the rest pose."""
+    ankle, foot = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
+    rest_m = body.template_m + body.shape_dirs_m @ np.asarray(shape, dtype=np.float64)
+    of_foot = np.flatnonzero(body.skin_weights[:, [ankle, foot]].sum(axis=1) > 0.5)
+    height_m = rest_m[of_foot, 1]
+    sole = of_foot[height_m < height_m.min() + SOLE_THICKNESS_M]
+    forward_m = rest_m[sole, 2]
+    ball_m = body.rest_joints_m(shape)[foot]
+    nearest = np.linalg.norm(rest_m[sole][:, [0, 2]] - ball_m[[0, 2]], axis=1).argmin()
+    return [int(sole[forward_m.argmin()]), int(sole[nearest]), int(sole[forward_m.argmax()])]
+
+
+def planted_feet_scale(
+    camera_path: CameraPath, feet_cam_m: np.ndarray, fps_hz: float, config: ScaleConfig
+) -> CueEstimate:
+    """Scale at which feet stand still while they are planted.
+
+    A search over s minimises, over all steps between frames, the truncated displacement of the
+    foot point that moves least.  Then stances are taken at that s, and s is the least-squares
+    answer to "every planted point stays at its stance's mean", with Cauchy weights, iterated.
+
+    Args:
+        camera_path: T cameras up to scale.
+        feet_cam_m: (T, 2, K, 3) points of both feet, camera frame [m].
+        fps_hz: Frame rate [Hz].
+        config: The recipe.
+
+    Raises:
+        NoReconstruction: no foot stands still at any scale, or the camera hardly moves.
+    """
+    turned_m = np.einsum("tij,tfkj->tfki", camera_path.world_from_cam[:, :3, :3], feet_cam_m)
+    centres = camera_path.centres_world_m
+    slip_m = config.slip_floor_m + config.slip_m_per_s / fps_hz
+    scale = _search(turned_m, centres, slip_m, config)
+    for _ in range(10):
+        stances = _stances(turned_m, centres, scale, slip_m)
+        if len(stances) < config.min_stances:
+            raise NoReconstruction(
+                f"scale: only {len(stances)} planted feet found, {config.min_stances} needed; the "
+                "clip is too short, or the feet are never still"
+            )
+        terms = np.array([_stance_terms(*stance, scale, config) for stance in stances])
+        before, scale = scale, float(-terms[:, 0].sum() / terms[:, 1].sum())
+        if abs(scale - before) < 1e-9 * scale:
+            break
+    speed = np.nanmedian(np.linalg.norm(np.diff(centres, axis=0), axis=1)) * fps_hz
+    sigma = float(np.hypot(_standard_error(terms, scale), config.creep_m_per_s / speed))
+    residual_m = float(np.sqrt(terms[:, 2].sum() / terms[:, 3].sum()))
+    return CueEstimate("planted_feet", scale, sigma, len(stances), residual_m)
+
+
+def _search(turned_m: np.ndarray, centres: np.ndarray, slip_m: float, config: ScaleConfig) -> float:
+    """The scale of a logarithmic grid at which the least moving foot points move least."""
+    steps_m = np.diff(turned_m, axis=0).reshape(len(turned_m) - 1, -1, 3)
+    moves = np.diff(centres, axis=0)
+    known = np.isfinite(steps_m).all(axis=(1, 2)) & np.isfinite(moves).all(axis=1)
+    if not known.any():
+        raise NoReconstruction("scale: no two frames in a row have both pose and camera")
+    steps_m, moves = steps_m[known], moves[known]
+    squares = (moves**2).sum(axis=1)
+    moving = squares > 1e-12 * max(1e-300, float((centres[np.isfinite(centres)] ** 2).max()))
+    candidates = -np.einsum("nkj,nj->nk", steps_m[moving], moves[moving]) / squares[moving, None]
+    candidates = candidates[candidates > 0]
+    if candidates.size < 4:
+        raise NoReconstruction("scale: the camera hardly moves, so its path has no scale")
+    low, high = np.percentile(candidates, [1, 99])
+    grid = np.geomspace(low / 3, high * 3, config.grid_steps)
+    costs = []
+    for scale in grid:
+        least = ((steps_m + scale * moves[:, None]) ** 2).sum(axis=2).min(axis=1)
+        costs.append(np.minimum(least, slip_m**2).sum())
+    return float(grid[int(np.argmin(costs))])
+
+
+def _stances(
+    turned_m: np.ndarray, centres: np.ndarray, scale: float, slip_m: float
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Stances of each foot at a scale, as (points (n, K, 3) [m], centres (n, 3), planted (n-1, K)).
+
+    A foot is down between two frames if one of its points stands still between them.
+    """
+    world_m = turned_m + scale * centres[:, None, None]
+    still = np.linalg.norm(np.diff(world_m, axis=0), axis=-1) < slip_m
+    stances = []
+    for foot in range(turned_m.shape[1]):
+        down = still[:, foot].any(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], down, [False]]).astype(int)))
+        for start, stop in edges.reshape(-1, 2):
+            rows = slice(start, stop + 1)
+            stances.append((turned_m[rows, foot], centres[rows], still[start:stop, foot]))
+    return stances
+
+
+def _stance_terms(
+    points_m: np.ndarray,
+    centres: np.ndarray,
+    still: np.ndarray,
+    scale: float,
+    config: ScaleConfig,
+) -> tuple[float, float, float, float]:
+    """Sums of A.B, B.B, squared residual and weight over one stance.
+
+    A and B are points and centres less their means over each run in which the point stands still;
+    the residual of a planted point is A + s B.
+    """
+    ab = bb = rr = ww = 0.0
+    for k in range(points_m.shape[1]):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], still[:, k], [False]]).astype(int)))
+        for start, stop in edges.reshape(-1, 2):
+            rows = slice(start, stop + 1)
+            a = points_m[rows, k] - points_m[rows, k].mean(axis=0)
+            b = centres[rows] - centres[rows].mean(axis=0)
+            squares = ((a + scale * b) ** 2).sum(axis=1)
+            weight = 1.0 / (1.0 + squares / config.residual_m**2)
+            ab += float(weight @ (a * b).sum(axis=1))
+            bb += float(weight @ (b * b).sum(axis=1))
+            rr += float(weight @ squares)
+            ww += float(weight.sum())
+    return ab, bb, rr, ww
+
+
+def _standard_error(terms: np.ndarray, scale: float) -> float:
+    """Jackknife over stances, but not less than what the residuals themselves allow."""
+    ab, bb, rr, ww = terms.T
+    n = len(terms)
+    residual_variance = rr.sum() / ww.sum()
+    # Points of one foot move together: a stance counts as its mean weight per point, not their sum.
+    from_residuals = np.sqrt(residual_variance / bb.sum())
+    if n < 3:
+        return float(2.0 * from_residuals)
+    left_out = -(ab.sum() - ab) / (bb.sum() - bb)
+    jackknife = np.sqrt((n - 1) / n * ((left_out - left_out.mean()) ** 2).sum())
+    return float(max(jackknife, from_residuals, 1e-12 * scale))

@@ -1,0 +1,237 @@
+"""Stage: world-frame pseudo ground truth from recovered cameras and camera-frame bodies."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from gmrdata.cameras.files import (
+    QUALITY_FILE,
+    Geometry,
+    SfmCameras,
+    load_cameras,
+    load_points,
+    load_quality,
+)
+from gmrdata.cameras.timeline import cuts_in_words
+from gmrdata.stage.store import run_stage
+from gmrdata.values import transforms
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.errors import BadMotionFile, NoReconstruction
+from gmrdata.values.files import read_json, read_npz, write_json
+from gmrdata.values.people import PersonFiles, person_file, stage_inputs
+from gmrdata.world.compose import level_from_world, metric_cameras, world_motion
+from gmrdata.world.judge import judge
+from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
+from gmrdata.world.quality import quality_of
+from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale
+from gmrdata.world.verdict import Verdict, overridden
+
+TRACKED_KEY = "world_from_cam"
+
+
+def make_pseudo_gt(
+    sfm_dir: Path,
+    people: tuple[PersonFiles, ...],
+    out_dir: Path,
+    config: PseudoGtConfig,
+    *,
+    tracked_path: Path | None = None,
+    doubts_path: Path | None = None,
+    redo: bool = False,
+) -> Path:
+    """Compose camera-frame poses with recovered cameras (eqs. 6-8) into a metric, level world.
+
+    All people of a sequence share one world: one camera solution, one scale, one levelling.  Frames
+    without a camera keep an interpolated pose and are not valid; their `world_from_cam` is NaN.
+
+    Args:
+        sfm_dir: Folder that `gmrdata.cameras.reconstruct.reconstruct` made.
+        people: The people, all with the same rows.
+        out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
+        config: The recipe.
+        tracked_path: .npz with `world_from_cam` (T, 4, 4): the data set's own metric cameras, right
+            over short times; NaN where unknown.
+        doubts_path: .json with `frames`: for each person T texts that say why the data set itself
+            does not vouch for a frame, empty where it does; and `sequence`: texts that say why it
+            can't be used at all.
+        redo: Replace a folder that another recipe made.
+
+    Returns:
+        `out_dir`.
+
+    Raises:
+        BadMotionFile: a clip is not in the camera frame, or has other rows than the first.
+        NoReconstruction: no frame has pose and camera, or no scale can be found.
+    """
+
+    def work(partial: Path) -> None:
+        from gmrdata.read.bodies import load_body
+
+        clips = [_camera_clip(person.clip_path) for person in people]
+        for clip, person in zip(clips, people, strict=True):
+            if not np.array_equal(clip.image_numbers, clips[0].image_numbers):
+                raise BadMotionFile(f"{person.clip_path}: has other rows than {clips[0].id}")
+        bodies = [load_body(str(person.body_path)) for person in people]
+        cameras, quality = load_cameras(sfm_dir), load_quality(sfm_dir)
+        rows = _rows_of_images(cameras, clips[0])
+        tracked = None if tracked_path is None else read_npz(tracked_path)[TRACKED_KEY]
+        try:
+            world_clips, estimate = compose_clips(
+                clips,
+                _camera_path(cameras, rows),
+                cameras.geometry,
+                load_points(sfm_dir),
+                bodies,
+                config,
+                tracked=tracked,
+            )
+        except NoReconstruction as error:
+            raise NoReconstruction(
+                f"{error}{cuts_in_words(quality.get('cuts_after_frames', []))}"
+            ) from None
+        doubts = {} if doubts_path is None else read_json(doubts_path)
+        verdicts: list[Verdict] = []
+        for number, clip in enumerate(world_clips):
+            verdict = judge(
+                clip,
+                quality,
+                rows,
+                estimate,
+                config.verdict,
+                unusable=doubts["frames"][number] if doubts else None,
+                doubts=doubts.get("sequence", ()),
+                tracked=tracked,
+            )
+            if config.override is not None:
+                verdict = overridden(verdict, config.override, ~clip.valid)
+            verdicts.append(verdict)
+            rest_pelvis_m = bodies[number].rest_pelvis_m(clip.motion.shape)
+            kept = replace(clip, valid=clip.valid & verdict.kept)
+            save_clip(partial / person_file(number), kept, rest_pelvis_m)
+        record = quality_of(world_clips, verdicts, estimate, quality, config)
+        write_json(partial / QUALITY_FILE, record)
+
+    inputs = {"sfm": sfm_dir} | stage_inputs(people)
+    inputs |= {} if tracked_path is None else {"tracked": tracked_path}
+    inputs |= {} if doubts_path is None else {"doubts": doubts_path}
+    return run_stage("pseudo_gt", out_dir, config, inputs, work, redo=redo)
+
+
+def compose_clips(
+    camera_clips: Sequence[Clip],
+    path: CameraPath,
+    geometry: Geometry,
+    points: np.ndarray,
+    bodies: Sequence[BodyModel],
+    config: PseudoGtConfig,
+    *,
+    tracked: np.ndarray | None = None,
+) -> tuple[list[Clip], ScaleEstimate]:
+    """The clips in one metric, level world, and the scale that made it metric.
+
+    Args:
+        camera_clips: Each person over the same T frames, in the camera frame.
+        path: Cameras of these frames, up to scale.
+        geometry: What the reconstruction found the camera to do.
+        points: (N, 3) its background points, in the cameras' unit.
+        bodies: Each person's body.
+        config: The recipe.
+        tracked: (T, 4, 4) the data set's own metric cameras, or None.
+
+    Raises:
+        NoReconstruction: nobody has two frames with pose and camera, or no scale can be found.
+    """
+    usable = [path.has_camera & clip.valid for clip in camera_clips]
+    if max(rows.sum() for rows in usable) < 2:
+        raise NoReconstruction(f"{camera_clips[0].id}: no two frames have both pose and camera")
+    seen = [
+        SeenPerson(clip.motion, body, replace(path, world_from_cam=_blanked(path, rows)))
+        for clip, body, rows in zip(camera_clips, bodies, usable, strict=True)
+        if rows.any()
+    ]
+    estimate = estimate_scale(seen, geometry, config.scale, points=points, tracked=tracked)
+    # Without a scale the camera stays in place, also one that was seen to travel a little.
+    scale = 0.0 if estimate.scale is None else estimate.scale
+    filled = fill_gaps(metric_cameras(path.world_from_cam, scale), path.has_camera)
+    level = _level(camera_clips, filled, usable, bodies, config)
+    camera = replace(path, world_from_cam=level @ filled)
+    camera = replace(camera, world_from_cam=_blanked(camera, path.has_camera))
+    clips = [
+        Clip(clip.id, world_motion(clip.motion, level @ filled), rows, clip.image_numbers, camera)
+        for clip, rows in zip(camera_clips, usable, strict=True)
+    ]
+    return clips, estimate
+
+
+def fill_gaps(world_from_cam: np.ndarray, has_camera: np.ndarray) -> np.ndarray:
+    """Cameras (T, 4, 4) with gaps filled by slerp and linear interpolation; ends are held.
+
+    At least one frame must have a camera.
+    """
+    rows = np.flatnonzero(has_camera)
+    if len(rows) == 1:
+        return np.tile(world_from_cam[rows[0]], (len(has_camera), 1, 1))
+    at = np.clip(np.arange(len(has_camera)), rows[0], rows[-1])
+    known = world_from_cam[rows]
+    rotmats = Slerp(rows, Rotation.from_matrix(known[:, :3, :3]))(at).as_matrix()
+    centres = np.stack([np.interp(at, rows, known[:, axis, 3]) for axis in range(3)], axis=1)
+    filled = transforms.rigid(rotmats, centres)
+    filled[rows] = known
+    return filled
+
+
+def _camera_clip(path: Path) -> Clip:
+    clip = load_clip(path)
+    if clip.motion.frame != "camera":
+        raise BadMotionFile(f"{path}: the motion is not in the camera frame")
+    return clip
+
+
+def _rows_of_images(cameras: SfmCameras, clip: Clip) -> np.ndarray:
+    """(T,) the camera's row for each row of the clip, by the image's number; -1 without one."""
+    row_of_number = {int(number): row for row, number in enumerate(cameras.image_numbers)}
+    return np.array([row_of_number.get(int(number), -1) for number in clip.image_numbers])
+
+
+def _camera_path(cameras: SfmCameras, rows: np.ndarray) -> CameraPath:
+    """The cameras of the clips' rows."""
+    has_camera = (rows >= 0) & cameras.path.has_camera[rows]
+    world_from_cam = np.full((len(rows), 4, 4), np.nan)
+    world_from_cam[has_camera] = cameras.path.world_from_cam[rows[has_camera]]
+    return replace(cameras.path, world_from_cam=world_from_cam, has_camera=has_camera)
+
+
+def _blanked(path: CameraPath, keep: np.ndarray) -> np.ndarray:
+    return np.where(keep[:, None, None], path.world_from_cam, np.nan)
+
+
+def _level(
+    camera_clips: Sequence[Clip],
+    world_from_cam: np.ndarray,
+    usable: Sequence[np.ndarray],
+    bodies: Sequence[BodyModel],
+    config: PseudoGtConfig,
+) -> np.ndarray:
+    """level_from_world (4, 4), from everybody's bodies and planted feet."""
+    root_rotmats, pelvis_m, planted_m = [], [], []
+    for clip, rows, body in zip(camera_clips, usable, bodies, strict=True):
+        motion = world_motion(clip.motion, world_from_cam)
+        soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
+        soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
+        slip_m = config.scale.slip_floor_m + config.scale.slip_m_per_s / motion.fps_hz
+        planted_m.append(soles_m[standing(soles_m, slip_m)])
+        root_rotmats.append(motion.root_rotmats[rows])
+        pelvis_m.append(motion.pelvis_m[rows])
+    first = int(np.flatnonzero(np.any(usable, axis=0))[0])
+    return level_from_world(
+        np.concatenate(root_rotmats),
+        np.concatenate(pelvis_m),
+        np.concatenate(planted_m),
+        world_from_cam[first, :3, 2],
+    )

@@ -1,0 +1,131 @@
+"""The recipe of metric scale, and what one source of evidence says about it.
+
+The thresholds of a verdict; the recipe holds them.
+
+What a recipe may say of the pseudo ground truth.
+"""
+
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from gmrdata.values.camera_motion import MotionClassConfig
+from gmrdata.values.records import Config
+from gmrdata.world.verdict import Override
+
+
+class ScaleConfig(Config):
+    """How metric scale is found."""
+
+    slip_m_per_s: float = Field(default=0.25, gt=0)
+    """Speed below which a foot point may be planted [m/s]."""
+    slip_floor_m: float = Field(default=0.005, gt=0)
+    """Distance between frames that counts as standing still at any frame rate [m]."""
+    residual_m: float = Field(default=0.005, gt=0)
+    """Distance from its stance's mean at which a planted point's weight is halved (Cauchy) [m]."""
+    creep_m_per_s: float = Field(default=0.01, ge=0)
+    """Speed at which planted feet of captured motion creep in one direction; part of the error bar.
+    On 55 CMU takes feet made the scale too small by 0.5 % (circling camera) to 1.1 % (tracking
+    camera), which is 0.01 m/s relative to those cameras [m/s]."""
+    grid_steps: int = Field(default=600, ge=50)
+    """Scales that the search tries."""
+    min_stances: int = Field(default=2, ge=1)
+    """Planted feet that a scale needs at least."""
+    ground_radius_m: float = Field(default=2.5, gt=0)
+    """The ground is what lies this near to planted feet, seen from above [m]."""
+    ground_height_m: float = Field(default=0.4, gt=0)
+    """And this near to them in height, while the scale is only roughly known [m]."""
+    ground_inlier_m: float = Field(default=0.03, gt=0)
+    """Distance from the plane of the ground at which a point's weight is halved (Cauchy) [m]."""
+    min_ground_points: int = Field(default=25, ge=3)
+    """Points on the ground that its plane needs at least."""
+    contact_sigma_m: float = Field(default=0.012, gt=0)
+    """Standard error of the body's soles above the ground, the same in all frames [m]."""
+    body_share: float = Field(default=0.01, ge=0)
+    """What all cues of bodies have in common, such as a wrong size or slow errors of the root, as
+    a share; part of the error bar.  Fused scales of eight twins with a travelling camera were off
+    by -2.5 to 2.0 %, seven of them too small: 1.6 % in the root mean square, with what is each
+    cue's own."""
+    slow_m_per_s: float = Field(default=0.02, ge=0)
+    """Error of the camera's speed up to which the scale need not be known any better, however
+    large its error is as a share: of a camera that hardly travels; 2 mm in 0.1 s [m/s]."""
+    vague_share: float = Field(default=0.5, gt=0)
+    """Standard error, as a share of the scale, beyond which the scale of such a camera is said to
+    be unknown, and the camera to stay in place."""
+    window_s: float = Field(default=1.0, gt=0)
+    """Time over which a data set's own camera path is compared [s]."""
+    drift_m_per_s: float = Field(default=0.15, ge=0)
+    """Speed at which such a path may drift along its own direction, which nothing shows: 0.8 m in
+    5 s, or 2 degrees/s about a person 4 m away; part of the error bar [m/s]."""
+    drift_time_s: float = Field(default=4.0, gt=0)
+    """Time over which the drift of such a path keeps its direction: windows this far apart count as
+    independent [s]."""
+
+
+@dataclass(frozen=True)
+class CueEstimate:
+    """What one source of evidence says about the scale."""
+
+    name: str
+    """"planted_feet", "ground_contact" or "short_windows"."""
+    scale: float
+    """Metres per unit of the reconstruction."""
+    sigma: float
+    """Standard error of `scale`, same unit."""
+    support: int
+    """Independent observations behind it: stances, points of the ground, or windows."""
+    residual_m: float
+    """Root mean square of what the cue leaves unexplained [m]."""
+    person: int | None = None
+    """Whose feet, counted from 0; None for a cue that needs nobody."""
+
+
+class VerdictConfig(Config):
+    """What a sequence and its frames must keep to."""
+
+    min_registered_share: float = Field(default=0.7, ge=0, le=1)
+    """Share of the images that have a camera."""
+    max_reprojection_px: float = Field(default=1.0, gt=0)
+    """Mean reprojection error of the background [px]."""
+    max_scale_sigma_share: float = Field(default=0.06, gt=0)
+    """Standard error of the metric scale, as a share of the scale.  Of a camera that hardly travels
+    it may be larger: `scale.slow_m_per_s`."""
+    max_cue_disagreement: float = Field(default=3.5, gt=0)
+    """Difference between two cues of the scale, in its standard errors."""
+    max_cuts_share: float = Field(default=0.05, ge=0)
+    """Share of the steps between images at which the picture changes to another place, or the
+    camera jumps."""
+    min_kept_share: float = Field(default=0.5, ge=0, le=1)
+    """Share of the frames for which the data set vouches that must be left."""
+    min_inliers: int = Field(default=25, ge=0)
+    """Background points or matches that hold a frame's camera."""
+    max_speed_m_per_s: float = Field(default=8.0, gt=0)
+    """Speed of the camera from one frame to the next [m/s]."""
+    max_turn_deg_per_s: float = Field(default=500.0, gt=0)
+    """Turning speed of the camera from one frame to the next [degrees/s]."""
+    window_s: float = Field(default=0.5, gt=0)
+    """Time over which camera motion is compared with the data set's own [s]."""
+    max_window_deg: float = Field(default=4.0, gt=0)
+    """Difference from the data set's own rotation over that time [degrees]."""
+    max_window_m: float = Field(default=0.25, gt=0)
+    """Difference from the data set's own displacement over that time [m]."""
+    max_focal_deviation: float = Field(default=0.1, gt=0, lt=1)
+    """Difference of the focal length that the background asks for from the given one, as a share of
+    it, that is still right."""
+    focal_sigmas: float = Field(default=3.0, ge=0)
+    """By how many standard errors it must be larger to be called wrong."""
+    min_run_s: float = Field(default=0.0, ge=0)
+    """A kept range is at least this long [s]; the default keeps single frames too."""
+
+
+class PseudoGtConfig(Config):
+    """Metric world poses from cameras up to scale.  The people are not smoothed."""
+
+    scale: ScaleConfig = ScaleConfig()
+    """How metric scale is found."""
+    verdict: VerdictConfig = VerdictConfig()
+    """What a sequence and its frames must keep to."""
+    override: Override | None = None
+    """What a person decided of the sequence."""
+    motion_class: MotionClassConfig = MotionClassConfig()
+    """Where one class of camera motion ends and the next begins."""

@@ -1,0 +1,214 @@
+"""Metres per unit of a reconstruction, with an error bar, from independent cues.
+
+The person is metric, so their planted feet stand still (`planted_feet`) and on the triangulated
+ground (`ground_contact`) at the true scale only.  A data set's own metric camera path tells its
+length over short times, where it hardly drifts (`short_windows`).
+
+Scale from a data set's own metric camera path, which drifts but is right at short times.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from gmrdata.cameras.files import Geometry
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import NoReconstruction
+from gmrdata.values.motion import Motion
+from gmrdata.world.ground_contact import ground_contact_scale
+from gmrdata.world.planted_feet import foot_points_m, planted_feet_scale
+from gmrdata.world.recipe import CueEstimate, ScaleConfig
+
+FEWEST_WINDOWS = 5
+
+
+def short_windows_scale(
+    camera_path: CameraPath, tracked: np.ndarray, fps_hz: float, config: ScaleConfig
+) -> CueEstimate | None:
+    """Scale at which both cameras travel equally far in equal short times.
+
+    Each window's displacement is taken in the axes of its first camera, so neither path needs the
+    other's world.  The slow drift of the data set's path is an error that windows within
+    `drift_time_s` share.
+
+    Args:
+        camera_path: T cameras up to scale; NaN where unknown.
+        tracked: (T, 4, 4) metric world_from_cam of the same frames; NaN where unknown.
+        fps_hz: Frame rate [Hz].
+        config: The recipe.
+
+    Returns:
+        None where fewer than five windows are known, or the camera doesn't travel.
+    """
+    step = max(1, round(config.window_s * fps_hz))
+    if camera_path.n_frames - step < FEWEST_WINDOWS:
+        return None
+    moves, moves_m = _moves(camera_path.world_from_cam, step), _moves(tracked, step)
+    known = np.isfinite(moves).all(axis=1) & np.isfinite(moves_m).all(axis=1)
+    moves, moves_m = moves[known], moves_m[known]
+    power = float((moves**2).sum())
+    if len(moves) < FEWEST_WINDOWS or power <= 0:
+        return None
+    scale = float((moves * moves_m).sum()) / power
+    if scale <= 0:
+        return None
+    residual_m = float(np.sqrt(np.mean((moves_m - scale * moves) ** 2)))
+    independent = max(1.0, known.sum() / fps_hz / config.drift_time_s)
+    # One axis of the residual points along the way, on average over the windows.
+    length = np.sqrt(power / len(moves))
+    along = config.drift_m_per_s * step / fps_hz / length
+    sigma = float(np.hypot(residual_m / length / np.sqrt(independent), along))
+    return CueEstimate("short_windows", scale, sigma, len(moves), residual_m)
+
+
+def _moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
+    """Displacements (T - step, 3) over `step` frames, in the axes of the first camera of each."""
+    centres = world_from_cam[:, :3, 3]
+    return np.einsum("tji,tj->ti", world_from_cam[:-step, :3, :3], centres[step:] - centres[:-step])
+
+
+@dataclass(frozen=True)
+class ScaleEstimate:
+    """Fused metric scale."""
+
+    scale: float | None
+    """Metres per unit of the reconstruction; None where scale doesn't enter, since the camera
+    stays in place or travels less than can be told."""
+    sigma: float | None
+    """Standard error of `scale`; widened where the cues disagree."""
+    cues: tuple[CueEstimate, ...]
+    """Each source of evidence by itself."""
+    matters: bool = True
+    """Whether `sigma` makes the camera's speed wrong by more than `ScaleConfig.slow_m_per_s`; not
+    where there is no scale."""
+
+    @property
+    def disagreement(self) -> float | None:
+        """Largest difference of two cues, in its standard errors; None for one cue."""
+        apart = [
+            abs(a.scale - b.scale) / float(np.hypot(a.sigma, b.sigma))
+            for a, b in combinations(self.cues, 2)
+        ]
+        return max(apart, default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPerson:
+    """A person whose metric body is known in the frames of the cameras whose scale is sought."""
+
+    motion: Motion
+    """T frames, camera frame."""
+    body: BodyModel
+    """Their body."""
+    camera_path: CameraPath
+    """T cameras up to scale; NaN where the camera or this person's motion is unknown."""
+
+
+def estimate_scale(
+    people: Sequence[SeenPerson],
+    geometry: Geometry,
+    config: ScaleConfig,
+    *,
+    points: np.ndarray | None = None,
+    tracked: np.ndarray | None = None,
+) -> ScaleEstimate:
+    """Metric scale of a camera path from those who walk in front of it.
+
+    Args:
+        people: One or more people, all seen by one camera over the same T frames.
+        geometry: Only "full" has a scale to be found.
+        config: The recipe.
+        points: (N, 3) background points in the cameras' unit, for the cue of the ground.
+        tracked: (T, 4, 4) metric world_from_cam of the data set, right over short times; NaN where
+            unknown.
+
+    Returns:
+        The scale; none for a camera that travels less than the cues can tell, and so little that it
+        does not matter.
+
+    Raises:
+        NoReconstruction: not one cue finds a scale: no foot stands still at any, or the camera
+            hardly moves.
+    """
+    if geometry != "full":
+        return ScaleEstimate(None, None, (), matters=False)
+    cues: list[CueEstimate] = []
+    reasons: list[str] = []
+    for number, person in enumerate(people):
+        try:
+            found = _of_person(person, points, config)
+            cues += [replace(cue, person=number) for cue in found]
+        except NoReconstruction as error:
+            reasons.append(str(error))
+    if tracked is not None:
+        fps_hz = people[0].motion.fps_hz
+        path = replace(people[0].camera_path, world_from_cam=_known_to_any(people))
+        windows = short_windows_scale(path, tracked, fps_hz, config)
+        cues += [] if windows is None else [windows]
+    if not cues:
+        raise NoReconstruction("; ".join(reasons))
+    estimate = fuse(tuple(cues), config.body_share)
+    speed = _mean_speed(_known_to_any(people), people[0].motion.fps_hz)
+    estimate = replace(estimate, matters=(estimate.sigma or 0.0) * speed > config.slow_m_per_s)
+    if _is_vague(estimate, config):
+        return ScaleEstimate(None, None, estimate.cues, matters=False)
+    return estimate
+
+
+def _mean_speed(world_from_cam: np.ndarray, fps_hz: float) -> float:
+    """Mean speed of cameras (T, 4, 4), NaN where unknown, between known frames [unit/s]."""
+    steps = np.linalg.norm(np.diff(world_from_cam[:, :3, 3], axis=0), axis=1)
+    return float(fps_hz * steps[np.isfinite(steps)].mean()) if np.isfinite(steps).any() else 0.0
+
+
+def _is_vague(estimate: ScaleEstimate, config: ScaleConfig) -> bool:
+    """Whether a path is shorter than its error bar, or not much longer, and both are small."""
+    if estimate.scale is None or estimate.sigma is None:
+        return False
+    return not estimate.matters and estimate.sigma > config.vague_share * estimate.scale
+
+
+def _of_person(
+    person: SeenPerson, points: np.ndarray | None, config: ScaleConfig
+) -> list[CueEstimate]:
+    """The cues that one person's feet give; the ground's needs a rough scale to begin with."""
+    feet_cam_m = foot_points_m(person.body, person.motion)
+    fps_hz = person.motion.fps_hz
+    feet = planted_feet_scale(person.camera_path, feet_cam_m, fps_hz, config)
+    if points is None:
+        return [feet]
+    up_cam = person.motion.root_rotmats[:, :, 1]
+    ground = ground_contact_scale(
+        person.camera_path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config
+    )
+    return [feet] if ground is None else [feet, ground]
+
+
+def _known_to_any(people: Sequence[SeenPerson]) -> np.ndarray:
+    """Cameras (T, 4, 4) of the frames in which anybody's motion is known."""
+    known = people[0].camera_path.world_from_cam.copy()
+    for person in people[1:]:
+        missing = ~np.isfinite(known[:, 0, 0])
+        known[missing] = person.camera_path.world_from_cam[missing]
+    return known
+
+
+def fuse(cues: tuple[CueEstimate, ...], common_share: float = 0.0) -> ScaleEstimate:
+    """Mean of the cues, weighted by their inverse variances.
+
+    Where they scatter more than their errors allow, the error of the mean is widened by the square
+    root of chi-square per degree of freedom (Birge 1932).  An error that they share, as a share of
+    the scale, is not lowered by their number.
+    """
+    scales, weights = (
+        np.array([cue.scale for cue in cues]),
+        np.array([cue.sigma**-2 for cue in cues]),
+    )
+    scale = float(weights @ scales / weights.sum())
+    chi_square = float(weights @ (scales - scale) ** 2)
+    widened = max(1.0, chi_square / max(1, len(cues) - 1)) ** 0.5
+    own = float(weights.sum() ** -0.5) * widened
+    return ScaleEstimate(scale, float(np.hypot(own, common_share * scale)), cues)

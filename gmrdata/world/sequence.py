@@ -1,0 +1,71 @@
+"""One sequence through the COLMAP stage: from frames and camera-frame bodies to world motions."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.masks.sources import MasksConfig, make_masks
+from gmrdata.read.video import extract_video, is_video
+from gmrdata.values.clip import camera_of, load_clip
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.records import Config
+from gmrdata.world.pseudo_gt import make_pseudo_gt
+from gmrdata.world.recipe import PseudoGtConfig
+
+
+class SequenceConfig(Config):
+    """The stages of one sequence."""
+
+    masks: MasksConfig = MasksConfig()
+    """Masks of what moves; the body's silhouette unless other sources are named."""
+    sfm: SfmConfig = SfmConfig()
+    """Cameras."""
+    pseudo_gt: PseudoGtConfig = PseudoGtConfig()
+    """Scale and world motion."""
+
+
+def regenerate_sequence(
+    frames: Path,
+    people: tuple[PersonFiles, ...],
+    out_dir: Path,
+    config: SequenceConfig,
+    *,
+    tracked_path: Path | None = None,
+    doubts_path: Path | None = None,
+    left_out: Collection[int] = (),
+    redo: bool = False,
+) -> Path:
+    """Make `out_dir/masks` (and `masks_by`), `out_dir/sfm` and `out_dir/pseudo_gt`.
+
+    Args:
+        frames: Folder of numbered images, or a video file.
+        people: Clips whose motion is in the camera's frame, and their bodies; the intrinsics of the
+            first are kept.
+        out_dir: The output folder.
+        config: The recipe of all stages.
+        tracked_path: The data set's own cameras; see `make_pseudo_gt`.
+        doubts_path: What speaks against the data set's own frames; see `make_pseudo_gt`.
+        left_out: Numbers of images that can't be used.
+        redo: Make anew what another recipe made.
+
+    Returns:
+        The folder of the pseudo ground truth.
+    """
+    if is_video(frames):
+        frames = extract_video(frames, out_dir / "frames", redo=redo)
+    sfm_dir = out_dir / "sfm"
+    masks_dir = make_masks(
+        frames, out_dir / "masks", config.masks, people=people, left_out=left_out, redo=redo
+    )
+    intrinsics_px = camera_of(load_clip(people[0].clip_path)).intrinsics_px
+    reconstruct(frames, masks_dir, intrinsics_px, sfm_dir, config.sfm, left_out=left_out, redo=redo)
+    return make_pseudo_gt(
+        sfm_dir,
+        people,
+        out_dir / "pseudo_gt",
+        config.pseudo_gt,
+        tracked_path=tracked_path,
+        doubts_path=doubts_path,
+        redo=redo,
+    )

@@ -1,0 +1,179 @@
+"""A person's decision on a sequence, which replaces the thresholds' one and says so.
+
+What was decided of a clip: accepted or not, which frames are dropped, and why.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, StringConstraints, model_validator
+
+from gmrdata.values.errors import BadRecipe
+from gmrdata.values.records import Config
+from gmrdata.values.rows import text_runs, texts_of
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Frames start, start + 1, ..., stop - 1 that must not be used."""
+
+    start: int
+    """First frame."""
+    stop: int
+    """One past the last frame."""
+    reason: str
+    """Why."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was decided, and on what."""
+
+    accepted: bool
+    """Whether the sequence can be used, but for the dropped ranges."""
+    reasons: tuple[str, ...]
+    """Why not, for a rejected one; and what a person decided, for any."""
+    dropped: tuple[Dropped, ...]
+    """Ranges in ascending order."""
+    n_frames: int
+    """Number of frames T."""
+
+    @property
+    def kept(self) -> np.ndarray:
+        """(T,) bool: frames outside the dropped ranges."""
+        kept = np.ones(self.n_frames, dtype=bool)
+        for run in self.dropped:
+            kept[run.start : run.stop] = False
+        return kept
+
+    @property
+    def kept_share(self) -> float:
+        """Share of the frames that are left, 0 to 1."""
+        return float(self.kept.mean())
+
+    @property
+    def frame_reasons(self) -> list[str]:
+        """T texts: why each frame is dropped; empty where it isn't."""
+        runs = ((run.start, run.stop, run.reason) for run in self.dropped)
+        return texts_of(runs, self.n_frames)
+
+    def as_record(self, clip_id: str) -> dict[str, Any]:
+        """The verdict of one clip as plain JSON."""
+        return {
+            "id": clip_id,
+            "frames": self.n_frames,
+            "kept_frames": int(self.kept.sum()),
+            "kept_share": float(f"{self.kept_share:.6g}"),
+            "accepted": self.accepted,
+            "reasons": list(self.reasons),
+            "dropped": [asdict(run) for run in self.dropped],
+        }
+
+
+def dropped_ranges(reasons: Sequence[str]) -> list[Dropped]:
+    """Runs of frames that share a reason; frames with an empty one are in none."""
+    return [Dropped(*run) for run in text_runs(reasons) if run[2]]
+
+
+FrameRange = tuple[Annotated[int, Field(ge=0)], int]
+"""(start, stop): frames start, start + 1, ..., stop - 1."""
+Reason = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+NOTHING_TO_USE = "the frame has no camera or no pose"
+NOTHING_LEFT = "no frame can be used"
+
+
+class Override(Config):
+    """What a person decided who looked at a sequence.
+
+    Frames that are in none of the ranges, and a sequence without `verdict`, stay as the thresholds
+    left them.
+    """
+
+    verdict: Literal["accepted", "rejected"] | None = None
+    """Whether the sequence can be used; None: as the thresholds say, even where `keep` and `drop`
+    change how many frames are left."""
+    because: Reason
+    """Why, for whoever reads the manifest."""
+    keep: tuple[FrameRange, ...] = ()
+    """Frames to use whatever the thresholds say, as ranges (start, stop), stop one past the last.
+    A frame without a camera or a pose can't be kept."""
+    drop: tuple[FrameRange, ...] = ()
+    """Frames not to use, as ranges (start, stop).  Where both are given, dropping counts."""
+
+    @model_validator(mode="after")
+    def _decides_something(self) -> Self:
+        for name, ranges in (("keep", self.keep), ("drop", self.drop)):
+            for start, stop in ranges:
+                if stop <= start:
+                    raise ValueError(
+                        f"{name} {start}..{stop} is empty; stop is one past the last frame"
+                    )
+        if self.verdict is None and not self.keep and not self.drop:
+            raise ValueError("it decides nothing; give verdict, keep or drop, or leave it out")
+        return self
+
+    @property
+    def decision(self) -> str:
+        """The reason that stands in the result."""
+        return f"a person decided: {self.because}"
+
+
+def overridden(verdict: Verdict, override: Override, unusable: np.ndarray) -> Verdict:
+    """Let a person's decision replace that of the thresholds.
+
+    Args:
+        verdict: What the thresholds say of T frames.
+        override: What the person decided.
+        unusable: (T,) bool: frames without a camera or a pose, which nobody can keep.
+
+    Returns:
+        The verdict.  One that a person reversed lists, after their decision, the reasons that they
+        overruled.
+
+    Raises:
+        BadRecipe: a range reaches beyond the sequence.
+    """
+    n = verdict.n_frames
+    if unusable.shape != (n,):
+        raise ValueError(f"unusable {unusable.shape} for {n} frames")
+    decided = verdict.frame_reasons
+    kept, dropped = _frames("keep", override.keep, n), _frames("drop", override.drop, n)
+    for row in range(n):
+        if unusable[row]:
+            decided[row] = decided[row] or NOTHING_TO_USE
+        elif dropped[row]:
+            decided[row] = override.decision
+        elif kept[row]:
+            decided[row] = ""
+    return _judged(replace(verdict, dropped=tuple(dropped_ranges(decided))), override)
+
+
+def _judged(verdict: Verdict, override: Override) -> Verdict:
+    """The verdict on the sequence, once its frames are decided."""
+    if override.verdict is not None:
+        verdict = _by_person(verdict, override)
+    if verdict.kept_share == 0 and verdict.accepted:
+        verdict = replace(verdict, accepted=False, reasons=(*verdict.reasons, NOTHING_LEFT))
+    return verdict
+
+
+def _by_person(verdict: Verdict, override: Override) -> Verdict:
+    if override.verdict == "rejected":
+        return replace(verdict, accepted=False, reasons=(override.decision, *verdict.reasons))
+    overruled = tuple(f"overruled: {reason}" for reason in verdict.reasons)
+    return replace(verdict, accepted=True, reasons=(override.decision, *overruled))
+
+
+def _frames(name: str, ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndarray:
+    """(T,) bool: frames in any of the ranges."""
+    inside = np.zeros(n_frames, dtype=bool)
+    for start, stop in ranges:
+        if stop > n_frames:
+            raise BadRecipe(
+                f"override: {name} {start}..{stop}: the sequence has {n_frames} frames; stop is "
+                f"{n_frames} at most"
+            )
+        inside[start:stop] = True
+    return inside

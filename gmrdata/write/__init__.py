@@ -1,0 +1,1 @@
+"""Every file for others."""

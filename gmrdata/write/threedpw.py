@@ -1,0 +1,179 @@
+"""Writing a sequence file in 3DPW's layout, key for key, for twins and tests.
+
+Pickles as Python 2 wrote them, which is how 3DPW's files are: protocol 2, byte strings, arrays.
+
+Made opcode by opcode (Python's `pickletools` describes them) and not by the pickle module: the
+bytes then hold nothing but containers, strings and arrays by construction, do not depend on the
+versions of Python and numpy, and need `encoding="latin1"` to be read, as the real files do.
+"""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.read.threedpw_arrays import Person, SequenceArrays
+from gmrdata.read.threedpw_layout import SPLITS, SequenceFiles, require_name
+from gmrdata.values.errors import BadSequence
+from gmrdata.values.files import atomic_path
+
+_ARRAY_TYPES = {"f8": "<", "f4": "<", "i8": "<", "u2": "<", "u1": "|", "b1": "|"}
+"""Byte order of each element type that is written."""
+_LARGEST_LENGTH = (1 << 31) - 1
+_NO_FIELDS = b"NNN" + b"J\xff\xff\xff\xff" * 2 + b"K\x00"
+
+
+def python2_pickle(value: Any) -> bytes:
+    """Pickle nested dictionaries, lists, strings, integers and plain arrays.
+
+    Args:
+        value: The value.  Strings must be Latin-1; arrays of float64, float32, int64, uint16, uint8
+            or bool.
+
+    Raises:
+        ValueError: something else is in it.
+    """
+    return b"\x80\x02" + _value(value) + b"."
+
+
+def _value(value: Any) -> bytes:
+    match value:
+        case np.ndarray():
+            return _array(value)
+        case str():
+            return _string(value.encode("latin1"))
+        case bool():
+            return b"\x88" if value else b"\x89"
+        case int():
+            return _integer(value)
+        case list():
+            return b"](" + b"".join(map(_value, value)) + b"e"
+        case dict():
+            items = (_value(key) + _value(item) for key, item in value.items())
+            return b"}(" + b"".join(items) + b"u"
+    raise ValueError(f"a {type(value).__name__} is no plain data")
+
+
+def _array(array: np.ndarray) -> bytes:
+    """`numpy.core.multiarray._reconstruct` with the array's state, as numpy 1 asked for it."""
+    code = array.dtype.str[1:]
+    if code not in _ARRAY_TYPES:
+        raise ValueError(f"an array of dtype {array.dtype} is not written")
+    order = _ARRAY_TYPES[code]
+    contiguous = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder(order))
+    empty = b"cnumpy\nndarray\n(K\x00t" + _string(b"b") + b"\x87R"
+    dtype = b"cnumpy\ndtype\n" + _string(code.encode()) + b"K\x00K\x01\x87R"
+    dtype += b"(K\x03" + _string(order.encode()) + _NO_FIELDS + b"tb"
+    shape = b"(" + b"".join(map(_integer, array.shape)) + b"t"
+    state = b"(K\x01" + shape + dtype + b"\x89" + _string(contiguous.tobytes()) + b"t"
+    return b"cnumpy.core.multiarray\n_reconstruct\n" + empty + state + b"b"
+
+
+def _string(data: bytes) -> bytes:
+    """A str of Python 2: bytes, whatever they mean."""
+    if len(data) < 256:
+        return b"U" + bytes([len(data)]) + data
+    if len(data) > _LARGEST_LENGTH:
+        raise ValueError(f"{len(data)} bytes are more than protocol 2 can hold in one string")
+    return b"T" + struct.pack("<i", len(data)) + data
+
+
+def _integer(value: int) -> bytes:
+    if not -(1 << 31) <= value < 1 << 31:
+        raise ValueError(f"the integer {value} is not written")
+    return b"K" + bytes([value]) if 0 <= value < 256 else b"J" + struct.pack("<i", value)
+
+
+LETTERS = {"female": "f", "male": "m"}
+LARGEST_ID = (1 << 16) - 1
+"""3DPW's `img_frame_ids` are uint16."""
+
+
+def write_sequence(root: Path, split: str, arrays: SequenceArrays) -> SequenceFiles:
+    """Write `sequenceFiles/<split>/<name>.pkl` under a root; the images are not written here.
+
+    Args:
+        root: The dataset's root folder; made if it is not there.
+        split: `train`, `validation` or `test`.
+        arrays: The content.
+
+    Returns:
+        Where the sequence is, and where its images belong.
+
+    Raises:
+        BadSequence: no such split, a name that is no plain name, or arrays that can't be written.
+    """
+    if split not in SPLITS:
+        raise BadSequence(f"{arrays.name}: no split {split!r}; there are {', '.join(SPLITS)}")
+    files = SequenceFiles(root, arrays.name, split)
+    write_sequence_file(files.pickle_path, arrays)
+    return files
+
+
+def write_sequence_file(path: Path, arrays: SequenceArrays) -> None:
+    """Write a sequence file, as a whole or not at all; the same arrays give the same bytes.
+
+    `read_sequence_file` gives back the same arrays, bit for bit.  Optional arrays that no person
+    has are left out.  `texture_maps` is empty, as it is in 3DPW's own files.
+
+    Args:
+        path: The file.
+        arrays: The content.
+
+    Raises:
+        BadSequence: the name is no plain name, an id is no uint16, or only some of the people have
+            an optional array.
+    """
+    require_name(arrays.name)
+    content = python2_pickle(_content(arrays))
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def _content(arrays: SequenceArrays) -> dict[str, Any]:
+    people, ids = arrays.people, arrays.img_frame_ids
+    if len(ids) and not (ids.min() >= 0 and ids.max() <= LARGEST_ID):
+        raise BadSequence(
+            f"{arrays.name}: img_frame_ids goes to {ids.max()}, 3DPW's uint16 to {LARGEST_ID}; "
+            "cut the sequence into shorter ones"
+        )
+    content: dict[str, Any] = {
+        "sequence": arrays.name,
+        "betas": [person.betas for person in people],
+        "poses": [person.poses_rad for person in people],
+        "trans": [person.trans_m for person in people],
+        "genders": [_letter(arrays, person) for person in people],
+        "texture_maps": [],
+        "poses2d": [person.poses2d_px.transpose(0, 2, 1) for person in people],
+        "img_frame_ids": ids.astype(np.uint16),
+        "cam_poses": arrays.cam_from_world,
+        "campose_valid": [person.campose_valid.astype(np.uint8) for person in people],
+        "cam_intrinsics": arrays.intrinsics_px,
+    }
+    optional = {
+        "poses_60Hz": [person.poses_60hz_rad for person in people],
+        "trans_60Hz": [person.trans_60hz_m for person in people],
+        "betas_clothed": [person.betas_clothed for person in people],
+        "v_template_clothed": [person.template_clothed_m for person in people],
+        "jointPositions": [_flat(person.joints_world_m) for person in people],
+    }
+    for key, values in optional.items():
+        given = [value is not None for value in values]
+        if any(given) and not all(given):
+            raise BadSequence(f"{arrays.name}: only some people have {key}; give all or none")
+        if any(given):
+            content[key] = values
+    return content
+
+
+def _letter(arrays: SequenceArrays, person: Person) -> str:
+    if person.gender not in LETTERS:
+        raise BadSequence(
+            f"{arrays.name}: gender {person.gender!r} has no letter in 3DPW; say female or male"
+        )
+    return LETTERS[person.gender]
+
+
+def _flat(joints_m: np.ndarray | None) -> np.ndarray | None:
+    return None if joints_m is None else joints_m.reshape(len(joints_m), 72)

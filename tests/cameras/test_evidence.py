@@ -1,0 +1,83 @@
+"""When a model of a camera that hardly travels is set aside for a pure rotation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+from gmrdata.cameras.evidence import is_bent
+from gmrdata.cameras.focal import FreedFocal
+from gmrdata.cameras.mapping import Mapped
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.rotation_only import RotationOnly
+from gmrdata.values import transforms
+
+CONFIG = SfmConfig()
+N = 12
+
+
+def mapped(extent: float, focal: FreedFocal | None) -> Mapped:
+    """A camera that goes `extent` to the side, before a background 10 units away."""
+    places = np.linspace(0, extent, N)[:, None] * [1.0, 0.0, 0.0]
+    points = np.random.default_rng(0).normal([0.0, 0.0, 10.0], 0.2, (200, 3))
+    known = np.ones(N, dtype=bool)
+    return Mapped(
+        world_from_cam=transforms.rigid(np.tile(np.eye(3), (N, 1, 1)), places),
+        has_camera=known,
+        points=points,
+        track_lengths=np.full(200, 5),
+        errors_px=np.full(1000, 0.3),
+        observations=np.full(N, 80),
+        mapper="global",
+        models=(),
+        n_resected=0,
+        seen={},
+        focal=focal,
+    )
+
+
+def turning(residual_px: float) -> RotationOnly:
+    """Pure rotations with one residual everywhere."""
+    return RotationOnly(
+        np.tile(np.eye(3), (N, 1, 1)),
+        np.ones(N, dtype=bool),
+        np.full(100, residual_px),
+        np.zeros(100, dtype=int),
+        np.array([[0, 1]]),
+        csr_array((3 * N, 3 * N)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("focal", "bent"),
+    [
+        (FreedFocal(1.002, 0.003), False),
+        (FreedFocal(0.984, 0.003), True),  # the hand-held pan of the twins
+        (FreedFocal(0.85, 0.06), True),  # it can't tell
+        (FreedFocal(1.0, None), True),
+        (None, True),
+    ],
+)
+def test_a_short_way_is_bent_if_its_focal_length_is_off_or_vague(
+    focal: FreedFocal | None, bent: bool
+) -> None:
+    assert is_bent(mapped(0.5, focal), turning(0.9), CONFIG) is bent
+
+
+def test_a_long_way_is_never_called_bent() -> None:
+    assert not is_bent(mapped(1.5, None), turning(0.9), CONFIG)
+
+
+def test_a_model_stays_where_a_pure_rotation_explains_nothing() -> None:
+    assert not is_bent(mapped(0.5, None), turning(3.0), CONFIG)
+
+
+def test_a_model_without_cameras_is_no_rival() -> None:
+    """The mapper of a pan can leave a model whose cameras were all forgotten as too weak."""
+    nowhere = replace(
+        mapped(0.5, None),
+        has_camera=np.zeros(N, dtype=bool),
+        world_from_cam=np.full((N, 4, 4), np.nan),
+    )
+    assert not is_bent(nowhere, turning(0.9), CONFIG)

@@ -1,0 +1,134 @@
+"""Both mappers, and frames that they leave out."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata.cameras import mapping
+from gmrdata.cameras.evidence import explains_better
+from gmrdata.cameras.joining import join_models
+from gmrdata.cameras.matches import match_frames
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.rotation_only import solve_rotation_only
+from gmrdata.read.frames import list_images
+from gmrdata.values.alignment import fit_similarity
+from gmrdata.values.errors import BadFrames
+from tests.filming import film_cameras, look_at
+
+SMALL = SfmConfig(max_features=1200, first_octave=-1)
+
+
+@pytest.fixture(scope="module")
+def arc(film: Callable[[str, int], Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Filmed frames, their matches and the folder with COLMAP's database."""
+    filmed = film("arc", 10)
+    work_dir = tmp_path_factory.mktemp("arc_work")
+    images = list_images(filmed.images_dir)
+    matches = match_frames(
+        images, filmed.masks_dir, filmed.intrinsics_px, (320, 180), work_dir, SMALL
+    )
+    return filmed, images, matches, work_dir
+
+
+def relative_angles_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
+    found_rel = np.swapaxes(found[:1, :3, :3], 1, 2) @ found[:, :3, :3]
+    true_rel = np.swapaxes(true[:1, :3, :3], 1, 2) @ true[:, :3, :3]
+    chord = np.linalg.norm(found_rel - true_rel, axis=(1, 2))
+    return np.rad2deg(2 * np.arcsin(chord / np.sqrt(8)))
+
+
+def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
+    filmed, images, matches, work_dir = arc
+    for name, run in (
+        ("g", mapping._run_global),
+        ("i", mapping._run_incremental),
+    ):
+        (work_dir / name).mkdir()
+        models = run(work_dir / "database.db", images, work_dir / name, SMALL)
+        whole, records = join_models(list(models.values()), SMALL.seed)
+        mapped = mapping._finish(whole, name, records, images, matches, filmed.intrinsics_px, SMALL)
+        assert mapped.has_camera.all()
+        assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
+        assert mapped.errors_px.max() < 3.0 and np.median(mapped.errors_px) < 0.5
+
+
+def test_the_incremental_mapper_steps_in_where_the_global_one_leaves_frames_out(
+    arc: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    filmed, images, matches, work_dir = arc
+    monkeypatch.setattr(mapping, "_run_global", lambda *_: {})
+    fresh_dir = work_dir / "fallback"
+    fresh_dir.mkdir()
+    (fresh_dir / "database.db").write_bytes((work_dir / "database.db").read_bytes())
+    mapped = mapping.map_frames(
+        fresh_dir / "database.db", images, matches, filmed.intrinsics_px, SMALL
+    )
+    assert mapped is not None and mapped.mapper == "incremental" and mapped.has_camera.all()
+
+
+def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc: Any) -> None:
+    filmed, images, matches, work_dir = arc
+    turning = solve_rotation_only(matches, filmed.intrinsics_px, 2.0, np.random.default_rng(0))
+    fresh_dir = work_dir / "better"
+    fresh_dir.mkdir()
+    (fresh_dir / "database.db").write_bytes((work_dir / "database.db").read_bytes())
+    mapped = mapping.map_frames(
+        fresh_dir / "database.db", images, matches, filmed.intrinsics_px, SMALL
+    )
+    assert mapped is not None and mapped.mapper == "global"
+    assert explains_better(mapped, turning, SMALL)
+    assert not explains_better(None, turning, SMALL)
+    fewer = replace(mapped, has_camera=np.arange(10) < 9)
+    assert not explains_better(fewer, turning, SMALL)
+
+
+@pytest.mark.parametrize("reach_m", [0.085, 0.0])
+def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
+    reach_m: float, tmp_path: Path
+) -> None:
+    along = np.linspace(0, 1, 14)
+    sway = np.stack([np.sin(5 * along), np.cos(7 * along), np.sin(9 * along + 1)], axis=1) / 2
+    person_m = np.stack([-1.0 + 2 * along, 0 * along + 0.4, 0 * along], axis=1)
+    centres_m = np.array([0.0, -3.0, 1.5]) + reach_m * sway
+    targets_m = person_m + np.array([0.0, 0.0, 1.0])
+    cameras = np.array([look_at(c, t) for c, t in zip(centres_m, targets_m, strict=True)])
+    filmed = film_cameras(tmp_path / "film", cameras, person_m)
+    images = list_images(filmed.images_dir)
+    arguments = (filmed.intrinsics_px, (320, 180), tmp_path, SMALL)
+    matches = match_frames(images, filmed.masks_dir, *arguments)
+    mapped = mapping.map_frames(
+        tmp_path / "database.db", images, matches, filmed.intrinsics_px, SMALL
+    )
+    if reach_m == 0:
+        assert mapped is None or not mapped.has_camera.all()
+        return
+    assert mapped is not None and mapped.mapper == "small_parallax" and mapped.has_camera.all()
+    true, centres = cameras[:, :3, 3], mapped.world_from_cam[:, :3, 3]
+    apart_m = fit_similarity(true, centres, scale=True).apply(centres) - true
+    assert np.linalg.norm(apart_m, axis=1).max() < 0.25 * reach_m
+
+
+def test_cameras_that_few_points_hold_are_forgotten() -> None:
+    world_from_cam = np.tile(np.eye(4), (3, 1, 1))
+    observations = np.array([40, 14, 15])
+    points: dict[int, dict[int, np.ndarray]] = {row: {} for row in range(3)}
+    mapping._forget_weak(world_from_cam, observations, points, 15)
+    assert np.isnan(world_from_cam[1]).all() and sorted(points) == [0, 2]
+    assert np.isfinite(world_from_cam[[0, 2]]).all() and observations.tolist() == [40, 0, 15]
+
+
+def test_a_frame_whose_inside_is_broken_is_named(dolly: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for image in list_images(dolly.images_dir)[:3]:
+        (folder / image.name).write_bytes(image.read_bytes())
+    content = (folder / "00001.jpg").read_bytes()
+    # Header and end mark stay, the tables between them go.
+    start = content.index(b"\xff\xdb")
+    (folder / "00001.jpg").write_bytes(content[:start] + content[content.index(b"\xff\xc0") :])
+    with pytest.raises(BadFrames, match=r"00001\.jpg: cannot be decoded"):
+        match_frames(list_images(folder), None, dolly.intrinsics_px, (320, 180), tmp_path, SMALL)

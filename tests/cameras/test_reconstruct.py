@@ -1,0 +1,220 @@
+"""Structure from motion on filmed rooms whose cameras are known exactly, with the real pycolmap."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.cameras.files import SfmCameras, load_cameras, load_quality
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.read.frames import list_images
+from gmrdata.stage.jobs import own_cores
+from gmrdata.values.alignment import fit_similarity
+from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, NoReconstruction
+
+SMALL = SfmConfig(max_features=1200, first_octave=-1)
+
+
+def rotation_errors_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Angles between rotations after the best common turn of the found world."""
+    u, _, vt = np.linalg.svd((true @ np.swapaxes(found, 1, 2)).sum(axis=0))
+    aligned = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt @ found
+    chord = np.linalg.norm(aligned - true, axis=(1, 2))
+    return np.rad2deg(2 * np.arcsin(np.clip(chord / np.sqrt(8), 0, 1)))
+
+
+def centre_errors_m(cameras: SfmCameras, true: np.ndarray) -> np.ndarray:
+    """Distances of the camera centres after the best similarity."""
+    found = cameras.path.centres_world_m
+    true_from_found = fit_similarity(true[:, :3, 3], found, scale=True)
+    return np.linalg.norm(true_from_found.apply(found) - true[:, :3, 3], axis=1)
+
+
+@pytest.fixture(scope="module")
+def pan_dir(pan: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out_dir = tmp_path_factory.mktemp("sfm") / "pan"
+    return reconstruct(pan.images_dir, pan.masks_dir, pan.intrinsics_px, out_dir, SMALL)
+
+
+@pytest.fixture(scope="module")
+def dolly_dir(dolly: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out_dir = tmp_path_factory.mktemp("sfm") / "dolly"
+    return reconstruct(dolly.images_dir, dolly.masks_dir, dolly.intrinsics_px, out_dir, SMALL)
+
+
+def test_a_pan_is_recognised_and_solved_as_a_pure_rotation(pan: Any, pan_dir: Path) -> None:
+    cameras, quality = load_cameras(pan_dir), load_quality(pan_dir)
+    assert cameras.geometry == quality["geometry"] == "rotation_only"
+    assert cameras.path.has_camera.all()
+    assert np.array_equal(cameras.path.centres_world_m, np.zeros((12, 3)))
+    found = cameras.path.world_from_cam[:, :3, :3]
+    assert rotation_errors_deg(found, pan.world_from_cam[:, :3, :3]).max() < 0.05
+    assert quality["median_reprojection_px"] < 0.5
+    assert quality["evidence"]["reason"].startswith("a pure rotation explains")
+
+
+def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(
+    dolly: Any, dolly_dir: Path
+) -> None:
+    cameras, quality = load_cameras(dolly_dir), load_quality(dolly_dir)
+    assert cameras.geometry == quality["geometry"] == "full"
+    assert quality["mapper"] in ("global", "incremental")
+    assert cameras.path.has_camera.all() and quality["frames_with_camera"] == 12
+    assert np.array_equal(cameras.image_numbers, np.arange(12))
+    found = cameras.path.world_from_cam[:, :3, :3]
+    assert rotation_errors_deg(found, dolly.world_from_cam[:, :3, :3]).max() < 0.15
+    assert centre_errors_m(cameras, dolly.world_from_cam).max() < 0.015
+    assert quality["mean_reprojection_px"] < 1.0
+    points = np.load(dolly_dir / "points.npz")
+    assert len(points["xyz"]) == len(points["track_lengths"]) == quality["points"] > 100
+    assert points["track_lengths"].min() >= 2
+
+
+@pytest.mark.parametrize("kind", ["pan", "dolly"])
+def test_the_same_seed_gives_the_same_bytes(
+    kind: str, pan_dir: Path, dolly_dir: Path, pan: Any, dolly: Any, tmp_path: Path
+) -> None:
+    first, filmed = {"pan": (pan_dir, pan), "dolly": (dolly_dir, dolly)}[kind]
+    threaded = SMALL.model_copy(update={"threads": 1 if own_cores() > 1 else 2})
+    second = reconstruct(
+        filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / "again", threaded
+    )
+    for name in ("cameras.npz", "points.npz", "quality.json"):
+        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+    assert sorted(p.name for p in second.iterdir()) == [
+        "cameras.npz",
+        "points.npz",
+        "quality.json",
+        "stage.json",
+    ]
+
+
+def test_masks_keep_the_walking_person_out(dolly: Any, dolly_dir: Path, tmp_path: Path) -> None:
+    bare = reconstruct(dolly.images_dir, None, dolly.intrinsics_px, tmp_path / "bare", SMALL)
+    with_masks = load_quality(dolly_dir)["evidence"]["features_per_frame"]
+    assert load_quality(bare)["evidence"]["features_per_frame"] > with_masks + 20
+
+
+def test_pycolmap_says_nothing_when_all_goes_well(
+    film: Callable[[str, int], Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    filmed = film("arc", 8)
+    reconstruct(filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / "out", SMALL)
+    said = capfd.readouterr()
+    assert said.out == said.err == ""
+
+
+def test_textureless_frames_have_no_reconstruction(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    for i in range(4):
+        cv2.imwrite(
+            str(tmp_path / "frames" / f"{i:05d}.png"), np.full((120, 160), 90 + i, np.uint8)
+        )
+    with pytest.raises(NoReconstruction, match="features per frame in the frames.*textureless"):
+        reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
+    assert not (tmp_path / "out").exists()
+
+
+def test_masks_that_cover_everything_leave_no_reconstruction(dolly: Any, tmp_path: Path) -> None:
+    (tmp_path / "masks").mkdir()
+    for image in list_images(dolly.images_dir):
+        cv2.imwrite(
+            str(tmp_path / "masks" / f"{image.stem}.png"), np.full((180, 320), 255, np.uint8)
+        )
+    with pytest.raises(
+        NoReconstruction, match="0 features per frame outside the masks: the masks cover 100%"
+    ):
+        reconstruct(
+            dolly.images_dir, tmp_path / "masks", dolly.intrinsics_px, tmp_path / "out", SMALL
+        )
+
+
+def test_unrelated_frames_have_no_reconstruction(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    (tmp_path / "frames").mkdir()
+    for i in range(5):
+        coarse = rng.integers(0, 255, (30, 40)).astype(np.uint8)
+        image = cv2.resize(coarse, (160, 120), interpolation=cv2.INTER_CUBIC)
+        cv2.imwrite(str(tmp_path / "frames" / f"{i:05d}.png"), image)
+    with pytest.raises(
+        NoReconstruction,
+        match="no two frames show the same background.*another place",
+    ):
+        reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
+
+
+def test_a_missing_mask_is_an_error(dolly: Any, tmp_path: Path) -> None:
+    shutil.copytree(dolly.masks_dir, tmp_path / "masks")
+    (tmp_path / "masks" / "00003.png").unlink()
+    with pytest.raises(BadFrames, match="no mask for 00003.jpg"):
+        reconstruct(
+            dolly.images_dir, tmp_path / "masks", dolly.intrinsics_px, tmp_path / "out", SMALL
+        )
+
+
+def test_left_out_frames_get_no_row(dolly: Any, tmp_path: Path) -> None:
+    shutil.copytree(dolly.images_dir, tmp_path / "frames")
+    (tmp_path / "frames" / "00004.jpg").unlink()
+    (tmp_path / "frames" / "00005.jpg").write_bytes(b"")
+    arguments = (tmp_path / "frames", dolly.masks_dir, dolly.intrinsics_px, tmp_path / "out", SMALL)
+    with pytest.raises(BadFrames, match="frame 4 missing between 3 and 5"):
+        reconstruct(*arguments)
+    cameras = load_cameras(reconstruct(*arguments, left_out={4, 5}))
+    rows = [0, 1, 2, 3, *range(6, 12)]
+    assert cameras.image_numbers.tolist() == rows and cameras.path.has_camera.all()
+    assert centre_errors_m(cameras, dolly.world_from_cam[rows]).max() < 0.015
+
+
+def test_frames_of_different_sizes_are_an_error(dolly: Any, tmp_path: Path) -> None:
+    shutil.copytree(dolly.images_dir, tmp_path / "frames")
+    cv2.imwrite(str(tmp_path / "frames" / "00005.jpg"), np.zeros((90, 160), np.uint8))
+    with pytest.raises(BadFrames, match=r"00005.jpg: 160x90 px, other frames are 320x180"):
+        reconstruct(tmp_path / "frames", None, dolly.intrinsics_px, tmp_path / "out", SMALL)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [np.zeros((3, 3)), np.eye(4), np.full((3, 3), np.nan), [[500, 1, 80], [0, 500, 60], [0, 0, 1]]],
+)
+def test_what_is_no_calibration_matrix_is_refused(matrix: Any, dolly: Any, tmp_path: Path) -> None:
+    with pytest.raises(BadRecipe, match="expected"):
+        reconstruct(dolly.images_dir, None, np.array(matrix), tmp_path / "out", SMALL)
+
+
+def test_cameras_of_another_kind_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "cameras.npz", poses=np.zeros(3))
+    with pytest.raises(GmrdataError, match=r"cameras\.npz: not cameras"):
+        load_cameras(tmp_path)
+
+
+def intrinsics() -> np.ndarray:
+    """A calibration of a 160x120 image."""
+    return np.array([[150.0, 0.0, 80.0], [0.0, 150.0, 60.0], [0.0, 0.0, 1.0]])
+
+
+def test_black_frames_have_no_reconstruction_and_are_called_black(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    for i in range(4):
+        cv2.imwrite(str(tmp_path / "frames" / f"{i:05d}.png"), np.full((120, 160), 3, np.uint8))
+    with pytest.raises(NoReconstruction, match="the frames are black"):
+        reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
+
+
+def test_frames_that_go_black_are_named_and_the_others_are_solved(
+    film: Callable[..., Any], tmp_path: Path
+) -> None:
+    filmed = film("arc", 24)
+    for row in range(16, 24):
+        path = filmed.images_dir / f"{row:05d}.jpg"
+        cv2.imwrite(str(path), np.zeros((180, 320), np.uint8))
+    out_dir = reconstruct(
+        filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / "out", SMALL
+    )
+    cameras, quality = load_cameras(out_dir), load_quality(out_dir)
+    assert np.array_equal(cameras.path.has_camera, np.arange(24) < 16)
+    assert quality["featureless"] == list(range(16, 24))

@@ -1,0 +1,271 @@
+"""Extras keep their distance, cross the view and repeat, whatever the subject and the camera do."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gmrdata.film.cars import CAR_SIZE_M, HALF_DRIVE_M, way_driven_m
+from gmrdata.film.extras import Cast, Extras, load_car, looks_of, make_cast, save_extras
+from gmrdata.film.programmes import (
+    Circular,
+    Linear,
+    LinearPanning,
+    Panning,
+    Small,
+    Static,
+    static_twin,
+)
+from gmrdata.film.shots import Film, film_motion, plan_clip
+from gmrdata.film.walkers import move_motion
+from gmrdata.motion.gait import make_gait
+from gmrdata.motion.resample import slice_motion
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, project
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe
+from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.skinning import motion_vertices_m
+
+PROGRAMMES = (Circular(), Linear(), Panning(), LinearPanning(), Small(), Static())
+EVERYONE = Extras(company=1, passers_by=2, cars=1)
+
+
+def clip_of(body: BodyModel, number: int, kind: str = "walk", duration_s: float = 4.0) -> Clip:
+    rng = np.random.default_rng(number)
+    film = Film(fps_hz=10, duration_s=duration_s)
+    motion = film_motion(make_gait(kind, duration_s, 10.0, body, rng), film)
+    return plan_clip("clip", motion, PROGRAMMES[number % len(PROGRAMMES)], film, rng)
+
+
+@pytest.fixture(scope="module")
+def casts(small_body: BodyModel) -> list[tuple[Clip, Cast]]:
+    clips = [clip_of(small_body, number) for number in range(12)]
+    return [(clip, make_cast(EVERYONE, [clip], small_body, n)) for n, clip in enumerate(clips)]
+
+
+def seen(camera: CameraPath, points_m: np.ndarray) -> np.ndarray:
+    """(T,) bool: whether a moving point is in the image."""
+    points_px = project(camera.world_from_cam, points_m[:, None], camera.intrinsics_px)[:, 0]
+    return ((points_px >= 0) & (points_px <= (camera.width_px, camera.height_px))).all(axis=1)
+
+
+def least_m(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.linalg.norm((a - b)[:, :2], axis=1).min())
+
+
+def test_people_keep_apart_and_away_from_the_camera(casts: list[tuple[Clip, Cast]]) -> None:
+    for clip, cast in casts:
+        people = [clip.motion, *cast.walkers]
+        for n, one in enumerate(people):
+            for other in people[:n]:
+                assert least_m(one.pelvis_m, other.pelvis_m) >= 0.6
+        for walker in cast.walkers:
+            assert least_m(walker.pelvis_m, camera_of(clip).centres_world_m) >= 1.2
+
+
+def test_cars_keep_away_from_people_and_the_camera(casts: list[tuple[Clip, Cast]]) -> None:
+    for clip, cast in casts:
+        paths_m = [m.pelvis_m for m in (clip.motion, *cast.walkers)]
+        for car in cast.cars:
+            for path_m, room_m in [
+                *((path_m, 0.6) for path_m in paths_m),
+                (camera_of(clip).centres_world_m, 1.2),
+            ]:
+                car_from_world = np.linalg.inv(car.world_from_car)
+                local_m = np.einsum("tij,tj->ti", car_from_world, np.c_[path_m, np.ones(40)])
+                outside_m = np.abs(local_m[:, :2]) - CAR_SIZE_M[:2] / 2 - room_m / np.sqrt(2)
+                assert (outside_m.max(axis=1) > 0).all()
+
+
+def test_they_are_seen_long_enough(casts: list[tuple[Clip, Cast]]) -> None:
+    for clip, cast in casts:
+        company, *passers_by = cast.walkers
+        assert seen(camera_of(clip), company.pelvis_m).mean() >= 0.8
+        for walker in passers_by:
+            assert seen(camera_of(clip), walker.pelvis_m).mean() >= 0.15
+        for car in cast.cars:
+            assert seen(camera_of(clip), car.world_from_car[:, :3, 3] + (0, 0, 0.7)).sum() >= 4
+
+
+def bearing_rad(clip: Clip, path_m: np.ndarray) -> np.ndarray:
+    """(T,) angle at the camera, on the ground, from the subject to a moving point."""
+    centres_m = camera_of(clip).centres_world_m
+    rays = [(path - centres_m)[:, :2] @ (1, 1j) for path in (path_m, clip.motion.pelvis_m)]
+    return np.asarray(np.angle(rays[0] / rays[1]))
+
+
+def test_passers_by_cross_the_line_of_sight_to_the_subject(
+    casts: list[tuple[Clip, Cast]],
+) -> None:
+    in_front = []
+    for clip, cast in casts:
+        for walker in cast.walkers[1:]:
+            row = int(np.abs(bearing_rad(clip, walker.pelvis_m)).argmin())
+            assert np.abs(bearing_rad(clip, walker.pelvis_m)[row]) < 1e-6
+            away_m = [
+                np.linalg.norm((path_m - camera_of(clip).centres_world_m)[row, :2])
+                for path_m in (walker.pelvis_m, clip.motion.pelvis_m)
+            ]
+            in_front.append(away_m[0] < away_m[1])
+    assert 4 <= sum(in_front) <= len(in_front) - 4
+
+
+def test_company_goes_beside_its_subject_at_its_pace(casts: list[tuple[Clip, Cast]]) -> None:
+    for clip, cast in casts:
+        company, subject = cast.walkers[0].pelvis_m[:, :2], clip.motion.pelvis_m[:, :2]
+        assert 0.9 <= np.linalg.norm((company - subject).mean(axis=0)) <= 1.5
+        ways = [path[-1] - path[0] for path in (company, subject)]
+        assert np.linalg.norm(ways[0] - ways[1]) < 0.2 * np.linalg.norm(ways[1])
+        assert np.linalg.norm(company - subject, axis=1).max() < 2.0
+
+
+def test_feet_stay_on_the_ground(casts: list[tuple[Clip, Cast]], small_body: BodyModel) -> None:
+    for _, cast in casts[:3]:
+        for walker in cast.walkers:
+            lowest_m = motion_vertices_m(small_body, walker)[..., 2].min(axis=1)
+            assert np.abs(lowest_m).max() < 0.03
+
+
+def test_each_choice_is_its_own(small_body: BodyModel) -> None:
+    clip = clip_of(small_body, 2)
+    full = make_cast(EVERYONE, [clip], small_body, 3)
+    again = make_cast(EVERYONE, [clip], small_body, 3)
+    fewer = make_cast(Extras(company=1, passers_by=1), [clip], small_body, 3)
+    for one, two in ((full, again), (full, fewer)):
+        for a, b in zip(one.walkers, two.walkers, strict=False):
+            assert a.pelvis_m.tobytes() == b.pelvis_m.tobytes()
+            assert a.local_rotmats.tobytes() == b.local_rotmats.tobytes()
+    assert full.cars[0].world_from_car.tobytes() == again.cars[0].world_from_car.tobytes()
+    other = make_cast(EVERYONE, [clip], small_body, 4)
+    assert other.walkers[0].pelvis_m.tobytes() != full.walkers[0].pelvis_m.tobytes()
+    assert make_cast(Extras(), [clip], small_body, 3).ground_m.shape == (0, 3)
+    draws = [looks_of(name, 3).random() for name in EVERYONE.names]
+    assert len(set(draws)) == len(EVERYONE.names) == 4
+
+
+def test_a_twin_has_the_same_extras_and_they_suit_both_cameras(small_body: BodyModel) -> None:
+    clip = clip_of(small_body, 0)
+    twin = replace(clip, camera=static_twin(camera_of(clip), clip.motion.pelvis_m))
+    cast = make_cast(EVERYONE, [clip, twin], small_body, 1)
+    for each in (clip, twin):
+        for walker in cast.walkers:
+            assert least_m(walker.pelvis_m, camera_of(each).centres_world_m) >= 1.2
+            assert seen(camera_of(each), walker.pelvis_m).mean() >= 0.15
+
+
+def test_a_shorter_clip_rests_at_its_end_while_the_extras_go_on(small_body: BodyModel) -> None:
+    long, short = clip_of(small_body, 2), clip_of(small_body, 2, duration_s=2.0)
+    cast = make_cast(Extras(passers_by=1), [short, long], small_body, 1)
+    assert cast.walkers[0].n_frames == 40
+
+
+@pytest.mark.parametrize("kind", ["circle", "side_step", "turn"])
+def test_other_subjects_and_long_clips_find_extras_too(small_body: BodyModel, kind: str) -> None:
+    clip = clip_of(small_body, 2, kind, duration_s=12.0)
+    cast = make_cast(Extras(passers_by=1, cars=1, company=1), [clip], small_body, 0)
+    assert np.ptp(cast.walkers[1].pelvis_m[:, :2], axis=0).max() < 14
+
+
+def test_no_room_is_said(small_body: BodyModel) -> None:
+    clip = clip_of(small_body, 5)
+    camera = camera_of(clip)
+    away = camera.world_from_cam.copy()
+    away[:, :3, 2] *= -1  # it looks the other way
+    away[:, :3, 0] *= -1
+    blind = replace(clip, camera=replace(camera, world_from_cam=away))
+    with pytest.raises(BadRecipe, match="company_1 can't be beside its subject"):
+        make_cast(Extras(company=1), [blind], small_body, 0)
+    crowd = Extras(company=2, passers_by=8)
+    lens_px = camera.intrinsics_px * [[30], [30], [1]]
+    far = replace(clip, camera=replace(camera, intrinsics_px=lens_px, width_px=20, height_px=10))
+    with pytest.raises(BadRecipe, match="(company|passer_by)_1 .*distance_m"):
+        make_cast(crowd.model_copy(update={"company": 0}), [far], small_body, 0)
+
+
+def test_motions_from_files(small_body: BodyModel, tmp_path: Path) -> None:
+    clip, rng = clip_of(small_body, 2), np.random.default_rng(5)
+    run = make_gait("run", 6.0, 30.0, small_body, rng, shape=np.zeros(10))
+    recorded = Clip("run", run, np.ones(180, bool), np.full(180, -1), None)
+    save_clip(tmp_path / "run.npz", recorded, small_body.rest_pelvis_m(run.shape))
+    extras = Extras(passers_by=1, motions=(tmp_path / "run.npz",))
+    walker = make_cast(extras, [clip], small_body, 0).walkers[0]
+    speed_m_per_s = np.linalg.norm(np.diff(walker.pelvis_m, axis=0), axis=1).mean() * 10
+    assert walker.n_frames == 40 and speed_m_per_s > 2 and "run.npz" in walker.source
+    assert walker.shape.any()  # not the runner's build
+    lowest_m = motion_vertices_m(small_body, walker)[..., 2].min(axis=1)
+    assert lowest_m.min() > -0.05 and np.median(lowest_m) < 0.05
+    long = clip_of(small_body, 2, duration_s=8.0)
+    with pytest.raises(BadRecipe, match=r"run\.npz lasts 6\.00 s, the clip 8\.00 s"):
+        make_cast(extras, [long], small_body, 0)
+
+
+@settings(max_examples=25, deadline=None)
+@given(yaw_rad=st.floats(-7, 7), seed=st.integers(0, 99))
+def test_a_moved_motion_moves_alike(yaw_rad: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turns, _ = np.linalg.qr(rng.normal(size=(6, 24, 3, 3)))
+    turns *= np.linalg.det(turns)[..., None, None]
+    path_m, to_m = rng.normal(size=(6, 3)), rng.normal(size=2)
+    motion = Motion(
+        turns[:, 1:], turns[:, 0], path_m, np.zeros(3), 10.0, "b", "neutral", "world", "s"
+    )
+    moved = move_motion(motion, yaw_rad, path_m[2, :2], to_m)
+    np.testing.assert_allclose(moved.pelvis_m[2], [*to_m, path_m[2, 2]], atol=1e-12)
+    np.testing.assert_allclose(moved.pelvis_m[:, 2], path_m[:, 2], atol=1e-12)
+    for a, b in zip(
+        deltas(motion.root_rotmats, motion.pelvis_m),
+        deltas(moved.root_rotmats, moved.pelvis_m),
+        strict=True,
+    ):
+        np.testing.assert_allclose(a, b, atol=1e-12)
+
+
+@given(speed=st.floats(3, 8))
+@settings(max_examples=25, deadline=None)
+def test_a_drive_is_even_in_the_middle_and_rests_at_its_ends(speed: float) -> None:
+    time_s = np.linspace(-8, 8, 3201)
+    way_m = way_driven_m(time_s, speed)
+    speeds = np.diff(way_m) / np.diff(time_s)
+    np.testing.assert_allclose(way_m, -way_m[::-1], atol=1e-12)
+    assert way_m[-1] == pytest.approx(HALF_DRIVE_M) and (speeds > -1e-9).all()
+    assert speeds.max() == pytest.approx(speed, rel=1e-6)
+    assert np.abs(np.diff(speeds)).max() <= 4.5 * 0.005 + 1e-9  # no jerk of more than its brakes
+
+
+def test_files_of_the_truth(
+    casts: list[tuple[Clip, Cast]], small_body: BodyModel, tmp_path: Path
+) -> None:
+    clip, cast = casts[2]
+    save_extras(tmp_path / "extras", EVERYONE.names, cast, clip, small_body)
+    assert sorted(path.stem for path in (tmp_path / "extras").iterdir()) == sorted(EVERYONE.names)
+    company = load_clip(tmp_path / "extras/company_1.npz")
+    assert company.id == "clip_company_1" and company.valid.all()
+    np.testing.assert_allclose(company.motion.pelvis_m, cast.walkers[0].pelvis_m, atol=1e-12)
+    np.testing.assert_array_equal(camera_of(company).world_from_cam, camera_of(clip).world_from_cam)
+    world_from_car, size_m = load_car(tmp_path / "extras/car_1.npz")
+    np.testing.assert_array_equal(world_from_car, cast.cars[0].world_from_car)
+    np.testing.assert_array_equal(size_m, CAR_SIZE_M)
+    with pytest.raises(BadMotionFile, match="not a car's file"):
+        load_car(tmp_path / "extras/company_1.npz")
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_two_frames_of_a_clip_are_enough(small_body: BodyModel, number: int) -> None:
+    """A dry run's probe renders no more."""
+    clip = clip_of(small_body, number)
+    camera = camera_of(clip)
+    piece = replace(
+        clip,
+        motion=slice_motion(clip.motion, 20, 22),
+        camera=replace(
+            camera, world_from_cam=camera.world_from_cam[20:22], has_camera=camera.has_camera[20:22]
+        ),
+    )
+    cast = make_cast(EVERYONE, [piece], small_body, 0)
+    assert [walker.n_frames for walker in cast.walkers] == [2, 2, 2]
+    assert cast.cars[0].world_from_car.shape == (2, 4, 4)

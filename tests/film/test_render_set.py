@@ -1,0 +1,209 @@
+"""A synthetic set, rendered for real: a captured trial and an embedded gait."""
+
+import re
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import psutil
+import pytest
+
+from gmrdata.film.render_set import render_set
+from gmrdata.film.set_dry_run import dry_run, summary_lines
+from gmrdata.film.set_plan import SyntheticRecipe
+from gmrdata.film.set_takes import select
+from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.values.clip import camera_of
+from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
+
+pytestmark = pytest.mark.slow
+
+RECIPE = SyntheticRecipe.model_validate(
+    {
+        "recipe": "synthetic",
+        "name": "small",
+        "seed": 3,
+        "clips": [
+            {"id": "run", "trial": "02_03", "programme": {"kind": "linear"}, "duration_s": 0.5},
+            {"id": "step", "gait": "side_step", "programme": {"kind": "small"}},
+            {"id": "gone", "trial": "99_99", "programme": {"kind": "static"}},
+        ],
+        "camera_off": True,
+        "film": {"duration_s": 0.6, "fps_hz": 10, "width_px": 160, "height_px": 96},
+        "render": {"samples": 1, "joints": True, "depth": True, "flow": True, "video": True},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory: pytest.TempPathFactory, cmu_dir: Path, anny: object) -> Path:
+    return render_set(RECIPE, tmp_path_factory.mktemp("set"), motions_dir=cmu_dir)
+
+
+def test_the_manifest_is_good_and_lists_what_could_be_rendered(rendered: Path) -> None:
+    check_manifest(rendered)
+    manifest = read_manifest(rendered)
+    assert manifest.version == "1.0.0"
+    assert [clip.id for clip in manifest.clips] == ["run", "run_off", "step", "step_off"]
+    assert [clip.source.dataset for clip in manifest.clips] == ["CMU", "CMU", "gmrdata", "gmrdata"]
+    assert [clip.camera_motion for clip in manifest.clips] == [
+        "linear",
+        "static",
+        "small",
+        "static",
+    ]
+    assert [clip.motion.n_frames for clip in load_clips(rendered)] == [5, 5, 6, 6]
+    assert manifest.clips[0].recipe is not None
+    for clip, n_frames in zip(manifest.clips, (5, 5, 6, 6), strict=True):
+        assert clip.depth is not None and clip.depth.count == n_frames
+        assert clip.flow is not None and clip.flow.count == n_frames - 1
+        assert clip.joints is not None and clip.video is not None and clip.normals is None
+
+
+def test_a_twin_has_the_motion_of_its_clip_and_a_camera_that_rests(rendered: Path) -> None:
+    clips = {clip.id: clip for clip in load_clips(rendered)}
+    for id in ("run", "step"):
+        clip, twin = clips[id], clips[f"{id}_off"]
+        np.testing.assert_allclose(twin.motion.root_rotmats, clip.motion.root_rotmats, atol=1e-12)
+        np.testing.assert_allclose(twin.motion.local_rotmats, clip.motion.local_rotmats, atol=1e-12)
+        np.testing.assert_allclose(twin.motion.pelvis_m, clip.motion.pelvis_m, atol=1e-12)
+        poses = camera_of(twin).world_from_cam
+        np.testing.assert_array_equal(poses, np.tile(poses[0], (len(poses), 1, 1)))
+        assert np.ptp(camera_of(clip).centres_world_m, axis=0).max() > 0.01
+
+
+def test_every_clip_has_the_whole_person_in_frame_as_its_masks_say(rendered: Path) -> None:
+    manifest = read_manifest(rendered)
+    assert isinstance(manifest, Manifest)
+    for clip in manifest.clips:
+        assert clip.quality is not None
+        figures = clip.quality.figures
+        assert (figures["in_frame_share"], figures["clear_sight_share"]) == (1.0, 1.0)
+        assert figures["camera_clearance_m"] > 0.5 and figures["person_clearance_m"] > 0.5
+        for path in (rendered.parent / "render" / clip.id / "masks").glob("*.png"):
+            mask = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+            assert mask is not None and mask.max() == 255
+            assert not (mask[[0, -1]].any() or mask[:, [0, -1]].any())
+    assert not (rendered.parent / "warnings.txt").exists()
+
+
+def test_the_index_shows_every_clip(rendered: Path) -> None:
+    page = (rendered.parent / "index.html").read_text()
+    pictures = re.findall(r'<img src="([^"]+)"', page)
+    assert len(pictures) == 8
+    for name in pictures:
+        assert (rendered.parent / name).is_file()
+    sheet = cv2.imread(str(rendered.parent / "sheets" / "step" / "contact.jpg"))
+    assert sheet is not None and sheet.shape == (2 * 96 + 4, 3 * 160 + 2 * 4, 3)
+
+
+def test_once_more_does_nothing_and_another_seed_is_refused(rendered: Path, cmu_dir: Path) -> None:
+    before = rendered.read_bytes()
+    frame = rendered.parent / "render" / "run" / "frames" / "00000.jpg"
+    made_ns = frame.stat().st_mtime_ns
+    render_set(RECIPE, rendered.parent, motions_dir=cmu_dir)
+    assert (rendered.read_bytes(), frame.stat().st_mtime_ns) == (before, made_ns)
+    with pytest.raises(StaleOutput, match="config.seed"):
+        render_set(RECIPE.model_copy(update={"seed": 4}), rendered.parent, motions_dir=cmu_dir)
+
+
+def test_a_dry_run_says_what_is_done_and_what_is_missing(rendered: Path, cmu_dir: Path) -> None:
+    before = sorted(rendered.parent.rglob("*"))
+    found = dry_run(RECIPE, rendered.parent, motions_dir=cmu_dir)
+    assert [row[-1] for row in found.rows] == ["done"] * 4 + ["no motion file"]
+    assert [row[3] for row in found.rows] == ["5", "5", "6", "6", ""]
+    assert (found.clips_to_do, found.frames_to_do, found.probe) == (0, 0, None)
+    assert sorted(rendered.parent.rglob("*")) == before
+
+
+def test_a_dry_run_measures_two_frames(rendered: Path, cmu_dir: Path, tmp_path: Path) -> None:
+    out_dir = tmp_path / "out"
+    found = dry_run(RECIPE, out_dir, motions_dir=cmu_dir)
+    assert not out_dir.exists()
+    assert (found.clips_to_do, found.frames_to_do, found.workers) == (4, 22, 2)
+    assert found.probe is not None and found.seconds is not None and found.size_bytes is not None
+    assert found.probe.frame_cpu_s > 0 and found.probe.clip_cpu_s > 0
+    per_worker_s = (4 * found.probe.clip_cpu_s + 22 * found.probe.frame_cpu_s) / 2
+    assert found.seconds == pytest.approx(per_worker_s)
+    # What the set really took, JPEG and PNG.
+    real = sum(p.stat().st_size for p in (rendered.parent / "render").rglob("0*.*g"))
+    assert real / 2 < found.size_bytes < 2 * real
+    assert any("22 frames" in line for line in summary_lines(found))
+    assert dry_run(RECIPE, out_dir, motions_dir=cmu_dir, probe=False).seconds is None
+
+
+def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path: Path, anny: object) -> None:
+    recipe = RECIPE.model_dump()
+    near = {"id": "near", "gait": "walk", "programme": {"kind": "small", "distance_m": 1.5}}
+    away = {"kind": "linear", "speed_m_per_s": 300}
+    far = {"id": "far", "gait": "walk", "programme": away}
+    recipe |= {"camera_off": False, "clips": [far, near]}
+    found = dry_run(SyntheticRecipe.model_validate(recipe), tmp_path, probe=False)
+    assert found.rows[0][-1].startswith("can't be filmed: a linear camera can't keep the subject")
+    with pytest.raises(StageFailed, match=r"1 of 2 failed(.|\n)*far: a linear camera can't keep"):
+        render_set(SyntheticRecipe.model_validate(recipe), tmp_path)
+    assert "can't keep the subject in frame" in (tmp_path / "failed" / "far.txt").read_text()
+    manifest = read_manifest(tmp_path / "synthetic.yaml")
+    assert isinstance(manifest, Manifest)
+    assert (manifest.version, [clip.id for clip in manifest.clips]) == (
+        "1.0.0-incomplete",
+        ["near"],
+    )
+    check_manifest(tmp_path / "synthetic.yaml")
+    assert manifest.clips[0].quality is not None
+    assert manifest.clips[0].quality.figures["in_frame_share"] == 0.0
+    assert (
+        (tmp_path / "warnings.txt").read_text().startswith("clip near: the whole person is in 0%")
+    )
+    assert "whole person is in 0%" in (tmp_path / "index.html").read_text()
+    far["programme"] = {"kind": "static"}
+    manifest_path = render_set(SyntheticRecipe.model_validate(recipe), tmp_path)
+    assert read_manifest(manifest_path).version == "1.0.0"
+    assert [clip.id for clip in read_manifest(manifest_path).clips] == ["far", "near"]
+    assert not (tmp_path / "failed" / "far.txt").exists()
+
+
+def test_a_blender_process_that_is_killed_is_started_again(tmp_path: Path, anny: object) -> None:
+    recipe = RECIPE.model_copy(
+        update={"clips": (RECIPE.clips[1],), "camera_off": False, "workers": 1}
+    )
+    killed: list[int] = []
+
+    def kill_the_first() -> None:
+        until_s = time.monotonic() + 60
+        while not killed and time.monotonic() < until_s:
+            for process in psutil.process_iter(["cmdline"]):
+                command = process.info["cmdline"] or []
+                ours = any(part.startswith(str(tmp_path)) for part in command)
+                if ours and "blender" in command:
+                    process.kill()
+                    killed.append(process.pid)
+                    return
+            time.sleep(0.05)
+
+    killer = threading.Thread(target=kill_the_first)
+    killer.start()
+    manifest_path = render_set(recipe, tmp_path)
+    killer.join()
+    assert killed
+    check_manifest(manifest_path)
+    assert not list((tmp_path / "failed").glob("*"))
+
+
+def test_ids_that_collide_with_twins_are_refused() -> None:
+    step = RECIPE.clips[1]
+    clips = (step, step.model_copy(update={"id": "step_off"}))
+    with pytest.raises(BadRecipe, match="repeated: step_off;"):
+        select(RECIPE.model_copy(update={"clips": clips}), None)
+
+
+def test_nothing_to_render_is_an_error(tmp_path: Path) -> None:
+    trial = RECIPE.clips[0]
+    with pytest.raises(MissingInput, match=r"--motions(.|\n)*gmrdata fetch cmu 02_03 --out FOLDER"):
+        render_set(RECIPE.model_copy(update={"clips": (trial,)}), tmp_path)
+    with pytest.raises(BadRecipe, match="no clips"):
+        render_set(RECIPE.model_copy(update={"clips": ()}), tmp_path)

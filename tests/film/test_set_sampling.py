@@ -1,0 +1,136 @@
+"""Each clip's own person and place: by the seed and its id, and by nothing else."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.film.render import RenderConfig
+from gmrdata.film.set_plan import SyntheticRecipe, clip_rng, render_config
+from gmrdata.film.set_takes import Planned, plan_takes, select
+from gmrdata.read.bodies import save_body
+from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import load_clip
+
+KINDS = ("walk", "run", "turn", "circle", "side_step")
+SCENES = [{"kind": "street"}, {"kind": "park", "light": "overcast"}, {"kind": "room", "seed": 5}]
+
+
+def recipe_of(kinds: tuple[str, ...] = KINDS, **said: object) -> SyntheticRecipe:
+    """A set of gaits, each clip called by its kind."""
+    clips = [{"id": kind, "gait": kind, "programme": {"kind": "small"}} for kind in kinds]
+    film = {"duration_s": 0.6, "fps_hz": 10}
+    return SyntheticRecipe.model_validate(
+        {"recipe": "synthetic", "name": "s", "seed": 3, "clips": clips, "film": film}
+        | {"people": {"vary": True}, "scenes": SCENES}
+        | said
+    )
+
+
+@pytest.fixture(scope="module")
+def body_path(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("body") / "body.npz"
+    save_body(path, small_body)
+    return path
+
+
+def plan(recipe: SyntheticRecipe, body_path: Path, folder: Path) -> Planned:
+    planned = plan_takes(recipe, select(recipe, None), body_path, folder)
+    assert not planned.reasons
+    return planned
+
+
+def test_a_clip_is_the_same_whatever_others_there_are(body_path: Path, tmp_path: Path) -> None:
+    many, few = recipe_of(), recipe_of(("side_step", "walk"))
+    plans = plan(many, body_path, tmp_path / "many"), plan(few, body_path, tmp_path / "few")
+    for clip in few.clips:
+        first, second = (planned.paths[clip.id].read_bytes() for planned in plans)
+        assert first == second
+        assert render_config(many, clip) == render_config(few, clip)
+
+
+def test_every_clip_has_another_person(body_path: Path, tmp_path: Path) -> None:
+    recipe = recipe_of()
+    planned = plan(recipe, body_path, tmp_path)
+    shapes = np.stack([load_clip(planned.paths[kind]).motion.shape for kind in KINDS])
+    assert (shapes.std(axis=0) > 0.2).all()
+    seeds = {render_config(recipe, clip).person.seed for clip in recipe.clips}
+    assert len(seeds) == len(KINDS) and None not in seeds
+    again = plan(recipe, body_path, tmp_path / "again")
+    for kind in KINDS:
+        assert planned.paths[kind].read_bytes() == again.paths[kind].read_bytes()
+
+
+def test_another_seed_gives_other_people_and_places() -> None:
+    first, second = recipe_of(), recipe_of(seed=4)
+    for clip in first.clips:
+        assert render_config(first, clip).person != render_config(second, clip).person
+    assert [render_config(first, c).scene for c in first.clips] != [
+        render_config(second, c).scene for c in first.clips
+    ]
+
+
+def test_a_twin_has_the_person_and_the_place_of_its_clip(body_path: Path, tmp_path: Path) -> None:
+    recipe = recipe_of(("walk",), camera_off=True)
+    selection = select(recipe, None)
+    planned = plan_takes(recipe, selection, body_path, tmp_path)
+    clip, twin = selection.takes
+    assert (clip.id, twin.id) == ("walk", "walk_off")
+    of_clip, of_twin = (load_clip(planned.paths[take.id]).motion for take in selection.takes)
+    np.testing.assert_array_equal(of_twin.shape, of_clip.shape)
+    assert render_config(recipe, twin.clip) == render_config(recipe, clip.clip)
+
+
+def test_places_are_those_of_the_list_and_seeds_are_drawn_unless_given() -> None:
+    recipe = recipe_of()
+    clips = [recipe.clips[0].model_copy(update={"id": f"c{n}"}) for n in range(60)]
+    scenes = [render_config(recipe, clip).scene for clip in clips]
+    assert {(s.kind, s.lit_by) for s in scenes} == {
+        ("street", "sun"),
+        ("park", "overcast"),
+        ("room", "indoor"),
+    }
+    assert {s.seed for s in scenes if s.kind == "room"} == {5}
+    drawn = [s.seed for s in scenes if s.kind != "room"]
+    assert len(set(drawn)) == len(drawn)
+
+
+def test_what_a_clip_says_itself_counts(body_path: Path, tmp_path: Path) -> None:
+    clip = {"id": "walk", "gait": "walk", "programme": {"kind": "small"}}
+    clip |= {"scene": {"kind": "park", "seed": 8}, "shape": [0.5] * 10}
+    recipe = recipe_of(clips=[clip])
+    assert render_config(recipe, recipe.clips[0]).scene.model_dump(exclude_defaults=True) == {
+        "kind": "park",
+        "seed": 8,
+    }
+    planned = plan(recipe, body_path, tmp_path)
+    np.testing.assert_array_equal(load_clip(planned.paths["walk"]).motion.shape, np.full(10, 0.5))
+    wrong = recipe_of(clips=[clip | {"shape": [1.0, 2.0]}])
+    reasons = plan_takes(wrong, select(wrong, None), body_path, tmp_path / "wrong").reasons
+    assert "takes a shape of 10 finite numbers" in reasons["walk"]
+
+
+def test_without_variety_all_clips_are_rendered_alike() -> None:
+    recipe = recipe_of(people={}, scenes=[], render={"samples": 2, "scene": {"seed": 9}})
+    for clip in recipe.clips:
+        assert render_config(recipe, clip) == recipe.render
+    said = recipe_of(render={"person": {"seed": 1}})
+    assert {render_config(said, clip).person.seed for clip in said.clips} == {1}
+    assert recipe_of().render == RenderConfig()
+
+
+def test_choices_do_not_share_their_numbers() -> None:
+    drawn = [clip_rng(0, "a", c).random() for c in ("motion", "person", "looks", "place")]
+    assert (
+        len({*drawn, clip_rng(0, "b", "motion").random(), clip_rng(1, "a", "motion").random()}) == 6
+    )
+
+
+def test_table_8_varies_people_and_places() -> None:
+    recipe = load_recipe(find_recipe("synthetic"), SyntheticRecipe)
+    clip = recipe_of().clips[0]
+    configs = [render_config(recipe, clip.model_copy(update={"id": f"c{n}"})) for n in range(50)]
+    assert {config.scene.kind for config in configs} == {"courtyard", "street", "park", "room"}
+    assert {config.scene.lit_by for config in configs} == {"sun", "overcast", "indoor"}
+    assert len({config.person.seed for config in configs}) == 50

@@ -1,0 +1,333 @@
+"""`gmrdata infer`: what it writes for each format, what it refuses, and how it goes on."""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+from gmrdata.cli import main
+from gmrdata.gmr import infer as stage
+from gmrdata.gmr.infer import InferConfig, infer_world_motion
+from gmrdata.gmr.predict import load_gmr, predict_world_motion
+from gmrdata.motion import local_poses as reader
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.errors import (
+    BadCheckpoint,
+    BadMotionFile,
+    GmrdataError,
+    MissingInput,
+    StaleOutput,
+)
+from gmrdata.values.files import read_json
+from gmrdata.values.motion import Motion
+from gmrdata.write.bvh import write_bvh
+from tests.joblib_layout import joblib_bytes
+from tests.motion.written_files import (
+    phalp_frame,
+    phalp_poses,
+    some_poses,
+    vibe_person,
+    write_gvhmr,
+    write_phalp,
+    write_vibe,
+    write_wham,
+)
+
+FILES = ["amass.npz", "body.glb", "clip.npz", "motion.bvh", "path.png"]
+QUICK = InferConfig(fps_hz=30.0, video=False)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_each_format_gives_each_file(
+    tmp_path: Path,
+    run_dir: Path,
+    body_path: Path,
+    small_body: BodyModel,
+    walk: Callable[..., Motion],
+) -> None:
+    motion = walk(30.0, 40)
+    clip = Clip("a walk", motion, np.ones(40, bool), np.full(40, -1), None)
+    save_clip(tmp_path / "clip.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    write_bvh(tmp_path / "walk.bvh", motion, small_body)
+    np.savez(
+        tmp_path / "amass.npz",
+        poses=some_poses(40, 52),
+        trans=np.zeros((40, 3)),
+        betas=np.zeros(16),
+        gender="male",
+        mocap_framerate=60.0,
+    )
+    poses = phalp_poses(40)
+    frames = [phalp_frame(t, {1: poses[t]}) for t in range(40)]
+    sources = {
+        write_vibe(tmp_path / "vibe_output.pkl", {3: vibe_person(40)}): "person_3",
+        write_wham(tmp_path / "wham_output.pkl", {0: 40}): "person_0",
+        write_phalp(tmp_path / "demo_x.pkl", frames): "person_1",
+        write_gvhmr(tmp_path / "hmr4d_results.pt", 40): "person",
+        tmp_path / "clip.npz": "a_walk",
+        tmp_path / "walk.bvh": "walk",
+        tmp_path / "amass.npz": "amass",
+    }
+    for source, name in sources.items():
+        out = tmp_path / "out" / source.stem
+        config = InferConfig(fps_hz=30.0 if source.suffix in (".pkl", ".pt") else None, video=False)
+        infer_world_motion(run_dir, source, str(body_path), out, config)
+        assert names(out) == sorted(["infer.json", "stage.json", name])
+        assert names(out / name) == FILES
+        world = load_clip(out / name / "clip.npz").motion
+        assert (world.n_frames, world.frame) == (40, "world")
+        assert world.fps_hz == (60.0 if source.stem == "amass" else 30.0)
+        record = read_json(out / "infer.json")
+        assert record["model"] == {"run": "run", "step": 1, "fps_hz": 10.0}
+        assert record["motions"][name]["frames"] == 40
+        assert record["left_out"] == {}
+
+
+def test_the_clip_is_what_python_predicts(
+    tmp_path: Path, run_dir: Path, body_path: Path, small_body: BodyModel
+) -> None:
+    path = write_vibe(tmp_path / "v.pkl", {0: vibe_person(40)})
+    infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", QUICK)
+    found = load_clip(tmp_path / "out" / "person_0" / "clip.npz")
+    (run,) = reader.read_local_poses(path, 30.0, body=small_body)
+    expected = predict_world_motion(load_gmr(run_dir), run.motion)
+    # Worlds differ in heading, up and floor; the motion between the network's frames does not.
+    relative = found.motion.root_rotmats[0].T @ found.motion.root_rotmats[::3]
+    np.testing.assert_allclose(relative, expected.root_rotmats, atol=1e-6)
+    steps_m = found.motion.pelvis_m[::3] - found.motion.pelvis_m[0]
+    np.testing.assert_allclose(steps_m @ found.motion.root_rotmats[0], expected.pelvis_m, atol=1e-6)
+    np.testing.assert_allclose(found.motion.local_rotmats, run.motion.local_rotmats, atol=1e-9)
+    assert np.array_equal(found.image_numbers, run.image_numbers)
+
+
+def test_runs_have_a_folder_each_and_short_ones_are_said(
+    tmp_path: Path, run_dir: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frame_ids = [*range(5, 25), 30, *range(40, 43), *range(50, 62)]
+    people = {2: vibe_person(len(frame_ids), frame_ids), 9: vibe_person(1, [0])}
+    path = write_vibe(tmp_path / "v.pkl", people)
+    out = infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", QUICK)
+    record = read_json(out / "infer.json")
+    assert {n: (m["first_frame"], m["last_frame"]) for n, m in record["motions"].items()} == {
+        "person_2_from_5": (5, 24),
+        "person_2_from_50": (50, 61),
+    }
+    assert record["left_out"] == {
+        "person_2_from_30": "1 frame at 30 fps: less than two at 10 fps",
+        "person_2_from_40": "3 frames at 30 fps: less than two at 10 fps",
+        "person_9": "1 frame at 30 fps: less than two at 10 fps",
+    }
+    assert "left out person_9: 1 frame" in capsys.readouterr().err
+    for name in record["motions"]:
+        motion = load_clip(out / name / "clip.npz").motion
+        np.testing.assert_allclose(motion.pelvis_m[0, :2], 0.0, atol=1e-12)
+
+
+def test_short_gaps_are_filled_on_demand_and_counted(
+    tmp_path: Path, run_dir: Path, body_path: Path
+) -> None:
+    people = {2: vibe_person(30, [*range(10), *range(12, 32)])}
+    path = write_vibe(tmp_path / "v.pkl", people)
+    config = QUICK.model_copy(update={"bridge_frames": 2})
+    out = infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", config)
+    record = read_json(out / "infer.json")["motions"]["person_2"]
+    assert (record["frames"], record["filled_frames"]) == (32, 2)
+    assert "2 missing frames filled" in record["source"]
+    clip = load_clip(out / "person_2" / "clip.npz")
+    assert np.flatnonzero(~clip.valid).tolist() == [10, 11]
+    assert np.isfinite(clip.motion.pelvis_m).all()
+
+
+def _nan_person() -> dict[str, Any]:
+    poses = some_poses(40)
+    poses[3, 3] = np.nan
+    return vibe_person(40) | {"pose": poses}
+
+
+BAD: dict[str, tuple[Callable[[], dict[Any, Any]], float | None, str]] = {
+    "one frame": (lambda: {0: vibe_person(1)}, 30.0, "no person has two frames in a row"),
+    "three frames": (lambda: {0: vibe_person(3)}, 30.0, "no run of frames is long enough"),
+    "22 joints": (
+        lambda: {0: vibe_person(9) | {"pose": some_poses(9, 22)}},
+        30.0,
+        r"\(9, 66\), not \(T, 72\)",
+    ),
+    "NaN": (lambda: {0: _nan_person()}, 30.0, "NaN or infinite numbers in row 3"),
+    "slow": (lambda: {0: vibe_person(40)}, 5.0, "5 fps is lower than 10 fps"),
+    "no rate": (lambda: {0: vibe_person(40)}, None, "does not say its frame rate"),
+}
+
+
+@pytest.mark.parametrize("fault", sorted(BAD))
+def test_bad_poses_leave_nothing_behind(
+    fault: str, tmp_path: Path, run_dir: Path, body_path: Path
+) -> None:
+    make, fps_hz, message = BAD[fault]
+    source = tmp_path / "in" / "bad.pkl"
+    source.parent.mkdir()
+    source.write_bytes(joblib_bytes(make()))
+    before = sorted(tmp_path.rglob("*"))
+    config = InferConfig(fps_hz=fps_hz)
+    with pytest.raises(BadMotionFile, match=message) as caught:
+        infer_world_motion(run_dir, source, str(body_path), tmp_path / "o" / "out", config)
+    assert "bad.pkl" in str(caught.value)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_broken_files_and_runs_leave_nothing_behind(
+    tmp_path: Path, run_dir: Path, body_path: Path
+) -> None:
+    good = write_vibe(tmp_path / "good.pkl", {0: vibe_person(12)})
+    cut = tmp_path / "cut.pkl"
+    cut.write_bytes(good.read_bytes()[:-900])
+    other = tmp_path / "other"
+    other.mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    for run, source in ((run_dir, cut), (run_dir, tmp_path / "none.pkl"), (other, good)):
+        with pytest.raises(GmrdataError, match=r"cut\.pkl|none\.pkl|other"):
+            infer_world_motion(run, source, str(body_path), tmp_path / "out", QUICK)
+        assert sorted(tmp_path.rglob("*")) == before
+    weights = next((run_dir / "checkpoints").rglob("model.safetensors"))
+    weights.write_bytes(weights.read_bytes()[:100])
+    with pytest.raises(BadCheckpoint, match=r"model\.safetensors"):
+        infer_world_motion(run_dir, good, str(body_path), tmp_path / "out", QUICK)
+    with pytest.raises(MissingInput, match=r"no\.npz"):
+        infer_world_motion(run_dir, good, str(tmp_path / "no.npz"), tmp_path / "out", QUICK)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_hostile_clip_name_stays_inside(
+    tmp_path: Path, run_dir: Path, body_path: Path, small_body: BodyModel,
+    walk: Callable[..., Motion],
+) -> None:  # fmt: skip
+    motion = walk(30.0, 20)
+    clip = Clip("../../x y", motion, np.ones(20, bool), np.full(20, -1), None)
+    save_clip(tmp_path / "c.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    out = tmp_path / "deep" / "out"
+    infer_world_motion(run_dir, tmp_path / "c.npz", str(body_path), out, InferConfig(video=False))
+    assert names(out) == ["_.._x_y", "infer.json", "stage.json"]
+    assert not (tmp_path / "x y").exists()
+
+
+def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(
+    tmp_path: Path, run_dir: Path, body_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_vibe(tmp_path / "v.pkl", {0: vibe_person(20), 1: vibe_person(20, seed=4)})
+    out = tmp_path / "out"
+    written: list[str] = []
+
+    def killed(glb_path: Path, *rest: Any) -> None:
+        if "person_1" in glb_path.parts:
+            raise KeyboardInterrupt
+        write_glb(glb_path, *rest)
+
+    write_glb, write_amass = stage.write_glb, stage.write_amass
+
+    def counted(amass_path: Path, *rest: Any) -> None:
+        written.append(amass_path.parent.name)
+        write_amass(amass_path, *rest)
+
+    monkeypatch.setattr(stage, "write_amass", counted)
+    monkeypatch.setattr(stage, "write_glb", killed)
+    with pytest.raises(KeyboardInterrupt):
+        infer_world_motion(run_dir, path, str(body_path), out, QUICK)
+    assert not out.exists()
+    monkeypatch.setattr(stage, "write_glb", write_glb)
+    infer_world_motion(run_dir, path, str(body_path), out, QUICK)
+    assert written == ["person_0", "person_1"]
+    times = {file: file.stat().st_mtime_ns for file in out.rglob("*")}
+    infer_world_motion(run_dir, path, str(body_path), out, QUICK)
+    assert {file: file.stat().st_mtime_ns for file in out.rglob("*")} == times
+    with pytest.raises(StaleOutput, match=r"config\.fps_hz"):
+        other = InferConfig(fps_hz=25.0, video=False)
+        infer_world_motion(run_dir, path, str(body_path), out, other)
+    infer_world_motion(run_dir, path, str(body_path), out, other, redo=True)
+    assert load_clip(out / "person_0" / "clip.npz").motion.fps_hz == 25.0
+
+
+def test_the_verb_writes_a_video_and_a_table(
+    tmp_path: Path, run_dir: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = write_vibe(tmp_path / "v.pkl", {0: vibe_person(6)})
+    out = tmp_path / "out"
+    flags = ["--out", str(out), "--body", str(body_path), "--fps-hz", "30"]
+    main(["infer", str(run_dir), str(source), *flags])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "person_0 6 0-5 0 30" in said
+    with av.open(str(out / "person_0" / "body.mp4")) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(frames) == 6 and frames[0].shape == (480, 640, 3)
+
+
+def test_the_verb_says_what_is_wrong(
+    tmp_path: Path, run_dir: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = write_vibe(tmp_path / "v.pkl", {0: vibe_person(6)})
+    out = str(tmp_path / "out")
+    for flags, message in (
+        ([], r"v\.pkl: does not say its frame rate. Give the video's with --fps-hz"),
+        (["--fps-hz", "-3"], "--fps-hz -3: must be more than 0"),
+        (["--fps-hz", "nan"], "--fps-hz nan: must be more than 0"),
+        (["--bridge-frames", "-1"], "--bridge-frames -1: give 0 or more"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(["infer", str(run_dir), str(source), "--out", out,
+                  "--body", str(body_path), "--no-video", *flags])  # fmt: skip
+        assert ended.value.code == 1
+        assert re.search(message, capsys.readouterr().err)
+    assert not Path(out).exists()
+
+
+def test_the_three_lines_of_python_run_as_they_stand(
+    tmp_path: Path, run_dir: Path, anny: BodyModel
+) -> None:
+    """In a process of its own, in a folder with a `run` and a `poses.pkl`."""
+    assert run_dir == tmp_path / "run"
+    write_vibe(tmp_path / "poses.pkl", {0: vibe_person(40)})
+    lines = re.findall(r"^ {4}(\S.*)$", reader.__doc__ or "", re.MULTILINE)
+    assert len(lines) == 3
+    page = Path(__file__).parents[2] / "docs" / "inference.md"
+    shown = [line for line in page.read_text(encoding="utf-8").splitlines() if line]
+    assert "\n".join(lines) in "\n".join(shown)
+    asked = "print(world.n_frames, world.fps_hz, world.pelvis_m.shape, world.body)"
+    answer = subprocess.run(
+        [sys.executable, "-c", "\n".join([*lines, asked])],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(Path(__file__).parents[2]), **_cache_env()},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.split("\n")[0] == f"14 10.0 (14, 3) {anny.name}"
+
+
+def _cache_env() -> dict[str, str]:
+    return {key: os.environ[key] for key in ("HOME", "XDG_CACHE_HOME", "PATH") if key in os.environ}
+
+
+def test_a_body_that_the_file_is_not_of_gets_its_mean_shape(
+    tmp_path: Path, run_dir: Path, small_body: BodyModel, walk: Callable[..., Motion]
+) -> None:
+    motion = walk(30.0, 20)
+    clip = Clip("walk", motion, np.ones(20, bool), np.full(20, -1), None)
+    save_clip(tmp_path / "c.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    save_body(tmp_path / "other.npz", replace(small_body, name="other"))
+    out = tmp_path / "out"
+    config = InferConfig(video=False)
+    infer_world_motion(run_dir, tmp_path / "c.npz", str(tmp_path / "other.npz"), out, config)
+    found = load_clip(out / "walk" / "clip.npz").motion
+    assert found.body == "other" and not found.shape.any()

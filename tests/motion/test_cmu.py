@@ -1,0 +1,335 @@
+"""Fetching from a real server on this machine that behaves well and badly."""
+
+import hashlib
+import http.server
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata import cli
+from gmrdata.motion.cmu import check_trials, fetch_command, fetch_trials, listed_trials, plan
+from gmrdata.read.download import FetchConfig
+from gmrdata.values.errors import BadRecipe, FetchFailed
+
+ASF = b""":units
+  length 0.45
+  angle deg
+:root
+   order TX TY TZ RX RY RZ
+   axis XYZ
+   position 0 0 0
+   orientation 0 0 0
+:bonedata
+  begin
+     name thigh
+     direction 0 -1 0
+     length 4
+     axis 0 0 0 XYZ
+    dof rx rz
+  end
+:hierarchy
+  begin
+    root thigh
+  end
+"""
+AMC = b":FULLY-SPECIFIED\n:DEGREES\n" + b"".join(
+    b"%d\nroot 1 2 %d 0 0 0\nthigh %d 0\n" % (n, n, n % 90) for n in range(1, 401)
+)
+FILES = {"/02/02.asf": ASF, "/02/02_03.amc": AMC, "/02/02_04.amc": AMC.replace(b"1 2", b"2 2")}
+HALF = len(AMC) // 2
+
+Handler = http.server.BaseHTTPRequestHandler
+Answer = Callable[[Handler, bytes], None]
+
+
+@dataclass
+class Server:
+    """What a test tells the server, and what the server saw."""
+
+    url: str
+    answers: dict[str, list[Answer]] = field(default_factory=dict)
+    """By path: how the first requests are answered; later ones are answered well."""
+    seen: list[tuple[str, str | None]] = field(default_factory=list)
+    """Path and Range of every request."""
+
+    def requests(self, name: str) -> list[str | None]:
+        return [wanted for path, wanted in self.seen if path.endswith(name)]
+
+
+def _send(handler: Handler, status: int, body: bytes, **headers: str) -> None:
+    handler.send_response(status)
+    for key, value in ({"Content_Length": str(len(body))} | headers).items():
+        handler.send_header(key.replace("_", "-"), value)
+    handler.end_headers()
+    handler.wfile.write(body)
+
+
+def _well(handler: Handler, body: bytes) -> None:
+    tag = f'"{hashlib.sha256(body).hexdigest()[:8]}"'
+    wanted = handler.headers.get("Range")
+    if wanted is not None and handler.headers.get("If-Range") in (None, tag):
+        start = int(wanted.removeprefix("bytes=").removesuffix("-"))
+        place = f"bytes {start}-{len(body) - 1}/{len(body)}"
+        _send(handler, 206, body[start:], ETag=tag, Content_Range=place)
+        return
+    _send(handler, 200, body, ETag=tag)
+
+
+def _drop(handler: Handler, body: bytes) -> None:
+    tag = f'"{hashlib.sha256(body).hexdigest()[:8]}"'
+    _send(handler, 200, body[:HALF], ETag=tag, Content_Length=str(len(body)))
+
+
+def _status(code: int) -> Answer:
+    return lambda handler, body: _send(handler, code, b"sorry")
+
+
+def _redirect(place: str) -> Answer:
+    return lambda handler, body: _send(handler, 302, b"", Location=place)
+
+
+def _slow(handler: Handler, body: bytes) -> None:
+    time.sleep(0.6)
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    class Requests(Handler):
+        def do_GET(self) -> None:
+            state.seen.append((self.path, self.headers.get("Range")))
+            todo = state.answers.get(self.path, [])
+            if self.path not in FILES:
+                _send(self, 404, b"no such file")
+            else:
+                (todo.pop(0) if todo else _well)(self, FILES[self.path])
+
+        def log_message(self, *words: object) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Requests) as listening:
+        listening.handle_error = lambda *_: None  # a client that went away is what some tests want
+        state = Server(f"http://127.0.0.1:{listening.server_address[1]}")
+        thread = threading.Thread(target=listening.serve_forever, kwargs={"poll_interval": 0.02})
+        thread.start()
+        yield state
+        listening.shutdown()
+        thread.join()
+
+
+def _fetch(server: Server, out: Path, *trials: str, **options: object) -> list[float]:
+    waits: list[float] = []
+    config = FetchConfig(
+        base_url=server.url, timeout_s=float(str(options.pop("timeout_s", 5.0))), attempts=3
+    )
+    rng = np.random.default_rng(1)
+    fetch_trials(trials or ("02_03",), out, config, rng, sleep=waits.append, **options)
+    return waits
+
+
+def _names(out: Path) -> list[str]:
+    return sorted(path.name for path in out.iterdir() if path.name != ".fetch.lock")
+
+
+DONE = ["02.asf", "02_03.amc", "SHA256SUMS", "fetched.json"]
+
+
+def test_a_good_server_and_once_more(server: Server, tmp_path: Path) -> None:
+    assert _fetch(server, tmp_path) == []
+    assert _names(tmp_path) == DONE
+    assert (tmp_path / "02_03.amc").read_bytes() == AMC
+    subprocess.run(["sha256sum", "--check", "--strict", "SHA256SUMS"], cwd=tmp_path, check=True)
+    record = json.loads((tmp_path / "fetched.json").read_text())
+    assert record["files"]["02_03.amc"] == {
+        "url": f"{server.url}/02/02_03.amc",
+        "size_bytes": len(AMC),
+        "sha256": hashlib.sha256(AMC).hexdigest(),
+    }
+    _fetch(server, tmp_path)
+    assert len(server.seen) == 2
+
+
+def test_a_dropped_connection_is_resumed(server: Server, tmp_path: Path) -> None:
+    server.answers["/02/02_03.amc"] = [_drop]
+    waits = _fetch(server, tmp_path)
+    assert len(waits) == 1 and 0.5 <= waits[0] <= 1.5
+    assert server.requests("02_03.amc") == [None, f"bytes={HALF}-"]
+    assert (tmp_path / "02_03.amc").read_bytes() == AMC
+    assert _names(tmp_path) == DONE
+
+
+def test_a_later_run_resumes(server: Server, tmp_path: Path) -> None:
+    server.answers["/02/02_03.amc"] = [_drop, _status(503), _status(503)]
+    with pytest.raises(FetchFailed, match="1 of 1 trials missing: 02_03\n.*503"):
+        _fetch(server, tmp_path)
+    assert "02_03.amc" not in _names(tmp_path) and "02_03.amc.part" in _names(tmp_path)
+    assert [row[-1] for row in plan(["02_03"], tmp_path, FetchConfig())[1]] == [
+        "done",
+        "unfinished",
+    ]
+    _fetch(server, tmp_path)
+    assert server.requests("02_03.amc")[-1] == f"bytes={HALF}-"
+    assert (tmp_path / "02_03.amc").read_bytes() == AMC and _names(tmp_path) == DONE
+
+
+def test_a_server_that_ignores_range_and_a_changed_file(server: Server, tmp_path: Path) -> None:
+    def whole(handler: Handler, body: bytes) -> None:
+        _send(handler, 200, body, ETag='"x"')
+
+    def other(handler: Handler, body: bytes) -> None:
+        _send(handler, 206, body[HALF:], ETag='"o"', Content_Range=f"bytes {HALF}-9999/10000")
+
+    server.answers["/02/02_03.amc"] = [_drop, whole]
+    server.answers["/02/02_04.amc"] = [_drop, other]
+    _fetch(server, tmp_path, "02_03", "02_04")
+    assert (tmp_path / "02_03.amc").read_bytes() == AMC
+    assert (tmp_path / "02_04.amc").read_bytes() == FILES["/02/02_04.amc"]
+    assert server.requests("02_04.amc") == [None, f"bytes={HALF}-", None]
+
+
+def test_500_twice_then_good(server: Server, tmp_path: Path) -> None:
+    server.answers["/02/02_03.amc"] = [_status(500), _status(500)]
+    waits = _fetch(server, tmp_path)
+    assert 0.5 <= waits[0] <= 1.5 and 1.0 <= waits[1] <= 3.0
+    assert _names(tmp_path) == DONE
+
+
+def _cut(handler: Handler, body: bytes) -> None:
+    _send(handler, 200, body[:-9])
+
+
+def _longer(handler: Handler, body: bytes) -> None:
+    _send(handler, 200, body, Content_Length=str(len(body) - 9))
+
+
+def _page(kind: str) -> Answer:
+    return lambda handler, body: _send(handler, 200, b"<html>Sorry</html>", Content_Type=kind)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (_cut, "no usable .amc: 02_03.amc:1202: "),
+        (_longer, "no usable .amc: 02_03.amc:1202: "),
+        (_page("text/html"), "sends a web page"),
+        (_page("text/plain"), "no usable .amc: a web page"),
+        (_redirect("file:///etc/hostname"), "redirects to file:///etc/hostname, which is not"),
+        (_redirect("ftp://127.0.0.1/02_03.amc"), "redirects to ftp:.* is not followed"),
+        (_status(403), "answers 403"),
+    ],
+)
+def test_wrong_answers_are_refused_at_once(
+    server: Server, tmp_path: Path, answer: Answer, words: str
+) -> None:
+    server.answers["/02/02_03.amc"] = [answer]
+    with pytest.raises(FetchFailed, match=words):
+        _fetch(server, tmp_path)
+    assert _names(tmp_path) == ["02.asf", "SHA256SUMS", "fetched.json"]
+    assert len(server.requests("02_03.amc")) == 1
+
+
+def test_redirects_within_the_web_are_followed(server: Server, tmp_path: Path) -> None:
+    server.answers["/02/02_03.amc"] = [_redirect(f"{server.url}/02/02_04.amc")]
+    _fetch(server, tmp_path)
+    assert (tmp_path / "02_03.amc").read_bytes() == FILES["/02/02_04.amc"]
+
+
+def test_a_slow_server(server: Server, tmp_path: Path) -> None:
+    server.answers["/02/02_03.amc"] = [_slow] * 3
+    with pytest.raises(FetchFailed, match="timed out.*gave up after 3 attempts"):
+        _fetch(server, tmp_path, timeout_s=0.2)
+    assert _names(tmp_path) == ["02.asf", "SHA256SUMS", "fetched.json"]
+
+
+def test_what_is_not_on_the_server_is_named_and_the_others_come(
+    server: Server, tmp_path: Path
+) -> None:
+    with pytest.raises(FetchFailed, match="3 of 4 trials missing: 02_99, 77_01, 77_02") as caught:
+        _fetch(server, tmp_path, "02_99", "77_01", "77_02", "02_03")
+    assert "trial 02_99: " in str(caught.value) and "(404)" in str(caught.value)
+    assert "trial 77_02: its skeleton 77.asf is missing" in str(caught.value)
+    assert _names(tmp_path) == DONE
+    assert len(server.seen) == 4
+
+
+def test_a_file_that_is_not_as_recorded_is_kept_without_redo(
+    server: Server, tmp_path: Path
+) -> None:
+    _fetch(server, tmp_path)
+    (tmp_path / "02_03.amc").write_text("mine")
+    with pytest.raises(FetchFailed, match="another hash: move it away, or pass --redo"):
+        _fetch(server, tmp_path)
+    assert (tmp_path / "02_03.amc").read_text() == "mine"
+    _fetch(server, tmp_path, redo=True)
+    assert (tmp_path / "02_03.amc").read_bytes() == AMC
+
+
+@pytest.mark.parametrize("name", ["../02_03", "02_3", "2_03", "02_03.amc", "", "02_03\n", "٠٢_٠٣"])
+def test_names_that_are_no_trials(name: str) -> None:
+    with pytest.raises(BadRecipe, match="no name of a CMU trial"):
+        check_trials([name])
+
+
+@pytest.mark.parametrize("url", ["file:///tmp", "ftp://127.0.0.1", "127.0.0.1:80", "http://"])
+def test_addresses_that_are_not_of_the_web(url: str, tmp_path: Path) -> None:
+    with pytest.raises(BadRecipe, match="--base-url"):
+        plan(["02_03"], tmp_path, FetchConfig(base_url=url))
+
+
+def test_lists_and_addresses(tmp_path: Path) -> None:
+    trials = listed_trials("paper_table8")
+    assert len(trials) == 50 and trials[0] == "02_03"
+    with pytest.raises(BadRecipe, match="names no CMU trials"):
+        listed_trials("paper_table7")
+    _, rows = plan(["143_18"], tmp_path / "out", FetchConfig())
+    assert rows[0] == ("143.asf", "http://mocap.cs.cmu.edu/subjects/143/143.asf", "to do")
+    assert rows[1][1] == "http://mocap.cs.cmu.edu/subjects/143/143_18.amc"
+    assert not (tmp_path / "out").exists()
+    assert fetch_command(["02_03", "mine", "02_03"], Path("a b")) == (
+        "gmrdata fetch cmu 02_03 --out 'a b'"
+    )
+    assert fetch_command(["mine"], None) is None
+
+
+def test_the_command(server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ["fetch", "cmu", "02_03", "02_99", "--base-url", server.url, "--out", str(tmp_path)]
+    with pytest.raises(SystemExit) as ended:
+        cli.main(common)
+    assert ended.value.code == 1
+    assert "1 of 2 trials missing: 02_99" in capsys.readouterr().err
+    assert _names(tmp_path) == DONE
+    cli.main([*common, "--dry-run"])
+    cli.main(["fetch", "cmu", "--list", "paper_table8", "--dry-run"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["fetch", "cmu"])
+    assert ended.value.code == 1
+
+
+def test_a_killed_run_leaves_no_final_name(server: Server, tmp_path: Path) -> None:
+    def hang(handler: Handler, body: bytes) -> None:
+        handler.send_response(200)
+        handler.send_header("Content-Length", str(len(body)))
+        handler.send_header("ETag", f'"{hashlib.sha256(body).hexdigest()[:8]}"')
+        handler.end_headers()
+        handler.wfile.write(body[:HALF])
+        time.sleep(0.5)
+
+    server.answers["/02/02_03.amc"] = [hang]
+    program = "from gmrdata.cli import main; main()"
+    arguments = ["fetch", "cmu", "02_03", "--base-url", server.url, "--out", str(tmp_path)]
+    process = subprocess.Popen([sys.executable, "-c", program, *arguments])
+    end_s = time.monotonic() + 10
+    while not (tmp_path / "02_03.amc.part").exists() and time.monotonic() < end_s:
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    assert "02_03.amc" not in _names(tmp_path) and "02_03.amc.part" in _names(tmp_path)
+    _fetch(server, tmp_path)
+    assert (tmp_path / "02_03.amc").read_bytes() == AMC and _names(tmp_path) == DONE

@@ -1,0 +1,184 @@
+"""Motion files into a manifest: AMASS's folders, many files at once, broken ones among them."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.motion.library import FEW_FILES, clip_id, library_files, make_library, motion_table
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+NAMES = [
+    "CMU/01/01_01_poses",
+    "CMU/02/02_03_poses",
+    "KIT/3/kick high 01_poses",
+    "KIT/4/walk_poses",
+    "SFU/0005/0005_Walk001_poses",
+    "TotalCapture/s1/walk_poses",
+    "HumanEva/S1/Box_1_poses",
+    "ACCAD/Female1Walking_c3d/B3 - walk1_poses",
+    "BMLrub/rub001/0000_treadmill_norm_poses",
+    "EKUT/134/BAL01_poses",
+]
+
+
+def write_amass(root: Path, names: list[str], n_frames: int = 12, **changed: Any) -> None:
+    """Small files of AMASS's SMPL+H release, with what else lies in its folders."""
+    for number, name in enumerate(names):
+        rng = np.random.default_rng(number)
+        poses = 0.1 * rng.normal(size=(n_frames, 156))
+        poses[:, 0] += np.pi / 2
+        arrays = {
+            "poses": poses,
+            "trans": 0.01 * np.cumsum(rng.normal(size=(n_frames, 3)), axis=0) + [0, 0, 0.9],
+            "betas": rng.normal(size=16),
+            "dmpls": np.zeros((n_frames, 8)),
+            "gender": "male",
+            "mocap_framerate": 60.0,
+        }
+        path = root / f"{name}.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, **arrays | changed)
+        np.savez(path.parent / "shape.npz", gender="male", betas=np.zeros(16))
+
+
+@pytest.fixture
+def body_path(tmp_path: Path, small_body: BodyModel) -> Path:
+    save_body(tmp_path / "small.npz", small_body)
+    return tmp_path / "small.npz"
+
+
+def clips_of(path: Path) -> list[Any]:
+    manifest = read_manifest(path)
+    assert isinstance(manifest, Manifest)
+    return list(manifest.clips)
+
+
+def test_amass_in_worker_processes(tmp_path: Path, body_path: Path) -> None:
+    """All clips, with data set, subject and trial; the same as read one by one; and not again."""
+    assert len(NAMES) > FEW_FILES
+    write_amass(tmp_path / "AMASS", NAMES)
+    made = make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "many", workers=2)
+    check_manifest(made)
+    clips = clips_of(made)
+    assert {clip.source.sequence for clip in clips} == set(NAMES)
+    assert {clip.source.dataset for clip in clips} == {"AMASS"}
+    assert "KIT.3.kick_high_01_poses" in [clip.id for clip in clips]
+    assert {clip.n_frames for clip in clips} == {12}
+    one = make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "many2", workers=1)
+    assert [clip.arrays.sha256 for clip in clips_of(one)] == [clip.arrays.sha256 for clip in clips]
+    written = {path: path.stat().st_mtime_ns for path in (tmp_path / "many").rglob("clip.npz")}
+    assert make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "many", workers=2)
+    assert {path: path.stat().st_mtime_ns for path in written} == written
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_bad_files_are_listed_at_the_end(tmp_path: Path, body_path: Path, workers: int) -> None:
+    root, out = tmp_path / "AMASS", tmp_path / "out"
+    write_amass(root, NAMES)
+    (root / "KIT/4/walk_poses.npz").write_bytes(b"PK\x03\x04 broken")
+    write_amass(root, ["SFU/0005/0005_Walk001_poses"], poses=np.full((12, 156), np.nan))
+    with pytest.raises(BadMotionFile) as refused:
+        make_library((root,), str(body_path), out, workers=workers)
+    said = str(refused.value).splitlines()
+    assert said[0].startswith("2 of 10 files could not be read; motions.yaml lists the others")
+    assert "KIT/4/walk_poses.npz: not a readable .npz" in said[1]
+    assert "0005_Walk001_poses.npz: poses is not finite at frame 0" in said[2]
+    check_manifest(out / "motions.yaml")
+    assert len(clips_of(out / "motions.yaml")) == 8
+    assert len(list((out / "failed").glob("*.txt"))) == 2
+    # Mended, they join the others.
+    write_amass(root, NAMES)
+    make_library((root,), str(body_path), out, workers=workers, redo=True)
+    assert len(clips_of(out / "motions.yaml")) == 10
+    assert not list((out / "failed").glob("*.txt"))
+
+
+def test_nothing_readable_leaves_no_manifest(tmp_path: Path, body_path: Path) -> None:
+    (tmp_path / "walk.bvh").write_text("HIERARCHY")
+    with pytest.raises(BadMotionFile, match=r"1 of 1 files could not be read; there is no manif"):
+        make_library((tmp_path / "walk.bvh",), str(body_path), tmp_path / "out")
+    assert not (tmp_path / "out" / "motions.yaml").exists()
+
+
+def test_names_of_clips(tmp_path: Path) -> None:
+    for name in ("a/walk.bvh", "b/walk.bvh", "b/run.bvh", "02_03.bvh"):
+        path = tmp_path / "files" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    write_amass(tmp_path / "files", ["CMU/02/02_03_poses"])
+    found = {file.id: file.source for file in library_files((tmp_path / "files",))}
+    assert sorted(found) == ["02_03", "CMU.02.02_03_poses", "a.walk", "b.walk", "run"]
+    assert (found["02_03"].dataset, found["02_03"].sequence) == ("CMU", "02_03")
+    amass = found["CMU.02.02_03_poses"]
+    assert (amass.dataset, amass.sequence) == ("AMASS", "CMU/02/02_03_poses")
+    # The same trial, from its data set's folder alone.
+    (inside,) = library_files((tmp_path / "files" / "CMU",))
+    assert inside.source == amass and inside.id == "02.02_03_poses"
+    (alone,) = library_files((tmp_path / "files" / "b" / "run.bvh",))
+    assert alone.id == "run" and alone.source.dataset == "file"
+    again = library_files((tmp_path / "files", tmp_path / "files" / "b" / "run.bvh"))
+    assert sorted(file.id for file in again) == sorted(found)
+    with pytest.raises(BadRecipe, match="would both be clip walk"):
+        library_files((tmp_path / "files" / "a", tmp_path / "files" / "b"))
+    with pytest.raises(MissingInput, match="nothing given"):
+        library_files(())
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(MissingInput, match="holds no"):
+        library_files((tmp_path / "empty",))
+
+
+def test_clip_ids_have_plain_letters() -> None:
+    assert clip_id("B3 - walk1 (ü)_poses") == "B3_-_walk1__poses"
+    assert clip_id("-x") == "_-x"
+    assert len(clip_id("a" * 500)) == 150
+
+
+def test_the_table_of_a_folder(tmp_path: Path, body_path: Path) -> None:
+    write_amass(tmp_path / "AMASS", NAMES[:2])
+    headings, rows = motion_table((tmp_path / "AMASS",), str(body_path))
+    assert headings[:3] == ("file", "frames", "rate [Hz]")
+    assert [row[:3] for row in rows] == [
+        ("01_01_poses.npz", "12", "60"),
+        ("02_03_poses.npz", "12", "60"),
+    ]
+
+
+def finished(out: Path) -> dict[Path, int]:
+    """Clips that are there as a whole, and when they were written."""
+    paths = [path for path in out.glob("clips/*/clip.npz") if path.parent.suffix != ".partial"]
+    return {path: path.stat().st_mtime_ns for path in paths}
+
+
+@pytest.mark.slow
+def test_a_killed_import_goes_on(tmp_path: Path, body_path: Path) -> None:
+    root, out = tmp_path / "AMASS", tmp_path / "out"
+    write_amass(root, [f"KIT/{n}/walk_poses" for n in range(40)], n_frames=60)
+    command = [sys.executable, "-m", "gmrdata", "motions", str(root), "--out", str(out)]
+    command += ["--body", str(body_path), "--workers", "2"]
+    process = subprocess.Popen(
+        command, cwd=REPOSITORY, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    while len(finished(out)) < 5:
+        assert process.poll() is None, "ended before it could be killed"
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    done = finished(out)
+    assert 5 <= len(done) < 40 and not (out / "motions.yaml").exists()
+    assert subprocess.run(command, cwd=REPOSITORY, capture_output=True).returncode == 0
+    assert {path: path.stat().st_mtime_ns for path in done} == done
+    check_manifest(out / "motions.yaml")
+    assert len(clips_of(out / "motions.yaml")) == 40

@@ -1,0 +1,408 @@
+"""Local poses from each format: the same rotations, split where frames are missing."""
+
+import io
+import pickle  # noqa: TID251  The tests write hostile files.
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from gmrdata.motion.gait import embedded_motions
+from gmrdata.motion.local_poses import read_local_poses
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import (
+    BadMotionFile,
+    BrokenPickle,
+    GmrdataError,
+    MissingInput,
+    UnsafePickle,
+)
+from tests.joblib_layout import joblib_bytes
+from tests.motion.written_files import (
+    phalp_frame,
+    phalp_poses,
+    rotmats,
+    some_poses,
+    vibe_person,
+    write_gvhmr,
+    write_phalp,
+    write_vibe,
+    write_wham,
+)
+
+
+def test_vibe(tmp_path: Path, small_body: BodyModel) -> None:
+    people = {1: vibe_person(5), 4: vibe_person(3, frame_ids=[7, 8, 9], seed=1)}
+    first, second = read_local_poses(
+        write_vibe(tmp_path / "vibe_output.pkl", people), 25.0, body=small_body
+    )
+    assert (first.id, second.id) == ("person_1", "person_4")
+    for clip, person in ((first, people[1]), (second, people[4])):
+        expected = rotmats(person["pose"])[:, 1:]
+        np.testing.assert_allclose(clip.motion.local_rotmats, expected, atol=1e-12)
+        assert np.array_equal(clip.image_numbers, person["frame_ids"])
+        assert clip.valid.all()
+        assert (clip.motion.fps_hz, clip.motion.body) == (25.0, "small")
+        assert not clip.motion.shape.any()
+    assert "vibe_output.pkl" in first.motion.source
+    assert "frames 7-9 at 25 fps" in second.motion.source
+
+
+def test_missing_frames_are_never_bridged(tmp_path: Path, small_body: BodyModel) -> None:
+    person = vibe_person(9, frame_ids=[3, 4, 5, 8, 9, 20, 30, 31, 32])
+    path = write_vibe(tmp_path / "v.pkl", {0: person})
+    runs = read_local_poses(path, 30.0, body=small_body)
+    assert [run.id for run in runs] == [f"person_0_from_{n}" for n in (3, 8, 20, 30)]
+    assert [run.image_numbers.tolist() for run in runs] == [
+        [3, 4, 5],
+        [8, 9],
+        [20],
+        [30, 31, 32],
+    ]
+    joined = np.concatenate([run.motion.local_rotmats for run in runs])
+    np.testing.assert_allclose(joined, rotmats(person["pose"])[:, 1:], atol=1e-12)
+
+
+def test_short_gaps_are_filled_on_demand(tmp_path: Path, small_body: BodyModel) -> None:
+    person = vibe_person(5, frame_ids=[3, 4, 7, 8, 12])
+    path = write_vibe(tmp_path / "v.pkl", {0: person})
+    first, last = read_local_poses(path, 30.0, body=small_body, bridge_frames=2)
+    assert first.image_numbers.tolist() == [3, 4, 5, 6, 7, 8]
+    assert first.valid.tolist() == [True, True, False, False, True, True]
+    assert last.image_numbers.tolist() == [12]
+    expected = rotmats(person["pose"])[:, 1:]
+    found = first.motion.local_rotmats
+    np.testing.assert_allclose(found[first.valid], expected[:4], atol=1e-12)
+    for row, share in ((2, 1 / 3), (3, 2 / 3)):
+        for joint in (0, 11, 22):
+            ends = Rotation.from_matrix(expected[1:3, joint])
+            between = Slerp([0, 1], ends)(share).as_matrix()
+            np.testing.assert_allclose(found[row, joint], between, atol=1e-12)
+
+
+def test_no_gap_is_filled_over_the_beginning_of_a_shot(
+    tmp_path: Path, small_body: BodyModel
+) -> None:
+    """The shot begins in a frame in which the person is not seen."""
+    poses = phalp_poses(8)
+    frames = [
+        phalp_frame(t, {1: poses[t]}, unseen=(1,) if t in (2, 5) else (), shot=int(t == 5))
+        for t in range(8)
+    ]
+    path = write_phalp(tmp_path / "p.pkl", frames)
+    runs = read_local_poses(path, 30.0, body=small_body, bridge_frames=3)
+    assert [run.image_numbers.tolist() for run in runs] == [[0, 1, 2, 3, 4], [6, 7]]
+    assert runs[0].valid.tolist() == [True, True, False, True, True]
+
+
+def test_betas_are_kept_on_the_body_that_they_are_of(tmp_path: Path, small_body: BodyModel) -> None:
+    person = vibe_person(4)
+    path = write_vibe(tmp_path / "v.pkl", {0: person})
+    (run,) = read_local_poses(path, 30.0, body=replace(small_body, name="smpl-neutral"))
+    np.testing.assert_allclose(run.motion.shape, person["betas"].mean(axis=0), atol=1e-6)
+    (other,) = read_local_poses(path, 30.0, body=replace(small_body, name="smpl-male"))
+    assert not other.motion.shape.any()
+
+
+def test_wham(tmp_path: Path, small_body: BodyModel) -> None:
+    runs = read_local_poses(
+        write_wham(tmp_path / "wham_output.pkl", {0: 4, 12: 6}), 30.0, body=small_body
+    )
+    assert [run.id for run in runs] == ["person_0", "person_12"]
+    assert [run.motion.n_frames for run in runs] == [4, 6]
+    expected = rotmats(some_poses(6, seed=12))[:, 1:]
+    np.testing.assert_allclose(runs[1].motion.local_rotmats, expected, atol=1e-12)
+
+
+def test_phalp_leaves_out_what_was_not_seen_and_splits_at_shots(
+    tmp_path: Path, small_body: BodyModel
+) -> None:
+    a, b = phalp_poses(8), phalp_poses(8, seed=5)
+    frames = [
+        phalp_frame(
+            t,
+            {2: a[t]} if t < 2 else {2: a[t], 7: b[t]},
+            unseen=(2,) if t == 3 else (),
+            shot=int(t == 6),
+        )
+        for t in range(8)
+    ]
+    runs = read_local_poses(write_phalp(tmp_path / "demo_x.pkl", frames), 30.0, body=small_body)
+    assert {run.id: run.image_numbers.tolist() for run in runs} == {
+        "person_2_from_0": [0, 1, 2],
+        "person_2_from_4": [4, 5],
+        "person_2_from_6": [6, 7],
+        "person_7_from_2": [2, 3, 4, 5],
+        "person_7_from_6": [6, 7],
+    }
+    by_id = {run.id: run.motion.local_rotmats for run in runs}
+    np.testing.assert_allclose(by_id["person_2_from_4"], a[4:6], atol=1e-6)
+    np.testing.assert_allclose(by_id["person_7_from_2"], b[2:6], atol=1e-6)
+    product = by_id["person_7_from_2"] @ np.swapaxes(by_id["person_7_from_2"], -1, -2)
+    np.testing.assert_allclose(product, np.broadcast_to(np.eye(3), product.shape), atol=1e-12)
+
+
+def test_phalp_frames_may_stand_in_any_order(tmp_path: Path, small_body: BodyModel) -> None:
+    poses = phalp_poses(4)
+    frames = [phalp_frame(t, {1: poses[t]}) for t in (2, 0, 3, 1)]
+    (run,) = read_local_poses(write_phalp(tmp_path / "p.pkl", frames), 30.0, body=small_body)
+    np.testing.assert_allclose(run.motion.local_rotmats, poses, atol=1e-6)
+
+
+def test_gvhmr_has_21_joints_and_straight_hands(tmp_path: Path, small_body: BodyModel) -> None:
+    path = write_gvhmr(tmp_path / "hmr4d_results.pt", 6)
+    (run,) = read_local_poses(path, 30.0, body=small_body)
+    found = run.motion.local_rotmats
+    np.testing.assert_allclose(found[:, :21], rotmats(some_poses(6, 21)), atol=1e-12)
+    assert np.array_equal(found[:, 21:], np.broadcast_to(np.eye(3), (6, 2, 3, 3)))
+    assert run.image_numbers.tolist() == list(range(6))
+
+
+def test_amass_keeps_its_own_rate_or_takes_the_given_one(
+    tmp_path: Path, small_body: BodyModel
+) -> None:
+    poses = some_poses(5, 52).astype(np.float64)
+    np.savez(
+        tmp_path / "walk_poses.npz",
+        poses=poses,
+        trans=np.zeros((5, 3)),
+        betas=np.zeros(16),
+        gender="neutral",
+        mocap_framerate=60.0,
+    )
+    (run,) = read_local_poses(tmp_path / "walk_poses.npz", body=small_body)
+    assert (run.id, run.motion.fps_hz) == ("walk_poses", 60.0)
+    expected = rotmats(poses)[:, [*range(1, 23), 37]]
+    np.testing.assert_allclose(run.motion.local_rotmats, expected, atol=1e-12)
+    (slower,) = read_local_poses(tmp_path / "walk_poses.npz", 30.0, body=small_body)
+    assert slower.motion.fps_hz == 30.0
+
+
+def test_a_clip_is_split_at_frames_that_are_not_valid(
+    tmp_path: Path, small_body: BodyModel
+) -> None:
+    motion = embedded_motions(
+        small_body, np.random.default_rng(0), count=1, fps_hz=20.0, duration_s=1.0
+    )[0]
+    valid = np.ones(20, bool)
+    valid[8:11] = False
+    rotations = motion.local_rotmats.copy()
+    rotations[8:11] = np.nan
+    clip = Clip("walk", replace(motion, local_rotmats=rotations), valid, np.arange(20), None)
+    save_clip(tmp_path / "c.npz", clip, small_body.rest_pelvis_m(motion.shape))
+    runs = read_local_poses(tmp_path / "c.npz", body=small_body)
+    assert [run.id for run in runs] == ["walk_from_0", "walk_from_11"]
+    np.testing.assert_allclose(runs[1].motion.local_rotmats, rotations[11:], atol=1e-12)
+    assert runs[0].motion.fps_hz == 20.0
+    np.testing.assert_allclose(runs[0].motion.shape, motion.shape, atol=0)
+
+
+def _changed(person: dict[str, Any], **values: Any) -> dict[str, Any]:
+    return person | values
+
+
+def _with_nan(n_frames: int) -> np.ndarray:
+    poses = some_poses(n_frames)
+    poses[2, 5] = np.nan
+    return poses
+
+
+BAD_PEOPLE: dict[str, tuple[Callable[[], dict[Any, Any]], str]] = {
+    "22 joints": (
+        lambda: {1: _changed(vibe_person(4), pose=some_poses(4, 22))},
+        r"pose of person_1 is \(4, 66\), not \(T, 72\): 24 joints",
+    ),
+    "NaN": (
+        lambda: {1: _changed(vibe_person(4), pose=_with_nan(4))},
+        "pose of person_1 holds NaN or infinite numbers in row 2; cut such frames",
+    ),
+    "one frame": (lambda: {1: vibe_person(1)}, "no person has two frames in a row"),
+    "no frames": (lambda: {1: vibe_person(0)}, r"pose of person_1 is \(0, 72\)"),
+    "alone": (lambda: {1: vibe_person(3, [1, 5, 9])}, "no person has two frames in a row"),
+    "fewer frame numbers": (
+        lambda: {1: _changed(vibe_person(4), frame_ids=np.arange(3))},
+        r"frame_ids of person_1 is \(3,\) for 4 poses",
+    ),
+    "falling frame numbers": (
+        lambda: {1: vibe_person(3, [5, 4, 6])},
+        "frame_ids of person_1 are not rising frame numbers",
+    ),
+    "broken frame numbers": (
+        lambda: {1: _changed(vibe_person(3), frame_ids=np.array([0.0, 0.5, 2.0]))},
+        "are not rising frame numbers",
+    ),
+    "no pose": (lambda: {1: {"frame_ids": np.arange(3)}}, "person_1 has no 'pose'"),
+    "words": (
+        lambda: {1: _changed(vibe_person(2), pose=np.array([["a"] * 72] * 2))},
+        "pose of person_1 does not hold numbers",
+    ),
+    "a path as a name": (lambda: {"../../x": vibe_person(3)}, r"a person is called '\.\./\.\./x'"),
+    "a huge number as a name": (lambda: {1 << 20000: vibe_person(3)}, "a person is called a int"),
+    "other keys": (lambda: {1: {"joints": np.ones(3)}}, "first entry has: joints"),
+    "no people": (dict, "has no person in it"),
+    "not a person": (lambda: {1: vibe_person(3), 2: np.ones(3)}, "person_2 has no 'frame_ids'"),
+}
+
+
+@pytest.mark.parametrize("fault", sorted(BAD_PEOPLE))
+def test_bad_people_are_refused_by_name(fault: str, tmp_path: Path, small_body: BodyModel) -> None:
+    make, message = BAD_PEOPLE[fault]
+    path = tmp_path / "bad.pkl"
+    path.write_bytes(joblib_bytes(make()))
+    with pytest.raises(BadMotionFile, match=message) as caught:
+        read_local_poses(path, 30.0, body=small_body)
+    assert str(path) in str(caught.value)
+
+
+BAD_FRAMES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
+    "wrong joints": (
+        lambda frame: frame["smpl"][0].update(body_pose=np.zeros((21, 3, 3))),
+        r"body_pose of person_1 in frame 1 is \(21, 3, 3\)",
+    ),
+    "no rotations": (
+        lambda frame: frame["smpl"][0].update(body_pose=np.ones((23, 3, 3))),
+        "body_pose of person_1 holds matrices that are no rotations",
+    ),
+    "mirrored": (
+        lambda frame: frame["smpl"][0].update(body_pose=-np.tile(np.eye(3), (23, 1, 1))),
+        "holds matrices that are no rotations",
+    ),
+    "NaN": (
+        lambda frame: frame["smpl"][0].update(body_pose=np.full((23, 3, 3), np.nan)),
+        "body_pose of person_1 in frame 1 holds NaN",
+    ),
+    "fewer poses than tracks": (lambda frame: frame["smpl"].clear(), "of different lengths"),
+    "no time": (lambda frame: frame.pop("time"), "has no 'time'"),
+    "a time that is no number": (lambda frame: frame.update(time="x"), "is no number"),
+    "the same time twice": (lambda frame: frame.update(time=0), "are not rising frame numbers"),
+    "ragged betas": (
+        lambda frame: frame["smpl"][0].update(betas=np.ones(3)),
+        "betas of person_1 does not hold numbers",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", sorted(BAD_FRAMES))
+def test_bad_tracks_are_refused_by_name(fault: str, tmp_path: Path, small_body: BodyModel) -> None:
+    change, message = BAD_FRAMES[fault]
+    poses = phalp_poses(3)
+    frames = [phalp_frame(t, {1: poses[t]}) for t in range(3)]
+    change(frames[1])
+    path = write_phalp(tmp_path / "bad.pkl", frames)
+    with pytest.raises(BadMotionFile, match=message) as caught:
+        read_local_poses(path, 30.0, body=small_body)
+    assert str(path) in str(caught.value)
+
+
+def test_gvhmr_of_another_layout(tmp_path: Path, small_body: BodyModel) -> None:
+    path = write_gvhmr(tmp_path / "a.pt", 4, n_joints=23)
+    with pytest.raises(BadMotionFile, match=r"a\.pt: body_pose is \(4, 69\), not \(T, 63\)"):
+        read_local_poses(path, 30.0, body=small_body)
+    torch.save({"weights": torch.ones(3)}, tmp_path / "b.pt")
+    with pytest.raises(BadMotionFile, match=r"b\.pt: has no body_pose .*it has weights"):
+        read_local_poses(tmp_path / "b.pt", 30.0, body=small_body)
+    torch.save(torch.ones(3), tmp_path / "c.pt")
+    with pytest.raises(BadMotionFile, match=r"c\.pt: holds no dict"):
+        read_local_poses(tmp_path / "c.pt", 30.0, body=small_body)
+    with zipfile.ZipFile(tmp_path / "d.pt", "w") as archive:
+        archive.writestr("hello.txt", "hello")
+    with pytest.raises(BadMotionFile, match=r"d\.pt: truncated, or not a file of torch\.save"):
+        read_local_poses(tmp_path / "d.pt", 30.0, body=small_body)
+
+
+class _Call:
+    def __init__(self, touched: Path) -> None:
+        self.touched = touched
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return exec, (f"open({str(self.touched)!r}, 'w')",)
+
+
+def test_hostile_files_are_not_run(tmp_path: Path, small_body: BodyModel) -> None:
+    touched = tmp_path / "touched"
+    person = _changed(vibe_person(3), joints2d=_Call(touched))
+    (tmp_path / "vibe.pkl").write_bytes(joblib_bytes({1: person}))
+    torch.save({"smpl_params_global": _Call(touched)}, tmp_path / "new.pt")
+    torch.save(
+        {"smpl_params_global": _Call(touched)},
+        tmp_path / "old.pt",
+        _use_new_zipfile_serialization=False,
+    )
+    (tmp_path / "plain.pkl").write_bytes(pickle.dumps(_Call(touched)))
+    for name in ("vibe.pkl", "new.pt", "plain.pkl"):
+        with pytest.raises(UnsafePickle, match=name.replace(".", r"\.")):
+            read_local_poses(tmp_path / name, 30.0, body=small_body)
+    with pytest.raises(BadMotionFile, match=r"old\.pt"):  # torch's form before 1.6 is not read
+        read_local_poses(tmp_path / "old.pt", 30.0, body=small_body)
+    assert not touched.exists()
+
+
+@settings(max_examples=120, deadline=None)
+@given(data=st.data())
+def test_changed_bytes_are_read_or_refused(
+    data: st.DataObject, small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Whatever a few changed bytes make of a file: poses that are finite, or one of our errors."""
+    folder = tmp_path_factory.getbasetemp()
+    kind = data.draw(st.sampled_from(["vibe", "phalp", "gvhmr"]))
+    if kind == "vibe":
+        content = joblib_bytes({1: vibe_person(3)})
+    elif kind == "phalp":
+        poses = phalp_poses(2)
+        frames = [phalp_frame(t, {1: poses[t]}) for t in range(2)]
+        content = joblib_bytes({frame["frame_path"]: frame for frame in frames})
+    else:
+        content = write_gvhmr(folder / "whole.pt", 3).read_bytes()
+    changed = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+    (folder / "changed.bin").write_bytes(changed)
+    try:
+        runs = read_local_poses(folder / "changed.bin", 30.0, body=small_body)
+    except GmrdataError as error:
+        assert "changed.bin" in str(error)
+        return
+    assert all(np.isfinite(run.motion.local_rotmats).all() for run in runs)
+
+
+@pytest.mark.parametrize("kind", ["vibe", "phalp", "gvhmr"])
+def test_truncated_files_are_an_error(kind: str, tmp_path: Path, small_body: BodyModel) -> None:
+    path = tmp_path / "whole.bin"
+    if kind == "vibe":
+        write_vibe(path, {1: vibe_person(3)})
+    elif kind == "phalp":
+        write_phalp(path, [phalp_frame(t, {1: phalp_poses(3)[t]}) for t in range(3)])
+    else:
+        write_gvhmr(path, 3)
+    data = path.read_bytes()
+    for length in np.linspace(0, len(data) - 1, 40).astype(int):
+        cut = tmp_path / "cut.bin"
+        cut.write_bytes(data[:length])
+        with pytest.raises((BrokenPickle, UnsafePickle, BadMotionFile), match=r"cut\.bin"):
+            read_local_poses(cut, 30.0, body=small_body)
+
+
+def test_a_rate_is_needed_and_checked(tmp_path: Path, small_body: BodyModel) -> None:
+    path = write_vibe(tmp_path / "v.pkl", {1: vibe_person(3)})
+    with pytest.raises(BadMotionFile, match=r"v\.pkl: does not say its frame rate.*--fps-hz"):
+        read_local_poses(path, body=small_body)
+    with pytest.raises(BadMotionFile, match="5000 Hz is not from 1 to 1000 Hz"):
+        read_local_poses(path, 5000.0, body=small_body)
+    with pytest.raises(MissingInput, match=r"none\.pkl: no such file"):
+        read_local_poses(tmp_path / "none.pkl", 30.0, body=small_body)
+
+
+def test_an_array_alone_is_no_known_form(tmp_path: Path, small_body: BodyModel) -> None:
+    stream = io.BytesIO(joblib_bytes(np.ones((3, 72))))
+    (tmp_path / "a.pkl").write_bytes(stream.getvalue())
+    with pytest.raises(BadMotionFile, match="no poses in a known form"):
+        read_local_poses(tmp_path / "a.pkl", 30.0, body=small_body)

@@ -1,0 +1,233 @@
+"""The page holds every figure that it was given, and nothing from outside."""
+
+import re
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from shutil import which
+
+import numpy as np
+import pytest
+
+from gmrdata.pages.report import page, summary_section, write_report
+from gmrdata.pages.report_data import ClipReport, ReportData
+from gmrdata.values.errors import BadFrames
+
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+class Reader(HTMLParser):
+    """Collects a page's text by section, its attributes, and tags closed in the wrong order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.sections: dict[str, str] = {}
+        self.attributes: list[tuple[str, str, str]] = []
+        self.faults: list[str] = []
+        self.section = "header"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        if tag == "section":
+            self.section = dict(attrs)["id"] or ""
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.faults.append(tag)
+
+    def handle_data(self, data: str) -> None:
+        self.sections[self.section] = self.sections.get(self.section, "") + data
+
+
+def read(html: str) -> Reader:
+    reader = Reader()
+    reader.feed(html)
+    reader.close()
+    return reader
+
+
+@pytest.fixture(scope="module")
+def html(report: ReportData) -> str:
+    return page(report)
+
+
+def test_tags_are_closed_in_order_and_ids_are_unique(html: str) -> None:
+    reader = read(html)
+    assert reader.faults == []
+    assert reader.open == []
+    ids = [value for _, name, value in reader.attributes if name == "id"]
+    assert len(ids) == len(set(ids)) > 20
+
+
+def test_nothing_is_loaded_from_outside(html: str) -> None:
+    reader = read(html)
+    links = [value for _, name, value in reader.attributes if name in ("src", "href", "xlink:href")]
+    assert len(links) > 20
+    assert all(link.startswith(("#", "data:image/")) for link in links)
+    assert not re.search(r"@import|url\((?!#)", html)
+    tags = {tag for tag, _, _ in reader.attributes}
+    assert not tags & {"script", "link", "iframe", "object", "embed"}
+
+
+def test_anchors_lead_somewhere(html: str) -> None:
+    reader = read(html)
+    ids = {value for _, name, value in reader.attributes if name == "id"}
+    inner = [value for tag, name, value in reader.attributes if (tag, name) == ("a", "href")]
+    assert inner
+    assert {link.removeprefix("#") for link in inner} <= ids
+
+
+def test_sections_show_the_figures_that_were_given(html: str) -> None:
+    sections = read(html).sections
+    assert list(sections)[:3] == ["header", "summary", "clip-0"]
+    for figure in ("walk_circular", "12/12", "0.123", "4.57", "0.057", "−1.23", "≤ 0.5", "≤ 15"):
+        assert figure in sections["summary"]
+    assert "3 of 3 clips meet every bar" in sections["summary"]
+    for figure in (
+        "walk_circular",
+        "0.123°",
+        "4.57 mm",
+        "0.7654 ± 0.0123 (±\u00a01.6\u00a0%)",
+        "0.43 px",
+    ):
+        assert figure in sections["clip-0"]
+    assert "200 to 211" in sections["clip-0"]
+    assert "the global mapper" in sections["clip-0"]
+    assert "not observable (pan)" in sections["clip-2"]
+    for figure in ("3.21", "7.65", "43.2", "120.1", "54.3", "130.2", "pseudo-gt", "131.2"):
+        assert figure in sections["gmr"]
+    for figure in ("61.2 s", "113.8 s", "1.26.4", "cameras: [circular, linear, panning]"):
+        assert figure in sections["making"]
+    assert "The model was trained for half a minute." in sections["meaning"]
+    assert "(eq. 15)" in sections["meaning"]
+
+
+def test_same_input_gives_same_bytes(report: ReportData, tmp_path: Path) -> None:
+    first = write_report(tmp_path / "a.html", report).read_bytes()
+    assert write_report(tmp_path / "b.html", report).read_bytes() == first
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.html", "b.html"]
+
+
+def test_values_are_escaped(report: ReportData) -> None:
+    evil = '<script>alert("&")</script>'
+    clip = report.clips[0]
+    clip = replace(
+        clip,
+        id=evil,
+        camera_motion=evil,
+        quality=replace(clip.quality, geometry=evil, notes=((evil, evil),)),
+        true=replace(clip.true, motion=replace(clip.true.motion, source=evil)),
+    )
+    run = replace(
+        report.run, title=evil, data_source=evil, recipe=evil, limits=(evil,),
+        seconds={evil: 1.0}, versions={evil: evil},
+    )  # fmt: skip
+    scores = (replace(report.scores[0], name=evil),)
+    html = page(replace(report, run=run, clips=(clip,), scores=scores))
+    reader = read(html)
+    assert reader.faults == []
+    assert "<script" not in html
+    assert {"header", "summary", "clip-0", "gmr", "making", "meaning"} == set(reader.sections)
+    assert all(evil in text for text in reader.sections.values())
+
+
+def test_a_missed_bar_is_said_in_words(report: ReportData) -> None:
+    clip = report.clips[0]
+    for worse in (
+        {"ome_deg": 0.51}, {"tme_mm": 15.2}, {"scale_error_percent": -5.1},
+        {"frames_with_camera": 11}, {"ome_deg": float("nan")},
+    ):  # fmt: skip
+        bad = replace(clip, figures=replace(clip.figures, **worse))
+        summary = read(summary_section(replace(report, clips=(bad,)))).sections["summary"]
+        assert "0 of 1 clips meet every bar" in summary
+        assert "✗" in summary
+
+
+def test_parts_that_are_missing_leave_no_hole(report: ReportData) -> None:
+    clip = report.clips[1]
+    bare = replace(
+        clip,
+        masks_dir=None,
+        predicted=None,
+        quality=replace(
+            clip.quality, scale=None, scale_sigma=None, reprojection_error_px=None, inliers=None,
+            notes=(),
+        ),
+        figures=replace(clip.figures, scale_error_percent=None, camera_rotation_deg=None),
+    )  # fmt: skip
+    run = replace(report.run, seconds={}, versions={}, recipe="", limits=())
+    html = page(ReportData(run=run, clips=(bare,)))
+    reader = read(html)
+    assert reader.faults == []
+    assert set(reader.sections) == {"header", "summary", "clip-0", "making", "meaning"}
+    assert "None" not in html
+    assert "nan" not in re.sub(r'"data:[^"]*"', "", html).lower()
+    assert "does not enter" in reader.sections["clip-0"]
+
+
+def test_frames_without_a_camera_are_named(report: ReportData) -> None:
+    clip = report.clips[0]
+    camera = clip.pseudo.camera
+    assert camera is not None
+    lost = np.arange(clip.pseudo.motion.n_frames) >= 6
+    world_from_cam = np.where(lost[:, None, None], np.nan, camera.world_from_cam)
+    motion = replace(
+        clip.pseudo.motion,
+        root_rotmats=np.where(lost[:, None, None], np.nan, clip.pseudo.motion.root_rotmats),
+        pelvis_m=np.where(lost[:, None], np.nan, clip.pseudo.motion.pelvis_m),
+    )
+    pseudo = replace(
+        clip.pseudo,
+        motion=motion,
+        valid=~lost,
+        camera=replace(camera, world_from_cam=world_from_cam, has_camera=~lost),
+    )
+    figures = replace(clip.figures, frames_with_camera=6)
+    html = page(replace(report, clips=(replace(clip, pseudo=pseudo, figures=figures),)))
+    assert html.count("· no camera</span>") == 6
+    assert "6/12" in html
+
+
+def test_a_run_without_a_clip_still_has_a_page(report: ReportData) -> None:
+    assert "No clip was recovered." in page(replace(report, clips=()))
+
+
+def test_a_missing_image_is_named_and_nothing_is_written(
+    make_clip: Callable[[str], ClipReport], report: ReportData, tmp_path: Path
+) -> None:
+    clip = make_clip("linear")
+    (clip.images_dir / "00011.jpg").unlink()
+    with pytest.raises(BadFrames, match="no image of number 11"):
+        write_report(tmp_path / "report.html", replace(report, clips=(clip,)))
+    (clip.images_dir / "00011.jpg").write_bytes(b"not a picture")
+    with pytest.raises(BadFrames, match=r"00011\.jpg: missing, or not an image"):
+        write_report(tmp_path / "report.html", replace(report, clips=(clip,)))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(
+    which("chromium") is None, reason="Chromium isn't installed; it opens the page as a reader does"
+)
+def test_a_browser_opens_it_without_a_complaint(report: ReportData, tmp_path: Path) -> None:
+    path = write_report(tmp_path / "report.html", report)
+    answer = subprocess.run(
+        [
+            "chromium", "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
+            "--disable-background-networking", "--disable-component-update", "--disable-sync",
+            f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--dump-dom",
+            path.as_uri(),
+        ],
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    assert "CONSOLE" not in answer.stderr
+    dom = read(answer.stdout)
+    assert "walk_panning" in dom.sections["clip-2"]
+    assert sum(tag == "img" and name == "src" for tag, name, _ in dom.attributes) == 36

@@ -1,0 +1,78 @@
+"""A quick look at a set: small pictures of every clip in a folder of their own."""
+
+from pathlib import Path
+
+import cv2
+import pytest
+
+from gmrdata.film.render import find_renderer
+from gmrdata.film.set_plan import SyntheticRecipe
+from gmrdata.pages import preview
+from gmrdata.pages.preview import preview_set
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import EngineMissing
+
+
+@pytest.fixture
+def recipe(small_body: BodyModel, tmp_path: Path) -> SyntheticRecipe:
+    save_body(tmp_path / "small.npz", small_body)
+    return SyntheticRecipe.model_validate(
+        {
+            "recipe": "synthetic",
+            "name": "look",
+            "body": str(tmp_path / "small.npz"),
+            "workers": 1,
+            "film": {"duration_s": 1.0, "fps_hz": 10, "width_px": 320, "height_px": 180},
+            "clips": [{"id": "walk", "gait": "walk", "programme": {"kind": "circular"}}],
+        }
+    )
+
+
+def files(folder: Path) -> set[str]:
+    return {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*")
+        if path.is_file() and not path.name.endswith(".lock")
+    }
+
+
+def check_page(page: Path) -> None:
+    assert page.name == "index.html" and "clips/walk/contact.jpg" in page.read_text()
+    shown = {"stage.json", "contact.jpg", "paths.png"}
+    assert {path.name for path in (page.parent / "clips/walk").iterdir()} == shown
+    sheet = cv2.imread(str(page.parent / "clips/walk/contact.jpg"))
+    assert sheet is not None and sheet.shape == (2 * 135 + 4, 4 * 240 + 3 * 4, 3)
+    assert sheet[:135, :240].std() > 25  # there is something to see
+    assert abs(sheet[:135, :240].astype(int) - sheet[-135:, -240:]).mean() > 2  # and it moves
+
+
+def test_a_preview_stays_in_its_folder_and_is_made_once(
+    recipe: SyntheticRecipe, tmp_path: Path
+) -> None:
+    page = preview_set(recipe, tmp_path / "out")
+    assert page == tmp_path / "out/preview/index.html"
+    check_page(page)
+    assert all(name.startswith("preview/") for name in files(tmp_path / "out"))
+    written_ns = (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns
+    preview_set(recipe, tmp_path / "out")
+    assert (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns == written_ns
+
+
+def test_without_opengl_cycles_draws_and_that_is_said(
+    recipe: SyntheticRecipe,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    find_renderer.cache_clear()
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
+    try:
+        with pytest.raises(EngineMissing):
+            find_renderer("workbench", "cpu")
+        assert preview._choose_engine() == "cycles"
+        check_page(preview_set(recipe, tmp_path / "out"))
+    finally:
+        find_renderer.cache_clear()
+    said = capsys.readouterr()
+    assert "drawn by Cycles with one ray per pixel" in " ".join((said.out + said.err).split())

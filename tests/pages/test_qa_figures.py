@@ -1,0 +1,41 @@
+"""The page's figures are held against what the verdict is held against."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gmrdata.pages.qa_data import Found
+from gmrdata.pages.qa_figures import Row, verdict_rows
+from gmrdata.threedpw.recipe import ThreedpwRecipe
+from gmrdata.world.judge import judge
+from gmrdata.world.quality import quality_of
+from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
+from gmrdata.world.scale import fuse
+from tests.world.test_verdict import CONFIG, GOOD, ROWS, circling, clip_of
+
+NOTHING = Found({"sequence": "a"}, "", None, {}, {}, (), (), {}, None, None, ())
+
+
+def scale_rows(found: Found) -> list[Row]:
+    rows = verdict_rows(found, ThreedpwRecipe(recipe="threedpw"))
+    return [row for row in rows if "scale" in row.name or "two cues" in row.name]
+
+
+@pytest.mark.parametrize(
+    ("matters", "limit"), [(True, "≤ 6"), (False, "≤ 6, or ≤ 0.02 m/s of the camera's speed")]
+)
+def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limit: str) -> None:
+    clip = clip_of(circling())
+    vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01),)), matters=matters)
+    verdict = judge(clip, GOOD, ROWS, vague, CONFIG)
+    record = quality_of([clip], [verdict], vague, GOOD, PseudoGtConfig())
+    sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
+    assert (sigma.value, sigma.limit) == ("10", limit)
+    assert sigma.met == verdict.accepted == (not matters)
+
+
+def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
+    record = {"scale": None, "scale_sigma": None, "scale_disagreement": 9.0}
+    found = replace(NOTHING, record=record, clips={0: clip_of(np.tile(np.eye(4), (90, 1, 1)))})
+    assert [row.met for row in scale_rows(found)] == [None, None]

@@ -1,0 +1,233 @@
+"""BVH: what was written is read; broken files say where and what to do."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gmrdata.read.bvh import read_bvh
+from gmrdata.read.source_motion import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+
+GOOD = """HIERARCHY
+ROOT a
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation
+  JOINT b
+  {
+    OFFSET 0 1 0
+    CHANNELS 2 Yrotation Xrotation
+    End Site
+    {
+      OFFSET 0 2 0
+    }
+  }
+}
+MOTION
+Frames: 3
+Frame Time: .0083333
+1 2 3 90 0 0 0 90
+1 2 4 90 0 0 0 90
+1 2 5 90 0 0 0 90
+"""
+
+
+def _axis_rotation(axis: str, degrees: float) -> np.ndarray:
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    k = "XYZ".index(axis)
+    i, j = (k + 1) % 3, (k + 2) % 3
+    rotmat = np.eye(3)
+    rotmat[i, i], rotmat[i, j], rotmat[j, i], rotmat[j, j] = c, -s, s, c
+    return rotmat
+
+
+def _naive_positions(names, parents, offsets, channels, row) -> np.ndarray:
+    """One frame, joint by joint, straight from the format's description."""
+    positions, rotmats, column = [], [], 0
+    for joint, parent in enumerate(parents):
+        offset, rotmat = offsets[joint].copy(), np.eye(3)
+        for channel in channels[joint]:
+            if channel.endswith("position"):
+                offset["XYZ".index(channel[0])] = row[column]
+            else:
+                rotmat = rotmat @ _axis_rotation(channel[0], row[column])
+            column += 1
+        if parent < 0:
+            positions.append(offset)
+            rotmats.append(rotmat)
+        else:
+            positions.append(positions[parent] + rotmats[parent] @ offset)
+            rotmats.append(rotmats[parent] @ rotmat)
+    return np.array(positions)
+
+
+@st.composite
+def _skeletons(draw):
+    n_joints = draw(st.integers(1, 6))
+    # Depth-first: a parent is one of the joints on the way from the root to the joint before.
+    parents = [-1]
+    for joint in range(1, n_joints):
+        chain = [joint - 1]
+        while parents[chain[-1]] >= 0:
+            chain.append(parents[chain[-1]])
+        parents.append(draw(st.sampled_from(chain)))
+    axes = st.permutations(["X", "Y", "Z"]).flatmap(
+        lambda p: st.integers(0, 3).map(lambda n: list(p[:n]))
+    )
+    channels = []
+    for _ in range(n_joints):
+        found = [f"{axis}rotation" for axis in draw(axes)]
+        found += [f"{axis}position" for axis in draw(axes)]
+        channels.append(draw(st.permutations(found)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    n_columns = sum(map(len, channels))
+    rows = rng.uniform(-300, 300, (draw(st.integers(2, 4)), n_columns)).round(6)
+    return (
+        [f"j{i}" for i in range(n_joints)],
+        parents,
+        rng.normal(size=(n_joints, 3)),
+        channels,
+        rows,
+    )
+
+
+def _fk(source: SourceMotion) -> np.ndarray:
+    rotmats = global_rotmats(source.parents, source.local_rotmats)
+    return joint_positions_m(source.parents, rotmats, source.translations_m)
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(skeleton=_skeletons())
+def test_a_written_skeleton_is_read_as_the_format_means_it(
+    skeleton, write_bvh: Callable[..., Path], tmp_path: Path
+) -> None:
+    names, parents, offsets, channels, rows = skeleton
+    path = write_bvh(tmp_path / "a.bvh", names, parents, offsets, channels, rows)
+    if sum(map(len, channels)) == 0:
+        with pytest.raises(BadMotionFile, match="no channels"):
+            read_bvh(path, unit_m=1.0, drop_rest_frame=False)
+        return
+    source = read_bvh(path, unit_m=1.0, drop_rest_frame=False)
+    assert list(source.names) == names
+    assert list(source.parents) == parents
+    expected = [_naive_positions(names, parents, offsets, channels, row) for row in rows]
+    np.testing.assert_allclose(_fk(source), expected, atol=1e-9)
+
+
+def test_units_rate_and_end_sites(tmp_path: Path) -> None:
+    path = tmp_path / "a.bvh"
+    path.write_text(GOOD)
+    source = read_bvh(path)
+    assert source.fps_hz == 120.0
+    np.testing.assert_allclose(source.tips_m, [[np.nan] * 3, [0, 0.02, 0]])
+    # Root turned by 90 degrees about z takes b's offset from y to -x; units are centimetres.
+    np.testing.assert_allclose(_fk(source)[1], [[0.01, 0.02, 0.04], [0.0, 0.02, 0.04]], atol=1e-15)
+    assert read_bvh(path, fps_hz=25, unit_m=1.0).fps_hz == 25.0
+
+
+def test_windows_line_ends_tabs_and_joined_braces_are_the_same_file(tmp_path: Path) -> None:
+    plain, odd = tmp_path / "a.bvh", tmp_path / "b.bvh"
+    plain.write_text(GOOD)
+    odd.write_text(
+        GOOD.replace("\n{", " {").replace("OFFSET ", "OFFSET\t").replace("\n", "\r\n"), newline=""
+    )
+    np.testing.assert_array_equal(_fk(read_bvh(plain)), _fk(read_bvh(odd)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("1 2 4 90 0 0 0 90", "1 2 4 90 0 0 0", r":20: 7 numbers where the channels need 8"),
+        ("1 2 4 90 0 0 0 90", "1 2 4 90 0 0 0 nan", r":20: nan is not a usable number"),
+        ("1 2 4 90 0 0 0 90", "1 2 4 90 0 0 0 1e300", r":20: 1e300 is not a usable number"),
+        ("1 2 4 90 0 0 0 90", "1 2 4 90 0 x 0 90", r":20: 'x' is not a number"),
+        ("Frames: 3", "Frames: 4", "promises 4 frames and the file has 3.*Frames:"),
+        ("Frames: 3", "Frames: -3", r":17: '-3' is no number of frames"),
+        ("Frames: 3", "Frame: 3", "must follow MOTION"),
+        (".0083333", "0", r":18: a frame time of 0 s.*fps_hz"),
+        (".0083333", "-0.01", r":18: .*fps_hz"),
+        (".0083333", "0.0001", r":18: .*fps_hz"),
+        (".0083333", "nan", r":18: .*fps_hz"),
+        (".0083333", "fast", r":18: frame time 'fast' is not a number"),
+        ("CHANNELS 2 Yrotation", "CHANNELS 3 Yrotation", r":9: CHANNELS needs its count"),
+        ("CHANNELS 2 Yrotation", "CHANNELS 2 Wrotation", r":9: CHANNELS needs its count"),
+        ("CHANNELS 2 Yrotation", "CHANNELS 2 Xrotation", r":9: a channel is listed twice"),
+        ("OFFSET 0 1 0", "OFFSET 0 1", r":8: an OFFSET has 3 numbers, not 2"),
+        ("JOINT b", "JOINT a", r":6: a second joint of the name a"),
+        ("JOINT b", "ROOT b", r":6: ROOT b is not inside the one ROOT"),
+        ("JOINT b", "JOIN b", r":6: 'JOIN b' is not expected here"),
+        ("JOINT b\n  {", "JOINT b", r":7: '\{' and joints do not alternate"),
+        ("  }\n}\nMOTION", "  }\nMOTION", "a brace of the hierarchy is not closed"),
+        ("MOTION", "MOTIO", "no line 'MOTION'"),
+        (GOOD[:-40], "", "no line 'MOTION'"),
+        ("ROOT a", "JOINT a", r":2: JOINT a is not inside the one ROOT"),
+    ],
+)
+def test_broken_files_say_where_and_why(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in GOOD
+    path = tmp_path / "a.bvh"
+    path.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(BadMotionFile, match=words) as caught:
+        read_bvh(path)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"), [(b"", "empty"), (b" \n", "empty"), (b"\0\1\2", "binary"), (b"x", "MOTION")]
+)
+def test_empty_and_binary_files(tmp_path: Path, data: bytes, words: str) -> None:
+    path = tmp_path / "a.bvh"
+    path.write_bytes(data)
+    with pytest.raises(BadMotionFile, match=words):
+        read_bvh(path)
+    with pytest.raises(MissingInput, match="no such file"):
+        read_bvh(tmp_path / "b.bvh")
+
+
+def test_one_frame_is_no_motion(tmp_path: Path) -> None:
+    path = tmp_path / "a.bvh"
+    path.write_text("\n".join(GOOD.replace("Frames: 3", "Frames: 1").split("\n")[:19]))
+    with pytest.raises(BadMotionFile, match="at least 2"):
+        read_bvh(path)
+
+
+@settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_damage_never_raises_anything_else(data, tmp_path: Path) -> None:
+    raw = GOOD.encode()
+    start = data.draw(st.integers(0, len(raw)))
+    stop = data.draw(st.integers(start, len(raw)))
+    path = tmp_path / "a.bvh"
+    path.write_bytes(raw[:start] + data.draw(st.binary(max_size=20)) + raw[stop:])
+    try:
+        source = read_bvh(path)
+    except GmrdataError as error:
+        assert str(path) in str(error)
+    else:
+        assert np.isfinite(source.local_rotmats).all() and np.isfinite(source.translations_m).all()
+
+
+def _with_rows(path: Path, rows: list[str]) -> Path:
+    head = GOOD[: GOOD.index("1 2 3 90")].replace("Frames: 3", f"Frames: {len(rows)}")
+    path.write_text(head + "\n".join(rows) + "\n")
+    return path
+
+
+def test_an_added_rest_pose_is_dropped_and_a_start_at_rest_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "a.bvh"
+    added = read_bvh(_with_rows(path, ["1 2 3 0 0 0 8 0", "1 2 3 5 1 2 30 9", "1 2 3 5 1 2 30 8"]))
+    assert added.n_frames == 2
+    assert "added rest pose in frame 0 dropped" in added.notes
+    rows = ["1 2 3 0 0 0 8 0", "1 2 3 1 0 0 9 0", "1 2 3 5 1 2 30 8"]
+    assert read_bvh(_with_rows(path, rows)).n_frames == 3
+    assert read_bvh(path, drop_rest_frame=True).n_frames == 2
+    turned = ["1 2 3 0 0.1 0 8 0", "1 2 3 5 1 2 30 9"]
+    assert read_bvh(_with_rows(path, turned)).n_frames == 2

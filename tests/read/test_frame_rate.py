@@ -1,0 +1,47 @@
+"""Frame rates: rounding undone, CMU's index believed, nonsense refused."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gmrdata.read.source_motion import (
+    check_rate_hz,
+    cmu_rate_hz,
+    cmu_subject,
+    rate_of_frame_time_hz,
+)
+from gmrdata.values.errors import BadMotionFile
+
+
+@pytest.mark.parametrize(
+    ("text", "fps_hz"),
+    [(".0083333", 120), ("0.008333", 120), ("0.0333333", 30), ("0.0333", 30), ("0.04", 25),
+     ("0.0166667", 60), ("1.66667e-2", 60), ("0.010", 100), ("0.0333667", 1 / 0.0333667),
+     ("0.0039062", 256)],
+)  # fmt: skip
+def test_printed_frame_times(text: str, fps_hz: float) -> None:
+    assert rate_of_frame_time_hz(text, Path("a.bvh"), 1) == fps_hz
+
+
+@given(st.integers(1, 1000), st.integers(7, 12))
+def test_every_whole_rate_survives_printing(fps_hz: int, decimals: int) -> None:
+    assert rate_of_frame_time_hz(f"{1 / fps_hz:.{decimals}f}", Path("a.bvh"), 1) == fps_hz
+
+
+@pytest.mark.parametrize(
+    ("name", "subject", "fps_hz"),
+    [("02_03.amc", 2, 120), ("62_11_poses.npz", 62, 60), ("136_01.bvh", 136, 60),
+     ("33_01.amc", 33, 60), ("35_01.amc", 35, 120), ("walk.bvh", None, 120),
+     ("02_034.bvh", None, 120)],
+)  # fmt: skip
+def test_cmus_index(name: str, subject: int | None, fps_hz: float) -> None:
+    assert cmu_subject(Path(name)) == subject
+    assert cmu_rate_hz(Path(name)) == fps_hz
+
+
+@pytest.mark.parametrize("fps_hz", [0.0, -30.0, 10000.0, float("nan"), float("inf")])
+def test_absurd_rates(fps_hz: float) -> None:
+    with pytest.raises(BadMotionFile, match=r"a\.bvh.*fps_hz"):
+        check_rate_hz(fps_hz, Path("a.bvh"))

@@ -1,0 +1,157 @@
+"""Image folders: order, and every way in which frames can be unusable."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gmrdata.read.frames import check_images, image_number, list_images, read_gray, write_gray
+from gmrdata.values.errors import BadFrames, MissingInput
+
+
+def put(folder: Path, *names: str, size_px: tuple[int, int] = (40, 30)) -> list[Path]:
+    """Write noise images of a size (width, height)."""
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 255, (size_px[1], size_px[0], 3)).astype(np.uint8)
+    for name in names:
+        assert cv2.imwrite(str(folder / name), image)
+    return [folder / name for name in names]
+
+
+def test_frames_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    put(tmp_path, "image_10.jpg", "image_9.jpg", "image_8.png", "image_11.jpeg")
+    (tmp_path / "notes.txt").write_text("12")
+    names = [path.name for path in list_images(tmp_path)]
+    assert names == ["image_8.png", "image_9.jpg", "image_10.jpg", "image_11.jpeg"]
+    assert check_images(list_images(tmp_path)) == (40, 30)
+
+
+@given(st.integers(0, 10**8), st.sampled_from(["image_", "", "seq2_cam03-", "a.b"]))
+def test_the_number_is_the_last_one_in_the_name(number: int, prefix: str) -> None:
+    assert image_number(Path(f"clip/{prefix}{number:05d}.jpg")) == number
+
+
+@given(st.integers(1, 300), st.integers(1, 300), st.sampled_from([".jpg", ".png"]))
+def test_header_sizes_are_what_opencv_decodes(width: int, height: int, suffix: str) -> None:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"0{suffix}"
+        cv2.imwrite(str(path), np.zeros((height, width, 3), np.uint8))
+        assert check_images([path]) == (width, height)
+
+
+def test_a_jpeg_with_metadata_before_the_header_is_read(tmp_path: Path) -> None:
+    (path,) = put(tmp_path, "0.jpg")
+    plain = path.read_bytes()
+    thumbnail = b"\xff\xe1" + (1000).to_bytes(2, "big") + b"\xff\xc0" * 499
+    path.write_bytes(plain[:2] + thumbnail + plain[2:])
+    assert check_images([path]) == (40, 30)
+
+
+def test_a_missing_folder(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match="no such folder of images"):
+        list_images(tmp_path / "nothing")
+
+
+def test_fewer_than_two_frames(tmp_path: Path) -> None:
+    put(tmp_path, "0.jpg")
+    with pytest.raises(BadFrames, match="1 image.*at least 2"):
+        list_images(tmp_path)
+
+
+def test_no_images_given() -> None:
+    with pytest.raises(BadFrames, match="at least 2 frames"):
+        check_images([])
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (["0.jpg", "1.jpg", "3.jpg"], "frame 2 missing between 1 and 3"),
+        (["00.jpg", "09.jpg"], "frame 1 to 8 missing between 0 and 9"),
+        (["1.jpg", "1.png", "2.jpg"], "two images have the number 1"),
+        (["a.jpg", "1.jpg"], "a.jpg: no number in the name"),
+    ],
+)
+def test_numbers_that_do_not_run_through(names: list[str], said: str, tmp_path: Path) -> None:
+    put(tmp_path, *names)
+    with pytest.raises(BadFrames, match=said):
+        list_images(tmp_path)
+
+
+def test_left_out_numbers_are_not_listed_and_not_missed(tmp_path: Path) -> None:
+    put(tmp_path, "1.jpg", "2.jpg", "4.jpg", "5.jpg", "5.png", "8.jpg")
+    left_out = {3, 5, 6, 7, 99}
+    names = [path.name for path in list_images(tmp_path, left_out)]
+    assert names == ["1.jpg", "2.jpg", "4.jpg", "8.jpg"]
+    with pytest.raises(BadFrames, match="frame 6 missing between 4 and 8"):
+        list_images(tmp_path, left_out - {6})
+    with pytest.raises(BadFrames, match="two images have the number 5"):
+        list_images(tmp_path, left_out - {5})
+    with pytest.raises(BadFrames, match=r"1 image\(s\) but 4 left out; at least 2"):
+        list_images(tmp_path, (1, 2, 4, 5))
+
+
+def test_one_frame_of_another_size_is_named(tmp_path: Path) -> None:
+    paths = put(tmp_path, "1.jpg", "2.jpg") + put(tmp_path, "0.png", size_px=(30, 40))
+    with pytest.raises(BadFrames, match=r"0\.png: 30x40 px, other frames are 40x30 px"):
+        check_images(sorted(paths))
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_truncated_frames_are_named(suffix: str, tmp_path: Path) -> None:
+    paths = put(tmp_path, f"0{suffix}", f"1{suffix}")
+    paths[1].write_bytes(paths[1].read_bytes()[:-200])
+    with pytest.raises(BadFrames, match=rf"1\{suffix}: truncated or not an image"):
+        check_images(paths)
+
+
+@pytest.mark.parametrize("content", [b"hello, not an image", b"\xff\xd8\xff\xd9", b"\x89PNG\r\n"])
+def test_what_is_no_image_is_named(content: bytes, tmp_path: Path) -> None:
+    paths = put(tmp_path, "0.jpg", "1.jpg")
+    paths[1].write_bytes(content)
+    with pytest.raises(BadFrames, match=r"1\.jpg: truncated or not an image"):
+        check_images(paths)
+
+
+def test_a_jpeg_with_fill_bytes_before_a_marker_is_read(tmp_path: Path) -> None:
+    (path,) = put(tmp_path, "0.jpg")
+    plain = path.read_bytes()
+    path.write_bytes(plain[:2] + b"\xff\xff" + plain[2:])
+    assert check_images([path]) == (40, 30)
+
+
+def test_an_empty_file_is_named(tmp_path: Path) -> None:
+    paths = put(tmp_path, "0.jpg", "1.jpg")
+    paths[0].write_bytes(b"")
+    with pytest.raises(BadFrames, match=r"0\.jpg: empty file"):
+        check_images(paths)
+
+
+@given(st.binary(max_size=200), st.sampled_from([b"\xff\xd8", b"\x89PNG\r\n\x1a\n", b""]))
+def test_random_bytes_never_crash_the_check(content: bytes, start: bytes) -> None:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "0.jpg"
+        path.write_bytes(start + content)
+        try:
+            width, height = check_images([path])
+        except BadFrames:
+            return
+        assert width > 0 and height > 0
+
+
+def test_gray_images_are_read_back_as_written(tmp_path: Path) -> None:
+    mask = np.random.default_rng(1).integers(0, 255, (12, 17)).astype(np.uint8)
+    write_gray(tmp_path / "m.png", mask)
+    assert np.array_equal(read_gray(tmp_path / "m.png", (17, 12)), mask)
+    assert [p.name for p in tmp_path.iterdir()] == ["m.png"]
+    with pytest.raises(BadFrames, match="17x12 px, its frame is 12x17 px"):
+        read_gray(tmp_path / "m.png", (12, 17))
+    with pytest.raises(BadFrames, match="missing or not an image"):
+        read_gray(tmp_path / "other.png")

@@ -1,0 +1,180 @@
+"""Sequence files that try to run something: refused by name, and nothing happens."""
+
+import os
+import pickle  # noqa: TID251  The tests write the pickles that must be refused.
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gmrdata.read.threedpw_arrays import SequenceArrays, read_sequence_file
+from gmrdata.threedpw.listing import sequence_rows
+from gmrdata.values.errors import BrokenPickle, GmrdataError, UnsafePickle
+from gmrdata.write.threedpw import write_sequence_file
+
+NAME = "courtyard_walk_00"
+TOUCHED = "touched"
+
+
+class Calls:
+    """Pickles as a call of a function; with a state, as an object that is built."""
+
+    def __init__(self, function: Any, *arguments: Any) -> None:
+        self.called = (function, arguments)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self.called
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder in which a hostile pickle would leave its mark."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def content(walk_arrays: SequenceArrays, tmp_path: Path) -> dict[str, Any]:
+    write_sequence_file(tmp_path / "good.pkl", walk_arrays)
+    return dict(pickle.loads((tmp_path / "good.pkl").read_bytes(), encoding="latin1"))
+
+
+SYSTEM = Calls(os.system, f"touch {TOUCHED}")
+EVAL = Calls(eval, f"open({TOUCHED!r}, 'w')")
+PLACES: dict[str, Callable[[dict[str, Any], Any], Any]] = {
+    "the top": lambda c, call: call,
+    "a value": lambda c, call: c | {"texture_maps": call},
+    "a key": lambda c, call: [call, c],
+    "a list": lambda c, call: c | {"poses": [call, c["poses"][1]]},
+    "a tuple": lambda c, call: c | {"sequence": ((call,),)},
+    "an object array": lambda c, call: c | {"poses": np.array([call, None], dtype=object)},
+    "an object array in one": lambda c, call: (
+        c | {"poses2d": [np.array([np.array([call, 0], dtype=object), 0], dtype=object), 0]}
+    ),
+    "a key that is not read": lambda c, call: c | {"notes": call},
+}
+
+
+@pytest.mark.parametrize("protocol", [0, 1, 2, 4, 5])
+@pytest.mark.parametrize("place", sorted(PLACES))
+@pytest.mark.parametrize("call", [SYSTEM, EVAL], ids=["system", "eval"])
+def test_a_call_anywhere_in_a_sequence_is_refused_by_name(
+    content: dict[str, Any], here: Path, protocol: int, place: str, call: Calls
+) -> None:
+    data = pickle.dumps(PLACES[place](content, call), protocol)
+    (here / "some.pkl").write_bytes(data)
+    with pytest.raises(UnsafePickle, match=r"some\.pkl: wants to import '\S+\.(system|eval)'"):
+        read_sequence_file(here / "some.pkl")
+    assert not (here / TOUCHED).exists()
+    pickle.loads(data, encoding="latin1")  # the test's own check: it would have run
+    assert (here / TOUCHED).exists()
+
+
+COMMAND = f"touch {TOUCHED}".encode()
+TRICKS = {
+    "old instance": b"(S'" + COMMAND + b"'\nios\nsystem\n.",
+    "old object": b"(cos\nsystem\nS'" + COMMAND + b"'\no.",
+    "global of numpy's namespace": b"cnumpy\nos.system\n(S'" + COMMAND + b"'\ntR.",
+    "dotted global": b"\x80\x04\x8c\x05numpy\x8c\x17core._methods.os.fspath\x93\x8c\x01x\x85R.",
+    "numpy testing": b"cnumpy.testing._private.utils\nrunstring\n(S'1'\n(dtR.",
+    "numpy f2py": b"cnumpy.f2py.diagnose\nrun_command\n(S'" + COMMAND + b"'\ntR.",
+    "numpy exec_command": b"cnumpy.distutils.exec_command\nexec_command\n(S'x'\ntR.",
+    "numpy load": b"cnumpy\nload\n(S'evil.npy'\nNI01\ntR.",
+    "numpy loads": b"cnumpy.core.multiarray\n_pickle.loads\n(S'.'\ntR.",
+    "fake numpy module": b"cnumpy.core.multiarray.os\nsystem\n(S'" + COMMAND + b"'\ntR.",
+    "reconstruct of os": b"cnumpy.core.multiarray\n_reconstruct\n(cos\nsystem\n(I0\ntS'b'\ntR.",
+    "copy_reg reconstructor": b"ccopy_reg\n_reconstructor\n"
+    b"(csubprocess\nPopen\nc__builtin__\nobject\nNtR.",
+    "copyreg reconstructor": b"ccopyreg\n_reconstructor\n"
+    b"(cos\n_wrap_close\ncbuiltins\nobject\nNtR.",
+    "copyreg newobj": b"ccopyreg\n__newobj__\n(csubprocess\nPopen\nS'x'\ntR.",
+    "newobj": b"\x80\x02csubprocess\nPopen\n(S'" + COMMAND + b"'\nt\x81.",
+    "newobj with keywords": b"\x80\x04csubprocess\nPopen\n(S'x'\nt}\x8c\x05shell\x88s\x92.",
+    "stack global": b"\x80\x04\x8c\x05posix\x8c\x06system\x93\x8c\x01x\x85R.",
+    "getattr": b"c__builtin__\ngetattr\n(c__builtin__\n__import__\nS'__call__'\ntR.",
+    "import": b"c__builtin__\n__import__\n(S'os'\ntR.",
+    "apply": b"c__builtin__\napply\n(cos\nsystem\n(S'x'\nttR.",
+    "dtype state": b"cnumpy\ndtype\n(S'f8'\nI0\nI1\ntR"
+    b"(I4\nS'<'\nNNNI-1\nI-1\nI0\n(dcos\nsystem\ntb.",
+    "array state": b"cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\n(I0\ntS'b'\ntR"
+    b"(dS'__setstate__'\ncos\nsystem\nsb.",
+    "persistent id": b"Pos.system\n.",
+    "extension registry": b"\x80\x02\x82\x01.",
+    "lambda": b"ctypes\nFunctionType\n(N(dtR.",
+    "marshal": b"cmarshal\nloads\n(S'x'\ntR.",
+    "nested pickle": b"c_pickle\nloads\n(S'cos\\nsystem\\n.'\ntR.",
+}
+
+
+@pytest.mark.parametrize("trick", sorted(TRICKS))
+def test_known_tricks_are_refused(here: Path, trick: str) -> None:
+    (here / "some.pkl").write_bytes(TRICKS[trick])
+    with pytest.raises(UnsafePickle, match=r"some\.pkl: "):
+        read_sequence_file(here / "some.pkl")
+    assert sorted(path.name for path in here.iterdir()) == ["some.pkl"]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.5, 0.9, 0.9999])
+def test_a_truncated_file_is_an_error(
+    here: Path, walk_arrays: SequenceArrays, share: float
+) -> None:
+    path = here / "some.pkl"
+    write_sequence_file(path, walk_arrays)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(BrokenPickle, match=r"some\.pkl: truncated or not a pickle"):
+        read_sequence_file(path)
+
+
+def test_arrays_that_claim_absurd_sizes_are_refused_without_the_memory(
+    here: Path, walk_arrays: SequenceArrays
+) -> None:
+    path = here / "some.pkl"
+    write_sequence_file(path, walk_arrays)
+    shape = b"(K\x1eK\x48t"  # (30, 72), the first array with that shape
+    data = path.read_bytes()
+    assert shape in data
+    path.write_bytes(data.replace(shape, b"(J\xff\xff\xff\x7fJ\xff\xff\xff\x7ft"))
+    with pytest.raises(BrokenPickle, match="lacks its bytes"):
+        read_sequence_file(path)
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_changed_bytes_give_arrays_or_an_error_that_says_so(
+    walk_arrays: SequenceArrays, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    """Whatever a few changed bytes make of a file: never another kind of error."""
+    path = tmp_path_factory.getbasetemp() / "changed.pkl"
+    write_sequence_file(path, walk_arrays)
+    content = bytearray(path.read_bytes())
+    structure = [match.start() for match in re.finditer(rb"cnumpy|cam_|poses|genders", content)]
+    for _ in range(data.draw(st.integers(1, 3))):
+        start = data.draw(st.sampled_from(structure))
+        at = min(start + data.draw(st.integers(0, 120)), len(content) - 1)
+        content[at] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    try:
+        arrays = read_sequence_file(path)
+    except GmrdataError as error:
+        assert "changed.pkl" in str(error)
+        return
+    assert arrays.cam_from_world.shape == (arrays.n_frames, 4, 4)
+    assert all(person.poses_rad.shape == (arrays.n_frames, 72) for person in arrays.people)
+
+
+def test_a_hostile_sequence_does_not_stop_the_others(
+    make_dataset: Callable[..., Path], here: Path, content: dict[str, Any]
+) -> None:
+    root = make_dataset()
+    hostile = root / "sequenceFiles" / "train" / "a_hostile_00.pkl"
+    hostile.write_bytes(pickle.dumps(content | {"notes": SYSTEM}, 2))
+    rows, n_bad = sequence_rows(root, "campose_valid")
+    assert [row[0] for row in rows] == ["a_hostile_00", NAME] and n_bad == 1
+    assert "system" in rows[0][-1] and rows[1][-1] == ""
+    assert not (here / TOUCHED).exists()

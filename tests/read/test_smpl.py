@@ -1,0 +1,209 @@
+"""SMPL's files, on a random model in SMPL's format: the real one may not be passed on."""
+
+import pickle  # noqa: TID251  The tests write SMPL's pickle.
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from gmrdata.read.bodies import load_body
+from gmrdata.read.smpl import read_smpl
+from gmrdata.values.body import PARENTS
+from gmrdata.values.errors import BadBodyFile, UnsafePickle
+from gmrdata.values.skinning_torch import place, posed_joints, posed_vertices
+
+N_VERTICES = 6890
+
+
+@pytest.fixture(scope="module")
+def official() -> dict[str, Any]:
+    """Arrays with the keys, shapes and dtypes of SMPL's `.pkl`."""
+    rng = np.random.default_rng(0)
+    skin = np.zeros((N_VERTICES, 24))
+    for vertex in range(N_VERTICES):
+        skin[vertex, rng.choice(24, 4, replace=False)] = rng.dirichlet(np.ones(4))
+    regressor = sparse.lil_matrix((24, N_VERTICES))
+    for joint in range(24):
+        regressor[joint, rng.choice(N_VERTICES, 30, replace=False)] = rng.dirichlet(np.ones(30))
+    parents = np.array(PARENTS)
+    parents[0] = 2**32 - 1
+    return {
+        "v_template": rng.normal(size=(N_VERTICES, 3)),
+        "shapedirs": 0.1 * rng.normal(size=(N_VERTICES, 3, 12)),
+        "posedirs": 0.1 * rng.normal(size=(N_VERTICES, 3, 207)),
+        "J_regressor": regressor.tocsc(),
+        "weights": skin,
+        "kintree_table": np.stack([parents, np.arange(24)]).astype(np.uint32),
+        "f": rng.integers(0, N_VERTICES, (13776, 3)).astype(np.uint32),
+        "bs_style": "lbs",
+        "bs_type": "lrotmin",
+    }
+
+
+def write_pickle(path: Path, arrays: dict[str, Any], protocol: int = 2) -> Path:
+    path.write_bytes(pickle.dumps(arrays, protocol))
+    return path
+
+
+def write_npz(path: Path, arrays: dict[str, Any]) -> Path:
+    dense = {k: v.toarray() if sparse.issparse(v) else v for k, v in arrays.items()}
+    np.savez(path, **dense)
+    return path
+
+
+def smpl_vertices_by_the_paper(
+    model: dict[str, Any], betas: np.ndarray, pose: np.ndarray, trans: np.ndarray, vertices: range
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and joints by Loper et al. 2015, eqs. 2-10, one vertex at a time.
+
+    Args:
+        model: SMPL's arrays.
+        betas: (10,).
+        pose: (24, 3) axis-angle, root first.
+        trans: (3,).
+        vertices: Which vertices to pose.
+    """
+    shaped = model["v_template"] + sum(
+        beta * model["shapedirs"][:, :, n] for n, beta in enumerate(betas)
+    )
+    rest_joints = model["J_regressor"].toarray() @ shaped
+    rotations = [Rotation.from_rotvec(axis_angle).as_matrix() for axis_angle in pose]
+    world = []
+    for k in range(24):
+        parent = int(model["kintree_table"][0, k]) if k else None
+        local = np.eye(4)
+        local[:3, :3] = rotations[k]
+        local[:3, 3] = rest_joints[k] - (rest_joints[parent] if parent is not None else 0)
+        world.append(local if parent is None else world[parent] @ local)
+    removed = []
+    for k in range(24):
+        to_rest = np.eye(4)
+        to_rest[:3, 3] = -rest_joints[k]
+        removed.append(world[k] @ to_rest)
+    feature = np.concatenate([(rotations[k] - np.eye(3)).ravel() for k in range(1, 24)])
+    posed = []
+    for i in vertices:
+        rest = shaped[i] + sum(feature[n] * model["posedirs"][i, :, n] for n in range(207))
+        point = np.zeros(4)
+        for k in range(24):
+            point += model["weights"][i, k] * (removed[k] @ np.append(rest, 1.0))
+        posed.append(point[:3] + trans)
+    return np.array(posed), np.array([g[:3, 3] for g in world]) + trans
+
+
+def test_forward_is_the_published_one(official: dict[str, Any], tmp_path: Path) -> None:
+    body = read_smpl(write_pickle(tmp_path / "SMPL_NEUTRAL.pkl", official))
+    rng = np.random.default_rng(1)
+    for _ in range(2):
+        betas, trans = rng.normal(size=10), rng.normal(size=3)
+        pose = rng.normal(size=(24, 3))
+        some = range(0, N_VERTICES, 97)
+        vertices_m, joints_m = smpl_vertices_by_the_paper(official, betas, pose, trans, some)
+        rotmats = torch.as_tensor(Rotation.from_rotvec(pose).as_matrix())
+        # pelvis = trans + J0: SMPL turns about the rest pelvis, then shifts.
+        pelvis_m = torch.as_tensor(trans + body.rest_pelvis_m(betas))
+        shape = torch.as_tensor(betas)
+        found_m = place(rotmats[0], pelvis_m, posed_vertices(body, shape, rotmats[1:]))
+        found_joints_m = place(rotmats[0], pelvis_m, posed_joints(body, shape, rotmats[1:])[0])
+        np.testing.assert_allclose(found_m[list(some)], vertices_m, atol=1e-11)
+        np.testing.assert_allclose(found_joints_m, joints_m, atol=1e-11)
+
+
+def assert_equal_bodies(one: Any, other: Any) -> None:
+    for name in ("template_m", "shape_dirs_m", "joints_template_m", "joint_shape_dirs_m",
+                 "skin_weights", "faces", "pose_dirs_m"):  # fmt: skip
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+@pytest.mark.parametrize("protocol", [0, 2, 4, 5])
+def test_pickle_and_npz_load_equal(official: dict[str, Any], tmp_path: Path, protocol: int) -> None:
+    if protocol == 0:  # text: keep the file small
+        official = official | {"posedirs": np.zeros((N_VERTICES, 3, 207), dtype=np.float16)}
+    pickled = load_body(str(write_pickle(tmp_path / "SMPL_FEMALE.pkl", official, protocol)))
+    zipped = load_body(str(write_npz(tmp_path / "SMPL_FEMALE.npz", official)))
+    assert pickled.name == zipped.name == "smpl-female"
+    assert pickled.n_shape == 10
+    assert pickled.shape_dirs_m.shape == (N_VERTICES, 3, 10)
+    assert "smpl.is.tue.mpg.de" in pickled.licence
+    assert_equal_bodies(pickled, zipped)
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("SMPL_NEUTRAL", "smpl-neutral"),
+        ("SMPL_MALE", "smpl-male"),
+        ("basicModel_f_lbs_10_207_0_v1.0.0", "smpl-female"),
+        ("basicmodel_m_lbs_10_207_0_v1.1.0", "smpl-male"),
+        ("basicModel_neutral_lbs_10_207_0_v1.0.0", "smpl-neutral"),
+    ],
+)
+def test_gender_stands_in_the_name(
+    official: dict[str, Any], tmp_path: Path, file: str, name: str
+) -> None:
+    assert load_body(str(write_npz(tmp_path / f"{file}.npz", official))).name == name
+
+
+def test_name_without_a_gender_is_refused(official: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(BadBodyFile, match="neutral, female or male"):
+        load_body(str(write_npz(tmp_path / "model.npz", official)))
+
+
+@pytest.mark.parametrize("suffix", ["pkl", "npz"])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"weights": None}, "lacks weights"),
+        ({"weights": np.full((N_VERTICES, 52), 1 / 52)}, "SMPL-H"),
+        ({"f": np.zeros((5, 4), dtype=np.uint32)}, "faces has the shape"),
+        ({"f": np.full((5, 3), N_VERTICES, dtype=np.uint32)}, "faces must name vertices"),
+        ({"posedirs": np.zeros((N_VERTICES, 3, 9))}, "pose_dirs_m has the shape"),
+        ({"shapedirs": np.zeros((N_VERTICES, 30))}, "do not fit together"),
+        ({"J_regressor": sparse.csc_matrix((17, N_VERTICES))}, "do not fit together"),
+        ({"v_template": np.full((N_VERTICES, 3), np.nan)}, "not finite"),
+        ({"v_template": np.full((N_VERTICES, 3), "x")}, "not an array of numbers"),
+        ({"kintree_table": np.zeros((2, 24), dtype=np.uint32)}, "not SMPL's tree"),
+    ],
+)
+def test_another_file_is_refused_by_name(
+    official: dict[str, Any],
+    tmp_path: Path,
+    suffix: str,
+    change: dict[str, Any],
+    message: str,
+) -> None:
+    small = official | {"posedirs": np.zeros((N_VERTICES, 3, 207), dtype=np.float16)} | change
+    arrays = {key: value for key, value in small.items() if value is not None}
+    path = tmp_path / f"SMPL_MALE.{suffix}"
+    write_pickle(path, arrays) if suffix == "pkl" else write_npz(path, arrays)
+    with pytest.raises(BadBodyFile, match=message) as caught:
+        load_body(str(path))
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x80\x02", b"not a model", pickle.dumps([1, 2], 2)])
+@pytest.mark.parametrize("suffix", ["pkl", "npz"])
+def test_broken_file_is_refused_by_name(tmp_path: Path, suffix: str, content: bytes) -> None:
+    path = tmp_path / f"SMPL_MALE.{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(BadBodyFile, match=r"SMPL_MALE\."):
+        load_body(str(path))
+
+
+def test_huge_sparse_regressor_is_refused(official: dict[str, Any], tmp_path: Path) -> None:
+    """A few bytes may claim a matrix that fills the memory once it is dense."""
+    huge = sparse.csr_matrix((24, 2**31 - 1))
+    path = write_pickle(tmp_path / "SMPL_MALE.pkl", official | {"J_regressor": huge})
+    with pytest.raises(BadBodyFile, match="J_regressor"):
+        load_body(str(path))
+
+
+def test_hostile_pickle_is_refused_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "SMPL_MALE.pkl"
+    path.write_bytes(b"cos\nsystem\n(S'true'\ntR.")
+    with pytest.raises(UnsafePickle, match=r"SMPL_MALE\.pkl: wants to import 'os\.system'"):
+        load_body(str(path))

@@ -1,0 +1,154 @@
+"""Runs compared on the clips that they have in common."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gmrdata.cli import main
+from gmrdata.score.compare import CompareConfig, compare_scores
+from gmrdata.score.files import protocol_record
+from gmrdata.stage.progress import answers
+from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
+from gmrdata.values.files import read_json, write_json
+
+
+def figures(value: float) -> dict[str, float]:
+    return {"ome_deg": value / 10, "tme_mm": value, "vme_mm": 2 * value}
+
+
+def write_scores(folder: Path, values: dict[str, float], name: str = "run", **changes: Any) -> Path:
+    """A record with what a comparison reads; zero motion's scores depend on the clip alone."""
+    record = {
+        "format": "gmrdata-scores/2",
+        "name": name,
+        "fps_hz": 10.0,
+        "protocol": None,
+        "clips": [
+            {
+                "id": id,
+                "n_motions": 10,
+                "predicted": figures(value),
+                "zero": figures(float(len(id))),
+                "protocol": {"predicted": {"rte_percent": value / 100}},
+            }
+            for id, value in values.items()
+        ],
+        "over_time": {
+            "times_s": [0.0, 0.1],
+            "clips": ["x"],
+            "predicted": {"vertex_mm": [0.0, 5.0], "interval95_mm": [[0.0, 4.0], [0.0, 6.0]]},
+            "zero": {"vertex_mm": [0.0, 9.0], "interval95_mm": None},
+        },
+    }
+    path = folder / "scores.json"
+    write_json(path, record | changes)
+    return path
+
+
+def three(tmp_path: Path) -> list[Path]:
+    return [
+        write_scores(tmp_path / "a", {"x": 10.0, "yy": 20.0, "zzz": 30.0, "only_a": 99.0}, "paper"),
+        write_scores(tmp_path / "b", {"zzz": 27.0, "x": 9.0, "yy": 18.0}, "ours"),
+        write_scores(tmp_path / "c", {"x": 10.0, "yy": 21.0, "zzz": 29.0}, "third"),
+    ]
+
+
+def compared(paths: Sequence[Path], out: Path, **options: Any) -> dict[str, Any]:
+    return dict(read_json(compare_scores(paths, out, CompareConfig(**options))))
+
+
+def test_differences_are_taken_clip_by_clip(tmp_path: Path) -> None:
+    found = compared(three(tmp_path), tmp_path / "out")
+    assert found["runs"] == ["paper", "ours", "third"]
+    assert found["clips"] == ["x", "yy", "zzz"]
+    assert found["left_out"] == {"paper": ["only_a"], "ours": [], "third": []}
+    first, ours, third = found["metrics"]["tme_mm"]
+    assert first == {"run": "paper", "n_clips": 3, "mean_of_clips": 20.0}
+    assert (ours["mean_of_clips"], ours["difference"]) == (18.0, -2.0)
+    # -1, -2 and -3 mm: all of one sign, which 2 of 8 flips are.
+    assert ours["p_value"] == pytest.approx(0.25)
+    assert -3 <= ours["interval95"][0] < ours["interval95"][1] <= -1
+    assert third["difference"] == 0 and third["p_value"] == 1
+    assert set(found["metrics"]) == {"ome_deg", "tme_mm", "vme_mm"}
+
+
+def test_its_files(tmp_path: Path) -> None:
+    paths, out = three(tmp_path), tmp_path / "out"
+    compared(paths, out)
+    with (out / "comparison.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 3 * 3
+    assert rows[4]["metric"] == "tme_mm" and rows[4]["run"] == "ours"
+    assert float(rows[4]["difference"]) == -2.0 and rows[3]["difference"] == ""
+    page, text = (out / "comparison.html").read_text(), (out / "comparison.md").read_text()
+    assert "| TME [mm] | ours | 18.0 | -2.0 |" in text
+    assert "left out of paper: only_a" in text and "left out of paper: only_a" in page
+    assert page.count("<svg") == 1 and "ours against paper" not in page.split("<body>")[0]
+    before = page.encode()
+    compare_scores(paths, tmp_path / "again")
+    assert (tmp_path / "again" / "comparison.html").read_bytes() == before
+    with pytest.raises(StaleOutput):
+        compare_scores(paths[:2], out)
+
+
+def test_a_protocol_is_compared_where_all_have_it(tmp_path: Path) -> None:
+    wham, tram = protocol_record("wham"), protocol_record("tram")
+    assert wham is not None and tram is not None
+    wham["metrics"] = ["rte_percent"]
+    values = {"x": 10.0, "yy": 20.0}
+    paths = [
+        write_scores(tmp_path / name, values, name, protocol=protocol)
+        for name, protocol in (("a", wham), ("b", wham), ("c", tram))
+    ]
+    assert "rte_percent" in compared(paths[:2], tmp_path / "same")["metrics"]
+    found = compared(paths, tmp_path / "other")
+    assert found["protocol"] is None and "rte_percent" not in found["metrics"]
+
+
+def test_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    values = {"x": 1.0, "yy": 2.0}
+    paths = [write_scores(tmp_path / folder, values) for folder in ("a", "b", "c/b")]
+    assert compared(paths[:2], tmp_path / "2")["runs"] == ["run (a)", "run (b)"]
+    assert compared(paths, tmp_path / "3")["runs"] == ["run (a)", "2: run (b)", "3: run (b)"]
+    named = compared(paths[:2], tmp_path / "named", names=("old", "new"))
+    assert named["runs"] == ["old", "new"]
+    with pytest.raises(BadRecord, match="2 names for 3 runs"):
+        compared(paths, tmp_path / "bad", names=("old", "new"))
+
+
+def test_what_can_not_be_compared_is_refused(tmp_path: Path) -> None:
+    values = {"x": 1.0, "yy": 2.0}
+    first = write_scores(tmp_path / "a", values)
+    other_clip = {
+        "id": "x", "n_motions": 10, "predicted": figures(1.0), "zero": figures(77.0),
+    }  # fmt: skip
+    refused = {
+        "30 fps": write_scores(tmp_path / "b", values, fps_hz=30.0),
+        "no clip is in all 2": write_scores(tmp_path / "c", {"other": 1.0}),
+        "clip x was scored on other frames": write_scores(
+            tmp_path / "d", values, clips=[other_clip]
+        ),
+        "of format 'gmrdata-scores/1'": write_scores(
+            tmp_path / "e", values, format="gmrdata-scores/1"
+        ),
+    }
+    for message, path in refused.items():
+        with pytest.raises(BadRecord, match=message):
+            compare_scores([first, path], tmp_path / "out")
+    with pytest.raises(MissingInput, match="fewer than two"):
+        compare_scores([first], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_verb(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = three(tmp_path)
+    monkeypatch.setattr(answers, "width", 200)  # a narrow table breaks its rows
+    main(["compare", *map(str, paths), "--out", str(tmp_path / "out")])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "TME [mm] ours 18.0 -2.0 -3.0 to -1.0 0.250 3" in said
+    assert said.endswith("comparison.json")

@@ -1,0 +1,143 @@
+"""Protocols: where they differ from each other, by hand-computed figures."""
+
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from gmrdata.score.clip_errors import SMPL_FEET, foot_vertices
+from gmrdata.score.protocols import PROTOCOLS, ProtocolName, WorldBody, WorldPair, protocol_values
+from gmrdata.score.table import METRIC_WORDS
+from gmrdata.values.body import JOINT, JOINT_NAMES, BodyModel
+
+STILL = np.eye(3)
+
+
+def body(joints_m: np.ndarray) -> WorldBody:
+    n = len(joints_m)
+    return WorldBody(np.tile(STILL, (n, 1, 1)), joints_m, np.zeros((n, 4, 3)))
+
+
+def standing_m(n_frames: int) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    return np.tile(rng.normal(0, 0.5, (24, 3)), (n_frames, 1, 1))
+
+
+def pair(predicted_m: np.ndarray, true_m: np.ndarray, fps_hz: float = 30.0) -> WorldPair:
+    return WorldPair(body(predicted_m), body(true_m), ((0, len(true_m)),), fps_hz)
+
+
+def test_each_name_has_a_protocol_and_each_metric_its_words() -> None:
+    assert set(PROTOCOLS) == set(get_args(ProtocolName))
+    assert all(name == protocol.name for name, protocol in PROTOCOLS.items())
+    assert {m for protocol in PROTOCOLS.values() for m in protocol.metrics} < METRIC_WORDS.keys()
+
+
+def test_the_truth_has_no_error_in_any_protocol() -> None:
+    true_m = standing_m(230) + np.arange(230)[:, None, None] * [0.03, 0.0, 0.0]
+    moved_m = true_m @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [4.0, 5.0, 6.0]
+    turned = replace(
+        body(moved_m), root_rotmats=np.tile([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], (230, 1, 1))
+    )
+    for protocol in PROTOCOLS.values():
+        found = protocol_values(protocol, WorldPair(turned, body(true_m), ((0, 230),), 30.0))
+        assert set(found) == set(protocol.metrics)
+        for metric, values in found.items():
+            np.testing.assert_allclose(values, 0, atol=1e-6, err_msg=f"{protocol.name} {metric}")
+            assert len(values)
+
+
+def test_the_rest_after_the_last_segment() -> None:
+    """250 frames that are perfect up to 230 and 100 mm off in the last 20 frames.
+
+    wham has 50 frames of their own, tram 149 without the last, slahmr one segment of 150.
+    """
+    true_m = standing_m(250)
+    predicted_m = true_m.copy()
+    predicted_m[230:] += [0.1, 0.0, 0.0]
+    found = {
+        name: protocol_values(PROTOCOLS[name], pair(predicted_m, true_m))["w_mpjpe_mm"]
+        for name in ("wham", "tram", "gvhmr", "slahmr")
+    }
+    assert [len(found[name]) for name in ("wham", "tram", "gvhmr", "slahmr")] == [250, 249, 250, 2]
+    assert found["wham"].mean() == pytest.approx(100 * 20 / 250)
+    assert found["tram"].mean() == pytest.approx(100 * 19 / 249)
+    np.testing.assert_array_equal(found["gvhmr"], found["wham"])
+    # The mean over the 150 frames of the second segment; then the mean of the two segments.
+    np.testing.assert_allclose(found["slahmr"], [0, 100 * 20 / 150], atol=1e-9)
+
+
+def test_slahmr_looks_at_fourteen_joints() -> None:
+    """A root and a hand that are off don't matter to it, a wrist does."""
+    true_m = standing_m(101)
+    predicted_m = true_m.copy()
+    predicted_m[50:, 0] += [0.0, 0.0, 0.03]
+    predicted_m[50:, JOINT["left_hand"]] += [0.0, 0.0, 0.7]
+    given = pair(predicted_m, true_m)
+    for metric, values in protocol_values(PROTOCOLS["slahmr"], given).items():
+        np.testing.assert_allclose(values, 0, atol=1e-9, err_msg=metric)
+    # 30 and 700 mm of 24 joints in 50 of the 100 frames; frame 101 is a segment of its own.
+    whams = protocol_values(PROTOCOLS["wham"], given)["w_mpjpe_mm"]
+    assert whams[:100].mean() == pytest.approx((30 + 700) / 24 / 2)
+    predicted_m[50:, JOINT["left_wrist"]] += [0.0, 0.0, 0.14]
+    found = protocol_values(PROTOCOLS["slahmr"], pair(predicted_m, true_m))
+    np.testing.assert_allclose(found["w_mpjpe_mm"], 140 / 14 * 51 / 101, rtol=1e-9)
+
+
+def test_jitter_of_whole_bodies_and_emdbs() -> None:
+    """All joints but the pelvis fly along x = t^3: 6 m/s^3, the pelvis stands.
+
+    wham: 23 of 24 joints.  emdb: nine count as still, so 15 of 24, and each clip counts once.
+    """
+    fps_hz = 30.0
+    true_m = standing_m(20)
+    predicted_m = true_m.copy()
+    predicted_m[:, 1:, 0] += ((np.arange(20) / fps_hz) ** 3)[:, None]
+    given = pair(predicted_m, true_m, fps_hz)
+    whams = protocol_values(PROTOCOLS["wham"], given)["jitter_10m_per_s3"]
+    np.testing.assert_allclose(whams, [0.6 * 23 / 24] * 17, rtol=1e-6)
+    emdbs = protocol_values(PROTOCOLS["emdb"], given)["jitter_10m_per_s3"]
+    np.testing.assert_allclose(emdbs, [0.6 * 15 / 24], rtol=1e-6)
+    # A path that jitters as a whole is not in EMDB's figure.
+    whole_m = true_m + ((np.arange(20) / fps_hz) ** 3)[:, None, None] * [1.0, 0.0, 0.0]
+    given = pair(whole_m, true_m, fps_hz)
+    np.testing.assert_allclose(
+        protocol_values(PROTOCOLS["emdb"], given)["jitter_10m_per_s3"], 0, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        protocol_values(PROTOCOLS["gvhmr"], given)["jitter_10m_per_s3"], 0.6, rtol=1e-6
+    )
+
+
+def test_rte_counts_the_scale_that_mpjpe_hides() -> None:
+    """A straight walk of 99 steps of 30 mm, 1 % too long: at its ends 0.5 % of the length."""
+    true_m = standing_m(100) + np.arange(100)[:, None, None] * [0.03, 0.0, 0.0]
+    found = protocol_values(PROTOCOLS["wham"], pair(1.01 * true_m, true_m))
+    np.testing.assert_allclose(found["w_mpjpe_mm"], 0, atol=1e-9)
+    assert found["rte_percent"].max() == pytest.approx(0.5, rel=1e-6)
+    np.testing.assert_allclose(found["erve_mm_per_frame"], 0.3, rtol=1e-9)
+
+
+def test_a_body_that_stands_has_no_rte() -> None:
+    found = protocol_values(PROTOCOLS["tram"], pair(standing_m(120), standing_m(120)))
+    assert len(found["rte_percent"]) == 0 and len(found["w_mpjpe_mm"]) == 119
+
+
+def test_feet_of_a_body(small_body: BodyModel) -> None:
+    """Toe and heel of each foot, low, on its side, the toe in front."""
+    rows = foot_vertices(small_body)
+    places_m = small_body.template_m[list(rows)]
+    assert len(set(rows)) == 4
+    left_toe, left_heel, right_toe, right_heel = places_m
+    assert left_toe[0] > 0 > right_toe[0] and left_heel[0] > 0 > right_heel[0]
+    assert left_toe[2] > left_heel[2] and right_toe[2] > right_heel[2]
+    assert (places_m[:, 1] < small_body.template_m[:, 1].min() + 0.03).all()
+    whole = replace(small_body, name="smpl-neutral", template_m=np.zeros((6890, 3)))
+    assert foot_vertices(whole) == SMPL_FEET
+
+
+def test_emdb_ignores_the_joints_that_its_code_names() -> None:
+    """ignored_joints_idxs of eth-ait/emdb, evaluation_metrics.py."""
+    assert PROTOCOLS["emdb"].zeroed_joints == (0, 7, 8, 10, 11, 20, 21, 22, 23)
+    assert len(JOINT_NAMES) == 24

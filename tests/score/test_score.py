@@ -1,0 +1,480 @@
+"""Scores of a manifest: their numbers, groups and refusals."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from gmrdata.cli import main
+from gmrdata.gmr.checkpoint import best_of, save_checkpoint
+from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.model import Gmr
+from gmrdata.gmr.predict import TrainedGmr, load_gmr
+from gmrdata.gmr.runs import UsableClip, runs_at
+from gmrdata.manifest.current import Quality
+from gmrdata.motion.gait import embedded_motions
+from gmrdata.read.bodies import save_body
+from gmrdata.score import clip_errors
+from gmrdata.score.clip_errors import ClipErrors
+from gmrdata.score.score import (
+    ScoreConfig,
+    by_network,
+    motion_types,
+    score_clips,
+    score_manifest,
+    score_predictions,
+)
+from gmrdata.score.summary import summarise
+from gmrdata.stage.progress import answers
+from gmrdata.values import motion_metrics as vertices
+from gmrdata.values.body import BodyModel, with_vertices
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import (
+    BadBodyFile,
+    BadCheckpoint,
+    BadManifest,
+    BadMotionFile,
+    StaleOutput,
+)
+from gmrdata.values.files import write_json
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.skinning import motion_vertices_m
+from tests.clip_manifests import write_clips as write_manifest_of
+
+FLOOR_GROUP = {
+    "sequences": 1,
+    "accepted": 1,
+    "class_right": 1,
+    "n_motions": 9,
+    "camera_rotation_deg": None,
+    "camera_path_mm": None,
+    "abs_scale_error_percent": None,
+    "scale_stated": 0,
+    "scale_within_2sigma": 0,
+    "kept_share": 1.0,
+    "seconds_per_frame": 1.0,
+}
+CAMERA_MOTIONS = ("circular", "linear", "circular")
+
+
+@pytest.fixture(scope="module")
+def clips(small_body: BodyModel) -> list[Clip]:
+    motions = embedded_motions(
+        small_body, np.random.default_rng(0), count=3, fps_hz=30.0, duration_s=2.0
+    )
+    made = []
+    for i, motion in enumerate(motions):
+        valid = np.ones(60, bool)
+        valid[30 : 30 + 5 * i] = False
+        made.append(Clip(f"clip_{i}", motion, valid, np.full(60, -1), None))
+    return made
+
+
+def write_clips(
+    folder: Path,
+    body: BodyModel,
+    clips: list[Clip],
+    qualities: dict[str, Quality] | None = None,
+    kind: str = "motions",
+) -> Path:
+    motions = CAMERA_MOTIONS[: len(clips)]
+    return write_manifest_of(folder, body, clips, qualities, camera_motions=motions, kind=kind)
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path) -> Path:
+    torch.manual_seed(0)
+    model = Gmr(ModelConfig(layers=1, hidden=6))
+    optimizer = torch.optim.Adam(model.parameters())
+    delta_rotmats, delta_m = model(torch.randn(1, 4, 92))
+    (delta_rotmats.sum() + delta_m.sum()).backward()
+    optimizer.step()
+    save_checkpoint(tmp_path / "run", 1, model, optimizer, {"fps_hz": 10.0})
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def body_path(tmp_path: Path, small_body: BodyModel) -> Path:
+    save_body(tmp_path / "body.npz", small_body)
+    return tmp_path / "body.npz"
+
+
+class Oracle:
+    """Stands for a network that knows the answer, but for 1 deg of yaw and 10 mm to the front."""
+
+    fps_hz = 10.0
+
+    def __init__(self, clips: list[Clip]) -> None:
+        self.by_pose = {}
+        for clip in clips:
+            for run in runs_at(clip, 10.0, all_phases=True):
+                motion = run.motion
+                self.by_pose[motion.local_rotmats.tobytes()] = deltas(
+                    motion.root_rotmats, motion.pelvis_m
+                )
+
+    def predict(self, _: object, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        delta_rotmats, delta_m = self.by_pose[np.ascontiguousarray(local_rotmats).tobytes()]
+        angle_rad = np.deg2rad(1.0)
+        c, s = np.cos(angle_rad), np.sin(angle_rad)
+        yaw = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        return delta_rotmats @ yaw, delta_m + np.array([0, 0, 0.01])
+
+
+def test_known_errors_get_known_scores(
+    clips: list[Clip], small_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And zero motion's score is the motion's own size, gaps left out."""
+    oracle = Oracle(clips)
+    monkeypatch.setattr("gmrdata.gmr.predict.predict_deltas", oracle.predict)
+    usable = [UsableClip(clip, "linear") for clip in clips]
+    scored, skipped = score_clips(
+        by_network(oracle, ScoreConfig(), {}),  # type: ignore[arg-type]
+        small_body,
+        usable,
+    )
+    assert skipped == {}
+    # Frames 0, 3, ..., 57; then 0, ..., 27 and 35, ..., 59; then 0, ..., 27 and 40, ..., 58.
+    assert [one.n_motions for one in scored] == [19, 9 + 8, 9 + 6]
+    for one, clip in zip(scored, clips, strict=True):
+        np.testing.assert_allclose(one.errors["predicted"]["ome_deg"], 1.0, atol=1e-9)
+        np.testing.assert_allclose(one.errors["predicted"]["tme_mm"], 10.0, atol=1e-9)
+        rows = np.arange(0, 30, 3)
+        _, delta_m = deltas(clip.motion.root_rotmats[rows], clip.motion.pelvis_m[rows])
+        steps_mm = 1000 * np.linalg.norm(delta_m, axis=1)
+        np.testing.assert_allclose(one.errors["zero"]["tme_mm"][:9], steps_mm)
+
+
+def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
+    predict = by_network(gmr, ScoreConfig(), {})
+    ((one,), _) = score_clips(predict, body, [UsableClip(clip, "none")])
+    return one
+
+
+def test_vme_is_the_distance_between_placed_meshes(
+    clips: list[Clip], small_body: BodyModel, run_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Against meshes of the body model itself: M([dA, L], beta, dT), frame by frame."""
+    from gmrdata.gmr.predict import predict_deltas
+
+    monkeypatch.setattr(vertices, "CHUNK_BYTES", len(small_body.template_m) * 24 * 8 * 3)
+    gmr = load_gmr(run_dir)
+    one = scored_by(gmr, small_body, clips[0])
+    (run,) = runs_at(clips[0], 10.0, all_phases=False)
+    true_rotmats, true_m = deltas(run.motion.root_rotmats, run.motion.pelvis_m)
+    rotmats, metres = predict_deltas(gmr, run.motion.local_rotmats)
+    rows = slice(0, 19)
+    part = replace(run.motion, local_rotmats=run.motion.local_rotmats[rows], root_rotmats=rotmats)
+    meshes_m = motion_vertices_m(small_body, replace(part, pelvis_m=metres))
+    true_meshes_m = motion_vertices_m(
+        small_body, replace(part, root_rotmats=true_rotmats, pelvis_m=true_m)
+    )
+    expected_mm = 1000 * np.linalg.norm(meshes_m - true_meshes_m, axis=-1).mean(-1)
+    np.testing.assert_allclose(one.errors["predicted"]["vme_mm"], expected_mm, rtol=1e-4)
+
+
+def test_pooled_and_mean_of_clips_differ_as_they_should() -> None:
+    def errors(
+        clip_id: str, camera_motion: str, values: list[float], motion_type: str | None = None
+    ) -> ClipErrors:
+        arrays = {metric: np.array(values) for metric in clip_errors.METRICS}
+        over_time = {method: np.array([0.0, *values]) for method in clip_errors.METHODS}
+        both = dict.fromkeys(clip_errors.METHODS, arrays)
+        return ClipErrors(clip_id, camera_motion, both, motion_type, over_time)
+
+    found = summarise(
+        [
+            errors("a", "linear", [1.0], "walk"),
+            errors("b", "circular", [4.0, 4.0, 4.0]),
+            errors("c", "linear", [7.0, 9.0], "walk"),
+        ],
+        10.0,
+        500,
+        np.random.default_rng(0),
+    )
+    overall = found["overall"]
+    assert (overall["n_clips"], overall["n_motions"]) == (3, 6)
+    assert overall["pooled_over_motions"]["predicted"]["tme_mm"] == pytest.approx(29 / 6)
+    assert overall["mean_of_clips"]["predicted"]["tme_mm"] == pytest.approx((1 + 4 + 8) / 3)
+    assert found["camera_motion"]["linear"]["pooled_over_motions"]["zero"][
+        "ome_deg"
+    ] == pytest.approx(17 / 3)
+    assert list(found["camera_motion"]) == ["circular", "linear"]
+    assert [clip["predicted"]["vme_mm"] for clip in found["clips"]] == [1.0, 4.0, 8.0]
+    assert list(found["motion_type"]) == ["walk"]
+    walk = found["motion_type"]["walk"]
+    assert walk["mean_of_clips"] == found["camera_motion"]["linear"]["mean_of_clips"]
+    # Two clips of means 1 and 8: every draw is one of them, or both.
+    assert walk["mean_of_clips_interval95"]["predicted"]["tme_mm"] == [1.0, 8.0]
+    assert found["camera_motion"]["circular"]["pooled_interval95"]["zero"]["vme_mm"] is None
+    # Two clips of three last 0.2 s, and the curve is of them all along.
+    over_time = found["over_time"]
+    assert (over_time["times_s"], over_time["clips"]) == ([0.0, 0.1, 0.2], ["b", "c"])
+    np.testing.assert_allclose(over_time["predicted"]["vertex_mm"], [0, 5.5, 6.5])
+    assert over_time["predicted"]["interval95_mm"] == [[0, 4, 4], [0, 7, 9]]
+
+
+def test_scores_json(
+    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
+) -> None:
+    rejected = Quality(verdict="rejected", reasons=("too few points",))
+    manifest_path = write_clips(tmp_path / "data", small_body, clips, {"clip_1": rejected})
+    path = score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores")
+    assert path == tmp_path / "scores" / "scores.json"
+    record = json.loads(path.read_text())
+    assert [clip["id"] for clip in record["clips"]] == ["clip_0", "clip_2"]
+    assert record["skipped"] == {"clip_1": "rejected: too few points"}
+    assert set(record["camera_motion"]) == {"circular"}
+    assert record["overall"]["n_motions"] == 19 + 15
+    assert record["fps_hz"] == 10.0
+    assert record["model"]["network"] == ModelConfig(layers=1, hidden=6).model_dump(mode="json")
+    before = path.read_bytes()
+    assert score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores") == path
+    again = score_manifest(run_dir, manifest_path, body_path, tmp_path / "again")
+    assert again.read_bytes() == before
+    config = ScoreConfig(all_phases=True)
+    with pytest.raises(StaleOutput, match="all_phases"):
+        score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config)
+    score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config, redo=True)
+    record = json.loads(path.read_text())
+    assert record["clips"][0]["n_motions"] == 3 * 19
+
+
+def test_a_floor_is_part_of_what_was_asked(
+    clips: list[Clip],
+    small_body: BodyModel,
+    run_dir: Path,
+    body_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Beside scores that are far above it, and again beside the same below it."""
+    manifest_path = write_clips(tmp_path / "data", small_body, clips, kind="pseudo_gt")
+    out_dir, floor_path = tmp_path / "scores", tmp_path / "floor.json"
+
+    def scored(own_mm: float, **options: Any) -> dict[str, Any]:
+        group = FLOOR_GROUP | {"ome_deg": 1e-6, "tme_mm": own_mm, "vme_mm": own_mm}
+        floor = {"format": "gmrdata-floor/1", "fps_hz": 10.0, "seed": None, "recipe": {}}
+        floor |= {"sequences": [], "classes": {}, "overall": group}
+        write_json(floor_path, floor)
+        path = score_manifest(
+            run_dir, manifest_path, body_path, out_dir, floor_path=floor_path, **options
+        )
+        return dict(json.loads(path.read_text()))
+
+    above = scored(1e-3)
+    assert above["statements"] == []
+    assert above["overall"]["floor"]["tme_mm"] == above["clips"][0]["floor"]["tme_mm"] == 1e-3
+    with pytest.raises(StaleOutput, match="floor"):
+        scored(1e6)
+    below = scored(1e6, redo=True)
+    assert below["overall"]["below_floor"] == ["tme_mm", "vme_mm"]
+    # Three clips, two classes, and all.
+    assert len(below["statements"]) == 3 + 2 + 1
+    assert below["overall"]["pooled_over_motions"] == above["overall"]["pooled_over_motions"]
+    asked = ["evaluate", str(run_dir), str(manifest_path), "--out", str(out_dir)]
+    monkeypatch.setattr(answers, "width", 200)  # a narrow table breaks its headings
+    main([*asked, "--body", str(body_path), "--floor", str(floor_path)])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "pseudo ground truth's own" in said and "0.00 / 1000000.0 / 1000000.0 (all)" in said
+    assert below["statements"][0] in said
+
+
+def test_the_best_weights_are_scored_when_asked_for(
+    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
+) -> None:
+    manifest_path = write_clips(tmp_path / "data", small_body, clips)
+    best = ScoreConfig(which="best")
+    with pytest.raises(BadCheckpoint, match="no best weights"):
+        score_manifest(run_dir, manifest_path, body_path, tmp_path / "none", best)
+    assert not (tmp_path / "none").exists()
+    add_best_weights(run_dir)
+    paths = {
+        which: score_manifest(run_dir, manifest_path, body_path, tmp_path / which, config)
+        for which, config in {"latest": ScoreConfig(), "best": best}.items()
+    }
+    found = {which: json.loads(path.read_text()) for which, path in paths.items()}
+    assert [
+        (found[w]["model"]["which"], found[w]["model"]["step"]) for w in ("latest", "best")
+    ] == [
+        ("latest", 2),
+        ("best", 1),
+    ]
+    tme_mm = {w: found[w]["overall"]["pooled_over_motions"]["predicted"]["tme_mm"] for w in found}
+    zero_mm = found["best"]["overall"]["pooled_over_motions"]["zero"]["tme_mm"]
+    assert tme_mm["best"] == pytest.approx(zero_mm)
+    assert tme_mm["latest"] > 1.1 * zero_mm or tme_mm["latest"] < 0.9 * zero_mm
+
+
+def add_best_weights(run_dir: Path) -> None:
+    """A later checkpoint, and weights of step 1 that put out zeros as the best so far."""
+    torch.manual_seed(0)
+    model = Gmr(ModelConfig(layers=1, hidden=6))
+    optimizer = torch.optim.Adam(model.parameters(), lr=0.1)
+    model(torch.randn(1, 4, 92))[1].sum().backward()
+    optimizer.step()
+    zeros = Gmr(model.config)
+    for parameter in zeros.parameters():
+        torch.nn.init.zeros_(parameter)
+    best = best_of(None, 1, "held_out_tme_mm", 1.0, zeros)
+    save_checkpoint(run_dir, 2, model, optimizer, {"fps_hz": 10.0}, best)
+
+
+def test_the_camera_does_not_matter(
+    clips: list[Clip], small_body: BodyModel, run_dir: Path
+) -> None:
+    """The prediction for a clip is the same, whatever its root does."""
+    gmr: TrainedGmr = load_gmr(run_dir)
+    clip = clips[0]
+    still = replace(clip.motion, root_rotmats=np.tile(np.eye(3), (60, 1, 1)))
+    found = [scored_by(gmr, small_body, one) for one in (clip, replace(clip, motion=still))]
+    assert not np.allclose(found[0].errors["zero"]["ome_deg"], 0)
+    np.testing.assert_allclose(found[1].errors["zero"]["ome_deg"], 0, atol=1e-9)
+
+
+def test_clips_of_another_body_or_without_motions_are_refused(
+    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
+) -> None:
+    other = replace(clips[0], motion=replace(clips[0].motion, body="giant"))
+    manifest_path = write_clips(tmp_path / "giant", small_body, [other])
+    with pytest.raises(BadManifest, match="clip clip_0: of body giant"):
+        score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores")
+    flicker = replace(clips[0], valid=np.arange(60) % 2 == 0)
+    manifest_path = write_clips(tmp_path / "flicker", small_body, [flicker])
+    with pytest.raises(BadManifest, match="no clip has two valid frames in a row"):
+        score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores")
+    assert not (tmp_path / "scores").exists()
+
+
+def test_the_truth_as_a_prediction_scores_zero_in_all_files(
+    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
+) -> None:
+    """By the verb: JSON, CSV, Markdown and HTML, a protocol's figures among them."""
+    manifest_path = write_clips(tmp_path / "data", small_body, clips)
+    out_dir = tmp_path / "scores"
+    asked = ["evaluate", str(manifest_path), "--predictions", str(tmp_path / "data")]
+    main([*asked, "--out", str(out_dir), "--body", str(body_path), "--protocol", "wham"])
+    record = json.loads((out_dir / "scores.json").read_text())
+    assert record["format"] == "gmrdata-scores/2" and record["model"] == {"predictions": "data"}
+    assert record["overall"]["pooled_over_motions"]["predicted"]["tme_mm"] < 1e-6
+    assert record["overall"]["protocol"]["predicted"]["w_mpjpe_mm"] < 1e-6
+    assert record["overall"]["protocol"]["zero"]["w_mpjpe_mm"] > 10
+    assert len(record["overall"]["protocol_interval95"]["zero"]["rte_percent"]) == 2
+    assert record["clips"][0]["protocol_fps_hz"] == 30.0
+    assert max(record["over_time"]["predicted"]["vertex_mm"]) < 1e-6
+    with (out_dir / "scores.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["name"] for row in rows] == [
+        "clip_0", "clip_1", "clip_2", "circular", "linear", "all",
+    ]  # fmt: skip
+    assert float(rows[-1]["zero_w_mpjpe_mm"]) == record["overall"]["protocol"]["zero"]["w_mpjpe_mm"]
+    assert rows[0]["zero_w_mpjpe_mm_low"] == "" and float(rows[-1]["zero_w_mpjpe_mm_low"]) > 0
+    page, text = (out_dir / "scores.html").read_text(), (out_dir / "scores.md").read_text()
+    for part in ("W-MPJPE [mm]", "Protocol wham follows yohanshin/WHAM", "over a gap"):
+        assert part in page and part in text
+    assert page.count("<svg") == 1 and "http" not in page.replace("http://www.w3.org", "")
+    assert (out_dir / "over_time.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_predictions_that_are_missing(
+    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
+) -> None:
+    manifest_path = write_clips(tmp_path / "data", small_body, clips)
+    write_clips(tmp_path / "vibe_cam" / "predictions", small_body, clips[:1])
+    given = (tmp_path / "vibe_cam" / "predictions", manifest_path, body_path, tmp_path / "scores")
+    with pytest.raises(BadMotionFile, match=r"predictions: no prediction clip_1\.npz"):
+        score_predictions(*given)
+    assert not (tmp_path / "scores").exists()
+    record = json.loads(score_predictions(*given, ScoreConfig(missing="drop")).read_text())
+    assert record["name"] == "vibe_cam"
+    assert record["skipped"] == {
+        "clip_1": "no prediction clip_1.npz", "clip_2": "no prediction clip_2.npz",
+    }  # fmt: skip
+    assert "clip_2: no prediction" in (tmp_path / "scores" / "scores.md").read_text()
+
+
+def test_predictions_of_another_body_need_that_body(
+    clips: list[Clip], small_body: BodyModel, body_path: Path, tmp_path: Path
+) -> None:
+    """A body that is 4 % larger: no motion error, but one of the vertices."""
+    manifest_path = write_clips(tmp_path / "data", small_body, clips[:1])
+    large = replace(
+        small_body,
+        name="large",
+        template_m=1.04 * small_body.template_m,
+        joints_template_m=1.04 * small_body.joints_template_m,
+    )
+    predicted = replace(clips[0], motion=replace(clips[0].motion, body="large"))
+    write_clips(tmp_path / "predictions", large, [predicted])
+    save_body(tmp_path / "large.npz", large)
+    given = (tmp_path / "predictions", manifest_path, body_path)
+    with pytest.raises(BadMotionFile, match="clip_0: its prediction is of body large"):
+        score_predictions(*given, tmp_path / "scores")
+    path = score_predictions(
+        *given, tmp_path / "scores", predictions_body_path=tmp_path / "large.npz"
+    )
+    found = json.loads(path.read_text())["clips"][0]["predicted"]
+    assert found["tme_mm"] < 1e-6
+    assert 5 < found["vme_mm"] < 40
+    half = replace(with_vertices(small_body, np.arange(100)), faces=np.array([[0, 1, 2]]))
+    save_body(tmp_path / "half.npz", half)
+    with pytest.raises(BadBodyFile, match="half.npz: 100 vertices"):
+        score_predictions(*given, tmp_path / "other", predictions_body_path=tmp_path / "half.npz")
+
+
+def test_a_trial_of_the_published_list_has_its_type(
+    clips: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    manifest_path = write_clips(tmp_path / "data", small_body, clips)
+    assert motion_types(manifest_path) == {}
+    text = manifest_path.read_text().replace("dataset: gmrdata", "dataset: CMU")
+    text = text.replace("sequence: clip_0", "sequence: '02_03'")
+    manifest_path.write_text(text.replace("sequence: clip_1", "sequence: '99_99'"))
+    assert motion_types(manifest_path) == {"clip_0": "run/jog"}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("run",), "a run folder and a manifest, or a manifest and --predictions"),
+        (("run", "manifest.yaml", "--predictions", "folder"), "give the manifest alone"),
+        (("manifest.yaml", "--predictions", "folder", "--fps-hz", "0"), "must be more than 0"),
+        (("manifest.yaml", "--predictions", "folder"), "manifest.yaml: no such file"),
+    ],
+)
+def test_the_verb_says_what_it_needs(
+    given: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["evaluate", *given, "--out", str(tmp_path / "out")])
+    assert ended.value.code == 1
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_clips_that_are_too_short_for_a_protocol_have_no_figure(
+    clips: list[Clip], small_body: BodyModel, run_dir: Path, body_path: Path, tmp_path: Path
+) -> None:
+    """2 s at the network's 10 fps are less than tram's 100 frames; RTE and ERVE there are."""
+    manifest_path = write_clips(tmp_path / "data", small_body, clips)
+    config = ScoreConfig(protocol="tram")
+    path = score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config)
+    record = json.loads(path.read_text())
+    for row in (record["overall"], *record["clips"]):
+        figures = row["protocol"]["predicted"]
+        assert figures["w_mpjpe_mm"] is None and figures["rte_percent"] > 0
+        # By another name, what TME is where no run is left out.
+        expected = row.get("pooled_over_motions", row)["predicted"]["tme_mm"]
+        assert figures["erve_mm_per_frame"] == pytest.approx(expected)
+    assert record["overall"]["protocol_interval95"]["predicted"]["w_mpjpe_mm"] is None
+    with path.with_name("scores.csv").open(newline="") as stream:
+        assert {row["predicted_w_mpjpe_mm"] for row in csv.DictReader(stream)} == {""}
+    text = path.with_name("scores.md").read_text()
+    assert "| clip_0 | – | – |" in text
+    assert "published figures are of video at 30 fps, these are at 10 fps" in text

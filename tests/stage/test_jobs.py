@@ -1,0 +1,158 @@
+"""Jobs on real Dask workers."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import dask
+import pytest
+from distributed import LocalCluster
+
+from gmrdata.stage.jobs import Job, Workers, count_files, run_jobs, try_jobs, worker_pool
+from gmrdata.values.errors import BadFrames, RenderFailed, StageFailed
+
+
+def write_process_id(path: Path) -> int:
+    path.write_text(str(os.getpid()))
+    return os.getpid()
+
+
+def fail_on_purpose(name: str) -> None:
+    raise BadFrames(f"{name}: 0 bytes. Copy it again")
+
+
+def fail_unforeseen() -> None:
+    [][0]
+
+
+def crash_until(path: Path, attempt: int) -> int:
+    """A process that dies by a signal in every attempt before this one."""
+    with path.open("a") as attempts:
+        attempts.write("x")
+    number = len(path.read_text())
+    if number < attempt:
+        died = subprocess.run([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"])
+        raise RenderFailed(f"attempt {number} ended with signal {-died.returncode}")
+    return number
+
+
+def fail_and_count(path: Path) -> None:
+    with path.open("a") as attempts:
+        attempts.write("x")
+    raise BadFrames(f"{path.name}: not an image")
+
+
+def kill_own_process() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def kill_own_process_once(path: Path, dies: bool) -> None:
+    with path.open("a") as attempts:
+        attempts.write("x")
+    if dies and path.read_text() == "x":
+        kill_own_process()
+
+
+def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> None:
+    with worker_pool(Workers(count=2)) as client:
+        jobs = [Job(f"clip{i}", write_process_id, {"path": tmp_path / f"{i}"}) for i in range(4)]
+        results = run_jobs("writing", jobs, client, tmp_path / "failed")
+    assert list(results) == ["clip0", "clip1", "clip2", "clip3"]
+    assert os.getpid() not in results.values()
+    assert [int((tmp_path / f"{i}").read_text()) for i in range(4)] == list(results.values())
+    assert not (tmp_path / "failed").exists()
+
+
+def test_one_failure_is_recorded_and_the_others_finish(tmp_path: Path) -> None:
+    with worker_pool(Workers(count=1)) as client:
+        jobs = [
+            Job("bad", fail_on_purpose, {"name": "7.jpg"}),
+            Job("worse", fail_unforeseen),
+            Job("good", write_process_id, {"path": tmp_path / "done"}),
+        ]
+        with pytest.raises(StageFailed) as caught:
+            run_jobs("reading", jobs, client, tmp_path / "failed")
+    assert "reading: 2 of 3 failed" in str(caught.value)
+    assert "bad: 7.jpg: 0 bytes. Copy it again" in str(caught.value)
+    assert (tmp_path / "failed" / "bad.txt").read_text() == "7.jpg: 0 bytes. Copy it again"
+    unforeseen = (tmp_path / "failed" / "worse.txt").read_text()
+    assert unforeseen.startswith("IndexError") and "fail_unforeseen" in unforeseen
+    assert (tmp_path / "done").exists()
+
+
+def test_a_crash_is_tried_again_and_bad_input_is_not(tmp_path: Path) -> None:
+    failed = tmp_path / "failed"
+    failed.mkdir()
+    (failed / "once.txt").write_text("what went wrong in an earlier run")
+    jobs = [
+        Job("once", crash_until, {"path": tmp_path / "once", "attempt": 2}, retries=1),
+        Job("twice", crash_until, {"path": tmp_path / "twice", "attempt": 3}, retries=1),
+        Job("bad", fail_and_count, {"path": tmp_path / "bad"}, retries=1),
+        Job("never", crash_until, {"path": tmp_path / "never", "attempt": 2}),
+    ]
+    with worker_pool(Workers(count=2)) as client:
+        outcome = try_jobs("rendering", jobs, client, failed)
+    assert outcome.results == {"once": 2}
+    assert outcome.reasons == {
+        "twice": "attempt 2 ended with signal 9\nattempt 1 of 2: attempt 1 ended with signal 9",
+        "bad": "bad: not an image",
+        "never": "attempt 1 ended with signal 9",
+    }
+    assert (tmp_path / "bad").read_text() == "x"
+    files = {path.stem: path.read_text() for path in failed.iterdir()}
+    assert files == outcome.reasons
+
+
+def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path: Path) -> None:
+    jobs = [
+        Job("hungry", kill_own_process),
+        Job("good", write_process_id, {"path": tmp_path / "done"}),
+    ]
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        worker_pool(Workers(count=1)) as client,
+    ):
+        outcome = try_jobs("rendering", jobs[:1], client, tmp_path / "failed")
+        # The pool goes on with a new worker.
+        assert set(run_jobs("writing", jobs[1:], client, tmp_path / "failed")) == {"good"}
+    assert outcome.results == {}
+    assert outcome.reasons["hungry"].startswith("its worker process was killed again and again")
+
+
+def test_a_worker_that_dies_once_is_replaced(tmp_path: Path) -> None:
+    jobs = [
+        Job(str(i), kill_own_process_once, {"path": tmp_path / str(i), "dies": i == 1})
+        for i in range(4)
+    ]
+    with worker_pool(Workers(count=2)) as client:
+        outcome = try_jobs("rendering", jobs, client, tmp_path / "failed")
+    assert (set(outcome.results), outcome.reasons) == ({"0", "1", "2", "3"}, {})
+    assert (tmp_path / "1").read_text() == "xx"
+
+
+def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        with worker_pool(Workers(scheduler=address)) as client:
+            results = run_jobs(
+                "writing", [Job("a", write_process_id, {"path": tmp_path / "a"})], client, tmp_path
+            )
+    assert set(results) == {"a"}
+
+
+def test_no_scheduler_at_the_address_is_a_clear_error() -> None:
+    with (
+        pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"),
+        worker_pool(Workers(scheduler="tcp://127.0.0.1:9")),
+    ):
+        pass
+
+
+def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path: Path) -> None:
+    for name, n_files in (("a", 2), ("b.partial", 3)):
+        (tmp_path / name / "frames").mkdir(parents=True)
+        for i in range(n_files):
+            (tmp_path / name / "frames" / f"{i}.jpg").touch()
+    assert count_files([tmp_path / "a", tmp_path / "b"], "frames/*.jpg") == 5

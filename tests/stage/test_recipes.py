@@ -1,0 +1,100 @@
+"""Recipes: those that travel with gmrdata load, and wrong ones are refused with their reason."""
+
+from pathlib import Path
+
+import pytest
+
+from gmrdata.cli.demo_recipe import DemoRecipe
+from gmrdata.cli.recipes import run_recipe
+from gmrdata.film.set_plan import SyntheticRecipe
+from gmrdata.film.set_takes import select
+from gmrdata.gmr.train import GmrRecipe
+from gmrdata.masks.sources import MasksRecipe
+from gmrdata.stage import resources
+from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_kind
+from gmrdata.tables.recipe import TableRecipe
+from gmrdata.threedpw.recipe import ThreedpwRecipe
+from gmrdata.twins.recipe import TwinRecipe
+from gmrdata.values.errors import BadRecipe, MissingInput
+
+MODELS = {
+    "demo": DemoRecipe,
+    "synthetic": SyntheticRecipe,
+    "gmr": GmrRecipe,
+    "masks": MasksRecipe,
+    "threedpw": ThreedpwRecipe,
+    "threedpw_twin": TwinRecipe,
+    "table": TableRecipe,
+}
+
+
+@pytest.mark.parametrize("name", resources.recipe_names())
+def test_each_recipe_that_travels_with_gmrdata_loads(name: str) -> None:
+    path = find_recipe(name)
+    loaded = load_recipe(path, MODELS[recipe_kind(path)])
+    assert loaded.model_dump()["recipe"] == recipe_kind(path)
+
+
+def test_the_demo_has_the_three_cameras() -> None:
+    demo = load_recipe(find_recipe("demo"), DemoRecipe)
+    assert [clip.programme.kind for clip in demo.clips] == ["circular", "linear", "panning"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("recipe: demo\nclips: []\nsede: 1\n", "sede: Extra inputs are not permitted"),
+        ("recipe: demo\nclips: []\n", "clips: Tuple should have at least 1 item"),
+        ("- a\n- b\n", "a recipe is a mapping"),
+        ("recipe: [demo\n", "not YAML"),
+        ("\x00\xff", "not YAML"),
+        (
+            "recipe: demo\nclips: [{id: a, gait: walk, programme: {kind: spiral}}]\n",
+            "clips.0.programme",
+        ),
+        (
+            "recipe: demo\nclips:\n"
+            "- {id: a, gait: walk, programme: {kind: static}}\n"
+            "- {id: a, gait: run, programme: {kind: static}}\n",
+            "clip ids must be unique",
+        ),
+    ],
+)
+def test_a_wrong_recipe_is_refused_with_file_and_place(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text, encoding="latin1")
+    with pytest.raises(BadRecipe) as caught:
+        load_recipe(path, DemoRecipe)
+    assert str(path) in str(caught.value)
+    assert message in str(caught.value)
+
+
+def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("recipe: sing\n")
+    with pytest.raises(BadRecipe, match="unknown kind 'sing'; there are demo, synthetic, threed"):
+        run_recipe(str(path), tmp_path / "out")
+    path.write_text("recipe: masks\nsources: [{kind: silhouette}]\n")
+    with pytest.raises(BadRecipe, match="needs frames: gmrdata masks FRAMES --sources"):
+        run_recipe(str(path), tmp_path / "out")
+    with pytest.raises(MissingInput, match="carries only: demo, gmr, gmr_cmu, masks"):
+        find_recipe("nothing")
+
+
+def test_a_published_list_is_rendered_as_far_as_its_motions_are_there(
+    cmu_dir: Path, tmp_path: Path
+) -> None:
+    recipe = load_recipe(find_recipe("synthetic"), SyntheticRecipe)
+    selection = select(recipe, cmu_dir)
+    assert [take.id for take in selection.takes] == ["02_03", "08_02", "08_04", "08_05"]
+    assert {take.camera_motion for take in selection.takes} == {"panning"}
+    assert len(selection.missing) == 46
+    with pytest.raises(MissingInput, match="Give their folder with --motions"):
+        run_recipe("synthetic", tmp_path / "out")
+
+
+def test_a_gmr_recipe_without_manifests_says_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(BadRecipe, match="names no `training` manifests"):
+        run_recipe("gmr", tmp_path / "out")

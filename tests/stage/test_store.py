@@ -1,0 +1,394 @@
+"""Stages and files that are complete when they exist, whatever happens on the way."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gmrdata.stage import store
+from gmrdata.stage.store import run_stage, stage_seconds
+from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
+from gmrdata.values.files import (
+    atomic_path,
+    read_json,
+    remove_orphans,
+    sha256_of_file,
+    sha256_of_path,
+    write_json,
+    write_text,
+)
+from gmrdata.values.records import Config
+
+
+class Inner(Config):
+    radius_px: int = 3
+    """Radius [px]."""
+
+
+class Recipe(Config):
+    seed: int = 0
+    """Seed."""
+    inner: Inner = Inner()
+    """Part of a recipe."""
+
+
+class Counter:
+    """Work that counts how often it ran."""
+
+    def __init__(self) -> None:
+        self.runs = 0
+
+    def __call__(self, partial: Path) -> None:
+        self.runs += 1
+        write_text(partial / "result.txt", f"run {self.runs}")
+
+
+def made(out_dir: Path, work: Callable[[Path], None], config: Config | None = None, **more) -> Path:
+    return run_stage("test", out_dir, config or Recipe(), {}, work, **more)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir() if not path.name.endswith(".lock"))
+
+
+def test_stage_is_complete_with_its_record(tmp_path: Path) -> None:
+    (tmp_path / "in.txt").write_text("in")
+    out_dir = run_stage(
+        "test", tmp_path / "a" / "out", Recipe(), {"text": tmp_path / "in.txt"}, Counter()
+    )
+    assert names(out_dir) == ["result.txt", "stage.json"]
+    assert names(out_dir.parent) == ["out"]
+    record = read_json(out_dir / "stage.json")
+    assert record["config"] == {"seed": 0, "inner": {"radius_px": 3}}
+    assert record["inputs"] == {"text": sha256_of_file(tmp_path / "in.txt")}
+    assert record["packages"]["numpy"]
+    assert stage_seconds(out_dir) == record["seconds"] >= 0
+
+
+def test_same_recipe_does_nothing(tmp_path: Path) -> None:
+    work = Counter()
+    for _ in range(3):
+        made(tmp_path / "out", work)
+    assert work.runs == 1
+
+
+def test_same_recipe_does_nothing_even_with_redo(tmp_path: Path) -> None:
+    work = Counter()
+    made(tmp_path / "out", work)
+    made(tmp_path / "out", work, redo=True)
+    assert work.runs == 1
+
+
+def test_changed_recipe_names_the_key(tmp_path: Path) -> None:
+    made(tmp_path / "out", Counter())
+    with pytest.raises(
+        StaleOutput, match=r"out: made with other values of config\.inner\.radius_px\."
+    ):
+        made(tmp_path / "out", Counter(), Recipe(inner=Inner(radius_px=4)))
+
+
+def test_changed_input_names_the_input(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "0.jpg").write_bytes(b"a")
+    inputs = {"frames": tmp_path / "frames"}
+    run_stage("test", tmp_path / "out", Recipe(), inputs, Counter())
+    (tmp_path / "frames" / "0.jpg").write_bytes(b"b")
+    with pytest.raises(StaleOutput, match=r"inputs\.frames"):
+        run_stage("test", tmp_path / "out", Recipe(), inputs, Counter())
+
+
+def test_redo_replaces_the_result(tmp_path: Path) -> None:
+    work = Counter()
+    made(tmp_path / "out", work)
+    made(tmp_path / "out", work, Recipe(seed=1), redo=True)
+    assert (tmp_path / "out" / "result.txt").read_text() == "run 2"
+    assert read_json(tmp_path / "out" / "stage.json")["config"]["seed"] == 1
+    assert names(tmp_path) == ["out"]
+
+
+def test_failed_redo_keeps_the_old_result(tmp_path: Path) -> None:
+    made(tmp_path / "out", Counter())
+
+    def fail(partial: Path) -> None:
+        raise ArithmeticError
+
+    with pytest.raises(ArithmeticError):
+        made(tmp_path / "out", fail, Recipe(seed=1), redo=True)
+    assert (tmp_path / "out" / "result.txt").read_text() == "run 1"
+    assert read_json(tmp_path / "out" / "stage.json")["config"]["seed"] == 0
+
+
+@pytest.mark.parametrize("redo", [False, True])
+def test_a_folder_that_no_stage_made_is_never_touched(tmp_path: Path, redo: bool) -> None:
+    """`--out ~/photos --redo` must not delete photos."""
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "holiday.jpg").write_bytes(b"dear to someone")
+    with pytest.raises(StaleOutput, match="no gmrdata stage made it"):
+        made(tmp_path / "photos", Counter(), redo=redo)
+    assert (tmp_path / "photos" / "holiday.jpg").read_bytes() == b"dear to someone"
+
+
+def test_a_file_in_the_way(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("notes")
+    with pytest.raises(StaleOutput, match="no gmrdata stage made it"):
+        made(tmp_path / "out", Counter(), redo=True)
+    assert (tmp_path / "out").read_text() == "notes"
+
+
+def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    assert names(made(tmp_path / "out", Counter())) == ["result.txt", "stage.json"]
+
+
+def test_a_cut_off_record_is_stale(tmp_path: Path) -> None:
+    made(tmp_path / "out", Counter())
+    record = tmp_path / "out" / "stage.json"
+    record.write_text(record.read_text()[:20])
+    with pytest.raises(StaleOutput, match="config, inputs, stage"):
+        made(tmp_path / "out", Counter())
+    with pytest.raises(BadRecord, match=r"stage\.json: not JSON"):
+        stage_seconds(tmp_path / "out")
+
+
+def test_missing_input(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match=r"nothing: no such file"):
+        run_stage("test", tmp_path / "out", Recipe(), {"x": tmp_path / "nothing"}, Counter())
+    assert names(tmp_path) == []
+
+
+def test_an_exception_leaves_no_result(tmp_path: Path) -> None:
+    def fail(partial: Path) -> None:
+        (partial / "half.txt").write_text("half")
+        raise ArithmeticError
+
+    with pytest.raises(ArithmeticError):
+        made(tmp_path / "out", fail)
+    assert not (tmp_path / "out").exists()
+    assert names(made(tmp_path / "out", Counter())) == ["result.txt", "stage.json"]
+
+
+class Steps:
+    """Resumable work of four files that dies once before the third."""
+
+    def __init__(self) -> None:
+        self.written: list[int] = []
+        self.dies = True
+
+    def __call__(self, partial: Path) -> None:
+        for step in range(4):
+            if (partial / f"{step}.txt").exists():
+                continue
+            if step == 2 and self.dies:
+                self.dies = False
+                raise KeyboardInterrupt
+            write_text(partial / f"{step}.txt", str(step))
+            self.written.append(step)
+
+
+def test_resumable_work_goes_on(tmp_path: Path) -> None:
+    steps = Steps()
+    with pytest.raises(KeyboardInterrupt):
+        made(tmp_path / "out", steps, resumable=True)
+    # What a kill in the middle of `atomic_path` leaves must not become part of the result.
+    (tmp_path / "out.partial" / ".2.txt.123-4.tmp.txt").write_text("ha")
+    made(tmp_path / "out", steps, resumable=True)
+    assert steps.written == [0, 1, 2, 3]
+    assert names(tmp_path / "out") == ["0.txt", "1.txt", "2.txt", "3.txt", "stage.json"]
+
+
+@pytest.mark.parametrize(("seed", "resumable"), [(1, True), (0, False)])
+def test_other_work_starts_anew(tmp_path: Path, seed: int, resumable: bool) -> None:
+    steps = Steps()
+    with pytest.raises(KeyboardInterrupt):
+        made(tmp_path / "out", steps, resumable=True)
+    made(tmp_path / "out", steps, Recipe(seed=seed), resumable=resumable)
+    assert steps.written == [0, 1, 0, 1, 2, 3]
+
+
+CHILD = """
+import sys, time
+from pathlib import Path
+from gmrdata.config import Config
+from gmrdata.store import run_stage, write_text
+root = Path(sys.argv[1])
+def work(partial):
+    with (root / "runs.txt").open("a") as stream:
+        stream.write("run\\n")
+    write_text(partial / "first.txt", "first")
+    (partial / "half.bin").write_bytes(b"half")
+    (root / "working").touch()
+    time.sleep(float(sys.argv[2]))
+    (partial / "half.bin").write_bytes(b"whole")
+run_stage("test", root / "out", Config(), {}, work)
+"""
+
+
+def child(root: Path, sleep_s: float) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-c", CHILD, str(root), str(sleep_s)])
+
+
+def wait_for(path: Path, process: subprocess.Popen[bytes]) -> None:
+    deadline_s = time.monotonic() + 30
+    while not path.exists():
+        assert process.poll() is None, "the process ended too early"
+        assert time.monotonic() < deadline_s, f"{path} did not appear"
+        time.sleep(0.01)
+
+
+def test_kill_9_leaves_no_result_and_no_lock(tmp_path: Path) -> None:
+    process = child(tmp_path, 60)
+    wait_for(tmp_path / "working", process)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    assert not (tmp_path / "out").exists()
+    assert (tmp_path / "out.partial" / "half.bin").read_bytes() == b"half"
+    assert child(tmp_path, 0).wait(timeout=30) == 0
+    assert names(tmp_path / "out") == ["first.txt", "half.bin", "stage.json"]
+    assert (tmp_path / "out" / "half.bin").read_bytes() == b"whole"
+    assert names(tmp_path) == ["out", "runs.txt", "working"]
+
+
+def test_two_processes_at_once_work_once(tmp_path: Path) -> None:
+    first = child(tmp_path, 1.0)
+    wait_for(tmp_path / "working", first)
+    second = child(tmp_path, 1.0)
+    assert (first.wait(timeout=30), second.wait(timeout=30)) == (0, 0)
+    assert (tmp_path / "runs.txt").read_text() == "run\n"
+
+
+def test_a_kill_between_the_two_renames_is_mended(tmp_path: Path) -> None:
+    """A redo retires the old result by a rename; what is left of it is not in the way later."""
+    made(tmp_path / "out", Counter())
+    (tmp_path / "out").rename(tmp_path / ".out.old")
+    made(tmp_path / "out", Counter(), Recipe(seed=1))
+    assert names(tmp_path) == ["out"]
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from gmrdata.store import atomic_path, write_text
+resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+path = Path(sys.argv[1])
+try:
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, a=np.zeros(100_000))
+except OSError as error:
+    sys.exit(error.errno)
+"""
+
+
+@pytest.mark.parametrize("old", [None, b"the old content"])
+def test_no_space_leaves_the_old_file_or_none(tmp_path: Path, old: bytes | None) -> None:
+    """A size limit ends a write in the middle as a full disk does."""
+    path = tmp_path / "a.npz"
+    if old is not None:
+        path.write_bytes(old)
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], check=False)
+    assert done.returncode == 27  # EFBIG
+    assert names(tmp_path) == ([] if old is None else ["a.npz"])
+    assert old is None or path.read_bytes() == old
+
+
+def test_atomic_path_cleans_up_after_an_exception(tmp_path: Path) -> None:
+    with pytest.raises(ArithmeticError), atomic_path(tmp_path / "a.txt") as temporary:
+        temporary.write_text("half")
+        raise ArithmeticError
+    assert names(tmp_path) == []
+
+
+def test_atomic_path_keeps_the_suffix(tmp_path: Path) -> None:
+    """Writers such as OpenCV choose the format by the suffix."""
+    with atomic_path(tmp_path / "a.png") as temporary:
+        assert temporary.suffix == ".png"
+        temporary.write_bytes(b"x")
+    assert names(tmp_path) == ["a.png"]
+
+
+def test_json_is_whole_sorted_and_finite(tmp_path: Path) -> None:
+    write_json(tmp_path / "a.json", {"b": 1, "a": "ü"})
+    assert list(json.loads((tmp_path / "a.json").read_text())) == ["a", "b"]
+    with pytest.raises(ValueError, match="Out of range float"):
+        write_json(tmp_path / "a.json", {"a": float("nan")})
+    assert read_json(tmp_path / "a.json") == {"a": "ü", "b": 1}
+    with pytest.raises(MissingInput, match=r"b\.json"):
+        read_json(tmp_path / "b.json")
+
+
+def test_hash_of_a_folder_follows_names_and_contents_only(tmp_path: Path) -> None:
+    folder = tmp_path / "a"
+    write_text(folder / "x" / "1.txt", "one")
+    before = sha256_of_path(folder)
+    (folder / "stage.json").write_text("{}")
+    (folder / ".x.lock").touch()
+    os.utime(folder / "x" / "1.txt", (0, 0))
+    assert sha256_of_path(folder) == before
+    (folder / "x" / "1.txt").rename(folder / "x" / "2.txt")
+    renamed = sha256_of_path(folder)
+    assert renamed != before
+    write_text(folder / "x" / "2.txt", "two")
+    assert sha256_of_path(folder) != renamed
+
+
+def test_sha256_is_the_known_one(tmp_path: Path) -> None:
+    (tmp_path / "abc").write_bytes(b"abc")
+    assert sha256_of_file(tmp_path / "abc") == (
+        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    )
+
+
+def test_commit_without_git(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    made(tmp_path / "out", Counter())
+    assert read_json(tmp_path / "out" / "stage.json")["git_commit"] is None
+    assert store.STAGE_FILE == "stage.json"
+
+
+def test_arrays_on_a_disk_that_fills_up_end_with_an_error_and_no_file(tmp_path: Path) -> None:
+    """zipfile used to print a traceback of its own when it was thrown away."""
+    script = (
+        "import resource, numpy; from pathlib import Path\n"
+        "from gmrdata.values.files import write_npz\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
+        "try:\n"
+        "    write_npz(Path('a.npz'), {'a': numpy.zeros(100_000)})\n"
+        "except OSError as error:\n"
+        "    print(error.errno)\n"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(Path(__file__).resolve().parents[2])},
+    )
+    assert (answer.stdout, answer.stderr) == ("27\n", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_only_what_killed_processes_left_is_removed(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    orphan = tmp_path / f".index.html.{dead.pid}-140.tmp.html"
+    written_now = tmp_path / f".index.html.{os.getpid()}-140.tmp.html"
+    users_own = tmp_path / ".notes.tmp"
+    for path in (orphan, written_now, users_own):
+        path.write_text("half a fi")
+    remove_orphans(tmp_path)
+    assert names(tmp_path) == sorted([written_now.name, users_own.name])
+    remove_orphans(tmp_path / "not there")
+    # The name is the one that a killed process leaves.
+    with pytest.raises(KeyboardInterrupt), atomic_path(tmp_path / "a.txt") as temporary:
+        temporary.write_text("half")
+        (tmp_path / temporary.name.replace(str(os.getpid()), str(dead.pid))).write_text("half")
+        raise KeyboardInterrupt
+    remove_orphans(tmp_path)
+    assert names(tmp_path) == sorted([written_now.name, users_own.name])

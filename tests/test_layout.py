@@ -1,0 +1,73 @@
+"""The layout: folders import in one order, bottom up, and the root holds two files."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1] / "gmrdata"
+
+ORDER = (
+    "values", "stage", "read", "write", "motion", "film", "masks", "cameras", "world", "threedpw",
+    "twins", "manifest", "gmr", "score", "baselines", "tables", "pages", "cli",
+)  # fmt: skip
+"""Each folder imports only folders before it, and itself."""
+
+MAY_LIST = ORDER[ORDER.index("read") :]
+"""What lists clips may import `manifest`, though it comes later."""
+
+
+def imported_folders(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and folder of each import of gmrdata in a file, those inside functions too."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for name in names:
+            package, _, rest = name.partition(".")
+            if package == "gmrdata" and rest:
+                yield node.lineno, rest.split(".")[0]
+
+
+def test_the_folders_are_those_of_the_order() -> None:
+    folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert folders == set(ORDER)
+
+
+def test_the_root_holds_two_files() -> None:
+    assert sorted(path.name for path in PACKAGE.glob("*.py")) == ["__init__.py", "__main__.py"]
+
+
+def test_no_import_runs_back_up() -> None:
+    up = []
+    for path in sorted(PACKAGE.glob("*/*.py")):
+        here = path.parent.name
+        for line, folder in imported_folders(path):
+            if folder == "manifest" and here in MAY_LIST:
+                continue
+            if folder in ORDER and ORDER.index(folder) > ORDER.index(here):
+                up.append(f"{here}/{path.name}:{line} imports {folder}")
+    assert not up
+
+
+def test_pages_are_imported_by_the_command_line_alone() -> None:
+    importers = {
+        path.parent.name
+        for path in PACKAGE.glob("*/*.py")
+        for _, folder in imported_folders(path)
+        if folder == "pages"
+    }
+    assert importers <= {"pages", "cli"}
+
+
+def test_nothing_in_the_package_imports_blender() -> None:
+    for path in PACKAGE.glob("**/*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            names = [alias.name for alias in getattr(node, "names", ())]
+            module = getattr(node, "module", None) or ""
+            assert not {"bpy", "blender"} & {
+                module.split(".")[0],
+                *(n.split(".")[0] for n in names),
+            }

@@ -1,0 +1,133 @@
+"""From 3DPW's layout to a manifest of world motions, with verdicts, on real workers."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.threedpw.regenerate import plan, regenerate_set
+from gmrdata.twins.pseudo_gt_error import compare_clips
+from gmrdata.values.clip import load_clip
+from gmrdata.values.errors import MissingInput, StageFailed
+from gmrdata.values.files import read_json
+
+pytestmark = pytest.mark.slow
+
+
+def clip_path(out_dir: Path, name: str, person: int) -> Path:
+    return out_dir / "sequences" / name / "pseudo_gt" / f"person_{person}.npz"
+
+
+def test_every_sequence_has_a_verdict_and_the_manifest_is_good(made_set: Path) -> None:
+    rows = {row["sequence"]: row for row in read_json(made_set / "verdicts.json")}
+    assert rows["arc_00"]["accepted"] and rows["arc_00"]["class"] == "circular"
+    assert rows["pan_00"]["accepted"] and rows["pan_00"]["class"] == "panning"
+    assert rows["pan_00"]["scale"] is None and rows["arc_00"]["scale"] > 0
+    check_manifest(made_set / "pseudo_gt.yaml")
+    manifest = read_manifest(made_set / "pseudo_gt.yaml")
+    assert [clip.id for clip in manifest.clips] == ["arc_00.p0", "arc_00.p1", "pan_00.p0"]
+    for clip in manifest.clips:
+        assert clip.quality is not None and clip.quality.verdict == "accepted"
+        assert clip.quality.figures["kept_share"] > 0.9
+
+
+def test_two_people_share_one_right_world(made_set: Path, filmed_set: Any) -> None:
+    found = [load_clip(clip_path(made_set, "arc_00", person)) for person in (0, 1)]
+    true = filmed_set.truth["arc_00"]
+    for pseudo, exact in zip(found, true, strict=True):
+        error = compare_clips(pseudo, exact, fps_hz=10.0)
+        assert error.ome_deg < 0.3 and error.tme_mm < 15
+    # One world: the people are as far apart as they were.
+    apart_m = np.linalg.norm(found[0].motion.pelvis_m - found[1].motion.pelvis_m, axis=1)
+    true_m = np.linalg.norm(true[0].motion.pelvis_m - true[1].motion.pelvis_m, axis=1)
+    assert np.abs(apart_m - true_m).max() < 0.05
+    assert np.array_equal(found[0].camera.world_from_cam, found[1].camera.world_from_cam)
+
+
+def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_set: Path, filmed_set: Any) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (made_set / "sequences").rglob("*")}
+    written = ["pseudo_gt.yaml", "index.html", "qa/arc_00.html", "qa/pan_00.html"]
+    contents = [(made_set / path).read_bytes() for path in written]
+    regenerate_set(filmed_set.recipe(), filmed_set.root, made_set)
+    after = {path: path.stat().st_mtime_ns for path in (made_set / "sequences").rglob("*.npz")}
+    assert all(before[path] == time for path, time in after.items())
+    assert [(made_set / path).read_bytes() for path in written] == contents
+    rows = plan(filmed_set.recipe(), filmed_set.root, made_set)
+    assert [row[2] for row in rows] == ["done", "done"]
+
+
+def test_two_workers_make_the_same_bytes(made_set: Path, filmed_set: Any, tmp_path: Path) -> None:
+    regenerate_set(filmed_set.recipe(workers=2), filmed_set.root, tmp_path / "two")
+    pages = ["index.html", "qa/arc_00.html", "qa/pan_00.html"]
+    for path in ["pseudo_gt.yaml", "verdicts.json", *pages]:
+        assert (tmp_path / "two" / path).read_bytes() == (made_set / path).read_bytes()
+    for path in sorted((made_set / "sequences").rglob("*.npz")):
+        other = tmp_path / "two" / path.relative_to(made_set)
+        assert other.read_bytes() == path.read_bytes(), path
+
+
+def test_bad_sequences_do_not_stop_the_others(copied_set: Any, tmp_path: Path) -> None:
+    arc, pan = (copied_set.root / "sequenceFiles" / "train" / f"{n}_00.pkl" for n in ("arc", "pan"))
+    truncated = arc.with_name("torn_00.pkl")
+    truncated.write_bytes(arc.read_bytes()[:2000])
+    hostile = arc.with_name("evil_00.pkl")
+    hostile.write_bytes(b"cposix\nsystem\n(S'touch " + str(tmp_path / "owned").encode() + b"'\ntR.")
+    images = copied_set.root / "imageFiles"
+    (images / "arc_00" / "image_00020.jpg").unlink()
+    (images / "arc_00" / "image_00007.jpg").write_bytes(b"")
+    grey = cv2.imencode(".jpg", np.full((180, 320, 3), 120, np.uint8))[1].tobytes()
+    for path in sorted((images / "pan_00").glob("*.jpg")):
+        path.write_bytes(grey)
+    assert pan.is_file()
+    out_dir = tmp_path / "out"
+    with pytest.raises(StageFailed, match="2 of 4 failed") as caught:
+        regenerate_set(copied_set.recipe(), copied_set.root, out_dir)
+    assert "torn_00" in str(caught.value) and "evil_00" in str(caught.value)
+    assert not (tmp_path / "owned").exists()
+    rows = {row["sequence"]: row for row in read_json(out_dir / "verdicts.json")}
+    assert rows["arc_00"]["accepted"]
+    assert not rows["evil_00"]["accepted"] and "posix.system" in rows["evil_00"]["reasons"][0]
+    assert not rows["pan_00"]["accepted"] and "textureless" in rows["pan_00"]["reasons"][0]
+    manifest = read_manifest(out_dir / "pseudo_gt.yaml")
+    check_manifest(out_dir / "pseudo_gt.yaml")
+    by_id = {clip.id: clip for clip in manifest.clips}
+    dropped = {run.start: run for run in by_id["arc_00.p0"].dropped}
+    assert "empty (0 bytes)" in dropped[7].reason and dropped[7].stop == 8
+    assert "missing" in dropped[20].reason and dropped[20].stop == 21
+    assert by_id["pan_00.p0"].kept == () and by_id["pan_00.p0"].camera_motion == "none"
+    # Each has a page with its reason, and what there is of it.
+    pages = {name: (out_dir / "qa" / f"{name}.html").read_text() for name in rows}
+    assert "posix.system" in pages["evil_00"] and "failed/evil_00.txt" in pages["evil_00"]
+    assert "textureless" in pages["pan_00"] and "there is no reconstruction (36)" in pages["pan_00"]
+    assert "image_00007.jpg is empty (0 bytes) (2)" in pages["arc_00"]
+    # What has no reconstruction is not tried again.
+    stage = out_dir / "sequences" / "pan_00" / "pseudo_gt" / "stage.json"
+    before = stage.stat().st_mtime_ns
+    regenerate_set(copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, redo=False)
+    assert stage.stat().st_mtime_ns == before
+
+
+def test_a_sequence_that_is_not_there_is_an_error(filmed_set: Any, tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match="no sequence nowhere_00"):
+        regenerate_set(
+            filmed_set.recipe(sequences=["nowhere_00"]), filmed_set.root, tmp_path / "out"
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_verb_without_a_sub_verb_regenerates(filmed_set: Any, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "gmrdata", "threedpw", "--root", str(filmed_set.root)]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "out"), "--dry-run"],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert "arc_00" in done.stdout and "to do: people, masks, sfm, pseudo_gt" in done.stdout
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,213 @@
+"""The faults of a twin's dataset side, each measured on the result against its stated bounds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
+
+from gmrdata.twins.faults import (
+    FaultConfig,
+    dataset_side,
+    drift,
+    smooth_noise,
+    with_invalid_frames,
+    with_joint_noise,
+    with_root_error,
+)
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadSequence
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import apply, invert, rigid
+from gmrdata.world.compose import camera_motion
+
+NO_INVALID = FaultConfig(invalid_runs=(0, 0))
+seeds = st.integers(0, 1_000_000)
+
+
+def walker(seed: int, n_frames: int = 150, offset_m: float = 0.0) -> Clip:
+    """Any motion and any moving camera: what the faults must not depend on."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(n_frames)[:, None] / 30
+    local = Rotation.from_rotvec(rng.normal(0, 0.3, (n_frames * 23, 3))).as_matrix()
+    root = Rotation.from_rotvec(time_s * rng.normal(0, 0.5, 3) + rng.normal(size=3)).as_matrix()
+    motion = Motion(
+        local_rotmats=local.reshape(n_frames, 23, 3, 3),
+        root_rotmats=root,
+        pelvis_m=np.array([offset_m, 0.0, 0.9]) + time_s * np.array([1.2, 0.3, 0.0]),
+        shape=np.zeros(10),
+        fps_hz=30.0,
+        body="small",
+        gender="neutral",
+        frame="world",
+        source="made up",
+    )
+    turns = Rotation.from_rotvec(time_s * np.array([0.0, 0.4, 0.1])).as_matrix()
+    centres_m = np.array([0.0, -5.0, 1.5]) + time_s * np.array([0.5, 0.1, 0.02])
+    camera = CameraPath(np.eye(3), 90, 160, rigid(turns, centres_m), np.ones(n_frames, dtype=bool))
+    return Clip("made.up", motion, np.ones(n_frames, dtype=bool), np.arange(n_frames), camera)
+
+
+def in_camera(clip: Clip) -> Motion:
+    return camera_motion(clip.motion, camera_of(clip).world_from_cam)
+
+
+def angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angles between rotations (..., 3, 3)."""
+    turns = np.swapaxes(a, -1, -2) @ b
+    angles = np.rad2deg(Rotation.from_matrix(turns.reshape(-1, 3, 3)).magnitude())
+    return np.asarray(angles).reshape(turns.shape[:-2])
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds)
+def test_the_drift_is_common_and_of_the_stated_size(seed: int) -> None:
+    clips = [walker(seed), walker(seed + 1, offset_m=1.0)]
+    faulty = dataset_side(clips, NO_INVALID, np.random.default_rng(seed))
+    drifts = [
+        camera_of(wrong).world_from_cam @ invert(camera_of(exact).world_from_cam)
+        for wrong, exact in zip(faulty, clips, strict=True)
+    ]
+    assert np.abs(drifts[0] - drifts[1]).max() < 1e-12  # one drift for all
+    middle_m = np.mean([clip.motion.pelvis_m.mean(axis=0) for clip in clips], axis=0)
+    moved_m = apply(drifts[0], np.tile(middle_m, (150, 1, 1)))[:, 0] - middle_m
+    length_m = np.linalg.norm(moved_m, axis=1)
+    turned_deg = angles_deg(np.eye(3), drifts[0][:, :3, :3])
+    assert length_m[0] < 1e-12 and turned_deg[0] < 1e-6
+    assert 0.2 <= length_m[-1] <= 0.8 and 3.0 <= turned_deg[-1] <= 10.0
+    assert (np.diff(length_m) > -1e-12).all() and (np.diff(turned_deg) > -1e-9).all()
+    # Slow: no step is more than twice the even pace.
+    assert np.diff(length_m).max() < 2 * length_m[-1] / 149
+    assert np.diff(turned_deg).max() < 2 * turned_deg[-1] / 149
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds)
+def test_the_camera_frame_body_stays_right_up_to_the_root_error(seed: int) -> None:
+    clips = [walker(seed), walker(seed + 1, offset_m=1.0)]
+    faulty = dataset_side(clips, NO_INVALID, np.random.default_rng(seed))
+    for wrong, exact in zip(faulty, clips, strict=True):
+        seen, true = in_camera(wrong), in_camera(exact)
+        off_m = np.linalg.norm(seen.pelvis_m - true.pelvis_m, axis=1)
+        assert 0.005 - 1e-9 <= off_m.max() <= 0.010 + 1e-9
+        off_deg = angles_deg(true.root_rotmats, seen.root_rotmats)
+        assert 0.25 - 1e-6 <= off_deg.max() <= 0.5 + 1e-6
+        # Waves of 4 s and longer: what a frame changes is small beside the error itself.
+        step_m = np.linalg.norm(np.diff(seen.pelvis_m - true.pelvis_m, axis=0), axis=1)
+        assert step_m.max() < 0.0025
+
+
+def test_without_errors_of_its_own_the_dataset_shows_the_exact_body() -> None:
+    only_drift = FaultConfig(
+        root_error_m=(0, 0), root_error_deg=(0, 0), joint_noise_deg=(0, 0), invalid_runs=(0, 0)
+    )
+    exact = walker(3)
+    (wrong,) = dataset_side([exact], only_drift, np.random.default_rng(0))
+    seen, true = in_camera(wrong), in_camera(exact)
+    assert np.abs(seen.pelvis_m - true.pelvis_m).max() < 1e-12
+    assert np.abs(seen.root_rotmats - true.root_rotmats).max() < 1e-12
+    assert np.linalg.norm(wrong.motion.pelvis_m - exact.motion.pelvis_m, axis=1).max() > 0.1
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=seeds)
+def test_joint_noise_has_the_stated_rms_in_every_joint(seed: int) -> None:
+    exact = walker(seed)
+    noisy = with_joint_noise(exact, FaultConfig(), np.random.default_rng(seed))
+    off_deg = angles_deg(exact.motion.local_rotmats, noisy.motion.local_rotmats)
+    rms_deg = np.sqrt((off_deg**2).mean(axis=0))
+    assert rms_deg.shape == (23,)
+    assert (rms_deg >= 2.0 - 1e-6).all() and (rms_deg <= 4.0 + 1e-6).all()
+    assert np.array_equal(noisy.motion.root_rotmats, exact.motion.root_rotmats)
+
+
+@pytest.mark.parametrize("period_s", [2.0, 4.0])
+def test_no_part_of_the_noise_is_faster_than_its_period(period_s: float) -> None:
+    """The spectrum over 10 minutes, beyond the window's own width."""
+    waves = smooth_noise(18_000, 30.0, period_s, 6, np.random.default_rng(1))
+    power = np.abs(np.fft.rfft(waves * np.hanning(18_000)[:, None], axis=0)) ** 2
+    frequency_hz = np.fft.rfftfreq(18_000, 1 / 30.0)
+    fast = frequency_hz > 1 / period_s + 0.01
+    slow = frequency_hz < 1 / (4 * period_s) - 0.01
+    assert power[fast].sum() / power.sum() < 1e-6
+    assert power[slow].sum() / power.sum() < 1e-6
+
+
+def test_the_root_error_has_periods_of_four_seconds_and_more() -> None:
+    exact = walker(0, n_frames=9000)
+    wrong = with_root_error(exact, FaultConfig(), np.random.default_rng(4))
+    errors = in_camera(wrong).pelvis_m - in_camera(exact).pelvis_m
+    power = np.abs(np.fft.rfft(errors * np.hanning(9000)[:, None], axis=0)) ** 2
+    fast = np.fft.rfftfreq(9000, 1 / 30.0) > 1 / 4.0 + 0.01
+    assert power[fast].sum() / power.sum() < 1e-6
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds)
+def test_invalid_frames_are_marked_and_wrong_and_all_others_untouched(seed: int) -> None:
+    exact = walker(seed)
+    wrong = with_invalid_frames(exact, FaultConfig(), np.random.default_rng(seed))
+    off_m = np.linalg.norm(wrong.motion.pelvis_m - exact.motion.pelvis_m, axis=1)
+    assert (off_m[wrong.valid] == 0).all()
+    assert (off_m[~wrong.valid] >= 0.1 - 1e-9).all() and (off_m[~wrong.valid] <= 0.3 + 1e-9).all()
+    assert 3 <= (~wrong.valid).sum() <= 45
+    assert np.array_equal(wrong.motion.root_rotmats, exact.motion.root_rotmats)
+
+
+def test_frames_that_were_invalid_stay_so() -> None:
+    exact = walker(0)
+    valid = np.arange(150) >= 20
+    wrong = with_invalid_frames(
+        replace(exact, valid=valid), FaultConfig(), np.random.default_rng(0)
+    )
+    assert not wrong.valid[:20].any()
+
+
+def test_a_clip_shorter_than_a_run_is_invalid_as_a_whole() -> None:
+    config = FaultConfig(invalid_runs=(1, 1), invalid_frames=(15, 15))
+    wrong = with_invalid_frames(walker(0, n_frames=5), config, np.random.default_rng(0))
+    assert not wrong.valid.any()
+
+
+def test_the_same_seed_gives_the_same_bytes_and_the_inputs_stay_as_they_were() -> None:
+    exact = walker(7)
+    before = exact.motion.pelvis_m.copy(), exact.motion.local_rotmats.copy()
+    one, two, other = (
+        dataset_side([exact], FaultConfig(), np.random.default_rng(seed))[0] for seed in (1, 1, 2)
+    )
+    assert one.motion.local_rotmats.tobytes() == two.motion.local_rotmats.tobytes()
+    assert camera_of(one).world_from_cam.tobytes() == camera_of(two).world_from_cam.tobytes()
+    assert one.motion.pelvis_m.tobytes() != other.motion.pelvis_m.tobytes()
+    assert np.array_equal(exact.motion.pelvis_m, before[0])
+    assert np.array_equal(exact.motion.local_rotmats, before[1])
+
+
+def test_drift_turns_about_the_vertical_more_than_it_tilts() -> None:
+    for seed in range(20):
+        turns = drift(150, np.zeros(3), FaultConfig(), np.random.default_rng(seed))[-1, :3, :3]
+        axis = Rotation.from_matrix(turns).as_rotvec()
+        assert abs(axis[2]) / np.linalg.norm(axis) >= np.cos(np.deg2rad(30)) - 1e-9
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"drift_m": (0.8, 0.2)}, {"drift_deg": (-1, 2)}, {"root_error_period_s": 0}, {"x": 1}],
+)
+def test_a_wrong_recipe_is_refused(values: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        FaultConfig.model_validate(values)
+
+
+def test_clips_without_a_world_or_a_camera_are_refused() -> None:
+    exact = walker(0)
+    camera = replace(camera_of(exact), has_camera=np.arange(150) > 3)
+    for bad in (
+        replace(exact, camera=camera),
+        replace(exact, motion=replace(exact.motion, frame="camera")),
+    ):
+        with pytest.raises(BadSequence, match=r"made\.up: faults need a world-frame clip"):
+            dataset_side([bad], FaultConfig(), np.random.default_rng(0))

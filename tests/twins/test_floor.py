@@ -1,0 +1,163 @@
+"""`gmrdata floor` on twins that are given: filmed, regenerated, measured."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from gmrdata.manifest.read import load_clips
+from gmrdata.read.bodies import read_body
+from gmrdata.twins.floor import floor_of_twins, measure
+from gmrdata.twins.floor_record import read_floor
+from gmrdata.twins.pseudo_gt_error import compare_clips
+from gmrdata.twins.twin_set import read_truth
+from gmrdata.values.clip import save_clip
+from gmrdata.values.errors import BadBodyFile, MissingInput
+from gmrdata.values.files import read_json, write_json
+
+pytestmark = pytest.mark.slow
+
+CLASSES = {"arc_00": "circular", "pan_00": "panning"}
+
+
+def write_truth(made: Any, folder: Path, classes: dict[str, str]) -> None:
+    body = read_body(made.body_path)
+    for clips in made.truth.values():
+        for clip in clips:
+            rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
+            save_clip(folder / "truth" / f"{clip.id}.npz", clip, rest_pelvis_m)
+    rows = [{"name": name, "class_true": kind} for name, kind in classes.items()]
+    write_json(folder / "truth" / "twins.json", {"sequences": rows})
+
+
+@pytest.fixture(scope="module")
+def place(filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with `twins`, a recipe, and the output of the verb."""
+    folder = tmp_path_factory.mktemp("floor")
+    shutil.copytree(filmed_set.root, folder / "twins" / "3DPW")
+    write_truth(filmed_set, folder / "twins", CLASSES)
+    recipe = filmed_set.recipe().model_dump(mode="json")
+    (folder / "recipe.yaml").write_text(yaml.safe_dump(recipe), encoding="utf-8")
+    answer = floor_verb(folder)
+    assert answer.returncode == 0, answer.stderr
+    (folder / "said.txt").write_text(answer.stdout, encoding="utf-8")
+    return folder
+
+
+def floor_verb(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gmrdata", "floor", "--twins", str(folder / "twins")]
+    command += ["--recipe", str(folder / "recipe.yaml"), "--out", str(folder / "out"), *more]
+    wide = os.environ | {"COLUMNS": "200"}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=wide)
+
+
+def test_a_dry_run_says_what_is_done(place: Path) -> None:
+    said = floor_verb(place, "--dry-run").stdout
+    assert said.count("done") == 2 and "to do" not in said
+    said = floor_verb(place, "--dry-run", "--out", str(place / "other")).stdout
+    assert said.count("to do: people, masks, sfm, pseudo_gt") == 2
+    assert not (place / "other").exists()
+
+
+def test_the_figures_are_those_of_the_manifests_clips(place: Path, filmed_set: Any) -> None:
+    floor = read_floor(place / "out" / "floor.json")
+    rows = {row["id"]: row for row in floor.sequences}
+    assert {name: row["class_true"] for name, row in rows.items()} == CLASSES
+    assert {name: row["class_measured"] for name, row in rows.items()} == CLASSES
+    body = read_body(filmed_set.body_path)
+    found = {clip.id: clip for clip in load_clips(place / "out/regenerated/pseudo_gt.yaml")}
+    n_motions = weighted_mm = 0.0
+    for name, people in filmed_set.truth.items():
+        assert [person["id"] for person in rows[name]["people"]] == [clip.id for clip in people]
+        for true, person in zip(people, rows[name]["people"], strict=True):
+            error = compare_clips(found[true.id], true, fps_hz=10.0, body=body)
+            assert error.vme_mm is not None and person["n_motions"] == error.n_motions
+            for key in ("ome_deg", "tme_mm", "vme_mm", "camera_path_mm"):
+                assert person[key] == pytest.approx(getattr(error, key), rel=1e-5)
+            n_motions += error.n_motions
+            weighted_mm += error.n_motions * error.vme_mm
+    assert floor.overall.n_motions == n_motions
+    assert floor.overall.vme_mm == pytest.approx(weighted_mm / n_motions, rel=1e-5)
+
+
+def test_small_errors_all_accepted_and_the_scale_where_it_enters(place: Path) -> None:
+    floor = read_floor(place / "out" / "floor.json")
+    arc, pan = floor.classes["circular"], floor.classes["panning"]
+    assert (arc.accepted, pan.accepted, floor.overall.class_right) == (1, 1, 2)
+    for group in (arc, pan):
+        assert group.ome_deg is not None and 0 < group.ome_deg < 0.3
+        assert group.tme_mm is not None and 0 < group.tme_mm < 15
+        assert group.kept_share > 0.9 and group.seconds_per_frame > 0
+    assert (arc.scale_stated, pan.scale_stated) == (1, 0)
+    assert arc.abs_scale_error_percent is not None and pan.abs_scale_error_percent is None
+    assert floor.seed is None and floor.recipe["recipe"] == "threedpw"
+
+
+def test_the_table_is_printed(place: Path) -> None:
+    said = (place / "said.txt").read_text(encoding="utf-8")
+    for text in ("OME [deg]", "arc_00", "all panning", "2/2 right"):
+        assert text in said
+    assert said.rstrip().endswith("floor.json")
+
+
+def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(
+    place: Path, filmed_set: Any
+) -> None:
+    path = place / "out" / "floor.json"
+    before = path.read_bytes()
+    assert floor_verb(place).returncode == 0
+    assert path.read_bytes() == before
+    root = place / "twins" / "3DPW"
+    pickle_path = root / "sequenceFiles" / "train" / "pan_00.pkl"
+    broken = pickle_path.with_name("torn_00.pkl")
+    broken.write_bytes(pickle_path.read_bytes()[:200])
+    shutil.copytree(root / "imageFiles" / "pan_00", root / "imageFiles" / "torn_00")
+    for true in filmed_set.truth["pan_00"]:
+        rest_pelvis_m = read_body(filmed_set.body_path).rest_pelvis_m(true.motion.shape)
+        save_clip(place / "twins" / "truth" / "torn_00.p0.npz", true, rest_pelvis_m)
+    index = place / "twins" / "truth" / "twins.json"
+    rows = [*read_json(index)["sequences"], {"name": "torn_00", "class_true": "panning"}]
+    write_json(index, {"sequences": rows})
+    answer = floor_verb(place)
+    assert answer.returncode == 1 and "torn_00" in answer.stderr
+    assert "Traceback" not in answer.stderr and "torn_00: rejected: " in answer.stdout
+    floor = read_floor(path)
+    torn = next(row for row in floor.sequences if row["id"] == "torn_00")
+    assert (torn["accepted"], torn["class_measured"], torn["tme_mm"]) == (False, "none", None)
+    was = read_floor_bytes(before, place)
+    assert floor.classes["circular"] == was.classes["circular"]
+    panning = floor.classes["panning"]
+    assert panning.tme_mm == was.classes["panning"].tme_mm
+    assert (panning.sequences, panning.accepted) == (2, 1)
+    assert panning.kept_share == pytest.approx(was.classes["panning"].kept_share / 2, rel=1e-5)
+
+
+def read_floor_bytes(content: bytes, folder: Path) -> Any:
+    (folder / "before.json").write_bytes(content)
+    return read_floor(folder / "before.json")
+
+
+def test_twins_without_truth_are_refused_before_the_work(filmed_set: Any, tmp_path: Path) -> None:
+    recipe = filmed_set.recipe()
+    with pytest.raises(MissingInput, match=r"twins\.json"):
+        floor_of_twins(tmp_path / "twins", recipe, tmp_path / "out")
+    write_truth(filmed_set, tmp_path / "twins", CLASSES)
+    (tmp_path / "twins" / "truth" / "pan_00.p0.npz").unlink()
+    with pytest.raises(MissingInput, match=r"no pan_00\.p0\.npz"):
+        floor_of_twins(tmp_path / "twins", recipe, tmp_path / "out")
+    unknown = recipe.model_copy(update={"sequences": ("more_00",)})
+    with pytest.raises(MissingInput, match="no twin 'more_00'; there are arc_00, pan_00"):
+        floor_of_twins(tmp_path / "twins", unknown, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_body_that_the_recipe_lacks_is_named(place: Path, filmed_set: Any) -> None:
+    twins = read_truth(place / "twins")
+    none_named = filmed_set.recipe().model_copy(update={"bodies": ()})
+    with pytest.raises(BadBodyFile, match="which is not among the recipe's"):
+        measure(twins, place / "out" / "regenerated", none_named)

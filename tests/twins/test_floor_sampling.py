@@ -1,0 +1,46 @@
+"""What may be asked of drawn twins."""
+
+from pathlib import Path
+
+import pytest
+
+from gmrdata.twins.sampling import FILM, draw_twins, film_of
+from gmrdata.values.errors import BadRecipe
+
+
+def test_sizes_by_name_and_by_number() -> None:
+    assert film_of("small", 150) == FILM
+    full = film_of("full", 60)
+    assert (full.width_px, full.height_px, full.duration_s) == (1080, 1920, 2.0)
+    tiny = film_of("180x320", 75)
+    assert (tiny.width_px, tiny.height_px, tiny.fps_hz) == (180, 320, 30.0)
+    assert tiny.duration_s == 2.5
+    assert tiny.hfov_deg == full.hfov_deg == FILM.hfov_deg
+
+
+@pytest.mark.parametrize("size", ["big", "180", "180x", "0x320", "180x320x3", "-180x320", "63x64"])
+def test_other_sizes_are_refused(size: str) -> None:
+    with pytest.raises(BadRecipe, match=f"--size {size}: give small, full, or"):
+        film_of(size, 150)
+
+
+def test_too_few_frames_are_refused() -> None:
+    with pytest.raises(BadRecipe, match="--frames 59: give 60 or more"):
+        film_of("small", 59)
+
+
+def test_a_negative_seed_and_no_sequences_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadRecipe, match="--seed -1: give 0 or more"):
+        draw_twins(2, -1, tmp_path, FILM, None)
+    with pytest.raises(BadRecipe, match="0 sequences: ask for at least one"):
+        draw_twins(0, 1, tmp_path, FILM, None)
+
+
+@pytest.mark.slow
+def test_the_seed_chooses_and_the_workers_do_not(cmu_dir: Path) -> None:
+    film = film_of("180x320", 60)
+    drawn = draw_twins(2, 7, cmu_dir, film, 1)
+    assert drawn.set.film == film and drawn.set.seed == 7 and drawn.set.workers == 1
+    again = draw_twins(2, 7, cmu_dir, film, 5)
+    assert again.set.clips == drawn.set.clips and again.set.workers == 5
+    assert draw_twins(2, 8, cmu_dir, film, 1).set.clips != drawn.set.clips

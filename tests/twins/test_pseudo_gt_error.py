@@ -1,0 +1,268 @@
+"""A pseudo ground truth against the truth, with errors that were put in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.motion.gait import make_gait
+from gmrdata.twins.pseudo_gt_error import compare_clips
+from gmrdata.values import transforms
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import StageFailed
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.skinning import motion_vertices_m
+
+PSEUDO_FROM_TRUE = transforms.rigid(
+    Rotation.from_euler("xyz", [100.0, -20.0, 40.0], degrees=True).as_matrix(),
+    np.array([2.0, -1.0, 0.7]),
+)
+
+
+@pytest.fixture(scope="module")
+def true_clip(small_body: BodyModel) -> Clip:
+    """A walk seen by a camera that moves on a curve and turns."""
+    motion = make_gait("walk", 4.0, 10.0, small_body, np.random.default_rng(0))
+    n = motion.n_frames
+    along = np.linspace(0, 1, n)
+    turn_rad = np.stack([0.3 * along, 1 + 0.8 * along**2, 0.1 * np.sin(9 * along)], axis=1)
+    centres_m = np.stack([2 * along, np.sin(3 * along), 1.5 + 0.2 * along], axis=1)
+    world_from_cam = transforms.rigid(Rotation.from_euler("xyz", turn_rad).as_matrix(), centres_m)
+    camera = CameraPath(
+        intrinsics_from_fov(60, 640, 360), 640, 360, world_from_cam, np.ones(n, bool)
+    )
+    return Clip("walk", motion, np.ones(n, bool), np.arange(n), camera)
+
+
+def moved(clip: Clip, pseudo_from_true: np.ndarray, scale: float = 1.0) -> Clip:
+    """The same clip in another world, everything in which is larger by a factor."""
+    root = pseudo_from_true @ transforms.rigid(clip.motion.root_rotmats, clip.motion.pelvis_m)
+    root[:, :3, 3] *= scale
+    assert clip.camera is not None
+    cameras = pseudo_from_true @ clip.camera.world_from_cam
+    cameras[:, :3, 3] *= scale
+    return replace(
+        clip,
+        motion=replace(clip.motion, root_rotmats=root[:, :3, :3], pelvis_m=root[:, :3, 3]),
+        camera=replace(clip.camera, world_from_cam=cameras),
+    )
+
+
+def test_another_world_is_no_error(true_clip: Clip) -> None:
+    found = compare_clips(moved(true_clip, PSEUDO_FROM_TRUE), true_clip)
+    assert found.ome_deg == pytest.approx(0, abs=1e-6)
+    assert found.tme_mm == pytest.approx(0, abs=1e-9)
+    assert found.camera_rotation_deg == pytest.approx(0, abs=1e-6)
+    assert found.scale_error_percent == pytest.approx(0, abs=1e-9)
+    assert found.trajectory_mm == pytest.approx(0, abs=1e-9)
+    assert (found.frames, found.frames_with_camera) == (40, 40)
+    np.testing.assert_allclose(
+        found.true_from_pseudo, transforms.invert(PSEUDO_FROM_TRUE), atol=1e-10
+    )
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.0, 1.02, 1.25])
+def test_scale_error_has_its_size_and_sign(true_clip: Clip, scale: float) -> None:
+    found = compare_clips(moved(true_clip, PSEUDO_FROM_TRUE, scale), true_clip)
+    assert found.scale_error_percent == pytest.approx(100 * (scale - 1), abs=1e-8)
+    steps_mm = 1000 * np.linalg.norm(np.diff(true_clip.motion.pelvis_m, axis=0), axis=1)
+    assert found.tme_mm == pytest.approx(abs(scale - 1) * steps_mm.mean(), rel=1e-8, abs=1e-9)
+    assert found.ome_deg == pytest.approx(0, abs=1e-6)
+    # Rigidly fitted, the two paths have one middle, and each centre is off by its share of it.
+    assert true_clip.camera is not None
+    centres_m = true_clip.camera.centres_world_m
+    away_mm = 1000 * np.linalg.norm(centres_m - centres_m.mean(axis=0), axis=1)
+    assert found.camera_path_mm == pytest.approx(abs(scale - 1) * away_mm.mean(), abs=1e-9)
+
+
+def test_motion_errors_are_those_put_in(true_clip: Clip) -> None:
+    """A world that turns by half a degree from frame to frame."""
+    yaw = Rotation.from_euler("z", 0.5 * np.arange(40)[:, None], degrees=True).as_matrix()
+    pseudo = replace(
+        true_clip,
+        motion=replace(true_clip.motion, root_rotmats=yaw @ true_clip.motion.root_rotmats),
+    )
+    found = compare_clips(pseudo, true_clip)
+    assert found.ome_deg == pytest.approx(0.5, abs=1e-9)
+    assert (found.n_motions, found.vme_mm) == (39, None)
+
+
+def test_vertices_slip_as_far_as_the_world(true_clip: Clip, small_body: BodyModel) -> None:
+    """A world that slips by 3 mm from frame to frame moves every vertex by 3 mm."""
+    slip_m = 0.003 * np.arange(40)[:, None] * np.array([0.6, 0.0, 0.8])
+    pelvis_m = true_clip.motion.pelvis_m + slip_m
+    pseudo = replace(true_clip, motion=replace(true_clip.motion, pelvis_m=pelvis_m))
+    found = compare_clips(moved(pseudo, PSEUDO_FROM_TRUE), true_clip, body=small_body)
+    assert found.tme_mm == pytest.approx(3, abs=1e-9)
+    assert found.vme_mm == pytest.approx(3, abs=1e-4)
+
+
+def test_vertices_turn_with_the_world_in_the_true_pose(
+    true_clip: Clip, small_body: BodyModel
+) -> None:
+    """VME against meshes of the body itself, and of another local pose there is no error."""
+    yaw = Rotation.from_euler("z", 2.0 * np.arange(40)[:, None], degrees=True).as_matrix()
+    turned = replace(true_clip.motion, root_rotmats=yaw @ true_clip.motion.root_rotmats)
+    still = np.broadcast_to(np.eye(3), true_clip.motion.local_rotmats.shape)
+    pseudo = replace(true_clip, motion=replace(turned, local_rotmats=still))
+    meshes_m = []
+    for motion in (turned, true_clip.motion):
+        rotmats, metres = deltas(motion.root_rotmats, motion.pelvis_m)
+        part = replace(true_clip.motion, local_rotmats=true_clip.motion.local_rotmats[:-1])
+        part = replace(part, root_rotmats=rotmats, pelvis_m=metres)
+        meshes_m.append(motion_vertices_m(small_body, part))
+    expected_mm = 1000 * np.linalg.norm(meshes_m[0] - meshes_m[1], axis=-1).mean()
+    found = compare_clips(pseudo, true_clip, body=small_body)
+    assert found.vme_mm == pytest.approx(expected_mm, rel=1e-4) and expected_mm > 5
+
+
+def test_camera_rotation_error_is_after_one_best_rotation(true_clip: Clip) -> None:
+    """Cameras rolled by +2 and -2 deg in turn: their best common rotation is none, the error 2."""
+    assert true_clip.camera is not None
+    roll_deg = np.where(np.arange(40) % 2, 2.0, -2.0)[:, None]
+    cameras = true_clip.camera.world_from_cam.copy()
+    fixed = cameras[0, :3, :3]
+    cameras[:, :3, :3] = fixed
+    still = replace(true_clip, camera=replace(true_clip.camera, world_from_cam=cameras))
+    rolled = cameras.copy()
+    rolled[:, :3, :3] = fixed @ Rotation.from_euler("z", roll_deg, degrees=True).as_matrix()
+    pseudo = moved(
+        replace(still, camera=replace(true_clip.camera, world_from_cam=rolled)), PSEUDO_FROM_TRUE
+    )
+    assert compare_clips(pseudo, still).camera_rotation_deg == pytest.approx(2.0, abs=1e-6)
+
+
+def test_no_motion_is_taken_across_a_gap(true_clip: Clip) -> None:
+    """The world slips by a metre in a gap; only a difference across it would show that."""
+    valid = np.ones(40, bool)
+    valid[20] = False
+    pelvis_m = true_clip.motion.pelvis_m.copy()
+    pelvis_m[20] = np.nan
+    pelvis_m[21:] += [1.0, 0, 0]
+    pseudo = replace(true_clip, motion=replace(true_clip.motion, pelvis_m=pelvis_m), valid=valid)
+    found = compare_clips(pseudo, true_clip)
+    assert found.tme_mm == pytest.approx(0, abs=1e-9)
+    assert found.trajectory_mm > 100
+    assert found.frames == 39
+
+
+def test_rows_are_paired_by_image_number(true_clip: Clip) -> None:
+    """A pseudo clip of images 5, 6, 7 and 20, 21 has three motions."""
+    rows = np.array([5, 6, 7, 20, 21])
+    assert true_clip.camera is not None
+    motion = replace(
+        true_clip.motion,
+        local_rotmats=true_clip.motion.local_rotmats[rows],
+        root_rotmats=true_clip.motion.root_rotmats[rows],
+        pelvis_m=true_clip.motion.pelvis_m[rows] + (rows > 10)[:, None] * [1.0, 0, 0],
+    )
+    camera = replace(
+        true_clip.camera,
+        world_from_cam=true_clip.camera.world_from_cam[rows],
+        has_camera=np.array([True, True, False, True, True]),
+    )
+    pseudo = Clip("part", motion, np.ones(5, bool), rows, camera)
+    found = compare_clips(pseudo, true_clip)
+    assert found.tme_mm == pytest.approx(0, abs=1e-9)
+    assert (found.frames, found.frames_with_camera) == (5, 4)
+
+
+def test_no_scale_without_camera_motion_or_positions(true_clip: Clip) -> None:
+    assert true_clip.camera is not None
+    cameras = true_clip.camera.world_from_cam.copy()
+    cameras[:, :3, 3] = [0.3, 0.2, 0.1]
+    rotation_only = replace(true_clip, camera=replace(true_clip.camera, world_from_cam=cameras))
+    assert compare_clips(rotation_only, true_clip).scale_error_percent is None
+    assert compare_clips(true_clip, rotation_only).scale_error_percent is None
+    cameras = cameras.copy()
+    cameras[:, 0, 3] += np.linspace(0, 0.049, 40)
+    almost = replace(true_clip, camera=replace(true_clip.camera, world_from_cam=cameras))
+    assert compare_clips(almost, almost).scale_error_percent is None
+
+
+def test_no_camera_figures_without_cameras(true_clip: Clip) -> None:
+    found = compare_clips(replace(true_clip, camera=None), true_clip)
+    assert found.camera_rotation_deg is None and found.camera_path_mm is None
+    assert found.scale_error_percent is None
+    assert found.frames_with_camera == 0
+
+
+def test_trajectory_error_is_evos_ape_after_the_same_alignment(true_clip: Clip) -> None:
+    trajectory = pytest.importorskip("evo.core.trajectory")
+    evo_metrics = pytest.importorskip("evo.core.metrics")
+    noise_m = np.random.default_rng(0).normal(0, 0.02, (40, 3))
+    pseudo = moved(true_clip, PSEUDO_FROM_TRUE)
+    pseudo = replace(
+        pseudo, motion=replace(pseudo.motion, pelvis_m=pseudo.motion.pelvis_m + noise_m)
+    )
+    found = compare_clips(pseudo, true_clip)
+
+    def path(clip: Clip, change: np.ndarray) -> object:
+        poses = change @ transforms.rigid(clip.motion.root_rotmats, clip.motion.pelvis_m)
+        return trajectory.PosePath3D(poses_se3=list(poses))
+
+    ape = evo_metrics.APE(evo_metrics.PoseRelation.translation_part)
+    ape.process_data((path(true_clip, np.eye(4)), path(pseudo, found.true_from_pseudo)))
+    mean_mm = 1000 * ape.get_statistic(evo_metrics.StatisticsType.mean)
+    assert found.trajectory_mm == pytest.approx(mean_mm, rel=1e-9)
+    # Aligned by positions alone it is as good, but for the orientations that are fitted besides.
+    positions = trajectory.PosePath3D(
+        poses_se3=list(transforms.rigid(pseudo.motion.root_rotmats, pseudo.motion.pelvis_m))
+    )
+    positions.align(path(true_clip, np.eye(4)))
+    ape.process_data((path(true_clip, np.eye(4)), positions))
+    assert found.trajectory_mm == pytest.approx(
+        1000 * ape.get_statistic(evo_metrics.StatisticsType.mean), rel=0.1
+    )
+
+
+def test_clips_that_cannot_be_compared(true_clip: Clip) -> None:
+    other_rate = replace(true_clip, motion=replace(true_clip.motion, fps_hz=30.0))
+    with pytest.raises(StageFailed, match="30 fps, but its truth walk has 10 fps"):
+        compare_clips(other_rate, true_clip)
+    in_camera = replace(true_clip, motion=replace(true_clip.motion, frame="camera"))
+    with pytest.raises(StageFailed, match="not in the world frame"):
+        compare_clips(in_camera, true_clip)
+    alternating = replace(true_clip, valid=np.arange(40) % 2 == 0)
+    with pytest.raises(StageFailed, match="no two frames in a row"):
+        compare_clips(alternating, true_clip)
+    elsewhere = replace(true_clip, image_numbers=np.arange(100, 140))
+    with pytest.raises(StageFailed, match="no two frames in a row"):
+        compare_clips(elsewhere, true_clip)
+    unnumbered = replace(true_clip, image_numbers=np.full(40, -1))
+    assert compare_clips(unnumbered, true_clip).tme_mm == 0
+
+
+def thirty_hz(true_clip: Clip) -> tuple[Clip, Clip]:
+    """The clip, said to have 30 fps, and a pseudo ground truth whose pelvis is 3 mm off in every
+    third frame."""
+    true = replace(true_clip, motion=replace(true_clip.motion, fps_hz=30.0))
+    pelvis_m = true.motion.pelvis_m.copy()
+    pelvis_m[::3, 2] += 0.003
+    return true, replace(true, motion=replace(true.motion, pelvis_m=pelvis_m))
+
+
+def test_at_a_third_of_the_rate_every_phase_counts(true_clip: Clip) -> None:
+    true, pseudo = thirty_hz(true_clip)
+    # At 30 fps two of three motions are 3 mm off; at 10 fps each phase is off as a whole or not.
+    assert compare_clips(pseudo, true).tme_mm == pytest.approx(2.0, abs=0.1)
+    assert compare_clips(pseudo, true, fps_hz=10.0).tme_mm == pytest.approx(0, abs=1e-9)
+    assert compare_clips(true_clip, true_clip, fps_hz=10.0).ome_deg == pytest.approx(0, abs=1e-6)
+
+
+def test_at_a_third_of_the_rate_no_motion_crosses_a_gap(true_clip: Clip) -> None:
+    true, pseudo = thirty_hz(true_clip)
+    pelvis_m = pseudo.motion.pelvis_m.copy()
+    pelvis_m[13:] += 1.0
+    valid = np.ones(40, bool)
+    valid[13] = False
+    pseudo = replace(pseudo, valid=valid, motion=replace(pseudo.motion, pelvis_m=pelvis_m))
+    assert compare_clips(pseudo, true, fps_hz=10.0).tme_mm == pytest.approx(0, abs=1e-9)
+
+
+def test_a_rate_that_does_not_divide_the_clips_is_refused(true_clip: Clip) -> None:
+    with pytest.raises(StageFailed, match="10 fps is no multiple of 4 fps"):
+        compare_clips(true_clip, true_clip, fps_hz=4.0)

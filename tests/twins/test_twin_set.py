@@ -1,0 +1,231 @@
+"""A small twin set, rendered for real, read back as 3DPW, and held against its truth."""
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.cli import main
+from gmrdata.film.set_plan import SyntheticClip
+from gmrdata.read.bodies import read_body
+from gmrdata.read.threedpw import read_sequence
+from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.threedpw.camera_frame import camera_clip
+from gmrdata.threedpw.listing import sequence_rows
+from gmrdata.twins.recipe import TwinRecipe
+from gmrdata.twins.twin_set import make_twins, write_sequence_twin
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project
+from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.errors import StageFailed, StaleOutput
+from gmrdata.values.files import read_json
+from gmrdata.world.compose import camera_motion
+
+RECIPE = load_recipe(find_recipe("twins_small"), TwinRecipe)
+PEOPLE = [("courtyard_together_00", 0), ("courtyard_together_00", 1), ("park_walk_00", 0)]
+TWO = "courtyard_together_00"
+
+
+def wrong(**changes: object) -> dict[str, object]:
+    given = RECIPE.model_dump(mode="json")
+    given["set"] |= changes
+    return given
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"film": {"fps_hz": 10}}, "3DPW has 30 frames a second"),
+        ({"film": {}}, "3DPW has 30 frames a second"),
+        ({"render": {"image_format": "png"}}, "images are jpg"),
+        ({"camera_off": True}, "name each sequence"),
+        ({"clips": [{"id": "-a", "gait": "walk", "programme": {"kind": "static"}}]}, "no name of"),
+        ({"clips": []}, "splits: no clips park_walk_00"),
+    ],
+)
+def test_a_set_that_does_not_fit_the_layout_is_refused(
+    changes: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        TwinRecipe.model_validate(wrong(**changes))
+
+
+def test_a_dry_run_lists_the_sequences_and_makes_nothing(
+    tmp_path: Path, anny: BodyModel, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["threedpw", "twin", "twins_small", "--out", str(tmp_path), "--dry-run", "--no-probe"])
+    said = capsys.readouterr().out
+    assert "courtyard_together_00" in said and "2 clips, 48 frames; to do: 2 clips" in said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory, anny: BodyModel) -> Path:
+    folder = tmp_path_factory.mktemp("twins")
+    main(["threedpw", "twin", "twins_small", "--out", str(folder)])
+    return folder
+
+
+def truth_of(out: Path, name: str, person: int) -> Clip:
+    return load_clip(out / "truth" / f"{name}.p{person}.npz")
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != "stage.json" and not path.name.endswith(".lock")
+    }
+
+
+@pytest.mark.slow
+def test_the_reader_finds_sequences_without_a_problem(out: Path) -> None:
+    rows, n_bad = sequence_rows(out / "3DPW", "campose_valid")
+    assert n_bad == 0 and [row[0] for row in rows] == ["park_walk_00", "courtyard_together_00"]
+    for name, n_people, split in ((TWO, 2, "test"), ("park_walk_00", 1, "train")):
+        sequence = read_sequence(out / "3DPW", name)
+        assert sequence.problems == () and sequence.files.split == split
+        assert sequence.n_frames == 24 and len(sequence.arrays.people) == n_people
+        assert (sequence.images.width_px, sequence.images.height_px) == (180, 320)
+        assert sequence.arrays.intrinsics_px[0, 0] == pytest.approx(1961.9 / 1080 * 180, rel=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "person"), PEOPLE)
+def test_camera_frame_bodies_are_the_truth_within_the_faults(
+    out: Path, name: str, person: int
+) -> None:
+    truth = truth_of(out, name, person)
+    body = read_body(out / "render_set" / "body" / "body.npz")
+    found = camera_clip(read_sequence(out / "3DPW", name), person, [body])
+    true = camera_motion(truth.motion, camera_of(truth).world_from_cam)
+    faults = RECIPE.twin.faults
+    off_m = np.linalg.norm(found.motion.pelvis_m - true.pelvis_m, axis=1)[found.valid]
+    assert 0.004 < off_m.max() <= faults.root_error_m[1] + 1e-9
+    turns = true.root_rotmats.swapaxes(-1, -2) @ found.motion.root_rotmats
+    off_deg = np.rad2deg(Rotation.from_matrix(turns).magnitude())
+    assert 0.1 < off_deg.max() <= faults.root_error_deg[1] + 1e-6
+    joints = true.local_rotmats.swapaxes(-1, -2) @ found.motion.local_rotmats
+    noise_deg = np.rad2deg(Rotation.from_matrix(joints.reshape(-1, 3, 3)).magnitude())
+    assert 2.0 < np.sqrt((noise_deg**2).mean()) < 4.0
+    np.testing.assert_allclose(found.motion.shape, truth.motion.shape, atol=1e-12)
+    assert 2 <= (~found.valid).sum() <= 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "person"), PEOPLE)
+def test_each_annotated_person_is_where_the_image_shows_that_person(
+    out: Path, name: str, person: int
+) -> None:
+    truth = truth_of(out, name, person)
+    camera = camera_of(truth)
+    pelvis_px = project(camera.world_from_cam, truth.motion.pelvis_m[:, None], camera.intrinsics_px)
+    seen = []
+    for row, (x, y) in enumerate(pelvis_px[:, 0].astype(int)):
+        path = out / "render_set" / "render" / name / "instances" / f"{row:05d}.png"
+        picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        assert picture is not None
+        seen.append(int(picture[y, x]))
+    assert (np.array(seen) == person + 1).mean() > 0.9
+
+
+@pytest.mark.slow
+def test_the_index_says_what_each_sequence_is(out: Path) -> None:
+    two, one = read_json(out / "truth" / "twins.json")["sequences"]
+    assert (two["name"], two["class_true"], two["trial"], two["people"]) == (
+        TWO,
+        "circular",
+        "gait walk",
+        2,
+    )
+    assert (one["class_true"], one["people"], one["scene"]["kind"]) == ("panning", 1, "park")
+
+
+@pytest.mark.slow
+def test_exposure_changes_the_frames_as_planned_and_the_shutter_was_open(out: Path) -> None:
+    for name in (TWO, "park_walk_00"):
+        rendered = out / "render_set" / "render" / name
+        assert read_json(rendered / "stage.json")["config"]["shutter"] == 0.5
+        gains = np.load(out / "truth" / f"{name}.exposure.npz")["gains"]
+        ratios = [
+            brightness(out / "3DPW" / "imageFiles" / name / f"image_{row:05d}.jpg")
+            / brightness(rendered / "frames" / f"{row:05d}.jpg")
+            for row in range(24)
+        ]
+        assert np.ptp(gains) > 0.25
+        # Light goes as value^2.2; what is white already can't get brighter.
+        assert np.corrcoef(np.log(ratios), np.log(gains))[0, 1] > 0.99
+        np.testing.assert_allclose(np.array(ratios) ** 2.2, gains, rtol=0.12)
+
+
+def brightness(path: Path) -> float:
+    image = cv2.imread(str(path))
+    assert image is not None
+    return float(image.mean())
+
+
+@pytest.mark.slow
+def test_once_more_does_nothing(out: Path) -> None:
+    def times_ns() -> dict[Path, int]:
+        paths = [p for part in ("3DPW", "truth", "render_set/render") for p in out.glob(part)]
+        files = [f for p in paths for f in p.rglob("*") if not f.name.endswith(".lock")]
+        return {f: f.stat().st_mtime_ns for f in files if f.is_file()}
+
+    before = times_ns()
+    make_twins(RECIPE, out)
+    assert times_ns() == before
+
+
+@pytest.mark.slow
+def test_faults_hang_on_the_seed_and_the_name_alone(out: Path, tmp_path: Path) -> None:
+    clips = RECIPE.set.clips
+    reversed_set = RECIPE.set.model_copy(update={"clips": clips[::-1]})
+    for folder, recipe, order in (
+        ("a", RECIPE.model_copy(update={"set": reversed_set}), clips[::-1]),
+        ("b", reseeded(2), clips),
+    ):
+        (tmp_path / folder).mkdir()
+        shutil.copytree(out / "render_set", tmp_path / folder / "render_set")
+        for clip in order:
+            write_sequence_twin(recipe, clip, tmp_path / folder)
+    expected = files_of(out / "3DPW")
+    assert files_of(tmp_path / "a" / "3DPW") == expected
+    other = files_of(tmp_path / "b" / "3DPW")
+    assert other.keys() == expected.keys()
+    assert all(other[name] != expected[name] for name in expected)
+
+
+def reseeded(seed: int) -> TwinRecipe:
+    return RECIPE.model_copy(update={"set": RECIPE.set.model_copy(update={"seed": seed})})
+
+
+@pytest.mark.slow
+def test_another_split_is_refused_and_with_redo_leaves_no_second_file(
+    out: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(out, tmp_path / "copy")
+    moved = RECIPE.model_copy(update={"splits": {}})
+    clip = RECIPE.set.clips[1]
+    with pytest.raises(StaleOutput, match=r"config\.split"):
+        write_sequence_twin(moved, clip, tmp_path / "copy")
+    write_sequence_twin(moved, clip, tmp_path / "copy", redo=True)
+    found = sorted((tmp_path / "copy" / "3DPW").rglob("park_walk_00.pkl"))
+    assert [path.parent.name for path in found] == ["test"]
+    assert read_sequence(tmp_path / "copy" / "3DPW", "park_walk_00").problems == ()
+
+
+@pytest.mark.slow
+def test_a_clip_that_fails_is_named_and_the_others_are_written(out: Path, tmp_path: Path) -> None:
+    shutil.copytree(out / "render_set", tmp_path / "render_set")
+    programme = {"kind": "linear", "speed_m_per_s": 50.0}
+    gone = SyntheticClip.model_validate({"id": "gone_00", "gait": "walk", "programme": programme})
+    clips = (gone, *RECIPE.set.clips)
+    recipe = RECIPE.model_copy(update={"set": RECIPE.set.model_copy(update={"clips": clips})})
+    with pytest.raises(StageFailed, match="gone_00: a linear camera can't keep"):
+        make_twins(recipe, tmp_path)
+    assert files_of(tmp_path / "3DPW") == files_of(out / "3DPW")
+    listed = read_json(tmp_path / "truth" / "twins.json")["sequences"]
+    assert [sequence["name"] for sequence in listed] == [clip.id for clip in RECIPE.set.clips]

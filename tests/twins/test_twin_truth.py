@@ -1,0 +1,58 @@
+"""The index of a twin set, and the exact people, as they are read."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gmrdata.motion.gait import make_gait
+from gmrdata.twins.twin_set import read_truth
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadRecord, BadSequence, MissingInput
+from gmrdata.values.files import write_json
+
+
+def write_index(folder: Path, record: Any) -> None:
+    (folder / "truth").mkdir(exist_ok=True)
+    write_json(folder / "truth" / "twins.json", record)
+
+
+def test_people_come_in_order(tmp_path: Path, small_body: BodyModel) -> None:
+    rows = [{"name": "park_00", "class_true": "linear", "people": 2}]
+    rows.append({"name": "park", "class_true": "static", "people": 1})
+    write_index(tmp_path, {"sequences": rows})
+    motion = make_gait("walk", 0.5, 30.0, small_body, np.random.default_rng(0))
+    n = np.arange(motion.n_frames)
+    for id in ("park_00.p0", "park_00.p1"):
+        rest_pelvis_m = small_body.rest_pelvis_m(motion.shape)
+        save_clip(
+            tmp_path / "truth" / f"{id}.npz", Clip(id, motion, n >= 0, n, None), rest_pelvis_m
+        )
+    twins = read_truth(tmp_path)
+    assert twins.classes == {"park_00": "linear", "park": "static"}
+    assert twins.root == tmp_path / "3DPW"
+    assert [clip.id for clip in twins.people("park_00")] == ["park_00.p0", "park_00.p1"]
+    with pytest.raises(MissingInput, match=r"no park\.p0\.npz"):
+        twins.people("park")
+    with pytest.raises(MissingInput, match="no twin 'room_00'; there are park_00, park"):
+        twins.people("room_00")
+
+
+@pytest.mark.parametrize("record", [[], {}, {"sequences": [{"name": "a"}]}, {"sequences": [1]}])
+def test_a_broken_index_is_named(tmp_path: Path, record: Any) -> None:
+    write_index(tmp_path, record)
+    with pytest.raises(BadRecord, match=r"twins\.json: not a list of sequences"):
+        read_truth(tmp_path)
+
+
+def test_names_lead_nowhere_else(tmp_path: Path) -> None:
+    write_index(tmp_path, {"sequences": [{"name": "../../x", "class_true": "linear"}]})
+    with pytest.raises(BadSequence, match="is no name of a sequence"):
+        read_truth(tmp_path)
+
+
+def test_a_folder_without_index_is_no_twin_set(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match="give a folder that `gmrdata threedpw twin` made"):
+        read_truth(tmp_path)

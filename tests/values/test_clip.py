@@ -1,0 +1,237 @@
+"""The clip file: what is saved is loaded, and what is broken is refused."""
+
+import io
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gmrdata.values import files
+from gmrdata.values.camera import CameraPath, intrinsics_from_fov
+from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.files import read_npz
+from gmrdata.values.motion import Motion
+
+
+def a_clip(n_frames: int = 5, seed: int = 0, with_camera: bool = True, far_m: float = 1.0) -> Clip:
+    rng = np.random.default_rng(seed)
+    rotmats = Rotation.from_quat(rng.normal(size=(n_frames * 24, 4))).as_matrix()
+    rotmats = rotmats.reshape(n_frames, 24, 3, 3)
+    motion = Motion(
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=far_m * rng.normal(size=(n_frames, 3)),
+        shape=rng.normal(size=11),
+        fps_hz=29.97,
+        body="small",
+        gender="female",
+        frame="camera" if seed % 2 else "world",
+        source="made up: Ünïcode, seed 0",
+    )
+    camera = None
+    if with_camera:
+        world_from_cam = np.tile(np.eye(4), (n_frames, 1, 1))
+        world_from_cam[:, :3, 3] = rng.normal(size=(n_frames, 3))
+        world_from_cam[0] = np.nan
+        has_camera = np.arange(n_frames) > 0
+        camera = CameraPath(intrinsics_from_fov(60, 640, 360), 640, 360, world_from_cam, has_camera)
+    return Clip(f"clip_{seed}", motion, rng.random(n_frames) > 0.5, np.arange(n_frames), camera)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    n_frames=st.integers(1, 9),
+    seed=st.integers(0, 2**32 - 1),
+    with_camera=st.booleans(),
+    far_m=st.sampled_from([0.0, 1.0, 1000.0]),
+)
+def test_round_trip(
+    n_frames: int,
+    seed: int,
+    with_camera: bool,
+    far_m: float,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "round_trip.npz"
+    clip = a_clip(n_frames, seed, with_camera, far_m)
+    rest_pelvis_m = np.random.default_rng(seed).normal(size=3)
+    save_clip(path, clip, rest_pelvis_m)
+    found = load_clip(path)
+    np.testing.assert_allclose(found.motion.pelvis_m, clip.motion.pelvis_m, rtol=0, atol=1e-12)
+    for field in ("local_rotmats", "root_rotmats"):
+        saved, loaded = getattr(clip.motion, field), getattr(found.motion, field)
+        np.testing.assert_allclose(loaded, saved, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found.motion.shape, clip.motion.shape)
+    for field in ("fps_hz", "body", "gender", "frame", "source"):
+        assert getattr(found.motion, field) == getattr(clip.motion, field)
+    assert found.id == clip.id
+    np.testing.assert_array_equal(found.valid, clip.valid)
+    np.testing.assert_array_equal(found.image_numbers, clip.image_numbers)
+    assert (found.camera is None) == (clip.camera is None)
+    if clip.camera is not None and found.camera is not None:
+        for field in ("intrinsics_px", "world_from_cam", "has_camera", "width_px", "height_px"):
+            np.testing.assert_array_equal(getattr(found.camera, field), getattr(clip.camera, field))
+
+
+def test_trans_is_smpls_and_not_the_pelvis(tmp_path: Path) -> None:
+    """A reader of AMASS files that adds J0 gets the pelvis; one that doesn't gets `transl`."""
+    clip, rest_pelvis_m = a_clip(), np.array([0.01, -0.2, 0.03])
+    save_clip(tmp_path / "c.npz", clip, rest_pelvis_m)
+    with np.load(tmp_path / "c.npz", allow_pickle=False) as archive:
+        np.testing.assert_allclose(
+            archive["trans"], clip.motion.pelvis_m - rest_pelvis_m, rtol=0, atol=1e-15
+        )
+        np.testing.assert_array_equal(archive["rest_pelvis_m"], rest_pelvis_m)
+        assert archive["poses"].shape == (5, 72)
+        assert float(archive["mocap_framerate"]) == 29.97
+        assert str(archive["gender"]) == "female"
+
+
+def test_same_clip_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        save_clip(tmp_path / f"{name}.npz", a_clip(), np.zeros(3))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    with zipfile.ZipFile(tmp_path / "a.npz") as archive:
+        assert {entry.date_time[0] for entry in archive.infolist()} == {1980}  # no time inside
+
+
+def test_rows_without_a_motion_stay_unknown(tmp_path: Path) -> None:
+    """Pseudo ground truth has no root where it has no camera; scipy refuses NaN matrices."""
+    clip = a_clip()
+    root_rotmats, pelvis_m = clip.motion.root_rotmats.copy(), clip.motion.pelvis_m.copy()
+    root_rotmats[1], pelvis_m[1] = np.nan, np.nan
+    motion = replace(clip.motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
+    save_clip(tmp_path / "c.npz", replace(clip, motion=motion), np.ones(3))
+    found = load_clip(tmp_path / "c.npz").motion
+    assert np.isnan(found.root_rotmats[1]).all()
+    assert np.isnan(found.pelvis_m[1]).all()
+    np.testing.assert_allclose(found.local_rotmats, motion.local_rotmats, atol=1e-12)
+    known = [0, 2, 3, 4]
+    np.testing.assert_allclose(found.root_rotmats[known], root_rotmats[known], atol=1e-12)
+
+
+def damaged(tmp_path: Path, **changed: object) -> Path:
+    path = tmp_path / "damaged.npz"
+    save_clip(path, a_clip(), np.zeros(3))
+    with np.load(path) as archive:
+        arrays = dict(archive) | changed
+    np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
+    return path
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("poses", np.zeros((5, 66))),
+        ("poses", np.zeros((4, 72))),
+        ("poses", np.zeros((5, 72), dtype="U1")),
+        ("poses", np.array(1.0)),
+        ("trans", np.zeros((1, 3))),  # would broadcast without a word
+        ("rest_pelvis_m", np.zeros((5, 3))),
+        ("betas", np.zeros((1, 10))),
+        ("valid", np.zeros(5)),
+        ("valid", np.zeros(4, dtype=bool)),
+        ("image_numbers", np.arange(5.0)),
+        ("mocap_framerate", np.array([10.0, 10.0])),
+        ("mocap_framerate", np.array(0.0)),
+        ("mocap_framerate", np.array(np.nan)),
+        ("frame", np.array("moon")),
+        ("id", np.array(3)),
+        ("world_from_cam", np.zeros((5, 3, 4))),
+        ("camera_size_px", np.array([640])),
+        ("has_camera", None),
+        ("trans", None),
+    ],
+)
+def test_arrays_that_do_not_fit(tmp_path: Path, key: str, value: np.ndarray | None) -> None:
+    path = damaged(tmp_path, **{key: value})
+    with pytest.raises(BadMotionFile, match=r"damaged\.npz: .*"):
+        load_clip(path)
+
+
+def test_no_frames(tmp_path: Path) -> None:
+    with pytest.raises(BadMotionFile, match="no frames"):
+        save_clip(tmp_path / "c.npz", a_clip(0, with_camera=False), np.zeros(3))
+
+
+def test_saving_what_does_not_fit_writes_nothing(tmp_path: Path) -> None:
+    clip = replace(a_clip(), valid=np.ones(4, dtype=bool))
+    with pytest.raises(BadMotionFile, match="'valid' has shape"):
+        save_clip(tmp_path / "c.npz", clip, np.zeros(3))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match=r"nothing\.npz"):
+        load_clip(tmp_path / "nothing.npz")
+
+
+def test_every_truncation_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "c.npz"
+    save_clip(path, a_clip(2), np.zeros(3))
+    content = path.read_bytes()
+    for size in [*range(0, len(content), 211), len(content) - 1]:
+        path.write_bytes(content[:size])
+        with pytest.raises(BadMotionFile, match="not a readable"):
+            read_npz(path)
+
+
+class Trap:
+    """Unpickling this would leave a mark."""
+
+    def __reduce__(self) -> tuple:
+        return (Path("trap_was_sprung").touch, ())
+
+
+def test_pickled_objects_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = damaged(tmp_path, betas=np.array([Trap()], dtype=object))
+    with pytest.raises(BadMotionFile, match="not a readable .npz of plain arrays"):
+        load_clip(path)
+    assert not (tmp_path / "trap_was_sprung").exists()
+
+
+def test_other_files_with_the_name_of_an_npz(tmp_path: Path) -> None:
+    path = tmp_path / "c.npz"
+    single = io.BytesIO()
+    np.save(single, np.zeros(3))
+    for content in (b"", b"text", single.getvalue(), b"PK\x03\x04" + bytes(100)):
+        path.write_bytes(content)
+        with pytest.raises(BadMotionFile, match="not a readable"):
+            read_npz(path)
+
+
+def test_damaged_compressed_data(tmp_path: Path) -> None:
+    """zlib's error is neither an OSError nor a ValueError."""
+    path = tmp_path / "c.npz"
+    np.savez_compressed(path, a=np.random.default_rng(0).normal(size=1000).round(1))
+    content = bytearray(path.read_bytes())
+    content[60:120] = bytes(60)
+    path.write_bytes(content)
+    with pytest.raises(BadMotionFile, match="not a readable"):
+        read_npz(path)
+
+
+def test_header_that_claims_more_than_any_memory(tmp_path: Path) -> None:
+    header = io.BytesIO()
+    claim = {"descr": "<f8", "fortran_order": False, "shape": (1 << 50,)}
+    np.lib.format.write_array_header_1_0(header, claim)
+    path = tmp_path / "c.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("a.npy", header.getvalue())
+    with pytest.raises(BadMotionFile, match="not a readable"):
+        read_npz(path)
+
+
+def test_npz_bomb_is_refused_unopened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "c.npz"
+    np.savez_compressed(path, a=np.zeros(200_000))
+    monkeypatch.setattr(files, "MAX_UNPACKED_BYTES", 1_000_000)
+    with pytest.raises(BadMotionFile, match="unpacks to 16"):
+        read_npz(path)

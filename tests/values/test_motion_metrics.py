@@ -1,0 +1,108 @@
+"""OME, TME and VME on cases that were worked out by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gmrdata.values.motion_metrics import angles_rad, ome_deg, tme_mm, vertex_errors_mm, vme_mm
+
+STILL = np.eye(3)[None]
+NOWHERE_M = np.zeros((1, 3))
+
+
+def yaw(degrees: float, n: int = 1) -> np.ndarray:
+    """n rotations about the body's own up axis, y."""
+    return np.tile(Rotation.from_euler("y", degrees, degrees=True).as_matrix(), (n, 1, 1))
+
+
+def test_one_degree_of_yaw_per_frame() -> None:
+    assert ome_deg(yaw(1.0, 5), yaw(0.0, 5)) == pytest.approx(1.0, abs=1e-12)
+    assert ome_deg(yaw(-1.0, 5), yaw(1.0, 5)) == pytest.approx(2.0, abs=1e-12)
+    # The mean over motions, not their sum: (1 + 0 + 5) / 3.
+    assert ome_deg(np.concatenate([yaw(1), yaw(0), yaw(5)]), yaw(0, 3)) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-6, 1e-3, 90.0, 179.999, 180.0])
+def test_angles_are_exact_from_0_to_180(degrees: float) -> None:
+    assert ome_deg(yaw(degrees), yaw(0.0)) == pytest.approx(degrees, abs=1e-9)
+
+
+def test_ten_millimetres() -> None:
+    """The length of the difference (6, 0, 8) mm, and a mean of lengths over motions."""
+    true_m = np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 0.0]])
+    off_m = true_m + np.array([[0.006, 0.0, 0.008], [0.0, 0.0, 0.0]])
+    assert tme_mm(off_m, true_m) == pytest.approx(5.0, abs=1e-10)
+    assert tme_mm(off_m[:1], true_m[:1]) == pytest.approx(10.0, abs=1e-10)
+
+
+def test_a_vertex_at_a_known_radius() -> None:
+    """Turned by 1 deg, a vertex 1 m off the axis moves 2 sin(0.5 deg) m, one on it nothing."""
+    vertices_m = np.array([[[1.0, 0.7, 0.0], [0.0, 3.0, 0.0]]])
+    chord_mm = 2000 * np.sin(np.deg2rad(0.5))
+    found = vme_mm(yaw(1.0), NOWHERE_M, STILL, NOWHERE_M, vertices_m)
+    assert found == pytest.approx(chord_mm / 2, abs=1e-10)
+    lifted_m = np.array([[0.0, 0.01, 0.0]])
+    found = vme_mm(yaw(1.0), lifted_m, STILL, NOWHERE_M, vertices_m)
+    assert found == pytest.approx((np.hypot(chord_mm, 10) + 10) / 2, abs=1e-10)
+
+
+def test_vertices_of_a_predicted_local_pose_count() -> None:
+    """Eq. 17 compares whole meshes: with equal motions, only the local pose's error is left."""
+    true_vertices_m = np.zeros((1, 4, 3))
+    predicted_vertices_m = true_vertices_m + np.array([0.0, 0.03, 0.04])
+    turned = yaw(30.0)
+    found = vme_mm(turned, NOWHERE_M, turned, NOWHERE_M, true_vertices_m, predicted_vertices_m)
+    assert found == pytest.approx(50.0, abs=1e-10)
+
+
+seeds = st.integers(0, 2**31 - 1)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds)
+def test_they_are_the_papers_formulas(seed: int) -> None:
+    """Against the equations as loops, with scipy's log map."""
+    rng = np.random.default_rng(seed)
+    n, v = 4, 6
+    predicted = Rotation.from_rotvec(rng.normal(0, 1, (n, 3)))
+    true = Rotation.from_rotvec(rng.normal(0, 1, (n, 3)))
+    predicted_m, true_m = rng.normal(0, 1, (2, n, 3))
+    predicted_v_m, true_v_m = rng.normal(0, 1, (2, n, v, 3))
+    angle = np.mean([(true[i] * predicted[i].inv()).magnitude() for i in range(n)])
+    length = np.mean([np.sqrt(((predicted_m[i] - true_m[i]) ** 2).sum()) for i in range(n)])
+    vertex = np.mean(
+        [
+            np.linalg.norm(
+                predicted[i].apply(predicted_v_m[i, j])
+                + predicted_m[i]
+                - true[i].apply(true_v_m[i, j])
+                - true_m[i]
+            )
+            for i in range(n)
+            for j in range(v)
+        ]
+    )
+    rotmats, true_rotmats = predicted.as_matrix(), true.as_matrix()
+    assert ome_deg(rotmats, true_rotmats) == pytest.approx(np.rad2deg(angle), rel=1e-10)
+    assert tme_mm(predicted_m, true_m) == pytest.approx(1000 * length, rel=1e-12)
+    found = vme_mm(rotmats, predicted_m, true_rotmats, true_m, true_v_m, predicted_v_m)
+    assert found == pytest.approx(1000 * vertex, rel=1e-10)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_vme_of_a_pure_translation_is_tme(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rotmats = Rotation.random(3, random_state=seed).as_matrix()
+    predicted_m, true_m = rng.normal(0, 1, (2, 3, 3))
+    vertices_m = rng.normal(0, 1, (3, 5, 3))
+    found = vertex_errors_mm(rotmats, predicted_m, rotmats, true_m, vertices_m)
+    np.testing.assert_allclose(found, 1000 * np.linalg.norm(predicted_m - true_m, axis=1))
+
+
+def test_angles_keep_the_batch_shape() -> None:
+    rotation = Rotation.random(6, random_state=0)
+    found = angles_rad(rotation.as_matrix().reshape(2, 3, 3, 3))
+    np.testing.assert_allclose(found, rotation.magnitude().reshape(2, 3), rtol=1e-12)

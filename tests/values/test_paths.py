@@ -1,0 +1,51 @@
+"""No path that a file names may lead out of its folder."""
+
+from pathlib import Path, PurePosixPath
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gmrdata.values.files import resolve_inside, safe_relative
+
+
+@given(text=st.text(st.sampled_from("ab./\\:~\n \0é"), max_size=10))
+def test_what_passes_stays_below(text: str) -> None:
+    try:
+        safe = safe_relative(text)
+    except ValueError:
+        return
+    assert safe == text
+    parts = PurePosixPath(text).parts
+    assert parts
+    assert ".." not in parts
+    assert "/" not in parts
+
+
+@pytest.mark.parametrize("text", ["a", "a/b.c", "a b/ü", "...", "~/x", "-rf"])
+def test_plain_paths_pass(text: str) -> None:
+    assert safe_relative(text) == text
+
+
+@pytest.mark.parametrize(
+    "text", ["", ".", "/a", "a/..", "..", "a/./b", "a/", "a//b", "C:a", "a\0b"]
+)
+def test_others_do_not(text: str) -> None:
+    with pytest.raises(ValueError, match="path"):
+        safe_relative(text)
+
+
+def test_link_to_a_neighbour_whose_name_begins_alike(tmp_path: Path) -> None:
+    """`/set` is not above `/settings`, although the text of one begins with the other."""
+    (tmp_path / "set").mkdir()
+    (tmp_path / "settings").mkdir()
+    (tmp_path / "set" / "link").symlink_to(tmp_path / "settings")
+    with pytest.raises(ValueError, match="link out"):
+        resolve_inside(tmp_path / "set", "link/x")
+
+
+def test_root_that_is_itself_a_link(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "real" / "x").write_text("x")
+    (tmp_path / "root").symlink_to(tmp_path / "real")
+    assert resolve_inside(tmp_path / "root", "x") == (tmp_path / "real" / "x").resolve()

@@ -1,0 +1,62 @@
+"""Rigid transforms against scipy's."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gmrdata.values import transforms
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_rigid(seed: int, n: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return transforms.rigid(
+        Rotation.random(n, random_state=rng).as_matrix(), rng.normal(0, 10, (n, 3))
+    )
+
+
+@given(seeds)
+def test_inverse(seed: int) -> None:
+    a_from_b = random_rigid(seed, 5)
+    identity = np.broadcast_to(np.eye(4), (5, 4, 4))
+    np.testing.assert_allclose(transforms.invert(a_from_b) @ a_from_b, identity, atol=1e-12)
+    np.testing.assert_allclose(a_from_b @ transforms.invert(a_from_b), identity, atol=1e-12)
+    np.testing.assert_allclose(transforms.invert(a_from_b), np.linalg.inv(a_from_b), atol=1e-12)
+
+
+@given(seeds)
+def test_apply_of_a_product_is_apply_twice(seed: int) -> None:
+    a_from_b, b_from_c = random_rigid(seed, 4), random_rigid(seed // 2 + 1, 4)
+    points_c = np.random.default_rng(seed).normal(0, 5, (4, 7, 3))
+    np.testing.assert_allclose(
+        transforms.apply(a_from_b @ b_from_c, points_c),
+        transforms.apply(a_from_b, transforms.apply(b_from_c, points_c)),
+        atol=1e-11,
+    )
+
+
+@given(seeds)
+def test_agrees_with_scipy(seed: int) -> None:
+    scipy_transform = pytest.importorskip("scipy.spatial.transform")
+    if not hasattr(scipy_transform, "RigidTransform"):
+        pytest.skip("RigidTransform came with scipy 1.16")
+    a_from_b, b_from_c = random_rigid(seed, 3), random_rigid(seed // 3 + 7, 3)
+    points_b = np.random.default_rng(seed).normal(0, 5, (3, 3))
+    oracle = scipy_transform.RigidTransform.from_matrix(a_from_b)
+    other = scipy_transform.RigidTransform.from_matrix(b_from_c)
+    np.testing.assert_allclose(
+        transforms.apply(a_from_b, points_b[:, None])[:, 0], oracle.apply(points_b), atol=1e-11
+    )
+    np.testing.assert_allclose(transforms.invert(a_from_b), oracle.inv().as_matrix(), atol=1e-11)
+    np.testing.assert_allclose(a_from_b @ b_from_c, (oracle * other).as_matrix(), atol=1e-11)
+
+
+def test_rigid_broadcasts_one_rotation_over_many_translations() -> None:
+    translations = np.arange(6.0).reshape(2, 3)
+    a_from_b = transforms.rigid(np.eye(3), translations)
+    assert a_from_b.shape == (2, 4, 4)
+    np.testing.assert_array_equal(a_from_b[:, :3, 3], translations)
+    np.testing.assert_array_equal(a_from_b[:, 3], [[0, 0, 0, 1]] * 2)

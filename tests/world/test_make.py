@@ -1,0 +1,178 @@
+"""Pseudo ground truth from exact cameras in a reconstruction's form."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.cameras.files import (
+    CAMERAS_FILE,
+    POINTS_FILE,
+    QUALITY_FILE,
+    SfmCameras,
+    save_cameras,
+    save_points,
+)
+from gmrdata.film.programmes import Circular, Panning, camera_path
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.bodies import save_body
+from gmrdata.twins.pseudo_gt_error import compare_clips
+from gmrdata.values import transforms
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.errors import BadMotionFile, NoReconstruction
+from gmrdata.values.files import read_json, write_json
+from gmrdata.values.people import PersonFiles, person_file
+from gmrdata.world.compose import camera_motion, metric_cameras
+from gmrdata.world.pseudo_gt import fill_gaps, make_pseudo_gt
+from gmrdata.world.recipe import PseudoGtConfig
+
+
+def true_clip(body: BodyModel, programme: Circular | Panning) -> Clip:
+    motion = make_gait("circle", 4.0, 10.0, body, np.random.default_rng(2))
+    rng = np.random.default_rng(0)
+    path = camera_path(programme, motion.pelvis_m, 10.0, 640, 360, 60.0, rng)
+    n = motion.n_frames
+    return Clip("walk", motion, np.ones(n, dtype=bool), np.arange(n) + 100, path)
+
+
+def as_input(clip: Clip) -> Clip:
+    """What 3DPW gives: the person in the camera frame, and intrinsics."""
+    assert clip.camera is not None
+    n = clip.motion.n_frames
+    unknown = np.full((n, 4, 4), np.nan)
+    camera = replace(clip.camera, world_from_cam=unknown, has_camera=np.zeros(n, dtype=bool))
+    return replace(
+        clip, motion=camera_motion(clip.motion, clip.camera.world_from_cam), camera=camera
+    )
+
+
+def reconstruction(folder: Path, clip: Clip, geometry: str, lost: list[int]) -> Path:
+    """The true cameras in another world and unit, without the rows `lost`, as sfm writes them."""
+    assert clip.camera is not None
+    world = transforms.rigid(Rotation.from_rotvec([0.4, 1.0, -2.0]).as_matrix(), np.ones(3))
+    world_from_cam = metric_cameras(world @ clip.camera.world_from_cam, 1 / 0.37)
+    if geometry == "rotation_only":
+        world_from_cam[:, :3, 3] = 0.0
+    has_camera = np.ones(len(world_from_cam), dtype=bool)
+    has_camera[lost] = False
+    world_from_cam[lost] = np.nan
+    path = CameraPath(clip.camera.intrinsics_px, 640, 360, world_from_cam, has_camera)
+    folder.mkdir()
+    cameras = SfmCameras(
+        path,
+        "full" if geometry == "full" else "rotation_only",
+        clip.image_numbers,
+        np.zeros(len(has_camera), dtype=bool),
+    )
+    save_cameras(folder / CAMERAS_FILE, cameras)
+    save_points(folder / POINTS_FILE, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+    write_json(
+        folder / QUALITY_FILE,
+        {
+            "geometry": geometry,
+            "registered_share": 1.0,
+            "inliers_per_frame": [100 * bool(known) for known in has_camera],
+        },
+    )
+    return folder
+
+
+def made(tmp_path: Path, clip: Clip, body: BodyModel, geometry: str, lost: list[int]) -> Path:
+    save_body(tmp_path / "body.npz", body)
+    save_clip(tmp_path / "in.npz", as_input(clip), body.rest_pelvis_m(clip.motion.shape))
+    sfm_dir = reconstruction(tmp_path / "sfm", clip, geometry, lost)
+    people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
+    return make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+
+
+def test_exact_cameras_give_back_the_true_motion(small_body: BodyModel, tmp_path: Path) -> None:
+    true = true_clip(small_body, Circular())
+    out_dir = made(tmp_path, true, small_body, "full", [])
+    found, quality = load_clip(out_dir / person_file(0)), read_json(out_dir / "quality.json")
+    assert found.motion.frame == "world" and found.valid.all()
+    assert quality["scale"] == pytest.approx(0.37, rel=0.005)
+    assert (
+        quality["geometry"] == "full"
+        and quality["people"][0]["kept_frames"] == true.motion.n_frames
+    )
+    assert quality["scale_cues"][0]["name"] == "planted_feet"
+    error = compare_clips(found, true)
+    assert error.ome_deg < 1e-4 and error.tme_mm < 2.0
+    # Level: z up to a degree, feet on the ground.
+    assert error.true_from_pseudo[2, 2] > np.cos(np.deg2rad(1.0))
+    assert found.motion.pelvis_m[:, 2] == pytest.approx(true.motion.pelvis_m[:, 2], abs=0.03)
+    assert found.motion.pelvis_m[0, :2] == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_a_pan_needs_no_scale(small_body: BodyModel, tmp_path: Path) -> None:
+    true = true_clip(small_body, Panning())
+    out_dir = made(tmp_path, true, small_body, "rotation_only", [])
+    quality = read_json(out_dir / "quality.json")
+    assert quality["scale"] is None and quality["scale_sigma"] is None
+    error = compare_clips(load_clip(out_dir / person_file(0)), true)
+    assert error.ome_deg < 1e-4 and error.tme_mm < 1e-3
+
+
+def test_frames_without_a_camera_are_not_valid_but_finite(
+    small_body: BodyModel, tmp_path: Path
+) -> None:
+    true = true_clip(small_body, Circular())
+    lost = [0, 7, 8, true.motion.n_frames - 1]
+    found = load_clip(made(tmp_path, true, small_body, "full", lost) / person_file(0))
+    assert np.flatnonzero(~found.valid).tolist() == lost
+    assert found.camera is not None
+    assert np.array_equal(found.camera.has_camera, found.valid)
+    assert np.isnan(found.camera.world_from_cam[lost]).all()
+    assert np.isfinite(found.motion.pelvis_m).all() and np.isfinite(found.motion.root_rotmats).all()
+    # Row 7 lies in a short gap of a smooth path: interpolation is near the truth.
+    steps_m = np.linalg.norm(np.diff(found.motion.pelvis_m, axis=0), axis=1)
+    true_steps_m = np.linalg.norm(np.diff(true.motion.pelvis_m, axis=0), axis=1)
+    assert steps_m[6:9] == pytest.approx(true_steps_m[6:9], abs=0.03)
+    error = compare_clips(found, true)
+    assert error.frames_with_camera == true.motion.n_frames - 4 and error.tme_mm < 3.0
+
+
+def test_gaps_are_filled_between_neighbours() -> None:
+    rotmats = Rotation.from_rotvec([[0, 0, 0.1 * i] for i in range(5)]).as_matrix()
+    cameras = transforms.rigid(rotmats, np.arange(15.0).reshape(5, 3))
+    holes = cameras.copy()
+    holes[[0, 2, 4]] = np.nan
+    filled = fill_gaps(holes, np.array([False, True, False, True, False]))
+    assert filled[1:4] == pytest.approx(cameras[1:4], abs=1e-12)
+    assert filled[[0, 4]] == pytest.approx(cameras[[1, 3]], abs=1e-12)
+
+
+def test_no_common_frame_is_an_error(small_body: BodyModel, tmp_path: Path) -> None:
+    true = true_clip(small_body, Circular())
+    with pytest.raises(NoReconstruction, match="walk: no two frames have both pose and camera"):
+        made(tmp_path, true, small_body, "full", list(range(true.motion.n_frames)))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_world_frame_clip_is_refused(small_body: BodyModel, tmp_path: Path) -> None:
+    true = true_clip(small_body, Circular())
+    save_body(tmp_path / "body.npz", small_body)
+    save_clip(tmp_path / "in.npz", true, small_body.rest_pelvis_m(true.motion.shape))
+    sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
+    with pytest.raises(BadMotionFile, match="not in the camera frame"):
+        people = (PersonFiles(tmp_path / "in.npz", tmp_path / "body.npz"),)
+        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())
+
+
+def test_people_with_other_rows_than_the_first_are_refused(
+    small_body: BodyModel, tmp_path: Path
+) -> None:
+    true = true_clip(small_body, Circular())
+    save_body(tmp_path / "body.npz", small_body)
+    rest_pelvis_m = small_body.rest_pelvis_m(true.motion.shape)
+    save_clip(tmp_path / "a.npz", as_input(true), rest_pelvis_m)
+    later = replace(as_input(true), image_numbers=true.image_numbers + 1)
+    save_clip(tmp_path / "b.npz", later, rest_pelvis_m)
+    people = tuple(PersonFiles(tmp_path / f"{n}.npz", tmp_path / "body.npz") for n in "ab")
+    sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
+    with pytest.raises(BadMotionFile, match=r"b\.npz: has other rows than walk"):
+        make_pseudo_gt(sfm_dir, people, tmp_path / "out", PseudoGtConfig())

@@ -1,0 +1,165 @@
+"""A person's decision on verdicts, with sets of frames as the oracle."""
+
+from dataclasses import replace
+from itertools import groupby
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from gmrdata.values.errors import BadRecipe
+from gmrdata.world.verdict import Dropped, Override, Verdict, dropped_ranges, overridden
+
+N = 20
+USABLE = np.zeros(N, dtype=bool)
+NO_CAMERA = [""] * 15 + ["no camera was found"] * 5
+REJECTED = Verdict(
+    False, ("60% of the images have a camera", "a cut"), tuple(dropped_ranges(NO_CAMERA)), N
+)
+ACCEPTED = Verdict(True, (), tuple(dropped_ranges(NO_CAMERA)), N)
+
+
+def test_a_person_accepts_what_was_rejected_and_the_overruled_reasons_stay() -> None:
+    override = Override(verdict="accepted", because="the cut is a flash")
+    verdict = overridden(REJECTED, override, USABLE)
+    assert verdict == Verdict(
+        True,
+        (
+            "a person decided: the cut is a flash",
+            "overruled: 60% of the images have a camera",
+            "overruled: a cut",
+        ),
+        REJECTED.dropped,
+        N,
+    )
+
+
+def test_a_person_rejects_what_was_accepted() -> None:
+    override = Override(verdict="rejected", because=" the body floats ")
+    verdict = overridden(ACCEPTED, override, USABLE)
+    assert not verdict.accepted
+    assert verdict.reasons == ("a person decided: the body floats",)
+
+
+def test_a_person_agrees_with_a_rejection_and_its_reasons_stay() -> None:
+    verdict = overridden(REJECTED, Override(verdict="rejected", because="x"), USABLE)
+    assert verdict.reasons == ("a person decided: x", *REJECTED.reasons)
+
+
+def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:
+    override = Override(because="looked at it", keep=((14, 17),), drop=((0, 2), (16, 18)))
+    unusable = np.arange(N) == 14
+    reasons = ["" if row < 13 else "the camera jumps" for row in range(N)]
+    for before in (REJECTED, ACCEPTED):
+        lost_too = [a or b for a, b in zip(NO_CAMERA, reasons, strict=True)]
+        judged = replace(before, dropped=tuple(dropped_ranges(lost_too)))
+        verdict = overridden(judged, override, unusable)
+        after = verdict.frame_reasons
+        assert (verdict.accepted, verdict.reasons) == (before.accepted, before.reasons)
+        said, jumps, lost = override.decision, "the camera jumps", "no camera was found"
+        # 14 can't be kept, 16 is dropped by the person although they also keep it.
+        assert verdict.dropped == (
+            Dropped(0, 2, said),
+            Dropped(13, 15, jumps),
+            Dropped(16, 18, said),
+            Dropped(18, 20, lost),
+        )
+        assert after == [said] * 2 + [""] * 11 + [jumps] * 2 + [""] + [said] * 2 + [lost] * 2
+        assert verdict.kept_share == 12 / 20
+
+
+def test_a_frame_that_cannot_be_used_says_so_even_where_nothing_had_a_reason() -> None:
+    override = Override(because="all good", keep=((0, N),))
+    unusable = np.arange(N) < 3
+    verdict = overridden(Verdict(True, (), (), N), override, unusable)
+    assert verdict.dropped == (Dropped(0, 3, "the frame has no camera or no pose"),)
+    assert [bool(reason) for reason in verdict.frame_reasons] == unusable.tolist()
+
+
+def test_nobody_can_accept_a_sequence_without_frames() -> None:
+    override = Override(verdict="accepted", because="I like it", drop=((0, 15),))
+    verdict = overridden(REJECTED, override, np.arange(N) >= 15)
+    assert not verdict.accepted
+    assert verdict.kept_share == 0
+    assert verdict.reasons[-1] == "no frame can be used"
+    drop_all = Override(because="blurred", drop=((0, N),))
+    verdict = overridden(ACCEPTED, drop_all, USABLE)
+    assert (verdict.accepted, verdict.reasons) == (False, ("no frame can be used",))
+
+
+def test_ranges_beyond_the_sequence_are_refused() -> None:
+    override = Override(because="x", keep=((15, 21),))
+    with pytest.raises(BadRecipe, match=r"keep 15\.\.21: the sequence has 20 frames"):
+        overridden(ACCEPTED, override, USABLE)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"verdict": "accepted"}, "because"),
+        ({"verdict": "accepted", "because": "  "}, "at least 1 character"),
+        ({"because": "nothing"}, "decides nothing"),
+        ({"because": "x", "verdict": "good"}, "'accepted' or 'rejected'"),
+        ({"because": "x", "keep": ((5, 5),)}, r"keep 5\.\.5 is empty"),
+        ({"because": "x", "drop": ((-1, 5),)}, "greater than or equal to 0"),
+        ({"because": "x", "drop": ((0, 5),), "kept": ()}, "kept"),
+    ],
+)
+def test_an_override_that_makes_no_sense_is_refused(fields: dict[str, object], said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        Override.model_validate(fields)
+
+
+def test_an_override_comes_back_from_json() -> None:
+    override = Override(verdict="rejected", because="x", keep=((1, 4),), drop=((2, 3), (7, 9)))
+    assert Override.model_validate_json(override.model_dump_json()) == override
+
+
+ranges = st.lists(
+    st.tuples(st.integers(0, N - 1), st.integers(1, N)).filter(lambda part: part[0] < part[1]),
+    max_size=4,
+).map(tuple)
+masks = st.lists(st.booleans(), min_size=N, max_size=N).map(np.array)
+texts = st.lists(st.sampled_from(["", "", "jumps", "few inliers"]), min_size=N, max_size=N)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    keep=ranges,
+    drop=ranges,
+    unusable=masks,
+    before=texts,
+    decided=st.sampled_from(["accepted", "rejected"]),
+)
+def test_what_is_kept_is_what_sets_of_frames_say(
+    keep: tuple[tuple[int, int], ...],
+    drop: tuple[tuple[int, int], ...],
+    unusable: np.ndarray,
+    before: list[str],
+    decided: str,
+) -> None:
+    override = Override.model_validate(
+        {"verdict": decided, "because": "seen", "keep": keep, "drop": drop}
+    )
+    verdict = overridden(Verdict(True, (), tuple(dropped_ranges(before)), N), override, unusable)
+    reasons = verdict.frame_reasons
+    passed = {row for row in range(N) if not before[row]}
+    expected = (passed | _rows(keep)) - _rows(drop) - set(np.flatnonzero(unusable))
+    kept = {row for row in range(N) if not reasons[row]}
+    assert kept == expected
+    assert kept == set(range(N)) - _rows(tuple((d.start, d.stop) for d in verdict.dropped))
+    assert verdict.kept_share == len(expected) / N
+    assert verdict.accepted == (decided == "accepted" and bool(expected))
+    # The ranges say the same as the texts, run by run.
+    runs = [(reason, len(list(group))) for reason, group in groupby(reasons) if reason]
+    assert runs == [(part.reason, part.stop - part.start) for part in verdict.dropped]
+    # Nothing but the ranges of the person changes a frame, and twice is as once.
+    for row in set(range(N)) - _rows(keep) - _rows(drop) - set(np.flatnonzero(unusable)):
+        assert reasons[row] == before[row]
+    assert overridden(verdict, override, unusable).dropped == verdict.dropped
+
+
+def _rows(parts: tuple[tuple[int, int], ...]) -> set[int]:
+    return {row for start, stop in parts for row in range(start, stop)}

@@ -1,0 +1,217 @@
+"""Metric scale from planted feet, with cameras that are known exactly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.film.programmes import Circular, Linear, camera_path
+from gmrdata.motion.gait import make_gait
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import NoReconstruction
+from gmrdata.values.motion import Motion
+from gmrdata.world.compose import camera_motion
+from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
+from gmrdata.world.recipe import CueEstimate, ScaleConfig
+from gmrdata.world.scale import SeenPerson, estimate_scale, fuse
+
+PROGRAMMES = {"circular": Circular(), "linear": Linear()}
+
+
+def filmed(
+    gait: str, programme: str, body: BodyModel, seed: int, fps_hz: float = 10.0
+) -> tuple[Motion, CameraPath]:
+    """A world motion, and the exact camera that films it."""
+    motion = make_gait(gait, 4.8, fps_hz, body, np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    path = camera_path(PROGRAMMES[programme], motion.pelvis_m, fps_hz, 640, 360, 60.0, rng)
+    return motion, path
+
+
+def seen_through(
+    path: CameraPath, metres_per_unit: float, noise_m: float, noise_rad: float, seed: int
+) -> CameraPath:
+    """The path as a reconstruction gives it: in its own unit, with errors."""
+    rng = np.random.default_rng(seed)
+    noisy = path.world_from_cam.copy()
+    turns = rng.normal(0, noise_rad, (len(noisy), 3))
+    noisy[:, :3, :3] = noisy[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
+    noisy[:, :3, 3] = (noisy[:, :3, 3] + rng.normal(0, noise_m, (len(noisy), 3))) / metres_per_unit
+    return replace(path, world_from_cam=noisy)
+
+
+@pytest.mark.parametrize("programme", ["circular", "linear"])
+@pytest.mark.parametrize("gait", ["walk", "run", "circle", "side_step"])
+@pytest.mark.parametrize("metres_per_unit", [0.13, 7.0])
+def test_scale_is_found_to_two_percent(
+    gait: str, programme: str, metres_per_unit: float, small_body: BodyModel
+) -> None:
+    motion, path = filmed(gait, programme, small_body, seed=3)
+    found = seen_through(path, metres_per_unit, 0.002, 0.0003, seed=1)
+    person = camera_motion(motion, path.world_from_cam)
+    estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
+    assert estimate.scale == pytest.approx(metres_per_unit, rel=0.02)
+    (cue,) = estimate.cues
+    assert cue.name == "planted_feet" and cue.support >= 5 and cue.residual_m < 0.01
+
+
+def test_the_unit_of_length_does_not_matter(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    person = camera_motion(motion, path.world_from_cam)
+    scales = []
+    for unit in (1.0, 1e-3, 1e3):
+        found = seen_through(path, unit, 0.0, 0.0, seed=0)
+        estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
+        assert estimate.scale is not None and estimate.sigma is not None
+        scales.append((estimate.scale / unit, estimate.sigma / unit))
+    assert np.ptp(scales, axis=0) == pytest.approx([0, 0], abs=1e-6)
+
+
+def test_errors_stay_within_their_bars(small_body: BodyModel) -> None:
+    inside, total = 0, 0
+    for seed in range(6):
+        for programme in PROGRAMMES:
+            motion, path = filmed("walk", programme, small_body, seed)
+            found = seen_through(path, 2.0, 0.006, 0.001, seed)
+            person = camera_motion(motion, path.world_from_cam)
+            estimate = estimate_scale(
+                [SeenPerson(person, small_body, found)], "full", ScaleConfig()
+            )
+            assert estimate.scale is not None and estimate.sigma is not None
+            assert estimate.sigma < 0.03 * estimate.scale
+            inside += abs(estimate.scale - 2.0) < 2 * estimate.sigma
+            total += 1
+    assert total == 12 and inside >= 11
+
+
+def test_frames_without_a_camera_are_left_out(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    person = camera_motion(motion, path.world_from_cam)
+    found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
+    found.world_from_cam[[0, 9, 10, 30]] = np.nan
+    estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
+    assert estimate.scale == pytest.approx(3.0, rel=0.01)
+
+
+def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    person = camera_motion(motion, path.world_from_cam)
+    estimate = estimate_scale(
+        [SeenPerson(person, small_body, path)], "rotation_only", ScaleConfig()
+    )
+    assert estimate.scale is None and estimate.sigma is None and estimate.cues == ()
+
+
+def test_a_camera_that_does_not_move_has_no_scale(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
+    person = camera_motion(motion, still.world_from_cam)
+    with pytest.raises(NoReconstruction, match="camera hardly moves"):
+        estimate_scale([SeenPerson(person, small_body, still)], "full", ScaleConfig())
+
+
+@pytest.mark.parametrize(("way_m", "known"), [(0.004, False), (1.0, True)])
+def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(
+    small_body: BodyModel, way_m: float, known: bool
+) -> None:
+    """Feet of a noisy body move by centimetres, which a hand-held camera does as well."""
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    rng = np.random.default_rng(2)
+    swaying = np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1))
+    phase_rad = 2 * np.pi * np.arange(path.n_frames) / 20
+    swaying[:, 0, 3] += way_m * np.sin(phase_rad)
+    person = camera_motion(motion, swaying)
+    noisy = replace(person, pelvis_m=person.pelvis_m + rng.normal(0, 0.004, person.pelvis_m.shape))
+    found = replace(path, world_from_cam=swaying)
+    estimate = estimate_scale([SeenPerson(noisy, small_body, found)], "full", ScaleConfig())
+    (cue,) = estimate.cues
+    assert cue.name == "planted_feet"
+    assert (estimate.scale is not None) == known == (estimate.sigma is not None)
+    assert known or not estimate.matters
+
+
+def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> None:
+    """For the verdict to reject it."""
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    person = camera_motion(motion, path.world_from_cam)
+    careless = ScaleConfig(body_share=0.8)
+    estimate = estimate_scale([SeenPerson(person, small_body, path)], "full", careless)
+    assert estimate.scale == pytest.approx(1.0, rel=0.02)
+    assert estimate.sigma is not None and estimate.sigma > 0.8 * estimate.scale
+    assert estimate.matters
+    steps_m = np.linalg.norm(np.diff(path.world_from_cam[:, :3, 3], axis=0), axis=1)
+    for share, matters in ((0.75, True), (0.85, False)):
+        bound = share * 10.0 * steps_m.mean()
+        config = ScaleConfig(body_share=0.8, vague_share=0.9, slow_m_per_s=bound)
+        estimate = estimate_scale([SeenPerson(person, small_body, path)], "full", config)
+        assert estimate.scale == pytest.approx(1.0, rel=0.02) and estimate.matters == matters
+
+
+def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    rng = np.random.default_rng(0)
+    flying = replace(motion, pelvis_m=rng.normal(0, 3.0, motion.pelvis_m.shape))
+    person = camera_motion(flying, path.world_from_cam)
+    with pytest.raises(NoReconstruction, match="planted feet found"):
+        estimate_scale([SeenPerson(person, small_body, path)], "full", ScaleConfig(min_stances=4))
+
+
+def test_cues_are_weighted_by_their_variances() -> None:
+    near = CueEstimate("planted_feet", 2.0, 0.1, 5, 0.01)
+    far = CueEstimate("other", 3.0, 0.2, 5, 0.01)
+    fused = fuse((near, far))
+    assert fused.scale == pytest.approx((2.0 / 0.01 + 3.0 / 0.04) / (1 / 0.01 + 1 / 0.04))
+    # They are further apart than they say, so the mean is worse than either says.
+    chi_square = ((2.0 - fused.scale) / 0.1) ** 2 + ((3.0 - fused.scale) / 0.2) ** 2
+    assert chi_square > 1
+    assert fused.sigma == pytest.approx((chi_square / (1 / 0.01 + 1 / 0.04)) ** 0.5)
+    assert fused.disagreement == pytest.approx(1 / np.hypot(0.1, 0.2))
+    alone = fuse((near,))
+    assert alone.disagreement is None and alone.sigma == pytest.approx(0.1)
+
+
+def test_sole_points_lie_on_the_ground_while_they_stand(small_body: BodyModel) -> None:
+    motion = make_gait("walk", 2.0, 60.0, small_body, np.random.default_rng(0))
+    soles_m = foot_points_m(small_body, motion)[:, :, SOLE_POINTS]
+    down = standing(soles_m, 0.002)
+    assert down.any(axis=(0, 2)).all()
+    assert np.abs(np.median(soles_m[down][:, 2])) < 0.01
+    # Heel behind ball behind toe, along the walking direction.
+    heading = motion.pelvis_m[-1] - motion.pelvis_m[0]
+    along = soles_m.mean(axis=0) @ (heading / np.linalg.norm(heading))
+    assert (np.diff(along, axis=1) > 0).all()
+
+
+def test_two_people_give_a_cue_each(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    other, _ = filmed("side_step", "circular", small_body, seed=1)
+    found = seen_through(path, 3.0, 0.002, 0.0003, seed=0)
+    half = replace(found, world_from_cam=found.world_from_cam.copy())
+    half.world_from_cam[20:] = np.nan
+    n = min(motion.n_frames, other.n_frames)
+    assert n == motion.n_frames
+    people = [
+        SeenPerson(camera_motion(motion, path.world_from_cam), small_body, found),
+        SeenPerson(camera_motion(other, path.world_from_cam), small_body, half),
+    ]
+    estimate = estimate_scale(people, "full", ScaleConfig())
+    assert [cue.person for cue in estimate.cues] == [0, 1]
+    assert estimate.scale == pytest.approx(3.0, rel=0.02)
+
+
+def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body: BodyModel) -> None:
+    motion, path = filmed("walk", "circular", small_body, seed=0)
+    found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
+    person = camera_motion(motion, path.world_from_cam)
+    unknown = replace(found, world_from_cam=np.full_like(found.world_from_cam, np.nan))
+    people = [SeenPerson(person, small_body, unknown), SeenPerson(person, small_body, found)]
+    estimate = estimate_scale(people, "full", ScaleConfig())
+    assert [cue.person for cue in estimate.cues] == [1]
+
+
+def test_what_cues_share_is_not_lowered_by_their_number() -> None:
+    cues = tuple(CueEstimate(f"cue_{i}", 2.0, 0.02, 9, 0.01) for i in range(100))
+    assert fuse(cues).sigma == pytest.approx(0.002)
+    assert fuse(cues, 0.01).sigma == pytest.approx(np.hypot(0.002, 0.02))

@@ -1,0 +1,229 @@
+"""Verdicts on clips whose faults are put in one at a time."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rigid
+from gmrdata.world.judge import judge
+from gmrdata.world.recipe import CueEstimate, VerdictConfig
+from gmrdata.world.scale import ScaleEstimate, fuse
+from gmrdata.world.verdict import Dropped, Verdict
+
+N, FPS_HZ = 90, 30.0
+ROWS = np.arange(N)
+CONFIG = VerdictConfig(min_run_s=0.3)
+GOOD: dict[str, Any] = {
+    "registered_share": 1.0,
+    "mean_reprojection_px": 0.3,
+    "frames": N,
+    "cuts_after_frames": [],
+    "inliers_per_frame": [200] * N,
+}
+SCALE = fuse((CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01),))
+
+
+def clip_of(world_from_cam: np.ndarray) -> Clip:
+    eye = np.tile(np.eye(3), (N, 23, 1, 1))
+    motion = Motion(
+        eye, eye[:, 0], np.zeros((N, 3)), np.zeros(10), FPS_HZ, "b", "neutral", "world", "test"
+    )
+    has_camera = np.isfinite(world_from_cam[:, 0, 0])
+    camera = CameraPath(np.diag([500.0, 500, 1]), 640, 360, world_from_cam, has_camera)
+    return Clip("c", motion, has_camera, np.arange(N), camera)
+
+
+def circling() -> np.ndarray:
+    angles = np.deg2rad(25) * np.arange(N) / FPS_HZ
+    turns = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix()
+    return rigid(turns, turns @ [4.0, 0.0, 1.5])
+
+
+@pytest.fixture
+def clip() -> Clip:
+    return clip_of(circling())
+
+
+def changed(clip: Clip, rows: slice, value: Any) -> Clip:
+    world_from_cam = camera_of(clip).world_from_cam.copy()
+    world_from_cam[rows] = value
+    return clip_of(world_from_cam)
+
+
+def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
+    tracked = circling() @ rigid(Rotation.from_rotvec([0, 1.0, 0]).as_matrix(), np.zeros(3))
+    same_motion = rigid(np.eye(3), np.array([5.0, 1, 0])) @ circling()
+    for other in (None, same_motion):
+        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=other) == Verdict(True, (), (), N)
+    # Another direction of view of the data set's camera is another motion in its own axes.
+    assert not judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=tracked).accepted
+
+
+@pytest.mark.parametrize(
+    ("figures", "reason"),
+    [
+        ({"registered_share": 0.6}, "60% of the images have a camera, fewer than 70%"),
+        ({"mean_reprojection_px": 1.5}, "reprojection error is 1.50 px, more than 1 px"),
+        ({"cuts_after_frames": list(range(0, 88, 2))}, "to another place 44 times"),
+        (
+            {"focal_factor": 0.77, "focal_sigma": 0.02},
+            "focal length 0.77 times the given one (standard error 0.02, at most 10% off is right)",
+        ),
+    ],
+)
+def test_a_sequence_that_misses_a_limit_is_rejected_with_both_figures(
+    clip: Clip, figures: dict[str, Any], reason: str
+) -> None:
+    verdict = judge(clip, GOOD | figures, ROWS, SCALE, CONFIG)
+    assert not verdict.accepted and len(verdict.reasons) == 1 and reason in verdict.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("factor", "sigma"), [(None, None), (0.77, 0.05), (1.09, 0.001), (1.0, 0.02), (1.2, 0.04)]
+)
+def test_a_focal_length_that_may_be_right_rejects_nothing(
+    clip: Clip, factor: float | None, sigma: float | None
+) -> None:
+    figures = {"focal_factor": factor, "focal_sigma": sigma}
+    assert judge(clip, GOOD | figures, ROWS, SCALE, CONFIG).accepted
+
+
+def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
+    vague = fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01),))
+    assert "uncertain by 10.0%" in judge(clip, GOOD, ROWS, vague, CONFIG).reasons[0]
+    apart = fuse(
+        (
+            CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01),
+            CueEstimate("ground_contact", 2.15, 0.02, 99, 0.01),
+        )
+    )
+    (reason,) = judge(clip, GOOD, ROWS, apart, CONFIG).reasons
+    assert "5.3 standard errors apart" in reason
+    # Of a camera that hardly travels, an uncertain scale means little.
+    assert judge(clip, GOOD, ROWS, replace(vague, matters=False), CONFIG).accepted
+    # Where scale doesn't enter, nothing is said of it.
+    assert judge(clip, GOOD, ROWS, ScaleEstimate(None, None, ()), CONFIG).accepted
+
+
+def test_frames_without_a_camera_are_dropped(clip: Clip) -> None:
+    verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
+    assert verdict.accepted and verdict.kept_share == pytest.approx(78 / 90)
+    assert verdict.dropped == (Dropped(40, 52, "no camera was found"),)
+
+
+def test_what_the_data_set_does_not_vouch_for_is_dropped_with_its_own_reason(clip: Clip) -> None:
+    unusable = ["campose_valid is 0" if row < 20 else "" for row in range(N)]
+    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, unusable=unusable)
+    assert verdict.dropped == (Dropped(0, 20, "campose_valid is 0"),)
+
+
+def test_few_inliers_drop_a_frame_and_what_is_too_short_beside_it(clip: Clip) -> None:
+    inliers = [200] * N
+    inliers[30:35] = inliers[40:45] = [10] * 5
+    verdict = judge(clip, GOOD | {"inliers_per_frame": inliers}, ROWS, SCALE, CONFIG)
+    assert verdict.dropped == (
+        Dropped(30, 35, "fewer than 25 inliers"),
+        Dropped(35, 40, "only 5 usable frames in a row"),
+        Dropped(40, 45, "fewer than 25 inliers"),
+    )
+
+
+def test_a_jump_drops_the_frames_beside_it(clip: Clip) -> None:
+    after = camera_of(clip).world_from_cam[50:].copy()
+    after[:, :3, 3] += [0.0, 0.0, 0.5]  # 15 m/s for one frame
+    verdict = judge(changed(clip, slice(50, N), after), GOOD, ROWS, SCALE, CONFIG)
+    assert verdict.dropped == (Dropped(49, 51, "the camera jumps"),)
+    turned = camera_of(clip).world_from_cam[50:].copy()
+    turned[:, :3, :3] = turned[:, :3, :3] @ Rotation.from_rotvec([0, 0.4, 0]).as_matrix()
+    verdict = judge(changed(clip, slice(50, N), turned), GOOD, ROWS, SCALE, CONFIG)
+    assert verdict.dropped == (Dropped(49, 51, "the camera jumps"),)
+
+
+def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip: Clip) -> None:
+    time = np.linspace(0, 1, N)
+    drift = rigid(
+        Rotation.from_rotvec(np.deg2rad(8) * time[:, None] * [0.0, 0.0, 1.0]).as_matrix(),
+        0.6 * time[:, None] * [1.0, 0.0, 0.0],
+    )
+    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=drift @ circling()).accepted
+    slower = circling()[np.arange(N) // 2]  # wrong intrinsics look like this
+    (reason,) = judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=slower).reasons
+    assert reason.startswith("0% of the data set's valid frames can be used")
+    unknown = np.full((N, 4, 4), np.nan)
+    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=unknown).accepted
+
+
+def test_no_usable_frame_is_a_rejection(clip: Clip) -> None:
+    verdict = judge(replace(clip, id="x"), GOOD, ROWS, SCALE, CONFIG, unusable=["bad"] * N)
+    assert not verdict.accepted and verdict.kept_share == 0.0
+    assert verdict.dropped == (Dropped(0, N, "bad"),)
+
+
+def test_frames_beyond_a_cut_say_so(clip: Clip) -> None:
+    lost = changed(clip, slice(60, N), np.nan)
+    verdict = judge(lost, GOOD | {"cuts_after_frames": [59]}, ROWS, SCALE, CONFIG)
+    assert verdict.accepted
+    (run,) = verdict.dropped
+    assert (run.start, run.stop) == (60, N) and "beyond a cut" in run.reason
+
+
+def test_frames_without_an_image_are_dropped(clip: Clip) -> None:
+    """The reconstruction has fewer rows then, so its figures are looked up by row."""
+    rows = np.r_[np.arange(50), -1, np.arange(50, N - 1)]
+    figures = {"frames": N - 1, "inliers_per_frame": [200] * 50 + [3] + [200] * (N - 52)}
+    lost = changed(clip, slice(50, 51), np.nan)
+    verdict = judge(lost, GOOD | figures, rows, SCALE, CONFIG)
+    assert [(run.start, run.stop, run.reason) for run in verdict.dropped] == [
+        (50, 51, "it has no image"),
+        (51, 52, "fewer than 25 inliers"),
+    ]
+
+
+def test_doubts_about_the_data_set_reject_the_sequence(clip: Clip) -> None:
+    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, doubts=["the intrinsics are wrong"])
+    assert not verdict.accepted and verdict.reasons == ("the intrinsics are wrong",)
+
+
+def test_few_valid_frames_are_not_held_against_a_sequence(clip: Clip) -> None:
+    unusable = ["campose_valid is 0"] * 60 + [""] * 30
+    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, unusable=unusable)
+    assert verdict.accepted and verdict.kept_share == pytest.approx(1 / 3)
+    assert np.array_equal(verdict.kept, np.arange(N) >= 60)
+
+
+def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
+    verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
+    record = verdict.as_record("c")
+    assert record["kept_frames"] == N - 12 and record["accepted"]
+    assert [reason != "" for reason in verdict.frame_reasons] == (~verdict.kept).tolist()
+    (run,) = record["dropped"]
+    assert run["start"] == 40 and run["stop"] == 52
+
+
+def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
+    inliers = [200] * 40 + [0] * 3 + [200] * (N - 43)
+    figures = {"inliers_per_frame": inliers, "interpolated": [40, 41, 42]}
+    assert judge(clip, GOOD | figures, ROWS, SCALE, CONFIG).kept.all()
+
+
+def test_images_out_of_order_say_so(clip: Clip) -> None:
+    order = np.random.default_rng(0).permutation(N)
+    shuffled = clip_of(circling()[order])
+    verdict = judge(shuffled, GOOD, ROWS, SCALE, VerdictConfig(max_speed_m_per_s=3.0))
+    assert not verdict.accepted
+    assert any("images out of order" in reason for reason in verdict.reasons)
+
+
+def test_black_images_are_named(clip: Clip) -> None:
+    lost = changed(clip, slice(50, N), np.nan)
+    figures = {"registered_share": 50 / N, "featureless": list(range(50, N))}
+    verdict = judge(lost, GOOD | figures, ROWS, SCALE, CONFIG)
+    assert not verdict.accepted and "40 are black or even" in verdict.reasons[0]
+    (run,) = verdict.dropped
+    assert (run.start, run.stop) == (50, N) and "black" in run.reason

@@ -1,0 +1,251 @@
+"""The written files, read back by other readers: BVH, AMASS's npz, GLB."""
+
+import json
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from gmrdata.motion.amass import read_amass
+from gmrdata.motion.files import read_motion
+from gmrdata.read.bvh import read_bvh
+from gmrdata.read.source_motion import global_rotmats, joint_positions_m
+from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, WORLD_FROM_REST, BodyModel
+from gmrdata.values.joint_names import find_joints
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from gmrdata.write.amass import write_amass
+from gmrdata.write.bvh import write_bvh
+from gmrdata.write.glb import write_glb
+
+Y_UP = WORLD_FROM_REST.T
+"""From the z-up world to the files' y-up axes."""
+
+
+def some_motion(
+    body: BodyModel, n_frames: int, seed: int, spread_rad: float, fps_hz: float
+) -> Motion:
+    """Any rotations whatever, and a shape."""
+    rng = np.random.default_rng(seed)
+    rotvecs = rng.normal(0, spread_rad, (n_frames * 24, 3))
+    rotmats = Rotation.from_rotvec(rotvecs).as_matrix().reshape(n_frames, 24, 3, 3)
+    return Motion(
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=rng.normal(0, 3, (n_frames, 3)),
+        shape=rng.normal(0, 0.5, body.n_shape),
+        fps_hz=fps_hz,
+        body=body.name,
+        gender="neutral",
+        frame="world",
+        source="a test",
+    )
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 1000),
+    spread_rad=st.sampled_from([0.0, 0.2, 2.0]),
+    fps_hz=st.sampled_from([10.0, 24.0, 25.0, 29.97, 30.0, 59.94, 60.0, 120.0]),
+    n_frames=st.integers(2, 6),
+)
+def test_bvh_comes_back_through_our_reader(
+    seed: int,
+    spread_rad: float,
+    fps_hz: float,
+    n_frames: int,
+    small_body: BodyModel,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    motion = some_motion(small_body, n_frames, seed, spread_rad, fps_hz)
+    path = tmp_path_factory.getbasetemp() / "some.bvh"
+    write_bvh(path, motion, small_body)
+    found = read_bvh(path, drop_rest_frame=False)
+    assert abs(found.fps_hz - fps_hz) < 1e-5
+    order = [
+        joint
+        for _, joint in sorted((s, j) for j, s in find_joints(found.names, None, path).items())
+    ]
+    assert sorted(order) == list(range(24))
+    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    rotmats[:, 0] = Y_UP @ rotmats[:, 0]
+    np.testing.assert_allclose(found.local_rotmats, rotmats[:, order], atol=1e-6)
+    world_from_joint = global_rotmats(found.parents, found.local_rotmats)
+    joints_m = joint_positions_m(found.parents, world_from_joint, found.translations_m)
+    expected_m = motion_joints_m(small_body, motion) @ Y_UP.T
+    np.testing.assert_allclose(joints_m, expected_m[:, order], atol=1e-6)
+
+
+def test_bvh_of_a_walk_comes_back_onto_the_body(
+    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
+) -> None:
+    """Retargeting looks for flat feet by itself, so the ankles and toes are left out here."""
+    motion = walk(30.0, 40)
+    write_bvh(tmp_path / "walk.bvh", motion, small_body)
+    found = read_motion(
+        tmp_path / "walk.bvh",
+        small_body,
+        shape=motion.shape,
+        ground=False,
+        drop_rest_frame=False,
+    )
+    np.testing.assert_allclose(found.root_rotmats, motion.root_rotmats, atol=1e-4)
+    np.testing.assert_allclose(found.pelvis_m, motion.pelvis_m, atol=1e-4)
+    feet = {JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")}
+    kept = [joint - 1 for joint in range(1, 24) if joint not in feet]
+    np.testing.assert_allclose(
+        found.local_rotmats[:, kept], motion.local_rotmats[:, kept], atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("name", ["small", "smpl-neutral"])
+def test_amass_comes_back_through_our_reader(
+    name: str, walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
+) -> None:
+    body = replace(small_body, name=name)
+    motion = replace(walk(30.0, 20), body=name)
+    write_amass(tmp_path / "walk.npz", motion, body)
+    with np.load(tmp_path / "walk.npz", allow_pickle=False) as arrays:
+        assert arrays["poses"].shape == (20, 156)
+        assert arrays["betas"].shape == (16,)
+        assert arrays["betas"].any() == (name == "smpl-neutral" and motion.shape.any())
+        pelvis_m = arrays["trans"] + body.rest_pelvis_m(motion.shape)
+        np.testing.assert_allclose(pelvis_m, motion.pelvis_m, atol=1e-12)
+    found = read_amass(tmp_path / "walk.npz", body, shape=motion.shape, ground=False)
+    assert found.fps_hz == 30.0
+    np.testing.assert_allclose(found.local_rotmats, motion.local_rotmats, atol=1e-9)
+    np.testing.assert_allclose(found.root_rotmats, motion.root_rotmats, atol=1e-9)
+
+
+class Glb:
+    """A reader of what the glTF specification says of skins and animations, and nothing else."""
+
+    def __init__(self, data: bytes) -> None:
+        magic, version, length = struct.unpack_from("<4sII", data)
+        assert (magic, version, length) == (b"glTF", 2, len(data))
+        json_length, json_type = struct.unpack_from("<I4s", data, 12)
+        assert json_type == b"JSON" and json_length % 4 == 0
+        self.tree: dict[str, Any] = json.loads(data[20 : 20 + json_length])
+        bin_length, bin_type = struct.unpack_from("<I4s", data, 20 + json_length)
+        assert bin_type == b"BIN\0" and 28 + json_length + bin_length == len(data)
+        self.data = data[28 + json_length :]
+
+    def array(self, number: int) -> np.ndarray:
+        accessor = self.tree["accessors"][number]
+        view = self.tree["bufferViews"][accessor["bufferView"]]
+        dtype = {5121: "<u1", 5125: "<u4", 5126: "<f4"}[accessor["componentType"]]
+        columns = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor["type"]]
+        assert view["byteOffset"] % 4 == 0
+        found = np.frombuffer(
+            self.data, dtype, accessor["count"] * columns, view["byteOffset"]
+        ).reshape(-1, columns)
+        assert found.nbytes == view["byteLength"]
+        if "min" in accessor:
+            assert found.min(0).tolist() == accessor["min"]
+            assert found.max(0).tolist() == accessor["max"]
+        return found.astype(np.float64)
+
+    def node_transforms(self, time_s: float) -> dict[int, np.ndarray]:
+        """World transforms of all nodes with the animation at a time."""
+        values: dict[tuple[int, str], np.ndarray] = {}
+        (animation,) = self.tree["animations"]
+        for channel in animation["channels"]:
+            sampler = animation["samplers"][channel["sampler"]]
+            assert sampler["interpolation"] == "LINEAR"
+            times = self.array(sampler["input"])[:, 0]
+            output = self.array(sampler["output"])
+            at_s = np.clip(time_s, times[0], times[-1])  # single precision in the file
+            node, path = channel["target"]["node"], channel["target"]["path"]
+            if path == "rotation":
+                values[node, path] = Slerp(times, Rotation.from_quat(output))(at_s).as_quat()
+            else:
+                values[node, path] = np.array([np.interp(at_s, times, c) for c in output.T])
+        found: dict[int, np.ndarray] = {}
+
+        def visit(node: int, parent: np.ndarray) -> None:
+            entry = self.tree["nodes"][node]
+            local = np.eye(4)
+            rotation = values.get((node, "rotation"), entry.get("rotation", [0, 0, 0, 1]))
+            local[:3, :3] = Rotation.from_quat(rotation).as_matrix()
+            local[:3, 3] = values.get((node, "translation"), entry.get("translation", [0, 0, 0]))
+            found[node] = parent @ local
+            for child in entry.get("children", []):
+                visit(child, found[node])
+
+        for root in self.tree["scenes"][0]["nodes"]:
+            visit(root, np.eye(4))
+        return found
+
+    def skinned(self, time_s: float) -> np.ndarray:
+        """Vertices of the one skinned mesh, (V, 3), y up."""
+        (skin,) = self.tree["skins"]
+        attributes = self.tree["meshes"][0]["primitives"][0]["attributes"]
+        transforms = self.node_transforms(time_s)
+        inverse = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+        matrices = np.stack([transforms[node] for node in skin["joints"]]) @ inverse
+        points = np.pad(self.array(attributes["POSITION"]), ((0, 0), (0, 1)), constant_values=1.0)
+        joints = self.array(attributes["JOINTS_0"]).astype(int)
+        weights = self.array(attributes["WEIGHTS_0"])
+        np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-6)
+        blended = (weights[..., None, None] * matrices[joints]).sum(axis=1)
+        return (blended @ points[..., None])[:, :3, 0]
+
+
+def test_glb_moves_as_the_body_does(
+    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
+) -> None:
+    motion = walk(30.0, 40)
+    write_glb(tmp_path / "body.glb", motion, small_body)
+    glb = Glb((tmp_path / "body.glb").read_bytes())
+    vertices_m = motion_vertices_m(small_body, motion)
+    for row in (0, 1, 17, 39):
+        np.testing.assert_allclose(glb.skinned(row / 30.0), vertices_m[row] @ Y_UP.T, atol=2e-5)
+    names = [node["name"] for node in glb.tree["nodes"]]
+    assert names == [*JOINT_NAMES, "z_up_world", "body"]
+    parents = {c: n for n, node in enumerate(glb.tree["nodes"]) for c in node.get("children", [])}
+    assert [parents[joint] for joint in range(1, 24)] == list(PARENTS[1:])
+
+
+def test_glb_turns_the_short_way_between_frames(small_body: BodyModel, tmp_path: Path) -> None:
+    """Quaternions whose signs jumped would swing through half a turn between two frames."""
+    motion = some_motion(small_body, 5, 1, 2.0, 10.0)
+    write_glb(tmp_path / "body.glb", motion, small_body)
+    glb = Glb((tmp_path / "body.glb").read_bytes())
+    (animation,) = glb.tree["animations"]
+    for sampler in animation["samplers"][:24]:
+        quaternions = glb.array(sampler["output"])
+        assert ((quaternions[1:] * quaternions[:-1]).sum(axis=1) >= 0).all()
+
+
+def test_trimesh_opens_the_glb(
+    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
+) -> None:
+    motion = walk(30.0, 10)
+    write_glb(tmp_path / "body.glb", motion, small_body)
+    scene = trimesh.load(tmp_path / "body.glb", process=False)
+    (mesh,) = scene.geometry.values()
+    rest_m = small_body.template_m + small_body.shape_dirs_m @ motion.shape
+    np.testing.assert_allclose(mesh.vertices, rest_m, atol=1e-6)
+    assert np.array_equal(mesh.faces, small_body.faces)
+    assert {"left_knee", "z_up_world", "body"} <= set(scene.graph.nodes)
+
+
+def test_the_same_motion_gives_the_same_bytes(
+    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
+) -> None:
+    motion = walk(30.0, 10)
+    for name, write in (("a.bvh", write_bvh), ("a.glb", write_glb)):
+        write(tmp_path / name, motion, small_body)
+        write(tmp_path / f"again_{name}", motion, small_body)
+        assert (tmp_path / name).read_bytes() == (tmp_path / f"again_{name}").read_bytes()
+    write_amass(tmp_path / "a.npz", motion, small_body)
+    write_amass(tmp_path / "b.npz", motion, small_body)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
