@@ -70,7 +70,7 @@ class BadCheckpoint(GmrdataError):
 
 
 class BadRecord(GmrdataError):
-    """A JSON record of a stage or run is cut off, or no JSON."""
+    """A record of a stage or run is cut off, of another format, or lacks a key."""
 
 
 class StaleOutput(GmrdataError):

@@ -1,9 +1,99 @@
-"""The base of every recipe model."""
+"""Records: the typed files that stages leave, and the base of every recipe model.
 
-from pydantic import BaseModel, ConfigDict
+A record has a `format` tag and one class that writes and reads it.  Its fields are required: a
+missing, unknown or wrong key is an error that names file and key, so that no default can let a bad
+sequence pass.  A figure that does not exist is written as null.
+"""
+
+from pathlib import Path
+from typing import Any, Self, get_args
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from gmrdata.values.errors import BadRecord
+from gmrdata.values.files import read_json, read_npz, write_json
+
+MAKE_AGAIN = "make it again: the same command with --redo, or another --out"
+"""The remedy for a record of another version, or one that was changed by hand."""
 
 
 class Config(BaseModel):
     """A frozen recipe: unknown keys are errors, so a typing mistake can't pass as a default."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Record(Config):
+    """A JSON file of a stage.
+
+    A subclass declares `format: Literal["gmrdata-<what>/<version>"] = "gmrdata-<what>/<version>"`
+    and its fields, all of them without defaults.
+    """
+
+    @classmethod
+    def tag(cls) -> str:
+        """The format tag of this class."""
+        return str(get_args(cls.model_fields["format"].annotation)[0])
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a record.
+
+        Raises:
+            MissingInput: there is no such file.
+            BadRecord: not JSON, of another format, or with a missing, unknown or wrong key.
+        """
+        value = read_json(path)
+        found = value.get("format") if isinstance(value, dict) else None
+        require_tag(path, found, cls.tag())
+        try:
+            return cls.model_validate(value)
+        except ValidationError as error:
+            raise BadRecord(f"{path}: {_first_problem(error)}; {MAKE_AGAIN}") from None
+
+    def write(self, path: Path) -> None:
+        """Write the record as JSON with sorted keys, as a whole or not at all."""
+        write_json(path, self.model_dump(mode="json"))
+
+
+def read_arrays(path: Path, tag: str, keys: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """The arrays of an .npz record: `format` is checked and left out, each of `keys` is there.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadMotionFile: not an .npz of plain arrays.
+        BadRecord: of another format, or with a missing or unknown array.
+    """
+    arrays = read_npz(path)
+    found = arrays.pop("format", None)
+    require_tag(path, None if found is None else str(found), tag)
+    for key in keys:
+        if key not in arrays:
+            raise BadRecord(f"{path}: has no array {key!r}; {MAKE_AGAIN}")
+    for key in arrays:
+        if key not in keys:
+            raise BadRecord(f"{path}: has an unknown array {key!r}; {MAKE_AGAIN}")
+    return arrays
+
+
+def require_tag(path: Path, found: Any, tag: str) -> None:
+    """Raise BadRecord unless the tag that was found is the one that is expected."""
+    if found == tag:
+        return
+    if found is None:
+        raise BadRecord(
+            f"{path}: has no `format`, so it is no {tag} or an older gmrdata wrote it; {MAKE_AGAIN}"
+        )
+    raise BadRecord(f"{path}: `format` is {found!r}, not {tag!r}; {MAKE_AGAIN}")
+
+
+def _first_problem(error: ValidationError) -> str:
+    """The first wrong key of a record, in words."""
+    found = error.errors()[0]
+    key = ".".join(str(part) for part in found["loc"]) or "the record"
+    if found["type"] == "missing":
+        return f"has no key `{key}`"
+    if found["type"] == "extra_forbidden":
+        return f"has an unknown key `{key}`"
+    return f"`{key}` is wrong: {found['msg']}"

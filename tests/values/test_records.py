@@ -1,0 +1,86 @@
+"""Records: what is written is read again, and what is missing, unknown or wrong is named."""
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from gmrdata.values.errors import BadRecord, MissingInput
+from gmrdata.values.files import write_npz
+from gmrdata.values.records import Record, read_arrays
+
+
+class Measured(Record):
+    """A record as stages leave them."""
+
+    format: Literal["gmrdata-measured/1"] = "gmrdata-measured/1"
+    share: float
+    focal_factor: float | None
+
+
+RECORD = Measured(share=0.5, focal_factor=None)
+
+
+def edited(path: Path, **changes: Any) -> Path:
+    RECORD.write(path)
+    values = json.loads(path.read_text()) | changes
+    path.write_text(json.dumps({key: value for key, value in values.items() if value != "gone"}))
+    return path
+
+
+def test_a_record_comes_back(tmp_path: Path) -> None:
+    RECORD.write(tmp_path / "a.json")
+    assert Measured.read(tmp_path / "a.json") == RECORD
+
+
+@pytest.mark.parametrize("key", ["format", "share", "focal_factor"])
+def test_a_missing_key_is_named(tmp_path: Path, key: str) -> None:
+    path = edited(tmp_path / "a.json", **{key: "gone"})
+    with pytest.raises(BadRecord, match=rf"a\.json: has no .*`{key}`"):
+        Measured.read(path)
+
+
+def test_an_unknown_key_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BadRecord, match=r"a\.json: has an unknown key `shares`"):
+        Measured.read(edited(tmp_path / "a.json", shares=1.0))
+
+
+def test_a_wrong_value_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BadRecord, match=r"a\.json: `share` is wrong"):
+        Measured.read(edited(tmp_path / "a.json", share="much"))
+
+
+@pytest.mark.parametrize("text", ["[]", "3", '{"format": "gmrdata-other/1"}'])
+def test_another_format_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(text)
+    with pytest.raises(BadRecord, match="gmrdata-measured/1"):
+        Measured.read(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match=r"a\.json"):
+        Measured.read(tmp_path / "a.json")
+
+
+def test_arrays_come_back_without_their_tag(tmp_path: Path) -> None:
+    write_npz(tmp_path / "a.npz", {"format": "gmrdata-rows/1", "rows": np.arange(3)})
+    arrays = read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ("rows",))
+    assert list(arrays) == ["rows"] and arrays["rows"].tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("arrays", "said"),
+    [
+        ({"rows": 1}, "has no `format`"),
+        ({"format": "gmrdata-rows/0", "rows": 1}, "not 'gmrdata-rows/1'"),
+        ({"format": "gmrdata-rows/1"}, "has no array 'rows'"),
+        ({"format": "gmrdata-rows/1", "rows": 1, "more": 2}, "unknown array 'more'"),
+    ],
+)
+def test_arrays_that_are_not_the_record(tmp_path: Path, arrays: dict[str, Any], said: str) -> None:
+    write_npz(tmp_path / "a.npz", arrays)
+    with pytest.raises(BadRecord, match=said):
+        read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ("rows",))
