@@ -28,8 +28,11 @@ class Record(Config):
     """A JSON file of a stage.
 
     A subclass declares `format: Literal["gmrdata-<what>/<version>"] = "gmrdata-<what>/<version>"`
-    and its fields, all of them without defaults.
+    and its fields, all of them without defaults.  NaN and infinities are refused: a comparison
+    with NaN is False, so a threshold would let it pass.
     """
+
+    model_config = ConfigDict(allow_inf_nan=False)
 
     @classmethod
     def tag(cls) -> str:

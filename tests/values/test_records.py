@@ -47,9 +47,10 @@ def test_an_unknown_key_is_named(tmp_path: Path) -> None:
         Measured.read(edited(tmp_path / "a.json", shares=1.0))
 
 
-def test_a_wrong_value_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("share", ["much", None, float("nan"), float("inf")])
+def test_a_wrong_value_is_named(tmp_path: Path, share: Any) -> None:
     with pytest.raises(BadRecord, match=r"a\.json: `share` is wrong"):
-        Measured.read(edited(tmp_path / "a.json", share="much"))
+        Measured.read(edited(tmp_path / "a.json", share=share))
 
 
 @pytest.mark.parametrize("text", ["[]", "3", '{"format": "gmrdata-other/1"}'])
