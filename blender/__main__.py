@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`python -m blender job.json [--parent PID]`: render the clip that the job file describes."""
+"""`python -m blender job.json [--parent PID]`: render the clip that the job file describes.
 
+End with the process that started this one, however that one ends.
+"""
+
+import ctypes
 import os
+import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,7 +15,6 @@ from typing import NoReturn, TypeVar
 
 from pydantic import ValidationError
 
-from blender.parent import die_with_parent
 from gmrdata.film.render import RenderJob
 from gmrdata.read.bodies import read_body
 from gmrdata.values.body import BodyModel
@@ -18,6 +22,17 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.records import Config
+
+PR_SET_PDEATHSIG = 1
+
+
+def die_with_parent(parent_pid: int) -> None:
+    """Ask the kernel for SIGKILL when the parent's thread that waits for this process is gone."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent_pid:  # it ended before the kernel was asked
+        os.kill(os.getpid(), signal.SIGKILL)
+
 
 JobKind = TypeVar("JobKind", bound=Config)
 

@@ -1,18 +1,89 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Do the camera and the person keep clear of what stands about?  Asked of the meshes themselves.
+"""Nobody in a wall: whether a person or the camera goes through a backdrop's surfaces.
+
+Do the camera and the person keep clear of what stands about?  Asked of the meshes themselves.
 
 The places are laid out so that they do; this measures it on every clip, whatever put the things
 there.
 """
 
+from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from gmrdata.film.render_outputs import Clearance
-from gmrdata.values.errors import RenderFailed
+from gmrdata.values.body import PARENTS
+from gmrdata.values.errors import BadBackdrop, RenderFailed
+
+WALL_M = 1.0
+"""Walls are thinner than this, rooms wider."""
+
+
+def require_clear(scene: Any, path: Path, joints_m: np.ndarray, centres_m: np.ndarray) -> None:
+    """Check a motion and a camera against all surfaces of a scene that holds neither yet.
+
+    A surface counts that lies across a bone, or across the way of the pelvis or the camera from a
+    frame to the next; so does a solid thinner than `WALL_M` round the pelvis or the camera.
+
+    Args:
+        scene: The bpy scene.
+        path: The backdrop's file, for the message.
+        joints_m: (T, 24, 3) the person's joints, world [m].
+        centres_m: (T, 3) the camera's places, world [m].
+
+    Raises:
+        BadBackdrop: something is in the way; the message names it and the frame.
+    """
+    graph = bpy.context.evaluated_depsgraph_get()
+    for row, joints in enumerate(joints_m):
+        ways = [("the camera", centres_m[row], centres_m[min(row + 1, len(centres_m) - 1)])]
+        ways += [("the person", joints[0], joints_m[min(row + 1, len(joints_m) - 1), 0])]
+        ways += [("the person", joints[PARENTS[j]], joints[j]) for j in range(1, len(joints))]
+        for number, (who, start_m, stop_m) in enumerate(ways):
+            thing = _between(scene, graph, start_m, stop_m)
+            if thing is None and number < 2:
+                thing = _wall_round(scene, graph, start_m)
+            if thing is not None:
+                raise BadBackdrop(
+                    f"{path}: in frame {row} {who} goes through {thing!r}; choose another "
+                    "backdrop.origin_m or yaw_deg, another camera, or allow_collisions: true"
+                )
+
+
+def _wall_round(scene: Any, graph: Any, place_m: np.ndarray) -> str | None:
+    """Name of a solid round a point that is thinner than a wall can be, if any.
+
+    From inside a solid one sees the back sides of its faces, as in a room that is a turned-out box;
+    a room is wider than a wall.
+    """
+    for axis in (Vector((1, 0, 0)), Vector((0, 1, 0))):
+        thickness_m, names = 0.0, []
+        for way in (axis, -axis):
+            hit, place, normal, _, thing, _ = scene.ray_cast(
+                graph, Vector(place_m), way, distance=WALL_M
+            )
+            if hit and normal.dot(way) > 0:
+                names.append(str(thing.name))
+                thickness_m += (place - Vector(place_m)).length
+        if len(names) == 2 and names[0] == names[1] and thickness_m < WALL_M:
+            return names[0]
+    return None
+
+
+def _between(scene: Any, graph: Any, start_m: np.ndarray, stop_m: np.ndarray) -> str | None:
+    """Name of the first object with a surface between two points, if any."""
+    way = Vector(stop_m) - Vector(start_m)
+    if not way.length:
+        return None
+    hit, _, _, _, thing, _ = scene.ray_cast(
+        graph, Vector(start_m), way.normalized(), distance=way.length
+    )
+    return str(thing.name) if hit else None
+
 
 GROUND = "ground"
 """Name of the ground's object, which people stand on."""

@@ -14,9 +14,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender.actors import Actor
 from blender.engine import traced
-from blender.scene import CUT_OUT
+from blender.objects import CUT_OUT
+from blender.people.actors import Actor
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.render_outputs import write_depth, write_flow, write_instances, write_normals
 from gmrdata.values.camera import CameraPath, project_cam

@@ -25,7 +25,7 @@ def preview(job_path: Path) -> None:
     import bpy
 
     from blender.engine import set_up_cycles, set_up_output
-    from blender.stage import set_stage
+    from blender.scene import set_stage
 
     with tempfile.TemporaryDirectory(prefix="gmrdata-") as work_dir:
         stage = set_stage(job.render, clip, body, wanted, Path(work_dir))

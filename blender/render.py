@@ -12,9 +12,9 @@ import numpy as np
 
 from blender.clearance import measure_clearance
 from blender.engine import set_up_render, traced
+from blender.objects import MOVING_PASS
 from blender.passes import add_surface_output, set_step, wants_surface, write_surface
-from blender.scene import MOVING_PASS
-from blender.stage import Stage, save_blend, set_stage
+from blender.scene import Stage, save_blend, set_stage
 from blender.visibility import visible_joints
 from gmrdata.film.character import CHARACTER_FILE, save_character
 from gmrdata.film.extras import save_extras

@@ -1,187 +1,155 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A place as Blender objects: meshes, materials, lamp and sky."""
+"""Everything of a clip that stands or moves in front of the camera, and the camera, animated."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import bpy
-import cv2
 import numpy as np
 
-from blender.layout import Yard
-from blender.light import Light, add_lamp, add_sky, add_sun, reflect_light
-from blender.meshes import Mesh, ground_mesh, mesh_of
+from blender.camera import animate_camera, make_camera, read_back
+from blender.clearance import require_clear
+from blender.light import Light
+from blender.objects import build_yard
+from blender.people.actors import Actor, add_actor
+from blender.people.extras import add_extras
+from blender.people.person import joint_of_face, person_mesh
+from blender.people.rigged import Figure, bring_in
+from blender.places.backdrop import add_backdrop
+from blender.places.courtyard import courtyard
+from blender.places.layout import main_colours, with_ways
+from blender.places.park import park
+from blender.places.room import room
+from blender.places.street import street
+from gmrdata.film.extras import Cast, make_cast
+from gmrdata.film.render import RenderJob
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import RenderFailed
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
-MOVING_PASS = "moving"
-"""Name of the pass that is 1 where something moves by itself: a person, a car."""
-CUT_OUT = "cut out"
-"""Name of the node that is 1 where a material with holes is, 0 in the holes."""
+PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
 
 
-def build_yard(
-    scene: Any, yard: Yard, light: Light, hdri_path: Path | None, rng: np.random.Generator
-) -> None:
-    """Add ground, things, sky and lamp to an empty bpy scene.
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A scene that is ready to be rendered; row t of the clip is its frame t."""
+
+    scene: Any
+    """The bpy scene."""
+    camera: CameraPath
+    """The camera as Blender uses it."""
+    person: Actor
+    """The person whose motion is the clip's."""
+    cast: Cast
+    """Who and what moves besides; perhaps for longer than the clip."""
+    extras: tuple[Actor, ...]
+    """The same as actors."""
+    figure: Figure | None = None
+    """What is known of the character that the person is, if it isn't the body."""
+
+    @property
+    def actors(self) -> tuple[Actor, ...]:
+        """All that moves, in the order of the instance numbers 1, 2, ..."""
+        return (self.person, *self.extras)
+
+
+def set_stage(
+    job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath, cache_dir: Path
+) -> Stage:
+    """Build a clip's scene in an empty Blender.
 
     Args:
-        scene: The bpy scene.
-        yard: What to build.
-        light: What falls on it.
-        hdri_path: A file to show as the sky instead of the yard's own.
-        rng: Chooses the shapes of foliage.
-
-    Raises:
-        RenderFailed: Blender can't read the file of the sky.
+        job: The job.
+        clip: The clip.
+        body: Its body.
+        wanted: Its camera.
+        cache_dir: Gets the vertex caches, and must stay while Blender renders.
     """
-    ground = ground_mesh(yard.ground_centre_m, yard.ground_side_m)
-    add_mesh(scene, "ground", ground, picture_material("ground", yard.ground, light))
-    for number, thing in enumerate(yard.things):
-        name = f"thing{number:03d}"
-        add_mesh(scene, name, mesh_of(thing, rng), picture_material(name, thing.picture, light))
-    if light.kind == "sun":
-        add_sun(scene, light.azimuth_rad)
-    if yard.lamp_m is not None:
-        add_lamp(scene, yard.lamp_m, yard.ground_side_m**2)
-    if hdri_path is not None:
-        add_sky(scene, load_sky(hdri_path))
-    elif yard.sky is not None:
-        add_sky(scene, image_of("sky", yard.sky))
-
-
-def load_sky(path: Path) -> Any:
-    """A Blender image of a file.
-
-    Raises:
-        RenderFailed: there is no picture in it.
-    """
-    try:
-        image = bpy.data.images.load(str(path))
-    except RuntimeError as error:
-        raise RenderFailed(f"{path}: Blender can't read this sky ({error})") from None
-    if not image.size[0]:
-        raise RenderFailed(
-            f"{path}: Blender finds no picture in this sky; give an equirectangular .hdr or .exr"
+    config, motion = job.config, clip.motion
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 0, motion.n_frames - 1
+    scene.render.fps, scene.render.fps_base = round(motion.fps_hz * 1000), 1000.0
+    # Separate streams, so that a change of the clothes leaves the yard as it is.
+    yard_rng, mesh_rng, person_rng = (
+        np.random.default_rng(seed) for seed in np.random.SeedSequence(config.scene.seed).spawn(3)
+    )
+    backdrop = config.scene.backdrop
+    if backdrop is not None:  # before all that moves, for it freezes what is there
+        add_backdrop(scene, backdrop)
+    camera = make_camera(scene, wanted)
+    animate_camera(camera, wanted.world_from_cam)
+    used = read_back(scene, camera, wanted)  # while nothing else has to move with it
+    sharing = [load_clip(path) for path in job.layout_paths] or [clip]
+    cast = make_cast(config.scene.extras, sharing, body, config.scene.seed)
+    colours = None
+    if backdrop is None:
+        light = Light(config.scene.lit_by, _sun_azimuth_rad(sharing[0]))
+        yard = PLACES[config.scene.kind](*with_ways(*_paths_m(sharing), cast.ground_m), yard_rng)
+        build_yard(scene, yard, light, config.scene.hdri_path, mesh_rng)
+        colours = main_colours(yard)
+    else:
+        light = Light("traced", 0.0)
+        if not backdrop.allow_collisions:
+            joints_m = motion_joints_m(body, motion)
+            require_clear(scene, backdrop.path, joints_m, wanted.centres_world_m)
+    figure = None
+    if config.character is None:
+        vertices_m, faces_of = motion_vertices_m(body, motion), joint_of_face(body)
+        if config.person.seed is not None:
+            person_rng = np.random.default_rng(config.person.seed)
+        mesh = person_mesh(
+            "person",
+            body,
+            motion.shape,
+            vertices_m[0],
+            light,
+            person_rng,
+            surroundings=colours,
+            texture=config.person.texture,
         )
-    return image
+    else:
+        figure = bring_in("person", config.character, body, motion, light)
+        mesh, vertices_m, faces_of = figure.mesh, figure.vertices_m, figure.joint_of_face
+    person = add_actor(scene, mesh, vertices_m, cache_dir / "person.pc2", joint_of_face=faces_of)
+    extras = add_extras(scene, config.scene, cast, motion.n_frames, body, light, cache_dir)
+    return Stage(scene, used, person, cast, extras, figure)
 
 
-def add_mesh(scene: Any, name: str, mesh: Mesh, material: Any) -> None:
-    """Make an object of a mesh."""
-    data = bpy.data.meshes.new(name)
-    data.from_pydata(mesh.vertices_m.tolist(), [], mesh.faces.tolist())
-    data.uv_layers.new(name="uv").data.foreach_set("uv", mesh.uv.astype(np.float32).ravel())
-    data.polygons.foreach_set("use_smooth", np.full(len(mesh.faces), mesh.smooth))
-    data.materials.append(material)
-    data.update()
-    add_object(scene, name, data)
+def save_blend(stage: Stage, folder: Path) -> None:
+    """Save the scene as `scene.blend`, next to the vertex caches, so that the folder can move.
 
-
-def add_object(scene: Any, name: str, mesh: Any) -> Any:
-    """Put a bpy mesh into the scene, seen by the camera and casting shadows; gives its object.
-
-    Cycles follows one diffuse bounce even when told not to; hidden from it, surfaces cost a third
-    less time and add no grain.
+    Raises:
+        RenderFailed: Blender can't write it.
     """
-    thing = bpy.data.objects.new(name, mesh)
-    thing.visible_diffuse = False
-    scene.collection.objects.link(thing)
-    return thing
+    caches = [modifier for actor in stage.actors for modifier in actor.object.modifiers]
+    full_paths = [cache.filepath for cache in caches]
+    for cache in caches:
+        cache.filepath = f"//{Path(cache.filepath).name}"
+    for image in bpy.data.images:
+        if image.source == "GENERATED":
+            image.pack()
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"), copy=True, compress=True)
+    except RuntimeError as error:
+        raise RenderFailed(f"{folder / 'scene.blend'}: {error}") from None
+    for cache, path in zip(caches, full_paths, strict=True):
+        cache.filepath = path
 
 
-def image_of(name: str, picture: np.ndarray) -> Any:
-    """A Blender image from (H, W, 3) sRGB values with row 0 at the top."""
-    height, width = picture.shape[:2]
-    image = bpy.data.images.new(name, width, height, alpha=False)
-    image.colorspace_settings.name = "sRGB"
-    pixels = cv2.cvtColor(picture[::-1].astype(np.float32), cv2.COLOR_RGB2RGBA)  # alpha 1
-    image.pixels.foreach_set(pixels.ravel())
-    image.update()
-    return image
+def _paths_m(clips: Sequence[Clip]) -> tuple[np.ndarray, np.ndarray]:
+    """Pelvis (N, 3) and camera (N, 3) of all clips that share a place, row by row [m]."""
+    pelvis = [clip.motion.pelvis_m for clip in clips]
+    camera = [camera_of(clip).centres_world_m for clip in clips]
+    return np.concatenate(pelvis), np.concatenate(camera)
 
 
-def picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
-    """A matt surface with a picture."""
-    material, tree = _empty_material(name)
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image = image_of(name, picture)
-    texture.interpolation = "Linear"
-    _shade(tree, texture.outputs["Color"], light)
-    return material
-
-
-def moving_picture_material(name: str, picture: np.ndarray, light: Light) -> Any:
-    """A matt surface with a picture, marked as moving."""
-    material = picture_material(name, picture, light)
-    mark_as_moving(material.node_tree)
-    return material
-
-
-def repaint(material: Any, colour: Any, light: Light, alpha: Any = None) -> None:
-    """Make a material matt and mark it as moving.
-
-    Args:
-        material: The bpy material.
-        colour: The output of one of its nodes that has the colour.
-        light: What falls on it.
-        alpha: The output that has the opacity; where it is below one half there is nothing.
-    """
-    material.cycles.emission_sampling = "NONE"
-    tree = material.node_tree
-    _shade(tree, colour, light)
-    mark_as_moving(tree)
-    if alpha is not None:
-        _cut_out(tree, alpha)
-
-
-def _cut_out(tree: Any, alpha: Any) -> None:
-    """Let there be nothing where opacity is below one half, neither in the picture nor in passes.
-
-    Cycles adds up what a pass gets from all surfaces that a ray goes through.
-    """
-    nodes, links = tree.nodes, tree.links
-    there = nodes.new("ShaderNodeMath")
-    there.name, there.operation = CUT_OUT, "GREATER_THAN"
-    there.inputs[1].default_value = 0.5
-    links.new(alpha, there.inputs[0])
-    output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
-    surface = output.inputs["Surface"].links[0].from_socket
-    mix, nothing = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeBsdfTransparent")
-    links.new(there.outputs[0], mix.inputs[0])
-    links.new(nothing.outputs[0], mix.inputs[1])
-    links.new(surface, mix.inputs[2])
-    links.new(mix.outputs[0], output.inputs["Surface"])
-    for node in nodes:
-        if node.bl_idname == "ShaderNodeOutputAOV":
-            links.new(there.outputs[0], node.inputs["Value"])
-
-
-def mark_as_moving(tree: Any) -> None:
-    """Let a material's pixels count as something that moves."""
-    mark = tree.nodes.new("ShaderNodeOutputAOV")
-    mark.aov_name = MOVING_PASS
-    mark.inputs["Value"].default_value = 1.0
-
-
-def _empty_material(name: str) -> tuple[Any, Any]:
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:  # before Blender 5.0
-        material.use_nodes = True
-    material.node_tree.nodes.clear()
-    # The emission stands for the sky's light; the surfaces must not be sampled as lamps.
-    material.cycles.emission_sampling = "NONE"
-    return material, material.node_tree
-
-
-def _shade(tree: Any, colour: Any, light: Light) -> None:
-    """Diffuse reflection of the lamp, and of what comes from all round."""
-    nodes, links = tree.nodes, tree.links
-    diffuse = nodes.new("ShaderNodeBsdfDiffuse")
-    links.new(colour, diffuse.inputs["Color"])
-    emission = nodes.new("ShaderNodeEmission")
-    links.new(reflect_light(tree, colour, light), emission.inputs["Color"])
-    both = nodes.new("ShaderNodeAddShader")
-    links.new(diffuse.outputs[0], both.inputs[0])
-    links.new(emission.outputs[0], both.inputs[1])
-    output = nodes.new("ShaderNodeOutputMaterial")
-    links.new(both.outputs[0], output.inputs["Surface"])
+def _sun_azimuth_rad(clip: Clip) -> float:
+    """Sun from behind the camera, off to a side, as seen at the middle of the clip."""
+    subject_m, camera_m = _paths_m([clip])
+    x, y = (camera_m - subject_m)[len(camera_m) // 2, :2]
+    return float(np.arctan2(y, x) + np.deg2rad(55))

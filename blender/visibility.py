@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from blender.actors import Actor
+from blender.people.actors import Actor
 from gmrdata.values.body import N_JOINTS, PARENTS
 
 SKIN_WITHIN_M = 0.20

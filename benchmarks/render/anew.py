@@ -23,7 +23,7 @@ import bpy  # noqa: E402
 
 from blender.engine import set_up_render  # noqa: E402
 from blender.render import add_mask_output  # noqa: E402
-from blender.stage import set_stage  # noqa: E402
+from blender.scene import set_stage  # noqa: E402
 
 job.out_dir.mkdir(parents=True)
 for row in range(int(sys.argv[2])):

@@ -3,11 +3,9 @@
 
 import numpy as np
 
-from blender.houses import houses_round
-from blender.layout import Yard, darken_contacts, surroundings
-from blender.props import crates, drum, pillar, planter, scatter, tree
-from blender.textures.ground import paving
-from blender.textures.sky import sky
+from blender.places.layout import Yard, darken_contacts, surroundings
+from blender.places.props import crates, drum, houses_round, pillar, planter, scatter, tree
+from blender.textures.ground import paving, sky
 
 WALL_MARGIN_M = 2.5
 SMALLEST_HALF_SIDE_M = 6.5

@@ -3,11 +3,9 @@
 
 import numpy as np
 
-from blender.houses import houses_round
-from blender.layout import Thing, Yard, darken_contacts, direction, surroundings
-from blender.props import bench, bush, lamp, planter, scatter, tall_tree
-from blender.textures.meadow import hedge, meadow
-from blender.textures.sky import sky
+from blender.places.layout import Thing, Yard, darken_contacts, direction, surroundings
+from blender.places.props import bench, bush, houses_round, lamp, planter, scatter, tall_tree
+from blender.textures.ground import hedge, meadow, sky
 
 HEDGE_MARGIN_M = 3.0
 SMALLEST_HALF_SIDE_M = 7.0

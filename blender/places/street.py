@@ -3,12 +3,11 @@
 
 import numpy as np
 
-from blender.car import car_things
-from blender.houses import houses_round
-from blender.layout import Thing, Yard, darken_contacts, direction, is_free, surroundings
-from blender.props import crates, drum, lamp, pillar, planter, scatter
+from blender.places.car import car_things
+from blender.places.layout import Thing, Yard, darken_contacts, direction, is_free, surroundings
+from blender.places.props import crates, drum, houses_round, lamp, pillar, planter, scatter
+from blender.textures.ground import sky
 from blender.textures.road import road
-from blender.textures.sky import sky
 
 WALL_MARGIN_M = 3.0
 SMALLEST_HALF_SIDE_M = 6.5

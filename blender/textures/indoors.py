@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 
 from blender.textures.base import POSTERS, WOODS, Colour, noise, pick, weather
-from blender.textures.prints import poster
+from blender.textures.fronts import poster
 
 WALLPAPERS: tuple[Colour, ...] = (
     (0.74, 0.70, 0.58), (0.56, 0.64, 0.62), (0.72, 0.56, 0.48), (0.62, 0.64, 0.50),

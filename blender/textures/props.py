@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 
 from blender.textures.base import POSTERS, WOODS, ellipses, noise, pick, weather
-from blender.textures.prints import poster
+from blender.textures.fronts import poster
 
 LEAVES = 1500
 """Leaves on a picture of foliage."""

@@ -11,9 +11,8 @@ import bpy
 import numpy as np
 
 from blender.clearance import GROUND, measure_clearance
-from blender.layout import Thing
-from blender.meshes import ground_mesh, mesh_of
-from blender.scene import add_object
+from blender.objects import add_object
+from blender.places.layout import Thing, ground_mesh, mesh_of
 from gmrdata.values.errors import RenderFailed
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from blender.car import car_things, moved_vertices_m
-from blender.meshes import mesh_of
+from blender.places.car import car_things, moved_vertices_m
+from blender.places.layout import mesh_of
 from gmrdata.film.cars import CAR_SIZE_M, WHEEL_RADIUS_M, Drive
 from gmrdata.values.transforms import apply, invert, rigid
 

@@ -5,10 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blender.atlas import Atlas, lay_out
-from blender.clothes import paint
-from blender.outfit import LEAST_CONTRAST, Outfit, contrasts, draw_outfit
-from blender.patterns import KINDS, Cloth, colours_at
+from blender.people.atlas import Atlas, lay_out
+from blender.people.clothes import paint
+from blender.people.outfit import (
+    KINDS,
+    LEAST_CONTRAST,
+    Cloth,
+    Outfit,
+    colours_at,
+    contrasts,
+    draw_outfit,
+)
 from gmrdata.film.people import draw_person
 from gmrdata.values.body import JOINT, BodyModel
 

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from blender.layout import Yard, with_ways
-from blender.meshes import mesh_of
 from blender.places.courtyard import courtyard
+from blender.places.layout import Yard, mesh_of, with_ways
 from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import PAVEMENT_M, street
@@ -37,8 +36,8 @@ def coarse_pictures() -> Iterator[None]:
         patch.setattr("blender.places.room.FLOOR_PX", 384)
         patch.setattr("blender.places.park.HEDGE_PX_PER_M", 20.0)
         patch.setattr("blender.places.room.WALL_PX_PER_M", 30.0)
-        patch.setattr("blender.houses.WALL_PX_PER_M", 20.0)
-        patch.setattr("blender.props.PROP_PX_PER_M", 120.0)
+        patch.setattr("blender.places.props.WALL_PX_PER_M", 20.0)
+        patch.setattr("blender.places.props.PROP_PX_PER_M", 120.0)
         yield
 
 

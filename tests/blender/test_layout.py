@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from blender.layout import Thing, Yard, is_free
-from blender.meshes import mesh_of
 from blender.places.courtyard import courtyard
+from blender.places.layout import Thing, Yard, is_free, mesh_of
 from gmrdata.film.programmes import Circular, Panning, Programme, camera_path
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from blender.rigged_pose import (
+from blender.people.rigged_pose import (
     HIPS,
     RestPose,
     bone_rotations,

@@ -6,8 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from blender.layout import Yard
-from blender.meshes import mesh_of
+from blender.places.layout import Yard, mesh_of
 from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import street
@@ -46,8 +45,8 @@ def coarse_pictures() -> Iterator[None]:
         patch.setattr("blender.places.room.FLOOR_PX", 384)
         patch.setattr("blender.places.park.HEDGE_PX_PER_M", 20.0)
         patch.setattr("blender.places.room.WALL_PX_PER_M", 30.0)
-        patch.setattr("blender.houses.WALL_PX_PER_M", 20.0)
-        patch.setattr("blender.props.PROP_PX_PER_M", 120.0)
+        patch.setattr("blender.places.props.WALL_PX_PER_M", 20.0)
+        patch.setattr("blender.places.props.PROP_PX_PER_M", 120.0)
         yield
 
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from blender.actors import add_actor
 from blender.light import Light
-from blender.person import joint_of_face, person_mesh
-from blender.scene import add_object
+from blender.objects import add_object
+from blender.people.actors import add_actor
+from blender.people.person import joint_of_face, person_mesh
 from blender.visibility import visible_joints
 from gmrdata.read.bodies import read_body
 

@@ -6,11 +6,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender.atlas import lay_out
-from blender.clothes import paint
 from blender.light import Light
-from blender.outfit import draw_outfit
-from blender.scene import moving_picture_material
+from blender.objects import moving_picture_material
+from blender.people.atlas import lay_out
+from blender.people.clothes import paint
+from blender.people.outfit import draw_outfit
 from gmrdata.film.people import TextureConfig, phenotypes_of
 from gmrdata.read.body_texture import read_picture, read_uv
 from gmrdata.values.body import BodyModel

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from blender.scene import add_object
+from blender.objects import add_object
 
 FIRST_SAMPLE = -1
 """Frame of the cache's first sample: one before the clip, for a shutter that opens early."""

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from blender.layout import Thing, direction
+from blender.places.layout import Thing, direction
 from blender.textures.road import car_body, car_roof, car_windows, random_paint, tyre
 from gmrdata.film.cars import WHEEL_RADIUS_M, Drive
 

@@ -7,12 +7,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender.actors import Actor, add_actor
-from blender.car import car_things, moved_vertices_m
 from blender.light import Light
-from blender.meshes import mesh_of
-from blender.person import person_mesh
-from blender.scene import mark_as_moving, picture_material
+from blender.objects import mark_as_moving, picture_material
+from blender.people.actors import Actor, add_actor
+from blender.people.person import person_mesh
+from blender.places.car import car_things, moved_vertices_m
+from blender.places.layout import mesh_of
 from gmrdata.film.cars import Drive
 from gmrdata.film.extras import Cast, looks_of
 from gmrdata.film.scene import SceneConfig

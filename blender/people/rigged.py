@@ -9,9 +9,8 @@ import bpy
 import numpy as np
 
 from blender.light import Light
-from blender.rigged_import import Imported, carrier, imported
-from blender.rigged_mesh import Part, join
-from blender.rigged_pose import (
+from blender.people.rigged_import import Imported, Part, carrier, imported, join
+from blender.people.rigged_pose import (
     HIPS,
     RestPose,
     bone_rotations,
