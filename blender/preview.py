@@ -25,16 +25,16 @@ def preview(job_path: Path) -> None:
     import bpy
 
     from blender.engine import set_up_cycles, set_up_output
-    from blender.scene import set_stage
+    from blender.scene import build_scene
 
     with tempfile.TemporaryDirectory(prefix="gmrdata-") as work_dir:
-        stage = set_stage(job.render, clip, body, wanted, Path(work_dir))
-        scene = stage.scene
+        clip_scene = build_scene(job.render, clip, body, wanted, Path(work_dir))
+        scene = clip_scene.scene
         set_up_output(scene, job.render.threads)
         scene.render.resolution_percentage = job.percent
         scene.render.image_settings.file_format = "JPEG"
         if job.engine == "workbench":
-            _set_up_workbench(scene, stage.actors)
+            _set_up_workbench(scene, clip_scene.actors)
         else:
             set_up_cycles(scene, job.render.config.model_copy(update={"samples": 1}))
             scene.render.engine = "CYCLES"

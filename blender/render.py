@@ -14,7 +14,7 @@ from blender.clearance import measure_clearance
 from blender.engine import set_up_render, traced
 from blender.objects import MOVING_PASS
 from blender.passes import add_surface_output, set_step, wants_surface, write_surface
-from blender.scene import Stage, save_blend, set_stage
+from blender.scene import ClipScene, build_scene, save_blend
 from blender.visibility import visible_joints
 from gmrdata.film.character import CHARACTER_FILE, save_character
 from gmrdata.film.extras import save_extras
@@ -38,23 +38,23 @@ def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> N
     work_dir.mkdir(parents=True)
     scene_dir = job.out_dir / SCENE_FOLDER if config.blend else work_dir
     scene_dir.mkdir(exist_ok=True)
-    stage = set_stage(job, clip, body, wanted, scene_dir)
-    scene, used = stage.scene, stage.camera
-    if config.scene.backdrop is None:  # a backdrop was looked at when the stage was set
-        _check_clearance(stage, clip, job.out_dir)
+    clip_scene = build_scene(job, clip, body, wanted, scene_dir)
+    scene, used = clip_scene.scene, clip_scene.camera
+    if config.scene.backdrop is None:  # a backdrop was looked at when the scene was built
+        _check_clearance(clip_scene, clip, job.out_dir)
     set_up_render(scene, job)
     add_mask_output(scene, work_dir)
     if config.blend:
-        save_blend(stage, scene_dir)
+        save_blend(clip_scene, scene_dir)
     tree = None
     if wants_surface(config):
-        tree = add_surface_output(scene, stage.actors, work_dir, config)
+        tree = add_surface_output(scene, clip_scene.actors, work_dir, config)
     for row in range(n_frames):
         files = frame_files(job.out_dir, config, row, n_frames)
         if not all(file.is_file() for file in files.values()):
             scene.frame_set(row)
             if "flow" in files:
-                for actor in stage.actors:
+                for actor in clip_scene.actors:
                     set_step(actor, row)
             _render_frame(
                 scene, row, work_dir, files["frames"], files["masks"], config.jpeg_quality
@@ -62,29 +62,33 @@ def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> N
             if tree is not None:
                 write_surface(scene, tree, work_dir, config, files, used, row)
         print(f"{FRAME_LINE} {row}", flush=True)  # noqa: T201 - the parent process reads it
-    _write_truth(job, clip, body, stage)
+    _write_truth(job, clip, body, clip_scene)
     shutil.rmtree(work_dir)
 
 
-def _write_truth(job: RenderJob, clip: Clip, body: BodyModel, stage: Stage) -> None:
+def _write_truth(job: RenderJob, clip: Clip, body: BodyModel, clip_scene: ClipScene) -> None:
     """Write clip.npz, when all that the recipe asks for besides is there."""
-    config, used = job.config, stage.camera
+    config, used = job.config, clip_scene.camera
     rendered = Clip(clip.id, clip.motion, clip.valid, np.arange(clip.motion.n_frames), used)
     if config.joints:
         joints = project_joints(rendered, body)
-        seen = visible_joints(stage.scene, stage.person, joints.world_m, used.centres_world_m)
+        seen = visible_joints(
+            clip_scene.scene, clip_scene.person, joints.world_m, used.centres_world_m
+        )
         save_joints(job.out_dir / "joints.npz", replace(joints, visible=joints.in_frame & seen))
-    save_extras(job.out_dir / EXTRAS_FOLDER, config.scene.extras.names, stage.cast, rendered, body)
-    if stage.figure is not None:
-        save_character(job.out_dir / CHARACTER_FILE, stage.figure.record(used))
+    save_extras(
+        job.out_dir / EXTRAS_FOLDER, config.scene.extras.names, clip_scene.cast, rendered, body
+    )
+    if clip_scene.figure is not None:
+        save_character(job.out_dir / CHARACTER_FILE, clip_scene.figure.record(used))
     save_clip(job.out_dir / "clip.npz", rendered, body.rest_pelvis_m(clip.motion.shape))
 
 
-def _check_clearance(stage: Stage, clip: Clip, out_dir: Path) -> None:
+def _check_clearance(clip_scene: ClipScene, clip: Clip, out_dir: Path) -> None:
     """Write clearance.json; raises RenderFailed when the camera or the person touches a thing."""
-    moving = {actor.name for actor in stage.actors}
-    still = [o for o in stage.scene.objects if o.type == "MESH" and o.name not in moving]
-    clearance = measure_clearance(still, stage.camera.centres_world_m, clip.motion.pelvis_m)
+    moving = {actor.name for actor in clip_scene.actors}
+    still = [o for o in clip_scene.scene.objects if o.type == "MESH" and o.name not in moving]
+    clearance = measure_clearance(still, clip_scene.camera.centres_world_m, clip.motion.pelvis_m)
     if clearance is not None:
         save_clearance(out_dir, clearance)
 

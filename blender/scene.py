@@ -35,7 +35,7 @@ PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class ClipScene:
     """A scene that is ready to be rendered; row t of the clip is its frame t."""
 
     scene: Any
@@ -57,9 +57,9 @@ class Stage:
         return (self.person, *self.extras)
 
 
-def set_stage(
+def build_scene(
     job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath, cache_dir: Path
-) -> Stage:
+) -> ClipScene:
     """Build a clip's scene in an empty Blender.
 
     Args:
@@ -117,16 +117,16 @@ def set_stage(
         mesh, vertices_m, faces_of = figure.mesh, figure.vertices_m, figure.joint_of_face
     person = add_actor(scene, mesh, vertices_m, cache_dir / "person.pc2", joint_of_face=faces_of)
     extras = add_extras(scene, config.scene, cast, motion.n_frames, body, light, cache_dir)
-    return Stage(scene, used, person, cast, extras, figure)
+    return ClipScene(scene, used, person, cast, extras, figure)
 
 
-def save_blend(stage: Stage, folder: Path) -> None:
+def save_blend(clip_scene: ClipScene, folder: Path) -> None:
     """Save the scene as `scene.blend`, next to the vertex caches, so that the folder can move.
 
     Raises:
         RenderFailed: Blender can't write it.
     """
-    caches = [modifier for actor in stage.actors for modifier in actor.object.modifiers]
+    caches = [modifier for actor in clip_scene.actors for modifier in actor.object.modifiers]
     full_paths = [cache.filepath for cache in caches]
     for cache in caches:
         cache.filepath = f"//{Path(cache.filepath).name}"

@@ -23,7 +23,7 @@ import bpy  # noqa: E402
 
 from blender.engine import set_up_render  # noqa: E402
 from blender.render import add_mask_output  # noqa: E402
-from blender.scene import set_stage  # noqa: E402
+from blender.scene import build_scene  # noqa: E402
 
 job.out_dir.mkdir(parents=True)
 for row in range(int(sys.argv[2])):
@@ -33,7 +33,7 @@ for row in range(int(sys.argv[2])):
         has_camera=camera_of(clip).has_camera[[row]],
     )
     alone = replace(clip, motion=slice_motion(clip.motion, row, row + 1))
-    scene = set_stage(job, alone, body, camera, job.out_dir).scene
+    scene = build_scene(job, alone, body, camera, job.out_dir).scene
     set_up_render(scene, job)
     add_mask_output(scene, job.out_dir)
     scene.frame_set(0)
