@@ -1,6 +1,7 @@
 """Fixtures that several tests share."""
 
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from gmrdata.values.body import JOINT, PARENTS, BodyModel
 settings.register_profile("gmrdata", deadline=None)
 settings.load_profile("gmrdata")
 
-pytest_plugins = ("tests.filming",)
+pytest_plugins = ("tests.browser", "tests.filming", "tests.required")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 SHARED_DATA = REPOSITORY.parent / "shared" / "data"
@@ -26,6 +27,18 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip(f"real data not at {SHARED_DATA}")
     return SHARED_DATA
+
+
+@pytest.fixture(scope="session")
+def shared_path(shared_data: Path) -> Callable[[str], Path]:
+    """Finds a file or folder of the real data by its place in there."""
+
+    def find(place: str) -> Path:
+        if not (path := shared_data / place).exists():
+            pytest.skip(f"real data not at {path}")
+        return path
+
+    return find
 
 
 @pytest.fixture(scope="session")

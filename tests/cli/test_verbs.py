@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +40,10 @@ def test_sfm_regenerates_one_sequence_as_the_demo_did(finished: Finished, tmp_pa
 
 
 def test_sfm_unites_the_silhouette_with_a_detector(
-    finished: Finished, shared_data: Path, tmp_path: Path
+    finished: Finished, shared_path: Callable[[str], Path], tmp_path: Path
 ) -> None:
     paths, _ = finished
-    model, out = shared_data / "models" / "yolox_nano.onnx", tmp_path / "out"
-    if not model.is_file():
-        pytest.skip(f"the detector's weights are not at {model}")
+    model, out = shared_path("models/yolox_nano.onnx"), tmp_path / "out"
     answer = gmrdata(
         "sfm",
         *("--frames", paths.frames_dir("panning")),

@@ -319,13 +319,14 @@ def test_clips_that_cannot_be_trained_on_are_refused(
         fit([shaken], small_body, tmp_path, small_config)
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_missing_gpu_is_said(
     make_clips: Callable[..., list[Clip]],
     small_body: BodyModel,
     small_config: TrainConfig,
     tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(StageFailed, match="no GPU here"):
         fit(
             make_clips(1, 1),

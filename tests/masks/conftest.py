@@ -11,22 +11,16 @@ OnnxWriter = Callable[..., bytes]
 
 
 @pytest.fixture(scope="session")
-def yolox_nano(shared_data: Path) -> Path:
+def yolox_nano(shared_path: Callable[[str], Path]) -> Path:
     """The real YOLOX-nano weights."""
-    path = shared_data / "models" / "yolox_nano.onnx"
-    if not path.is_file():
-        pytest.skip(f"the detector's weights are not at {path}")
-    return path
+    return shared_path("models/yolox_nano.onnx")
 
 
 @pytest.fixture(scope="session")
-def dog_dir(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dog_dir(shared_path: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first four frames of a real video of a dog, half size."""
-    path = shared_data / "video" / "dog.mp4"
-    if not path.is_file():
-        pytest.skip(f"the real video is not at {path}")
     folder = tmp_path_factory.mktemp("dog")
-    video = cv2.VideoCapture(str(path))
+    video = cv2.VideoCapture(str(shared_path("video/dog.mp4")))
     for i in range(4):
         decoded, image = video.read()
         assert decoded

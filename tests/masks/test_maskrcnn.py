@@ -1,6 +1,5 @@
 """Mask R-CNN: from instances to masks, and the network itself where torchvision runs."""
 
-import importlib.util
 import json
 import sys
 from collections.abc import Callable, Mapping
@@ -27,11 +26,6 @@ from gmrdata.values.errors import BadDetector, MissingExtra, MissingInput
 
 NUMBER = dict(zip(COCO_NAMES, CATEGORY_NUMBERS, strict=True))
 Answer = dict[str, np.ndarray]
-HAS_TORCHVISION = importlib.util.find_spec("torchvision") is not None
-needs_torchvision = pytest.mark.skipif(
-    not HAS_TORCHVISION,
-    reason="torchvision is not installed: its compiled operators don't fit the CPU build of torch",
-)
 
 
 def answer(*instances: tuple[str, float, tuple[int, int, int, int]]) -> Answer:
@@ -168,8 +162,11 @@ def test_weights_of_another_kind_or_with_code_in_them_are_refused(tmp_path: Path
     assert float(network.weight.detach().sum()) == 4.0
 
 
-@pytest.mark.skipif(HAS_TORCHVISION, reason="torchvision is installed here")
-def test_without_torchvision_the_remedy_is_told(noise_dir: Path, tmp_path: Path) -> None:
+def test_without_torchvision_the_remedy_is_told(
+    noise_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "torchvision", None)
+    monkeypatch.delitem(sys.modules, "torchvision.models", raising=False)
     with pytest.raises(MissingExtra, match=r"pip install 'gmrdata\[maskrcnn\]'; or mask with"):
         maskrcnn_masks(None, noise_dir, tmp_path / "out", MaskRcnnConfig())
     assert not (tmp_path / "out").exists()
@@ -190,7 +187,6 @@ def test_a_torchvision_that_does_not_fit_torch_is_told(
         open_segmenter(None, MaskRcnnConfig())
 
 
-@needs_torchvision
 @pytest.mark.slow
 def test_the_real_network_answers_as_the_logic_expects(tmp_path: Path) -> None:
     """Random weights: what they see is nonsense, but names, shapes and ranges are the network's."""

@@ -1,6 +1,7 @@
 """From real video to cameras: what moves is masked by the detector, the rest gives the path."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -23,14 +24,11 @@ def cameras_of(frames: Path, model: Path, focal_px: float, out: Path) -> Path:
 
 
 def test_a_moving_camera_round_a_dog_gets_all_its_cameras(
-    shared_data: Path, yolox_nano: Path, tmp_path: Path
+    shared_path: Callable[[str], Path], yolox_nano: Path, tmp_path: Path
 ) -> None:
     """Every fourth frame at half size; COLMAP's own calibration of this video gives 929 px."""
-    path = shared_data / "video" / "dog.mp4"
-    if not path.is_file():
-        pytest.skip(f"the real video is not at {path}")
     (tmp_path / "frames").mkdir()
-    video = cv2.VideoCapture(str(path))
+    video = cv2.VideoCapture(str(shared_path("video/dog.mp4")))
     for i in range(122):
         decoded, image = video.read()
         assert decoded
@@ -46,14 +44,12 @@ def test_a_moving_camera_round_a_dog_gets_all_its_cameras(
 
 
 def test_a_still_phone_with_people_in_view_has_no_invented_motion(
-    shared_data: Path, yolox_nano: Path, tmp_path: Path
+    shared_path: Callable[[str], Path], yolox_nano: Path, tmp_path: Path
 ) -> None:
     """Every third of the frames; the focal length is not known, and a usual one serves."""
-    folder = shared_data / "video" / "static_people"
-    if not folder.is_dir():
-        pytest.skip(f"the real frames are not at {folder}")
     (tmp_path / "frames").mkdir()
-    for i, path in enumerate(sorted(folder.glob("*.jpg"))[::3]):
+    people_dir = shared_path("video/static_people")
+    for i, path in enumerate(sorted(people_dir.glob("*.jpg"))[::3]):
         shutil.copy(path, tmp_path / "frames" / f"{i:05d}.jpg")
     made = cameras_of(tmp_path / "frames", yolox_nano, 900.0, tmp_path)
     cameras, quality = load_cameras(made), load_quality(made)

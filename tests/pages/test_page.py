@@ -1,12 +1,10 @@
 """The page holds every figure that it was given, and nothing from outside."""
 
 import re
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from shutil import which
 
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ import pytest
 from gmrdata.pages.report import page, summary_section, write_report
 from gmrdata.pages.report_data import ClipReport, ReportData
 from gmrdata.values.errors import BadFrames
+from tests.browser import Visit
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 
@@ -213,21 +212,11 @@ def test_a_missing_image_is_named_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(
-    which("chromium") is None, reason="Chromium isn't installed; it opens the page as a reader does"
-)
-def test_a_browser_opens_it_without_a_complaint(report: ReportData, tmp_path: Path) -> None:
-    path = write_report(tmp_path / "report.html", report)
-    answer = subprocess.run(
-        [
-            "chromium", "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
-            "--disable-background-networking", "--disable-component-update", "--disable-sync",
-            f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--dump-dom",
-            path.as_uri(),
-        ],
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
-    assert "CONSOLE" not in answer.stderr
-    dom = read(answer.stdout)
+def test_a_browser_opens_it_without_a_complaint(
+    report: ReportData, browse: Callable[[Path], Visit], tmp_path: Path
+) -> None:
+    seen = browse(write_report(tmp_path / "report.html", report))
+    assert (seen.complaints, seen.requests) == ([], [])
+    dom = read(seen.dom)
     assert "walk_panning" in dom.sections["clip-2"]
     assert sum(tag == "img" and name == "src" for tag, name, _ in dom.attributes) == 36

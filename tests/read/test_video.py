@@ -1,5 +1,6 @@
 """Videos as frames, and videos that aren't."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -46,8 +47,8 @@ def test_what_is_no_video_is_named(tmp_path: Path) -> None:
         extract_video(tmp_path / "no.mp4", tmp_path / "frames")
 
 
-def test_a_real_video(shared_data: Path, tmp_path: Path) -> None:
-    frames = extract_video(shared_data / "video" / "dog.mp4", tmp_path / "frames")
+def test_a_real_video(shared_path: Callable[[str], Path], tmp_path: Path) -> None:
+    frames = extract_video(shared_path("video/dog.mp4"), tmp_path / "frames")
     images = sorted(frames.glob("*.jpg"))
     assert [p.stem for p in images] == [f"{i:05d}" for i in range(122)]
     assert cv2.imread(str(images[0])).shape == (720, 1280, 3)

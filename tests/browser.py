@@ -1,0 +1,55 @@
+"""A page as a reader's browser shows it: headless Chromium, with no way to the net."""
+
+import json
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from shutil import which
+
+import pytest
+
+
+@dataclass(frozen=True)
+class Visit:
+    """What came of opening a page."""
+
+    dom: str
+    """The document after its scripts ran, as HTML."""
+    complaints: list[str]
+    """Lines of the console."""
+    requests: list[str]
+    """Addresses that the page asked the net for; none is answered."""
+
+
+@pytest.fixture
+def browse(tmp_path: Path) -> Callable[[Path], Visit]:
+    """Opens a file in Chromium."""
+    if which("chromium") is None:
+        pytest.skip("chromium is not installed")
+
+    def visit(page: Path) -> Visit:
+        net_log = tmp_path / "net.json"
+        answer = subprocess.run(
+            [
+                "chromium", "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
+                "--disable-background-networking", "--disable-component-update", "--disable-sync",
+                "--no-proxy-server", "--host-resolver-rules=MAP * ~NOTFOUND",
+                f"--user-data-dir={tmp_path / 'profile'}", f"--log-net-log={net_log}",
+                "--enable-logging=stderr", "--dump-dom", page.as_uri(),
+            ],
+            capture_output=True, text=True, timeout=120, check=True,
+        )  # fmt: skip
+        complaints = [line for line in answer.stderr.splitlines() if ":CONSOLE:" in line]
+        return Visit(answer.stdout, complaints, _requests(net_log))
+
+    return visit
+
+
+def _requests(net_log: Path) -> list[str]:
+    """Addresses of a page's requests; Chromium's own have no origin."""
+    log = json.loads(net_log.read_text())
+    start = log["constants"]["logEventTypes"]["URL_REQUEST_START_JOB"]
+    started = [event.get("params", {}) for event in log["events"] if event["type"] == start]
+    asked = [job for job in started if "url" in job]
+    return [job["url"] for job in asked if job["initiator"] != "not an origin"]

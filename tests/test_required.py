@@ -1,0 +1,37 @@
+"""What is missing skips a test or fails it, as GMRDATA_TEST_REQUIRE_ALL says."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+TESTS = {
+    "test_body.py": "def test_one(): pytest.skip('no chromium')",
+    "test_fixture.py": "@pytest.fixture\ndef data(): pytest.skip('no data')\ndef test_one(data): 0",
+    "test_mark.py": "@pytest.mark.skipif(True, reason='no compiler')\ndef test_one(): 0",
+    "test_module.py": "pytest.importorskip('no_such_package')\ndef test_one(): 0",
+    "test_expected.py": "@pytest.mark.xfail\ndef test_one(): assert 0",
+}
+
+
+@pytest.mark.parametrize(
+    ("required", "told"), [("0", "4 skipped, 1 xfailed"), ("1", "1 failed, 1 xfailed, 3 errors")]
+)
+def test_a_missing_piece_is_named(required: str, told: str, tmp_path: Path) -> None:
+    for name, text in TESTS.items():
+        (tmp_path / name).write_text(f"import pytest\n{text}\n")
+    variables = {"GMRDATA_TEST_REQUIRE_ALL": required, "PYTHONPATH": str(REPOSITORY)}
+    answer = subprocess.run(
+        [
+            *(sys.executable, "-m", "pytest", "-ra", "-p", "tests.required"),
+            *("--rootdir", tmp_path, "--continue-on-collection-errors", tmp_path),
+        ],
+        cwd=tmp_path, env=os.environ | variables, capture_output=True, text=True,
+    )  # fmt: skip
+    assert told in answer.stdout.splitlines()[-1]
+    assert answer.returncode == int(required)
+    for piece in ("no chromium", "no data", "no compiler", "could not import 'no_such_package'"):
+        assert piece in answer.stdout
