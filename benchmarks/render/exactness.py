@@ -13,7 +13,8 @@ from gmrdata.film.render import RenderConfig
 from gmrdata.film.render_jobs import render_clips
 from gmrdata.film.scene import SceneConfig
 from gmrdata.read.bodies import read_body
-from gmrdata.stage.jobs import Workers, worker_pool
+from gmrdata.stage.jobs import worker_pool
+from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip
@@ -41,7 +42,7 @@ def measure_exactness(root: Path, body_path: Path, scale: Scale) -> list[dict[st
             )
             sizes[clip_id] = (name, size_px)
     config = RenderConfig(scene=SceneConfig(kind="room", seed=1), blend=True)
-    with worker_pool(Workers(2)) as client:
+    with worker_pool(Run(workers=2)) as client:
         render_clips(clips, body_path, root / "render", config, client, root / "failed")
     body, rows = read_body(body_path), []
     for clip_id, (name, size_px) in sizes.items():

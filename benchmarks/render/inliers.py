@@ -14,7 +14,8 @@ from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.scene import SceneConfig
 from gmrdata.read.frames import check_images, list_images
-from gmrdata.stage.jobs import Job, Workers, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, run_jobs, worker_pool
+from gmrdata.stage.run import Run
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.files import read_json
 
@@ -29,7 +30,7 @@ def measure_inliers(root: Path, body_path: Path, scale: Scale) -> list[dict[str,
         walk_clip(folder / "clip.npz", body_path, MOVING[name], scale.sfm_frames, scale.sfm_size_px)
         jobs.append(Job(folder.name, _render_and_reconstruct, {"folder": folder, "place": place}))
         jobs[-1].arguments["body_path"] = body_path
-    with worker_pool(Workers(2)) as client:
+    with worker_pool(Run(workers=2)) as client:
         results = run_jobs("structure from motion", jobs, client, root / "failed")
     return [
         {"place": place, "programme": name} | results[f"{place}_{name}"] for place, name in names

@@ -9,7 +9,8 @@ from render.overhead import CONFIG
 from render.scale import Scale
 
 from gmrdata.film.render_jobs import render_clips
-from gmrdata.stage.jobs import Workers, worker_pool
+from gmrdata.stage.jobs import worker_pool
+from gmrdata.stage.run import Run
 from gmrdata.values.files import sha256_of_path
 
 
@@ -31,7 +32,7 @@ def measure_workers(root: Path, body_path: Path, scale: Scale) -> dict[str, Any]
     wall_s = {}
     for count in (1, 2):
         start_s = time.perf_counter()
-        with worker_pool(Workers(count)) as client:
+        with worker_pool(Run(workers=count)) as client:
             out_dir = root / f"by_{count}"
             render_clips(clips, body_path, out_dir, CONFIG, client, root / "failed")
         wall_s[count] = time.perf_counter() - start_s

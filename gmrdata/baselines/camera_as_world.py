@@ -23,6 +23,7 @@ from gmrdata.baselines.predictions import (
     write_predictions,
 )
 from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, load_cameras
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
@@ -148,7 +149,7 @@ def predict_camera_as_world(
     config: CameraAsWorldConfig | None = None,
     *,
     cameras_dir: Path | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Predict world motions from the camera's view of the true motion.
 
@@ -159,7 +160,6 @@ def predict_camera_as_world(
         out_dir: Folder to make; see `gmrdata.baselines.predictions`.
         config: The recipe; None for its defaults.
         cameras_dir: For recovered cameras: `<clip id>/` of each clip, as `gmrdata sfm` makes it.
-        redo: Throw away a result of another recipe.
 
     Returns:
         `out_dir`.
@@ -192,7 +192,7 @@ def predict_camera_as_world(
         figures = {"camera": config.camera}
         write_predictions(partial_dir, "camera_as_world", predictions, left_out, figures)
 
-    return run_stage("baseline-camera-as-world", out_dir, config, inputs, work, redo=redo)
+    return run_stage("baseline-camera-as-world", out_dir, config, inputs, work, run=run)
 
 
 def in_camera_world(subject: Subject) -> Prediction:

@@ -16,6 +16,7 @@ from gmrdata.baselines.predictions import (
     write_predictions,
 )
 from gmrdata.motion.resample import valid_runs
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadFeatures
@@ -31,7 +32,7 @@ class JointPredictConfig(Config):
 
 
 def predict_joint(
-    run_dir: Path, manifest_path: Path, features_dir: Path, out_dir: Path, *, redo: bool = False
+    run_dir: Path, manifest_path: Path, features_dir: Path, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
     """Predict local poses and world motions from image features.
 
@@ -41,7 +42,6 @@ def predict_joint(
         features_dir: Their image features; see `gmrdata.baselines.joint_data`.
         out_dir: Folder to make; see `gmrdata.baselines.predictions`.  Clips are at the network's
             frame rate.
-        redo: Throw away a result of other inputs.
 
     Returns:
         `out_dir`.
@@ -73,7 +73,7 @@ def predict_joint(
             predictions.append(seen_in_features(model, one, features))
         write_predictions(partial_dir, "joint", predictions, left_out, {"run": run_dir.name})
 
-    return run_stage("baseline-joint", out_dir, JointPredictConfig(), inputs, work, redo=redo)
+    return run_stage("baseline-joint", out_dir, JointPredictConfig(), inputs, work, run=run)
 
 
 def seen_in_features(model: "JointModel", subject: Subject, features: np.ndarray) -> Prediction:

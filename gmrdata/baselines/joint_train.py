@@ -33,6 +33,7 @@ from gmrdata.gmr.runs import check_clips_fit, usable_clips
 from gmrdata.gmr.steps import check_finite, derived_seed, torch_settings
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.stage.progress import progress_bar
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 
@@ -67,7 +68,7 @@ def train_joint(
     config: JointConfig | None = None,
     *,
     body_path: Path | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Train the network on the clips of manifests.  A run that was stopped goes on where it was.
 
@@ -77,7 +78,6 @@ def train_joint(
         run_dir: The run folder to make.
         config: The recipe; None for its defaults.
         body_path: Body of the clips, as `load_body` takes it; None for the default body.
-        redo: Throw away a run that was made with another recipe.
 
     Returns:
         `run_dir`.
@@ -106,7 +106,7 @@ def train_joint(
         pairs = [(clip, load_features(features_dir, clip)) for clip in clips]
         fit_joint(training_runs(pairs, config.fps_hz), body, partial_dir, config)
 
-    return run_stage("joint-train", run_dir, config, inputs, work, redo=redo, resumable=True)
+    return run_stage("joint-train", run_dir, config, inputs, work, run=run, resumable=True)
 
 
 def fit_joint(

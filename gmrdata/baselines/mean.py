@@ -16,6 +16,7 @@ from gmrdata.baselines.predictions import (
     write_predictions,
 )
 from gmrdata.gmr.runs import runs_at, usable_clips
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
@@ -51,7 +52,7 @@ def predict_mean(
     out_dir: Path,
     config: MeanConfig | None = None,
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Predict the mean motion of training clips for every clip, local pose as it is.
 
@@ -60,7 +61,6 @@ def predict_mean(
         training_paths: Manifests whose clips are averaged.
         out_dir: Folder to make; see `gmrdata.baselines.predictions`.  The record has the mean.
         config: The recipe; None for its defaults.
-        redo: Throw away a result of another recipe.
 
     Returns:
         `out_dir`.
@@ -80,7 +80,7 @@ def predict_mean(
 
     inputs = {"manifest": manifest_path}
     inputs |= {f"training_{i}": path for i, path in enumerate(training_paths)}
-    return run_stage("baseline-mean", out_dir, config, inputs, work, redo=redo)
+    return run_stage("baseline-mean", out_dir, config, inputs, work, run=run)
 
 
 def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanMotion:

@@ -23,6 +23,7 @@ from gmrdata.baselines.predictions import (
     write_predictions,
 )
 from gmrdata.stage.progress import track
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
@@ -50,7 +51,7 @@ def predict_vibe_cam(
     config: VibeCamConfig | None = None,
     *,
     body_path: Path | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Predict world motions as VIBE-CAM does.
 
@@ -65,7 +66,6 @@ def predict_vibe_cam(
             which rows have no prediction and why.
         config: The recipe; None for its defaults.
         body_path: Body of the poses, as `load_body` takes it; None for the default body.
-        redo: Throw away a result of another recipe.
 
     Returns:
         `out_dir`.
@@ -104,7 +104,7 @@ def predict_vibe_cam(
             predictions.append(_prediction(one, posed, placed, found, body))
         write_predictions(partial_dir, "vibe_cam", predictions, left_out)
 
-    return run_stage("baseline-vibe-cam", out_dir, config, inputs, work, redo=redo)
+    return run_stage("baseline-vibe-cam", out_dir, config, inputs, work, run=run)
 
 
 def load_poses(path: Path, clip: Clip, body: BodyModel) -> Clip:

@@ -13,6 +13,7 @@ from gmrdata.baselines.predictions import (
     predicted,
     write_predictions,
 )
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.records import Config
 
@@ -21,13 +22,12 @@ class ZeroConfig(Config):
     """No motion at all; there is nothing to choose."""
 
 
-def predict_zero(manifest_path: Path, out_dir: Path, *, redo: bool = False) -> Path:
+def predict_zero(manifest_path: Path, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
     """Predict that everybody stays in the pose of the first valid frame, local pose as it is.
 
     Args:
         manifest_path: The clips.
         out_dir: Folder to make; see `gmrdata.baselines.predictions`.
-        redo: Throw away a result of other inputs.
 
     Returns:
         `out_dir`.
@@ -41,7 +41,7 @@ def predict_zero(manifest_path: Path, out_dir: Path, *, redo: bool = False) -> P
         write_predictions(partial_dir, "zero", [at_rest(one) for one in subjects], skipped)
 
     inputs = {"manifest": manifest_path}
-    return run_stage("baseline-zero", out_dir, ZeroConfig(), inputs, work, redo=redo)
+    return run_stage("baseline-zero", out_dir, ZeroConfig(), inputs, work, run=run)
 
 
 def at_rest(subject: Subject) -> Prediction:

@@ -33,6 +33,7 @@ from gmrdata.cameras.timeline import Timeline, cuts_in_words
 from gmrdata.masks.folder import find_mask
 from gmrdata.read.frames import check_images, image_number, list_images, read_gray
 from gmrdata.stage.jobs import in_threads
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecipe, NoReconstruction
@@ -116,7 +117,7 @@ def reconstruct(
     config: SfmConfig,
     *,
     left_out: Collection[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Find the camera of every frame, up to one similarity of the world.
 
@@ -127,7 +128,6 @@ def reconstruct(
         out_dir: Folder to make: `cameras.npz`, `points.npz`, `quality.json`.
         config: The recipe.
         left_out: Numbers of images that are known to be unusable and get no camera and no row.
-        redo: Replace a folder that another recipe made.
 
     Returns:
         `out_dir`.
@@ -163,7 +163,7 @@ def reconstruct(
         write_json(partial / QUALITY_FILE, solution.quality | worked_on)
 
     inputs = {"images": images_dir} | ({} if masks_dir is None else {"masks": masks_dir})
-    return run_stage("sfm", out_dir, recipe, inputs, work, redo=redo)
+    return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
 
 
 def _checked(intrinsics_px: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
 from gmrdata.cli.answers import answer
 from gmrdata.cli.options import body_path, need
+from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
 
@@ -20,7 +21,7 @@ def baseline_zero(manifest: Positional[Path], out: Path, redo: bool = False) -> 
     """
     from gmrdata.baselines.zero import predict_zero
 
-    answer(predict_zero(manifest, out, redo=redo))
+    answer(predict_zero(manifest, out, run=Run(redo=redo)))
 
 
 def baseline_mean(
@@ -42,7 +43,7 @@ def baseline_mean(
     from gmrdata.baselines.mean import MeanConfig, predict_mean
 
     need(training, "a manifest to average: --training")
-    answer(predict_mean(manifest, training, out, MeanConfig(fps_hz=fps_hz), redo=redo))
+    answer(predict_mean(manifest, training, out, MeanConfig(fps_hz=fps_hz), run=Run(redo=redo)))
 
 
 def baseline_camera_as_world(
@@ -64,7 +65,7 @@ def baseline_camera_as_world(
     from gmrdata.baselines.camera_as_world import CameraAsWorldConfig, predict_camera_as_world
 
     config = CameraAsWorldConfig(camera=camera)
-    answer(predict_camera_as_world(manifest, out, config, cameras_dir=cameras, redo=redo))
+    answer(predict_camera_as_world(manifest, out, config, cameras_dir=cameras, run=Run(redo=redo)))
 
 
 def baseline_vibe_cam(
@@ -96,7 +97,7 @@ def baseline_vibe_cam(
     config = VibeCamConfig(person_ids=_tracks(person), image_size_px=image_size)
     answer(
         predict_vibe_cam(
-            manifest, poses, keypoints, out, config, body_path=body_path(body), redo=redo
+            manifest, poses, keypoints, out, config, body_path=body_path(body), run=Run(redo=redo)
         )
     )
 
@@ -125,7 +126,9 @@ def baseline_joint_train(
 
     need(manifests, "a manifest file")
     config = JointConfig() if recipe is None else load_recipe(recipe, JointConfig)
-    answer(train_joint(manifests, features, out, config, body_path=body_path(body), redo=redo))
+    answer(
+        train_joint(manifests, features, out, config, body_path=body_path(body), run=Run(redo=redo))
+    )
 
 
 def baseline_joint(
@@ -146,7 +149,7 @@ def baseline_joint(
     """
     from gmrdata.baselines.joint_predict import predict_joint
 
-    answer(predict_joint(run, manifest, features, out, redo=redo))
+    answer(predict_joint(run, manifest, features, out, run=Run(redo=redo)))
 
 
 def _tracks(person: tuple[str, ...]) -> dict[str, int]:

@@ -15,10 +15,12 @@ from gmrdata.cli.demo_motions import MotionFiles, choose_files, make_motions
 from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
 from gmrdata.film.render_jobs import render_clips
 from gmrdata.gmr.train import train
+from gmrdata.pages.scores import write_scores_page
 from gmrdata.read.bodies import keep_body, load_body, read_body
 from gmrdata.score.score import score_manifest
-from gmrdata.stage.jobs import Job, Workers, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, run_jobs, worker_pool
 from gmrdata.stage.progress import console
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.files import write_text
@@ -32,24 +34,24 @@ class TruthRemovedConfig(Config):
     """Nothing to choose: the camera-frame body follows from the clip."""
 
 
-def regenerate(root: Path, clip_id: str, config: SequenceConfig, redo: bool) -> Path:
+def regenerate(root: Path, clip_id: str, config: SequenceConfig, run: Run) -> Path:
     """Frames, intrinsics and camera-frame body of one clip to its world motion.
 
     Returns:
         The folder of the pseudo ground truth.
     """
     paths = DemoPaths(root)
-    _remove_truth(paths, clip_id, redo)
+    _remove_truth(paths, clip_id, run)
     return regenerate_sequence(
         paths.frames_dir(clip_id),
         (PersonFiles(paths.camera_clip(clip_id), paths.body),),
         paths.regenerated_dir(clip_id),
         config,
-        redo=redo,
+        run=run,
     )
 
 
-def _remove_truth(paths: DemoPaths, clip_id: str, redo: bool) -> None:
+def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:
     """Keep only what 3DPW gives: local poses, the root in the camera's frame, and K."""
 
     def work(out_dir: Path) -> None:
@@ -66,9 +68,7 @@ def _remove_truth(paths: DemoPaths, clip_id: str, redo: bool) -> None:
         save_clip(out_dir / paths.camera_clip(clip_id).name, clip, rest_pelvis_m)
 
     inputs = {"clip": paths.true_clip(clip_id), "body": paths.body}
-    run_stage(
-        "sequence", paths.sequence_dir(clip_id), TruthRemovedConfig(), inputs, work, redo=redo
-    )
+    run_stage("sequence", paths.sequence_dir(clip_id), TruthRemovedConfig(), inputs, work, run=run)
 
 
 def run_demo(
@@ -77,8 +77,7 @@ def run_demo(
     *,
     motions_dir: Path | None = None,
     trials: tuple[str, ...] = (),
-    scheduler: str | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Run every stage that isn't done; a run that was killed goes on where it was.
 
@@ -87,22 +86,20 @@ def run_demo(
         out_dir: The output folder.
         motions_dir: Folder of motion files to film and train on; the embedded gait when None.
         trials: Names of the files to film, without suffix; the first that fit when empty.
-        scheduler: Address of a Dask cluster for the clips; local processes when None.
-        redo: Make stages anew that another recipe made.
 
     Returns:
         Path of the report.
     """
     paths = DemoPaths(out_dir.resolve())
     _step(1, "body")
-    keep_body(recipe.body, paths.body_dir, redo=redo)
+    keep_body(recipe.body, paths.body_dir, run=run)
     _step(2, "motions")
     files = MotionFiles()
     if motions_dir is not None:
         files = choose_files(motions_dir, trials, recipe, load_body(str(paths.body)))
         console.print("  filming " + ", ".join(path.stem for path in files.filmed))
-    make_motions(paths, recipe, files, redo=redo)
-    with worker_pool(Workers(recipe.workers, scheduler)) as client:
+    make_motions(paths, recipe, files, run=run)
+    with worker_pool(run, recipe.workers) as client:
         _step(3, "render")
         render_clips(
             {clip.id: paths.planned_clip(clip.id) for clip in recipe.clips},
@@ -111,19 +108,18 @@ def run_demo(
             recipe.render,
             client,
             paths.failures_dir,
-            redo=redo,
+            run=run,
         )
         _step(4, "masks, cameras, scale, world motion")
-        _regenerate(paths, recipe, client, redo)
+        _regenerate(paths, recipe, client, run)
     _step(5, "manifests")
     write_manifests(paths, recipe, files)
     _step(6, "train GMR")
-    train([paths.training_manifest], paths.gmr_dir, recipe.gmr, body_path=paths.body, redo=redo)
+    train([paths.training_manifest], paths.gmr_dir, recipe.gmr, body_path=paths.body, run=run)
     _step(7, "score GMR")
     for manifest in (paths.synthetic_manifest, paths.pseudo_gt_manifest):
-        score_manifest(
-            paths.gmr_dir, manifest, paths.body, paths.scores_dir(manifest.stem), redo=redo
-        )
+        scores_dir = paths.scores_dir(manifest.stem)
+        write_scores_page(score_manifest(paths.gmr_dir, manifest, paths.body, scores_dir, run=run))
     _step(8, "report")
     write_text(paths.recipe, yaml.safe_dump(recipe.model_dump(mode="json"), sort_keys=False))
     return show(paths, recipe)
@@ -133,7 +129,7 @@ def _step(number: int, what: str) -> None:
     console.rule(f"[bold]{number}/8[/bold] {what}", align="left")
 
 
-def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: object, redo: bool) -> None:
+def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: object, run: Run) -> None:
     jobs = [
         Job(
             clip.id,
@@ -142,7 +138,7 @@ def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: object, redo: bool
                 "root": paths.root,
                 "clip_id": clip.id,
                 "config": recipe.sequence,
-                "redo": redo,
+                "run": run,
             },
         )
         for clip in recipe.clips

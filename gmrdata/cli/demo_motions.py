@@ -12,6 +12,7 @@ from gmrdata.motion.gait import embedded_motions, make_gait
 from gmrdata.motion.resample import resample
 from gmrdata.read.bodies import read_body
 from gmrdata.stage.progress import track
+from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -82,7 +83,7 @@ def choose_files(
     return MotionFiles(filmed, others[: recipe.training.max_files])
 
 
-def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, redo: bool) -> Path:
+def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, run: Run) -> Path:
     """Stage: the planned clips (motion and camera) and the training clips.
 
     Returns:
@@ -115,7 +116,7 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, re
     inputs = {"body": paths.body}
     for path in (*files.filmed, *files.training):
         inputs |= {f"file {file.name}": file for file in input_files(path).values()}
-    return run_stage("motions", paths.motions_dir, config, inputs, work, redo=redo)
+    return run_stage("motions", paths.motions_dir, config, inputs, work, run=run)
 
 
 def _filmed_motion(

@@ -14,6 +14,7 @@ from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import body_path, need
 from gmrdata.gmr.config import Which
 from gmrdata.score.protocols import ProtocolName
+from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 
 
@@ -43,7 +44,12 @@ def train(
     config = load_recipe(find_recipe(recipe), GmrRecipe).train
     answer(
         train_gmr(
-            manifests, out, config, body_path=body_path(body), held_out_paths=held_out, redo=redo
+            manifests,
+            out,
+            config,
+            body_path=body_path(body),
+            held_out_paths=held_out,
+            run=Run(redo=redo),
         )
     )
 
@@ -89,6 +95,7 @@ def evaluate(
         seed: Draws the clips of bootstrap intervals.
         redo: Throw away a result of other settings.
     """
+    from gmrdata.pages.scores import write_scores_page
     from gmrdata.score.score import ScoreConfig, score_manifest, score_predictions
     from gmrdata.score.table import protocol_rows, score_rows
     from gmrdata.values.files import read_json
@@ -107,7 +114,7 @@ def evaluate(
         if len(run_and_manifest) != 2:
             raise MissingInput("give a run folder and a manifest, or a manifest and --predictions")
         path = score_manifest(
-            *run_and_manifest, body_path(body), out, config, floor_path=floor, redo=redo
+            *run_and_manifest, body_path(body), out, config, floor_path=floor, run=Run(redo=redo)
         )
     else:
         if len(run_and_manifest) != 1:
@@ -120,7 +127,7 @@ def evaluate(
             config,
             predictions_body_path=predictions_body,
             floor_path=floor,
-            redo=redo,
+            run=Run(redo=redo),
         )
     scores = read_json(path)
     print_table(*score_rows(scores))
@@ -133,7 +140,7 @@ def evaluate(
         answer(f"{id}: left out: {why}")
     if scores["dropped_frames"]:
         answer(f"{scores['dropped_frames']} valid frames had no prediction and are left out")
-    answer(path.with_name("scores.html"))
+    answer(write_scores_page(path))
     answer(path)
 
 
@@ -169,6 +176,7 @@ def infer(
         redo: Make anew what other settings made.
     """
     from gmrdata.gmr.infer import RECORD_FILE, InferConfig, infer_world_motion
+    from gmrdata.pages.inference import draw_motion
     from gmrdata.values.files import read_json
 
     if fps_hz is not None and not 0 < fps_hz < float("inf"):
@@ -179,7 +187,7 @@ def infer(
     path = body_path(body)
     made = infer_world_motion(
         run, source, "anny" if path is None else str(path), out, config,
-        joint_map=joint_map, redo=redo,
+        draw=draw_motion, joint_map=joint_map, run=Run(redo=redo),
     )  # fmt: skip
     motions = read_json(made / RECORD_FILE)["motions"]
     print_table(
@@ -215,11 +223,12 @@ def compare(
         seed: Draws the clips of bootstrap intervals, and permutations.
         redo: Throw away a result of other settings.
     """
+    from gmrdata.pages.scores import write_comparison_page
     from gmrdata.score.compare import HEADINGS, CompareConfig, compare_scores, table_rows
     from gmrdata.values.files import read_json
 
     need(scores, "the scores.json of two runs or more")
-    path = compare_scores(scores, out, CompareConfig(names=names, seed=seed), redo=redo)
+    path = compare_scores(scores, out, CompareConfig(names=names, seed=seed), run=Run(redo=redo))
     print_table(HEADINGS, table_rows(read_json(path)))
-    answer(path.with_name("comparison.html"))
+    answer(write_comparison_page(path, scores))
     answer(path)

@@ -8,6 +8,7 @@ from tyro.conf import Positional
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import need
+from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
 
@@ -80,7 +81,7 @@ def motions(
     if workers is not None and workers < 1:
         raise BadRecipe(f"--workers {workers}: at least one process has to do the work")
     if layout != "files":
-        for path in _data_set(layout, sources, out, body, redo):
+        for path in _data_set(layout, sources, out, body, Run(redo=redo)):
             answer(path)
         return
     from gmrdata.motion.library import make_library, motion_table
@@ -91,7 +92,12 @@ def motions(
         return
     answer(
         make_library(
-            sources, body, out, fps_hz=fps_hz, joint_map=joint_map, workers=workers, redo=redo
+            sources,
+            body,
+            out,
+            fps_hz=fps_hz,
+            joint_map=joint_map,
+            run=Run(redo=redo, workers=workers),
         )
     )
 
@@ -101,7 +107,7 @@ def _data_set(
     sources: tuple[Path, ...],
     out: Path | None,
     body: str,
-    redo: bool,
+    run: Run,
 ) -> tuple[Path, ...]:
     """Manifests of a data set's world clips."""
     if len(sources) != 1 or out is None:
@@ -109,7 +115,7 @@ def _data_set(
     if layout == "human36m":
         from gmrdata.motion.human36m import make_human36m
 
-        return make_human36m(sources[0], body, out, redo=redo)
+        return make_human36m(sources[0], body, out, run=run)
     from gmrdata.motion.emdb import make_emdb
 
-    return make_emdb(sources[0], body, out, redo=redo)
+    return make_emdb(sources[0], body, out, run=run)

@@ -4,8 +4,9 @@ from pathlib import Path
 
 from tyro.conf import Positional, UseAppendAction
 
-from gmrdata.cli.answers import answer, print_table
+from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.cli.options import body_path
+from gmrdata.stage.run import Run
 from gmrdata.tables.recipe import ScaleName
 from gmrdata.values.errors import BadRecipe
 
@@ -51,7 +52,7 @@ def tables(
         redo: Throw away runs of other settings.
         dry_run: List the trainings with an estimate of their time, and do nothing.
     """
-    from gmrdata.stage.jobs import Workers
+    from gmrdata.pages.scores import write_scores_pages
     from gmrdata.tables.comparison import explanations, shown_rows
     from gmrdata.tables.make import lacking_text, make_table
     from gmrdata.tables.plan import HEADINGS, Given, plan_table, planned_runs
@@ -74,9 +75,9 @@ def tables(
         if plan.lacking:
             answer(lacking_text(recipe, plan, all_of_it=not plan.scorings))
         return
-    path = make_table(
-        recipe, scale, given, out, Workers(workers, scheduler), seeds=seeds, redo=redo
-    )
+    run = Run(redo=redo, workers=workers, scheduler=scheduler)
+    with then(lambda: write_scores_pages(out / "scores")):
+        path = make_table(recipe, scale, given, out, seeds=seeds, run=run)
     record = read_json(path)
     print_table(*shown_rows(record))
     for line in (*explanations(record), *record["statements"]):

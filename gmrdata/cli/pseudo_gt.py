@@ -8,8 +8,9 @@ from typing import Annotated, Any
 
 from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
 
-from gmrdata.cli.answers import answer, print_table
+from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.cli.options import show_dry_run, with_workers
+from gmrdata.stage.run import Run
 from gmrdata.values.errors import MissingInput
 
 
@@ -36,6 +37,7 @@ def threedpw_regenerate(
         redo: Make anew what another recipe made.
         dry_run: Say what would be done, and do nothing.
     """
+    from gmrdata.pages.qa import write_set_pages
     from gmrdata.stage.recipes import find_recipe, load_recipe
     from gmrdata.threedpw import regenerate as stage
     from gmrdata.threedpw.recipe import ThreedpwRecipe
@@ -49,7 +51,8 @@ def threedpw_regenerate(
     if dry_run:
         print_table(stage.HEADINGS, stage.plan(loaded, root, out))
         return
-    made = stage.regenerate_set(loaded, root, out, scheduler=scheduler, redo=redo)
+    with then(lambda: write_set_pages(loaded, root, out)):
+        made = stage.regenerate_set(loaded, root, out, run=Run(redo=redo, scheduler=scheduler))
     rows = read_json(made.with_name("verdicts.json"))
     print_table(VERDICT_HEADINGS, [table_row(row) for row in rows])
     answer(made.with_name("index.html"))
@@ -134,6 +137,7 @@ def threedpw_twin(
         dry_run: List clips and frames with an estimate of time and disk, and make nothing.
         probe: For the estimate of a dry run, render two frames in a temporary folder.
     """
+    from gmrdata.pages.synthetic import write_set_pages
     from gmrdata.stage.recipes import find_recipe, load_recipe
     from gmrdata.twins.recipe import TwinRecipe
     from gmrdata.twins.twin_set import SET_FOLDER, make_twins
@@ -144,7 +148,11 @@ def threedpw_twin(
     if dry_run:
         show_dry_run(loaded.set, out / SET_FOLDER, motions, probe)
         return
-    answer(make_twins(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+    with then(lambda: write_set_pages(loaded.set, out / SET_FOLDER)):
+        made = make_twins(
+            loaded, out, motions_dir=motions, run=Run(redo=redo, scheduler=scheduler)
+        )
+    answer(made)
 
 
 def threedpw(
@@ -196,6 +204,8 @@ def floor(
             what would be done with given twins, and make nothing.
         probe: For the estimate of a dry run, render two frames in a temporary folder.
     """
+    from gmrdata.pages import qa
+    from gmrdata.pages.synthetic import write_set_pages
     from gmrdata.stage.recipes import find_recipe, load_recipe
     from gmrdata.threedpw import regenerate as regeneration
     from gmrdata.threedpw.recipe import ThreedpwRecipe
@@ -206,18 +216,28 @@ def floor(
 
     loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
     loaded = with_workers(loaded, workers)
+
+    def regenerated_pages(twins_dir: Path) -> None:
+        qa.write_set_pages(loaded, read_truth(twins_dir).root, out / REGENERATED_FOLDER)
+
     if twins is not None and dry_run:
         plan = regeneration.plan(loaded, read_truth(twins).root, out / REGENERATED_FOLDER)
         print_table(regeneration.HEADINGS, plan)
         return
     if twins is not None:
-        made = floor_of_twins(twins, loaded, out, scheduler=scheduler, redo=redo)
+        with then(lambda: regenerated_pages(twins)):
+            made = floor_of_twins(twins, loaded, out, run=Run(redo=redo, scheduler=scheduler))
     elif motions is not None:
         drawn = draw_twins(sequences, seed, motions, film_of(size, frames), workers)
         if dry_run:
             show_dry_run(drawn.set, out / TWINS_FOLDER / SET_FOLDER, motions, probe)
             return
-        made = drawn_floor(drawn, motions, loaded, out, scheduler=scheduler, redo=redo)
+        twins_dir = out / TWINS_FOLDER
+        with (
+            then(lambda: regenerated_pages(twins_dir)),
+            then(lambda: write_set_pages(drawn.set, twins_dir / SET_FOLDER)),
+        ):
+            made = drawn_floor(drawn, motions, loaded, out, run=Run(redo=redo, scheduler=scheduler))
     else:
         raise MissingInput("nothing to measure on. Name --motions to draw twins, or --twins")
     measured = read_floor(made.path)

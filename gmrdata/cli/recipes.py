@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+from gmrdata.cli.answers import then
 from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_kind
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecipe
 
 KINDS = "demo, synthetic, threedpw_twin and gmr"
@@ -13,8 +15,7 @@ def run_recipe(
     out_dir: Path,
     *,
     motions_dir: Path | None = None,
-    scheduler: str | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Do what a recipe says; what is done already is kept.
 
@@ -22,8 +23,6 @@ def run_recipe(
         name: A recipe file, or the name of one that travels with gmrdata.
         out_dir: The output folder.
         motions_dir: Folder of motion files, for recipes that use some.
-        scheduler: Address of a Dask cluster; local processes when None.
-        redo: Make anew what another recipe made.
 
     Returns:
         The report of a demo, the manifest of a synthetic set, the root of a twin dataset, or the
@@ -39,25 +38,25 @@ def run_recipe(
             from gmrdata.cli.demo_recipe import DemoRecipe
 
             demo = load_recipe(path, DemoRecipe)
-            return run_demo(demo, out_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo)
+            return run_demo(demo, out_dir, motions_dir=motions_dir, run=run)
         case "synthetic":
             from gmrdata.film.render_set import render_set
             from gmrdata.film.set_plan import SyntheticRecipe
+            from gmrdata.pages.synthetic import write_set_pages
 
             synthetic = load_recipe(path, SyntheticRecipe)
-            return render_set(
-                synthetic, out_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo
-            )
+            with then(lambda: write_set_pages(synthetic, out_dir)):
+                return render_set(synthetic, out_dir, motions_dir=motions_dir, run=run)
         case "threedpw_twin":
+            from gmrdata.pages.synthetic import write_set_pages
             from gmrdata.twins.recipe import TwinRecipe
-            from gmrdata.twins.twin_set import make_twins
+            from gmrdata.twins.twin_set import SET_FOLDER, make_twins
 
             twin = load_recipe(path, TwinRecipe)
-            return make_twins(
-                twin, out_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo
-            )
+            with then(lambda: write_set_pages(twin.set, out_dir / SET_FOLDER)):
+                return make_twins(twin, out_dir, motions_dir=motions_dir, run=run)
         case "gmr":
-            return _train_and_score(path, out_dir, redo)
+            return _train_and_score(path, out_dir, run)
         case "masks":
             raise BadRecipe(
                 f"{path}: a recipe of masks needs frames: gmrdata masks FRAMES --sources {name}"
@@ -75,8 +74,9 @@ def run_recipe(
             raise BadRecipe(f"{path}: unknown kind {kind!r}; there are {KINDS}")
 
 
-def _train_and_score(path: Path, out_dir: Path, redo: bool) -> Path:
+def _train_and_score(path: Path, out_dir: Path, run: Run) -> Path:
     from gmrdata.gmr.train import GmrRecipe, train
+    from gmrdata.pages.scores import write_scores_page
     from gmrdata.score.score import score_manifest
 
     recipe = load_recipe(path, GmrRecipe)
@@ -91,9 +91,11 @@ def _train_and_score(path: Path, out_dir: Path, redo: bool) -> Path:
         out_dir / "run",
         recipe.train_config(),
         body_path=body_path,
-        redo=redo,
+        run=run,
     )
     for manifest in recipe.scored:
         scores_dir = out_dir / "scores" / manifest.stem
-        score_manifest(run_dir, folder / manifest, body_path, scores_dir, redo=redo)
+        write_scores_page(
+            score_manifest(run_dir, folder / manifest, body_path, scores_dir, run=run)
+        )
     return run_dir

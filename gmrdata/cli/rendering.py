@@ -4,8 +4,9 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from gmrdata.cli.answers import answer
+from gmrdata.cli.answers import answer, then
 from gmrdata.cli.options import show_dry_run, with_workers
+from gmrdata.stage.run import Run
 
 
 def render(
@@ -43,8 +44,13 @@ def render(
     if preview:
         from gmrdata.pages.preview import preview_set
 
-        answer(preview_set(loaded, out, motions_dir=motions, scheduler=scheduler))
+        answer(preview_set(loaded, out, motions_dir=motions, run=Run(scheduler=scheduler)))
         return
     from gmrdata.film.render_set import render_set
+    from gmrdata.pages.synthetic import write_set_pages
 
-    answer(render_set(loaded, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+    with then(lambda: write_set_pages(loaded, out)):
+        made = render_set(
+            loaded, out, motions_dir=motions, run=Run(redo=redo, scheduler=scheduler)
+        )
+    answer(made)

@@ -6,6 +6,7 @@ from tyro.conf import Positional
 
 from gmrdata.cli.answers import answer
 from gmrdata.cli.options import need, one_person
+from gmrdata.stage.run import Run
 
 
 def masks(
@@ -42,7 +43,7 @@ def masks(
     need(sources, "a source of masks: --sources onnx")
     config = masks_named(sources, model=model, weights=weights, classes=classes)
     people = () if camera_body is None else one_person(camera_body, body)
-    for made in masks_of_frames(frames, out, config, people=people, redo=redo):
+    for made in masks_of_frames(frames, out, config, people=people, run=Run(redo=redo)):
         answer(made)
 
 
@@ -86,6 +87,6 @@ def sfm(
         one_person(camera_body, body),
         out,
         SequenceConfig(masks=config, sfm=SfmConfig(seed=seed)),
-        redo=redo,
+        run=Run(redo=redo),
     )
     answer(made)

@@ -6,6 +6,7 @@ from tyro.conf import Positional
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.options import with_workers
+from gmrdata.stage.run import Run
 
 
 def demo(
@@ -41,7 +42,9 @@ def demo(
     if dry_run:
         print_table(("stage", "state"), plan(loaded, out))
         return
-    run_demo(loaded, out, motions_dir=motions, trials=trials, scheduler=scheduler, redo=redo)
+    run_demo(
+        loaded, out, motions_dir=motions, trials=trials, run=Run(redo=redo, scheduler=scheduler)
+    )
 
 
 def report(demo_out: Positional[Path]) -> None:
@@ -76,4 +79,4 @@ def run(
     """
     from gmrdata.cli.recipes import run_recipe
 
-    answer(run_recipe(recipe, out, motions_dir=motions, scheduler=scheduler, redo=redo))
+    answer(run_recipe(recipe, out, motions_dir=motions, run=Run(redo=redo, scheduler=scheduler)))

@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 from gmrdata.film.character import CHARACTER_FILE, Character
 from gmrdata.film.people import PersonConfig
 from gmrdata.film.scene import SceneConfig
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import EngineMissing, RenderFailed
@@ -217,7 +218,7 @@ def render_clip(
     out_dir: Path,
     config: RenderConfig,
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
     threads: int = 1,
     layout_paths: Sequence[Path] = (),
     on_frame: Callable[[int], None] | None = None,
@@ -233,7 +234,6 @@ def render_clip(
         body_path: Body .npz.
         out_dir: The stage's folder.
         config: The recipe.
-        redo: Throw away a result that another recipe made.
         threads: Processor threads for Blender; the pictures don't depend on it.
         layout_paths: Clips that share one place (a clip and its twin), each given the same list;
             the place is laid out for the paths of all of them, and lit for the first.
@@ -280,7 +280,7 @@ def render_clip(
         return {"renderer": renderer}
 
     inputs = render_inputs(clip_path, body_path, config, layout_paths)
-    return run_stage("render", out_dir, config, inputs, work, resumable=True, redo=redo)
+    return run_stage("render", out_dir, config, inputs, work, resumable=True, run=run)
 
 
 def render_inputs(

@@ -6,6 +6,7 @@ from typing import Any
 
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.stage.jobs import Job, Outcome, count_files, raise_failures, try_jobs
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.clip import load_clip
 
 DESCRIPTION = "rendering frames"
@@ -21,7 +22,7 @@ def render_clips(
     client: Any,
     failures_dir: Path,
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> None:
     """Render each planned clip as `try_render_clips` does, for callers that need them all.
 
@@ -29,9 +30,7 @@ def render_clips(
         StageFailed: some clips failed; the others are done.
     """
     configs = dict.fromkeys(planned, config)
-    outcome = try_render_clips(
-        planned, body_path, out_dir, configs, client, failures_dir, redo=redo
-    )
+    outcome = try_render_clips(planned, body_path, out_dir, configs, client, failures_dir, run=run)
     raise_failures(DESCRIPTION, outcome.reasons, len(planned), failures_dir)
 
 
@@ -44,7 +43,7 @@ def try_render_clips(
     failures_dir: Path,
     *,
     layouts: Mapping[str, Sequence[Path]] | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Outcome:
     """Render each planned clip to `out_dir/<id>`, with one progress bar over all frames.
 
@@ -58,7 +57,6 @@ def try_render_clips(
         client: A Dask client.
         failures_dir: Gets the reasons of clips that failed.
         layouts: By id, the planned clips that share a place with a clip, itself among them.
-        redo: Make anew what another recipe made.
 
     Returns:
         Each rendered clip's folder, and why the other clips failed.
@@ -72,7 +70,7 @@ def try_render_clips(
                 "body_path": body_path,
                 "out_dir": out_dir / clip_id,
                 "config": configs[clip_id],
-                "redo": redo,
+                "run": run,
                 "layout_paths": tuple((layouts or {}).get(clip_id, ())),
             },
             retries=RETRIES,

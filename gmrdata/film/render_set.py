@@ -16,8 +16,9 @@ from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.cmu import fetch_command
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import keep_body, read_body
-from gmrdata.stage.jobs import Workers, raise_failures, record_failures, worker_pool
-from gmrdata.stage.progress import console, track
+from gmrdata.stage.jobs import raise_failures, record_failures, worker_pool
+from gmrdata.stage.progress import console
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import MissingInput
@@ -34,15 +35,13 @@ def render_set(
     out_dir: Path,
     *,
     motions_dir: Path | None = None,
-    scheduler: str | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Render every clip whose motion is there, and list them in `out_dir/synthetic.yaml`.
 
-    Beside the manifest stand `index.html`, with a contact sheet and a plot of the paths of each
-    clip, and `warnings.txt` where a clip deserves one.  A clip that can't be planned or rendered
-    leaves its reason in `failed/<id>.txt` and the others go on; a manifest without some of its
-    clips has "incomplete" in its version.
+    Beside the manifest stands `warnings.txt` where a clip deserves one.  A clip that can't be
+    planned or rendered leaves its reason in `failed/<id>.txt` and the others go on; a manifest
+    without some of its clips has "incomplete" in its version.
 
     Returns:
         Path of the manifest.
@@ -57,12 +56,12 @@ def render_set(
     failures_dir = out_dir / "failed"
     for folder in (out_dir, failures_dir, *out_dir.glob("listings/**/")):
         remove_orphans(folder)
-    body_path = keep_body(recipe.body, out_dir / "body", redo=redo)
-    reasons = _render(recipe, selection, out_dir, body_path, failures_dir, scheduler, redo)
+    body_path = keep_body(recipe.body, out_dir / "body", run=run)
+    reasons = _render(recipe, selection, out_dir, body_path, failures_dir, run)
     done = [take for take in selection.takes if take.id not in reasons]
     manifest_path = out_dir / "synthetic.yaml"
     if done:
-        _list(recipe, done, out_dir, read_body(body_path), bool(reasons), redo)
+        _list(recipe, done, out_dir, read_body(body_path), bool(reasons), run)
     raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
     return manifest_path
 
@@ -98,15 +97,14 @@ def _render(
     out_dir: Path,
     body_path: Path,
     failures_dir: Path,
-    scheduler: str | None,
-    redo: bool,
+    run: Run,
 ) -> Mapping[str, str]:
     """Plan and render; gives the reason of each clip that failed, by id."""
-    planned = plan_takes(recipe, selection, body_path, out_dir / "plan", redo=redo)
+    planned = plan_takes(recipe, selection, body_path, out_dir / "plan", run=run)
     record_failures(failures_dir, planned.reasons, ())
     if not planned.paths:
         return planned.reasons
-    with worker_pool(Workers(recipe.workers, scheduler)) as client:
+    with worker_pool(run, recipe.workers) as client:
         outcome = try_render_clips(
             planned.paths,
             body_path,
@@ -115,7 +113,7 @@ def _render(
             client,
             failures_dir,
             layouts=layouts_of(selection.takes, planned.paths),
-            redo=redo,
+            run=run,
         )
     return {**planned.reasons, **outcome.reasons}
 
@@ -136,11 +134,9 @@ def _list(
     out_dir: Path,
     body: BodyModel,
     incomplete: bool,
-    redo: bool,
+    run: Run,
 ) -> None:
-    """Write the manifest, the warnings, the sheets and the index page of what was rendered."""
-    from gmrdata.pages.synthetic import make_sheet, write_index
-
+    """Write the manifest and the warnings of what was rendered."""
     entries = [_entry(out_dir, take, body, recipe) for take in takes]
     write_manifest(
         out_dir / "synthetic.yaml",
@@ -153,25 +149,22 @@ def _list(
         created_by=created_by(
             recipe.model_dump(mode="json", exclude={"workers"}), {"render": recipe.seed}
         ),
-        redo=redo or incomplete,
+        redo=run.redo or incomplete,
     )
-    warnings = _warnings(entries, recipe.min_in_frame_share)
+    warnings = frame_warnings(entries, recipe.min_in_frame_share)
     for line in warnings.values():
         console.print(f"warning: {line}", style="yellow", markup=False)
     if warnings:
         write_text(out_dir / "warnings.txt", "".join(f"{line}\n" for line in warnings.values()))
     else:
         (out_dir / "warnings.txt").unlink(missing_ok=True)
-    for take in track(takes, "drawing contact sheets"):
-        make_sheet(render_dir(out_dir, take.id), out_dir / "sheets" / take.id)
-    write_index(out_dir / "index.html", recipe, entries, warnings)
 
 
 def _incomplete(version: str) -> str:
     return f"{version}{'.' if '-' in version else '-'}incomplete"
 
 
-def _warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, str]:
+def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, str]:
     """One line for each clip that has the person out of frame too often, by id."""
     shares = {entry.id: (entry.quality or Quality()).figures[IN_FRAME] for entry in entries}
     return {

@@ -25,6 +25,7 @@ from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.files import input_files, read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.bodies import read_body
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
@@ -168,7 +169,7 @@ def make_plan(
     body_path: Path,
     out_dir: Path,
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: the planned clip.
 
@@ -178,7 +179,6 @@ def make_plan(
         motion_path: The motion file; None for an embedded gait.
         body_path: The set's body.
         out_dir: The stage's folder.
-        redo: Make anew what another recipe made.
 
     Returns:
         Path of the clip file.
@@ -199,7 +199,7 @@ def make_plan(
     inputs = {"body": body_path}
     if motion_path is not None:
         inputs |= input_files(motion_path)
-    return run_stage("plan", out_dir, config, inputs, work, redo=redo) / PLANNED_FILE
+    return run_stage("plan", out_dir, config, inputs, work, run=run) / PLANNED_FILE
 
 
 def planned_clip(
@@ -231,7 +231,7 @@ def make_twin(
     body_path: Path,
     out_dir: Path,
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: a planned clip once more, with the motion of its camera off.
 
@@ -240,7 +240,6 @@ def make_twin(
         planned_path: The planned clip.
         body_path: The set's body.
         out_dir: The stage's folder.
-        redo: Make anew what another recipe made.
 
     Returns:
         Path of the clip file.
@@ -259,7 +258,7 @@ def make_twin(
 
     inputs = {"clip": planned_path, "body": body_path}
     config = TwinConfig(id=twin_id)
-    return run_stage("twin", out_dir, config, inputs, work, redo=redo) / PLANNED_FILE
+    return run_stage("twin", out_dir, config, inputs, work, run=run) / PLANNED_FILE
 
 
 def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:

@@ -14,6 +14,7 @@ from gmrdata.manifest.current import CameraMotion, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import find_motions
 from gmrdata.stage import resources
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadMotionFile, BadRecipe, StageFailed
 
 PROGRAMMES: dict[str, Programme] = {
@@ -115,7 +116,7 @@ def plan_takes(
     body_path: Path,
     plans_dir: Path,
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Planned:
     """Plan every take; one that can't be filmed is named and the others go on.
 
@@ -124,7 +125,6 @@ def plan_takes(
         selection: Its clips whose motion is there.
         body_path: The set's body.
         plans_dir: Gets one stage folder for each take.
-        redo: Make anew what another recipe made.
 
     Raises:
         StaleOutput: a folder was made by another recipe.
@@ -133,7 +133,7 @@ def plan_takes(
     reasons: dict[str, str] = {}
     for take in selection.takes:
         try:
-            paths[take.id] = _plan(take, recipe, selection, body_path, plans_dir, redo)
+            paths[take.id] = _plan(take, recipe, selection, body_path, plans_dir, run)
         except (BadMotionFile, BadRecipe, StageFailed) as error:
             reasons[take.id] = str(error)
     return Planned(paths, reasons)
@@ -145,7 +145,7 @@ def _plan(
     selection: Selection,
     body_path: Path,
     plans_dir: Path,
-    redo: bool,
+    run: Run,
 ) -> Path:
     """The take's planned clip; a twin's is made of that of its clip."""
     planned = make_plan(
@@ -154,8 +154,8 @@ def _plan(
         selection.files.get(take.clip.trial or ""),
         body_path,
         plans_dir / take.clip.id,
-        redo=redo,
+        run=run,
     )
     if not take.camera_off:
         return planned
-    return make_twin(take.id, planned, body_path, plans_dir / take.id, redo=redo)
+    return make_twin(take.id, planned, body_path, plans_dir / take.id, run=run)

@@ -35,17 +35,17 @@ from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floo
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.motion.rest_pose import minimal_rotation
-from gmrdata.read.source_motion import global_rotmats
 from gmrdata.stage.progress import console, track
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage
 from gmrdata.values import transforms
-from gmrdata.values.body import JOINT, PARENTS, WORLD_FROM_REST, BodyModel
+from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.files import write_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
-from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.skinning import posed_joints_m
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
@@ -133,8 +133,10 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
     level_from_world = np.eye(3) if up is None else minimal_rotation(up, UP)
     root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = motion.pelvis_m @ level_from_world.T
-    rotmats = np.concatenate([root_rotmats[:, None], motion.local_rotmats], axis=1)
-    root_rotmats, pelvis_m, _ = put_on_floor(body, motion.shape, rotmats, pelvis_m, motion.fps_hz)
+    levelled = replace(motion, root_rotmats=root_rotmats)
+    root_rotmats, pelvis_m, _ = put_on_floor(
+        body, motion.shape, levelled.rotmats, pelvis_m, motion.fps_hz
+    )
     how = (
         "no foot stands still; up from the first pelvis" if up is None else "up from standing feet"
     )
@@ -148,9 +150,9 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
 
 def up_of_standing_feet(motion: Motion, body: BodyModel) -> np.ndarray | None:
     """The direction (3,) that standing feet show as up, or None where none stands for 0.1 s."""
-    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
-    world_from_joint = global_rotmats(PARENTS, rotmats)
-    joints_m = motion_joints_m(body, motion)
+    joints_m, world_from_joint = posed_joints_m(
+        body.rest_joints_m(motion.shape), motion.rotmats, motion.pelvis_m
+    )
     ups = []
     for side in ("left", "right"):
         ankle, toe = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
@@ -177,7 +179,6 @@ def _geometric_median(points: np.ndarray) -> np.ndarray:
 FORMAT = "gmrdata-infer/1"
 CLIP_FILE, AMASS_FILE = "clip.npz", "amass.npz"
 BVH_FILE, GLB_FILE = "motion.bvh", "body.glb"
-PATH_FILE, VIDEO_FILE = "path.png", "body.mp4"
 RECORD_FILE = "infer.json"
 
 
@@ -199,6 +200,10 @@ class InferConfig(Config):
     """Height of the video [px]."""
 
 
+DrawMotion = Callable[[Path, Clip, BodyModel, InferConfig], None]
+"""Adds pictures of a world motion to its folder; keeps those that are there."""
+
+
 def infer_world_motion(
     run_dir: Path,
     source: Path,
@@ -206,8 +211,9 @@ def infer_world_motion(
     out_dir: Path,
     config: InferConfig | None = None,
     *,
+    draw: DrawMotion,
     joint_map: Path | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: predict the world motion of each person of a file and write it in usual formats.
 
@@ -216,11 +222,11 @@ def infer_world_motion(
         source: Local poses, as `gmrdata.local_pose` lists the formats.
         body_spec: The body that stands for the people, as `load_body` takes it.
         out_dir: Gets `infer.json` and a folder for each unbroken run of each person: `clip.npz`,
-            `amass.npz`, `motion.bvh`, `body.glb`, `path.png` and `body.mp4`.  People and runs do
-            not share a world: each starts above the origin of its own.
+            `amass.npz`, `motion.bvh`, `body.glb`, and what `draw` adds.  People and runs do not
+            share a world: each starts above the origin of its own.
         config: The recipe; None for its defaults.
+        draw: Adds the pictures, as `gmrdata.pages.inference.draw_motion` does.
         joint_map: For a BVH or AMC with unknown joint names.
-        redo: Throw away a result of another recipe.
 
     Returns:
         `out_dir`.
@@ -250,10 +256,10 @@ def infer_world_motion(
         write_json(partial_dir / RECORD_FILE, _record(gmr, source, body, worlds, left_out))
         for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
             _write_files(partial_dir / name, world, body)
-        if config.video:
-            _write_videos(partial_dir, worlds, body, config)
+        for name, world in worlds.items():
+            draw(partial_dir / name, world, body, config)
 
-    return run_stage("infer", out_dir, config, inputs, work, resumable=True, redo=redo)
+    return run_stage("infer", out_dir, config, inputs, work, resumable=True, run=run)
 
 
 def _pose_inputs(source: Path) -> dict[str, Path]:
@@ -303,32 +309,17 @@ def _too_short(motion: Motion, fps_hz: float) -> str:
 
 
 def _write_files(folder: Path, clip: Clip, body: BodyModel) -> None:
-    """All but the video; each file is written as a whole, so what is there is kept."""
-    from gmrdata.pages.inference import write_top_view
-
+    """All but the pictures; each file is written as a whole, so what is there is kept."""
     motion = clip.motion
     writers: dict[str, Callable[[Path], None]] = {
         CLIP_FILE: lambda path: save_clip(path, clip, body.rest_pelvis_m(motion.shape)),
         AMASS_FILE: lambda path: write_amass(path, motion, body),
         BVH_FILE: lambda path: write_bvh(path, motion, body),
         GLB_FILE: lambda path: write_glb(path, motion, body),
-        PATH_FILE: lambda path: write_top_view(path, motion),
     }
     for file_name, write in writers.items():
         if not (folder / file_name).exists():
             write(folder / file_name)
-
-
-def _write_videos(
-    out_dir: Path, worlds: dict[str, Clip], body: BodyModel, config: InferConfig
-) -> None:
-    from gmrdata.pages.inference import write_body_video
-
-    for name, clip in worlds.items():
-        path = out_dir / name / VIDEO_FILE
-        if not path.exists():
-            size_px = (config.width_px, config.height_px)
-            write_body_video(path, clip.motion, body, size_px, name)
 
 
 def _record(

@@ -20,6 +20,7 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from gmrdata.gmr.config import TrainConfig
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.records import Config
 
@@ -86,7 +87,7 @@ def train(
     *,
     body_path: Path | None = None,
     held_out_paths: Sequence[Path] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Train a network on the clips of manifests; resumes a killed run.
 
@@ -96,7 +97,6 @@ def train(
         config: The recipe.
         body_path: Body of the clips, as `load_body` takes it; None for the default body.
         held_out_paths: Manifests to score every `eval_every` steps; they don't change the training.
-        redo: Throw away a run that was made with another recipe.
 
     Returns:
         `run_dir`.
@@ -157,7 +157,7 @@ def train(
         return fit_in(partial_dir)
 
     try:
-        return run_stage("gmr-train", run_dir, config, inputs, work, resumable=True, redo=redo)
+        return run_stage("gmr-train", run_dir, config, inputs, work, resumable=True, run=run)
     finally:
         if not told:
             from_first(None, processes)

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from gmrdata.masks.silhouette import dilate
 from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.values.records import Config
@@ -30,7 +31,7 @@ def folder_masks(
     config: FolderMaskConfig,
     *,
     left_out: Collection[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic.
 
@@ -40,7 +41,6 @@ def folder_masks(
         out_dir: Folder to make.
         config: The recipe.
         left_out: Numbers of images that are known to be unusable and get no mask.
-        redo: Replace a folder that another recipe made.
 
     Raises:
         MissingInput: there is no such folder.
@@ -58,7 +58,7 @@ def folder_masks(
             write_gray(partial / f"{image.stem}.png", mask)
 
     inputs = {"masks": masks_dir, "images": images_dir}
-    return run_stage("folder_masks", out_dir, config, inputs, work, redo=redo)
+    return run_stage("folder_masks", out_dir, config, inputs, work, run=run)
 
 
 def find_mask(masks_dir: Path, image: Path) -> Path:

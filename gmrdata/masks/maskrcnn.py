@@ -18,6 +18,7 @@ from gmrdata.masks.silhouette import dilate
 from gmrdata.masks.yolox import CATEGORY_NUMBERS, DYNAMIC, CocoClasses, class_indices
 from gmrdata.read.frames import check_images, list_images, read_color, write_gray
 from gmrdata.stage.progress import track as with_bar
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingExtra, MissingInput, StageFailed
 from gmrdata.values.files import read_npz, write_npz
@@ -72,7 +73,7 @@ def maskrcnn_masks(
     config: MaskRcnnConfig,
     *,
     left_out: Collection[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 on people, vehicles and animals.
 
@@ -85,7 +86,6 @@ def maskrcnn_masks(
         out_dir: Folder to make.
         config: The recipe.
         left_out: Numbers of images that are known to be unusable and get no mask.
-        redo: Replace a folder that another recipe made.
 
     Raises:
         MissingExtra: torchvision is not installed, or doesn't fit torch.
@@ -106,7 +106,7 @@ def maskrcnn_masks(
         shutil.rmtree(partial / "seen")
 
     inputs = {"images": images_dir} | ({} if weights_path is None else {"weights": weights_path})
-    return run_stage("maskrcnn_masks", out_dir, config, inputs, work, resumable=True, redo=redo)
+    return run_stage("maskrcnn_masks", out_dir, config, inputs, work, resumable=True, run=run)
 
 
 def instances_of(output: Mapping[str, np.ndarray], config: MaskRcnnConfig) -> Instances:

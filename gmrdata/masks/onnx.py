@@ -36,6 +36,7 @@ from gmrdata.masks.yolox import (
 )
 from gmrdata.read.frames import check_images, list_images, read_color, write_gray
 from gmrdata.stage.progress import track as with_bar
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadDetector, MissingInput
 from gmrdata.values.files import read_json, write_json
@@ -191,7 +192,7 @@ def onnx_masks(
     config: OnnxConfig,
     *,
     left_out: Collection[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 in the boxes found, and `detections.json`.
 
@@ -203,7 +204,6 @@ def onnx_masks(
         out_dir: Folder to make.
         config: The recipe.
         left_out: Numbers of images that are known to be unusable and get no mask.
-        redo: Replace a folder that another recipe made.
 
     Raises:
         MissingInput: there is no such model or folder.
@@ -232,7 +232,7 @@ def onnx_masks(
         shutil.rmtree(partial / "seen")
 
     inputs = {"model": model_path, "images": images_dir}
-    return run_stage("onnx_masks", out_dir, config, inputs, work, resumable=True, redo=redo)
+    return run_stage("onnx_masks", out_dir, config, inputs, work, resumable=True, run=run)
 
 
 def open_detector(model_path: Path, config: OnnxConfig) -> Detector:

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.read.frames import check_images, image_number, list_images, write_gray
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
@@ -47,7 +48,7 @@ def silhouette_masks(
     config: SilhouetteConfig,
     *,
     left_out: Collection[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where the people are, 0 elsewhere.
 
@@ -57,7 +58,6 @@ def silhouette_masks(
         out_dir: Folder to make.
         config: The recipe.
         left_out: Numbers of images that are known to be unusable and get no mask.
-        redo: Replace a folder that another recipe made.
 
     Raises:
         BadFrames: an image has no row in a clip, or the sizes differ.
@@ -71,7 +71,7 @@ def silhouette_masks(
         _write_silhouettes(people, list_images(images_dir, left_out), partial, config)
 
     inputs = stage_inputs(people) | {"images": images_dir}
-    return run_stage("silhouette_masks", out_dir, config, inputs, work, redo=redo)
+    return run_stage("silhouette_masks", out_dir, config, inputs, work, run=run)
 
 
 def silhouette(

@@ -13,6 +13,7 @@ from gmrdata.masks.onnx import OnnxConfig, onnx_masks
 from gmrdata.masks.silhouette import SilhouetteConfig, silhouette_masks
 from gmrdata.masks.union import UnionConfig, unite_masks
 from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import stage_seconds
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.files import STAGE_FILE
@@ -82,7 +83,7 @@ def make_masks(
     *,
     people: tuple[PersonFiles, ...] = (),
     left_out: Collection[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
 
@@ -92,7 +93,6 @@ def make_masks(
         config: The recipe.
         people: Camera-frame clips and their bodies, which silhouettes need.
         left_out: Numbers of images that are known to be unusable and get no mask.
-        redo: Replace folders that another recipe made.
 
     Raises:
         MissingInput: silhouettes without people, or a file that is not there.
@@ -100,9 +100,9 @@ def make_masks(
     """
     made: dict[str, Path] = {}
     for name, source in zip(_names(config.sources), config.sources, strict=True):
-        made[name] = _make(source, images_dir, sources_dir(out_dir) / name, people, left_out, redo)
+        made[name] = _make(source, images_dir, sources_dir(out_dir) / name, people, left_out, run)
     union = _settings(config, UnionConfig)
-    return unite_masks(made, images_dir, out_dir, union, left_out=left_out, redo=redo)
+    return unite_masks(made, images_dir, out_dir, union, left_out=left_out, run=run)
 
 
 def masks_named(
@@ -195,7 +195,7 @@ def _make(
     out_dir: Path,
     people: tuple[PersonFiles, ...],
     left_out: Collection[int],
-    redo: bool,
+    run: Run,
 ) -> Path:
     match source:
         case SilhouetteSource():
@@ -205,20 +205,20 @@ def _make(
                 )
             settings = _settings(source, SilhouetteConfig)
             return silhouette_masks(
-                people, images_dir, out_dir, settings, left_out=left_out, redo=redo
+                people, images_dir, out_dir, settings, left_out=left_out, run=run
             )
         case FolderSource():
             folder = _settings(source, FolderMaskConfig)
             return folder_masks(
-                source.path, images_dir, out_dir, folder, left_out=left_out, redo=redo
+                source.path, images_dir, out_dir, folder, left_out=left_out, run=run
             )
         case OnnxSource():
             onnx = _settings(source, OnnxConfig)
-            return onnx_masks(source.model, images_dir, out_dir, onnx, left_out=left_out, redo=redo)
+            return onnx_masks(source.model, images_dir, out_dir, onnx, left_out=left_out, run=run)
         case MaskRcnnSource():
             network = _settings(source, MaskRcnnConfig)
             return maskrcnn_masks(
-                source.weights, images_dir, out_dir, network, left_out=left_out, redo=redo
+                source.weights, images_dir, out_dir, network, left_out=left_out, run=run
             )
 
 

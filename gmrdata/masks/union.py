@@ -10,6 +10,7 @@ from gmrdata.masks.folder import find_mask
 from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
 from gmrdata.stage.jobs import in_threads
 from gmrdata.stage.progress import console
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.files import read_json, write_json
 from gmrdata.values.records import Config
@@ -34,7 +35,7 @@ def unite_masks(
     config: UnionConfig,
     *,
     left_out: Collection[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where any source says so, and `masks.json`.
 
@@ -44,7 +45,6 @@ def unite_masks(
         out_dir: Folder to make.
         config: The recipe.
         left_out: Numbers of images that are known to be unusable and get no mask.
-        redo: Replace a folder that another recipe made.
 
     Raises:
         BadFrames: a source has no mask for a frame, or one of another size; the message names it.
@@ -75,7 +75,7 @@ def unite_masks(
         write_json(partial / RECORD_FILE, record)
 
     inputs = {"images": images_dir} | {f"masks {name}": path for name, path in source_dirs.items()}
-    made = run_stage("masks", out_dir, config, inputs, work, redo=redo)
+    made = run_stage("masks", out_dir, config, inputs, work, run=run)
     _report(made, config)
     return made
 

@@ -18,6 +18,7 @@ from gmrdata.read.bodies import keep_body, load_body, read_body
 from gmrdata.read.emdb import FPS_HZ, EmdbSequence, find_sequences, read_emdb, rigid_rows
 from gmrdata.read.numbers import usable_rows
 from gmrdata.stage.progress import track
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -139,14 +140,13 @@ class EmdbConfig(Config):
     """The sequence."""
 
 
-def make_emdb(root: Path, body: str, out_dir: Path, *, redo: bool = False) -> tuple[Path, ...]:
+def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> tuple[Path, ...]:
     """Write one clip per sequence, and `emdb.yaml`, `emdb1.yaml` and `emdb2.yaml`.
 
     Args:
         root: The folder that holds P0 to P9.
         body: A folder with SMPL's models of the genders that the sequences have, or one model.
         out_dir: Folder to make.
-        redo: Make anew what other settings made.
 
     Returns:
         The manifests that have clips.
@@ -159,10 +159,10 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, redo: bool = False) -> tu
     """
     out_dir = out_dir.resolve()
     sequence_paths = find_sequences(root)
-    body_paths = _keep_bodies(body, out_dir, redo)
+    body_paths = _keep_bodies(body, out_dir, run)
     entries: dict[str, list[ClipEntry]] = {name: [] for name in DESCRIPTIONS}
     for path in track(sequence_paths, "reading EMDB's sequences"):
-        folder = _make_sequence(path, body_paths, out_dir, redo)
+        folder = _make_sequence(path, body_paths, out_dir, run)
         about = read_json(folder / ABOUT_FILE)
         entry = _entry(folder, about, out_dir)
         for name in ("emdb", *(part for part in ("emdb1", "emdb2") if about[part])):
@@ -177,14 +177,14 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, redo: bool = False) -> tu
             licence=LICENCE,
             clips=entries[name],
             created_by=created_by(),
-            redo=redo,
+            redo=run.redo,
         )
         for name, description in DESCRIPTIONS.items()
         if entries[name]
     )
 
 
-def _keep_bodies(body: str, out_dir: Path, redo: bool) -> dict[str, Path]:
+def _keep_bodies(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
     """Files of the given bodies by their names, kept beside the clips."""
     given = Path(body)
     specs = (
@@ -199,11 +199,11 @@ def _keep_bodies(body: str, out_dir: Path, redo: bool) -> dict[str, Path]:
         name = load_body(spec).name
         if name in kept:
             raise BadBodyFile(f"{given}: holds two files of the body {name}. Leave one there")
-        kept[name] = keep_body(spec, out_dir / "body" / name, redo=redo)
+        kept[name] = keep_body(spec, out_dir / "body" / name, run=run)
     return kept
 
 
-def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, redo: bool) -> Path:
+def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, run: Run) -> Path:
     name = path.stem.removesuffix("_data")
 
     def work(partial_dir: Path) -> None:
@@ -219,9 +219,7 @@ def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, re
         write_json(partial_dir / ABOUT_FILE, about)
 
     inputs = {"sequence": path} | {f"body {key}": kept for key, kept in body_paths.items()}
-    return run_stage(
-        "emdb", out_dir / "clips" / name, EmdbConfig(name=name), inputs, work, redo=redo
-    )
+    return run_stage("emdb", out_dir / "clips" / name, EmdbConfig(name=name), inputs, work, run=run)
 
 
 def _entry(folder: Path, about: dict[str, list[str]], out_dir: Path) -> ClipEntry:

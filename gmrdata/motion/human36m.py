@@ -29,6 +29,7 @@ from gmrdata.read.human36m import (
 )
 from gmrdata.read.numbers import usable_rows
 from gmrdata.stage.progress import track
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -132,14 +133,15 @@ class Human36mConfig(Config):
     frontal one (60457274), which HMR and SPIN test on."""
 
 
-def make_human36m(root: Path, body: str, out_dir: Path, *, redo: bool = False) -> tuple[Path, ...]:
+def make_human36m(
+    root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN
+) -> tuple[Path, ...]:
     """Write one clip per take, `train.yaml` (S1, S5, S6, S7, S8) and `test.yaml` (S9, S11).
 
     Args:
         root: Folder of the annotation files, see `gmrdata.read.human36m`.
         body: SMPL's neutral model, as `load_body` takes it.
         out_dir: Folder to make.
-        redo: Make anew what other settings made.
 
     Returns:
         The manifests of those subjects that are there.
@@ -151,14 +153,14 @@ def make_human36m(root: Path, body: str, out_dir: Path, *, redo: bool = False) -
     """
     out_dir = out_dir.resolve()
     parameter_paths = find_subjects(root)
-    body_path = keep_body(body, out_dir / "body", redo=redo)
+    body_path = keep_body(body, out_dir / "body", run=run)
     made = []
     for name, subjects in (("train", TRAINING_SUBJECTS), ("test", TEST_SUBJECTS)):
         there = [subject for subject in subjects if subject in parameter_paths]
         entries = [
             entry
             for subject in track(there, f"reading Human3.6M's {name} subjects")
-            for entry in _entries(parameter_paths[subject], subject, body_path, out_dir, redo)
+            for entry in _entries(parameter_paths[subject], subject, body_path, out_dir, run)
         ]
         if not entries:
             continue
@@ -171,16 +173,16 @@ def make_human36m(root: Path, body: str, out_dir: Path, *, redo: bool = False) -
             licence=LICENCE,
             clips=entries,
             created_by=created_by({"subjects": there}),
-            redo=redo,
+            redo=run.redo,
         )
         made.append(path)
     return tuple(made)
 
 
 def _entries(
-    parameter_path: Path, subject: int, body_path: Path, out_dir: Path, redo: bool
+    parameter_path: Path, subject: int, body_path: Path, out_dir: Path, run: Run
 ) -> Iterator[ClipEntry]:
-    folder = _make_subject(parameter_path, subject, body_path, out_dir, redo)
+    folder = _make_subject(parameter_path, subject, body_path, out_dir, run)
     for path in sorted(folder.glob("*.npz")):
         yield clip_entry(
             out_dir,
@@ -194,7 +196,7 @@ def _entries(
 
 
 def _make_subject(
-    parameter_path: Path, subject: int, body_path: Path, out_dir: Path, redo: bool
+    parameter_path: Path, subject: int, body_path: Path, out_dir: Path, run: Run
 ) -> Path:
     config = Human36mConfig(subject=subject)
     camera_path = find_cameras(parameter_path, subject)
@@ -212,4 +214,4 @@ def _make_subject(
             save_clip(partial_dir / f"{clip.id}.npz", clip, rest_pelvis_m)
 
     inputs = {"parameters": parameter_path, "cameras": camera_path, "body": body_path}
-    return run_stage("human36m", out_dir / "clips" / f"S{subject}", config, inputs, work, redo=redo)
+    return run_stage("human36m", out_dir / "clips" / f"S{subject}", config, inputs, work, run=run)

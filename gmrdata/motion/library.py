@@ -21,8 +21,9 @@ from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.files import find_motions, input_files, read_motion
 from gmrdata.read.bodies import keep_body, load_body
-from gmrdata.stage.jobs import Job, Outcome, Workers, record_failures, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, Outcome, record_failures, try_jobs, worker_pool
 from gmrdata.stage.progress import track
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -201,8 +202,7 @@ def make_library(
     *,
     fps_hz: float | None = None,
     joint_map: Path | None = None,
-    workers: int | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Write one clip per motion file, and `motions.yaml` that lists them.
 
@@ -215,8 +215,7 @@ def make_library(
         out_dir: Folder to make.
         fps_hz: Frame rate to believe instead of the files' [Hz].
         joint_map: A file of joint names, see `read_motion`.
-        workers: Worker processes; None for one per CPU.
-        redo: Make anew what other settings made.
+        run: One worker process per CPU unless it names a number.
 
     Returns:
         Path of the manifest.
@@ -229,17 +228,17 @@ def make_library(
     """
     out_dir = out_dir.resolve()
     files = library_files(sources)
-    body_path = keep_body(body, out_dir / "body", redo=redo)
+    body_path = keep_body(body, out_dir / "body", run=run)
     config = LibraryConfig(fps_hz=fps_hz)
     shared = {
         "body_path": body_path,
         "out_dir": out_dir,
         "config": config,
         "joint_map": joint_map,
-        "redo": redo,
+        "run": run,
     }
     jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
-    outcome = _run(jobs, out_dir / FAILED, workers or os.cpu_count() or 1)
+    outcome = _run(jobs, out_dir / FAILED, run)
     manifest_path = out_dir / "motions.yaml"
     if outcome.results:
         write_manifest(
@@ -251,7 +250,7 @@ def make_library(
             licence=f"clips as stated by each; body: {_body(body_path).licence}",
             clips=list(outcome.results.values()),
             created_by=created_by(config),
-            redo=redo,
+            redo=run.redo,
         )
     if outcome.reasons:
         raise BadMotionFile(_bad_files(outcome.reasons, len(files), out_dir))
@@ -264,7 +263,7 @@ def make_entry(
     out_dir: Path,
     config: LibraryConfig,
     joint_map: Path | None,
-    redo: bool,
+    run: Run,
 ) -> ClipEntry:
     """Stage: the clip of one motion file.
 
@@ -274,7 +273,6 @@ def make_entry(
         out_dir: The library's folder; the clip goes to `clips/<id>`.
         config: How to read it.
         joint_map: A file of joint names.
-        redo: Replace a clip that other settings made.
 
     Returns:
         Its manifest entry.
@@ -290,7 +288,7 @@ def make_entry(
     inputs = input_files(file.path) | {"body": body_path}
     if joint_map is not None:
         inputs["joint_map"] = joint_map
-    folder = run_stage("motion", out_dir / "clips" / file.id, config, inputs, work, redo=redo)
+    folder = run_stage("motion", out_dir / "clips" / file.id, config, inputs, work, run=run)
     return clip_entry(
         out_dir,
         clip_path=folder / "clip.npz",
@@ -307,14 +305,15 @@ def _body(path: Path) -> BodyModel:
     return load_body(str(path))
 
 
-def _run(jobs: Sequence[Job], failures_dir: Path, workers: int) -> Outcome:
+def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
     """Make clips in worker processes, or a few of them right here.
 
     Raises:
         OSError: a clip could not be written, right here.
     """
+    workers = run.workers or os.cpu_count() or 1
     if len(jobs) > FEW_FILES and workers > 1:
-        with worker_pool(Workers(workers)) as client:
+        with worker_pool(run, workers) as client:
             return try_jobs(READING, jobs, client, failures_dir)
     outcome = Outcome({}, {})
     for job in track(jobs, READING):

@@ -12,6 +12,7 @@ from gmrdata.masks.folder import find_mask
 from gmrdata.masks.sources import MasksConfig, make_masks
 from gmrdata.read.frames import check_images, list_images, read_color, read_gray
 from gmrdata.read.video import extract_video, is_video
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import atomic_path
@@ -65,7 +66,7 @@ def make_mask_sheet(
             temporary.write_bytes(encoded.tobytes())
 
     inputs = {"images": images_dir, "masks": masks_dir}
-    return run_stage("mask_sheet", out_dir, config, inputs, work, redo=True) / CONTACT_FILE
+    return run_stage("mask_sheet", out_dir, config, inputs, work, run=Run(redo=True)) / CONTACT_FILE
 
 
 def mask_sheet(images_dir: Path, masks_dir: Path, config: MaskSheetConfig) -> np.ndarray:
@@ -106,7 +107,7 @@ def masks_of_frames(
     config: MasksConfig,
     *,
     people: tuple[PersonFiles, ...] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> tuple[Path, Path]:
     """Make `out_dir/masks` (and `masks_by`), `out_dir/sheet`, and `out_dir/frames` of a video.
 
@@ -115,7 +116,6 @@ def masks_of_frames(
         out_dir: The output folder.
         config: The recipe.
         people: Camera-frame clips and their bodies, which silhouettes need.
-        redo: Make anew what another recipe made.
 
     Returns:
         The folder of the masks, and the contact sheet.
@@ -124,6 +124,6 @@ def masks_of_frames(
         GmrdataError: as `make_masks` says.
     """
     if is_video(frames):
-        frames = extract_video(frames, out_dir / "frames", redo=redo)
-    masks_dir = make_masks(frames, out_dir / "masks", config, people=people, redo=redo)
+        frames = extract_video(frames, out_dir / "frames", run=run)
+    masks_dir = make_masks(frames, out_dir / "masks", config, people=people, run=run)
     return masks_dir, make_mask_sheet(frames, masks_dir, out_dir / "sheet")

@@ -26,8 +26,9 @@ from gmrdata.pages.document import figure, text
 from gmrdata.pages.strip import tile_sheet
 from gmrdata.pages.synthetic import CONTACT_FILE, GAP_PX, PATHS_FILE, paths_picture, write_bytes
 from gmrdata.read.bodies import keep_body
-from gmrdata.stage.jobs import Job, Workers, raise_failures, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, raise_failures, try_jobs, worker_pool
 from gmrdata.stage.progress import console
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.errors import EngineMissing
@@ -56,7 +57,7 @@ def preview_set(
     out_dir: Path,
     *,
     motions_dir: Path | None = None,
-    scheduler: str | None = None,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Draw a few small frames and the paths of every clip to `out_dir/preview/index.html`.
 
@@ -72,8 +73,8 @@ def preview_set(
     selection = select(recipe, motions_dir)
     require_takes(recipe, selection, motions_dir)
     out_dir = out_dir.resolve() / FOLDER
-    body_path = keep_body(recipe.body, out_dir / "body", redo=True)
-    planned = plan_takes(recipe, selection, body_path, out_dir / "plan", redo=True)
+    body_path = keep_body(recipe.body, out_dir / "body", run=Run(redo=True))
+    planned = plan_takes(recipe, selection, body_path, out_dir / "plan", run=Run(redo=True))
     engine = _choose_engine()
     renders = {take.id: render_config(recipe, take.clip) for take in selection.takes}
     layouts = layouts_of(selection.takes, planned.paths)
@@ -93,7 +94,7 @@ def preview_set(
         for id, path in planned.paths.items()
     ]
     failures_dir = out_dir / "failed"
-    with worker_pool(Workers(recipe.workers, scheduler)) as client:
+    with worker_pool(run, recipe.workers) as client:
         outcome = try_jobs("preview", jobs, client, failures_dir)
     reasons = {**planned.reasons, **outcome.reasons}
     motions = {take.id: take.camera_motion for take in selection.takes}
@@ -151,7 +152,7 @@ def preview_clip(
         shutil.rmtree(partial_dir / "frames")
 
     inputs = render_inputs(clip_path, body_path, config.render, layout_paths)
-    return run_stage("preview", out_dir, config, inputs, work, redo=True)
+    return run_stage("preview", out_dir, config, inputs, work, run=Run(redo=True))
 
 
 def _choose_engine() -> PreviewEngine:

@@ -12,19 +12,23 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from gmrdata.film.render_outputs import IN_FRAME
+from gmrdata.film.render_set import frame_warnings, render_dir
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality
+from gmrdata.manifest.read import read_manifest
 from gmrdata.pages.document import document, figure, pairs, table, text
 from gmrdata.pages.strip import draw_mask_outline, tile_sheet
 from gmrdata.pages.style import picture
 from gmrdata.pages.topview import true_top_view
 from gmrdata.read.frames import list_images
+from gmrdata.stage.progress import track
+from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadFrames
-from gmrdata.values.files import atomic_path, write_text
+from gmrdata.values.files import atomic_path, remove_orphans, write_text
 from gmrdata.values.records import Config
 
 CONTACT_FILE = "contact.jpg"
@@ -69,7 +73,7 @@ def make_sheet(rendered_dir: Path, out_dir: Path, config: SheetConfig | None = N
         "frames": rendered_dir / "frames",
         "masks": rendered_dir / "masks",
     }
-    return run_stage("sheet", out_dir, config, inputs, work, redo=True)
+    return run_stage("sheet", out_dir, config, inputs, work, run=Run(redo=True))
 
 
 def contact_sheet(rendered_dir: Path, n_frames: int) -> bytes:
@@ -114,6 +118,24 @@ def write_bytes(path: Path, data: bytes) -> None:
     """Write a file as a whole or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
+
+
+def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:
+    """Draw every clip of a rendered set to `sheets/<id>` and list them in `index.html`.
+
+    Args:
+        recipe: The set's recipe.
+        out_dir: Where the set is; nothing is drawn where it holds no manifest.
+    """
+    manifest_path = out_dir / "synthetic.yaml"
+    if not manifest_path.is_file():
+        return
+    remove_orphans(out_dir)
+    clips = [clip for clip in read_manifest(manifest_path).clips if isinstance(clip, ClipEntry)]
+    for clip in track(clips, "drawing contact sheets"):
+        make_sheet(render_dir(out_dir, clip.id), out_dir / "sheets" / clip.id)
+    warnings = frame_warnings(clips, recipe.min_in_frame_share)
+    write_index(out_dir / "index.html", recipe, clips, warnings)
 
 
 def write_index(

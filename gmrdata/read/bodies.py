@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import locked, run_stage
 from gmrdata.values.body import N_JOINTS, N_LOCAL, PHENOTYPES, BodyModel
 from gmrdata.values.errors import BadBodyFile, BadMotionFile, MissingInput
@@ -191,13 +192,12 @@ class BodyConfig(Config):
     """"anny", or the file name of a body model."""
 
 
-def keep_body(spec: str, out_dir: Path, *, redo: bool = False) -> Path:
+def keep_body(spec: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
     """Stage: write a body to `out_dir/body.npz`.
 
     Args:
         spec: What `load_body` takes.
         out_dir: The stage's folder.
-        redo: Replace another body.
 
     Returns:
         Path of the file.
@@ -209,4 +209,4 @@ def keep_body(spec: str, out_dir: Path, *, redo: bool = False) -> Path:
 
     config = BodyConfig(body=Path(spec).name)
     inputs = {"file": Path(spec)} if is_file else {}
-    return run_stage("body", out_dir, config, inputs, work, redo=redo) / BODY_FILE
+    return run_stage("body", out_dir, config, inputs, work, run=run) / BODY_FILE

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from pydantic import Field
 
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.values.files import atomic_path
@@ -25,7 +26,7 @@ def is_video(path: Path) -> bool:
 
 
 def extract_video(
-    path: Path, out_dir: Path, config: VideoConfig | None = None, *, redo: bool = False
+    path: Path, out_dir: Path, config: VideoConfig | None = None, *, run: Run = DEFAULT_RUN
 ) -> Path:
     """Stage: write a video's frames as `00000.jpg`, ...; the number is the frame's in the video.
 
@@ -33,7 +34,6 @@ def extract_video(
         path: The video.
         out_dir: The stage's folder.
         config: How they are written; None for the defaults.
-        redo: Throw away frames of another recipe or video.
 
     Returns:
         The folder of the frames.
@@ -54,7 +54,7 @@ def extract_video(
                 "Give a longer video, or one in a common format (H.264 in .mp4)"
             )
 
-    return run_stage("frames", out_dir, config, {"video": path}, work, redo=redo)
+    return run_stage("frames", out_dir, config, {"video": path}, work, run=run)
 
 
 def _write_frames(path: Path, folder: Path, jpeg_quality: int) -> int:

@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.score.clip_errors import METRICS
-from gmrdata.score.files import csv_text, read_scores
+from gmrdata.score.files import csv_text, markdown_table, read_scores
 from gmrdata.score.intervals import paired_difference
 from gmrdata.score.table import METRIC_WORDS, figure_text, heading, interval_text
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import write_json, write_text
@@ -70,6 +71,46 @@ def _csv_row(metric: str, row: dict[str, Any]) -> list[Any]:
     return [metric, row["run"], row["n_clips"], *("" if v is None else v for v in figures)]
 
 
+def comparison_markdown(comparison: dict[str, Any]) -> str:
+    """The comparison as Markdown."""
+    parts = ["# Comparison of runs\n", comparison_lead(comparison) + "\n"]
+    parts.append(markdown_table(HEADINGS, table_rows(comparison)))
+    return (
+        "\n".join([*parts, *(f"- {line}" for line in comparison_explanations(comparison))]) + "\n"
+    )
+
+
+def comparison_lead(comparison: dict[str, Any]) -> str:
+    """What was compared, in a sentence."""
+    first, *others = comparison["runs"]
+    return (
+        f"{', '.join(others)} against {first}, on {len(comparison['clips'])} clips that all runs "
+        f"have, at {comparison['fps_hz']:g} fps."
+    )
+
+
+def comparison_explanations(comparison: dict[str, Any]) -> list[str]:
+    """What a reader of the figures must know, as sentences."""
+    lines = [
+        "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "
+        "smaller error than the first run's.",
+        f"Intervals: 95 %, by bootstrap: {comparison['resamples']} times clips were drawn with "
+        "replacement.",
+        "p: two-sided paired permutation test over clips. Values are not corrected for the number "
+        "of metrics and runs.",
+    ]
+    lines += [
+        f"{METRIC_WORDS[metric].title}: {METRIC_WORDS[metric].meaning}"
+        for metric in METRIC_WORDS
+        if metric in comparison["metrics"]
+    ]
+    return lines + [
+        f"Only in some runs, and left out of {name}: {', '.join(ids)}."
+        for name, ids in comparison["left_out"].items()
+        if ids
+    ]
+
+
 FORMAT = "gmrdata-comparison/1"
 """Name and version of the format."""
 SAME_ZERO = 1e-6
@@ -94,7 +135,7 @@ def compare_scores(
     out_dir: Path,
     config: CompareConfig | None = None,
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Differences of runs to the first one, clip by clip.
 
@@ -103,9 +144,8 @@ def compare_scores(
 
     Args:
         paths: `scores.json` of each run, two or more.
-        out_dir: Gets `comparison.json`, `comparison.csv`, `comparison.md` and `comparison.html`.
+        out_dir: Gets `comparison.json`, `comparison.csv` and `comparison.md`.
         config: The recipe; None for its defaults.
-        redo: Throw away a result of another recipe.
 
     Returns:
         Path of `comparison.json`.
@@ -125,13 +165,10 @@ def compare_scores(
         comparison = compare_records(records, paths, names, config)
         write_json(partial_dir / "comparison.json", comparison)
         write_text(partial_dir / "comparison.csv", csv_text(csv_rows(comparison)))
-        from gmrdata.pages.scores import comparison_markdown, comparison_page
-
         write_text(partial_dir / "comparison.md", comparison_markdown(comparison))
-        write_text(partial_dir / "comparison.html", comparison_page(comparison, records))
 
     inputs = {f"scores_{number}": path for number, path in enumerate(paths, 1)}
-    return run_stage("compare", out_dir, config, inputs, work, redo=redo) / "comparison.json"
+    return run_stage("compare", out_dir, config, inputs, work, run=run) / "comparison.json"
 
 
 def compare_records(

@@ -26,6 +26,7 @@ from gmrdata.score.protocols import PROTOCOLS, ProtocolName
 from gmrdata.score.summary import summarise
 from gmrdata.stage import resources
 from gmrdata.stage.progress import track
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile
@@ -192,7 +193,7 @@ def score_manifest(
     config: ScoreConfig | None = None,
     *,
     floor_path: Path | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Score a trained network on a manifest's clips: OME, TME and VME (eqs. 15-17).
 
@@ -204,10 +205,9 @@ def score_manifest(
         run_dir: A finished training run.
         manifest_path: The clips.
         body_path: Their body, as `load_body` takes it; None for the default body.
-        out_dir: Gets `scores.json`, `scores.csv`, `scores.md`, `scores.html` and `over_time.png`.
+        out_dir: Gets `scores.json`, `scores.csv` and `scores.md`.
         config: The recipe; None for its defaults.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
-        redo: Throw away a result of another recipe.
 
     Returns:
         Path of `scores.json`: per clip, per class of camera motion, per type of motion and overall,
@@ -235,7 +235,7 @@ def score_manifest(
         write_scores(partial_dir, record | {"name": gmr.name, "model": model})
 
     inputs = {"run": run_dir, "manifest": manifest_path, **_given(optional)}
-    return run_stage("score", out_dir, config, inputs, work, redo=redo) / "scores.json"
+    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
 
 
 def score_predictions(
@@ -247,7 +247,7 @@ def score_predictions(
     *,
     predictions_body_path: Path | None = None,
     floor_path: Path | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Score predicted world motions, whatever made them, by the same code as a network's.
 
@@ -261,7 +261,6 @@ def score_predictions(
         config: The recipe; None for its defaults.
         predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
         floor_path: As for `score_manifest`.
-        redo: Throw away a result of another recipe.
 
     Returns:
         Path of `scores.json`.
@@ -288,7 +287,7 @@ def score_predictions(
         write_scores(partial_dir, record | {"name": name, "model": {"predictions": name}})
 
     inputs = {"predictions": predictions_dir, "manifest": manifest_path, **_given(optional)}
-    return run_stage("score", out_dir, config, inputs, work, redo=redo) / "scores.json"
+    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
 
 
 def _name_of(predictions_dir: Path) -> str:

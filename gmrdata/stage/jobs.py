@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 from gmrdata.stage.progress import console, progress_bar
+from gmrdata.stage.run import Run
 from gmrdata.values.errors import GmrdataError, StageFailed
 from gmrdata.values.files import write_text
 
@@ -40,16 +41,6 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 
 POLL_S = 0.5
-
-
-@dataclass(frozen=True)
-class Workers:
-    """Where jobs run."""
-
-    count: int = 2
-    """Local worker processes."""
-    scheduler: str | None = None
-    """Address of a running Dask scheduler (tcp://host:port); local processes when None."""
 
 
 @dataclass(frozen=True)
@@ -167,33 +158,38 @@ def raise_failures(
 
 
 @contextmanager
-def worker_pool(workers: Workers) -> Iterator[Any]:
-    """A Dask client for `run_jobs`: of local processes, or of the cluster at `workers.scheduler`.
+def worker_pool(run: Run, workers: int = 2) -> Iterator[Any]:
+    """A Dask client for `run_jobs`: of local processes, or of the cluster at `run.scheduler`.
+
+    Args:
+        run: Its number of workers goes before the other.
+        workers: Local processes where the run names no number.
 
     Raises:
         StageFailed: nothing answers at the scheduler's address.
     """
     from dask.distributed import Client, LocalCluster
 
-    if workers.scheduler is not None:
+    if run.scheduler is not None:
         try:
-            client = Client(workers.scheduler, timeout="5s")
+            client = Client(run.scheduler, timeout="5s")
         except (OSError, ValueError) as error:
             raise StageFailed(
-                f"no Dask scheduler at {workers.scheduler} ({error}). "
+                f"no Dask scheduler at {run.scheduler} ({error}). "
                 "Start one, or leave --scheduler out"
             ) from error
         with client:
             yield client
         return
-    threads = max(1, (os.cpu_count() or 1) // workers.count)
+    count = run.workers or workers
+    threads = max(1, (os.cpu_count() or 1) // count)
     environment = {
         name: str(threads)
         for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     }
     with (
         LocalCluster(
-            n_workers=workers.count,
+            n_workers=count,
             threads_per_worker=1,
             processes=True,
             dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gmrdata import __version__
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.values.files import RECIPE_FILE, STAGE_FILE, read_json, sha256_of_path, write_json
 from gmrdata.values.records import Config
@@ -39,7 +40,7 @@ def run_stage(
     work: Callable[[Path], Mapping[str, Any] | None],
     *,
     resumable: bool = False,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Make `out_dir` by calling `work(partial_dir)`, once.
 
@@ -55,7 +56,6 @@ def run_stage(
             the result, such as the device that was used.
         resumable: Hand a killed run's unfinished folder to `work` again instead of an empty one.
             `work` must then write each of its files atomically and skip those that are there.
-        redo: Throw away a result that another recipe made.
 
     Returns:
         `out_dir`.
@@ -71,7 +71,7 @@ def run_stage(
     with locked(out_dir.with_name(f".{out_dir.name}.lock")):
         if retired.exists():
             shutil.rmtree(retired)
-        if out_dir.exists() and not _is_stale(out_dir, recipe, redo):
+        if out_dir.exists() and not _is_stale(out_dir, recipe, run):
             return out_dir
         if partial.exists() and not (resumable and _read_recipe(partial / RECIPE_FILE) == recipe):
             shutil.rmtree(partial)
@@ -118,7 +118,7 @@ def locked(lock_path: Path) -> Iterator[None]:
         yield
 
 
-def _is_stale(out_dir: Path, recipe: dict[str, Any], redo: bool) -> bool:
+def _is_stale(out_dir: Path, recipe: dict[str, Any], run: Run) -> bool:
     if out_dir.is_dir() and not any(out_dir.iterdir()):
         return True
     if not (out_dir / STAGE_FILE).is_file():
@@ -129,7 +129,7 @@ def _is_stale(out_dir: Path, recipe: dict[str, Any], redo: bool) -> bool:
     made_by = _read_recipe(out_dir / STAGE_FILE)
     if made_by == recipe:
         return False
-    if redo:
+    if run.redo:
         return True
     keys = ", ".join(_differing_keys(made_by, recipe)) or "the stage's record"
     raise StaleOutput(

@@ -17,7 +17,8 @@ from gmrdata.gmr.split import split_manifests
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.write import write_manifest
 from gmrdata.score.files import read_scores
-from gmrdata.stage.jobs import Job, Workers, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, run_jobs, worker_pool
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.tables.comparison import RowFigures, orderings, write_table
 from gmrdata.tables.plan import Given, Plan, plan_table, scored_manifest
@@ -28,7 +29,7 @@ from gmrdata.values.files import read_npz, resolve_inside, write_npz
 
 
 def held_out_set(
-    manifest_paths: Sequence[Path], config: DataConfig, out_dir: Path, *, redo: bool = False
+    manifest_paths: Sequence[Path], config: DataConfig, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
     """Write the clips of the held-out subjects as a set of its own.
 
@@ -36,7 +37,6 @@ def held_out_set(
         manifest_paths: The manifests.
         config: Who is held out.
         out_dir: Folder to make.
-        redo: Throw away a set of other subjects or manifests.
 
     Returns:
         Path of `manifest.yaml`.
@@ -82,7 +82,7 @@ def held_out_set(
         )
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
-    return run_stage("held-out", out_dir, config, inputs, work, redo=redo) / "manifest.yaml"
+    return run_stage("held-out", out_dir, config, inputs, work, run=run) / "manifest.yaml"
 
 
 FORMAT = "gmrdata-table/1"
@@ -93,10 +93,9 @@ def make_table(
     scale: ScaleName,
     given: Given,
     out_dir: Path,
-    workers: Workers,
     *,
     seeds: Sequence[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Train and score each row that the given files allow; what is made already is kept.
 
@@ -105,9 +104,7 @@ def make_table(
         scale: The size.
         given: What it is made from.
         out_dir: Gets runs/, scores/, and `table<N>.json`, `.csv` and `.md`.
-        workers: Where the trainings run.
         seeds: In place of the recipe's.
-        redo: Throw away runs and scores of other settings.
 
     Returns:
         Path of `table<N>.json`.
@@ -122,8 +119,8 @@ def make_table(
     subjects = given.subjects(recipe.scales[scale])
     if given.scored is None:
         config = train_config(recipe, recipe.rows[0], scale, 0, subjects).data
-        held_out_set(given.manifests, config, out_dir / "held_out", redo=redo)
-    shared = {"given": given, "out_dir": out_dir, "redo": redo}
+        held_out_set(given.manifests, config, out_dir / "held_out", run=run)
+    shared = {"given": given, "out_dir": out_dir, "run": run}
     training = {
         out_dir / "runs" / one.id: Job(_job_id(one.id), train_one, {"training": one} | shared)
         for one in plan.trainings
@@ -135,7 +132,7 @@ def make_table(
     }
     paths: dict[str, Path] = {}
     for what, jobs in (("train", training), ("score", scoring)):
-        paths = _run(what, jobs, workers, out_dir / "failures" / what, redo)
+        paths = _run(what, jobs, out_dir / "failures" / what, run)
     scores = {
         name: [read_scores(paths[_job_id(one.id)]) for one in ones]
         for name, ones in plan.scorings.items()
@@ -143,16 +140,14 @@ def make_table(
     return write_table(out_dir, _record(recipe, scale, given, plan, scores, out_dir))
 
 
-def _run(
-    what: str, jobs: Mapping[Path, Job], workers: Workers, failures_dir: Path, redo: bool
-) -> dict[str, Any]:
+def _run(what: str, jobs: Mapping[Path, Job], failures_dir: Path, run: Run) -> dict[str, Any]:
     """Results by job id.  Where a folder is there, its stage only looks whether it is the right
     one, for which no worker has to start."""
-    made = [] if redo else [job for folder, job in jobs.items() if folder.is_dir()]
+    made = [] if run.redo else [job for folder, job in jobs.items() if folder.is_dir()]
     results = {job.id: job.call(**job.arguments) for job in made}
     left = [job for job in jobs.values() if job.id not in results]
     if left:
-        with worker_pool(workers) as client:
+        with worker_pool(run) as client:
             results |= run_jobs(what, left, client, failures_dir)
     return results
 

@@ -19,6 +19,7 @@ from gmrdata.baselines.vibe_cam import load_poses
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_deltas
 from gmrdata.motion.resample import valid_runs
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.tables.plan import Given, Scoring, Training, scored_manifest
 from gmrdata.values.errors import BadMotionFile
@@ -38,7 +39,7 @@ def infer_poses(
     out_dir: Path,
     *,
     body_path: Path | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Predict world motions from given local poses; their orientations are not looked at.
 
@@ -49,7 +50,6 @@ def infer_poses(
         out_dir: Folder to make; see `gmrdata.baselines.predictions`.  Clips are at the network's
             frame rate, and have the given poses and shape.
         body_path: Body of the poses; None for the default body.
-        redo: Throw away a result of other inputs.
 
     Returns:
         `out_dir`.
@@ -82,7 +82,7 @@ def infer_poses(
             found.append(predicted(one, motion, valid, step=step, rest_pelvis_m=rest_m))
         write_predictions(partial_dir, "gmr", found, left_out, {"run": run_dir.name})
 
-    return run_stage("gmr-on-poses", out_dir, InferPosesConfig(), inputs, work, redo=redo)
+    return run_stage("gmr-on-poses", out_dir, InferPosesConfig(), inputs, work, run=run)
 
 
 def _step(motion: Motion, fps_hz: float, clip_id: str) -> int:
@@ -124,24 +124,24 @@ def _moved(
     )
 
 
-def train_one(training: Training, given: Given, out_dir: Path, redo: bool) -> None:
+def train_one(training: Training, given: Given, out_dir: Path, run: Run) -> None:
     """Train a network into `out_dir/runs`; errors as in the trainers."""
     run_dir = out_dir / "runs" / training.id
     match training.config:
         case TrainConfig() as config:
             from gmrdata.gmr.train import train
 
-            train(given.manifests, run_dir, config, body_path=given.body, redo=redo)
+            train(given.manifests, run_dir, config, body_path=given.body, run=run)
         case JointConfig() as config:
             from gmrdata.baselines.joint_train import train_joint
 
             assert given.features is not None
             train_joint(
-                given.videos, given.features, run_dir, config, body_path=given.body, redo=redo
+                given.videos, given.features, run_dir, config, body_path=given.body, run=run
             )
 
 
-def score_one(scoring: Scoring, given: Given, out_dir: Path, redo: bool) -> Path:
+def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:
     """Predict where a row needs it, and score into `out_dir/scores`.
 
     Returns:
@@ -153,32 +153,30 @@ def score_one(scoring: Scoring, given: Given, out_dir: Path, redo: bool) -> Path
     scores_dir = out_dir / "scores" / scoring.id
     if scoring.row.method == "gmr" and scoring.row.poses == "true":
         run_dir = out_dir / "runs" / str(scoring.training)
-        return score_manifest(run_dir, manifest, given.body, scores_dir, redo=redo)
-    predictions = _predict(scoring, manifest, given, out_dir, redo) / "predictions"
-    return score_predictions(predictions, manifest, given.body, scores_dir, redo=redo)
+        return score_manifest(run_dir, manifest, given.body, scores_dir, run=run)
+    predictions = _predict(scoring, manifest, given, out_dir, run) / "predictions"
+    return score_predictions(predictions, manifest, given.body, scores_dir, run=run)
 
 
-def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, redo: bool) -> Path:
+def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, run: Run) -> Path:
     into, run_dir = out_dir / "predictions" / scoring.id, out_dir / "runs" / str(scoring.training)
     match scoring.row.method:
         case "gmr":
             assert given.poses is not None
-            return infer_poses(
-                run_dir, manifest, given.poses, into, body_path=given.body, redo=redo
-            )
+            return infer_poses(run_dir, manifest, given.poses, into, body_path=given.body, run=run)
         case "joint":
             from gmrdata.baselines.joint_predict import predict_joint
 
             assert given.features is not None
-            return predict_joint(run_dir, manifest, given.features, into, redo=redo)
+            return predict_joint(run_dir, manifest, given.features, into, run=run)
         case "vibe_cam":
             from gmrdata.baselines.vibe_cam import predict_vibe_cam
 
             assert given.poses is not None and given.keypoints is not None
             return predict_vibe_cam(
-                manifest, given.poses, given.keypoints, into, body_path=given.body, redo=redo
+                manifest, given.poses, given.keypoints, into, body_path=given.body, run=run
             )
         case "camera_as_world":
             from gmrdata.baselines.camera_as_world import predict_camera_as_world
 
-            return predict_camera_as_world(manifest, into, redo=redo)
+            return predict_camera_as_world(manifest, into, run=run)

@@ -8,6 +8,7 @@ import numpy as np
 from gmrdata.read.bodies import read_body
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
 from gmrdata.read.threedpw_layout import SequenceFiles
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.threedpw.camera_frame import camera_clip, world_clip
 from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig, estimate_focal, intrinsics_reason
@@ -53,7 +54,7 @@ def make_people(
     out_dir: Path,
     recipe: ThreedpwRecipe,
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> SequencePeople:
     """Read a sequence and write `person_<n>.npz`, `tracked.npz`, `doubts.json` and
     `people.json`.
@@ -63,7 +64,6 @@ def make_people(
         body_paths: Bodies to choose from.
         out_dir: Folder to make.
         recipe: Which frames count as valid, and how the intrinsics are checked.
-        redo: Replace a folder that another recipe made.
 
     Raises:
         GmrdataError: as `read_sequence` says, or no body fits.
@@ -82,7 +82,7 @@ def make_people(
         valid_rule=recipe.valid_rule,
         intrinsics=recipe.intrinsics,
     )
-    return load_people(run_stage("people", out_dir, config, inputs, work, redo=redo), body_paths)
+    return load_people(run_stage("people", out_dir, config, inputs, work, run=run), body_paths)
 
 
 def load_people(people_dir: Path, body_paths: tuple[Path, ...]) -> SequencePeople:

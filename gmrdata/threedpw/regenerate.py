@@ -9,7 +9,6 @@ from typing import Any
 
 from gmrdata.manifest.entry import created_by
 from gmrdata.manifest.write import write_manifest
-from gmrdata.pages.qa import write_pages
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.threedpw_layout import (
     SequenceFiles,
@@ -18,7 +17,8 @@ from gmrdata.read.threedpw_layout import (
     require_one_split,
     splits_of,
 )
-from gmrdata.stage.jobs import Job, Workers, raise_failures, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, raise_failures, try_jobs, worker_pool
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
 from gmrdata.values.errors import BadSequence, MissingInput
@@ -86,11 +86,9 @@ def regenerate_set(
     root: Path,
     out_dir: Path,
     *,
-    scheduler: str | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Make world motions of all sequences, `verdicts.json`, the manifest `pseudo_gt.yaml`, and
-    pages to look at: `index.html` and `qa/<sequence>.html`.
+    """Make world motions of all sequences, `verdicts.json`, and the manifest `pseudo_gt.yaml`.
 
     A sequence that can't be read or masked leaves its reason in `failed/<name>.txt`, and the others
     go on; one without a reconstruction is listed as rejected.  A run that was stopped goes on.
@@ -99,8 +97,6 @@ def regenerate_set(
         recipe: The recipe.
         root: 3DPW's folder, which holds `imageFiles` and `sequenceFiles`.
         out_dir: The output folder.
-        scheduler: Address of a Dask cluster; local processes when None.
-        redo: Make anew what another recipe made.
 
     Returns:
         Path of the manifest.
@@ -114,20 +110,20 @@ def regenerate_set(
     for folder in (paths.root, paths.failures_dir):
         remove_orphans(folder)
     body_paths = tuple(
-        keep_body(body, paths.body_dir(number), redo=redo)
+        keep_body(body, paths.body_dir(number), run=run)
         for number, body in enumerate(recipe.bodies)
     )
-    with worker_pool(Workers(recipe.workers, scheduler)) as client:
+    with worker_pool(run, recipe.workers) as client:
         outcome = try_jobs(
             "regenerating sequences",
-            [_job(files, paths, recipe, body_paths, redo) for files in chosen],
+            [_job(files, paths, recipe, body_paths, run) for files in chosen],
             client,
             paths.failures_dir,
             units_total=len(STAGES) * len(chosen),
             units_done=lambda: _stages_done(paths, chosen),
         )
     reasons = {**refused, **outcome.reasons}
-    _list(recipe, chosen, refused, reasons, paths, redo)
+    _list(recipe, chosen, refused, reasons, paths, run)
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
     return paths.manifest
 
@@ -175,14 +171,14 @@ def _job(
     paths: SetPaths,
     recipe: ThreedpwRecipe,
     body_paths: tuple[Path, ...],
-    redo: bool,
+    run: Run,
 ) -> Job:
     arguments: dict[str, Any] = {
         "files": files,
         "root": paths.root,
         "recipe": recipe,
         "body_paths": body_paths,
-        "redo": redo,
+        "run": run,
     }
     return Job(files.name, regenerate_one, arguments)
 
@@ -198,9 +194,9 @@ def _list(
     refused: Mapping[str, str],
     reasons: Mapping[str, str],
     paths: SetPaths,
-    redo: bool,
+    run: Run,
 ) -> None:
-    """Write the verdicts and pages of all sequences, and the manifest of those with files."""
+    """Write the verdicts of all sequences, and the manifest of those with files."""
     done = [files for files in chosen if files.name not in reasons]
     rows = [verdict_row(files, paths) for files in done]
     rows += [
@@ -212,8 +208,7 @@ def _list(
     rows.sort(key=lambda row: str(row["sequence"]))
     write_json(paths.verdicts, rows)
     if done:
-        _write_manifest(recipe, done, bool(reasons), paths, redo)
-    write_pages(rows, chosen, reasons, recipe, paths)
+        _write_manifest(recipe, done, bool(reasons), paths, run)
 
 
 def _write_manifest(
@@ -221,7 +216,7 @@ def _write_manifest(
     done: Sequence[SequenceFiles],
     is_incomplete: bool,
     paths: SetPaths,
-    redo: bool,
+    run: Run,
 ) -> None:
     write_manifest(
         paths.manifest,
@@ -235,5 +230,5 @@ def _write_manifest(
         created_by=created_by(
             recipe.model_dump(mode="json", exclude={"workers"}), {"sfm": recipe.sequence.sfm.seed}
         ),
-        redo=redo or is_incomplete,
+        redo=run.redo or is_incomplete,
     )

@@ -18,6 +18,7 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
 from gmrdata.read.bodies import read_body
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage
 from gmrdata.threedpw.people import SequencePeople, make_people
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
@@ -44,7 +45,7 @@ def make_unsolved(
     config: SequenceConfig,
     inputs: Mapping[str, Path],
     *,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Write the people in the camera's frame, every row dropped with its reason.
 
@@ -54,7 +55,6 @@ def make_unsolved(
         out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
         config: The recipe of the stages that were tried.
         inputs: What they were tried on.
-        redo: Replace a folder that another recipe made.
     """
 
     def work(partial: Path) -> None:
@@ -70,7 +70,7 @@ def make_unsolved(
             judged.append(_judged(clip, doubts["frames"][number], reasons))
         write_json(partial / QUALITY_FILE, {"camera_motion": "none", "people": judged})
 
-    return run_stage(STAGE, out_dir, config, inputs, work, redo=redo)
+    return run_stage(STAGE, out_dir, config, inputs, work, run=run)
 
 
 def _judged(clip: Clip, doubts: list[str], reasons: tuple[str, ...]) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def regenerate_one(
     root: Path,
     recipe: ThreedpwRecipe,
     body_paths: tuple[Path, ...],
-    redo: bool,
+    run: Run,
 ) -> Path:
     """Run every stage of one sequence.
 
@@ -94,7 +94,6 @@ def regenerate_one(
         root: The set's output folder.
         recipe: The recipe.
         body_paths: The recipe's bodies.
-        redo: Make anew what another recipe made.
 
     Returns:
         The folder of the pseudo ground truth.
@@ -104,7 +103,7 @@ def regenerate_one(
     """
     require_name(files.name)
     paths = SetPaths(root)
-    given = make_people(files, body_paths, paths.people_dir(files.name), recipe, redo=redo)
+    given = make_people(files, body_paths, paths.people_dir(files.name), recipe, run=run)
     out_dir = paths.pseudo_gt_dir(files.name)
     inputs = {"images": files.image_dir, "people": paths.people_dir(files.name)}
     config = recipe.of_sequence(files.name)
@@ -119,10 +118,10 @@ def regenerate_one(
             tracked_path=given.tracked_path,
             doubts_path=given.doubts_path,
             left_out=given.left_out,
-            redo=redo,
+            run=run,
         )
     except NoReconstruction as error:
-        return make_unsolved(given, str(error), out_dir, config, inputs, redo=redo)
+        return make_unsolved(given, str(error), out_dir, config, inputs, run=run)
 
 
 def sequence_entries(

@@ -15,6 +15,7 @@ from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.masks.sources import masks_seconds
 from gmrdata.read.bodies import BODY_FILE, read_body
 from gmrdata.stage.progress import track
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import stage_seconds
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import regenerate_set
@@ -184,8 +185,7 @@ def drawn_floor(
     recipe: ThreedpwRecipe,
     out_dir: Path,
     *,
-    scheduler: str | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> MadeFloor:
     """Render twins to `out_dir/twins`, then as `floor_of_twins`.
 
@@ -194,8 +194,6 @@ def drawn_floor(
         motions_dir: Folder of the motion files that it names.
         recipe: The recipe of the pseudo ground truth.
         out_dir: Output folder.
-        scheduler: Address of a Dask cluster; local processes when None.
-        redo: Make anew what another recipe made.
 
     Raises:
         StageFailed: not one twin could be rendered.
@@ -204,14 +202,12 @@ def drawn_floor(
     twins_dir = out_dir / TWINS_FOLDER
     failed: StageFailed | None = None
     try:
-        make_twins(drawn, twins_dir, motions_dir=motions_dir, scheduler=scheduler, redo=redo)
+        make_twins(drawn, twins_dir, motions_dir=motions_dir, run=run)
     except StageFailed as error:
         failed = error
         if not read_truth(twins_dir).classes:
             raise
-    made = floor_of_twins(
-        twins_dir, recipe, out_dir, seed=drawn.set.seed, scheduler=scheduler, redo=redo
-    )
+    made = floor_of_twins(twins_dir, recipe, out_dir, seed=drawn.set.seed, run=run)
     return made._replace(failed=failed or made.failed)
 
 
@@ -221,8 +217,7 @@ def floor_of_twins(
     out_dir: Path,
     *,
     seed: int | None = None,
-    scheduler: str | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> MadeFloor:
     """Regenerate twins to `out_dir/regenerated` and measure them.  A run that was stopped goes on.
 
@@ -231,8 +226,6 @@ def floor_of_twins(
         recipe: The recipe of the pseudo ground truth.
         out_dir: Output folder.
         seed: What the twins were drawn by.
-        scheduler: Address of a Dask cluster; local processes when None.
-        redo: Make anew what another recipe made.
 
     Returns:
         Path of `out_dir/floor.json`, in which sequences that failed are listed as rejected.
@@ -248,7 +241,7 @@ def floor_of_twins(
     regenerated_dir = out_dir / REGENERATED_FOLDER
     failed: StageFailed | None = None
     try:
-        regenerate_set(recipe, twins.root, regenerated_dir, scheduler=scheduler, redo=redo)
+        regenerate_set(recipe, twins.root, regenerated_dir, run=run)
     except StageFailed as error:
         failed = error
     floor = measure(twins, regenerated_dir, recipe, seed=seed)

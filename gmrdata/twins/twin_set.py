@@ -16,6 +16,7 @@ from gmrdata.read.bodies import read_body
 from gmrdata.read.frames import list_images
 from gmrdata.read.threedpw_layout import IMAGES_DIR, SEQUENCES_DIR, SPLITS, require_name
 from gmrdata.stage.progress import track
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.twins.recipe import Split, TwinRecipe
 from gmrdata.twins.twin import TwinConfig, write_twin
@@ -106,8 +107,7 @@ def make_twins(
     out_dir: Path,
     *,
     motions_dir: Path | None = None,
-    scheduler: str | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Render a twin set to `out_dir/render_set`, and write it to `out_dir/3DPW`.
 
@@ -119,8 +119,6 @@ def make_twins(
         recipe: The recipe.
         out_dir: Output folder.
         motions_dir: Folder of motion files.
-        scheduler: Address of a Dask cluster for the clips; local processes when None.
-        redo: Make anew what another recipe made.
 
     Returns:
         `out_dir/3DPW`, the root of the dataset.
@@ -137,8 +135,7 @@ def make_twins(
             recipe.set,
             out_dir / SET_FOLDER,
             motions_dir=motions_dir,
-            scheduler=scheduler,
-            redo=redo,
+            run=run,
         )
     except StageFailed as error:
         failed = error
@@ -151,7 +148,7 @@ def make_twins(
     for folder in (out_dir / TRUTH_FOLDER, *(out_dir / DATASET_FOLDER).glob("*/*/")):
         remove_orphans(folder)
     for clip in track(clips, "writing sequences"):
-        write_sequence_twin(recipe, clip, out_dir, redo=redo)
+        write_sequence_twin(recipe, clip, out_dir, run=run)
     _write_index(out_dir / TRUTH_FOLDER / TWINS_FILE, recipe, clips)
     if failed is not None:
         raise failed
@@ -159,7 +156,7 @@ def make_twins(
 
 
 def write_sequence_twin(
-    recipe: TwinRecipe, clip: SyntheticClip, out_dir: Path, *, redo: bool = False
+    recipe: TwinRecipe, clip: SyntheticClip, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
     """Stage: one sequence.  Its folder of images comes last, so one that exists is complete.
 
@@ -167,7 +164,6 @@ def write_sequence_twin(
         recipe: The recipe.
         clip: One of its clips, already rendered below `out_dir/render_set`.
         out_dir: The twin set's folder.
-        redo: Make anew what another recipe made.
 
     Returns:
         The folder of images.
@@ -211,7 +207,7 @@ def write_sequence_twin(
 
     inputs = {"frames": rendered / "frames", "body": body_path}
     inputs |= {f"person{number}": path for number, path in enumerate(paths)}
-    return run_stage("twin", root / IMAGES_DIR / clip.id, config, inputs, work, redo=redo)
+    return run_stage("twin", root / IMAGES_DIR / clip.id, config, inputs, work, run=run)
 
 
 def _annotated(extras: Extras) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from gmrdata.cameras.files import (
     load_quality,
 )
 from gmrdata.cameras.timeline import cuts_in_words
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
@@ -43,7 +44,7 @@ def make_pseudo_gt(
     *,
     tracked_path: Path | None = None,
     doubts_path: Path | None = None,
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Compose camera-frame poses with recovered cameras (eqs. 6-8) into a metric, level world.
 
@@ -60,7 +61,6 @@ def make_pseudo_gt(
         doubts_path: .json with `frames`: for each person T texts that say why the data set itself
             does not vouch for a frame, empty where it does; and `sequence`: texts that say why it
             can't be used at all.
-        redo: Replace a folder that another recipe made.
 
     Returns:
         `out_dir`.
@@ -120,7 +120,7 @@ def make_pseudo_gt(
     inputs = {"sfm": sfm_dir} | stage_inputs(people)
     inputs |= {} if tracked_path is None else {"tracked": tracked_path}
     inputs |= {} if doubts_path is None else {"doubts": doubts_path}
-    return run_stage("pseudo_gt", out_dir, config, inputs, work, redo=redo)
+    return run_stage("pseudo_gt", out_dir, config, inputs, work, run=run)
 
 
 def compose_clips(

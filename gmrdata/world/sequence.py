@@ -7,6 +7,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.masks.sources import MasksConfig, make_masks
 from gmrdata.read.video import extract_video, is_video
+from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
@@ -34,7 +35,7 @@ def regenerate_sequence(
     tracked_path: Path | None = None,
     doubts_path: Path | None = None,
     left_out: Collection[int] = (),
-    redo: bool = False,
+    run: Run = DEFAULT_RUN,
 ) -> Path:
     """Make `out_dir/masks` (and `masks_by`), `out_dir/sfm` and `out_dir/pseudo_gt`.
 
@@ -47,19 +48,18 @@ def regenerate_sequence(
         tracked_path: The data set's own cameras; see `make_pseudo_gt`.
         doubts_path: What speaks against the data set's own frames; see `make_pseudo_gt`.
         left_out: Numbers of images that can't be used.
-        redo: Make anew what another recipe made.
 
     Returns:
         The folder of the pseudo ground truth.
     """
     if is_video(frames):
-        frames = extract_video(frames, out_dir / "frames", redo=redo)
+        frames = extract_video(frames, out_dir / "frames", run=run)
     sfm_dir = out_dir / "sfm"
     masks_dir = make_masks(
-        frames, out_dir / "masks", config.masks, people=people, left_out=left_out, redo=redo
+        frames, out_dir / "masks", config.masks, people=people, left_out=left_out, run=run
     )
     intrinsics_px = camera_of(load_clip(people[0].clip_path)).intrinsics_px
-    reconstruct(frames, masks_dir, intrinsics_px, sfm_dir, config.sfm, left_out=left_out, redo=redo)
+    reconstruct(frames, masks_dir, intrinsics_px, sfm_dir, config.sfm, left_out=left_out, run=run)
     return make_pseudo_gt(
         sfm_dir,
         people,
@@ -67,5 +67,5 @@ def regenerate_sequence(
         config.pseudo_gt,
         tracked_path=tracked_path,
         doubts_path=doubts_path,
-        redo=redo,
+        run=run,
     )

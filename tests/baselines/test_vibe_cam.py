@@ -12,6 +12,7 @@ from gmrdata.baselines.clip_keypoints import clip_keypoints
 from gmrdata.baselines.vibe_cam import VibeCamConfig, predict_vibe_cam
 from gmrdata.cli import main
 from gmrdata.film.render_outputs import project_joints
+from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadKeypoints, BadMotionFile, BadRecipe, BadRecord, MissingInput
@@ -49,7 +50,7 @@ def files(
     def run(config: VibeCamConfig | None = None) -> Path:
         poses, keypoints, out = (tmp_path / name for name in ("poses", "keypoints", "out"))
         return predict_vibe_cam(
-            manifest, poses, keypoints, out, config, body_path=body_path, redo=True
+            manifest, poses, keypoints, out, config, body_path=body_path, run=Run(redo=True)
         )
 
     return run

@@ -19,6 +19,7 @@ from gmrdata.gmr.infer import InferConfig, infer_world_motion
 from gmrdata.gmr.predict import load_gmr, predict_world_motion
 from gmrdata.motion import local_poses as reader
 from gmrdata.read.bodies import save_body
+from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.errors import (
@@ -254,7 +255,7 @@ def test_the_second_time_nothing_is_done_and_a_killed_run_goes_on(
     with pytest.raises(StaleOutput, match=r"config\.fps_hz"):
         other = InferConfig(fps_hz=25.0, video=False)
         infer_world_motion(run_dir, path, str(body_path), out, other)
-    infer_world_motion(run_dir, path, str(body_path), out, other, redo=True)
+    infer_world_motion(run_dir, path, str(body_path), out, other, run=Run(redo=True))
     assert load_clip(out / "person_0" / "clip.npz").motion.fps_hz == 25.0
 
 

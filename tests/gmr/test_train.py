@@ -19,6 +19,7 @@ from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Quality
 from gmrdata.read.bodies import save_body
+from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import (
@@ -95,7 +96,7 @@ def test_a_run_folder(
     other = small_config.model_copy(update={"seed": 9})
     with pytest.raises(StaleOutput, match=r"config\.seed"):
         train(paths, run_dir, other, body_path=body_path)
-    train(paths, run_dir, other, body_path=body_path, redo=True)
+    train(paths, run_dir, other, body_path=body_path, run=Run(redo=True))
     assert (run_dir / "stage.json").stat().st_mtime_ns != written
 
 

@@ -16,6 +16,7 @@ from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.library import FEW_FILES, clip_id, library_files, make_library, motion_table
 from gmrdata.read.bodies import save_body
+from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 
@@ -70,17 +71,23 @@ def test_amass_in_worker_processes(tmp_path: Path, body_path: Path) -> None:
     """All clips, with data set, subject and trial; the same as read one by one; and not again."""
     assert len(NAMES) > FEW_FILES
     write_amass(tmp_path / "AMASS", NAMES)
-    made = make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "many", workers=2)
+    made = make_library(
+        (tmp_path / "AMASS",), str(body_path), tmp_path / "many", run=Run(workers=2)
+    )
     check_manifest(made)
     clips = clips_of(made)
     assert {clip.source.sequence for clip in clips} == set(NAMES)
     assert {clip.source.dataset for clip in clips} == {"AMASS"}
     assert "KIT.3.kick_high_01_poses" in [clip.id for clip in clips]
     assert {clip.n_frames for clip in clips} == {12}
-    one = make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "many2", workers=1)
+    one = make_library(
+        (tmp_path / "AMASS",), str(body_path), tmp_path / "many2", run=Run(workers=1)
+    )
     assert [clip.arrays.sha256 for clip in clips_of(one)] == [clip.arrays.sha256 for clip in clips]
     written = {path: path.stat().st_mtime_ns for path in (tmp_path / "many").rglob("clip.npz")}
-    assert make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "many", workers=2)
+    assert make_library(
+        (tmp_path / "AMASS",), str(body_path), tmp_path / "many", run=Run(workers=2)
+    )
     assert {path: path.stat().st_mtime_ns for path in written} == written
 
 
@@ -91,7 +98,7 @@ def test_bad_files_are_listed_at_the_end(tmp_path: Path, body_path: Path, worker
     (root / "KIT/4/walk_poses.npz").write_bytes(b"PK\x03\x04 broken")
     write_amass(root, ["SFU/0005/0005_Walk001_poses"], poses=np.full((12, 156), np.nan))
     with pytest.raises(BadMotionFile) as refused:
-        make_library((root,), str(body_path), out, workers=workers)
+        make_library((root,), str(body_path), out, run=Run(workers=workers))
     said = str(refused.value).splitlines()
     assert said[0].startswith("2 of 10 files could not be read; motions.yaml lists the others")
     assert "KIT/4/walk_poses.npz: not a readable .npz" in said[1]
@@ -101,7 +108,7 @@ def test_bad_files_are_listed_at_the_end(tmp_path: Path, body_path: Path, worker
     assert len(list((out / "failed").glob("*.txt"))) == 2
     # Mended, they join the others.
     write_amass(root, NAMES)
-    make_library((root,), str(body_path), out, workers=workers, redo=True)
+    make_library((root,), str(body_path), out, run=Run(redo=True, workers=workers))
     assert len(clips_of(out / "motions.yaml")) == 10
     assert not list((out / "failed").glob("*.txt"))
 

@@ -12,6 +12,7 @@ import pytest
 from gmrdata.cameras.files import load_cameras, save_cameras
 from gmrdata.pages.qa import write_pages
 from gmrdata.pages.qa_data import gather
+from gmrdata.stage.run import Run
 from gmrdata.threedpw.recipe import SetPaths
 from gmrdata.threedpw.regenerate import choose, regenerate_set
 from gmrdata.values.files import read_json, write_json
@@ -91,7 +92,9 @@ def test_a_rejected_sequence_is_listed_apart_with_the_figure_that_failed(
     verdict = {"max_reprojection_px": 0.001}
     recipe = filmed_set.recipe()
     sequence = recipe.sequence.model_dump() | {"pseudo_gt": {"verdict": verdict}}
-    regenerate_set(filmed_set.recipe(sequence=sequence), filmed_set.root, copied_out, redo=True)
+    regenerate_set(
+        filmed_set.recipe(sequence=sequence), filmed_set.root, copied_out, run=Run(redo=True)
+    )
     index = Page(copied_out / "index.html").words
     assert "Accepted0Rejected2" in index and "more than 0.001 px" in index
     words = Page(copied_out / "qa" / "arc_00.html").words

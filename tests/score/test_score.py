@@ -31,6 +31,7 @@ from gmrdata.score.score import (
 )
 from gmrdata.score.summary import summarise
 from gmrdata.stage.progress import answers
+from gmrdata.stage.run import Run
 from gmrdata.values import motion_metrics as vertices
 from gmrdata.values.body import BodyModel, with_vertices
 from gmrdata.values.clip import Clip
@@ -240,7 +241,9 @@ def test_scores_json(
     config = ScoreConfig(all_phases=True)
     with pytest.raises(StaleOutput, match="all_phases"):
         score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config)
-    score_manifest(run_dir, manifest_path, body_path, tmp_path / "scores", config, redo=True)
+    score_manifest(
+        run_dir, manifest_path, body_path, tmp_path / "scores", config, run=Run(redo=True)
+    )
     record = json.loads(path.read_text())
     assert record["clips"][0]["n_motions"] == 3 * 19
 
@@ -273,7 +276,7 @@ def test_a_floor_is_part_of_what_was_asked(
     assert above["overall"]["floor"]["tme_mm"] == above["clips"][0]["floor"]["tme_mm"] == 1e-3
     with pytest.raises(StaleOutput, match="floor"):
         scored(1e6)
-    below = scored(1e6, redo=True)
+    below = scored(1e6, run=Run(redo=True))
     assert below["overall"]["below_floor"] == ["tme_mm", "vme_mm"]
     # Three clips, two classes, and all.
     assert len(below["statements"]) == 3 + 2 + 1

@@ -10,7 +10,8 @@ import dask
 import pytest
 from distributed import LocalCluster
 
-from gmrdata.stage.jobs import Job, Workers, count_files, run_jobs, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, count_files, run_jobs, try_jobs, worker_pool
+from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadFrames, RenderFailed, StageFailed
 
 
@@ -56,7 +57,7 @@ def kill_own_process_once(path: Path, dies: bool) -> None:
 
 
 def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> None:
-    with worker_pool(Workers(count=2)) as client:
+    with worker_pool(Run(workers=2)) as client:
         jobs = [Job(f"clip{i}", write_process_id, {"path": tmp_path / f"{i}"}) for i in range(4)]
         results = run_jobs("writing", jobs, client, tmp_path / "failed")
     assert list(results) == ["clip0", "clip1", "clip2", "clip3"]
@@ -66,7 +67,7 @@ def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> N
 
 
 def test_one_failure_is_recorded_and_the_others_finish(tmp_path: Path) -> None:
-    with worker_pool(Workers(count=1)) as client:
+    with worker_pool(Run(workers=1)) as client:
         jobs = [
             Job("bad", fail_on_purpose, {"name": "7.jpg"}),
             Job("worse", fail_unforeseen),
@@ -92,7 +93,7 @@ def test_a_crash_is_tried_again_and_bad_input_is_not(tmp_path: Path) -> None:
         Job("bad", fail_and_count, {"path": tmp_path / "bad"}, retries=1),
         Job("never", crash_until, {"path": tmp_path / "never", "attempt": 2}),
     ]
-    with worker_pool(Workers(count=2)) as client:
+    with worker_pool(Run(workers=2)) as client:
         outcome = try_jobs("rendering", jobs, client, failed)
     assert outcome.results == {"once": 2}
     assert outcome.reasons == {
@@ -112,7 +113,7 @@ def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path: Path) -> None:
     ]
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        worker_pool(Workers(count=1)) as client,
+        worker_pool(Run(workers=1)) as client,
     ):
         outcome = try_jobs("rendering", jobs[:1], client, tmp_path / "failed")
         # The pool goes on with a new worker.
@@ -126,7 +127,7 @@ def test_a_worker_that_dies_once_is_replaced(tmp_path: Path) -> None:
         Job(str(i), kill_own_process_once, {"path": tmp_path / str(i), "dies": i == 1})
         for i in range(4)
     ]
-    with worker_pool(Workers(count=2)) as client:
+    with worker_pool(Run(workers=2)) as client:
         outcome = try_jobs("rendering", jobs, client, tmp_path / "failed")
     assert (set(outcome.results), outcome.reasons) == ({"0", "1", "2", "3"}, {})
     assert (tmp_path / "1").read_text() == "xx"
@@ -135,7 +136,7 @@ def test_a_worker_that_dies_once_is_replaced(tmp_path: Path) -> None:
 def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
-        with worker_pool(Workers(scheduler=address)) as client:
+        with worker_pool(Run(scheduler=address)) as client:
             results = run_jobs(
                 "writing", [Job("a", write_process_id, {"path": tmp_path / "a"})], client, tmp_path
             )
@@ -145,7 +146,7 @@ def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
 def test_no_scheduler_at_the_address_is_a_clear_error() -> None:
     with (
         pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"),
-        worker_pool(Workers(scheduler="tcp://127.0.0.1:9")),
+        worker_pool(Run(scheduler="tcp://127.0.0.1:9")),
     ):
         pass
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from gmrdata.stage import store
+from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage, stage_seconds
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.values.files import (
@@ -81,7 +82,7 @@ def test_same_recipe_does_nothing(tmp_path: Path) -> None:
 def test_same_recipe_does_nothing_even_with_redo(tmp_path: Path) -> None:
     work = Counter()
     made(tmp_path / "out", work)
-    made(tmp_path / "out", work, redo=True)
+    made(tmp_path / "out", work, run=Run(redo=True))
     assert work.runs == 1
 
 
@@ -106,7 +107,7 @@ def test_changed_input_names_the_input(tmp_path: Path) -> None:
 def test_redo_replaces_the_result(tmp_path: Path) -> None:
     work = Counter()
     made(tmp_path / "out", work)
-    made(tmp_path / "out", work, Recipe(seed=1), redo=True)
+    made(tmp_path / "out", work, Recipe(seed=1), run=Run(redo=True))
     assert (tmp_path / "out" / "result.txt").read_text() == "run 2"
     assert read_json(tmp_path / "out" / "stage.json")["config"]["seed"] == 1
     assert names(tmp_path) == ["out"]
@@ -119,7 +120,7 @@ def test_failed_redo_keeps_the_old_result(tmp_path: Path) -> None:
         raise ArithmeticError
 
     with pytest.raises(ArithmeticError):
-        made(tmp_path / "out", fail, Recipe(seed=1), redo=True)
+        made(tmp_path / "out", fail, Recipe(seed=1), run=Run(redo=True))
     assert (tmp_path / "out" / "result.txt").read_text() == "run 1"
     assert read_json(tmp_path / "out" / "stage.json")["config"]["seed"] == 0
 
@@ -130,14 +131,14 @@ def test_a_folder_that_no_stage_made_is_never_touched(tmp_path: Path, redo: bool
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "holiday.jpg").write_bytes(b"dear to someone")
     with pytest.raises(StaleOutput, match="no gmrdata stage made it"):
-        made(tmp_path / "photos", Counter(), redo=redo)
+        made(tmp_path / "photos", Counter(), run=Run(redo=redo))
     assert (tmp_path / "photos" / "holiday.jpg").read_bytes() == b"dear to someone"
 
 
 def test_a_file_in_the_way(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("notes")
     with pytest.raises(StaleOutput, match="no gmrdata stage made it"):
-        made(tmp_path / "out", Counter(), redo=True)
+        made(tmp_path / "out", Counter(), run=Run(redo=True))
     assert (tmp_path / "out").read_text() == "notes"
 
 

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.stage.jobs import Job, Workers, in_threads, own_cores, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, in_threads, own_cores, run_jobs, worker_pool
+from gmrdata.stage.run import Run
 
 
 def test_a_worker_has_its_share_of_the_cores(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with worker_pool(Workers(count=2)) as client:
+    with worker_pool(Run(workers=2)) as client:
         jobs = [Job("clip", own_cores, {})]
         found = run_jobs("counting", jobs, client, tmp_path / "failed")
     cores = os.cpu_count() or 1

@@ -15,7 +15,7 @@ from gmrdata.gmr.runs import usable_clips
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.bodies import save_body
 from gmrdata.stage import resources
-from gmrdata.stage.jobs import Workers
+from gmrdata.stage.run import Run
 from gmrdata.tables.comparison import RowFigures, orderings
 from gmrdata.tables.make import clip_figure, held_out_set, make_table
 from gmrdata.tables.plan import Given, folder_name, plan_table
@@ -109,7 +109,7 @@ def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path: Pa
 def test_rows_without_their_files_are_not_made_and_say_what_they_need(tmp_path: Path) -> None:
     _, table5 = load_table("5")
     with pytest.raises(MissingInput) as caught:
-        make_table(table5, "small", Given(()), tmp_path, Workers(1))
+        make_table(table5, "small", Given(()), tmp_path, run=Run(workers=1))
     message = str(caught.value)
     assert "VIBE-CAM: clips to score (--scored); VIBE's poses" in message
     assert "Ours(GT input): motions to train on (--manifest)" in message

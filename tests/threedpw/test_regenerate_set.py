@@ -11,6 +11,7 @@ import pytest
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
+from gmrdata.stage.run import Run
 from gmrdata.threedpw.regenerate import plan, regenerate_set
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.clip import load_clip
@@ -109,7 +110,9 @@ def test_bad_sequences_do_not_stop_the_others(copied_set: Any, tmp_path: Path) -
     # What has no reconstruction is not tried again.
     stage = out_dir / "sequences" / "pan_00" / "pseudo_gt" / "stage.json"
     before = stage.stat().st_mtime_ns
-    regenerate_set(copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, redo=False)
+    regenerate_set(
+        copied_set.recipe(sequences=["pan_00"]), copied_set.root, out_dir, run=Run(redo=False)
+    )
     assert stage.stat().st_mtime_ns == before
 
 

@@ -13,6 +13,7 @@ from gmrdata.film.set_plan import SyntheticClip
 from gmrdata.read.bodies import read_body
 from gmrdata.read.threedpw import read_sequence
 from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.stage.run import Run
 from gmrdata.threedpw.camera_frame import camera_clip
 from gmrdata.threedpw.listing import sequence_rows
 from gmrdata.twins.recipe import TwinRecipe
@@ -211,7 +212,7 @@ def test_another_split_is_refused_and_with_redo_leaves_no_second_file(
     clip = RECIPE.set.clips[1]
     with pytest.raises(StaleOutput, match=r"config\.split"):
         write_sequence_twin(moved, clip, tmp_path / "copy")
-    write_sequence_twin(moved, clip, tmp_path / "copy", redo=True)
+    write_sequence_twin(moved, clip, tmp_path / "copy", run=Run(redo=True))
     found = sorted((tmp_path / "copy" / "3DPW").rglob("park_walk_00.pkl"))
     assert [path.parent.name for path in found] == ["test"]
     assert read_sequence(tmp_path / "copy" / "3DPW", "park_walk_00").problems == ()

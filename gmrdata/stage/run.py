@@ -1,0 +1,25 @@
+"""How a command runs its stages.  Nothing here decides a result, so no recipe holds it."""
+
+from dataclasses import dataclass
+
+from gmrdata.values.errors import BadRecipe
+
+
+@dataclass(frozen=True)
+class Run:
+    """Passed on as it is from a command to its stages."""
+
+    redo: bool = False
+    """Throw away and make anew what another recipe or other inputs made."""
+    workers: int | None = None
+    """Local worker processes; as many as the recipe says when None."""
+    scheduler: str | None = None
+    """Address of a running Dask scheduler (tcp://host:port); local processes when None."""
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise BadRecipe(f"--workers {self.workers}: at least one process has to do the work")
+
+
+DEFAULT_RUN = Run()
+"""Keep what is made; the recipe's number of local workers."""
