@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, TypeAdapter, ValidationError
 
 from gmrdata.film import camera_moves as moves
 from gmrdata.film.camera_moves import SubjectPath, look_at, subject_path
@@ -134,6 +134,26 @@ class Static(View):
 Programme = Annotated[
     Circular | Linear | Panning | LinearPanning | Small | Static, Field(discriminator="kind")
 ]
+
+
+def camera_programme(kind: str, **settings: object) -> Programme:
+    """A camera programme by its name, as a recipe says it.
+
+    Args:
+        kind: "circular", "linear", "linear_panning", "panning", "small" or "static".
+        settings: Its keys: `height_m`, `distance_m` [m], `rate_deg_per_s` [degrees/s], and so on.
+
+    Raises:
+        BadRecipe: there is no such kind, or it has no such key or value.
+    """
+    try:
+        return TypeAdapter[Programme](Programme).validate_python({"kind": kind, **settings})
+    except ValidationError as error:
+        problems = "; ".join(
+            f"{'.'.join(str(part) for part in found['loc'])}: {found['msg']}".removeprefix(": ")
+            for found in error.errors()
+        )
+        raise BadRecipe(f"camera programme {kind}: {problems}") from None
 
 
 def camera_path(
