@@ -26,7 +26,7 @@ from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.files import read_npz
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import invert, rigid
-from gmrdata.world.compose import world_motion
+from gmrdata.world.compose import motion_in_world
 from gmrdata.world.pseudo_gt import fill_gaps
 
 FEWEST_CAMERAS = 3
@@ -130,7 +130,7 @@ def metric_path(path: CameraPath, dataset_world_from_cam: np.ndarray) -> CameraP
 def composed(camera_clip: Clip, path: CameraPath) -> Clip:
     """The person in the world; frames without a camera are not valid."""
     filled = fill_gaps(path.world_from_cam, path.has_camera)
-    motion = world_motion(camera_clip.motion, filled)
+    motion = motion_in_world(camera_clip.motion, filled)
     return replace(
         camera_clip, motion=motion, camera=path, valid=camera_clip.valid & path.has_camera
     )

@@ -31,7 +31,7 @@ from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import invert, rigid
-from gmrdata.world.compose import camera_motion, metric_cameras, world_motion
+from gmrdata.world.compose import metric_cameras, motion_in_camera, motion_in_world
 
 LEVEL_FROM_CAM = rigid(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 """World of a camera that is held level and looks along +y: x to the right, z up, origin in it."""
@@ -46,12 +46,12 @@ def seen_motion(clip: Clip) -> tuple[Motion, np.ndarray]:
     if clip.motion.frame == "camera":
         return clip.motion, clip.valid
     camera = camera_of(clip)
-    return camera_motion(clip.motion, camera.world_from_cam), clip.valid & camera.has_camera
+    return motion_in_camera(clip.motion, camera.world_from_cam), clip.valid & camera.has_camera
 
 
 def as_if_still(seen: Motion) -> Motion:
     """A motion in the camera's frame taken as one in the world, the camera's motion ignored."""
-    return world_motion(seen, np.tile(LEVEL_FROM_CAM, (seen.n_frames, 1, 1)))
+    return motion_in_world(seen, np.tile(LEVEL_FROM_CAM, (seen.n_frames, 1, 1)))
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def _in_world(
 ) -> Prediction:
     seen, valid = seen_motion(subject.clip)
     source = f"camera frame with the {which} camera applied: {seen.source}"
-    world = replace(world_motion(seen, world_from_cam), source=source)
+    world = replace(motion_in_world(seen, world_from_cam), source=source)
     return predicted(subject, world, valid & known)
 
 

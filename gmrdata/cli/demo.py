@@ -26,7 +26,7 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.files import write_text
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
-from gmrdata.world.compose import camera_motion
+from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
 
 
@@ -62,7 +62,7 @@ def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:
             world_from_cam=np.full_like(camera.world_from_cam, np.nan),
             has_camera=np.zeros_like(camera.has_camera),
         )
-        motion = camera_motion(true.motion, camera.world_from_cam)
+        motion = motion_in_camera(true.motion, camera.world_from_cam)
         clip = Clip(clip_id, motion, true.valid, true.image_numbers, unknown)
         rest_pelvis_m = read_body(paths.body).rest_pelvis_m(motion.shape)
         save_clip(out_dir / paths.camera_clip(clip_id).name, clip, rest_pelvis_m)

@@ -14,11 +14,11 @@ from gmrdata.values import transforms
 from gmrdata.values.motion import Motion
 
 
-def world_motion(camera_motion: Motion, world_from_cam: np.ndarray, scale: float = 1.0) -> Motion:
+def motion_in_world(seen: Motion, world_from_cam: np.ndarray, scale: float = 1.0) -> Motion:
     """The person in the world: R_w = R_col R_c and T_w = R_col T_c + s T_col (eqs. 7 and 8).
 
     Args:
-        camera_motion: T frames, `frame` "camera".
+        seen: T frames, `frame` "camera".
         world_from_cam: (T, 4, 4) cameras, metric up to `scale`.
         scale: Metres per unit of the cameras' translations.
 
@@ -28,18 +28,18 @@ def world_motion(camera_motion: Motion, world_from_cam: np.ndarray, scale: float
     Raises:
         ValueError: the motion is not in the camera frame, or the frame counts differ.
     """
-    _require(camera_motion, "camera", world_from_cam)
+    _require(seen, "camera", world_from_cam)
     metric = metric_cameras(world_from_cam, scale)
     return replace(
-        camera_motion,
-        root_rotmats=metric[:, :3, :3] @ camera_motion.root_rotmats,
-        pelvis_m=transforms.apply(metric, camera_motion.pelvis_m[:, None])[:, 0],
+        seen,
+        root_rotmats=metric[:, :3, :3] @ seen.root_rotmats,
+        pelvis_m=transforms.apply(metric, seen.pelvis_m[:, None])[:, 0],
         frame="world",
     )
 
 
-def camera_motion(motion: Motion, world_from_cam: np.ndarray) -> Motion:
-    """The person as each camera sees it: the inverse of `world_motion` for metric cameras.
+def motion_in_camera(motion: Motion, world_from_cam: np.ndarray) -> Motion:
+    """The person as each camera sees it: the inverse of `motion_in_world` for metric cameras.
 
     Args:
         motion: T frames, `frame` "world".

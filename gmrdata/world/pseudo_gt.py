@@ -25,7 +25,7 @@ from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, NoReconstruction
 from gmrdata.values.files import read_json, read_npz, write_json
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
-from gmrdata.world.compose import level_from_world, metric_cameras, world_motion
+from gmrdata.world.compose import level_from_world, metric_cameras, motion_in_world
 from gmrdata.world.judge import judge
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
 from gmrdata.world.quality import quality_of
@@ -163,7 +163,9 @@ def compose_clips(
     camera = replace(path, world_from_cam=level @ filled)
     camera = replace(camera, world_from_cam=_blanked(camera, path.has_camera))
     clips = [
-        Clip(clip.id, world_motion(clip.motion, level @ filled), rows, clip.image_numbers, camera)
+        Clip(
+            clip.id, motion_in_world(clip.motion, level @ filled), rows, clip.image_numbers, camera
+        )
         for clip, rows in zip(camera_clips, usable, strict=True)
     ]
     return clips, estimate
@@ -221,7 +223,7 @@ def _level(
     """level_from_world (4, 4), from everybody's bodies and planted feet."""
     root_rotmats, pelvis_m, planted_m = [], [], []
     for clip, rows, body in zip(camera_clips, usable, bodies, strict=True):
-        motion = world_motion(clip.motion, world_from_cam)
+        motion = motion_in_world(clip.motion, world_from_cam)
         soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
         soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
         slip_m = config.scale.slip_floor_m + config.scale.slip_m_per_s / motion.fps_hz

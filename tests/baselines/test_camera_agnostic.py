@@ -22,7 +22,7 @@ from gmrdata.twins.pseudo_gt_error import motion_errors
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.motion_metrics import angles_rad
-from gmrdata.world.compose import camera_motion
+from gmrdata.world.compose import motion_in_camera
 from tests.baselines.openpose_files import write_frames
 
 WriteSet = Callable[..., Path]
@@ -38,7 +38,7 @@ def takes(filmed: tuple[Clip, ...]) -> tuple[Clip, Clip]:
 
 def seen_by_its_camera(clip: Clip) -> Clip:
     """What a perfect pose estimator gives: poses in the camera's frame."""
-    motion = camera_motion(clip.motion, camera_of(clip).world_from_cam)
+    motion = motion_in_camera(clip.motion, camera_of(clip).world_from_cam)
     return replace(clip, motion=motion)
 
 

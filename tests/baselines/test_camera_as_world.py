@@ -20,7 +20,7 @@ from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
 from gmrdata.values.files import read_json, write_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
-from gmrdata.world.compose import camera_motion, metric_cameras
+from gmrdata.world.compose import metric_cameras, motion_in_camera
 
 WriteSet = Callable[..., Path]
 RECOVERED = CameraAsWorldConfig(camera="recovered")
@@ -47,7 +47,7 @@ def recovered(clip: Clip, scale: float, geometry: Geometry = "full") -> SfmCamer
 def test_a_camera_at_rest_sees_the_world_motion(filmed: tuple[Clip, ...]) -> None:
     clip = filmed[0]
     still = np.tile(camera_of(clip).world_from_cam[0], (40, 1, 1))
-    seen = camera_motion(clip.motion, still)
+    seen = motion_in_camera(clip.motion, still)
     assert delta_error(as_if_still(seen), clip.motion) < 1e-12
     assert delta_error(as_if_still(seen_motion(clip)[0]), clip.motion) > 0.01
 
@@ -106,7 +106,7 @@ def test_rows_without_a_true_camera_are_not_predicted(
 def test_a_clip_in_the_camera_frame_is_taken_as_it_is(
     filmed: tuple[Clip, ...], write_set: WriteSet, tmp_path: Path
 ) -> None:
-    motion = camera_motion(filmed[0].motion, camera_of(filmed[0]).world_from_cam)
+    motion = motion_in_camera(filmed[0].motion, camera_of(filmed[0]).world_from_cam)
     manifest = write_set(tmp_path / "set", [replace(filmed[0], motion=motion, camera=None)])
     made = predict_camera_as_world(manifest, tmp_path / "out")
     found = load_clip(made / "predictions" / "walk_0.npz").motion

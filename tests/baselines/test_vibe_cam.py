@@ -18,14 +18,14 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadKeypoints, BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
-from gmrdata.world.compose import camera_motion
+from gmrdata.world.compose import motion_in_camera
 from tests.baselines.openpose_files import person, write_frame, write_frames
 
 WriteSet = Callable[..., Path]
 
 
 def seen(clip: Clip) -> Motion:
-    return camera_motion(clip.motion, camera_of(clip).world_from_cam)
+    return motion_in_camera(clip.motion, camera_of(clip).world_from_cam)
 
 
 def write_poses(folder: Path, clip: Clip, body: BodyModel) -> None:

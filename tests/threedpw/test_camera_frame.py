@@ -26,7 +26,7 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, rigid
-from gmrdata.world.compose import camera_motion, world_motion
+from gmrdata.world.compose import motion_in_camera, motion_in_world
 
 NAME = "courtyard_walk_00"
 Make = Callable[..., Path]
@@ -91,7 +91,7 @@ def test_what_was_written_from_clips_comes_back(
 ) -> None:
     for person, exact in enumerate(walkers):
         camera = camera_of(exact)
-        expected = camera_motion(exact.motion, camera.world_from_cam)
+        expected = motion_in_camera(exact.motion, camera.world_from_cam)
         clip = camera_clip(sequence, person, [small_body])
         assert clip.id == f"{NAME}.p{person}"
         assert clip.motion.frame == "camera" and clip.motion.fps_hz == 30.0
@@ -120,7 +120,7 @@ def test_the_datasets_world_is_turned_z_up(
         assert np.array_equal(camera_of(clip).has_camera, exact.valid)
         off = cameras[exact.valid] - camera_of(exact).world_from_cam[exact.valid]
         assert np.abs(off).max() < 1e-12
-        back = world_motion(camera_clip(sequence, person, [small_body]).motion, cameras)
+        back = motion_in_world(camera_clip(sequence, person, [small_body]).motion, cameras)
         assert np.abs(back.pelvis_m - clip.motion.pelvis_m)[exact.valid].max() < 1e-12
 
 

@@ -23,7 +23,7 @@ from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadSequence
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, invert, rigid
-from gmrdata.world.compose import camera_motion
+from gmrdata.world.compose import motion_in_camera
 
 NO_INVALID = FaultConfig(invalid_runs=(0, 0))
 seeds = st.integers(0, 1_000_000)
@@ -53,7 +53,7 @@ def walker(seed: int, n_frames: int = 150, offset_m: float = 0.0) -> Clip:
 
 
 def in_camera(clip: Clip) -> Motion:
-    return camera_motion(clip.motion, camera_of(clip).world_from_cam)
+    return motion_in_camera(clip.motion, camera_of(clip).world_from_cam)
 
 
 def angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:

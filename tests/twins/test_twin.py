@@ -16,7 +16,7 @@ from gmrdata.twins.twin import TwinConfig, write_twin
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadFrames, BadSequence
-from gmrdata.world.compose import camera_motion
+from gmrdata.world.compose import motion_in_camera
 
 CONFIG = TwinConfig(
     faults=FaultConfig(invalid_frames=(2, 5)), exposure=ExposureConfig(gain=(1.0, 1.0))
@@ -65,7 +65,7 @@ def test_the_dataset_side_drifts_and_its_camera_frame_bodies_are_nearly_right(
     assert sequence.problems == ()
     for person, exact in enumerate(walkers):
         clip = camera_clip(sequence, person, [small_body])
-        true = camera_motion(exact.motion, camera_of(exact).world_from_cam)
+        true = motion_in_camera(exact.motion, camera_of(exact).world_from_cam)
         off_m = np.linalg.norm(clip.motion.pelvis_m - true.pelvis_m, axis=1)
         assert off_m[clip.valid].max() <= 0.010 + 1e-9
         assert 0 < (~clip.valid).sum() < 30

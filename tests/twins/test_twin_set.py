@@ -23,7 +23,7 @@ from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import StageFailed, StaleOutput
 from gmrdata.values.files import read_json
-from gmrdata.world.compose import camera_motion
+from gmrdata.world.compose import motion_in_camera
 
 RECIPE = load_recipe(find_recipe("twins_small"), TwinRecipe)
 PEOPLE = [("courtyard_together_00", 0), ("courtyard_together_00", 1), ("park_walk_00", 0)]
@@ -102,7 +102,7 @@ def test_camera_frame_bodies_are_the_truth_within_the_faults(
     truth = truth_of(out, name, person)
     body = read_body(out / "render_set" / "body" / "body.npz")
     found = camera_clip(read_sequence(out / "3DPW", name), person, [body])
-    true = camera_motion(truth.motion, camera_of(truth).world_from_cam)
+    true = motion_in_camera(truth.motion, camera_of(truth).world_from_cam)
     faults = RECIPE.twin.faults
     off_m = np.linalg.norm(found.motion.pelvis_m - true.pelvis_m, axis=1)[found.valid]
     assert 0.004 < off_m.max() <= faults.root_error_m[1] + 1e-9

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.values import transforms
 from gmrdata.values.motion import Motion
-from gmrdata.world.compose import camera_motion, metric_cameras, world_motion
+from gmrdata.world.compose import metric_cameras, motion_in_camera, motion_in_world
 
 # About where SMPL's rest pelvis is: 0.22 m below the model's origin.
 REST_PELVIS_M = np.array([-0.002, -0.223, 0.028])
@@ -41,9 +41,9 @@ def random_cameras(rng: np.random.Generator, n: int) -> np.ndarray:
 def test_into_the_camera_and_back_is_the_same_motion(seed: int, n: int, scale: float) -> None:
     rng = np.random.default_rng(seed)
     motion, cameras = random_motion(rng, n), random_cameras(rng, n)
-    person = camera_motion(motion, cameras)
+    person = motion_in_camera(motion, cameras)
     assert person.frame == "camera"
-    again = world_motion(person, metric_cameras(cameras, 1 / scale), scale)
+    again = motion_in_world(person, metric_cameras(cameras, 1 / scale), scale)
     assert again.frame == "world"
     assert np.abs(again.root_rotmats - motion.root_rotmats).max() < 1e-12
     assert np.abs(again.pelvis_m - motion.pelvis_m).max() < 1e-9
@@ -55,7 +55,7 @@ def test_eqs_7_and_8_are_taken_literally(seed: int) -> None:
     rng = np.random.default_rng(seed)
     cameras = random_cameras(rng, 4)
     person = replace(random_motion(rng, 4), frame="camera")
-    world = world_motion(person, cameras, 2.5)
+    world = motion_in_world(person, cameras, 2.5)
     for i in range(4):
         r_col, t_col = cameras[i, :3, :3], cameras[i, :3, 3]
         assert np.allclose(world.root_rotmats[i], r_col @ person.root_rotmats[i], atol=1e-12)
@@ -74,10 +74,10 @@ def test_smpl_trans_in_place_of_the_pelvis_costs_11_8_mm_per_frame() -> None:
         root_rotmats=np.tile(Rotation.from_euler("x", 90, degrees=True).as_matrix(), (n, 1, 1)),
         pelvis_m=np.tile([0.3, 4.0, 0.9], (n, 1)),
     )
-    person = camera_motion(still, cameras)
-    exact = world_motion(person, cameras)
+    person = motion_in_camera(still, cameras)
+    exact = motion_in_world(person, cameras)
     assert np.linalg.norm(np.diff(exact.pelvis_m, axis=0), axis=1).max() < 1e-12
-    naive = world_motion(replace(person, pelvis_m=person.pelvis_m - REST_PELVIS_M), cameras)
+    naive = motion_in_world(replace(person, pelvis_m=person.pelvis_m - REST_PELVIS_M), cameras)
     errors_mm = 1000 * np.linalg.norm(np.diff(naive.pelvis_m, axis=0), axis=1)
     assert errors_mm == pytest.approx(11.8, abs=0.1)
 
@@ -86,8 +86,8 @@ def test_the_frame_of_reference_is_checked() -> None:
     rng = np.random.default_rng(0)
     motion, cameras = random_motion(rng, 3), random_cameras(rng, 3)
     with pytest.raises(ValueError, match="in the world frame, expected the camera frame"):
-        world_motion(motion, cameras)
+        motion_in_world(motion, cameras)
     with pytest.raises(ValueError, match="in the camera frame, expected the world frame"):
-        camera_motion(camera_motion(motion, cameras), cameras)
+        motion_in_camera(motion_in_camera(motion, cameras), cameras)
     with pytest.raises(ValueError, match="3 frames of motion, 2 cameras"):
-        camera_motion(motion, cameras[:2])
+        motion_in_camera(motion, cameras[:2])

@@ -26,7 +26,7 @@ from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, NoReconstruction
 from gmrdata.values.files import read_json, write_json
 from gmrdata.values.people import PersonFiles, person_file
-from gmrdata.world.compose import camera_motion, metric_cameras
+from gmrdata.world.compose import metric_cameras, motion_in_camera
 from gmrdata.world.pseudo_gt import fill_gaps, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
 
@@ -46,7 +46,7 @@ def as_input(clip: Clip) -> Clip:
     unknown = np.full((n, 4, 4), np.nan)
     camera = replace(clip.camera, world_from_cam=unknown, has_camera=np.zeros(n, dtype=bool))
     return replace(
-        clip, motion=camera_motion(clip.motion, clip.camera.world_from_cam), camera=camera
+        clip, motion=motion_in_camera(clip.motion, clip.camera.world_from_cam), camera=camera
     )
 
 

@@ -12,7 +12,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
-from gmrdata.world.compose import camera_motion
+from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 from gmrdata.world.scale import SeenPerson, estimate_scale, fuse
@@ -50,7 +50,7 @@ def test_scale_is_found_to_two_percent(
 ) -> None:
     motion, path = filmed(gait, programme, small_body, seed=3)
     found = seen_through(path, metres_per_unit, 0.002, 0.0003, seed=1)
-    person = camera_motion(motion, path.world_from_cam)
+    person = motion_in_camera(motion, path.world_from_cam)
     estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
     assert estimate.scale == pytest.approx(metres_per_unit, rel=0.02)
     (cue,) = estimate.cues
@@ -59,7 +59,7 @@ def test_scale_is_found_to_two_percent(
 
 def test_the_unit_of_length_does_not_matter(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
-    person = camera_motion(motion, path.world_from_cam)
+    person = motion_in_camera(motion, path.world_from_cam)
     scales = []
     for unit in (1.0, 1e-3, 1e3):
         found = seen_through(path, unit, 0.0, 0.0, seed=0)
@@ -75,7 +75,7 @@ def test_errors_stay_within_their_bars(small_body: BodyModel) -> None:
         for programme in PROGRAMMES:
             motion, path = filmed("walk", programme, small_body, seed)
             found = seen_through(path, 2.0, 0.006, 0.001, seed)
-            person = camera_motion(motion, path.world_from_cam)
+            person = motion_in_camera(motion, path.world_from_cam)
             estimate = estimate_scale(
                 [SeenPerson(person, small_body, found)], "full", ScaleConfig()
             )
@@ -88,7 +88,7 @@ def test_errors_stay_within_their_bars(small_body: BodyModel) -> None:
 
 def test_frames_without_a_camera_are_left_out(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
-    person = camera_motion(motion, path.world_from_cam)
+    person = motion_in_camera(motion, path.world_from_cam)
     found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
     found.world_from_cam[[0, 9, 10, 30]] = np.nan
     estimate = estimate_scale([SeenPerson(person, small_body, found)], "full", ScaleConfig())
@@ -97,7 +97,7 @@ def test_frames_without_a_camera_are_left_out(small_body: BodyModel) -> None:
 
 def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
-    person = camera_motion(motion, path.world_from_cam)
+    person = motion_in_camera(motion, path.world_from_cam)
     estimate = estimate_scale(
         [SeenPerson(person, small_body, path)], "rotation_only", ScaleConfig()
     )
@@ -107,7 +107,7 @@ def test_scale_does_not_enter_for_a_camera_that_only_turns(small_body: BodyModel
 def test_a_camera_that_does_not_move_has_no_scale(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
     still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
-    person = camera_motion(motion, still.world_from_cam)
+    person = motion_in_camera(motion, still.world_from_cam)
     with pytest.raises(NoReconstruction, match="camera hardly moves"):
         estimate_scale([SeenPerson(person, small_body, still)], "full", ScaleConfig())
 
@@ -122,7 +122,7 @@ def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(
     swaying = np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1))
     phase_rad = 2 * np.pi * np.arange(path.n_frames) / 20
     swaying[:, 0, 3] += way_m * np.sin(phase_rad)
-    person = camera_motion(motion, swaying)
+    person = motion_in_camera(motion, swaying)
     noisy = replace(person, pelvis_m=person.pelvis_m + rng.normal(0, 0.004, person.pelvis_m.shape))
     found = replace(path, world_from_cam=swaying)
     estimate = estimate_scale([SeenPerson(noisy, small_body, found)], "full", ScaleConfig())
@@ -135,7 +135,7 @@ def test_a_camera_that_travels_less_than_feet_can_tell_has_no_scale(
 def test_an_unknown_scale_that_would_matter_is_kept(small_body: BodyModel) -> None:
     """For the verdict to reject it."""
     motion, path = filmed("walk", "circular", small_body, seed=0)
-    person = camera_motion(motion, path.world_from_cam)
+    person = motion_in_camera(motion, path.world_from_cam)
     careless = ScaleConfig(body_share=0.8)
     estimate = estimate_scale([SeenPerson(person, small_body, path)], "full", careless)
     assert estimate.scale == pytest.approx(1.0, rel=0.02)
@@ -153,7 +153,7 @@ def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
     rng = np.random.default_rng(0)
     flying = replace(motion, pelvis_m=rng.normal(0, 3.0, motion.pelvis_m.shape))
-    person = camera_motion(flying, path.world_from_cam)
+    person = motion_in_camera(flying, path.world_from_cam)
     with pytest.raises(NoReconstruction, match="planted feet found"):
         estimate_scale([SeenPerson(person, small_body, path)], "full", ScaleConfig(min_stances=4))
 
@@ -193,8 +193,8 @@ def test_two_people_give_a_cue_each(small_body: BodyModel) -> None:
     n = min(motion.n_frames, other.n_frames)
     assert n == motion.n_frames
     people = [
-        SeenPerson(camera_motion(motion, path.world_from_cam), small_body, found),
-        SeenPerson(camera_motion(other, path.world_from_cam), small_body, half),
+        SeenPerson(motion_in_camera(motion, path.world_from_cam), small_body, found),
+        SeenPerson(motion_in_camera(other, path.world_from_cam), small_body, half),
     ]
     estimate = estimate_scale(people, "full", ScaleConfig())
     assert [cue.person for cue in estimate.cues] == [0, 1]
@@ -204,7 +204,7 @@ def test_two_people_give_a_cue_each(small_body: BodyModel) -> None:
 def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
     found = seen_through(path, 3.0, 0.0, 0.0, seed=0)
-    person = camera_motion(motion, path.world_from_cam)
+    person = motion_in_camera(motion, path.world_from_cam)
     unknown = replace(found, world_from_cam=np.full_like(found.world_from_cam, np.nan))
     people = [SeenPerson(person, small_body, unknown), SeenPerson(person, small_body, found)]
     estimate = estimate_scale(people, "full", ScaleConfig())

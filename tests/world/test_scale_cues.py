@@ -12,7 +12,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import apply, rigid
-from gmrdata.world.compose import camera_motion
+from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.ground_contact import ground_contact_scale
 from gmrdata.world.planted_feet import foot_points_m
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
@@ -53,7 +53,7 @@ def ground_cue(
     motion: Motion, path: CameraPath, points_m: np.ndarray, body: BodyModel, rough: float
 ) -> CueEstimate | None:
     found, points = reconstructed(path, points_m)
-    person = camera_motion(motion, path.world_from_cam)
+    person = motion_in_camera(motion, path.world_from_cam)
     feet_cam_m = foot_points_m(body, person)
     up_cam = person.root_rotmats[:, :, 1]
     return ground_contact_scale(found, points, feet_cam_m, up_cam, 30.0, rough, CONFIG)
@@ -127,7 +127,7 @@ def test_frames_that_either_path_lacks_are_left_out(small_body: BodyModel) -> No
 def test_all_cues_together_are_better_than_feet_alone(small_body: BodyModel) -> None:
     motion, path = walk(small_body, Circular())
     found, points = reconstructed(path, scenery(motion, 0.01, 600))
-    person = camera_motion(motion, path.world_from_cam)
+    person = motion_in_camera(motion, path.world_from_cam)
     feet = estimate_scale([SeenPerson(person, small_body, found)], "full", CONFIG)
     every = estimate_scale(
         [SeenPerson(person, small_body, found)],
