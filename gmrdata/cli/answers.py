@@ -1,9 +1,11 @@
 """What the command line says: answers, tables, and what went wrong."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from gmrdata.stage.progress import answers, console
+from gmrdata.values.errors import StageFailed
 
 
 def answer(value: object) -> None:
@@ -21,6 +23,17 @@ def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     for row in rows:
         table.add_row(*map(escape, row))
     answers.print(table)
+
+
+@contextmanager
+def then(draw: Callable[[], object]) -> Iterator[None]:
+    """Draw pages after the stages inside, of what there is where some of it failed."""
+    try:
+        yield
+    except StageFailed:
+        draw()
+        raise
+    draw()
 
 
 def fail(message: str, code: int = 1) -> None:

@@ -149,9 +149,7 @@ def threedpw_twin(
         show_dry_run(loaded.set, out / SET_FOLDER, motions, probe)
         return
     with then(lambda: write_set_pages(loaded.set, out / SET_FOLDER)):
-        made = make_twins(
-            loaded, out, motions_dir=motions, run=Run(redo=redo, scheduler=scheduler)
-        )
+        made = make_twins(loaded, out, motions_dir=motions, run=Run(redo=redo, scheduler=scheduler))
     answer(made)
 
 

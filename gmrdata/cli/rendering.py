@@ -50,7 +50,5 @@ def render(
     from gmrdata.pages.synthetic import write_set_pages
 
     with then(lambda: write_set_pages(loaded, out)):
-        made = render_set(
-            loaded, out, motions_dir=motions, run=Run(redo=redo, scheduler=scheduler)
-        )
+        made = render_set(loaded, out, motions_dir=motions, run=Run(redo=redo, scheduler=scheduler))
     answer(made)

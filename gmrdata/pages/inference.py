@@ -17,12 +17,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gmrdata.film.camera_moves import look_at, smooth_path
+from gmrdata.gmr.infer import InferConfig
 from gmrdata.pages.style import picture
 from gmrdata.pages.topview import RECOVERED_WIDTH, draw_path, finish_view, mark_start
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import intrinsics_from_fov, project_cam
+from gmrdata.values.clip import Clip
 from gmrdata.values.files import atomic_path
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
@@ -228,6 +230,22 @@ PLOT_IN = 5.0
 LARGEST_VIDEO_HZ = 30.0
 """A motion of a higher rate is filmed at every second, third, ... frame."""
 POSED_AT_ONCE = 32
+
+
+PATH_FILE, VIDEO_FILE = "path.png", "body.mp4"
+
+
+def draw_motion(folder: Path, clip: Clip, body: BodyModel, config: InferConfig) -> None:
+    """Add `path.png` and, if wanted, `body.mp4` to a folder of `infer_world_motion`.
+
+    Each is written as a whole, so what is there is kept.
+    """
+    path, video = folder / PATH_FILE, folder / VIDEO_FILE
+    if not path.exists():
+        write_top_view(path, clip.motion)
+    if config.video and not video.exists():
+        size_px = (config.width_px, config.height_px)
+        write_body_video(video, clip.motion, body, size_px, folder.name)
 
 
 def write_top_view(path: Path, motion: Motion) -> None:

@@ -33,8 +33,9 @@ from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.read.threedpw_layout import SEQUENCE_NAME, SequenceFiles
 from gmrdata.stage.progress import track
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
+from gmrdata.threedpw.regenerate import choose
 from gmrdata.values.errors import GmrdataError
-from gmrdata.values.files import remove_orphans, write_text
+from gmrdata.values.files import read_json, remove_orphans, write_text
 
 HEADINGS = ("sequence", "split", "camera", "frames", "kept", "scale", "first reason")
 
@@ -225,6 +226,25 @@ def files_section(found: Found, paths: SetPaths) -> str:
     missing = f"<h3>Can’t be read</h3><ul>{missing}</ul>" if missing else ""
     nothing = "<li>No stage was run.</li>"
     return f"<section><h2>Stage records</h2><ul>{''.join(links) or nothing}</ul>{missing}</section>"
+
+
+def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
+    """Write the pages of a regenerated set; see `write_pages`.
+
+    Args:
+        recipe: The set's recipe.
+        root: 3DPW's folder.
+        out_dir: Where the set is; nothing is written where it holds no verdicts.
+    """
+    paths = SetPaths(out_dir.resolve())
+    if not paths.verdicts.is_file():
+        return
+    chosen, reasons = choose(root, recipe.sequences)
+    for files in chosen:
+        failure = paths.failures_dir / f"{files.name}.txt"
+        if failure.is_file():
+            reasons[files.name] = failure.read_text(encoding="utf-8")
+    write_pages(read_json(paths.verdicts), chosen, reasons, recipe, paths)
 
 
 def write_pages(

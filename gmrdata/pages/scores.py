@@ -6,15 +6,17 @@ Scores as an HTML page that needs nothing beside it.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
 from gmrdata.pages.document import document, figure, key, table, text
-from gmrdata.pages.style import COLOURS, quiet, svg
-from gmrdata.score.compare import HEADINGS, table_rows
-from gmrdata.score.files import markdown_table
-from gmrdata.score.table import METRIC_WORDS, Table, explanations, lead, protocol_rows, score_rows
+from gmrdata.pages.style import COLOURS, picture, quiet, svg
+from gmrdata.score.compare import HEADINGS, comparison_explanations, comparison_lead, table_rows
+from gmrdata.score.files import read_scores
+from gmrdata.score.table import Table, explanations, lead, protocol_rows, score_rows
+from gmrdata.values.files import atomic_path, read_json, remove_orphans, write_text
 
 ROLES = ("gmr", "person", "camera", "good", "bad")
 """Colours of the curves, in their order; then again, dashed."""
@@ -80,6 +82,39 @@ def over_time(figure: Figure, curves: Sequence[Curve], zero: Curve | None = None
     quiet(axes)
 
 
+def write_scores_page(scores_path: Path) -> Path:
+    """Write `scores.html` and `over_time.png` beside a `scores.json`; the path of the page."""
+    remove_orphans(scores_path.parent)
+    scores = read_scores(scores_path)
+    page = scores_path.with_name("scores.html")
+    write_text(page, scores_page(scores))
+    curves = [curve_of(scores["name"], scores)]
+    zero = curve_of("zero motion", scores, "zero")
+    with atomic_path(scores_path.with_name("over_time.png")) as temporary:
+        temporary.write_bytes(picture(lambda figure: over_time(figure, curves, zero), *SIZE_IN))
+    return page
+
+
+def write_scores_pages(folder: Path) -> None:
+    """Write the page of each `<folder>/*/scores.json`."""
+    for scores_path in sorted(folder.glob("*/scores.json")):
+        write_scores_page(scores_path)
+
+
+def write_comparison_page(comparison_path: Path, scores_paths: Sequence[Path]) -> Path:
+    """Write `comparison.html` beside a `comparison.json`; the path of the page.
+
+    Args:
+        comparison_path: The comparison.
+        scores_paths: `scores.json` of its runs, in their order.
+    """
+    remove_orphans(comparison_path.parent)
+    records = [read_scores(path) for path in scores_paths]
+    page = comparison_path.with_name("comparison.html")
+    write_text(page, comparison_page(read_json(comparison_path), records))
+    return page
+
+
 def scores_page(scores: dict[str, Any]) -> str:
     """The page of a `scores.json`; the same scores give the same bytes."""
     title = f"Scores of {scores['name']}"
@@ -130,15 +165,6 @@ def _meaning(scores: dict[str, Any]) -> str:
     return f'<section id="meaning"><h2>How to read this</h2><ul>{lines}</ul></section>'
 
 
-def comparison_markdown(comparison: dict[str, Any]) -> str:
-    """The comparison as Markdown."""
-    parts = ["# Comparison of runs\n", comparison_lead(comparison) + "\n"]
-    parts.append(markdown_table(HEADINGS, table_rows(comparison)))
-    return (
-        "\n".join([*parts, *(f"- {line}" for line in comparison_explanations(comparison))]) + "\n"
-    )
-
-
 def comparison_page(comparison: dict[str, Any], records: Sequence[dict[str, Any]]) -> str:
     """The comparison as a page; the same scores give the same bytes."""
     header = f'<h1>Comparison of runs</h1><p class="lead">{text(comparison_lead(comparison))}</p>'
@@ -148,37 +174,6 @@ def comparison_page(comparison: dict[str, Any], records: Sequence[dict[str, Any]
         _comparison_meaning(comparison),
     ]
     return document("Comparison of runs", header, sections)
-
-
-def comparison_lead(comparison: dict[str, Any]) -> str:
-    """What was compared, in a sentence."""
-    first, *others = comparison["runs"]
-    return (
-        f"{', '.join(others)} against {first}, on {len(comparison['clips'])} clips that all runs "
-        f"have, at {comparison['fps_hz']:g} fps."
-    )
-
-
-def comparison_explanations(comparison: dict[str, Any]) -> list[str]:
-    """What a reader of the figures must know, as sentences."""
-    lines = [
-        "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "
-        "smaller error than the first run's.",
-        f"Intervals: 95 %, by bootstrap: {comparison['resamples']} times clips were drawn with "
-        "replacement.",
-        "p: two-sided paired permutation test over clips. Values are not corrected for the number "
-        "of metrics and runs.",
-    ]
-    lines += [
-        f"{METRIC_WORDS[metric].title}: {METRIC_WORDS[metric].meaning}"
-        for metric in METRIC_WORDS
-        if metric in comparison["metrics"]
-    ]
-    return lines + [
-        f"Only in some runs, and left out of {name}: {', '.join(ids)}."
-        for name, ids in comparison["left_out"].items()
-        if ids
-    ]
 
 
 def _comparison_table(comparison: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""Write scores: JSON for programs, CSV for spreadsheets, Markdown and HTML for readers.
+"""Write scores: JSON for programs, CSV for spreadsheets, Markdown for readers.
 
 `scores.json`: its format, and reading it back.
 
@@ -15,7 +15,7 @@ from typing import Any
 from gmrdata.score.protocols import PROTOCOLS, ProtocolName
 from gmrdata.score.table import csv_rows, explanations, lead, protocol_rows, score_rows
 from gmrdata.values.errors import BadRecord
-from gmrdata.values.files import atomic_path, read_json, write_json, write_text
+from gmrdata.values.files import read_json, write_json, write_text
 
 FORMAT = "gmrdata-scores/2"
 """Name and version of the format."""
@@ -68,23 +68,10 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def write_scores(folder: Path, scores: dict[str, Any]) -> None:
-    """Write `scores.json`, `scores.csv`, `scores.md`, `scores.html` and `over_time.png`.
-
-    Args:
-        folder: Where to.
-        scores: The record, as in `scores.json`.
-    """
-    from gmrdata.pages.scores import SIZE_IN, curve_of, over_time, scores_page
-    from gmrdata.pages.style import picture
-
+    """Write `scores.json`, `scores.csv` and `scores.md`."""
     write_json(folder / "scores.json", scores)
     write_text(folder / "scores.csv", csv_text(csv_rows(scores)))
     write_text(folder / "scores.md", scores_markdown(scores))
-    write_text(folder / "scores.html", scores_page(scores))
-    curves = [curve_of(scores["name"], scores)]
-    zero = curve_of("zero motion", scores, "zero")
-    with atomic_path(folder / "over_time.png") as temporary:
-        temporary.write_bytes(picture(lambda figure: over_time(figure, curves, zero), *SIZE_IN))
 
 
 def scores_markdown(scores: dict[str, Any]) -> str:

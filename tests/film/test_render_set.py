@@ -17,6 +17,7 @@ from gmrdata.film.set_takes import select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
+from gmrdata.pages.synthetic import write_set_pages
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
 
@@ -41,7 +42,9 @@ RECIPE = SyntheticRecipe.model_validate(
 
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory: pytest.TempPathFactory, cmu_dir: Path, anny: object) -> Path:
-    return render_set(RECIPE, tmp_path_factory.mktemp("set"), motions_dir=cmu_dir)
+    manifest_path = render_set(RECIPE, tmp_path_factory.mktemp("set"), motions_dir=cmu_dir)
+    write_set_pages(RECIPE, manifest_path.parent)
+    return manifest_path
 
 
 def test_the_manifest_is_good_and_lists_what_could_be_rendered(rendered: Path) -> None:
@@ -159,6 +162,7 @@ def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path: Path, anny: ob
     assert (
         (tmp_path / "warnings.txt").read_text().startswith("clip near: the whole person is in 0%")
     )
+    write_set_pages(SyntheticRecipe.model_validate(recipe), tmp_path)
     assert "whole person is in 0%" in (tmp_path / "index.html").read_text()
     far["programme"] = {"kind": "static"}
     manifest_path = render_set(SyntheticRecipe.model_validate(recipe), tmp_path)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.gmr import infer as stage
-from gmrdata.gmr.infer import InferConfig, infer_world_motion
+from gmrdata.gmr.infer import InferConfig
 from gmrdata.gmr.predict import load_gmr, predict_world_motion
 from gmrdata.motion import local_poses as reader
+from gmrdata.pages.inference import draw_motion
 from gmrdata.read.bodies import save_body
 from gmrdata.stage.run import Run
 from gmrdata.values.body import BodyModel
@@ -46,6 +48,7 @@ from tests.motion.written_files import (
 
 FILES = ["amass.npz", "body.glb", "clip.npz", "motion.bvh", "path.png"]
 QUICK = InferConfig(fps_hz=30.0, video=False)
+infer_world_motion = partial(stage.infer_world_motion, draw=draw_motion)
 
 
 def names(folder: Path) -> list[str]:

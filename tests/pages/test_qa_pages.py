@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import load_cameras, save_cameras
-from gmrdata.pages.qa import write_pages
+from gmrdata.pages.qa import write_set_pages
 from gmrdata.pages.qa_data import gather
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.recipe import SetPaths
@@ -23,9 +23,7 @@ pytestmark = pytest.mark.slow
 
 def draw(made: Any, out_dir: Path) -> None:
     """Write the pages once more."""
-    chosen, refused = choose(made.root, ())
-    rows = read_json(out_dir / "verdicts.json")
-    write_pages(rows, chosen, refused, made.recipe(), SetPaths(out_dir))
+    write_set_pages(made.recipe(), made.root, out_dir)
 
 
 @pytest.fixture
@@ -92,9 +90,9 @@ def test_a_rejected_sequence_is_listed_apart_with_the_figure_that_failed(
     verdict = {"max_reprojection_px": 0.001}
     recipe = filmed_set.recipe()
     sequence = recipe.sequence.model_dump() | {"pseudo_gt": {"verdict": verdict}}
-    regenerate_set(
-        filmed_set.recipe(sequence=sequence), filmed_set.root, copied_out, run=Run(redo=True)
-    )
+    stricter = filmed_set.recipe(sequence=sequence)
+    regenerate_set(stricter, filmed_set.root, copied_out, run=Run(redo=True))
+    write_set_pages(stricter, filmed_set.root, copied_out)
     index = Page(copied_out / "index.html").words
     assert "Accepted0Rejected2" in index and "more than 0.001 px" in index
     words = Page(copied_out / "qa" / "arc_00.html").words

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from gmrdata.cli import main
+from gmrdata.pages.scores import write_comparison_page
 from gmrdata.score.compare import CompareConfig, compare_scores
 from gmrdata.score.files import protocol_record
 from gmrdata.stage.progress import answers
@@ -78,6 +79,7 @@ def test_differences_are_taken_clip_by_clip(tmp_path: Path) -> None:
 def test_its_files(tmp_path: Path) -> None:
     paths, out = three(tmp_path), tmp_path / "out"
     compared(paths, out)
+    write_comparison_page(out / "comparison.json", paths)
     with (out / "comparison.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 3 * 3
@@ -88,7 +90,7 @@ def test_its_files(tmp_path: Path) -> None:
     assert "left out of paper: only_a" in text and "left out of paper: only_a" in page
     assert page.count("<svg") == 1 and "ours against paper" not in page.split("<body>")[0]
     before = page.encode()
-    compare_scores(paths, tmp_path / "again")
+    write_comparison_page(compare_scores(paths, tmp_path / "again"), paths)
     assert (tmp_path / "again" / "comparison.html").read_bytes() == before
     with pytest.raises(StaleOutput):
         compare_scores(paths[:2], out)

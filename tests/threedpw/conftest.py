@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gmrdata.motion.gait import make_gait
+from gmrdata.pages.qa import write_set_pages
 from gmrdata.read.bodies import save_body
 from gmrdata.read.openpose import KeypointConfig, detected_keypoints
 from gmrdata.read.threedpw_layout import SequenceFiles
@@ -106,6 +107,7 @@ def made_set(filmed_set: Made, tmp_path_factory: pytest.TempPathFactory) -> Path
     """What was regenerated from the data set; tests leave it as it is."""
     out_dir = tmp_path_factory.mktemp("regenerated") / "out"
     regenerate_set(filmed_set.recipe(), filmed_set.root, out_dir)
+    write_set_pages(filmed_set.recipe(), filmed_set.root, out_dir)
     return out_dir
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
+from gmrdata.pages.qa import write_set_pages
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.regenerate import plan, regenerate_set
 from gmrdata.twins.pseudo_gt_error import compare_clips
@@ -56,6 +57,7 @@ def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_set: Path, filmed_
     written = ["pseudo_gt.yaml", "index.html", "qa/arc_00.html", "qa/pan_00.html"]
     contents = [(made_set / path).read_bytes() for path in written]
     regenerate_set(filmed_set.recipe(), filmed_set.root, made_set)
+    write_set_pages(filmed_set.recipe(), filmed_set.root, made_set)
     after = {path: path.stat().st_mtime_ns for path in (made_set / "sequences").rglob("*.npz")}
     assert all(before[path] == time for path, time in after.items())
     assert [(made_set / path).read_bytes() for path in written] == contents
@@ -65,6 +67,7 @@ def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_set: Path, filmed_
 
 def test_two_workers_make_the_same_bytes(made_set: Path, filmed_set: Any, tmp_path: Path) -> None:
     regenerate_set(filmed_set.recipe(workers=2), filmed_set.root, tmp_path / "two")
+    write_set_pages(filmed_set.recipe(workers=2), filmed_set.root, tmp_path / "two")
     pages = ["index.html", "qa/arc_00.html", "qa/pan_00.html"]
     for path in ["pseudo_gt.yaml", "verdicts.json", *pages]:
         assert (tmp_path / "two" / path).read_bytes() == (made_set / path).read_bytes()
@@ -103,6 +106,7 @@ def test_bad_sequences_do_not_stop_the_others(copied_set: Any, tmp_path: Path) -
     assert "missing" in dropped[20].reason and dropped[20].stop == 21
     assert by_id["pan_00.p0"].kept == () and by_id["pan_00.p0"].camera_motion == "none"
     # Each has a page with its reason, and what there is of it.
+    write_set_pages(copied_set.recipe(), copied_set.root, out_dir)
     pages = {name: (out_dir / "qa" / f"{name}.html").read_text() for name in rows}
     assert "posix.system" in pages["evil_00"] and "failed/evil_00.txt" in pages["evil_00"]
     assert "textureless" in pages["pan_00"] and "there is no reconstruction (36)" in pages["pan_00"]
