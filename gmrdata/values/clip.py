@@ -7,9 +7,37 @@ from typing import Any
 import numpy as np
 
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.errors import BadMotionFile, BadRecord
 from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.motion import Motion
+from gmrdata.values.records import ArrayShapes, check_shapes, require_tag
+
+CLIP_FORMAT = "gmrdata-clip/1"
+
+_SHAPES: ArrayShapes = {
+    "format": ("U", ()),
+    "poses": ("f", ("T", 72)),
+    "trans": ("f", ("T", 3)),
+    "betas": ("f", ("S",)),
+    "rest_pelvis_m": ("f", (3,)),
+    "mocap_framerate": ("fi", ()),
+    "valid": ("b", ("T",)),
+    "image_numbers": ("iu", ("T",)),
+    "body": ("U", ()),
+    "gender": ("U", ()),
+    "frame": ("U", ()),
+    "source": ("U", ()),
+    "id": ("U", ()),
+}
+"""The arrays of a clip of T frames and S shape coefficients."""
+
+_CAMERA_SHAPES: ArrayShapes = {
+    "camera_intrinsics_px": ("f", (3, 3)),
+    "camera_size_px": ("iu", (2,)),
+    "world_from_cam": ("f", ("T", 4, 4)),
+    "has_camera": ("b", ("T",)),
+}
+"""Those that a clip with a camera has beside them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +69,20 @@ def camera_of(clip: Clip) -> CameraPath:
     return clip.camera
 
 
+def rows_of_numbers(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Where image numbers stand among others.
+
+    Args:
+        numbers: (N,) image numbers of some rows; -1 for a row without an image.
+        wanted: (T,) image numbers to look up, -1 likewise.
+
+    Returns:
+        (T,) the row of each wanted number; -1 where it is nowhere, or is -1 itself.
+    """
+    row_of_number = {int(number): row for row, number in enumerate(numbers) if number >= 0}
+    return np.array([row_of_number.get(int(n), -1) for n in wanted], dtype=np.int64)
+
+
 def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
     """Write a clip as an .npz with AMASS's keys, camera keys beside them, and no pickled objects.
 
@@ -48,16 +90,15 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
     `load_clip`, and J0 travels in the file, so no body model is needed to read it.
 
     Args:
-        path: The file.
-        clip: The clip.
         rest_pelvis_m: (3,) J0 of the clip's body and shape, rest frame [m].
 
     Raises:
         BadMotionFile: the clip's arrays do not fit together.
     """
     motion = clip.motion
-    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    rotmats = motion.rotmats
     arrays: dict[str, Any] = {
+        "format": CLIP_FORMAT,
         "poses": _rotvecs(rotmats).reshape(motion.n_frames, 72),
         "trans": np.asarray(motion.pelvis_m - rest_pelvis_m, dtype=np.float64),
         "betas": np.asarray(motion.shape, dtype=np.float64),
@@ -78,7 +119,7 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
             "world_from_cam": clip.camera.world_from_cam,
             "has_camera": clip.camera.has_camera,
         }
-    _check_arrays(path, {key: np.asarray(value) for key, value in arrays.items()})
+    _check(path, {key: np.asarray(value) for key, value in arrays.items()})
     write_npz(path, arrays)
 
 
@@ -87,12 +128,13 @@ def load_clip(path: Path) -> Clip:
 
     Raises:
         MissingInput: there is no such file.
-        BadMotionFile: the file is truncated, lacks a key, or its arrays do not fit together.
+        BadMotionFile: the file is truncated, of another format, lacks an array or has an unknown
+            one, or its arrays do not fit together.
     """
     from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
 
     arrays = read_npz(path)
-    _check_arrays(path, arrays)
+    _check(path, arrays)
     n_frames = len(arrays["poses"])
     rotmats = Rotation.from_rotvec(arrays["poses"].reshape(-1, 3)).as_matrix()
     rotmats = rotmats.reshape(n_frames, 24, 3, 3)
@@ -120,49 +162,15 @@ def load_clip(path: Path) -> Clip:
     return Clip(str(arrays["id"]), motion, arrays["valid"], arrays["image_numbers"], camera)
 
 
-_SHAPES: dict[str, tuple[str, tuple[str | int, ...]]] = {
-    "poses": ("f", ("T", 72)),
-    "trans": ("f", ("T", 3)),
-    "betas": ("f", ("S",)),
-    "rest_pelvis_m": ("f", (3,)),
-    "mocap_framerate": ("fi", ()),
-    "valid": ("b", ("T",)),
-    "image_numbers": ("iu", ("T",)),
-    "body": ("U", ()),
-    "gender": ("U", ()),
-    "frame": ("U", ()),
-    "source": ("U", ()),
-    "id": ("U", ()),
-}
-"""Kind (numpy's letters) and shape of each array of a clip; T frames, S shape coefficients."""
-
-_CAMERA_SHAPES: dict[str, tuple[str, tuple[str | int, ...]]] = {
-    "camera_intrinsics_px": ("f", (3, 3)),
-    "camera_size_px": ("iu", (2,)),
-    "world_from_cam": ("f", ("T", 4, 4)),
-    "has_camera": ("b", ("T",)),
-}
-"""The same for a clip with a camera."""
-
-
-def _check_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
+def _check(path: Path, arrays: dict[str, np.ndarray]) -> None:
     """Check that all arrays of a clip are there and fit together."""
-    shapes = _SHAPES | (_CAMERA_SHAPES if arrays.keys() & _CAMERA_SHAPES.keys() else {})
-    lengths: dict[str, int] = {}
-    for key, (kinds, shape) in shapes.items():
-        if key not in arrays:
-            raise BadMotionFile(f"{path}: not a clip file, it has no array {key!r}")
-        found = arrays[key]
-        wanted = tuple(
-            lengths.setdefault(size, length) if isinstance(size, str) else size
-            for size, length in zip(shape, found.shape, strict=False)
-        )
-        if found.dtype.kind not in kinds or len(found.shape) != len(shape) or found.shape != wanted:
-            raise BadMotionFile(
-                f"{path}: array {key!r} has shape {found.shape} and type {found.dtype}, which "
-                f"doesn't fit a clip of {lengths.get('T')} frames; make the clip again"
-            )
-    if lengths["T"] == 0:
+    shapes = {**_SHAPES, **(_CAMERA_SHAPES if arrays.keys() & _CAMERA_SHAPES.keys() else {})}
+    try:
+        require_tag(path, arrays.get("format"), CLIP_FORMAT)
+        check_shapes(path, arrays, shapes)
+    except BadRecord as error:
+        raise BadMotionFile(f"{error}") from None
+    if not len(arrays["poses"]):
         raise BadMotionFile(f"{path}: the clip has no frames")
     if str(arrays["frame"]) not in ("world", "camera"):
         raise BadMotionFile(f"{path}: frame is {str(arrays['frame'])!r}, not 'world' or 'camera'")

@@ -5,17 +5,24 @@ missing, unknown or wrong key is an error that names file and key, so that no de
 sequence pass.  A figure that does not exist is written as null.
 """
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Self, get_args
+from typing import Annotated, Any, Self, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import read_json, read_npz, write_json
 
 MAKE_AGAIN = "make it again: the same command with --redo, or another --out"
 """The remedy for a record of another version, or one that was changed by hand."""
+
+PART = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""What a dataclass within a record is held to: `@pydantic.dataclasses.dataclass(config=PART)`."""
+
+ArrayShapes = Mapping[str, tuple[str, tuple[str | int, ...]]]
+"""Kind (numpy's letters) and shape of each array; a letter stands for a length that they share."""
 
 
 class Config(BaseModel):
@@ -60,7 +67,16 @@ class Record(Config):
         write_json(path, self.model_dump(mode="json"))
 
 
-def read_arrays(path: Path, tag: str, keys: tuple[str, ...]) -> dict[str, np.ndarray]:
+def figure(value: float | np.floating) -> float:
+    """A figure as it stands in records: six significant digits."""
+    return float(f"{float(value):.6g}")
+
+
+Figure = Annotated[float, AfterValidator(figure)]
+"""A field that is rounded to six significant digits."""
+
+
+def read_arrays(path: Path, tag: str, keys: Iterable[str]) -> dict[str, np.ndarray]:
     """The arrays of an .npz record: `format` is checked and left out, each of `keys` is there.
 
     Raises:
@@ -69,19 +85,44 @@ def read_arrays(path: Path, tag: str, keys: tuple[str, ...]) -> dict[str, np.nda
         BadRecord: of another format, or with a missing or unknown array.
     """
     arrays = read_npz(path)
-    found = arrays.pop("format", None)
-    require_tag(path, None if found is None else str(found), tag)
-    for key in keys:
-        if key not in arrays:
-            raise BadRecord(f"{path}: has no array {key!r}; {MAKE_AGAIN}")
-    for key in arrays:
-        if key not in keys:
-            raise BadRecord(f"{path}: has an unknown array {key!r}; {MAKE_AGAIN}")
+    require_tag(path, arrays.pop("format", None), tag)
+    _require_keys(path, arrays.keys(), set(keys))
     return arrays
+
+
+def check_shapes(path: Path, arrays: Mapping[str, np.ndarray], shapes: ArrayShapes) -> None:
+    """Check that exactly the arrays of `shapes` are there, and fit together.
+
+    Raises:
+        BadRecord: one is missing or unknown, of another type, or of a shape that does not fit.
+    """
+    _require_keys(path, arrays.keys(), set(shapes))
+    lengths: dict[str, int] = {}
+    for key, (kinds, shape) in shapes.items():
+        found = arrays[key]
+        wanted = tuple(
+            lengths.setdefault(size, length) if isinstance(size, str) else size
+            for size, length in zip(shape, found.shape, strict=False)
+        )
+        if found.dtype.kind not in kinds or found.ndim != len(shape) or found.shape != wanted:
+            known = ", ".join(f"{name} = {length}" for name, length in lengths.items())
+            raise BadRecord(
+                f"{path}: array {key!r} has shape {found.shape} and type {found.dtype}, which "
+                f"does not fit {shape} with {known or 'any length'}; {MAKE_AGAIN}"
+            )
+
+
+def _require_keys(path: Path, found: Iterable[str], wanted: set[str]) -> None:
+    """Raise BadRecord unless exactly the wanted arrays were found."""
+    for said, keys in (("no", wanted - set(found)), ("an unknown", set(found) - wanted)):
+        if keys:
+            raise BadRecord(f"{path}: has {said} array {min(keys)!r}; {MAKE_AGAIN}")
 
 
 def require_tag(path: Path, found: Any, tag: str) -> None:
     """Raise BadRecord unless the tag that was found is the one that is expected."""
+    if isinstance(found, np.ndarray):
+        found = str(found)
     if found == tag:
         return
     if found is None:
@@ -97,6 +138,6 @@ def _first_problem(error: ValidationError) -> str:
     key = ".".join(str(part) for part in found["loc"]) or "the record"
     if found["type"] == "missing":
         return f"has no key `{key}`"
-    if found["type"] == "extra_forbidden":
+    if found["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"has an unknown key `{key}`"
     return f"`{key}` is wrong: {found['msg']}"

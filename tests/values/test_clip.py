@@ -13,7 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.values import files
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
-from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.clip import (
+    _CAMERA_SHAPES,
+    _SHAPES,
+    Clip,
+    load_clip,
+    rows_of_numbers,
+    save_clip,
+)
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
@@ -153,6 +160,26 @@ def test_arrays_that_do_not_fit(tmp_path: Path, key: str, value: np.ndarray | No
     path = damaged(tmp_path, **{key: value})
     with pytest.raises(BadMotionFile, match=r"damaged\.npz: .*"):
         load_clip(path)
+
+
+@pytest.mark.parametrize("key", [*_SHAPES, *_CAMERA_SHAPES])
+def test_each_array_is_needed_and_named(tmp_path: Path, key: str) -> None:
+    said = "has no `format`.*--redo" if key == "format" else f"has no array '{key}'"
+    with pytest.raises(BadMotionFile, match=rf"damaged\.npz: {said}"):
+        load_clip(damaged(tmp_path, **{key: None}))
+
+
+def test_a_clip_of_another_format_or_with_more_in_it(tmp_path: Path) -> None:
+    with pytest.raises(BadMotionFile, match=r"`format` is 'gmrdata-clip/9', not 'gmrdata-clip/1'"):
+        load_clip(damaged(tmp_path, format=np.array("gmrdata-clip/9")))
+    with pytest.raises(BadMotionFile, match="has an unknown array 'confidence'"):
+        load_clip(damaged(tmp_path, confidence=np.ones(5)))
+
+
+def test_rows_are_found_by_the_number_of_their_image() -> None:
+    numbers, wanted = np.array([4, -1, 5, 9]), np.array([9, 4, -1, 7, 5])
+    assert rows_of_numbers(numbers, wanted).tolist() == [3, 0, -1, -1, 2]
+    assert rows_of_numbers(numbers, np.zeros(0, int)).dtype.kind == "i"
 
 
 def test_no_frames(tmp_path: Path) -> None:
