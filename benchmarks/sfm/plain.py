@@ -16,7 +16,7 @@ import numpy as np
 from gmrdata.cameras.files import CAMERAS_FILE, SfmCameras, load_cameras, save_cameras
 from gmrdata.masks.folder import find_mask
 from gmrdata.read.frames import check_images, list_images, read_gray, write_gray
-from gmrdata.read.threedpw import rigid_rows
+from gmrdata.read.numbers import rigid_rows
 from gmrdata.read.threedpw_arrays import read_sequence_file
 from gmrdata.stage.store import run_stage
 from gmrdata.threedpw.camera_frame import WORLD_FROM_3DPW

@@ -1,22 +1,27 @@
-"""The JSON files of one subject: SMPL parameters of each take, and the four cameras.
+"""Human3.6M's JSON files of one subject: SMPL parameters of each take, and the four cameras.
 
 Layout, as I2L-MeshNet (Moon and Lee 2020) and NeuralAnnot (Moon et al. 2022) give it out and their
 loaders read it: parameters[action][subaction][frame] = {pose, shape, trans, ...} with `pose` 72
 numbers [rad], `shape` 10 betas of SMPL's neutral body and `trans` SMPL's transl in Human3.6M's
 z-up world [m]; cameras[number] = {R, t, f, c}, where a world point X [mm] is R X + t in the camera.
-
-Where Human3.6M's annotation files lie, and what its numbers mean.
 """
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gmrdata.read.numbers import kind_of, numbers, usable_rows
+from gmrdata.read.numbers import (
+    WrongContent,
+    check_file,
+    checked,
+    kind_of,
+    numbers,
+    rigid_rows,
+    usable_rows,
+)
 from gmrdata.values.errors import BadRecord, BadSequence, MissingInput
 from gmrdata.values.files import read_json
 from gmrdata.values.transforms import invert, rigid
@@ -53,6 +58,13 @@ PARAMETER_FILES = (
 )
 """Names of a subject's SMPL parameters; the first that is there is read."""
 CAMERA_FILE = "Human36M_subject{}_camera.json"
+LARGEST_FILE_BYTES = 1 << 31
+"""A subject's parameters have some ten to some hundred million bytes."""
+MOST_FRAMES = 20_000
+"""The longest video has 6343 frames."""
+SMPL_SHAPES = 10
+_WHOLE_NUMBER = re.compile(r"0|[1-9][0-9]{0,5}")
+_AGAIN = "get the file again"
 
 
 def find_subjects(root: Path) -> dict[int, Path]:
@@ -89,17 +101,6 @@ def find_cameras(parameter_path: Path, subject: int) -> Path:
         if (place / name).is_file():
             return place / name
     raise MissingInput(f"{folder / name}: no such file. Put the subject's cameras there")
-
-
-LARGEST_FILE_BYTES = 1 << 31
-"""A subject's parameters have some ten to some hundred million bytes."""
-MOST_FRAMES = 20_000
-"""The longest video has 6343 frames."""
-RIGID_TOLERANCE = 1e-3
-"""Largest entry of R^T R - 1 of a rotation as files round it."""
-SMPL_SHAPES = 10
-_WHOLE_NUMBER = re.compile(r"0|[1-9][0-9]{0,5}")
-_AGAIN = "get the file again"
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +142,14 @@ def read_takes(path: Path) -> list[Take]:
     """
     content = _read(path)
     takes = []
-    for action, of_action in _numbered(path, "", content):
-        if action not in ACTIONS:
-            raise BadSequence(f"{path}: action {action} is none of Human3.6M's 2 to 16; {_AGAIN}")
-        for subaction, of_take in _numbered(path, f"[{action}]", of_action):
-            takes.append(_take(path, action, subaction, of_take))
-    if not takes:
-        raise BadSequence(f"{path}: holds no takes; {_AGAIN}")
+    with checked(path, _AGAIN):
+        for action, of_action in _numbered(content, ""):
+            if action not in ACTIONS:
+                raise WrongContent(f"action {action} is none of Human3.6M's 2 to 16")
+            for subaction, of_take in _numbered(of_action, f"[{action}]"):
+                takes.append(_take(action, subaction, of_take))
+        if not takes:
+            raise WrongContent("holds no takes")
     return takes
 
 
@@ -158,81 +160,62 @@ def read_cameras(path: Path) -> dict[int, FixedCamera]:
         MissingInput: there is no such file.
         BadSequence: truncated, or not laid out as above; the message names the place.
     """
-    return {
-        number: _camera(path, number, values) for number, values in _numbered(path, "", _read(path))
-    }
+    content = _read(path)
+    with checked(path, _AGAIN):
+        return {n: _camera(values, f"[{n}]") for n, values in _numbered(content, "")}
 
 
 def _read(path: Path) -> Any:
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
-    if path.stat().st_size > LARGEST_FILE_BYTES:
-        raise BadSequence(f"{path}: has {path.stat().st_size} bytes, which no subject has")
+    check_file(path, LARGEST_FILE_BYTES, "Human3.6M")
     try:
         return read_json(path)
     except BadRecord as error:
         raise BadSequence(str(error).replace("make it again", _AGAIN)) from None
 
 
-def _numbered(path: Path, place: str, value: Any) -> Iterator[tuple[int, Any]]:
+def _numbered(value: Any, place: str) -> list[tuple[int, Any]]:
     """Items of an object whose keys are whole numbers, in their order."""
     if not isinstance(value, dict):
-        raise BadSequence(f"{path}: {place or 'the file'} is {kind_of(value)}, not an object")
+        raise WrongContent(f"{place or 'the file'} is {kind_of(value)}, not an object")
     if not all(_WHOLE_NUMBER.fullmatch(key) for key in value):
-        raise BadSequence(f"{path}: {place or 'the file'} has keys that are no whole numbers")
-    for key in sorted(value, key=int):
-        yield int(key), value[key]
+        raise WrongContent(f"{place or 'the file'} has keys that are no whole numbers")
+    return [(int(key), value[key]) for key in sorted(value, key=int)]
 
 
-def _take(path: Path, action: int, subaction: int, value: Any) -> Take:
+def _take(action: int, subaction: int, value: Any) -> Take:
     place = f"[{action}][{subaction}]"
-    rows = list(_numbered_frames(path, place, value))
+    rows = _numbered(value, place)
+    if not rows:
+        raise WrongContent(f"{place} has no frames")
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
-    if not len(frames):
-        raise BadSequence(f"{path}: {place} has no frames; {_AGAIN}")
     if frames[-1] >= MOST_FRAMES:
-        raise BadSequence(f"{path}: {place} has a frame {frames[-1]}, which no video has")
-    arrays = {
-        key: np.stack([_flat(path, f"{place}[{n}]", row, key, size) for n, row in rows])
+        raise WrongContent(f"{place} has a frame {frames[-1]}, which no video has")
+    poses_rad, shapes, trans_m = (
+        np.stack([_flat(row, f"{place}[{n}]", key, size) for n, row in rows])
         for key, size in (("pose", 72), ("shape", SMPL_SHAPES), ("trans", 3))
-    }
-    return Take(action, subaction, frames, arrays["pose"], arrays["shape"], arrays["trans"])
+    )
+    return Take(action, subaction, frames, poses_rad, shapes, trans_m)
 
 
-def _numbered_frames(path: Path, place: str, value: Any) -> Iterator[tuple[int, dict[str, Any]]]:
-    for frame, row in _numbered(path, place, value):
-        if not isinstance(row, dict):
-            raise BadSequence(f"{path}: {place}[{frame}] is {kind_of(row)}, not an object")
-        yield frame, row
-
-
-def _flat(path: Path, place: str, row: dict[str, Any], key: str, size: int) -> np.ndarray:
+def _flat(row: Any, place: str, key: str, size: int) -> np.ndarray:
     """Numbers that stand in one list or in a list of one list, as `trans` does."""
+    if not isinstance(row, dict):
+        raise WrongContent(f"{place} is {kind_of(row)}, not an object")
     value = row.get(key)
     while isinstance(value, list) and len(value) == 1 and size > 1:
         value = value[0]
-    try:
-        return numbers(value, (size,))
-    except ValueError as error:
-        raise BadSequence(f"{path}: {place}.{key} {error}; {_AGAIN}") from None
+    return numbers(value, f"{place}.{key}", (size,))
 
 
-def _camera(path: Path, number: int, value: Any) -> FixedCamera:
-    place = f"[{number}]"
-    if not isinstance(value, dict):
-        raise BadSequence(f"{path}: {place} is {kind_of(value)}, not an object")
-    try:
-        rotmat = numbers(value.get("R"), (3, 3))
-    except ValueError as error:
-        raise BadSequence(f"{path}: {place}.R {error}; {_AGAIN}") from None
+def _camera(value: Any, place: str) -> FixedCamera:
     t_mm, focal_px, centre_px = (
-        _flat(path, place, value, key, size) for key, size in (("t", 3), ("f", 2), ("c", 2))
+        _flat(value, place, key, size) for key, size in (("t", 3), ("f", 2), ("c", 2))
     )
-    off = np.abs(rotmat.T @ rotmat - np.eye(3)).max()
-    if not (off < RIGID_TOLERANCE and np.linalg.det(rotmat) > 0):
-        raise BadSequence(f"{path}: {place}.R is no rotation; {_AGAIN}")
+    rotmat = numbers(value.get("R"), f"{place}.R", (3, 3))
+    if not rigid_rows(rigid(rotmat, np.zeros(3))[None]).all():
+        raise WrongContent(f"{place}.R is no rotation")
     if not (usable_rows(t_mm[None], focal_px[None], centre_px[None]).all() and focal_px.min() > 0):
-        raise BadSequence(f"{path}: {place} has no finite t, f and c with f > 0; {_AGAIN}")
+        raise WrongContent(f"{place} has no finite t, f and c with f > 0")
     intrinsics_px = np.diag([*focal_px, 1.0])
     intrinsics_px[:2, 2] = centre_px
     return FixedCamera(intrinsics_px, invert(rigid(rotmat, t_mm / 1000.0)))

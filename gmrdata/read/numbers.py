@@ -1,18 +1,23 @@
-"""Numbers in motion files: fast conversion of large blocks, exact messages for what is wrong.
-
-Arrays out of files that others wrote: numbers of an expected shape, or what is there instead.
-"""
+"""Numbers out of files that others wrote: texts of motion data, and arrays of pickles and JSON."""
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.body import N_JOINTS
+from gmrdata.values.errors import BadMotionFile, BadSequence, MissingInput
 
 LARGEST_IN_TEXT = 1e7
 """Larger magnitudes are no positions or angles of a person in any unit."""
+LARGEST_NUMBER = 1e6
+"""No angle [rad], position [m] or shape coefficient of a person is larger."""
+RIGID_TOLERANCE = 1e-3
+"""Largest entry of R^T R - 1 of a rotation as files round it."""
 
 
 def read_text(path: Path) -> str:
@@ -74,17 +79,10 @@ def parse_block(text: str) -> np.ndarray | None:
 def parse_table(
     lines: list[str], n_columns: int, n_rows: int, path: Path, first_line: int
 ) -> np.ndarray:
-    """A block with one row of numbers per line; empty lines are skipped.
+    """A block with one row of numbers per line, (n_rows, n_columns); empty lines are skipped.
 
     Args:
-        lines: The block's lines.
-        n_columns: Numbers in each row.
-        n_rows: Rows that the header promises.
-        path: The file, for messages.
         first_line: Line number of `lines[0]` in the file, from 1.
-
-    Returns:
-        (n_rows, n_columns).
 
     Raises:
         BadMotionFile: a row is too short or long, holds something else than usable numbers, or the
@@ -111,34 +109,119 @@ def parse_table(
     )
 
 
-LARGEST_NUMBER = 1e6
-"""No angle [rad], position [m] or shape coefficient of a person is larger."""
+class WrongContent(ValueError):
+    """A value is not what its format has there; the text names the place and what was found."""
 
 
-def numbers(value: Any, shape: tuple[int | None, ...]) -> np.ndarray:
-    """Numbers of JSON lists or of a pickled array as float64; NaN and infinities are kept.
+@contextmanager
+def checked(path: Path, remedy: str) -> Iterator[None]:
+    """Let every `WrongContent` become a BadSequence that names the file and the remedy."""
+    try:
+        yield
+    except WrongContent as error:
+        raise BadSequence(f"{path}: {error}; {remedy}") from None
 
-    Args:
-        value: Nested lists of numbers, or an array of them.
-        shape: What it has to be, None for any size.
+
+def check_file(path: Path, most_bytes: int, dataset: str) -> None:
+    """Refuse a data set's file that is not there, or far larger than any of them.
 
     Raises:
-        ValueError: it is something else; the text says what, to be put behind the place's name.
+        MissingInput: there is no such file.
+        BadSequence: it is too large.
     """
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind not in "fiu":
-            raise ValueError
-        array = array.astype(np.float64)
-    except (ValueError, TypeError, OverflowError):
-        raise ValueError(f"is {kind_of(value)}, expected an array of numbers") from None
-    fits = array.ndim == len(shape) and all(
-        size in (None, found) for size, found in zip(shape, array.shape, strict=True)
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    size_bytes = path.stat().st_size
+    if size_bytes > most_bytes:
+        raise BadSequence(f"{path}: has {size_bytes} bytes, which no sequence of {dataset} has")
+
+
+def value_of(content: Any, *keys: str) -> Any:
+    """The value of the first of some keys that a dictionary has."""
+    if not isinstance(content, dict):
+        raise WrongContent(f"holds {kind_of(content)} where a dictionary with {keys[0]!r} belongs")
+    for key in keys:
+        if key in content:
+            return content[key]
+    raise WrongContent(f"has another layout, it lacks {' or '.join(map(repr, keys))}")
+
+
+def array_of(value: Any, what: str, shape: tuple[int | None, ...], kinds: str) -> np.ndarray:
+    """An array of numpy's `kinds` and of a shape, in which None stands for any size."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in kinds:
+        raise WrongContent(f"{what} is {kind_of(value)}, expected an array of numbers")
+    fits = value.ndim == len(shape) and all(
+        size in (None, found) for size, found in zip(shape, value.shape, strict=True)
     )
     if not fits:
         wanted = ", ".join("any" if size is None else str(size) for size in shape)
-        raise ValueError(f"has shape {array.shape}, expected ({wanted})")
-    return array
+        raise WrongContent(f"{what} has shape {value.shape}, expected ({wanted})")
+    return value
+
+
+def numbers(value: Any, what: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Numbers of nested lists or of an array as float64; NaN and infinities are kept."""
+    try:
+        array = np.asarray(value)
+        floats = array.astype(np.float64) if array.dtype.kind in "fiu" else None
+    except (ValueError, TypeError, OverflowError):
+        floats = None
+    if floats is None:
+        raise WrongContent(f"{what} is {kind_of(value)}, expected an array of numbers")
+    return array_of(floats, what, shape, "f")
+
+
+def text_of(value: Any, what: str) -> str:
+    """A string, as Python 2 and 3 and numpy write one."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "US" and value.size == 1:
+        value = value.reshape(())[()]
+    if isinstance(value, bytes):
+        value = value.decode("latin1")
+    if not isinstance(value, str):
+        raise WrongContent(f"{what} is {kind_of(value)}, expected a string")
+    return str(value)
+
+
+def pinhole_of(value: Any, what: str) -> np.ndarray:
+    """A calibration matrix K (3, 3) [px] without skew below its diagonal."""
+    intrinsics_px = numbers(value, what, (3, 3))
+    is_pinhole = (
+        usable_rows(intrinsics_px[None]).all()
+        and intrinsics_px[0, 0] > 0
+        and intrinsics_px[1, 1] > 0
+        and np.array_equal(intrinsics_px[2], (0.0, 0.0, 1.0))
+        and intrinsics_px[1, 0] == 0
+    )
+    if not is_pinhole:
+        raise WrongContent(f"{what} is no calibration matrix: {intrinsics_px.tolist()}")
+    return intrinsics_px
+
+
+def kind_of(value: Any) -> str:
+    """What a value is, for a message."""
+    if isinstance(value, np.ndarray):
+        return f"an array of dtype {value.dtype} and shape {value.shape}"
+    if isinstance(value, list | tuple):
+        return f"a {type(value).__name__} of {len(value)}"
+    return f"a {type(value).__name__}"
+
+
+def finite_numbers(value: Any, what: str, path: Path) -> np.ndarray:
+    """An array of a motion file as finite float64.
+
+    Raises:
+        BadMotionFile: no numbers, or NaN, infinite or absurd ones; the message names the first row.
+    """
+    try:
+        with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
+            values = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise BadMotionFile(f"{path}: {what} does not hold numbers; get the file again") from None
+    wrong = np.argwhere(~(np.abs(values) <= LARGEST_IN_TEXT))
+    if len(wrong):
+        at = f" at frame {wrong[0][0]}" if values.ndim > 1 else ""
+        raise BadMotionFile(f"{path}: {what} is not finite{at}; cut such frames out of the file")
+    return values
 
 
 def usable_rows(*arrays: np.ndarray) -> np.ndarray:
@@ -149,10 +232,20 @@ def usable_rows(*arrays: np.ndarray) -> np.ndarray:
     return np.logical_and.reduce(usable)
 
 
-def kind_of(value: Any) -> str:
-    """What a value is, for a message."""
-    if isinstance(value, np.ndarray):
-        return f"an array of dtype {value.dtype} and shape {value.shape}"
-    if isinstance(value, list | tuple):
-        return f"a {type(value).__name__} of {len(value)}"
-    return f"a {type(value).__name__}"
+def smpl_rotmats(poses_rad: np.ndarray) -> np.ndarray:
+    """Axis-angle (N, 72) of SMPL's joints as (N, 24, 3, 3); NaN in rows that can't be used."""
+    known = usable_rows(poses_rad)
+    rotmats = np.full((len(poses_rad), N_JOINTS, 3, 3), np.nan)
+    if known.any():
+        turned = Rotation.from_rotvec(poses_rad[known].reshape(-1, 3)).as_matrix()
+        rotmats[known] = turned.reshape(-1, N_JOINTS, 3, 3)
+    return rotmats
+
+
+def rigid_rows(transforms: np.ndarray) -> np.ndarray:
+    """(N, 4, 4) -> (N,) bool: finite, a proper rotation and a translation."""
+    finite = usable_rows(transforms)
+    rotmats = np.where(finite[:, None, None], transforms[:, :3, :3], np.eye(3))
+    off = np.abs(np.swapaxes(rotmats, 1, 2) @ rotmats - np.eye(3)).max(axis=(1, 2))
+    proper = (off < RIGID_TOLERANCE) & (np.linalg.det(rotmats) > 0)
+    return finite & proper & (transforms[:, 3] == (0.0, 0.0, 0.0, 1.0)).all(axis=1)

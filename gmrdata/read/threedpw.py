@@ -1,8 +1,6 @@
-"""Which frames of a person can be used, by the named rules of the field, and why others can't.
+"""One sequence of 3DPW: its arrays, its images, what is odd about them, and which frames serve.
 
-The images of a sequence: which rows have one that can be used, their size, and K against it.
-
-One sequence of 3DPW: its arrays, its images, and what is odd about them.
+Users of 3DPW keep different frames of a person; the rules of the field have names here.
 """
 
 from collections import Counter
@@ -14,14 +12,36 @@ from typing import Literal, get_args
 import numpy as np
 
 from gmrdata.read.frames import check_images, number_in_name
+from gmrdata.read.numbers import rigid_rows, usable_rows
 from gmrdata.read.threedpw_arrays import Person, SequenceArrays, read_sequence_file
 from gmrdata.read.threedpw_layout import SequenceFiles, find_sequence, require_inside, require_name
 from gmrdata.values.errors import BadFrames, BadRecipe, BadSequence, MissingInput
-from gmrdata.values.rows import text_runs
+from gmrdata.values.rows import first_reasons, text_runs
 
 CENTRE_TOLERANCE = 0.05
 """3DPW's principal points are the images' middles; by this share of the width or height they may
 be elsewhere before K is taken for that of other images."""
+SAME_POSE_RAD = 1e-3
+"""Largest difference between a 30 Hz pose and the 60 Hz row that it was taken from [rad]."""
+CONFIDENT = 0.3
+"""Confidence above which GLAMR and VIBE count a keypoint."""
+ValidRule = Literal["campose_valid", "3dpw_eval", "glamr", "vibe", "slahmr"]
+"""Users of 3DPW score four different sets of frames; each rule says which ones it keeps.
+
+- `campose_valid`: the dataset aligned the camera to the person.
+- `3dpw_eval`: that, and any 2D keypoint (the official evaluation, `evaluate.py`).
+- `glamr`: that, and at least 6 keypoints of confidence above 0.3 (`preprocess_3dpw.py`).
+- `vibe`: more than 6 keypoints of confidence above 0.3; `campose_valid` is not asked
+  (`threedpw_utils.py`).
+- `slahmr`: `campose_valid`, and any keypoint of confidence above 0 (`run_eval.py`).
+"""
+_RULE_REASONS: dict[ValidRule, str] = {
+    "campose_valid": "campose_valid is 0",
+    "3dpw_eval": "campose_valid is 0, or poses2d is all 0",
+    "glamr": f"campose_valid is 0, or fewer than 6 keypoints above {CONFIDENT}",
+    "vibe": f"not more than 6 keypoints above {CONFIDENT}",
+    "slahmr": "campose_valid is 0, or no keypoint above 0",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,103 +58,6 @@ class SequenceImages:
     """(N,) why a row's image can't be used; empty where it can."""
     spare: int
     """Images in the folder that no row belongs to."""
-
-
-def check_sequence_images(files: SequenceFiles, n_frames: int) -> SequenceImages:
-    """Look at the image of each row: there, whole, of one size, and inside the dataset's folder.
-
-    Args:
-        files: The sequence.
-        n_frames: Number of rows N.
-
-    Raises:
-        MissingInput: there is no folder of images.
-        BadSequence: the folder is a link out of the dataset.
-        BadFrames: not one image can be used.
-    """
-    if not files.image_dir.is_dir():
-        raise MissingInput(
-            f"{files.image_dir}: no such folder; unpack 3DPW's imageFiles.zip so that it is there"
-        )
-    require_inside(files.root, files.image_dir)
-    paths = [files.image_path(row) for row in range(n_frames)]
-    looked_at = [_look_at(files, path) for path in paths]
-    sizes = Counter(size for size, _ in looked_at if size is not None)
-    if not sizes:
-        raise BadFrames(f"{files.image_dir}: not one image can be used: {looked_at[0][1]}")
-    width_px, height_px = sizes.most_common(1)[0][0]
-    return SequenceImages(
-        paths=tuple(paths),
-        width_px=width_px,
-        height_px=height_px,
-        faults=tuple(_fault(size, fault, (width_px, height_px)) for size, fault in looked_at),
-        spare=_count_spare(files.image_dir, n_frames),
-    )
-
-
-def check_intrinsics(path: Path, intrinsics_px: np.ndarray, width_px: int, height_px: int) -> None:
-    """Check that K is that of the images: 3DPW has portrait and landscape sequences.
-
-    Args:
-        path: The sequence file, for the message.
-        intrinsics_px: (3, 3) calibration matrix [px].
-        width_px: Width of the images [px].
-        height_px: Height of the images [px].
-
-    Raises:
-        BadSequence: the principal point is that of the other orientation, or far from the middle.
-    """
-    centre_px = intrinsics_px[:2, 2]
-    if _is_middle(centre_px, (width_px, height_px)):
-        return
-    found = (
-        f"{path}: cam_intrinsics has its principal point at ({centre_px[0]:g}, {centre_px[1]:g}) "
-        f"px, the images are {width_px}x{height_px} px"
-    )
-    if _is_middle(centre_px, (height_px, width_px)):
-        raise BadSequence(
-            f"{found}: it is that of the other orientation; a tool has turned the images, unpack "
-            "imageFiles again"
-        )
-    raise BadSequence(
-        f"{found}: it is that of other images; use the images at 3DPW's own size, uncropped"
-    )
-
-
-def _is_middle(centre_px: np.ndarray, size_px: Sequence[int]) -> bool:
-    off = np.abs(centre_px / np.array(size_px) - 0.5)
-    return bool((off <= CENTRE_TOLERANCE).all())
-
-
-def _look_at(files: SequenceFiles, path: Path) -> tuple[tuple[int, int] | None, str]:
-    """(width, height) of an image, or None and what is wrong with it."""
-    if path.is_symlink():
-        try:
-            require_inside(files.root, path)
-        except BadSequence:
-            return None, f"{path.name} is a link out of the dataset"
-    if not path.is_file():
-        return None, f"{path.name} is missing"
-    try:
-        return check_images([path]), ""
-    except BadFrames:
-        what = "empty (0 bytes)" if path.stat().st_size == 0 else "truncated or no image"
-        return None, f"{path.name} is {what}"
-
-
-def _fault(size: tuple[int, int] | None, fault: str, expected: tuple[int, int]) -> str:
-    if size is None or size == expected:
-        return fault
-    return f"image of {size[0]}x{size[1]} px, others have {expected[0]}x{expected[1]} px"
-
-
-def _count_spare(image_dir: Path, n_frames: int) -> int:
-    numbers = [number_in_name(path.name) for path in image_dir.glob("image_*.jpg")]
-    return sum(number is not None and number >= n_frames for number in numbers)
-
-
-SAME_POSE_RAD = 1e-3
-"""Largest difference between a 30 Hz pose and the 60 Hz row that it was taken from [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,31 +143,91 @@ def _odd_60hz(person: Person, img_frame_ids: np.ndarray) -> str:
     return ""
 
 
-ValidRule = Literal["campose_valid", "3dpw_eval", "glamr", "vibe", "slahmr"]
-"""Users of 3DPW score four different sets of frames; each rule says which ones it keeps.
+def check_sequence_images(files: SequenceFiles, n_frames: int) -> SequenceImages:
+    """Look at the image of each row: there, whole, of one size, and inside the dataset's folder.
 
-- `campose_valid`: the dataset aligned the camera to the person.
-- `3dpw_eval`: that, and any 2D keypoint (the official evaluation, `evaluate.py`).
-- `glamr`: that, and at least 6 keypoints of confidence above 0.3 (`preprocess_3dpw.py`).
-- `vibe`: more than 6 keypoints of confidence above 0.3; `campose_valid` is not asked
-  (`threedpw_utils.py`).
-- `slahmr`: `campose_valid`, and any keypoint of confidence above 0 (`run_eval.py`).
-"""
+    Raises:
+        MissingInput: there is no folder of images.
+        BadSequence: the folder is a link out of the dataset.
+        BadFrames: not one image can be used.
+    """
+    if not files.image_dir.is_dir():
+        raise MissingInput(
+            f"{files.image_dir}: no such folder; unpack 3DPW's imageFiles.zip so that it is there"
+        )
+    require_inside(files.root, files.image_dir)
+    paths = [files.image_path(row) for row in range(n_frames)]
+    looked_at = [_look_at(files, path) for path in paths]
+    sizes = Counter(size for size, _ in looked_at if size is not None)
+    if not sizes:
+        raise BadFrames(f"{files.image_dir}: not one image can be used: {looked_at[0][1]}")
+    width_px, height_px = sizes.most_common(1)[0][0]
+    return SequenceImages(
+        paths=tuple(paths),
+        width_px=width_px,
+        height_px=height_px,
+        faults=tuple(_fault(size, fault, (width_px, height_px)) for size, fault in looked_at),
+        spare=_count_spare(files.image_dir, n_frames),
+    )
 
-CONFIDENT = 0.3
-"""Confidence above which GLAMR and VIBE count a keypoint."""
-LARGEST_NUMBER = 1e6
-"""No angle [rad] or position [m] of a person is larger."""
-RIGID_TOLERANCE = 1e-3
-"""Largest entry of R^T R - 1 of a rotation as files round it."""
+
+def check_intrinsics(path: Path, intrinsics_px: np.ndarray, width_px: int, height_px: int) -> None:
+    """Check that K is that of the images: 3DPW has portrait and landscape sequences.
+
+    Raises:
+        BadSequence: the principal point is that of the other orientation, or far from the middle.
+    """
+    centre_px = intrinsics_px[:2, 2]
+    if _is_middle(centre_px, (width_px, height_px)):
+        return
+    found = (
+        f"{path}: cam_intrinsics has its principal point at ({centre_px[0]:g}, {centre_px[1]:g}) "
+        f"px, the images are {width_px}x{height_px} px"
+    )
+    if _is_middle(centre_px, (height_px, width_px)):
+        raise BadSequence(
+            f"{found}: it is that of the other orientation; a tool has turned the images, unpack "
+            "imageFiles again"
+        )
+    raise BadSequence(
+        f"{found}: it is that of other images; use the images at 3DPW's own size, uncropped"
+    )
+
+
+def _is_middle(centre_px: np.ndarray, size_px: Sequence[int]) -> bool:
+    off = np.abs(centre_px / np.array(size_px) - 0.5)
+    return bool((off <= CENTRE_TOLERANCE).all())
+
+
+def _look_at(files: SequenceFiles, path: Path) -> tuple[tuple[int, int] | None, str]:
+    """(width, height) of an image, or None and what is wrong with it."""
+    if path.is_symlink():
+        try:
+            require_inside(files.root, path)
+        except BadSequence:
+            return None, f"{path.name} is a link out of the dataset"
+    if not path.is_file():
+        return None, f"{path.name} is missing"
+    try:
+        return check_images([path]), ""
+    except BadFrames:
+        what = "empty (0 bytes)" if path.stat().st_size == 0 else "truncated or no image"
+        return None, f"{path.name} is {what}"
+
+
+def _fault(size: tuple[int, int] | None, fault: str, expected: tuple[int, int]) -> str:
+    if size is None or size == expected:
+        return fault
+    return f"image of {size[0]}x{size[1]} px, others have {expected[0]}x{expected[1]} px"
+
+
+def _count_spare(image_dir: Path, n_frames: int) -> int:
+    numbers = [number_in_name(path.name) for path in image_dir.glob("image_*.jpg")]
+    return sum(number is not None and number >= n_frames for number in numbers)
 
 
 def frames_by_rule(person: Person, rule: ValidRule) -> np.ndarray:
     """The frames that a rule keeps: (N,) bool.
-
-    Args:
-        person: The person.
-        rule: Name of the rule.
 
     Raises:
         BadRecipe: there is no such rule.
@@ -274,56 +257,22 @@ def unusable_reasons(
 
     Beyond the rule, a frame needs an image, finite numbers, a rigid camera and a body in front of
     it.
-
-    Args:
-        sequence: The sequence.
-        person_index: Which person, from 0.
-        rule: Name of the rule.
     """
     arrays = sequence.arrays
     person = arrays.people[person_index]
-    finite_pose = finite_rows(person.poses_rad) & finite_rows(person.trans_m)
     tests = (
-        (finite_rows(arrays.cam_from_world), "cam_poses is not finite"),
+        (usable_rows(arrays.cam_from_world), "cam_poses is not finite"),
         (rigid_rows(arrays.cam_from_world), "cam_poses is no rigid transform"),
-        (finite_pose, "poses or trans is not finite"),
+        (usable_rows(person.poses_rad, person.trans_m), "poses or trans is not finite"),
         (_in_front(arrays.cam_from_world, person), "the body is behind the camera"),
         (frames_by_rule(person, rule), _RULE_REASONS[rule]),
     )
-    reasons = list(sequence.images.faults)
-    for passed, reason in tests:
-        reasons = [
-            old or ("" if good else reason) for old, good in zip(reasons, passed, strict=True)
-        ]
-    return reasons
+    return first_reasons(sequence.images.faults, tests)
 
 
 def dropped_ranges(reasons: list[str]) -> list[tuple[int, int, str]]:
     """Runs of frames that share a reason, as (start, stop, reason); stop is one past the last."""
     return [run for run in text_runs(reasons) if run[2]]
-
-
-_RULE_REASONS: dict[ValidRule, str] = {
-    "campose_valid": "campose_valid is 0",
-    "3dpw_eval": "campose_valid is 0, or poses2d is all 0",
-    "glamr": f"campose_valid is 0, or fewer than 6 keypoints above {CONFIDENT}",
-    "vibe": f"not more than 6 keypoints above {CONFIDENT}",
-    "slahmr": "campose_valid is 0, or no keypoint above 0",
-}
-
-
-def finite_rows(values: np.ndarray) -> np.ndarray:
-    """(N, ...) -> (N,) bool: all numbers of the row are finite, and none is absurd."""
-    return np.asarray((np.abs(values) < LARGEST_NUMBER).reshape(len(values), -1).all(axis=1))
-
-
-def rigid_rows(transforms: np.ndarray) -> np.ndarray:
-    """(N, 4, 4) -> (N,) bool: a proper rotation and a translation."""
-    rotmats = transforms[:, :3, :3]
-    with np.errstate(all="ignore"):
-        off = np.abs(np.swapaxes(rotmats, 1, 2) @ rotmats - np.eye(3)).max(axis=(1, 2))
-        proper = (off < RIGID_TOLERANCE) & (np.linalg.det(rotmats) > 0)
-    return np.asarray(proper & (transforms[:, 3] == (0.0, 0.0, 0.0, 1.0)).all(axis=1))
 
 
 def _in_front(cam_from_world: np.ndarray, person: Person) -> np.ndarray:

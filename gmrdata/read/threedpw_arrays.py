@@ -1,6 +1,6 @@
-"""From a sequence file (.pkl) to checked arrays.  Nothing that the pickle asks for is run.
+"""A 3DPW sequence file (.pkl) as checked arrays, each with the meaning that it really has.
 
-The content of a 3DPW sequence file as plain arrays, each with the meaning that it really has.
+Nothing that the pickle asks for is run.
 """
 
 from dataclasses import dataclass
@@ -9,8 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from gmrdata.read.numbers import (
+    WrongContent,
+    array_of,
+    check_file,
+    checked,
+    kind_of,
+    pinhole_of,
+    text_of,
+    value_of,
+)
 from gmrdata.read.safe_pickle import load_plain
-from gmrdata.values.errors import BadSequence, MissingInput
 
 FPS_HZ = 30.0
 """Rate of the images and of all arrays that are aligned to them [Hz]."""
@@ -83,29 +92,6 @@ class SequenceArrays:
 LARGEST_FILE_BYTES = 1 << 29
 """3DPW's own files have some ten million bytes; what is far larger is something else."""
 SMPL_SHAPES = 10
-_AGAIN = "get the file again from 3DPW"
-
-Size = int | None
-"""A dimension of an expected shape; None for any."""
-
-
-@dataclass(frozen=True)
-class _File:
-    """A sequence file's top level, with the path for messages."""
-
-    path: Path
-    content: dict[Any, Any]
-
-    def bad(self, what: str, remedy: str = _AGAIN) -> BadSequence:
-        return BadSequence(f"{self.path}: {what}; {remedy}")
-
-    def get(self, *keys: str) -> Any:
-        """The value of the first key that is there."""
-        for key in keys:
-            if key in self.content:
-                return self.content[key]
-        other = f" (or {keys[1]!r})" if len(keys) > 1 else ""
-        raise self.bad(f"no sequence file of 3DPW, it lacks {keys[0]!r}{other}")
 
 
 def read_sequence_file(path: Path) -> SequenceArrays:
@@ -124,142 +110,80 @@ def read_sequence_file(path: Path) -> SequenceArrays:
         BrokenPickle: truncated, or no pickle.
         BadSequence: a key is missing, or an array's type, shape or length doesn't fit the others.
     """
-    file = _open(path)
-    cam_from_world = _numbers(file, file.get("cam_poses"), "cam_poses", (None, 4, 4))
+    check_file(path, LARGEST_FILE_BYTES, "3DPW")
+    content = load_plain(path)
+    with checked(path, "get the file again from 3DPW"):
+        return _sequence(content)
+
+
+def _sequence(content: Any) -> SequenceArrays:
+    cam_from_world = _floats(value_of(content, "cam_poses"), "cam_poses", (None, 4, 4))
     n_frames = len(cam_from_world)
     if n_frames == 0:
-        raise file.bad("cam_poses is empty: the sequence has no frames")
-    ids = _array(file, file.get("img_frame_ids"), "img_frame_ids", (n_frames,), "iu")
-    people = _people(file, n_frames)
+        raise WrongContent("cam_poses is empty: the sequence has no frames")
+    ids = array_of(value_of(content, "img_frame_ids"), "img_frame_ids", (n_frames,), "iu")
+    poses = value_of(content, "poses")
+    if not isinstance(poses, list | tuple) or not poses:
+        raise WrongContent(f"poses is {kind_of(poses)}, expected a list with one array per person")
     return SequenceArrays(
-        name=_text(file, file.get("sequence"), "sequence"),
-        intrinsics_px=_intrinsics(file),
+        name=text_of(value_of(content, "sequence"), "sequence"),
+        intrinsics_px=pinhole_of(value_of(content, "cam_intrinsics"), "cam_intrinsics"),
         cam_from_world=cam_from_world,
         img_frame_ids=ids.astype(np.int64),
-        people=people,
+        people=tuple(_person(content, index, len(poses), n_frames) for index in range(len(poses))),
     )
 
 
-def _open(path: Path) -> _File:
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
-    if path.stat().st_size > LARGEST_FILE_BYTES:
-        raise BadSequence(
-            f"{path}: has {path.stat().st_size} bytes, which no sequence of 3DPW has; {_AGAIN}"
-        )
-    content = load_plain(path)
-    if not isinstance(content, dict):
-        raise BadSequence(f"{path}: holds a {type(content).__name__}, not a dictionary; {_AGAIN}")
-    return _File(path, content)
-
-
-def _people(file: _File, n_frames: int) -> tuple[Person, ...]:
-    poses = file.get("poses")
-    if not isinstance(poses, list | tuple) or not poses:
-        raise file.bad(f"poses is {_kind(poses)}, expected a list with one array per person")
-    return tuple(_person(file, index, len(poses), n_frames) for index in range(len(poses)))
-
-
-def _person(file: _File, index: int, n_people: int, n_frames: int) -> Person:
+def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -> Person:
     def one(*keys: str) -> Any:
-        return _of_person(file, file.get(*keys), keys[0], index, n_people)
+        values = value_of(content, *keys)
+        if not isinstance(values, list | tuple) or len(values) != n_people:
+            raise WrongContent(
+                f"{keys[0]} is {kind_of(values)}, expected a list for {n_people} people, as poses"
+            )
+        return values[index]
 
-    def numbers(key: str, shape: tuple[Size, ...]) -> np.ndarray:
-        return _numbers(file, one(key), f"{key}[{index}]", shape)
+    def floats(key: str, *shape: int | None) -> np.ndarray:
+        return _floats(one(key), f"{key}[{index}]", shape)
 
-    def optional(key: str, shape: tuple[Size, ...]) -> np.ndarray | None:
-        return numbers(key, shape) if file.content.get(key) is not None else None
+    def optional(key: str, *shape: int | None) -> np.ndarray | None:
+        return floats(key, *shape) if content.get(key) is not None else None
 
-    valid = _array(file, one("campose_valid"), f"campose_valid[{index}]", (n_frames,), "biu")
-    betas_clothed = optional("betas_clothed", (None,))
-    joints_m = optional("jointPositions", (n_frames, 72))
-    return Person(
-        poses_rad=numbers("poses", (n_frames, 72)),
-        trans_m=numbers("trans", (n_frames, 3)),
-        betas=_betas(file, numbers("betas", (None,)), f"betas[{index}]"),
-        gender=_gender(file, one("genders", "gender"), index),
-        campose_valid=valid != 0,
-        poses2d_px=_keypoints(file, one("poses2d", "poses2D"), f"poses2d[{index}]", n_frames),
-        poses_60hz_rad=optional("poses_60Hz", (None, 72)),
-        trans_60hz_m=optional("trans_60Hz", (None, 3)),
-        joints_world_m=None if joints_m is None else joints_m.reshape(n_frames, 24, 3),
-        betas_clothed=betas_clothed,
-        template_clothed_m=optional("v_template_clothed", (None, 3)),
-    )
-
-
-def _of_person(file: _File, value: Any, key: str, index: int, n_people: int) -> Any:
-    if not isinstance(value, list | tuple) or len(value) != n_people:
-        raise file.bad(f"{key} is {_kind(value)}, expected a list for {n_people} people, as poses")
-    return value[index]
-
-
-def _numbers(file: _File, value: Any, what: str, shape: tuple[Size, ...]) -> np.ndarray:
-    return _array(file, value, what, shape, "fiu").astype(np.float64)
-
-
-def _array(file: _File, value: Any, what: str, shape: tuple[Size, ...], kinds: str) -> np.ndarray:
-    """An array of numpy's `kinds` and the shape; the message says what was found instead."""
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in kinds:
-        raise file.bad(f"{what} is {_kind(value)}, expected an array of numbers")
-    fits = len(value.shape) == len(shape) and all(
-        size in (None, found) for size, found in zip(shape, value.shape, strict=True)
-    )
-    if not fits:
-        wanted = ", ".join("any" if size is None else str(size) for size in shape)
-        raise file.bad(f"{what} has shape {value.shape}, expected ({wanted}) as cam_poses has it")
-    return value
-
-
-def _betas(file: _File, betas: np.ndarray, what: str) -> np.ndarray:
+    valid = array_of(one("campose_valid"), f"campose_valid[{index}]", (n_frames,), "biu")
+    joints_m = optional("jointPositions", n_frames, 72)
+    betas = floats("betas", None)
     if len(betas) < SMPL_SHAPES or not np.isfinite(betas).all():
-        raise file.bad(f"{what} has {len(betas)} values, expected {SMPL_SHAPES} finite ones")
-    return betas
+        raise WrongContent(
+            f"betas[{index}] has {len(betas)} values, expected {SMPL_SHAPES} finite ones"
+        )
+    return Person(
+        poses_rad=floats("poses", n_frames, 72),
+        trans_m=floats("trans", n_frames, 3),
+        betas=betas,
+        gender=_gender(one("genders", "gender"), f"genders[{index}]"),
+        campose_valid=valid != 0,
+        poses2d_px=_keypoints(one("poses2d", "poses2D"), f"poses2d[{index}]", n_frames),
+        poses_60hz_rad=optional("poses_60Hz", None, 72),
+        trans_60hz_m=optional("trans_60Hz", None, 3),
+        joints_world_m=None if joints_m is None else joints_m.reshape(n_frames, 24, 3),
+        betas_clothed=optional("betas_clothed", None),
+        template_clothed_m=optional("v_template_clothed", None, 3),
+    )
 
 
-def _keypoints(file: _File, value: Any, what: str, n_frames: int) -> np.ndarray:
+def _floats(value: Any, what: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    return array_of(value, what, shape, "fiu").astype(np.float64)
+
+
+def _keypoints(value: Any, what: str, n_frames: int) -> np.ndarray:
     """`poses2d` as (N, 18, 3), from the files' (N, 3, 18) or the readme's (N, 18, 3)."""
     if isinstance(value, np.ndarray) and value.shape[1:] == (3, N_KEYPOINTS):
         value = value.transpose(0, 2, 1)
-    return np.ascontiguousarray(_numbers(file, value, what, (n_frames, N_KEYPOINTS, 3)))
+    return np.ascontiguousarray(_floats(value, what, (n_frames, N_KEYPOINTS, 3)))
 
 
-def _gender(file: _File, value: Any, index: int) -> str:
-    gender = _text(file, value, f"genders[{index}]").lower()
+def _gender(value: Any, what: str) -> str:
+    gender = text_of(value, what).lower()
     if gender not in GENDERS | {name: name for name in GENDERS.values()}:
-        raise file.bad(f"genders[{index}] is {gender[:20]!r}, expected 'm' or 'f'")
+        raise WrongContent(f"{what} is {gender[:20]!r}, expected 'm' or 'f'")
     return GENDERS.get(gender, gender)
-
-
-def _text(file: _File, value: Any, what: str) -> str:
-    """A string, as Python 2 and 3 and numpy write one."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in "US" and value.size == 1:
-        value = value.reshape(())[()]
-    if isinstance(value, bytes):
-        value = value.decode("latin1")
-    if not isinstance(value, str):
-        raise file.bad(f"{what} is {_kind(value)}, expected a string")
-    return str(value)
-
-
-def _intrinsics(file: _File) -> np.ndarray:
-    intrinsics_px = _numbers(file, file.get("cam_intrinsics"), "cam_intrinsics", (3, 3))
-    fx_px, fy_px = intrinsics_px[0, 0], intrinsics_px[1, 1]
-    is_pinhole = (
-        np.isfinite(intrinsics_px).all()
-        and fx_px > 0
-        and fy_px > 0
-        and np.array_equal(intrinsics_px[2], (0.0, 0.0, 1.0))
-        and intrinsics_px[1, 0] == 0
-    )
-    if not is_pinhole:
-        raise file.bad(f"cam_intrinsics is no calibration matrix: {intrinsics_px.tolist()}")
-    return intrinsics_px
-
-
-def _kind(value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        return f"an array of dtype {value.dtype} and shape {value.shape}"
-    if isinstance(value, list | tuple):
-        return f"a {type(value).__name__} of {len(value)}"
-    return f"a {type(value).__name__}"

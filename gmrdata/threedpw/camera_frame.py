@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.threedpw import Sequence3DPW, ValidRule, finite_rows, rigid_rows, unusable_reasons
+from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
+from gmrdata.read.threedpw import Sequence3DPW, ValidRule, unusable_reasons
 from gmrdata.read.threedpw_arrays import FPS_HZ, Person
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -150,9 +151,9 @@ def _in_dataset_world(
     reasons = unusable_reasons(sequence, person_index, rule)
     valid = np.array([reason == "" for reason in reasons])
     has_image = np.array([fault == "" for fault in sequence.images.faults])
-    rotmats = _rotmats(person.poses_rad)
+    rotmats = smpl_rotmats(person.poses_rad)
     pelvis_m = pelvis_3dpw_m(person, body)
-    pelvis_m[~finite_rows(person.trans_m)] = np.nan
+    pelvis_m[~usable_rows(person.trans_m)] = np.nan
     motion = Motion(
         local_rotmats=rotmats[:, 1:],
         root_rotmats=rotmats[:, 0],
@@ -171,7 +172,7 @@ def _in_dataset_world(
 
 
 def _usable_cameras(cam_from_world: np.ndarray) -> np.ndarray:
-    usable = rigid_rows(cam_from_world) & finite_rows(cam_from_world)
+    usable = rigid_rows(cam_from_world)
     return np.where(usable[:, None, None], cam_from_world, np.nan)
 
 
@@ -185,20 +186,10 @@ def _moved(motion: Motion, a_from_b: np.ndarray, frame: str) -> Motion:
         )
 
 
-def _rotmats(poses_rad: np.ndarray) -> np.ndarray:
-    """(N, 72) -> (N, 24, 3, 3); NaN where a pose has a number that is not finite."""
-    known = finite_rows(poses_rad)
-    rotmats = np.full((len(poses_rad), 24, 3, 3), np.nan)
-    rotvecs = poses_rad[known].reshape(-1, 3)
-    if known.any():
-        rotmats[known] = Rotation.from_rotvec(rotvecs).as_matrix().reshape(-1, 24, 3, 3)
-    return rotmats
-
-
 def _pelvis_off_m(person: Person, body: BodyModel) -> float:
     """Median distance of the body's pelvis from the file's; 0 where the file has no joints."""
     if person.joints_world_m is None:
         return 0.0
     between_m = person.joints_world_m[:, 0] - pelvis_3dpw_m(person, body)
-    off_m = np.linalg.norm(between_m[finite_rows(between_m)], axis=1)
+    off_m = np.linalg.norm(between_m[usable_rows(between_m)], axis=1)
     return float(np.median(off_m)) if len(off_m) else 0.0

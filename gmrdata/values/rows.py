@@ -23,3 +23,16 @@ def texts_of(runs: Iterable[tuple[int, int, str]], n_rows: int) -> list[str]:
     for start, stop, text in runs:
         texts[start:stop] = [text] * (stop - start)
     return texts
+
+
+def first_reasons(reasons: Iterable[str], tests: Iterable[tuple[Iterable[bool], str]]) -> list[str]:
+    """(N,) why each row can't be used: its own reason, else that of the first test it fails.
+
+    Args:
+        reasons: (N,) texts, empty for rows that nothing speaks against so far.
+        tests: (N,) what passed, and the reason where it did not.
+    """
+    found = list(reasons)
+    for passed, reason in tests:
+        found = [old or ("" if good else reason) for old, good in zip(found, passed, strict=True)]
+    return found
