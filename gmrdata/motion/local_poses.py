@@ -6,9 +6,9 @@ A world motion from the poses of an estimator, in three lines (they are run in a
     from gmrdata.motion.local_poses import read_local_poses
     world = predict_world_motion(load_gmr("run"), read_local_poses("poses.pkl", 30)[0].motion)
 
-A local pose is the rotation of each joint in its parent's
-frame; where the person is and how the root is turned is not looked at, so it does not matter
-whether a file's root is in a camera's frame or in a world.
+A local pose is the rotation of each joint in its parent's frame; where the person is and how the
+root is turned is not looked at, so it does not matter whether a file's root is in a camera's frame
+or in a world.
 
 | file | of | what is read |
 |---|---|---|
@@ -24,26 +24,21 @@ Estimators' files do not say the video's frame rate; a person has to.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gmrdata.motion.files import SUFFIXES, read_motion
 from gmrdata.motion.resample import slice_motion, valid_runs
-from gmrdata.read import pose_estimators as phalp
-from gmrdata.read import pose_estimators as vibe_wham
 from gmrdata.read.bodies import load_body
-from gmrdata.read.safe_pickle import load_plain
+from gmrdata.read.pose_estimators import read_people
 from gmrdata.read.source_motion import check_rate_hz
-from gmrdata.read.tracked_people import PersonPoses, runs_of
+from gmrdata.read.tracked_people import runs_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
 
-ZIP = b"PK\3\4"
-"""How a file of torch.save begins, as each zip does."""
 MIN_FRAMES = 2
 """Frames that make a motion."""
 
@@ -56,7 +51,7 @@ def read_local_poses(
     joint_map: Mapping[str, str] | Path | None = None,
     bridge_frames: int = 0,
 ) -> tuple[Clip, ...]:
-    """Read the local poses of a file; `gmrdata.local_pose` lists the formats.
+    """Read the local poses of a file; the table above lists the formats.
 
     Args:
         path: The file.  A BVH, AMC or npz is known by its suffix, the others by what they hold.
@@ -85,7 +80,7 @@ def read_local_poses(
     body = load_body("anny") if body is None else body
     if path.suffix.lower() in SUFFIXES:
         return _of_motion_file(path, fps_hz, body, joint_map)
-    people = _people(path)
+    people = read_people(path)
     if fps_hz is None:
         raise BadMotionFile(
             f"{path}: does not say its frame rate. Give the video's with --fps-hz (fps_hz)"
@@ -101,30 +96,6 @@ def read_local_poses(
             f"{path}: no person has two frames in a row, which is no motion. Give a longer sequence"
         )
     return runs
-
-
-def _people(path: Path) -> list[PersonPoses]:
-    """The people of an estimator's file."""
-    with path.open("rb") as stream:
-        first_bytes = stream.read(len(ZIP))
-    if first_bytes == ZIP:
-        from gmrdata.read.pose_estimators import read_gvhmr
-
-        return read_gvhmr(path)
-    content = load_plain(path)
-    if isinstance(content, dict) and not content:
-        return []
-    first = next(iter(content.values())) if isinstance(content, dict) else None
-    keys: set[Any] = set(first) if isinstance(first, dict) else set()
-    if keys >= phalp.KEYS:
-        return phalp.people_of_phalp(content, path)
-    if keys & vibe_wham.KEYS:
-        return vibe_wham.people_of_vibe_or_wham(content, path)
-    found = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
-    raise BadMotionFile(
-        f"{path}: holds no poses in a known form (first entry has: {found or 'no dict'}). Known are"
-        " VIBE's, WHAM's, PHALP's and GVHMR's outputs, .npz, .bvh and .amc"
-    )
 
 
 def _of_motion_file(

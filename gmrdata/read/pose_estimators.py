@@ -1,8 +1,20 @@
-"""The tracks of PHALP, which 4D-Humans' track.py writes with its own pose estimator in it.
+"""People in the outputs of video pose estimators: VIBE, WHAM, PHALP (4D-Humans) and GVHMR.
 
-`outputs/results/demo_<video>.pkl`, written by joblib.dump with zlib: a dict from the frame's name
-to a dict of the frame (phalp/trackers/PHALP.py of brjathu/PHALP; the table in 4D-Humans' README).
-Its lists have one entry per track:
+VIBE's `vibe_output.pkl` and WHAM's `wham_output.pkl` are written by joblib.dump: a dict from the
+tracker's person number to a dict of arrays over the T frames in which the person was tracked
+(VIBE: demo.py of mkocabas/VIBE and the table in its doc/demo.md; WHAM: demo.py of yohanshin/WHAM,
+with `--save_pkl`).  Read are
+
+- `pose` (T, 72) axis-angle of SMPL's 24 joints, the root (in the camera's frame) first [rad],
+- `frame_ids` (T,) the video's frames, from 0; a track may have gaps,
+- `betas` (T, 10) SMPL's neutral shape.
+
+WHAM's `pose_world`, which is not read, differs from `pose` in the root alone.
+
+PHALP's `outputs/results/demo_<video>.pkl`, which 4D-Humans' track.py writes with its own pose
+estimator in it, is written by joblib.dump with zlib: a dict from the frame's name to a dict of the
+frame (phalp/trackers/PHALP.py of brjathu/PHALP; the table in 4D-Humans' README) with one entry per
+track in its lists:
 
 - `time` the frame's number, from 0; `shot` 1 where a new shot begins,
 - `tid` each track's number; `tracked_time` frames since it was last seen,
@@ -10,32 +22,14 @@ Its lists have one entry per track:
 
 A track that is not seen stays in the lists for a while with its last pose.  Such entries
 (`tracked_time` above 0) are no poses of their frame and are left out; and no motion is bridged
-over the beginning of a shot, although tracks go on there.
+over the beginning of a shot, although tracks go on there.  Older versions also stored `embedding`
+as torch's tensors, which the reader of pickles refuses.
 
-Older versions also stored `embedding` as torch's tensors, which the reader of pickles refuses.
-
-VIBE's `vibe_output.pkl` and WHAM's `wham_output.pkl`.
-
-Both are written by joblib.dump: a dict from the tracker's person number to a dict of arrays over
-the T frames in which the person was tracked (VIBE: demo.py of mkocabas/VIBE and the table in its
-doc/demo.md; WHAM: demo.py of yohanshin/WHAM, with `--save_pkl`).  Read are
-
-- `pose` (T, 72) axis-angle of SMPL's 24 joints, the root (in the camera's frame) first [rad],
-- `frame_ids` (T,) the video's frames, from 0; a track may have gaps,
-- `betas` (T, 10) SMPL's neutral shape.
-
-Not read: VIBE's `pred_cam`, `orig_cam`, `verts`, `joints2d`, `bboxes`, and WHAM's `trans`,
-`pose_world`, `trans_world`, `verts`.  WHAM's `pose_world` differs from `pose` in the root alone.
-
-GVHMR's `hmr4d_results.pt`.
-
-Written by torch.save (tools/demo/demo.py and hmr4d/model/gvhmr/gvhmr_pl_demo.py of zju3dv/GVHMR):
-`smpl_params_global` and `smpl_params_incam`, each with `body_pose` (T, 63) axis-angle of SMPL-X's
-21 body joints [rad], `global_orient` (T, 3), `transl` (T, 3) and `betas` (T, 10), beside
-`K_fullimg` and the network's own outputs.  The two have the same `body_pose`; that of
-`smpl_params_global` is read.  SMPL-X's 21 body joints are SMPL's first; SMPL's two hand joints stay
-straight.  The betas are SMPL-X's, which mean something else on SMPL, and are not used.  One file is
-one person, in every frame of the video: GVHMR's demo follows one track.
+GVHMR's `hmr4d_results.pt` is written by torch.save (tools/demo/demo.py and
+hmr4d/model/gvhmr/gvhmr_pl_demo.py of zju3dv/GVHMR): `smpl_params_global` and `smpl_params_incam`,
+each with `body_pose` (T, 63) axis-angle of SMPL-X's 21 body joints [rad], which are SMPL's first;
+SMPL's two hand joints stay straight.  The two have the same `body_pose`.  The betas are SMPL-X's,
+which mean something else on SMPL, and are not used.  One file is one person, in every frame.
 """
 
 import pickle  # noqa: TID251  Only the name of the error that torch raises.
@@ -48,12 +42,12 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.safe_pickle import MAX_UNPACKED_BYTES
+from gmrdata.read.numbers import finite_numbers
+from gmrdata.read.safe_pickle import MAX_UNPACKED_BYTES, load_plain
 from gmrdata.read.tracked_people import (
     PersonPoses,
     frame_numbers,
     mean_betas,
-    numbers,
     orthonormal,
     person_name,
     rotmats_of_rotvecs,
@@ -63,57 +57,66 @@ from gmrdata.read.tracked_people import (
 from gmrdata.values.body import N_JOINTS, N_LOCAL
 from gmrdata.values.errors import BadMotionFile, UnsafePickle
 
-VIBE_WHAM_KEYS = frozenset({"pose", "frame_ids"})
-"""What tells these files from others."""
+ZIP = b"PK\3\4"
+"""How a file of torch.save begins, as each zip does."""
+VIBE_KEYS = frozenset({"pose", "frame_ids"})
+PHALP_KEYS = frozenset({"time", "tid", "smpl"})
+"""What an entry of these files has, which tells them from others."""
+GVHMR_KEYS = ("smpl_params_global", "smpl_params_incam")
+N_SMPLX_BODY = 21
+_BROKEN = (
+    zipfile.BadZipFile, RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
+    AssertionError, OverflowError, MemoryError, OSError,
+)  # fmt: skip
+"""What zipfile and torch's reader raise for files whose bytes were changed."""
 
 
-def people_of_vibe_or_wham(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]:
-    """The people of a file.
-
-    Args:
-        content: What the file holds.
-        path: The file, for messages.
+def read_people(path: Path) -> list[PersonPoses]:
+    """The people of an estimator's file, which is known by what it holds.
 
     Raises:
-        BadMotionFile: an array is missing, has another shape, or holds NaN.
+        BadMotionFile: an unknown layout, a missing array, another shape, or NaN.
+        UnsafePickle: it holds something else than plain data; nothing of it was run.
+        BrokenPickle: a truncated pickle.
     """
-    return [_vibe_wham_person(key, values, path) for key, values in content.items()]
-
-
-def _vibe_wham_person(key: Any, values: Any, path: Path) -> PersonPoses:
-    name = person_name(key, path)
-    missing = (
-        sorted(VIBE_WHAM_KEYS - values.keys())
-        if isinstance(values, Mapping)
-        else sorted(VIBE_WHAM_KEYS)
+    with path.open("rb") as stream:
+        if stream.read(len(ZIP)) == ZIP:
+            return _gvhmr(path)
+    content = load_plain(path)
+    if isinstance(content, dict) and not content:
+        return []
+    first = next(iter(content.values())) if isinstance(content, dict) else None
+    keys: set[Any] = set(first) if isinstance(first, dict) else set()
+    if keys >= PHALP_KEYS:
+        return _phalp(content, path)
+    if keys & VIBE_KEYS:
+        return [_vibe_or_wham_person(key, values, path) for key, values in content.items()]
+    found = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
+    raise BadMotionFile(
+        f"{path}: holds no poses in a known form (first entry has: {found or 'no dict'}). Known are"
+        " VIBE's, WHAM's, PHALP's and GVHMR's outputs, .npz, .bvh and .amc"
     )
+
+
+def _require(values: Any, keys: frozenset[str], name: str, path: Path) -> None:
+    missing = sorted(keys - values.keys()) if isinstance(values, Mapping) else sorted(keys)
     if missing:
         raise BadMotionFile(f"{path}: {name} has no {missing[0]!r}; make the file again")
-    poses = numbers(values["pose"], f"pose of {name}", path)
-    local_rotmats = rotmats_of_rotvecs(poses, N_JOINTS, f"pose of {name}", path)
+
+
+def _vibe_or_wham_person(key: Any, values: Any, path: Path) -> PersonPoses:
+    name = person_name(key, path)
+    _require(values, VIBE_KEYS, name, path)
+    poses = finite_numbers(values["pose"], f"pose of {name}", path)
     return PersonPoses(
         name=name,
-        local_rotmats=local_rotmats,
+        local_rotmats=rotmats_of_rotvecs(poses, N_JOINTS, f"pose of {name}", path),
         frame_numbers=frame_numbers(values["frame_ids"], len(poses), f"frame_ids of {name}", path),
         betas=mean_betas(values.get("betas"), f"betas of {name}", path),
     )
 
 
-KEYS = frozenset({"time", "tid", "smpl"})
-"""What tells these files from others."""
-
-
-def people_of_phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]:
-    """The people of a file.
-
-    Args:
-        content: What the file holds.
-        path: The file, for messages.
-
-    Raises:
-        BadMotionFile: a list is missing or shorter than others, an array has another shape, or
-            holds NaN.
-    """
+def _phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]:
     tracks: dict[str, list[tuple[int, Any]]] = defaultdict(list)
     cuts = set()
     for name, frame in content.items():
@@ -125,16 +128,14 @@ def people_of_phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]
             if whole_number(waited) == 0:
                 tracks[person_name(track, path)].append((time, smpl))
     return [
-        _person(name, sorted(entries, key=lambda entry: entry[0]), frozenset(cuts), path)
+        _phalp_person(name, sorted(entries, key=lambda entry: entry[0]), frozenset(cuts), path)
         for name, entries in tracks.items()
     ]
 
 
 def _check_frame(frame: Any, name: str, path: Path) -> int:
     """The frame's number."""
-    missing = sorted(KEYS - frame.keys()) if isinstance(frame, Mapping) else sorted(KEYS)
-    if missing:
-        raise BadMotionFile(f"{path}: frame {name} has no {missing[0]!r}; make the file again")
+    _require(frame, PHALP_KEYS, f"frame {name}", path)
     lists = [frame[key] for key in ("tid", "smpl", "tracked_time") if frame.get(key) is not None]
     if not all(isinstance(one, list) and len(one) == len(frame["tid"]) for one in lists):
         raise BadMotionFile(
@@ -146,63 +147,52 @@ def _check_frame(frame: Any, name: str, path: Path) -> int:
     return time
 
 
-def _person(
+def _phalp_person(
     name: str, entries: list[tuple[int, Any]], cuts: frozenset[int], path: Path
 ) -> PersonPoses:
-    poses = [_pose(smpl, name, time, path) for time, smpl in entries]
+    poses = [_phalp_pose(smpl, f"body_pose of {name} in frame {n}", path) for n, smpl in entries]
     times = [time for time, _ in entries]
     betas = [smpl["betas"] for _, smpl in entries if "betas" in smpl]
-    known = numbers(betas, f"betas of {name}", path).reshape(len(betas), -1) if betas else None
+    what = f"betas of {name}"
+    known = finite_numbers(betas, what, path).reshape(len(betas), -1) if betas else None
     return PersonPoses(
         name=name,
         local_rotmats=orthonormal(np.stack(poses), f"body_pose of {name}", path),
         frame_numbers=frame_numbers(times, len(poses), f"times of {name}", path),
-        betas=mean_betas(known, f"betas of {name}", path),
+        betas=mean_betas(known, what, path),
         cuts=cuts,
     )
 
 
-def _pose(smpl: Any, name: str, time: int, path: Path) -> np.ndarray:
+def _phalp_pose(smpl: Any, what: str, path: Path) -> np.ndarray:
     """(23, 3, 3) of one track in one frame."""
     found = smpl.get("body_pose") if isinstance(smpl, Mapping) else None
-    pose = numbers(found, f"body_pose of {name} in frame {time}", path)
+    pose = finite_numbers(found, what, path)
     if pose.shape != (N_LOCAL, 3, 3):
         raise BadMotionFile(
-            f"{path}: body_pose of {name} in frame {time} is {pose.shape}, not ({N_LOCAL}, 3, 3)."
-            " Give PHALP's own output"
+            f"{path}: {what} is {pose.shape}, not ({N_LOCAL}, 3, 3). Give PHALP's own output"
         )
     return pose
 
 
-PARAMETERS = ("smpl_params_global", "smpl_params_incam")
-N_SMPLX_BODY = 21
-_BROKEN = (
-    zipfile.BadZipFile, RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
-    AssertionError, OverflowError, MemoryError, OSError,
-)  # fmt: skip
-"""What zipfile and torch's reader raise for files whose bytes were changed."""
+def _gvhmr(path: Path) -> list[PersonPoses]:
+    import torch
 
-
-def read_gvhmr(path: Path) -> list[PersonPoses]:
-    """The one person of a file.
-
-    Raises:
-        BadMotionFile: the file is truncated, or has other keys, shapes or NaN.
-        UnsafePickle: it holds something else than tensors and plain values.
-    """
-    content = _load(path)
-    found = next((content[key] for key in PARAMETERS if key in content), None)
+    content = _load_tensors(path)
+    found = next((content[key] for key in GVHMR_KEYS if key in content), None)
     if not isinstance(found, Mapping) or "body_pose" not in found:
         raise BadMotionFile(
-            f"{path}: has no body_pose in {' or '.join(PARAMETERS)} (it has"
+            f"{path}: has no body_pose in {' or '.join(GVHMR_KEYS)} (it has"
             f" {', '.join(map(str, content))[:200]}). Give GVHMR's hmr4d_results.pt"
         )
-    poses = numbers(_array(found["body_pose"]), "body_pose", path)
+    value = found["body_pose"]
+    value = value.detach().double().numpy() if isinstance(value, torch.Tensor) else value
+    poses = finite_numbers(value, "body_pose", path)
     local_rotmats = rotmats_of_rotvecs(poses, N_SMPLX_BODY, "body_pose", path)
     return [PersonPoses("person", local_rotmats, np.arange(len(poses)), None)]
 
 
-def _load(path: Path) -> Mapping[str, Any]:
+def _load_tensors(path: Path) -> Mapping[str, Any]:
     """The file's dict, with torch's own reader for tensors and nothing else.
 
     Only the zip form is handed to it, which torch writes since 1.6: in its older form, versions of
@@ -231,10 +221,3 @@ def _load(path: Path) -> Mapping[str, Any]:
     if not isinstance(content, Mapping):
         raise BadMotionFile(f"{path}: holds no dict. Give GVHMR's hmr4d_results.pt")
     return content
-
-
-def _array(value: Any) -> Any:
-    """A tensor of any type as an array; other values as they are."""
-    import torch
-
-    return value.detach().double().numpy() if isinstance(value, torch.Tensor) else value

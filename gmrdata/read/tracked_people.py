@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read.numbers import finite_numbers
 from gmrdata.values.body import N_LOCAL, BodyModel, gender_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
@@ -66,34 +67,12 @@ def shown(key: Any) -> str:
     return repr(key[-80:]) if isinstance(key, str) else f"a {type(key).__name__}"
 
 
-def numbers(value: Any, what: str, path: Path) -> np.ndarray:
-    """A value of a file as finite float64.
-
-    Raises:
-        BadMotionFile: not numbers, or NaN or infinite ones; the message names the first bad row.
-    """
-    try:
-        with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
-            array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise BadMotionFile(f"{path}: {what} does not hold numbers; make the file again") from None
-    if not np.isfinite(array).all():
-        row = np.argwhere(~np.isfinite(array))[0]
-        at = f" in row {row[0]}" if array.ndim > 1 else ""
-        raise BadMotionFile(
-            f"{path}: {what} holds NaN or infinite numbers{at}; cut such frames out of the file"
-        )
-    return array
-
-
 def rotmats_of_rotvecs(rotvecs: np.ndarray, n_joints: int, what: str, path: Path) -> np.ndarray:
     """Local rotations of the tree from axis-angle arrays.
 
     Args:
         rotvecs: (T, 3 * n_joints) finite [rad].
         n_joints: 24 for SMPL with its root, 21 for SMPL-X's body joints without root and hands.
-        what: The array's name, for messages.
-        path: The file, for messages.
 
     Returns:
         (T, 23, 3, 3); the two hand joints are the identity where the file has none.
@@ -133,7 +112,7 @@ def frame_numbers(value: Any, n_frames: int, what: str, path: Path) -> np.ndarra
     Raises:
         BadMotionFile: as many as there are rows are not there, or they do not rise.
     """
-    found = numbers(value, what, path)
+    found = finite_numbers(value, what, path)
     if found.shape != (n_frames,):
         raise BadMotionFile(
             f"{path}: {what} is {found.shape} for {n_frames} poses; make the file again"
@@ -152,7 +131,7 @@ def mean_betas(value: Any, what: str, path: Path) -> np.ndarray | None:
     """
     if value is None:
         return None
-    betas = numbers(value, what, path)
+    betas = finite_numbers(value, what, path)
     if betas.ndim not in (1, 2) or not betas.size:
         raise BadMotionFile(f"{path}: {what} is {betas.shape}, not (T, S); make the file again")
     return np.asarray(betas.mean(axis=0)) if betas.ndim == 2 else betas
@@ -164,10 +143,7 @@ def runs_of(
     """A person's unbroken runs as clips: where frames are missing or a shot ends, one ends.
 
     Args:
-        person: The person.
         body: The body that stands for the person; the file's shape is taken where it is of it.
-        fps_hz: The video's frame rate [Hz].
-        path: The file.
         bridge_frames: Gaps of so many frames or fewer are filled instead, by slerp of each joint;
             never over the beginning of a shot.  Filled frames are not valid.
 

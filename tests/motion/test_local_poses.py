@@ -223,7 +223,7 @@ BAD_PEOPLE: dict[str, tuple[Callable[[], dict[Any, Any]], str]] = {
     ),
     "NaN": (
         lambda: {1: _changed(vibe_person(4), pose=_with_nan(4))},
-        "pose of person_1 holds NaN or infinite numbers in row 2; cut such frames",
+        "pose of person_1 is not finite at frame 2; cut such frames",
     ),
     "one frame": (lambda: {1: vibe_person(1)}, "no person has two frames in a row"),
     "no frames": (lambda: {1: vibe_person(0)}, r"pose of person_1 is \(0, 72\)"),
@@ -278,7 +278,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     ),
     "NaN": (
         lambda frame: frame["smpl"][0].update(body_pose=np.full((23, 3, 3), np.nan)),
-        "body_pose of person_1 in frame 1 holds NaN",
+        "body_pose of person_1 in frame 1 is not finite",
     ),
     "fewer poses than tracks": (lambda frame: frame["smpl"].clear(), "of different lengths"),
     "no time": (lambda frame: frame.pop("time"), "has no 'time'"),
