@@ -72,8 +72,8 @@ def waiting_share(training_set: TrainingSet, batches: Batches, first: int) -> tu
         optimizer.zero_grad()
         delta_rotmats, delta_m = model(batch.poses, batch.lengths)
         errors = (
-            (delta_rotmats[:, :-1] - batch.motions.rotmats).square().mean(),
-            (delta_m[:, :-1] - batch.motions.metres).square().mean(),
+            (delta_rotmats[:, :-1] - batch.motions.delta_rotmats).square().mean(),
+            (delta_m[:, :-1] - batch.motions.delta_m).square().mean(),
         )
         torch.stack(errors).sum().backward()
         optimizer.step()

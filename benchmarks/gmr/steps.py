@@ -107,13 +107,13 @@ def direct_step(work: Workload) -> Step:
 
 def direct_loss(work: Workload, model: Gmr, batch: Batch) -> Tensor:
     """Eq. 5 as it is written."""
-    rotmats, metres = model(batch.poses, batch.lengths)
-    predicted = Motions(rotmats[:, :-1], metres[:, :-1])
+    delta_rotmats, delta_m = model(batch.poses, batch.lengths)
+    predicted = Motions(delta_rotmats[:, :-1], delta_m[:, :-1])
     others: LossConfig = work.config.loss.model_copy(update={"vertex": 0.0})
     terms = gmr_loss(predicted, batch.motions, batch.mask, None, others)
     shape, local_rotmats = batch.shape[:, None], batch.local_rotmats[:, :-1]
     predicted_m, true_m = (
-        direct_mesh_m(work.body, shape, motions.rotmats, motions.metres, local_rotmats)
+        direct_mesh_m(work.body, shape, motions.delta_rotmats, motions.delta_m, local_rotmats)
         for motions in (predicted, batch.motions)
     )
     distances_m = (predicted_m - true_m).abs().sum(-1).mean(-1)

@@ -153,7 +153,7 @@ def paint(body: BodyModel, shape: np.ndarray, outfit: Outfit, atlas: Atlas) -> n
         outfit: What to paint.
         atlas: The atlas of the body's faces.
     """
-    rest_m = body.template_m + body.shape_dirs_m @ np.asarray(shape, dtype=np.float64)
+    rest_m = body.rest_vertices_m(shape)
     shares = [
         body.skin_weights[:, [JOINT[joint] for joint in joints]].sum(axis=1)
         for joints in (_HEAD, _ARMS)

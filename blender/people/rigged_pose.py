@@ -28,10 +28,10 @@ from gmrdata.motion.rest_pose import (
     limb_corrections,
     source_from_rest_axes,
 )
-from gmrdata.read.source_motion import global_rotmats
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
 from gmrdata.values.errors import BadCharacter, BadMotionFile
 from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import global_rotmats
 
 HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))
@@ -104,7 +104,7 @@ def joint_turns(
         motion: Its motion, world frame.
     """
     corrections = _corrections(rest, file_from_rest, body.rest_joints_m(motion.shape))
-    local = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    local = motion.rotmats
     turns = global_rotmats(PARENTS, local)
     for joint, correction in corrections.items():
         turns[:, joint] = turns[:, joint] @ correction.T
@@ -175,7 +175,7 @@ def size_of(
     scale = 1.0 if keep_size else body_legs_m / legs_m
     ankles = [JOINT["left_ankle"], JOINT["right_ankle"]]
     ankle = float(rest.joints[ankles].mean(axis=0) @ up - (rest.feet @ up).min())
-    body_vertices_m = body.template_m + body.shape_dirs_m @ np.asarray(shape, dtype=np.float64)
+    body_vertices_m = body.rest_vertices_m(shape)
     soles_m = body_vertices_m[of_feet(body.skin_weights)][:, 1].min()
     body_ankle_m = float(body_joints_m[ankles, 1].mean() - soles_m)
     return Size(scale, scale * legs_m / body_legs_m, scale * ankle, body_ankle_m)

@@ -131,6 +131,6 @@ def _seen(model: "JointModel", features: np.ndarray) -> tuple[np.ndarray, np.nda
 
     return (
         orthonormal(output.local_rotmats),
-        orthonormal(output.motions.rotmats),
-        output.motions.metres[0].double().numpy(),
+        orthonormal(output.motions.delta_rotmats),
+        output.motions.delta_m[0].double().numpy(),
     )

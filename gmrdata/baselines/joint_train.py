@@ -184,7 +184,7 @@ def joint_loss(
     mask = batch.frame_mask.to(device)
     motion = gmr_loss(
         output.motions,
-        Motions(batch.motions.rotmats.to(device), batch.motions.metres.to(device)),
+        Motions(batch.motions.delta_rotmats.to(device), batch.motions.delta_m.to(device)),
         mask[:, 1:],
         bodies,
         config.loss,

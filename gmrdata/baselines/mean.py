@@ -36,9 +36,9 @@ class MeanConfig(Config):
 class MeanMotion:
     """The mean motion from one frame to the next."""
 
-    rotmat: np.ndarray
+    delta_rotmat: np.ndarray
     """(3, 3) dR."""
-    metres: np.ndarray
+    delta_m: np.ndarray
     """(3,) dT [m]."""
     fps_hz: float
     """Frame rate [Hz]."""
@@ -98,7 +98,7 @@ def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanMotion:
     """
     from scipy.spatial.transform import Rotation
 
-    rotmats, metres = [], []
+    pairs = []
     for clip in clips:
         if clip.motion.frame != "world":
             raise BadManifest(
@@ -106,17 +106,15 @@ def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanMotion:
                 " in the world frame"
             )
         for run in runs_at(clip, fps_hz, all_phases=True):
-            run_rotmats, run_metres = deltas(run.motion.root_rotmats, run.motion.pelvis_m)
-            rotmats.append(run_rotmats)
-            metres.append(run_metres)
-    if not rotmats:
+            pairs.append(deltas(run.motion.root_rotmats, run.motion.pelvis_m))
+    if not pairs:
         raise BadManifest(
             f"none of the {len(clips)} training clips has two valid frames in a row at"
             f" {fps_hz:g} fps, so there is no mean motion. Give other manifests"
         )
-    all_rotmats, all_metres = np.concatenate(rotmats), np.concatenate(metres)
-    mean_rotmat = Rotation.from_matrix(all_rotmats).mean().as_matrix()
-    return MeanMotion(mean_rotmat, all_metres.mean(axis=0), fps_hz, len(all_metres))
+    delta_rotmats, delta_m = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    mean_rotmat = Rotation.from_matrix(delta_rotmats).mean().as_matrix()
+    return MeanMotion(mean_rotmat, delta_m.mean(axis=0), fps_hz, len(delta_m))
 
 
 def moving_as(mean: MeanMotion, subject: Subject) -> Prediction:
@@ -126,7 +124,7 @@ def moving_as(mean: MeanMotion, subject: Subject) -> Prediction:
     have the mean's motion between them.
     """
     motion = subject.clip.motion
-    step = _power(rigid(mean.rotmat, mean.metres), mean.fps_hz / motion.fps_hz)
+    step = _power(rigid(mean.delta_rotmat, mean.delta_m), mean.fps_hz / motion.fps_hz)
     first = int(np.argmax(subject.clip.valid))
     root_rotmat, place_m = first_pose(subject.clip)
     root_rotmats = np.tile(root_rotmat, (motion.n_frames, 1, 1))
@@ -160,8 +158,8 @@ def _figures(mean: MeanMotion) -> dict[str, object]:
     from scipy.spatial.transform import Rotation
 
     return {
-        "mean_rotvec_rad": Rotation.from_matrix(mean.rotmat).as_rotvec().tolist(),
-        "mean_m": mean.metres.tolist(),
+        "mean_rotvec_rad": Rotation.from_matrix(mean.delta_rotmat).as_rotvec().tolist(),
+        "mean_m": mean.delta_m.tolist(),
         "fps_hz": mean.fps_hz,
         "n_motions": mean.n_motions,
     }

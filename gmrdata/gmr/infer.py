@@ -219,7 +219,7 @@ def infer_world_motion(
 
     Args:
         run_dir: A finished training run.
-        source: Local poses, as `gmrdata.local_pose` lists the formats.
+        source: Local poses, as `gmrdata.motion.local_poses` lists the formats.
         body_spec: The body that stands for the people, as `load_body` takes it.
         out_dir: Gets `infer.json` and a folder for each unbroken run of each person: `clip.npz`,
             `amass.npz`, `motion.bvh`, `body.glb`, and what `draw` adds.  People and runs do not

@@ -22,7 +22,8 @@ from torch import Tensor, nn
 
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import ExtraInput, Representation
-from gmrdata.values.body import N_JOINTS, N_LOCAL, PARENTS
+from gmrdata.values.body import N_LOCAL
+from gmrdata.values.skinning_torch import forward_kinematics
 
 REST_JOINTS_M = (
     (0.000, 0.000, 0.000), (0.112, -0.045, -0.008),
@@ -52,13 +53,8 @@ def joints_in_root_frame(local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
         Places (..., 23, 3) [m] and root_from_joint (..., 23, 3, 3), on the mean skeleton.
     """
     rest_m = torch.tensor(REST_JOINTS_M, dtype=local_rotmats.dtype, device=local_rotmats.device)
-    rotmats = [torch.eye(3).to(local_rotmats).expand(*local_rotmats.shape[:-3], 3, 3)]
-    places_m = [torch.zeros_like(rotmats[0][..., 0])]
-    for joint in range(1, N_JOINTS):
-        parent = PARENTS[joint]
-        places_m.append(places_m[parent] + rotmats[parent] @ (rest_m[joint] - rest_m[parent]))
-        rotmats.append(rotmats[parent] @ local_rotmats[..., joint - 1, :, :])
-    return torch.stack(places_m[1:], dim=-2), torch.stack(rotmats[1:], dim=-3)
+    places_m, root_from_joint = forward_kinematics(rest_m, local_rotmats)
+    return places_m[..., 1:, :], root_from_joint[..., 1:, :, :]
 
 
 SCALE = 10.0

@@ -238,7 +238,7 @@ def batch_loss(
         bodies = Bodies(loss_body, batch.shape.to(device), local_rotmats)
     return gmr_loss(
         Motions(delta_rotmats[:, :-1], delta_m[:, :-1]),
-        Motions(batch.motions.rotmats.to(device), batch.motions.metres.to(device)),
+        Motions(batch.motions.delta_rotmats.to(device), batch.motions.delta_m.to(device)),
         batch.mask.to(device),
         bodies,
         config.loss,

@@ -19,8 +19,8 @@ from gmrdata.gmr.vertex_loss import Bodies, vertex_l1_m
 class Motions:
     """Motions of a batch: dR (B, T-1, 3, 3) and dT (B, T-1, 3) [m]."""
 
-    rotmats: Tensor
-    metres: Tensor
+    delta_rotmats: Tensor
+    delta_m: Tensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +78,9 @@ def gmr_loss(
     """
     if counts is None:
         counts = counts_of(mask)
-    orientation = _orientation(predicted.rotmats, true.rotmats, config.orientation_loss)
-    translation = (predicted.metres - true.metres).square().sum(-1)
-    smoothness = _smoothness(predicted.rotmats)
+    orientation = _orientation(predicted.delta_rotmats, true.delta_rotmats, config.orientation_loss)
+    translation = (predicted.delta_m - true.delta_m).square().sum(-1)
+    smoothness = _smoothness(predicted.delta_rotmats)
     mean = config.reduction == "mean"
     motions = counts.motions if mean else counts.windows
     terms = {
@@ -91,7 +91,7 @@ def gmr_loss(
     }
     if bodies is not None:
         per_vertex_m = vertex_l1_m(
-            predicted.rotmats - true.rotmats, predicted.metres - true.metres, bodies
+            predicted.delta_rotmats - true.delta_rotmats, predicted.delta_m - true.delta_m, bodies
         )
         scale = 1 if mean else len(bodies.body.body.template_m)
         terms["vertex"] = _total(per_vertex_m, mask) * scale / motions

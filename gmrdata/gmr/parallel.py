@@ -105,7 +105,7 @@ def own_part(batch: Batch, processes: Processes) -> Batch:
         poses=batch.poses[rows],
         lengths=batch.lengths[rows],
         mask=batch.mask[rows],
-        motions=Motions(batch.motions.rotmats[rows], batch.motions.metres[rows]),
+        motions=Motions(batch.motions.delta_rotmats[rows], batch.motions.delta_m[rows]),
         local_rotmats=batch.local_rotmats[rows],
         shape=batch.shape[rows],
     )

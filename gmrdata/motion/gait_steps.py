@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import betainc
 
 from gmrdata.motion.gait_style import GaitStyle
-from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.body import JOINT, BodyModel, sole_vertices
 
 
 def turn(axis: str, angle_rad: np.ndarray) -> np.ndarray:
@@ -190,6 +190,9 @@ def ease(u: np.ndarray) -> np.ndarray:
 
 SIDES = ("left", "right")
 
+SOLE_M = 0.01
+"""Vertices of a foot up to this high above its lowest one are its sole [m]."""
+
 FIRST_STEP = -4
 """Number of a clip's first footfall; step 0 is the first touch-down of the left foot."""
 
@@ -257,11 +260,9 @@ def rest_foot(body: BodyModel, shape: np.ndarray, side: str) -> Foot:
     """Measure a foot of the T-pose: its joints, and its sole from the vertices that follow them."""
     joints_m = body.rest_joints_m(shape)
     ankle, ball = joints_m[JOINT[f"{side}_ankle"]], joints_m[JOINT[f"{side}_foot"]]
-    follows = body.skin_weights[:, [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]].sum(axis=1)
-    mine = np.flatnonzero(follows > 0.5)
-    vertices_m = body.template_m[mine] + body.shape_dirs_m[mine] @ shape
-    ground_m = vertices_m[:, 1].min()
-    sole = vertices_m[vertices_m[:, 1] < ground_m + 0.01]
+    vertices_m = body.rest_vertices_m(shape)
+    sole = vertices_m[sole_vertices(body, vertices_m, side, SOLE_M)]
+    ground_m = sole[:, 1].min()
     below = np.array([ankle[0], ground_m, ankle[2]])
     heel = np.array([ankle[0], ground_m, min(sole[:, 2].min(), ankle[2])])
     return Foot(ankle - below, ball - below, heel - below)

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.rest_pose import minimal_rotation
-from gmrdata.read.source_motion import global_rotmats, joint_positions_m
-from gmrdata.values.body import JOINT, PARENTS, BodyModel
+from gmrdata.values.body import JOINT, BodyModel
+from gmrdata.values.skinning import posed_joints_m
 
 PLANTED_M_PER_S = 0.2
 """A foot counts as standing while its ankle and its toe joint are slower."""
@@ -219,10 +219,7 @@ def sole_points_m(
     They follow the ankle and toe joints rigidly; skin hardly bends there.
     """
     rest_joints_m = body.rest_joints_m(shape)
-    steps_m = np.zeros((len(PARENTS), 3))
-    steps_m[1:] = rest_joints_m[1:] - rest_joints_m[list(PARENTS[1:])]
-    frame_from_joint = global_rotmats(PARENTS, rotmats)
-    joints_m = joint_positions_m(PARENTS, frame_from_joint, steps_m) + pelvis_m[:, None]
+    joints_m, frame_from_joint = posed_joints_m(rest_joints_m, rotmats, pelvis_m)
     return np.concatenate(
         [
             joints_m[:, None, joint]
@@ -265,7 +262,7 @@ def _level_rotation(points_m: np.ndarray) -> np.ndarray:
 
 def _sole_vertices_m(body: BodyModel, shape: np.ndarray) -> dict[int, np.ndarray]:
     """Rest positions of the sole's lowest vertices by the joint that carries them most [m]."""
-    vertices_m = body.template_m + body.shape_dirs_m @ shape
+    vertices_m = body.rest_vertices_m(shape)
     carrier = body.skin_weights.argmax(axis=1)
     soles = {}
     for joint in FOOT_JOINTS:

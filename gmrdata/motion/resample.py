@@ -39,7 +39,7 @@ def resample(
         before = np.where(across & (share > 0.5), after, before)
         share = np.where(across, 0.0, share)
     positions = motion.pelvis_m
-    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    rotmats = motion.rotmats
     chosen = rotmats[before]
     between = share > 0.0
     if between.any():

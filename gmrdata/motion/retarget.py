@@ -45,9 +45,10 @@ from gmrdata.motion.rest_pose import (
     smpl_joints_m,
     source_from_rest_axes,
 )
-from gmrdata.read.source_motion import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel, gender_of
 from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import global_rotmats, joint_positions_m
 
 _HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 _FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))

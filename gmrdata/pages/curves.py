@@ -97,8 +97,8 @@ def error_series(true: Clip, pseudo: Clip, fps_hz: float | None = None) -> Error
     step = frames_per_motion(true, fps_hz)
     true_rows, rows = paired_rows(true, pseudo)
     good = usable(pseudo)[rows] & true.valid[true_rows].astype(bool)
-    turns, steps_m = _motions(pseudo.motion, rows, step)
-    true_turns, true_steps_m = _motions(true.motion, true_rows, step)
+    delta_rotmats, delta_m = _motions(pseudo.motion, rows, step)
+    true_rotmats, true_m = _motions(true.motion, true_rows, step)
     # Every frame of the span must be good: no motion goes over a gap.
     both = np.lib.stride_tricks.sliding_window_view(good, step + 1).all(axis=1)
     both &= (true_rows[step:] - true_rows[:-step] == step) & (rows[step:] - rows[:-step] == step)
@@ -106,8 +106,8 @@ def error_series(true: Clip, pseudo: Clip, fps_hz: float | None = None) -> Error
     return ErrorSeries(
         times_s=times_s,
         motion_times_s=0.5 * (times_s[step:] + times_s[:-step]),
-        ome_deg=np.where(both, orientation_errors_deg(turns, true_turns), np.nan),
-        tme_mm=np.where(both, translation_errors_mm(steps_m, true_steps_m), np.nan),
+        ome_deg=np.where(both, orientation_errors_deg(delta_rotmats, true_rotmats), np.nan),
+        tme_mm=np.where(both, translation_errors_mm(delta_m, true_m), np.nan),
         camera_rotation_deg=_camera_rotation_deg(true, pseudo, true_rows, rows),
     )
 
@@ -115,8 +115,8 @@ def error_series(true: Clip, pseudo: Clip, fps_hz: float | None = None) -> Error
 def _motions(motion: Motion, rows: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
     """dR (n, 3, 3) and dT (n, 3) [m] from each row to the one `step` rows later."""
     pairs = np.stack([rows[:-step], rows[step:]], axis=1)
-    turns, steps_m = deltas(motion.root_rotmats[pairs], motion.pelvis_m[pairs])
-    return turns[:, 0], steps_m[:, 0]
+    delta_rotmats, delta_m = deltas(motion.root_rotmats[pairs], motion.pelvis_m[pairs])
+    return delta_rotmats[:, 0], delta_m[:, 0]
 
 
 def _camera_rotation_deg(

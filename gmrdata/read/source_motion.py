@@ -55,40 +55,6 @@ class SourceMotion:
         return positions
 
 
-def global_rotmats(parents: Sequence[int], local_rotmats: np.ndarray) -> np.ndarray:
-    """world_from_joint rotations of a tree: (T, J, 3, 3) local rotations -> (T, J, 3, 3)."""
-    rotmats = np.empty(local_rotmats.shape)
-    for joint, parent in enumerate(parents):
-        local = local_rotmats[:, joint]
-        rotmats[:, joint] = local if parent < 0 else rotmats[:, parent] @ local
-    return rotmats
-
-
-def joint_positions_m(
-    parents: Sequence[int], world_from_joint: np.ndarray, translations_m: np.ndarray
-) -> np.ndarray:
-    """Forward kinematics of a tree.
-
-    Args:
-        parents: (J,) parent of each joint, -1 for the root; a parent comes before its children.
-        world_from_joint: (T, J, 3, 3) global rotations.
-        translations_m: (J, 3) or (T, J, 3) joint positions in their parents' frames [m].
-
-    Returns:
-        (T, J, 3) positions in the world [m].
-    """
-    positions = np.empty(world_from_joint.shape[:-1])
-    steps = np.broadcast_to(translations_m, positions.shape)
-    for joint, parent in enumerate(parents):
-        step = steps[:, joint]
-        positions[:, joint] = (
-            step
-            if parent < 0
-            else positions[:, parent] + np.einsum("tij,tj->ti", world_from_joint[:, parent], step)
-        )
-    return positions
-
-
 REST_FRAME_JUMP_DEG = 10.0
 """A first frame without any root rotation is an added rest pose if a joint then jumps this far."""
 

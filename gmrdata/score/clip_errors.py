@@ -1,7 +1,4 @@
-"""Errors of a prediction of one clip, and of zero motion beside it.
-
-Points of a body's feet whose sliding is measured.
-"""
+"""Errors of a prediction of one clip, and of zero motion beside it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,9 +7,10 @@ from itertools import pairwise
 import numpy as np
 
 from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_run
-from gmrdata.score.protocols import Protocol, WorldBody, WorldPair, protocol_values
+from gmrdata.score.protocols import WorldBody, WorldPair, protocol_values
+from gmrdata.score.records import METHODS, METRICS, Method, Metric, Protocol, WorldMetric
 from gmrdata.values import motion_metrics as metrics
-from gmrdata.values.body import JOINT, BodyModel, with_vertices
+from gmrdata.values.body import BodyModel, sole_vertices, with_vertices
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.motion_metrics import VertexErrors, run_vertex_errors
@@ -35,18 +33,10 @@ def foot_vertices(body: BodyModel) -> tuple[int, ...]:
         return SMPL_FEET
     found = []
     for side in ("left", "right"):
-        joints = [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]
-        foot = np.flatnonzero(body.skin_weights[:, joints].sum(axis=1) > 0.5)
-        heights_m = body.template_m[foot, 1]
-        sole = foot[heights_m < heights_m.min() + SOLE_M]
+        sole = sole_vertices(body, body.template_m, side, SOLE_M)
         depths_m = body.template_m[sole, 2]
         found += [int(sole[depths_m.argmax()]), int(sole[depths_m.argmin()])]
     return tuple(found)
-
-
-METRICS = ("ome_deg", "tme_mm", "vme_mm")
-METHODS = ("predicted", "zero")
-"""What was predicted, and a body that neither turns nor moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +47,14 @@ class ClipErrors:
     """The clip."""
     camera_motion: str
     """Class of its camera's motion."""
-    errors: dict[str, dict[str, np.ndarray]]
+    errors: dict[Method, dict[Metric, np.ndarray]]
     """OME, TME and VME per motion: (n,) by method and metric."""
     motion_type: str | None = None
     """What the person does, where that is on record."""
-    over_time_mm: dict[str, np.ndarray] = field(default_factory=dict)
+    over_time_mm: dict[Method, np.ndarray] = field(default_factory=dict)
     """Vertex error in each frame of the clip's longest run, whose first pose is the true one: (K,)
     by method [mm]."""
-    protocol: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    protocol: dict[Method, dict[WorldMetric, np.ndarray]] = field(default_factory=dict)
     """A protocol's samples: (n,) by method and metric; none without a protocol."""
     protocol_fps_hz: float | None = None
     """Rate of the protocol's frames [Hz]; None without a protocol."""
@@ -105,8 +95,7 @@ def clip_errors(
         clip.clip_id,
         clip.camera_motion,
         errors,
-        clip.motion_type,
-        over_time_mm,
+        over_time_mm=over_time_mm,
         dropped_frames=clip.dropped_frames,
     )
     if protocol is None:
@@ -120,26 +109,24 @@ def clip_errors(
 
 @dataclass(frozen=True, eq=False)
 class _RunErrors:
-    errors: dict[str, np.ndarray]
+    errors: dict[Metric, np.ndarray]
     over_time_mm: np.ndarray
 
 
 def _run_errors(
     run: PredictedRun, body: BodyModel, predicted_body: BodyModel | None
-) -> dict[str, _RunErrors]:
+) -> dict[Method, _RunErrors]:
     motions = {"predicted": run.predicted, "zero": still_run(run).predicted}
     vertices = run_vertex_errors(body, run.true, motions, predicted_body)
-    return {
-        method: _against(run.true, motion, vertices[method]) for method, motion in motions.items()
-    }
+    return {method: _against(run.true, motions[method], vertices[method]) for method in METHODS}
 
 
 def _against(true: Motion, predicted: Motion, vertices: VertexErrors) -> _RunErrors:
-    rotmats, metres = deltas(predicted.root_rotmats, predicted.pelvis_m)
+    delta_rotmats, delta_m = deltas(predicted.root_rotmats, predicted.pelvis_m)
     true_rotmats, true_m = deltas(true.root_rotmats, true.pelvis_m)
-    errors = {
-        "ome_deg": metrics.orientation_errors_deg(rotmats, true_rotmats),
-        "tme_mm": metrics.translation_errors_mm(metres, true_m),
+    errors: dict[Metric, np.ndarray] = {
+        "ome_deg": metrics.orientation_errors_deg(delta_rotmats, true_rotmats),
+        "tme_mm": metrics.translation_errors_mm(delta_m, true_m),
         "vme_mm": vertices.vme_mm,
     }
     return _RunErrors(errors, vertices.over_time_mm)
@@ -150,15 +137,15 @@ def _protocol(
     protocol: Protocol,
     body: BodyModel,
     predicted_body: BodyModel | None,
-) -> dict[str, dict[str, np.ndarray]]:
+) -> dict[Method, dict[WorldMetric, np.ndarray]]:
     with_feet = "foot_sliding_mm" in protocol.metrics
-    found: dict[str, list[dict[str, np.ndarray]]] = {method: [] for method in METHODS}
+    found: dict[Method, list[dict[WorldMetric, np.ndarray]]] = {method: [] for method in METHODS}
     for world in worlds:
         true = _world_body(body, [run.true for run in world], with_feet)
         edges = np.cumsum([0, *(run.true.n_frames for run in world)]).tolist()
         rows = tuple(pairwise(edges))
         still = [still_run(run, world[0].true).predicted for run in world]
-        bodies = {
+        bodies: dict[Method, WorldBody] = {
             "predicted": _world_body(
                 predicted_body or body, [run.predicted for run in world], with_feet
             ),

@@ -244,6 +244,6 @@ def _probe(config: TrainConfig) -> tuple[int, float | None]:
 def _step_s(model: "Gmr", poses: "Tensor") -> float:
     """Seconds of one forward and backward pass."""
     start_s = time.monotonic()
-    rotmats, metres = model(poses)
-    (rotmats.sum() + metres.sum()).backward()
+    delta_rotmats, delta_m = model(poses)
+    (delta_rotmats.sum() + delta_m.sum()).backward()
     return time.monotonic() - start_s

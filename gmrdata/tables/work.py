@@ -110,8 +110,8 @@ def _moved(
         if stop - first == 1:
             root_rotmats[first], pelvis_m[first] = root_rotmat, place_m
             continue
-        turns, steps_m = predict_deltas(gmr, motion.local_rotmats[rows[now]])
-        root_rotmats[now], pelvis_m[now] = accumulate(turns, steps_m, root_rotmat, place_m)
+        delta_rotmats, delta_m = predict_deltas(gmr, motion.local_rotmats[rows[now]])
+        root_rotmats[now], pelvis_m[now] = accumulate(delta_rotmats, delta_m, root_rotmat, place_m)
         root_rotmat, place_m = root_rotmats[stop - 1], pelvis_m[stop - 1]
     return replace(
         motion,

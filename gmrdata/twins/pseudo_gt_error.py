@@ -35,10 +35,15 @@ def camera_rotation_deg(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) ->
     [deg]; None without cameras."""
     if not len(pseudo_cameras):
         return None
+    return float(camera_angles_deg(pseudo_cameras, true_cameras).mean())
+
+
+def camera_angles_deg(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> np.ndarray:
+    """(n,) angles of which `camera_rotation_deg` is the mean [deg]; at least one camera."""
     pseudo_rotmats, true_rotmats = pseudo_cameras[:, :3, :3], true_cameras[:, :3, :3]
     true_from_pseudo = mean_rotation(true_rotmats @ np.swapaxes(pseudo_rotmats, 1, 2))
     residuals = np.swapaxes(true_rotmats, 1, 2) @ true_from_pseudo @ pseudo_rotmats
-    return float(np.rad2deg(angles_rad(residuals)).mean())
+    return np.asarray(np.rad2deg(angles_rad(residuals)))
 
 
 def camera_path_mm(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:
@@ -136,25 +141,25 @@ def _errors_of_neighbours(
     rows, true_rows = rows[chosen], true_rows[chosen]
     # Frames in between that are missing on either side would show in one of the three.
     adjacent = (np.diff(rows) == step) & (np.diff(true_rows) == step) & (np.diff(chosen) == step)
-    rotmats, metres = _deltas(pseudo, rows, adjacent)
+    delta_rotmats, delta_m = _deltas(pseudo, rows, adjacent)
     true_rotmats, true_m = _deltas(true, true_rows, adjacent)
     vertex_mm = np.zeros(0)
     if body is not None:
         poses = true.motion.local_rotmats[true_rows[:-1][adjacent]]
         vertex_mm = posed_vertex_errors_mm(
-            body, true.motion.shape, poses, rotmats, metres, true_rotmats, true_m
+            body, true.motion.shape, poses, delta_rotmats, delta_m, true_rotmats, true_m
         )
     return MotionErrors(
-        orientation_errors_deg(rotmats, true_rotmats),
-        translation_errors_mm(metres, true_m),
+        orientation_errors_deg(delta_rotmats, true_rotmats),
+        translation_errors_mm(delta_m, true_m),
         vertex_mm,
     )
 
 
 def _deltas(clip: Clip, rows: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Those motions between a clip's rows that are chosen."""
-    rotmats, metres = deltas(clip.motion.root_rotmats[rows], clip.motion.pelvis_m[rows])
-    return rotmats[chosen], metres[chosen]
+    delta_rotmats, delta_m = deltas(clip.motion.root_rotmats[rows], clip.motion.pelvis_m[rows])
+    return delta_rotmats[chosen], delta_m[chosen]
 
 
 BODY_AXIS_M = 0.5
@@ -216,7 +221,7 @@ def compare_clips(
             of `fps_hz`.
     """
     _check_comparable(pseudo, true)
-    rows, true_rows = _paired_rows(pseudo, true)
+    rows, true_rows = paired_rows(pseudo, true)
     both = pseudo.valid[rows] & true.valid[true_rows]
     rows, true_rows = rows[both], true_rows[both]
     step = 1 if fps_hz is None else _frames_per_motion(true, fps_hz)
@@ -240,6 +245,70 @@ def compare_clips(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class ErrorSeries:
+    """Errors over time, NaN where the pseudo clip has no camera."""
+
+    times_s: np.ndarray
+    """(T,) time of each frame [s]."""
+    motion_times_s: np.ndarray
+    """(n,) middle of each motion [s]; at a lower rate than the clip's they overlap."""
+    ome_deg: np.ndarray
+    """(n,) orientation motion error of each motion [deg]."""
+    tme_mm: np.ndarray
+    """(n,) translation motion error of each motion [mm]."""
+    camera_rotation_deg: np.ndarray
+    """(T,) angle between the recovered and the true camera, after one best rotation of the
+    recovered world [deg]."""
+
+
+def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> ErrorSeries:
+    """What `compare_clips` gives the means of, frame by frame.
+
+    Raises:
+        NothingToCompare: the clips have no image in common.
+        StageFailed: as there.
+    """
+    rows, true_rows = paired_rows(pseudo, true)
+    if not len(rows):
+        raise NothingToCompare(f"clip {pseudo.id}: it and its truth have no image in common")
+    step = 1 if fps_hz is None else _frames_per_motion(true, fps_hz)
+    good = has_camera(pseudo)[rows] & true.valid[true_rows]
+    pairs = np.stack([np.arange(len(rows) - step), np.arange(step, len(rows))], axis=1)
+    # Every frame of the span must be good: no motion goes over a gap.
+    whole = np.lib.stride_tricks.sliding_window_view(good, step + 1).all(axis=1)
+    whole &= (np.diff(true_rows[pairs])[:, 0] == step) & (np.diff(rows[pairs])[:, 0] == step)
+    delta_rotmats, delta_m = _pair_deltas(pseudo, rows[pairs])
+    true_rotmats, true_m = _pair_deltas(true, true_rows[pairs])
+    times_s = (true_rows - true_rows[0]) / true.motion.fps_hz
+    camera_deg = np.full(len(rows), np.nan)
+    if pseudo.camera is not None and true.camera is not None:
+        both = has_camera(pseudo)[rows] & true.camera.has_camera[true_rows]
+        if both.any():
+            camera_deg[both] = camera_angles_deg(
+                pseudo.camera.world_from_cam[rows[both]],
+                true.camera.world_from_cam[true_rows[both]],
+            )
+    return ErrorSeries(
+        times_s=times_s,
+        motion_times_s=times_s[pairs].mean(axis=1),
+        ome_deg=np.where(whole, orientation_errors_deg(delta_rotmats, true_rotmats), np.nan),
+        tme_mm=np.where(whole, translation_errors_mm(delta_m, true_m), np.nan),
+        camera_rotation_deg=camera_deg,
+    )
+
+
+def has_camera(pseudo: Clip) -> np.ndarray:
+    """(T,) bool: frames of a pseudo clip with a valid motion and a camera, if it has any."""
+    return pseudo.valid if pseudo.camera is None else pseudo.valid & pseudo.camera.has_camera
+
+
+def _pair_deltas(clip: Clip, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """dR (n, 3, 3) and dT (n, 3) [m] between pairs (n, 2) of a clip's rows."""
+    rotmats, metres = deltas(clip.motion.root_rotmats[pairs], clip.motion.pelvis_m[pairs])
+    return rotmats[:, 0], metres[:, 0]
+
+
 def _check_comparable(pseudo: Clip, true: Clip) -> None:
     for clip in (pseudo, true):
         if clip.motion.frame != "world":
@@ -251,7 +320,8 @@ def _check_comparable(pseudo: Clip, true: Clip) -> None:
         )
 
 
-def _paired_rows(pseudo: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray]:
+def paired_rows(pseudo: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the two clips that show the same image."""
     if (pseudo.image_numbers >= 0).all() and (true.image_numbers >= 0).all():
         _, rows, true_rows = np.intersect1d(
             pseudo.image_numbers, true.image_numbers, return_indices=True

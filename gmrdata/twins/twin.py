@@ -111,7 +111,7 @@ def _person(clip: Clip, body: BodyModel, gender: str, poses2d_px: np.ndarray) ->
         trans_60hz_m=trans_60hz_m,
         joints_world_m=apply(np.broadcast_to(_3DPW_FROM_WORLD, (n_frames, 4, 4)), joints_m),
         betas_clothed=np.asarray(motion.shape, dtype=np.float64),
-        template_clothed_m=body.template_m + body.shape_dirs_m @ motion.shape,
+        template_clothed_m=body.rest_vertices_m(motion.shape),
     )
 
 

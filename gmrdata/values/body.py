@@ -1,9 +1,4 @@
-"""BodyModel: a skinned body of the SMPL tree as plain arrays.
-
-The 24-joint SMPL tree: names, parents, and the joints that other modules ask for by name.
-
-Some of a body's vertices, where all of them are more than is needed.
-"""
+"""The 24-joint SMPL tree, and BodyModel: a skinned body of that tree as plain arrays."""
 
 from dataclasses import dataclass, replace
 
@@ -83,9 +78,12 @@ class BodyModel:
 
     def rest_joints_m(self, shape: np.ndarray) -> np.ndarray:
         """Rest joints of one shape: (S,) -> (24, 3), rest frame [m]."""
-        return self.joints_template_m + self.joint_shape_dirs_m @ np.asarray(
-            shape, dtype=np.float64
-        )
+        shape = np.asarray(shape, dtype=np.float64)
+        return self.joints_template_m + self.joint_shape_dirs_m @ shape
+
+    def rest_vertices_m(self, shape: np.ndarray) -> np.ndarray:
+        """Rest vertices of one shape: (S,) -> (V, 3), rest frame [m]."""
+        return self.template_m + self.shape_dirs_m @ np.asarray(shape, dtype=np.float64)
 
     def rest_pelvis_m(self, shape: np.ndarray) -> np.ndarray:
         """J0(shape), by which SMPL's `trans` differs from the pelvis position: (S,) -> (3,) [m]."""
@@ -100,6 +98,23 @@ def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> np.ndarray:
     if n_vertices is None or n_vertices >= n_body_vertices:
         return np.arange(n_body_vertices)
     return (np.arange(n_vertices) * n_body_vertices) // n_vertices
+
+
+def sole_vertices(
+    body: BodyModel, rest_vertices_m: np.ndarray, side: str, thickness_m: float
+) -> np.ndarray:
+    """Rows (n,) of the vertices of a foot's sole.
+
+    Args:
+        body: A body of V vertices.
+        rest_vertices_m: (V, 3) its rest vertices [m].
+        side: "left" or "right".
+        thickness_m: How far above the foot's lowest vertex the sole reaches [m].
+    """
+    joints = [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]
+    of_foot = np.flatnonzero(body.skin_weights[:, joints].sum(axis=1) > 0.5)
+    heights_m = rest_vertices_m[of_foot, 1]
+    return of_foot[heights_m < heights_m.min() + thickness_m]
 
 
 def with_vertices(body: BodyModel, rows: np.ndarray) -> BodyModel:

@@ -36,3 +36,8 @@ class Motion:
     def n_frames(self) -> int:
         """Number of frames T."""
         return int(self.root_rotmats.shape[0])
+
+    @property
+    def rotmats(self) -> np.ndarray:
+        """(T, 24, 3, 3) the root's rotation, then the local ones."""
+        return np.concatenate([self.root_rotmats[:, None], self.local_rotmats], axis=1)

@@ -1,9 +1,7 @@
-"""Errors of a body's vertices: they are posed a chunk of frames at a time.
+"""The paper's motion errors (eqs. 15-17): OME [deg], TME [mm], VME [mm].
 
-The paper's motion errors (eqs. 15-17): OME [deg], TME [mm], VME [mm].
-
-Each is a mean over the T-1 motions of T frames.  The functions ending in `_errors_*` give the
-values per motion, of which the mean is taken; a caller with gaps pools those of several runs.
+Each is a mean over the T-1 motions of T frames.  The functions give the values per motion, of which
+the mean is taken; a caller with gaps pools those of several runs.
 """
 
 from collections.abc import Iterator, Mapping
@@ -69,37 +67,6 @@ def vertex_errors_mm(
     return means
 
 
-def ome_deg(predicted_rotmats: np.ndarray, true_rotmats: np.ndarray) -> float:
-    """Orientation motion error, eq. 15: mean over motions (n, 3, 3) [deg]."""
-    return float(orientation_errors_deg(predicted_rotmats, true_rotmats).mean())
-
-
-def tme_mm(predicted_m: np.ndarray, true_m: np.ndarray) -> float:
-    """Translation motion error, eq. 16: mean over motions (n, 3) [mm]."""
-    return float(translation_errors_mm(predicted_m, true_m).mean())
-
-
-def vme_mm(
-    predicted_rotmats: np.ndarray,
-    predicted_m: np.ndarray,
-    true_rotmats: np.ndarray,
-    true_m: np.ndarray,
-    true_vertices_m: np.ndarray,
-    predicted_vertices_m: np.ndarray | None = None,
-) -> float:
-    """Vertex motion error, eq. 17: mean over motions and vertices [mm]; see `vertex_errors_mm`."""
-    return float(
-        vertex_errors_mm(
-            predicted_rotmats,
-            predicted_m,
-            true_rotmats,
-            true_m,
-            true_vertices_m,
-            predicted_vertices_m,
-        ).mean()
-    )
-
-
 CHUNK_BYTES = 64 << 20
 """Memory for the vertices of one chunk of frames."""
 
@@ -118,8 +85,8 @@ def posed_vertex_errors_mm(
     body: BodyModel,
     shape: np.ndarray,
     local_rotmats: np.ndarray,
-    rotmats: np.ndarray,
-    metres: np.ndarray,
+    delta_rotmats: np.ndarray,
+    delta_m: np.ndarray,
     true_rotmats: np.ndarray,
     true_m: np.ndarray,
 ) -> np.ndarray:
@@ -129,17 +96,17 @@ def posed_vertex_errors_mm(
         body: The body.
         shape: Its shape coefficients.
         local_rotmats: (n, 23, 3, 3) local pose in the first frame of each motion.
-        rotmats: (n, 3, 3) dR.
-        metres: (n, 3) dT [m].
+        delta_rotmats: (n, 3, 3) dR.
+        delta_m: (n, 3) dT [m].
         true_rotmats: (n, 3, 3) dR*.
         true_m: (n, 3) dT* [m].
     """
     errors_mm = [np.zeros(0)]
-    for rows in _chunks(len(metres), body):
+    for rows in _chunks(len(delta_m), body):
         vertices_m = _posed_m(body, shape, local_rotmats[rows])
         errors_mm.append(
             vertex_errors_mm(
-                rotmats[rows], metres[rows], true_rotmats[rows], true_m[rows], vertices_m
+                delta_rotmats[rows], delta_m[rows], true_rotmats[rows], true_m[rows], vertices_m
             )
         )
     return np.concatenate(errors_mm)
@@ -162,25 +129,25 @@ def run_vertex_errors(
         predicted_body: Body of the predictions with a pose of their own, with the true body's
             vertices; None for the true body.
     """
-    true_turns, true_steps_m = deltas(true.root_rotmats, true.pelvis_m)
+    true_rotmats, true_m = deltas(true.root_rotmats, true.pelvis_m)
     motions = {name: deltas(one.root_rotmats, one.pelvis_m) for name, one in predicted.items()}
     placed = {name: _from_true_start(one, true) for name, one in predicted.items()}
     found: dict[str, list[VertexErrors]] = {name: [] for name in predicted}
     for rows in _chunks(true.n_frames, body):
-        true_m = _posed_m(body, true.shape, true.local_rotmats[rows])
+        vertices_m = _posed_m(body, true.shape, true.local_rotmats[rows])
         for name, one in predicted.items():
-            own_m = true_m
+            own_m = vertices_m
             if one.local_rotmats is not true.local_rotmats or one.shape is not true.shape:
                 own_m = _posed_m(predicted_body or body, one.shape, one.local_rotmats[rows])
-            rotmats, metres = (part[rows] for part in motions[name])
+            delta_rotmats, delta_m = (part[rows] for part in motions[name])
             # The last frame begins no motion.
-            n = len(metres)
+            n = len(delta_m)
             vme_mm = vertex_errors_mm(
-                rotmats, metres, true_turns[rows], true_steps_m[rows], true_m[:n], own_m[:n]
+                delta_rotmats, delta_m, true_rotmats[rows], true_m[rows], vertices_m[:n], own_m[:n]
             )
             roots, places_m = (part[rows] for part in placed[name])
             over_time_mm = vertex_errors_mm(
-                roots, places_m, true.root_rotmats[rows], true.pelvis_m[rows], true_m, own_m
+                roots, places_m, true.root_rotmats[rows], true.pelvis_m[rows], vertices_m, own_m
             )
             found[name].append(VertexErrors(vme_mm, over_time_mm))
     return {

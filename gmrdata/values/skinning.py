@@ -5,6 +5,8 @@ longer than posing a whole clip, and the Blender process, which starts anew for 
 nothing else of it.  Loper et al. 2015, eqs. 2-10.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gmrdata.values.body import N_JOINTS, PARENTS, BodyModel
@@ -14,6 +16,59 @@ CHUNK_BYTES = 64 << 20
 """Memory that the transforms of one chunk of frames may take."""
 
 
+def global_rotmats(parents: Sequence[int], local_rotmats: np.ndarray) -> np.ndarray:
+    """world_from_joint rotations of a tree: (T, J, 3, 3) local rotations -> (T, J, 3, 3)."""
+    rotmats = np.empty(local_rotmats.shape)
+    for joint, parent in enumerate(parents):
+        local = local_rotmats[:, joint]
+        rotmats[:, joint] = local if parent < 0 else rotmats[:, parent] @ local
+    return rotmats
+
+
+def joint_positions_m(
+    parents: Sequence[int], world_from_joint: np.ndarray, translations_m: np.ndarray
+) -> np.ndarray:
+    """Forward kinematics of a tree (Loper et al. 2015, eq. 4).
+
+    Args:
+        parents: (J,) parent of each joint, -1 for the root; a parent comes before its children.
+        world_from_joint: (T, J, 3, 3) global rotations.
+        translations_m: (J, 3) or (T, J, 3) joint positions in their parents' frames [m].
+
+    Returns:
+        (T, J, 3) positions in the world [m].
+    """
+    positions_m = np.empty(world_from_joint.shape[:-1])
+    steps_m = np.broadcast_to(translations_m, positions_m.shape)
+    for joint, parent in enumerate(parents):
+        step_m = steps_m[:, joint]
+        if parent >= 0:
+            step_m = (world_from_joint[:, parent] @ step_m[..., None])[..., 0]
+            step_m = positions_m[:, parent] + step_m
+        positions_m[:, joint] = step_m
+    return positions_m
+
+
+def posed_joints_m(
+    rest_joints_m: np.ndarray, rotmats: np.ndarray, pelvis_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joints of a posed body.
+
+    Args:
+        rest_joints_m: (24, 3) rest joints [m].
+        rotmats: (T, 24, 3, 3) local rotations, the root's first.
+        pelvis_m: (T, 3) pelvis position in the root's frame of reference [m].
+
+    Returns:
+        Joints (T, 24, 3) [m] and frame_from_joint (T, 24, 3, 3).
+    """
+    bones_m = rest_joints_m - rest_joints_m[[0, *PARENTS[1:]]]
+    bones_m = np.tile(bones_m, (len(rotmats), 1, 1))
+    bones_m[:, 0] = pelvis_m
+    frame_from_joint = global_rotmats(PARENTS, rotmats)
+    return joint_positions_m(PARENTS, frame_from_joint, bones_m), frame_from_joint
+
+
 def motion_joints_m(body: BodyModel, motion: Motion) -> np.ndarray:
     """Joints of a motion, (T, 24, 3) float64 [m], in the motion's frame.
 
@@ -21,7 +76,7 @@ def motion_joints_m(body: BodyModel, motion: Motion) -> np.ndarray:
         ValueError: the motion's shape does not fit the body.
     """
     _check_shape(body, motion)
-    joints_m, _ = _chain(body.rest_joints_m(motion.shape), motion)
+    joints_m, _ = posed_joints_m(body.rest_joints_m(motion.shape), motion.rotmats, motion.pelvis_m)
     return joints_m
 
 
@@ -40,7 +95,7 @@ def motion_vertices_m(
     """
     _check_shape(body, motion)
     rest_joints_m = body.rest_joints_m(motion.shape)
-    joints_m, frame_from_joint = _chain(rest_joints_m, motion)
+    joints_m, frame_from_joint = posed_joints_m(rest_joints_m, motion.rotmats, motion.pelvis_m)
     # A joint's transform maps rest points to posed points, so its own rest place comes off first.
     # Seen from the pelvis, single precision is fine: far from the origin it would not be.
     pelvis_m = joints_m[:, :1]
@@ -48,7 +103,7 @@ def motion_vertices_m(
     offsets_m = joints_m - pelvis_m - turned_m
     transforms = np.concatenate([frame_from_joint, offsets_m[..., None]], axis=-1)
     numbers = np.arange(motion.n_frames)[slice(None) if rows is None else rows]
-    template_m = body.template_m + body.shape_dirs_m @ motion.shape - rest_joints_m[0]
+    template_m = body.rest_vertices_m(motion.shape) - rest_joints_m[0]
     weights = body.skin_weights.astype(np.float32)
     vertices_m = np.empty((len(numbers), *template_m.shape), dtype=np.float32)
     chunk = max(1, CHUNK_BYTES // (len(template_m) * 12 * 4))
@@ -60,19 +115,6 @@ def motion_vertices_m(
         posed_m = np.einsum("tvij,tvj->tvi", blended[..., :3], rest_m) + blended[..., 3]
         vertices_m[start : start + chunk] = posed_m + pelvis_m[now]
     return vertices_m
-
-
-def _chain(rest_joints_m: np.ndarray, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Joints (T, 24, 3) and frame_from_joint (T, 24, 3, 3) down the tree (eq. 4)."""
-    joints_m = np.empty((motion.n_frames, N_JOINTS, 3))
-    rotations = np.empty((motion.n_frames, N_JOINTS, 3, 3))
-    joints_m[:, 0], rotations[:, 0] = motion.pelvis_m, motion.root_rotmats
-    for joint in range(1, N_JOINTS):
-        parent = PARENTS[joint]
-        bone_m = rest_joints_m[joint] - rest_joints_m[parent]
-        joints_m[:, joint] = joints_m[:, parent] + rotations[:, parent] @ bone_m
-        rotations[:, joint] = rotations[:, parent] @ motion.local_rotmats[:, joint - 1]
-    return joints_m, rotations
 
 
 def _bent(body: BodyModel, template_m: np.ndarray, motion: Motion, rows: np.ndarray) -> np.ndarray:

@@ -13,8 +13,6 @@ import torch
 from torch import Tensor
 
 from gmrdata.values.body import N_JOINTS, N_LOCAL, PARENTS, BodyModel
-from gmrdata.values.skinning import motion_joints_m as motion_joints_m
-from gmrdata.values.skinning import motion_vertices_m as motion_vertices_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +57,7 @@ def posed_joints(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> tuple
     """
     _check_sizes(body, shape, local_rotmats)
     tensors = _tensors(body, local_rotmats)
-    return _chain(_rest_joints(tensors, shape.to(local_rotmats)), local_rotmats)
+    return forward_kinematics(_rest_joints(tensors, shape.to(local_rotmats)), local_rotmats)
 
 
 def posed_vertices(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> Tensor:
@@ -98,7 +96,7 @@ def joint_transforms(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> T
     """
     _check_sizes(body, shape, local_rotmats)
     rest_joints_m = _rest_joints(_tensors(body, local_rotmats), shape.to(local_rotmats))
-    joints_m, root_from_joint = _chain(rest_joints_m, local_rotmats)
+    joints_m, root_from_joint = forward_kinematics(rest_joints_m, local_rotmats)
     rest_from_pelvis_m = rest_joints_m - rest_joints_m[..., :1, :]
     # A joint's transform maps rest points to posed points, so its own rest place comes off first.
     offsets_m = joints_m - _rotate(root_from_joint, rest_from_pelvis_m)
@@ -119,8 +117,16 @@ def place(root_rotmats: Tensor, pelvis_m: Tensor, points: Tensor) -> Tensor:
     return points @ root_rotmats.transpose(-1, -2) + pelvis_m[..., None, :]
 
 
-def _chain(rest_joints_m: Tensor, local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
-    """Forward kinematics down the tree (Loper et al. 2015, eq. 4)."""
+def forward_kinematics(rest_joints_m: Tensor, local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
+    """Joints with the root at identity and the pelvis at the origin (Loper et al. 2015, eq. 4).
+
+    Args:
+        rest_joints_m: (..., 24, 3) [m].
+        local_rotmats: (..., 23, 3, 3) parent_from_joint; batch dimensions broadcast.
+
+    Returns:
+        Joints (..., 24, 3) [m] in the root's frame, and root_from_joint (..., 24, 3, 3).
+    """
     batch = torch.broadcast_shapes(rest_joints_m.shape[:-2], local_rotmats.shape[:-3])
     rest_joints_m = rest_joints_m.expand(*batch, N_JOINTS, 3)
     local_rotmats = local_rotmats.expand(*batch, N_LOCAL, 3, 3)

@@ -9,7 +9,7 @@ Points of the feet that touch the ground, and when they stand still.
 
 import numpy as np
 
-from gmrdata.values.body import JOINT, BodyModel, with_vertices
+from gmrdata.values.body import JOINT, BodyModel, sole_vertices, with_vertices
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
@@ -65,13 +65,10 @@ def standing(points_world_m: np.ndarray, slip_m: float) -> np.ndarray:
 
 def _sole_vertices(body: BodyModel, shape: np.ndarray, side: str) -> list[int]:
     """Indices of a foot's heel, ball and toe on the sole, in the rest pose."""
-    ankle, foot = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
-    rest_m = body.template_m + body.shape_dirs_m @ np.asarray(shape, dtype=np.float64)
-    of_foot = np.flatnonzero(body.skin_weights[:, [ankle, foot]].sum(axis=1) > 0.5)
-    height_m = rest_m[of_foot, 1]
-    sole = of_foot[height_m < height_m.min() + SOLE_THICKNESS_M]
+    rest_m = body.rest_vertices_m(shape)
+    sole = sole_vertices(body, rest_m, side, SOLE_THICKNESS_M)
     forward_m = rest_m[sole, 2]
-    ball_m = body.rest_joints_m(shape)[foot]
+    ball_m = body.rest_joints_m(shape)[JOINT[f"{side}_foot"]]
     nearest = np.linalg.norm(rest_m[sole][:, [0, 2]] - ball_m[[0, 2]], axis=1).argmin()
     return [int(sole[forward_m.argmin()]), int(sole[nearest]), int(sole[forward_m.argmax()])]
 

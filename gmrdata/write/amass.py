@@ -25,7 +25,7 @@ def write_amass(path: Path, motion: Motion, body: BodyModel) -> None:
         motion: In a z-up world.
         body: Its body.
     """
-    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    rotmats = motion.rotmats
     rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
     rotvecs = rotvecs.reshape(motion.n_frames, -1, 3)
     poses = np.zeros((motion.n_frames, SMPLH_VALUES // 3, 3))

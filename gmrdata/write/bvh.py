@@ -29,7 +29,7 @@ def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
     rest_joints_m = body.rest_joints_m(motion.shape)
     tips_m = _tips_m(body, motion.shape, rest_joints_m)
     order = _depth_first(0)
-    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    rotmats = motion.rotmats
     rotmats[:, 0] = WORLD_FROM_REST.T @ rotmats[:, 0]
     with warnings.catch_warnings():
         # At a right angle two of the three angles say the same; any pair of them will do.
@@ -87,7 +87,7 @@ def _depth_first(joint: int) -> list[int]:
 
 def _tips_m(body: BodyModel, shape: np.ndarray, rest_joints_m: np.ndarray) -> dict[int, np.ndarray]:
     """Ends of the last bones (head, toes, hands) from their joints: the skin's farthest point."""
-    vertices_m = body.template_m + body.shape_dirs_m @ shape
+    vertices_m = body.rest_vertices_m(shape)
     carrier = body.skin_weights.argmax(axis=1)
     tips_m = {}
     for joint in (j for j, children in enumerate(_CHILDREN) if not children):

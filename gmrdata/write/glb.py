@@ -93,7 +93,7 @@ def write_glb(path: Path, motion: Motion, body: BodyModel) -> None:
 
 def _quaternions(motion: Motion) -> np.ndarray:
     """(T, 24, 4) x, y, z, w of all joints; signs that never jump, so that players interpolate."""
-    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    rotmats = motion.rotmats
     found = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_quat()
     found = found.reshape(motion.n_frames, -1, 4)
     jumps = (found[1:] * found[:-1]).sum(-1, keepdims=True) < 0
@@ -104,7 +104,7 @@ def _quaternions(motion: Motion) -> np.ndarray:
 def _mesh(buffer: _Buffer, body: BodyModel, shape: np.ndarray) -> dict[str, Any]:
     import trimesh
 
-    vertices_m = body.template_m + body.shape_dirs_m @ shape
+    vertices_m = body.rest_vertices_m(shape)
     normals = trimesh.Trimesh(vertices_m, body.faces, process=False).vertex_normals
     joints = np.argsort(-body.skin_weights, axis=1, kind="stable")[:, :JOINTS_PER_VERTEX]
     weights = np.take_along_axis(body.skin_weights, joints, axis=1)

@@ -67,8 +67,8 @@ def walks(small_body: BodyModel) -> list[Clip]:
 def told(clip: Clip) -> np.ndarray:
     """Image features that tell everything: one fixed random map of local pose and root motion."""
     motion = clip.motion
-    rotmats, metres = deltas(motion.root_rotmats, motion.pelvis_m)
-    motions = np.concatenate([rotmats.reshape(-1, 9) * 10, metres * 10], axis=1)
+    delta_rotmats, delta_m = deltas(motion.root_rotmats, motion.pelvis_m)
+    motions = np.concatenate([delta_rotmats.reshape(-1, 9) * 10, delta_m * 10], axis=1)
     motions = np.concatenate([motions, motions[-1:]])
     numbers = np.concatenate([motion.local_rotmats.reshape(len(motions), -1), motions], axis=1)
     mapping = np.random.default_rng(99).normal(0, 1, (numbers.shape[1], N_FEATURES))
@@ -130,9 +130,9 @@ def test_it_learns(
     of_mean_deg = pose_error_deg(np.broadcast_to(mean_rotmats, true_local.shape), true_local)
     assert pose_error_deg(found.motion.local_rotmats, true_local) < 0.6 * of_mean_deg
     _, true_m = deltas(true.root_rotmats[::2], true.pelvis_m[::2])
-    _, metres = deltas(found.motion.root_rotmats, found.motion.pelvis_m)
+    _, delta_m = deltas(found.motion.root_rotmats, found.motion.pelvis_m)
     still_mm = 1000 * np.linalg.norm(true_m, axis=1).mean()
-    assert 1000 * np.linalg.norm(metres - true_m, axis=1).mean() < 0.6 * still_mm
+    assert 1000 * np.linalg.norm(delta_m - true_m, axis=1).mean() < 0.6 * still_mm
 
 
 def test_the_same_recipe_gives_the_same_network(
@@ -186,7 +186,7 @@ def test_what_is_read_is_what_was_written(
     with torch.no_grad():
         one, other = model(features), load_joint(tmp_path)(features)
     assert torch.equal(one.local_rotmats, other.local_rotmats)
-    assert torch.equal(one.motions.metres, other.motions.metres)
+    assert torch.equal(one.motions.delta_m, other.motions.delta_m)
     folder = latest_checkpoint(tmp_path)
     assert folder is not None
     weights = folder / "model.safetensors"
@@ -218,7 +218,9 @@ def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
         batch,
         features=batch.features[:, :6],
         frame_mask=batch.frame_mask[:, :6],
-        motions=type(batch.motions)(batch.motions.rotmats[:, :5], batch.motions.metres[:, :5]),
+        motions=type(batch.motions)(
+            batch.motions.delta_rotmats[:, :5], batch.motions.delta_m[:, :5]
+        ),
         local_rotmats=batch.local_rotmats[:, :6],
     )
     loss_body = make_loss_body(small_body, None, "cpu")
@@ -238,7 +240,7 @@ def test_a_window_played_backwards(walks: list[Clip]) -> None:
         for share in (0.0, 1.0)
     ]
     assert torch.equal(batches[0].features[:, :12].flip(1), batches[1].features[:, :12])
-    ahead, back = (batch.motions.rotmats[:, :11] for batch in batches)
+    ahead, back = (batch.motions.delta_rotmats[:, :11] for batch in batches)
     torch.testing.assert_close(back, ahead.flip(1).transpose(-1, -2))
 
 

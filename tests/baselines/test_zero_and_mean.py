@@ -23,12 +23,12 @@ from gmrdata.values.motion_deltas import accumulate, deltas
 WriteSet = Callable[..., Path]
 
 
-def steady(clip: Clip, rotvec_rad: list[float], metres: list[float]) -> Clip:
+def steady(clip: Clip, rotvec_rad: list[float], delta_m: list[float]) -> Clip:
     """The same person with one motion from each frame to the next."""
     n = clip.motion.n_frames
     root_rotmats, pelvis_m = accumulate(
         np.tile(Rotation.from_rotvec(rotvec_rad).as_matrix(), (n - 1, 1, 1)),
-        np.tile(metres, (n - 1, 1)),
+        np.tile(delta_m, (n - 1, 1)),
         clip.motion.root_rotmats[0],
         clip.motion.pelvis_m[0],
     )
@@ -81,9 +81,9 @@ def test_the_mean_of_one_motion_is_that_motion(filmed: tuple[Clip, ...]) -> None
     clip = steady(filmed[0], [0.1, -0.3, 0.2], [0.01, -0.02, 0.05])
     mean = mean_motion([clip], 20.0)
     np.testing.assert_allclose(
-        Rotation.from_matrix(mean.rotmat).as_rotvec(), [0.1, -0.3, 0.2], atol=1e-9
+        Rotation.from_matrix(mean.delta_rotmat).as_rotvec(), [0.1, -0.3, 0.2], atol=1e-9
     )
-    np.testing.assert_allclose(mean.metres, [0.01, -0.02, 0.05], atol=1e-9)
+    np.testing.assert_allclose(mean.delta_m, [0.01, -0.02, 0.05], atol=1e-9)
     found = moving_as(mean, Subject(clip, np.zeros(3)))
     np.testing.assert_allclose(found.clip.motion.pelvis_m, clip.motion.pelvis_m, atol=1e-9)
     np.testing.assert_allclose(found.clip.motion.root_rotmats, clip.motion.root_rotmats, atol=1e-9)
@@ -100,14 +100,16 @@ def test_the_mean_minimises_the_chordal_distance(filmed: tuple[Clip, ...]) -> No
     rotmats = np.concatenate([part[0] for part in parts])
     assert mean.n_motions == len(rotmats) == 3 * 2 * 19
     np.testing.assert_allclose(
-        mean.metres, np.concatenate([part[1] for part in parts]).mean(axis=0), atol=1e-12
+        mean.delta_m, np.concatenate([part[1] for part in parts]).mean(axis=0), atol=1e-12
     )
 
     def cost(rotmat: np.ndarray) -> float:
         return float(np.square(rotmats - rotmat).sum())
 
     for axis in np.concatenate([np.eye(3), -np.eye(3)]):
-        assert cost(mean.rotmat) < cost(mean.rotmat @ Rotation.from_rotvec(0.01 * axis).as_matrix())
+        assert cost(mean.delta_rotmat) < cost(
+            mean.delta_rotmat @ Rotation.from_rotvec(0.01 * axis).as_matrix()
+        )
 
 
 def test_at_a_higher_rate_the_mean_is_reached_after_as_many_frames(
@@ -118,9 +120,9 @@ def test_at_a_higher_rate_the_mean_is_reached_after_as_many_frames(
     fast = replace(filmed[1], motion=replace(filmed[1].motion, fps_hz=60.0))
     motion = moving_as(mean, Subject(fast, np.zeros(3))).clip.motion
     for phase in range(3):
-        rotmats, metres = deltas(motion.root_rotmats[phase::3], motion.pelvis_m[phase::3])
-        np.testing.assert_allclose(rotmats - mean.rotmat, 0, atol=1e-9)
-        np.testing.assert_allclose(metres - mean.metres, 0, atol=1e-9)
+        delta_rotmats, delta_m = deltas(motion.root_rotmats[phase::3], motion.pelvis_m[phase::3])
+        np.testing.assert_allclose(delta_rotmats - mean.delta_rotmat, 0, atol=1e-9)
+        np.testing.assert_allclose(delta_m - mean.delta_m, 0, atol=1e-9)
 
 
 def test_the_verbs(
@@ -138,7 +140,7 @@ def test_the_verbs(
     assert capsys.readouterr().out.split() == [str(tmp_path / "zero"), str(tmp_path / "mean")]
     figures = read_json(tmp_path / "mean" / "predictions.json")["figures"]
     assert (figures["fps_hz"], figures["n_motions"]) == (10.0, 38)
-    assert figures["mean_m"] == pytest.approx(mean_motion(filmed[2:], 10.0).metres.tolist())
+    assert figures["mean_m"] == pytest.approx(mean_motion(filmed[2:], 10.0).delta_m.tolist())
     again = predict_mean(manifest, [training], tmp_path / "again")
     names = sorted(path.name for path in (again / "predictions").iterdir())
     assert names == ["walk_0.npz", "walk_1.npz"]

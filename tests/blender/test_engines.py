@@ -116,7 +116,7 @@ def test_what_eevee_has_not(said: dict[str, object]) -> None:
 
 
 def test_png_frames_are_lossless_and_the_record_names_the_renderer(sharp: Path) -> None:
-    assert read_json(sharp / "stage.json")["renderer"] == "Cycles on the CPU"
+    assert StageRecord.of(sharp).facts["renderer"] == "Cycles on the CPU"
     names = sorted(path.name for path in (sharp / "frames").iterdir())
     assert names == [f"{row:05d}.png" for row in range(N_FRAMES)]
     assert read(sharp / "frames/00000.png").shape == (HEIGHT_PX, WIDTH_PX, 3)
@@ -132,7 +132,7 @@ def test_eevee_shows_the_same_place_with_the_same_truth(
         pytest.skip(str(error))
     config = SHARP.model_copy(update={"engine": "eevee"})
     out_dir = render_clip(*job, tmp_path / "eevee", config, on_frame=lambda _: None)
-    assert read_json(out_dir / "stage.json")["renderer"] == renderer
+    assert StageRecord.of(out_dir).facts["renderer"] == renderer
     assert same_files(sharp, out_dir, "masks", "depth", "normals", "flow")
     for row in range(N_FRAMES):
         ours = read(out_dir / f"frames/{row:05d}.png")

@@ -20,11 +20,10 @@ from blender.people.rigged_pose import (
     size_of,
 )
 from gmrdata.motion.rest_pose import LIMBS
-from gmrdata.read.source_motion import global_rotmats
 from gmrdata.values.body import JOINT, PARENTS, BodyModel
 from gmrdata.values.errors import BadCharacter
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.skinning import global_rotmats, motion_joints_m
 
 N_FRAMES = 4
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])

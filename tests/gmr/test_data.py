@@ -113,8 +113,8 @@ def same(a: Batch, b: Batch) -> bool:
             (a.poses, b.poses),
             (a.lengths, b.lengths),
             (a.mask, b.mask),
-            (a.motions.rotmats, b.motions.rotmats),
-            (a.motions.metres, b.motions.metres),
+            (a.motions.delta_rotmats, b.motions.delta_rotmats),
+            (a.motions.delta_m, b.motions.delta_m),
             (a.local_rotmats, b.local_rotmats),
             (a.shape, b.shape),
         )
@@ -161,8 +161,8 @@ def test_windows_are_rows_of_the_runs(
         directions.add(backwards)
         rows = np.arange(start, start + 9)[:: -1 if backwards else 1]
         expected = deltas(run.root_rotmats[rows], run.pelvis_m[rows])
-        np.testing.assert_allclose(batch.motions.rotmats[row], expected[0], atol=1e-6)
-        np.testing.assert_allclose(batch.motions.metres[row], expected[1], atol=1e-6)
+        np.testing.assert_allclose(batch.motions.delta_rotmats[row], expected[0], atol=1e-6)
+        np.testing.assert_allclose(batch.motions.delta_m[row], expected[1], atol=1e-6)
         np.testing.assert_array_equal(batch.shape[row], run.shape)
     assert directions == {False, True}
 
@@ -173,8 +173,8 @@ def test_short_runs_are_padded_and_masked() -> None:
     batch = make_batch(training_set, config, 2, seed=0, step=0)
     assert batch.lengths.tolist() == [4, 4]
     assert batch.mask.tolist() == [[True, True, True, False, False]] * 2
-    assert batch.motions.metres[0, :, 0].tolist() == [1, 1, 1, 0, 0]
-    assert torch.equal(batch.motions.rotmats[0, 3:], torch.eye(3).expand(2, 3, 3))
+    assert batch.motions.delta_m[0, :, 0].tolist() == [1, 1, 1, 0, 0]
+    assert torch.equal(batch.motions.delta_rotmats[0, 3:], torch.eye(3).expand(2, 3, 3))
     assert batch.poses[0, 4:].abs().max() == 0
     assert batch.poses[0, :4, ::4].min() == 1
 

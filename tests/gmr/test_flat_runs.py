@@ -39,8 +39,8 @@ def tensors_of(batch: Batch) -> list[torch.Tensor]:
         batch.poses,
         batch.lengths,
         batch.mask,
-        motions.rotmats,
-        motions.metres,
+        motions.delta_rotmats,
+        motions.delta_m,
         batch.local_rotmats,
         batch.shape,
     ]

@@ -249,7 +249,7 @@ def test_divergence_keeps_the_last_good_checkpoint(
     def bursting(*args: object, **more: object) -> object:
         batch = make_batch(*args, **more)  # type: ignore[arg-type]
         if args[-1] >= 7:  # type: ignore[operator]
-            batch.motions.metres[0, 0, 0] = np.inf
+            batch.motions.delta_m[0, 0, 0] = np.inf
         return batch
 
     monkeypatch.setattr(loop, "make_batch", bursting)

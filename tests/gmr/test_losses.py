@@ -68,8 +68,11 @@ def direct_terms(
     sums = dict.fromkeys(("orientation", "translation", "vertex", "smoothness"), 0.0)
     pairs = 0
     for b, n in enumerate(lengths):
-        rotmats, true_rotmats = predicted.rotmats[b].numpy(), true.rotmats[b].numpy()
-        metres, true_m = predicted.metres[b].numpy(), true.metres[b].numpy()
+        delta_rotmats, true_rotmats = (
+            predicted.delta_rotmats[b].numpy(),
+            true.delta_rotmats[b].numpy(),
+        )
+        delta_m, true_m = predicted.delta_m[b].numpy(), true.delta_m[b].numpy()
         for i in range(n):
             if kind == "chordal":
                 sums["orientation"] += np.linalg.norm(rotmats[i] - true_rotmats[i], "fro") ** 2
@@ -79,9 +82,9 @@ def direct_terms(
             else:
                 vectors = Rotation.from_matrix([rotmats[i], true_rotmats[i]]).as_rotvec()
                 sums["orientation"] += np.linalg.norm(vectors[0] - vectors[1]) ** 2
-            sums["translation"] += np.linalg.norm(metres[i] - true_m[i]) ** 2
+            sums["translation"] += np.linalg.norm(delta_m[i] - true_m[i]) ** 2
             for v in vertices_m[b, i]:
-                moved_m = rotmats[i] @ v + metres[i] - true_rotmats[i] @ v - true_m[i]
+                moved_m = delta_rotmats[i] @ v + delta_m[i] - true_rotmats[i] @ v - true_m[i]
                 sums["vertex"] += np.abs(moved_m).sum()
         for i in range(n - 1):
             sums["smoothness"] += np.linalg.norm(rotmats[i] - rotmats[i + 1], "fro") ** 2
@@ -131,7 +134,7 @@ def test_weights_and_a_missing_vertex_term() -> None:
 def test_padding_has_no_value_and_no_gradient(small_body: BodyModel) -> None:
     predicted, true, bodies = random_motions(1), random_motions(2), random_bodies(small_body, 3)
     mask = torch.arange(N) < torch.tensor([4, 1, N])[:, None]
-    leaves = [predicted.rotmats.requires_grad_(), predicted.metres.requires_grad_()]
+    leaves = [predicted.delta_rotmats.requires_grad_(), predicted.delta_m.requires_grad_()]
     gmr_loss(predicted, true, mask, bodies, LossConfig()).total.backward()
     for leaf in leaves:
         assert leaf.grad is not None
@@ -151,8 +154,8 @@ def test_parts_of_a_step_add_up(small_body: BodyModel, reduction: Literal["mean"
         rows = slice(b, b + 1)
         parts.append(
             gmr_loss(
-                Motions(predicted.rotmats[rows], predicted.metres[rows]),
-                Motions(true.rotmats[rows], true.metres[rows]),
+                Motions(predicted.delta_rotmats[rows], predicted.delta_m[rows]),
+                Motions(true.delta_rotmats[rows], true.delta_m[rows]),
                 mask[rows],
                 Bodies(bodies.body, bodies.shape[rows], bodies.local_rotmats[rows]),
                 config,
@@ -180,23 +183,27 @@ def test_vertex_term_is_eq_13_with_the_body_posed_twice(
 
     def leaves() -> Motions:
         made = random_motions(1)
-        return Motions(made.rotmats.requires_grad_(), made.metres.requires_grad_())
+        return Motions(made.delta_rotmats.requires_grad_(), made.delta_m.requires_grad_())
 
     ours, direct = leaves(), leaves()
     weights = torch.rand(B, N, dtype=torch.float64, generator=torch.manual_seed(0))
-    short = vertex_l1_m(ours.rotmats - true.rotmats, ours.metres - true.metres, bodies)
+    short = vertex_l1_m(
+        ours.delta_rotmats - true.delta_rotmats, ours.delta_m - true.delta_m, bodies
+    )
     (short * weights).sum().backward()
     meshes_m = [
-        direct_mesh_m(body, bodies.shape[:, None], m.rotmats, m.metres, bodies.local_rotmats)
+        direct_mesh_m(body, bodies.shape[:, None], m.delta_rotmats, m.delta_m, bodies.local_rotmats)
         for m in (direct, true)
     ]
     long = (meshes_m[0] - meshes_m[1]).abs().sum(-1).mean(-1)
     (long * weights).sum().backward()
     torch.testing.assert_close(short, long, rtol=1e-10, atol=0)
-    assert ours.rotmats.grad is not None
-    assert ours.metres.grad is not None
-    torch.testing.assert_close(ours.rotmats.grad, direct.rotmats.grad, rtol=1e-8, atol=1e-10)
-    torch.testing.assert_close(ours.metres.grad, direct.metres.grad, rtol=1e-8, atol=1e-10)
+    assert ours.delta_rotmats.grad is not None
+    assert ours.delta_m.grad is not None
+    torch.testing.assert_close(
+        ours.delta_rotmats.grad, direct.delta_rotmats.grad, rtol=1e-8, atol=1e-10
+    )
+    torch.testing.assert_close(ours.delta_m.grad, direct.delta_m.grad, rtol=1e-8, atol=1e-10)
 
 
 @pytest.mark.parametrize("has_pose_dirs", [False, True])
@@ -206,21 +213,23 @@ def test_weights_get_the_direct_readings_gradient_in_single_precision(
     """To 1e-5 of its length, through the network, in the numbers that a training has."""
     body = bent_body(small_body) if has_pose_dirs else small_body
     bodies, true = random_bodies(body, 0, dtype=torch.float32), random_motions(2)
-    true = Motions(true.rotmats.float(), true.metres.float())
+    true = Motions(true.delta_rotmats.float(), true.delta_m.float())
     torch.manual_seed(0)
     model = Gmr(ModelConfig(layers=1, hidden=16))
     poses = torch.randn(B, N, 92)
 
     def gradient_of(direct: bool) -> tuple[float, torch.Tensor]:
         model.zero_grad()
-        rotmats, metres = model(poses)
+        delta_rotmats, delta_m = model(poses)
         if direct:
             shape, local = bodies.shape[:, None], bodies.local_rotmats
-            predicted_m = direct_mesh_m(body, shape, rotmats, metres, local)
-            true_m = direct_mesh_m(body, shape, true.rotmats, true.metres, local)
+            predicted_m = direct_mesh_m(body, shape, delta_rotmats, delta_m, local)
+            true_m = direct_mesh_m(body, shape, true.delta_rotmats, true.delta_m, local)
             loss = (predicted_m - true_m).abs().sum(-1).mean()
         else:
-            loss = vertex_l1_m(rotmats - true.rotmats, metres - true.metres, bodies).mean()
+            loss = vertex_l1_m(
+                delta_rotmats - true.delta_rotmats, delta_m - true.delta_m, bodies
+            ).mean()
         loss.backward()
         return loss.item(), torch.nn.utils.parameters_to_vector(
             p.grad for p in model.parameters() if p.grad is not None
@@ -271,8 +280,8 @@ def test_gradients_by_finite_differences(
 ) -> None:
     """Each term's gradient through the network's output, at predictions of 0 to nearly pi."""
     axes = np.array([[0.6, -0.48, 0.64], [0.8, 0.6, 0.0], [-0.28, 0.96, 0.0]])
-    metres = np.array([[0.03, -0.02, 0.05], [0.1, 0.0, -0.04], [-0.07, 0.02, 0.01]])
-    values = torch.tensor(np.concatenate([angle_rad * axes, metres], axis=1)[None])
+    delta_m = np.array([[0.03, -0.02, 0.05], [0.1, 0.0, -0.04], [-0.07, 0.02, 0.01]])
+    values = torch.tensor(np.concatenate([angle_rad * axes, delta_m], axis=1)[None])
     # The truth lies aside, and by less than pi from each prediction: at pi the angle has a kink.
     aside = expm(0.02 * np.cross(np.eye(3), [1.0, 0.5, -0.3]))
     true = Motions(

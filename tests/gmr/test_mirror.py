@@ -115,8 +115,8 @@ def test_mirrored_windows_are_windows_of_mirrored_clips(
         expected = make_batch(sets[1], plain, 1, seed=3, step=step)
         torch.testing.assert_close(found.local_rotmats, expected.local_rotmats, atol=2e-6, rtol=0)
         torch.testing.assert_close(found.poses, expected.poses, atol=2e-6, rtol=0)
-        torch.testing.assert_close(found.motions.rotmats, expected.motions.rotmats)
-        torch.testing.assert_close(found.motions.metres, expected.motions.metres)
+        torch.testing.assert_close(found.motions.delta_rotmats, expected.motions.delta_rotmats)
+        torch.testing.assert_close(found.motions.delta_m, expected.motions.delta_m)
 
 
 def test_about_as_many_windows_are_mirrored_as_asked_for() -> None:

@@ -82,12 +82,12 @@ def test_deltas_do_not_depend_on_the_world(
 @settings(max_examples=20, deadline=None)
 @given(poses)
 def test_torch_and_numpy_agree_in_batches(pose: tuple[np.ndarray, np.ndarray]) -> None:
-    rotmats, metres = (torch.as_tensor(np.stack([part, part[::-1]])) for part in pose)
-    found = deltas(rotmats, metres)
+    root_rotmats, pelvis_m = (torch.as_tensor(np.stack([part, part[::-1]])) for part in pose)
+    found = deltas(root_rotmats, pelvis_m)
     for row, order in enumerate((slice(None), slice(None, None, -1))):
         expected = deltas(pose[0][order], pose[1][order])
         np.testing.assert_allclose(found[0][row].numpy(), expected[0], atol=1e-13)
         np.testing.assert_allclose(found[1][row].numpy(), expected[1], atol=1e-13)
-    again = accumulate(*found, rotmats[:, 0], metres[:, 0])
+    again = accumulate(*found, root_rotmats[:, 0], pelvis_m[:, 0])
     torch.testing.assert_close(again[0], rotmats, atol=1e-11, rtol=0)
-    torch.testing.assert_close(again[1], metres, atol=1e-10, rtol=0)
+    torch.testing.assert_close(again[1], pelvis_m, atol=1e-10, rtol=0)

@@ -82,7 +82,7 @@ def test_two_processes_train_as_one_with_twice_the_windows(
         expected_weights = load_file(one / weights)
         for key, tensor in load_file(two / weights).items():
             torch.testing.assert_close(tensor, expected_weights[key], rtol=1e-4, atol=1e-5)
-        assert read_json(two / "stage.json")["processes"] == 2
+        assert read_json(two / "stage.json")["facts"]["processes"] == 2
         state = read_json(two / "checkpoints" / "step_00000012" / "state.json")
         assert state["processes"] == 2
 
@@ -95,6 +95,6 @@ def test_parts_are_the_whole_batch(
     parts = [own_part(batch, Processes(rank, 3)) for rank in range(3)]
     for name in ("poses", "lengths", "mask", "local_rotmats", "shape"):
         assert torch.equal(torch.cat([getattr(part, name) for part in parts]), getattr(batch, name))
-    for name in ("rotmats", "metres"):
+    for name in ("delta_rotmats", "delta_m"):
         together = torch.cat([getattr(part.motions, name) for part in parts])
         assert torch.equal(together, getattr(batch.motions, name))

@@ -58,8 +58,8 @@ def test_only_the_input_is_noisy(make_clips: Callable[..., list[Clip]]) -> None:
     training_set = make_training_set(make_clips(2, 1), "axis-angle", clean, ("velocity",))
     a, b = (make_batch(training_set, config, 3, seed=2, step=9) for config in (clean, noisy))
     assert torch.equal(a.local_rotmats, b.local_rotmats)
-    assert torch.equal(a.motions.rotmats, b.motions.rotmats)
-    assert torch.equal(a.motions.metres, b.motions.metres)
+    assert torch.equal(a.motions.delta_rotmats, b.motions.delta_rotmats)
+    assert torch.equal(a.motions.delta_m, b.motions.delta_m)
     difference = (a.poses - b.poses)[..., :69]
     assert 0.5 < np.rad2deg(difference.square().mean().sqrt().item()) * np.sqrt(3) / 3.0 < 1.5
     assert a.lengths.tolist() == [40, 40, 40]

@@ -65,8 +65,8 @@ def test_the_end_is_what_the_network_sees_in_the_last_poses(
     motion = walk(30.0, 48)
     world = predict_at_source_rate(untrained, motion)
     late = resample(motion, 10.0, start_s=2 / 30)
-    turns, steps_m = predict_deltas(untrained, late.local_rotmats)
-    turn, step_m = Rotation.from_matrix(turns[-1]).as_rotvec(), steps_m[-1]
+    delta_rotmats, delta_m = predict_deltas(untrained, late.local_rotmats)
+    turn, step_m = Rotation.from_matrix(delta_rotmats[-1]).as_rotvec(), delta_m[-1]
     for ahead in (1, 2):
         found = world.root_rotmats[45].T @ world.root_rotmats[45 + ahead]
         expected = Rotation.from_rotvec(turn * ahead / 3).as_matrix()

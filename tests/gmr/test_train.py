@@ -85,7 +85,7 @@ def test_a_run_folder(
         "manifest_0": sha256_of_file(manifest_path),
         "body": sha256_of_file(body_path),
     }
-    assert record["processes"] == 1
+    assert record["facts"]["processes"] == 1
     assert record["packages"].keys() >= {"torch", "roma", "numpy", "safetensors"}
     assert record["gmrdata"] and record["python"] and record["machine"]
     gmr = load_gmr(run_dir)

@@ -49,7 +49,7 @@ def test_rotations_are_kept_on_any_body(
     expected = Rotation.from_rotvec(
         np.concatenate([rotvecs[:, :22], rotvecs[:, [left, right]]], axis=1).reshape(-1, 3)
     ).as_matrix()
-    found = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    found = motion.rotmats
     np.testing.assert_allclose(found.reshape(-1, 3, 3), expected, atol=1e-12)
     np.testing.assert_array_equal(motion.shape, np.zeros(10))
     scale = leg_length_m(small_body.rest_joints_m(np.zeros(10))) / SMPL_LEG_M

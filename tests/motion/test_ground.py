@@ -149,7 +149,7 @@ def test_the_pitch_of_standing_feet_counts_as_flat(small_body: BodyModel) -> Non
 
 def _standing_feet(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Tilt of the soles [deg] and speed [m/s] of the feet that stand, over both sides."""
-    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    rotmats = motion.rotmats
     joints_m = motion_joints_m(body, motion)
     tilts_deg, speeds = [], []
     for hip, knee, ankle, foot in ((1, 4, 7, 10), (2, 5, 8, 11)):

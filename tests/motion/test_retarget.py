@@ -11,12 +11,12 @@ from gmrdata.motion.files import read_motion
 from gmrdata.motion.rest_pose import LIMBS, minimal_rotation
 from gmrdata.read.amc import read_amc
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, JOINT_NAMES, WORLD_FROM_REST, BodyModel
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.joint_names import MIXAMO, find_joints
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.skinning import global_rotmats, joint_positions_m, motion_joints_m
 
 SOLE_M = -1.195
 """The small body's lowest vertex in its rest frame."""

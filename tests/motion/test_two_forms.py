@@ -8,9 +8,9 @@ import pytest
 from gmrdata.motion.files import read_motion
 from gmrdata.read.amc import read_amc
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import BodyModel
-from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.skinning import global_rotmats, joint_positions_m, motion_joints_m
 
 LEGS = {
     "Hips": "root", "LeftUpLeg": "lfemur", "LeftLeg": "ltibia", "LeftFoot": "lfoot",

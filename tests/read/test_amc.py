@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gmrdata.read.amc import find_asf, read_amc, read_asf
-from gmrdata.read.source_motion import global_rotmats, joint_positions_m
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.skinning import global_rotmats, joint_positions_m
 
 ASF = """# a comment
 :version 1.10

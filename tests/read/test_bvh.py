@@ -9,8 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import SourceMotion, global_rotmats, joint_positions_m
+from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.skinning import global_rotmats, joint_positions_m
 
 GOOD = """HIERARCHY
 ROOT a

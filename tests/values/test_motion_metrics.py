@@ -6,10 +6,30 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.values.motion_metrics import angles_rad, ome_deg, tme_mm, vertex_errors_mm, vme_mm
+from gmrdata.values.motion_metrics import (
+    angles_rad,
+    orientation_errors_deg,
+    translation_errors_mm,
+    vertex_errors_mm,
+)
 
 STILL = np.eye(3)[None]
 NOWHERE_M = np.zeros((1, 3))
+
+
+def ome_deg(*rotmats: np.ndarray) -> float:
+    """Eq. 15."""
+    return float(orientation_errors_deg(*rotmats).mean())
+
+
+def tme_mm(*metres: np.ndarray) -> float:
+    """Eq. 16."""
+    return float(translation_errors_mm(*metres).mean())
+
+
+def vme_mm(*arrays: np.ndarray) -> float:
+    """Eq. 17."""
+    return float(vertex_errors_mm(*arrays).mean())
 
 
 def yaw(degrees: float, n: int = 1) -> np.ndarray:

@@ -17,11 +17,15 @@ from scipy.spatial.transform import Rotation, Slerp
 from gmrdata.motion.amass import read_amass
 from gmrdata.motion.files import read_motion
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import global_rotmats, joint_positions_m
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, WORLD_FROM_REST, BodyModel
 from gmrdata.values.joint_names import find_joints
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from gmrdata.values.skinning import (
+    global_rotmats,
+    joint_positions_m,
+    motion_joints_m,
+    motion_vertices_m,
+)
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
@@ -75,7 +79,7 @@ def test_bvh_comes_back_through_our_reader(
         for _, joint in sorted((s, j) for j, s in find_joints(found.names, None, path).items())
     ]
     assert sorted(order) == list(range(24))
-    rotmats = np.concatenate([motion.root_rotmats[:, None], motion.local_rotmats], axis=1)
+    rotmats = motion.rotmats
     rotmats[:, 0] = Y_UP @ rotmats[:, 0]
     np.testing.assert_allclose(found.local_rotmats, rotmats[:, order], atol=1e-6)
     world_from_joint = global_rotmats(found.parents, found.local_rotmats)
