@@ -26,10 +26,9 @@ from gmrdata.manifest.current import (
     Source,
 )
 from gmrdata.manifest.listing import file_record, folder_record, relative_to_root
-from gmrdata.stage.store import package_versions
+from gmrdata.stage.store import StageRecord, package_versions
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadManifest
-from gmrdata.values.files import STAGE_FILE, read_json
 from gmrdata.values.records import Config
 from gmrdata.values.rows import text_runs
 
@@ -58,17 +57,15 @@ def stage_recipe(stage_dir: Path) -> Recipe:
 
     Raises:
         MissingInput: the folder has no stage record, so it isn't a finished stage's.
-        BadManifest: the record lacks a part.
+        BadRecord: the record lacks a part, or is of another version.
     """
-    record = read_json(stage_dir / STAGE_FILE)
-    if not isinstance(record, dict) or not {"stage", "config", "inputs"} <= record.keys():
-        raise BadManifest(f"{stage_dir / STAGE_FILE}: not a stage's record; make the folder again")
-    config = without_machine_paths(record["config"])
+    record = StageRecord.of(stage_dir)
+    config = without_machine_paths(record.config)
     return Recipe(
-        stage=record["stage"],
+        stage=record.stage,
         config=config,
-        inputs=record["inputs"],
-        sha256=recipe_sha256(record["stage"], config, record["inputs"]),
+        inputs=record.inputs,
+        sha256=recipe_sha256(record.stage, config, record.inputs),
     )
 
 

@@ -15,6 +15,8 @@ class Run:
     """Local worker processes; as many as the recipe says when None."""
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:port); local processes when None."""
+    only_look: bool = False
+    """Make nothing: a stage that has work to do raises `gmrdata.stage.store.NotMade`."""
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 1:

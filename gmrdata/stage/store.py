@@ -1,4 +1,4 @@
-"""Files and folders that are complete when they exist: hashes, atomic writes, and stages."""
+"""Stages: folders that are complete when they exist, and the records that say what made them."""
 
 import fcntl
 import platform
@@ -6,16 +6,18 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple, Self, TypeVar
+
+from pydantic import JsonValue
 
 from gmrdata import __version__
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
-from gmrdata.values.files import RECIPE_FILE, STAGE_FILE, read_json, sha256_of_path, write_json
-from gmrdata.values.records import Config
+from gmrdata.values.files import RECIPE_FILE, STAGE_FILE, sha256_of_file, sha256_of_path
+from gmrdata.values.records import Config, Record
 
 RECORDED_PACKAGES = (
     "numpy",
@@ -30,6 +32,62 @@ RECORDED_PACKAGES = (
     "anny",
     "av",
 )
+FRESH_NS = 2_000_000_000
+"""A file that was written so short a time before it was hashed is hashed again [ns]."""
+
+
+class _Recipe(Record):
+    """What decides a stage's result."""
+
+    stage: str
+    """The stage's name."""
+    config: dict[str, JsonValue]
+    """Its recipe."""
+    inputs: dict[str, str]
+    """Hex SHA-256 of each file or folder that it read, by role."""
+
+    def differences(self, other: "_Recipe") -> list[str]:
+        """Keys whose values differ, with dots between a key and those below it."""
+        decisive = {"stage", "config", "inputs"}
+        return _differing_keys(
+            self.model_dump(include=decisive), other.model_dump(include=decisive)
+        )
+
+
+class RecipeRecord(_Recipe):
+    """`recipe.json` of an unfinished folder."""
+
+    format: Literal["gmrdata-recipe/1"] = "gmrdata-recipe/1"
+
+
+class StageRecord(_Recipe):
+    """`stage.json` of a finished folder."""
+
+    format: Literal["gmrdata-stage/1"] = "gmrdata-stage/1"
+    facts: dict[str, JsonValue]
+    """What the stage says of its work that doesn't decide the result, such as the device."""
+    gmrdata: str
+    """Version of gmrdata."""
+    git_commit: str | None
+    """Its commit; None where it was installed."""
+    python: str
+    """Version of Python."""
+    packages: dict[str, str]
+    """Versions of the packages that decide what bytes come out."""
+    seconds: float
+    """Wall time of the work [s]."""
+
+    @classmethod
+    def of(cls, stage_dir: Path) -> Self:
+        """The record of a finished folder; errors as `read` has them."""
+        return cls.read(stage_dir / STAGE_FILE)
+
+
+Kind = TypeVar("Kind", bound=Record)
+
+
+class NotMade(Exception):
+    """A run that only looks met a stage that has work to do."""
 
 
 def run_stage(
@@ -62,52 +120,45 @@ def run_stage(
 
     Raises:
         MissingInput: an input is not there.
-        StaleOutput: the folder was made by another recipe or from other inputs.
+        StaleOutput: the folder was made by another recipe, another version or from other inputs.
+        NotMade: there is work to do, and the run only looks.
     """
-    recipe = _recipe(name, config, inputs)
-    partial = out_dir.with_name(out_dir.name + ".partial")
-    retired = out_dir.with_name(f".{out_dir.name}.old")
+    if run.only_look and not out_dir.exists():
+        raise NotMade(out_dir)
     out_dir.parent.mkdir(parents=True, exist_ok=True)
     with locked(out_dir.with_name(f".{out_dir.name}.lock")):
-        if retired.exists():
-            shutil.rmtree(retired)
+        hashes = _InputHashes(out_dir, run)
+        recipe = _recipe(name, config, hashes.of(inputs))
+        shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
         if out_dir.exists() and not _is_stale(out_dir, recipe, run):
+            hashes.remember()
             return out_dir
-        if partial.exists() and not (resumable and _read_recipe(partial / RECIPE_FILE) == recipe):
-            shutil.rmtree(partial)
-        partial.mkdir(exist_ok=True)
-        _remove_temporaries(partial)
-        write_json(partial / RECIPE_FILE, recipe)
-        start_s = time.monotonic()
-        facts = dict(work(partial) or {})
-        write_json(partial / STAGE_FILE, recipe | facts | _provenance(time.monotonic() - start_s))
-        (partial / RECIPE_FILE).unlink()
-        # Two renames, so that at no time a half-deleted folder has the result's name.
-        if out_dir.exists():
-            out_dir.rename(retired)
-        partial.rename(out_dir)
-        shutil.rmtree(retired, ignore_errors=True)
+        if run.only_look:
+            raise NotMade(out_dir)
+        _make(out_dir, recipe, work, resumable)
+        hashes.remember()
     return out_dir
 
 
-def is_made(name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path]) -> bool:
+def is_made(
+    name: str,
+    out_dir: Path,
+    config: Config,
+    inputs: Mapping[str, Path],
+    run: Run = DEFAULT_RUN,
+) -> bool:
     """Whether `run_stage` would find its folder complete; arguments as there."""
-    made_by = _read_recipe(out_dir / STAGE_FILE)
+    made_by = _read_or_none(StageRecord, out_dir / STAGE_FILE)
     # By name first: only then are the inputs worth hashing.
-    return made_by.get("stage") == name and made_by == _recipe(name, config, inputs)
-
-
-def _recipe(name: str, config: Config, inputs: Mapping[str, Path]) -> dict[str, Any]:
-    return {
-        "stage": name,
-        "config": config.model_dump(mode="json"),
-        "inputs": {key: sha256_of_path(path) for key, path in sorted(inputs.items())},
-    }
+    if made_by is None or made_by.stage != name:
+        return False
+    hashes = _InputHashes(out_dir, run)
+    return not made_by.differences(_recipe(name, config, hashes.of(inputs)))
 
 
 def stage_seconds(out_dir: Path) -> float:
     """Wall time that a finished stage took [s]."""
-    return float(read_json(out_dir / STAGE_FILE)["seconds"])
+    return StageRecord.of(out_dir).seconds
 
 
 @contextmanager
@@ -118,7 +169,58 @@ def locked(lock_path: Path) -> Iterator[None]:
         yield
 
 
-def _is_stale(out_dir: Path, recipe: dict[str, Any], run: Run) -> bool:
+def package_versions() -> dict[str, str]:
+    """Installed versions of the packages that decide what bytes come out."""
+    versions = {}
+    for package in RECORDED_PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions[package] = metadata.version(package)
+    return versions
+
+
+def _recipe(name: str, config: Config, hashes: dict[str, str]) -> RecipeRecord:
+    return RecipeRecord(stage=name, config=config.model_dump(mode="json"), inputs=hashes)
+
+
+def _make(
+    out_dir: Path,
+    recipe: RecipeRecord,
+    work: Callable[[Path], Mapping[str, Any] | None],
+    resumable: bool,
+) -> None:
+    partial = out_dir.with_name(out_dir.name + ".partial")
+    retired = out_dir.with_name(f".{out_dir.name}.old")
+    if partial.exists():
+        begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
+        if not (resumable and begun_by == recipe):
+            shutil.rmtree(partial)
+    partial.mkdir(exist_ok=True)
+    _remove_temporaries(partial)
+    recipe.write(partial / RECIPE_FILE)
+    start_s = time.monotonic()
+    facts = dict(work(partial) or {})
+    _finished(recipe, facts, time.monotonic() - start_s).write(partial / STAGE_FILE)
+    (partial / RECIPE_FILE).unlink()
+    # Two renames, so that at no time a half-deleted folder has the result's name.
+    if out_dir.exists():
+        out_dir.rename(retired)
+    partial.rename(out_dir)
+    shutil.rmtree(retired, ignore_errors=True)
+
+
+def _finished(recipe: RecipeRecord, facts: dict[str, Any], seconds: float) -> StageRecord:
+    return StageRecord(
+        **recipe.model_dump(exclude={"format"}),
+        facts=facts,
+        gmrdata=__version__,
+        git_commit=_git_commit(),
+        python=platform.python_version(),
+        packages=package_versions(),
+        seconds=round(seconds, 2),
+    )
+
+
+def _is_stale(out_dir: Path, recipe: RecipeRecord, run: Run) -> bool:
     if out_dir.is_dir() and not any(out_dir.iterdir()):
         return True
     if not (out_dir / STAGE_FILE).is_file():
@@ -126,27 +228,29 @@ def _is_stale(out_dir: Path, recipe: dict[str, Any], run: Run) -> bool:
         raise StaleOutput(
             f"{out_dir}: is there, and no gmrdata stage made it. Pass another --out, or move it"
         )
-    made_by = _read_recipe(out_dir / STAGE_FILE)
-    if made_by == recipe:
-        return False
-    if run.redo:
-        return True
-    keys = ", ".join(_differing_keys(made_by, recipe)) or "the stage's record"
-    raise StaleOutput(
-        f"{out_dir}: made with other values of {keys}. "
-        "Pass --redo to make it again, or another --out"
-    )
-
-
-def _read_recipe(path: Path) -> dict[str, Any]:
-    """What a record says about the recipe; nothing if there is no record or it was cut off."""
     try:
-        record = read_json(path)
+        keys = StageRecord.of(out_dir).differences(recipe)
+    except BadRecord as error:
+        if run.redo:
+            return True
+        raise StaleOutput(
+            f"{out_dir}: what made it can't be read ({error}). "
+            "Pass --redo to make it again, or another --out"
+        ) from None
+    if keys and not run.redo:
+        raise StaleOutput(
+            f"{out_dir}: made with other values of {', '.join(keys)}. "
+            "Pass --redo to make it again, or another --out"
+        )
+    return bool(keys)
+
+
+def _read_or_none(kind: type[Kind], path: Path) -> Kind | None:
+    """A record; None if there is none, or it was cut off, or another version wrote it."""
+    try:
+        return kind.read(path)
     except (MissingInput, BadRecord):
-        return {}
-    if not isinstance(record, dict):
-        return {}
-    return {key: record[key] for key in ("stage", "config", "inputs") if key in record}
+        return None
 
 
 def _remove_temporaries(partial: Path) -> None:
@@ -168,27 +272,6 @@ def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
     return [] if a == b else [prefix]
 
 
-def package_versions() -> dict[str, str]:
-    """Installed versions of the packages that decide what bytes come out."""
-    versions = {}
-    for package in RECORDED_PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return versions
-
-
-def _provenance(seconds: float) -> dict[str, Any]:
-    return {
-        "gmrdata": __version__,
-        "git_commit": _git_commit(),
-        "python": platform.python_version(),
-        "packages": package_versions(),
-        "seconds": round(seconds, 2),
-    }
-
-
 def _git_commit() -> str | None:
     """Commit of the checkout that gmrdata runs from, or None for an installed wheel."""
     here = Path(__file__).parents[2]
@@ -201,3 +284,92 @@ def _git_commit() -> str | None:
         [git, "-C", str(here), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
     )
     return answer.stdout.strip() or None
+
+
+class FileState(NamedTuple):
+    """What the system says of a file."""
+
+    inode: int
+    """Its number on its disk."""
+    size_bytes: int
+    """Size [bytes]."""
+    mtime_ns: int
+    """When its content was last changed; anybody may set this [ns]."""
+    ctime_ns: int
+    """When the system last changed anything of it; nobody can set this [ns]."""
+
+
+class KnownFile(NamedTuple):
+    """A file's hash, and what the system said of the file then."""
+
+    sha256: str
+    """Hex SHA-256."""
+    state: FileState
+    """Unchanged as long as the content is."""
+
+
+class InputsRecord(Record):
+    """`.<stage>.inputs` beside a stage's folder: hashes that need not be worked out again."""
+
+    format: Literal["gmrdata-inputs/1"] = "gmrdata-inputs/1"
+    files: dict[str, KnownFile]
+    """By role, with the path below an input that is a folder."""
+
+
+_HASHED: dict[tuple[int, FileState], str] = {}
+"""What this process has hashed, by device and state: stages that read the same frames share it."""
+
+
+class _InputHashes:
+    """Hashes of a stage's inputs; a file that is as it was when it was hashed is not read again.
+
+    As git does it: size, times and inode stand for the content.  A write within the clock's
+    grain of the hashing could leave all of them as they were, so a file is only remembered if it
+    was `FRESH_NS` old by then.  What remains is a disk whose clock is wrong by more than that;
+    `--redo` believes nothing that an earlier process remembered.
+    """
+
+    def __init__(self, out_dir: Path, run: Run) -> None:
+        self._path = out_dir.with_name(f".{out_dir.name}.inputs")
+        found = None if run.redo else _read_or_none(InputsRecord, self._path)
+        self._earlier = {} if found is None else found.files
+        self._known: dict[str, KnownFile] = {}
+
+    def of(self, inputs: Mapping[str, Path]) -> dict[str, str]:
+        """Hex SHA-256 of each input, by role."""
+        return {role: self._of_input(role, path) for role, path in sorted(inputs.items())}
+
+    def remember(self) -> None:
+        """Keep what was found for the next process.  It only saves time, so it may fail."""
+        if self._known != self._earlier:
+            with suppress(OSError):
+                InputsRecord(files=self._known).write(self._path)
+
+    def _of_input(self, role: str, path: Path) -> str:
+        def hash_file(file: Path) -> str:
+            return self._of_file(role + str(file)[len(str(path)) :], file)
+
+        return sha256_of_path(path, hash_file)
+
+    def _of_file(self, key: str, file: Path) -> str:
+        if not file.is_file():
+            return sha256_of_file(file)  # which says what is missing
+        device, state = _state(file)
+        earlier = self._earlier.get(key)
+        if earlier is not None and earlier.state == state:
+            self._known[key] = earlier
+            return earlier.sha256
+        began_ns = time.time_ns()
+        digest = _HASHED.get((device, state)) or sha256_of_file(file)
+        is_old = max(state.mtime_ns, state.ctime_ns) < began_ns - FRESH_NS
+        if is_old and _state(file) == (device, state):
+            _HASHED[device, state] = digest
+            self._known[key] = KnownFile(digest, state)
+        return digest
+
+
+def _state(file: Path) -> tuple[int, FileState]:
+    found = file.stat()
+    return found.st_dev, FileState(
+        found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+    )

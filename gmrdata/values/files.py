@@ -11,7 +11,7 @@ import re
 import threading
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -27,7 +27,7 @@ STAGE_FILE = "stage.json"
 RECIPE_FILE = "recipe.json"
 
 
-_LOCK_NAME = re.compile(r"\..+\.lock")
+_BESIDE_A_STAGE = re.compile(r"\..+\.(lock|inputs)")
 
 
 _TEMPORARY_NAME = re.compile(r"\..+\.(?P<pid>\d+)-\d+\.tmp(\..*)?")
@@ -49,22 +49,33 @@ def sha256_of_file(path: Path) -> str:
     return digest.hexdigest()
 
 
-def sha256_of_path(path: Path) -> str:
+def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file) -> str:
     """Hex SHA-256 of a file, or of a folder's relative paths and contents.
 
-    A stage's own record is left out, since it holds times, and so are the lock files of stages.
+    A stage's own record is left out, since it holds times, and so are the files that stages keep
+    beside their folders.
 
     Raises:
         MissingInput: there is nothing at the path.
     """
     if not path.is_dir():
-        return sha256_of_file(path)
+        return hash_file(path)
     digest = hashlib.sha256()
-    for file in sorted(p for p in path.rglob("*") if p.is_file()):
-        if file.name in (STAGE_FILE, RECIPE_FILE) or _LOCK_NAME.fullmatch(file.name):
-            continue
-        digest.update(f"{file.relative_to(path).as_posix()}\0{sha256_of_file(file)}\n".encode())
+    for file in _files_below(path):
+        digest.update(f"{file.relative_to(path).as_posix()}\0{hash_file(file)}\n".encode())
     return digest.hexdigest()
+
+
+def _files_below(folder: Path) -> list[Path]:
+    """What a folder's hash is of, sorted; folders that are links are not entered."""
+    found = [Path(root, name) for root, _, names in os.walk(folder) for name in names]
+    return sorted(
+        file
+        for file in found
+        if file.name not in (STAGE_FILE, RECIPE_FILE)
+        and not _BESIDE_A_STAGE.fullmatch(file.name)
+        and file.is_file()
+    )
 
 
 @contextmanager

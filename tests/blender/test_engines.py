@@ -13,11 +13,12 @@ from pydantic import ValidationError
 from gmrdata.film.camera_moves import look_at
 from gmrdata.film.render import RenderConfig, find_renderer, render_clip
 from gmrdata.read.bodies import save_body
+from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov, project
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import EngineMissing
-from gmrdata.values.files import read_json, sha256_of_file
+from gmrdata.values.files import sha256_of_file
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.values.transforms import rigid

@@ -190,7 +190,7 @@ def test_a_training_says_what_it_left_out(
     data = DataConfig(weights=(1.0, 3.0), held_out_subjects=("KIT/3",))
     config = small_config.model_copy(update={"data": data})
     train(paths, tmp_path / "run", config, body_path=tmp_path / "body.npz")
-    record = read_json(tmp_path / "run" / "stage.json")
+    record = read_json(tmp_path / "run" / "stage.json")["facts"]
     assert record["clips"] == 5
     assert record["left_out"] == {"of held-out subject KIT/3": 1, "on the list paper_table8": 3}
     assert "not trained on: 4 of 9 clips" in " ".join(capsys.readouterr().err.split())

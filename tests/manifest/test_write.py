@@ -18,7 +18,7 @@ from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import write_manifest
 from gmrdata.stage.store import run_stage
 from gmrdata.values import clip as clip_file
-from gmrdata.values.errors import BadManifest, MissingInput
+from gmrdata.values.errors import BadManifest, BadRecord, MissingInput
 from gmrdata.values.records import Config
 
 ENTRY: dict[str, Any] = {
@@ -216,5 +216,5 @@ def test_recipe_of_a_folder_that_no_stage_made(data_set: Path) -> None:
     with pytest.raises(MissingInput, match=r"stage\.json"):
         stage_recipe(data_set)
     (data_set / "stage.json").write_text("{}")
-    with pytest.raises(BadManifest, match="not a stage's record"):
+    with pytest.raises(BadRecord, match=r"stage\.json: has no `format`"):
         stage_recipe(data_set)

@@ -151,7 +151,7 @@ def test_a_cut_off_record_is_stale(tmp_path: Path) -> None:
     made(tmp_path / "out", Counter())
     record = tmp_path / "out" / "stage.json"
     record.write_text(record.read_text()[:20])
-    with pytest.raises(StaleOutput, match="config, inputs, stage"):
+    with pytest.raises(StaleOutput, match=r"stage\.json: not JSON .*--redo to make it again"):
         made(tmp_path / "out", Counter())
     with pytest.raises(BadRecord, match=r"stage\.json: not JSON"):
         stage_seconds(tmp_path / "out")
@@ -215,8 +215,9 @@ def test_other_work_starts_anew(tmp_path: Path, seed: int, resumable: bool) -> N
 CHILD = """
 import sys, time
 from pathlib import Path
-from gmrdata.config import Config
-from gmrdata.store import run_stage, write_text
+from gmrdata.values.records import Config
+from gmrdata.stage.store import run_stage
+from gmrdata.values.files import write_text
 root = Path(sys.argv[1])
 def work(partial):
     with (root / "runs.txt").open("a") as stream:
@@ -275,7 +276,7 @@ FULL_DISK = """
 import resource, sys
 from pathlib import Path
 import numpy as np
-from gmrdata.store import atomic_path, write_text
+from gmrdata.values.files import atomic_path, write_text
 resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
 path = Path(sys.argv[1])
 try:
