@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import put_on_floor
 from gmrdata.motion.rest_pose import leg_length_m
-from gmrdata.read.numbers import LARGEST_IN_TEXT
+from gmrdata.read.numbers import finite_numbers
 from gmrdata.read.source_motion import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
 from gmrdata.values.body import HANDS, N_JOINTS, BodyModel, gender_of
 from gmrdata.values.errors import BadMotionFile
@@ -50,8 +50,6 @@ def read_amass(
     """Read an AMASS motion (156 or 165 pose values), SMPL poses (72) or a clip, onto a body.
 
     Args:
-        path: The file.
-        body: The body to put it on.
         fps_hz: Frame rate to believe instead of the file's [Hz].  Without it CMU's index decides
             for CMU's 60 Hz subjects (AMASS's releases disagree on them), the file otherwise.
         shape: (S,) shape of `body`.  Without it the file's betas are kept if they are of this body
@@ -109,7 +107,7 @@ def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray,
             f"{path}: no AMASS motion, it has no array {missing[0]!r} "
             f"(it has {', '.join(arrays)[:200]})"
         )
-    poses, trans = _numbers(arrays, "poses", path), _numbers(arrays, "trans", path)
+    poses, trans = (finite_numbers(arrays[key], key, path) for key in ("poses", "trans"))
     if poses.ndim != 2 or poses.shape[1] not in HANDS:
         raise BadMotionFile(
             f"{path}: poses are {poses.shape}; known are (T, 72) of SMPL, (T, 156) of SMPL+H and "
@@ -122,21 +120,6 @@ def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray,
     if len(poses) < 2:
         raise BadMotionFile(f"{path}: {len(poses)} frames are no motion; it takes at least 2")
     return poses, trans
-
-
-def _numbers(arrays: dict[str, np.ndarray], key: str, path: Path) -> np.ndarray:
-    """One array as finite float64."""
-    try:
-        values = np.asarray(arrays[key], dtype=np.float64)
-    except (TypeError, ValueError):
-        raise BadMotionFile(f"{path}: {key} does not hold numbers; fetch it again") from None
-    wrong = np.argwhere(~(np.abs(values) <= LARGEST_IN_TEXT))
-    if len(wrong):
-        at = f"frame {wrong[0][0]}" if values.ndim > 1 else "it"
-        raise BadMotionFile(
-            f"{path}: {key} is not finite at {at}; cut those frames out of the file"
-        )
-    return values
 
 
 def _choose_rate(
@@ -152,7 +135,7 @@ def _choose_rate(
         raise BadMotionFile(
             f"{path}: no frame rate ({' or '.join(RATE_KEYS)}); give it with fps_hz"
         )
-    values = _numbers(arrays, key, path).ravel()
+    values = finite_numbers(arrays[key], key, path).ravel()
     if values.size != 1:
         raise BadMotionFile(f"{path}: {key} is not one number; give the rate with fps_hz")
     return check_rate_hz(float(values[0]), path), "file"
@@ -183,11 +166,9 @@ def _subject(
             raise BadMotionFile(
                 f"{path}: a clip on the body {str(arrays['body'])!r}; give that body as source_body"
             )
-        rest_pelvis_m = (
-            _numbers(arrays, "rest_pelvis_m", path) if "rest_pelvis_m" in arrays else 0.0
-        )
+        rest_pelvis_m = finite_numbers(arrays.get("rest_pelvis_m", 0.0), "rest_pelvis_m", path)
         return SMPL_LEG_M, np.broadcast_to(rest_pelvis_m, 3), np.zeros(0)
-    found = _numbers(arrays, "betas", path).ravel() if "betas" in arrays else np.zeros(0)
+    found = finite_numbers(arrays.get("betas", ()), "betas", path).ravel()
     betas = np.zeros(betas_body.n_shape)
     n_common = min(betas.size, found.size)
     betas[:n_common] = found[:n_common]

@@ -1,22 +1,20 @@
-"""EMDB as manifests of world clips with cameras: all sequences, EMDB 1, and EMDB 2.
-
-A sequence of EMDB as a clip: person and camera in one z-up world.
-"""
+"""EMDB as manifests of clips with cameras in a z-up world: all of it, EMDB 1, and EMDB 2."""
 
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
-from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.entry import clip_entry, stage_recipe
+from gmrdata.motion.library import write_motions
 from gmrdata.read.bodies import keep_body, load_body, read_body
-from gmrdata.read.emdb import FPS_HZ, EmdbSequence, find_sequences, read_emdb, rigid_rows
-from gmrdata.read.numbers import usable_rows
+from gmrdata.read.emdb import FPS_HZ, EmdbSequence, find_sequences, read_emdb
+from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -25,13 +23,20 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile, MissingInput
-from gmrdata.values.files import read_json, write_json
 from gmrdata.values.motion import Motion
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, Record
+from gmrdata.values.rows import first_reasons
 from gmrdata.values.transforms import apply, invert, rigid
 
 WORLD_FROM_EMDB = rigid(Rotation.from_euler("x", 90, degrees=True).as_matrix(), np.zeros(3))
 """(4, 4): EMDB's world is y-up, ours z-up."""
+LICENCE = "EMDB's licence (non-commercial research; not to be passed on)"
+ABOUT_FILE, CLIP_FILE = "about.json", "clip.npz"
+DESCRIPTIONS = {
+    "emdb": "All sequences of EMDB in the world, with their moving cameras.",
+    "emdb1": "EMDB 1, the sequences on which poses are scored, in the world with their cameras.",
+    "emdb2": "EMDB 2, the sequences on which global trajectories are scored, with their cameras.",
+}
 
 
 def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip:
@@ -41,30 +46,21 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
     without finite numbers are NaN.
 
     Args:
-        clip_id: The clip's name.
-        sequence: The sequence.
-        body: SMPL's body of its gender, see `body_of`.
+        body: SMPL's body of the sequence's gender, see `body_of`.
 
     Returns:
         The clip; its image numbers are those of the files, from 0.
     """
-    has_pose = usable_rows(sequence.poses_rad, sequence.trans_m)
-    has_camera = rigid_rows(sequence.cam_from_world)
-    n_frames = sequence.n_frames
+    has_pose, has_camera = _has_pose(sequence), rigid_rows(sequence.cam_from_world)
     shape = sequence.betas[: body.n_shape].copy()
-    rotmats = np.full((n_frames, 24, 3, 3), np.nan)
-    if has_pose.any():
-        rotvecs = sequence.poses_rad[has_pose].reshape(-1, 3)
-        rotmats[has_pose] = Rotation.from_rotvec(rotvecs).as_matrix().reshape(-1, 24, 3, 3)
-    pelvis_emdb_m = np.where(has_pose[:, None], sequence.trans_m, np.nan) + body.rest_pelvis_m(
-        shape
-    )
-    world_from_cam = np.full((n_frames, 4, 4), np.nan)
+    rotmats = smpl_rotmats(np.where(has_pose[:, None], sequence.poses_rad, np.nan))
+    trans_m = np.where(has_pose[:, None], sequence.trans_m, np.nan)
+    world_from_cam = np.full((sequence.n_frames, 4, 4), np.nan)
     world_from_cam[has_camera] = WORLD_FROM_EMDB @ invert(sequence.cam_from_world[has_camera])
     motion = Motion(
         local_rotmats=rotmats[:, 1:],
         root_rotmats=WORLD_FROM_EMDB[:3, :3] @ rotmats[:, 0],
-        pelvis_m=apply(WORLD_FROM_EMDB, pelvis_emdb_m),
+        pelvis_m=apply(WORLD_FROM_EMDB, trans_m + body.rest_pelvis_m(shape)),
         shape=shape,
         fps_hz=FPS_HZ,
         body=body.name,
@@ -72,30 +68,24 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
         frame="world",
         source=f"EMDB {sequence.name}",
     )
-    camera = CameraPath(
-        sequence.intrinsics_px,
-        sequence.width_px,
-        sequence.height_px,
-        world_from_cam,
-        has_camera,
-    )
+    size_px = sequence.width_px, sequence.height_px
+    camera = CameraPath(sequence.intrinsics_px, *size_px, world_from_cam, has_camera)
     valid = sequence.good & has_pose & has_camera
-    return Clip(clip_id, motion, valid, np.arange(n_frames), camera)
+    return Clip(clip_id, motion, valid, np.arange(sequence.n_frames), camera)
+
+
+def _has_pose(sequence: EmdbSequence) -> np.ndarray:
+    return usable_rows(sequence.poses_rad, sequence.trans_m)
 
 
 def dropped_reasons(sequence: EmdbSequence) -> list[str]:
     """Why each frame can't be used: (N,) texts, empty where it can."""
-    has_pose = usable_rows(sequence.poses_rad, sequence.trans_m)
-    has_camera = rigid_rows(sequence.cam_from_world)
     tests = (
         (sequence.good, "good_frames_mask is False"),
-        (has_pose, "poses or trans is not finite"),
-        (has_camera, "extrinsics is no rigid transform"),
+        (_has_pose(sequence), "poses or trans is not finite"),
+        (rigid_rows(sequence.cam_from_world), "extrinsics is no rigid transform"),
     )
-    reasons = [""] * sequence.n_frames
-    for passed, why in tests:
-        reasons = [old or ("" if good else why) for old, good in zip(reasons, passed, strict=True)]
-    return reasons
+    return first_reasons([""] * sequence.n_frames, tests)
 
 
 def body_of(sequence: EmdbSequence, bodies: Sequence[BodyModel]) -> BodyModel:
@@ -124,20 +114,23 @@ def tilt_deg(clip: Clip) -> float:
     return float(np.rad2deg(np.arccos(np.clip(axis[2] / np.linalg.norm(axis), -1.0, 1.0))))
 
 
-LICENCE = "EMDB's licence (non-commercial research; not to be passed on)"
-ABOUT_FILE, CLIP_FILE = "about.json", "clip.npz"
-DESCRIPTIONS = {
-    "emdb": "All sequences of EMDB in the world, with their moving cameras.",
-    "emdb1": "EMDB 1, the sequences on which poses are scored, in the world with their cameras.",
-    "emdb2": "EMDB 2, the sequences on which global trajectories are scored, with their cameras.",
-}
-
-
 class EmdbConfig(Config):
     """What decides a sequence's clip."""
 
     name: str
     """The sequence."""
+
+
+class EmdbAbout(Record):
+    """What a sequence's file says beside its clip."""
+
+    format: Literal["gmrdata-emdb/1"] = "gmrdata-emdb/1"
+    emdb1: bool
+    """Whether it is in EMDB 1."""
+    emdb2: bool
+    """Whether it is in EMDB 2."""
+    reasons: list[str]
+    """(N,) why each frame can't be used; empty where it can."""
 
 
 def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> tuple[Path, ...]:
@@ -163,22 +156,13 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
     entries: dict[str, list[ClipEntry]] = {name: [] for name in DESCRIPTIONS}
     for path in track(sequence_paths, "reading EMDB's sequences"):
         folder = _make_sequence(path, body_paths, out_dir, run)
-        about = read_json(folder / ABOUT_FILE)
+        about = EmdbAbout.read(folder / ABOUT_FILE)
         entry = _entry(folder, about, out_dir)
-        for name in ("emdb", *(part for part in ("emdb1", "emdb2") if about[part])):
+        parts = {"emdb": True, "emdb1": about.emdb1, "emdb2": about.emdb2}
+        for name in (name for name, is_in in parts.items() if is_in):
             entries[name].append(entry)
     return tuple(
-        write_manifest(
-            out_dir / f"{name}.yaml",
-            name=name,
-            version="1.0.0",
-            description=description,
-            kind="motions",
-            licence=LICENCE,
-            clips=entries[name],
-            created_by=created_by(),
-            redo=run.redo,
-        )
+        write_motions(out_dir, name, name, description, LICENCE, entries[name], run=run)
         for name, description in DESCRIPTIONS.items()
         if entries[name]
     )
@@ -211,18 +195,16 @@ def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, ru
         body = body_of(sequence, [read_body(kept) for kept in body_paths.values()])
         clip = sequence_clip(name, sequence, body)
         save_clip(partial_dir / CLIP_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
-        about = {
-            "emdb1": sequence.emdb1,
-            "emdb2": sequence.emdb2,
-            "reasons": dropped_reasons(sequence),
-        }
-        write_json(partial_dir / ABOUT_FILE, about)
+        about = EmdbAbout(
+            emdb1=sequence.emdb1, emdb2=sequence.emdb2, reasons=dropped_reasons(sequence)
+        )
+        about.write(partial_dir / ABOUT_FILE)
 
     inputs = {"sequence": path} | {f"body {key}": kept for key, kept in body_paths.items()}
     return run_stage("emdb", out_dir / "clips" / name, EmdbConfig(name=name), inputs, work, run=run)
 
 
-def _entry(folder: Path, about: dict[str, list[str]], out_dir: Path) -> ClipEntry:
+def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
     clip = load_clip(folder / CLIP_FILE)
     off_deg = tilt_deg(clip)
     return clip_entry(
@@ -231,17 +213,15 @@ def _entry(folder: Path, about: dict[str, list[str]], out_dir: Path) -> ClipEntr
         camera_motion=_camera_motion(clip),
         licence=LICENCE,
         source=Source(dataset="EMDB", sequence=clip.id.replace("_", "/", 1)),
-        dropped_reason=about["reasons"],
+        dropped_reason=about.reasons,
         quality=None if math.isnan(off_deg) else Quality(figures={"mean_tilt_deg": off_deg}),
         recipe=stage_recipe(folder),
     )
 
 
 def _camera_motion(clip: Clip) -> MotionClass:
-    if not clip.valid.any():
-        return "static"
-    path, motion = camera_of(clip), clip.motion
     rows = clip.valid
-    return classify(
-        path.world_from_cam[rows], motion.pelvis_m[rows], motion.fps_hz, MotionClassConfig()
-    )[0]
+    if not rows.any():
+        return "static"
+    cameras, pelvis_m = camera_of(clip).world_from_cam[rows], clip.motion.pelvis_m[rows]
+    return classify(cameras, pelvis_m, clip.motion.fps_hz, MotionClassConfig())[0]

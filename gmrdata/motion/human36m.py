@@ -1,18 +1,14 @@
-"""Human3.6M as two manifests of world clips: everybody's training and test subjects.
-
-A take as a clip in the world, with one of the four cameras.
-"""
+"""Human3.6M as two manifests of world clips with one camera: the training and test subjects."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
-from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
-from gmrdata.manifest.write import write_manifest
+from gmrdata.manifest.entry import clip_entry, stage_recipe
+from gmrdata.motion.library import write_motions
 from gmrdata.read.bodies import keep_body, read_body
 from gmrdata.read.human36m import (
     ACTIONS,
@@ -27,7 +23,7 @@ from gmrdata.read.human36m import (
     read_cameras,
     read_takes,
 )
-from gmrdata.read.numbers import usable_rows
+from gmrdata.read.numbers import smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -37,6 +33,8 @@ from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadBodyFile, BadSequence
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
+
+LICENCE = "Human3.6M's licence (academic use; not to be passed on)"
 
 
 def take_clip(
@@ -48,10 +46,7 @@ def take_clip(
     `trans` + J0 of its own betas; the clip's shape is the mean of the betas of the valid frames.
 
     Args:
-        subject: Number of the subject.
-        take: The take.
         camera_number: Which camera, 1 to 4.
-        camera: That camera.
         body: SMPL's neutral body.
 
     Returns:
@@ -78,8 +73,7 @@ def take_clip(
     rotmats = np.full((n_rows, 24, 3, 3), np.nan)
     pelvis_m = np.full((n_rows, 3), np.nan)
     if len(rows):
-        rotvecs = take.poses_rad[usable].reshape(-1, 3)
-        rotmats[rows] = Rotation.from_rotvec(rotvecs).as_matrix().reshape(-1, 24, 3, 3)
+        rotmats[rows] = smpl_rotmats(take.poses_rad[usable])
         rest_pelvis_m = body.joints_template_m[0] + shapes @ body.joint_shape_dirs_m[0].T
         pelvis_m[rows] = take.trans_m[usable] + rest_pelvis_m
     motion = Motion(
@@ -95,14 +89,9 @@ def take_clip(
         f" {step}. frame of the 50 Hz video, {n_rows - len(rows)} of {n_rows} without parameters,"
         f" {int((~on_grid).sum())} between them left out, camera {camera_number}",
     )
-    width_px, height_px = SIZES_PX[camera_number]
-    path = CameraPath(
-        camera.intrinsics_px,
-        width_px,
-        height_px,
-        np.tile(camera.world_from_cam, (n_rows, 1, 1)),
-        np.ones(n_rows, dtype=bool),
-    )
+    world_from_cam = np.tile(camera.world_from_cam, (n_rows, 1, 1))
+    has_camera = np.ones(n_rows, dtype=bool)
+    path = CameraPath(camera.intrinsics_px, *SIZES_PX[camera_number], world_from_cam, has_camera)
     return Clip(clip_id, motion, valid, numbers + 1, path)
 
 
@@ -118,9 +107,6 @@ def _step(frames: np.ndarray) -> int:
 
 def _most_common(values: np.ndarray) -> int:
     return int(np.bincount(values).argmax())
-
-
-LICENCE = "Human3.6M's licence (academic use; not to be passed on)"
 
 
 class Human36mConfig(Config):
@@ -164,18 +150,11 @@ def make_human36m(
         ]
         if not entries:
             continue
-        path = write_manifest(
-            out_dir / f"{name}.yaml",
-            name=f"human36m_{name}",
-            version="1.0.0",
-            description=f"Human3.6M's {name} subjects in the world, with one fixed camera.",
-            kind="motions",
-            licence=LICENCE,
-            clips=entries,
-            created_by=created_by({"subjects": there}),
-            redo=run.redo,
+        description = f"Human3.6M's {name} subjects in the world, with one fixed camera."
+        full_name, recipe = f"human36m_{name}", {"subjects": there}
+        made.append(
+            write_motions(out_dir, name, full_name, description, LICENCE, entries, recipe, run=run)
         )
-        made.append(path)
     return tuple(made)
 
 

@@ -1,8 +1,6 @@
-"""Motion files of any kind as a table, or as a manifest of training motions.
+"""Motion files of any kind as a manifest of training motions, or as a table.
 
-Where a clip's motion came from, and what that allows.
-
-Which motion files go into a library of clips, and what each clip is called.
+Which files go in, what each clip is called, where its motion came from, and what that allows.
 """
 
 import os
@@ -39,6 +37,14 @@ CMU_LICENCE = (
 )
 AMASS_LICENCE = "AMASS's licence (amass.is.tue.mpg.de): non-commercial; not to be passed on"
 FILE_LICENCE = "as the motion file that it was made from"
+LONGEST_ID = 150
+READING = "reading motions"
+FAILED = "failed"
+"""Folder below the library's with a text file for each file that could not be read."""
+FEW_FILES = 8
+"""So many files are read faster than worker processes start."""
+MAX_LISTED = 20
+"""Bad files that the error message lists."""
 
 
 def gait_source(name: str) -> Source:
@@ -56,7 +62,6 @@ def motion_source(path: Path, tail: PurePosixPath) -> Source:
     """A motion file, known as AMASS's by its layout: `KIT/3/kick_poses.npz`.
 
     Args:
-        path: The file.
         tail: The last parts of its path.
     """
     in_amass = path.suffix.lower() == ".npz" and path.stem.endswith(("_poses", "_stageii"))
@@ -69,9 +74,6 @@ def licence_of(source: Source) -> str:
     """Terms under which a clip of this source may be passed on."""
     licences = {"gmrdata": OWN_LICENCE, "CMU": CMU_LICENCE, "AMASS": AMASS_LICENCE}
     return licences.get(source.dataset, FILE_LICENCE)
-
-
-LONGEST_ID = 150
 
 
 @dataclass(frozen=True)
@@ -144,15 +146,6 @@ def _tail(path: Path, inside: Path) -> PurePosixPath:
     return PurePosixPath(*(*given, *inside.parts)[-3:])
 
 
-READING = "reading motions"
-FAILED = "failed"
-"""Folder below the library's with a text file for each file that could not be read."""
-FEW_FILES = 8
-"""So many files are read faster than worker processes start."""
-MAX_LISTED = 20
-"""Bad files that the error message lists."""
-
-
 class LibraryConfig(Config):
     """How the files are read."""
 
@@ -182,16 +175,8 @@ def motion_table(
         motion = read_motion(file.path, loaded_body, fps_hz=fps_hz, joint_map=joint_map)
         travelled_m = _travelled_m(motion)
         seconds = motion.n_frames / motion.fps_hz
-        rows.append(
-            (
-                file.path.name,
-                f"{motion.n_frames}",
-                f"{motion.fps_hz:g}",
-                f"{seconds:.2f}",
-                f"{travelled_m:.2f}",
-                f"{travelled_m / seconds:.2f}",
-            )
-        )
+        figures = [f"{value:.2f}" for value in (seconds, travelled_m, travelled_m / seconds)]
+        rows.append((file.path.name, f"{motion.n_frames}", f"{motion.fps_hz:g}", *figures))
     return ("file", "frames", "rate [Hz]", "length [s]", "path [m]", "speed [m/s]"), rows
 
 
@@ -204,7 +189,7 @@ def make_library(
     joint_map: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Write one clip per motion file, and `motions.yaml` that lists them.
+    """Write one clip per motion file, and `motions.yaml` that lists them; gives its path.
 
     Each file is a stage of its own, done by one of several worker processes, and is not done again.
     A file that can't be read doesn't keep the others from the manifest.
@@ -212,13 +197,8 @@ def make_library(
     Args:
         sources: Motion files, and folders of them.
         body: The body to put them on, as `load_body` takes it.
-        out_dir: Folder to make.
         fps_hz: Frame rate to believe instead of the files' [Hz].
         joint_map: A file of joint names, see `read_motion`.
-        run: One worker process per CPU unless it names a number.
-
-    Returns:
-        Path of the manifest.
 
     Raises:
         MissingInput: there is no motion file.
@@ -230,31 +210,24 @@ def make_library(
     files = library_files(sources)
     body_path = keep_body(body, out_dir / "body", run=run)
     config = LibraryConfig(fps_hz=fps_hz)
-    shared = {
-        "body_path": body_path,
-        "out_dir": out_dir,
-        "config": config,
-        "joint_map": joint_map,
-        "run": run,
-    }
+    shared = {"body_path": body_path, "out_dir": out_dir, "config": config}
+    shared |= {"joint_map": joint_map, "run": run}
     jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
     outcome = _run(jobs, out_dir / FAILED, run)
-    manifest_path = out_dir / "motions.yaml"
     if outcome.results:
-        write_manifest(
-            manifest_path,
-            name=clip_id(out_dir.name),
-            version="1.0.0",
-            description="Motions on the 24-joint tree.",
-            kind="motions",
-            licence=f"clips as stated by each; body: {_body(body_path).licence}",
-            clips=list(outcome.results.values()),
-            created_by=created_by(config),
-            redo=run.redo,
+        write_motions(
+            out_dir,
+            "motions",
+            clip_id(out_dir.name),
+            "Motions on the 24-joint tree.",
+            f"clips as stated by each; body: {_body(body_path).licence}",
+            list(outcome.results.values()),
+            config,
+            run=run,
         )
     if outcome.reasons:
         raise BadMotionFile(_bad_files(outcome.reasons, len(files), out_dir))
-    return manifest_path
+    return out_dir / "motions.yaml"
 
 
 def make_entry(
@@ -267,15 +240,7 @@ def make_entry(
 ) -> ClipEntry:
     """Stage: the clip of one motion file.
 
-    Args:
-        file: The file.
-        body_path: The body, kept beside the clips.
-        out_dir: The library's folder; the clip goes to `clips/<id>`.
-        config: How to read it.
-        joint_map: A file of joint names.
-
-    Returns:
-        Its manifest entry.
+    The clip goes to `clips/<id>` in the library's folder `out_dir`; its manifest entry comes back.
     """
 
     def work(partial_dir: Path) -> None:
@@ -296,6 +261,31 @@ def make_entry(
         licence=licence_of(file.source),
         source=file.source,
         recipe=stage_recipe(folder),
+    )
+
+
+def write_motions(
+    out_dir: Path,
+    file_name: str,
+    name: str,
+    description: str,
+    licence: str,
+    clips: Sequence[ClipEntry],
+    recipe: Config | Mapping[str, Sequence[int]] | None = None,
+    *,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Write `out_dir/<file_name>.yaml`, a manifest of motions."""
+    return write_manifest(
+        out_dir / f"{file_name}.yaml",
+        name=name,
+        version="1.0.0",
+        description=description,
+        kind="motions",
+        licence=licence,
+        clips=clips,
+        created_by=created_by(recipe),
+        redo=run.redo,
     )
 
 
