@@ -1,14 +1,11 @@
-"""Motions of the CMU motion capture database, file by file, complete or not at all.
-
-Trials of the CMU motion capture database: their names, files and addresses.
-"""
+"""Trials of the CMU motion capture database, fetched file by file, complete or not at all."""
 
 import re
 import shlex
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Literal
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -21,9 +18,11 @@ from gmrdata.stage import resources
 from gmrdata.stage.progress import console, progress_bar
 from gmrdata.stage.store import locked
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, FetchFailed
-from gmrdata.values.files import read_json, sha256_of_file, write_json, write_text
+from gmrdata.values.files import sha256_of_file, write_text
+from gmrdata.values.records import Config, Record
 
-"""Below it lie `02/02.asf` and `02/02_03.amc`."""
+RECORD = "fetched.json"
+SUMS = "SHA256SUMS"
 _TRIAL = re.compile(r"[0-9]{2,3}_[0-9]{2}")
 
 
@@ -89,8 +88,20 @@ def fetch_command(trials: Sequence[str], folder: Path | None) -> str | None:
     return f"gmrdata fetch cmu {' '.join(wanted)} --out {out}"
 
 
-RECORD = "fetched.json"
-SUMS = "SHA256SUMS"
+class FetchedFile(Config):
+    """One file."""
+
+    url: str
+    size_bytes: int
+    sha256: str
+
+
+class Fetched(Record):
+    """What was fetched into a folder."""
+
+    format: Literal["gmrdata-fetched/1"] = "gmrdata-fetched/1"
+    files: dict[str, FetchedFile]
+    """By file name."""
 
 
 def fetch_trials(
@@ -106,18 +117,14 @@ def fetch_trials(
 
     Args:
         trials: Names like 02_03.
-        out_dir: Gets `02.asf`, `02_03.amc`, ..., `SHA256SUMS` and `fetched.json`.
+        out_dir: Gets `02.asf`, `02_03.amc`, ..., `SHA256SUMS` and `fetched.json`; is given back.
         config: Where from, and how patiently.
         rng: For the waits between attempts.
         redo: Fetch again what is there and has another hash, or none on record.
-        sleep: Waits that many seconds.
-
-    Returns:
-        `out_dir`.
 
     Raises:
         BadRecipe: a name is no trial's, or the address is not one of the web.
-        BadRecord: `fetched.json` is broken.
+        BadRecord: `fetched.json` is broken, or another version's, and `redo` is not given.
         FetchFailed: some files could not be fetched; the others are there.
     """
     trials = check_trials(trials)
@@ -149,7 +156,7 @@ def plan(
     trials: Sequence[str], out_dir: Path, config: FetchConfig
 ) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
     """A table of what `fetch_trials` would do, without doing or asking anything."""
-    record = _read_record(out_dir)
+    record = _recorded(out_dir)
     rows = [
         (name, file_url(config.base_url, name), _state(out_dir / name, record))
         for name in _files(check_trials(trials))
@@ -174,12 +181,12 @@ def _need_skeleton(name: str, problems: dict[str, str]) -> None:
         raise FetchFailed(f"its skeleton {skeleton} is missing")
 
 
-def _state(path: Path, record: dict[str, dict[str, Any]]) -> str:
+def _state(path: Path, record: Mapping[str, FetchedFile]) -> str:
     if not path.is_file():
         return "unfinished" if part_of(path).is_file() else "to do"
     if path.name not in record:
         return "there, not recorded"
-    same = sha256_of_file(path) == record[path.name].get("sha256")
+    same = sha256_of_file(path) == record[path.name].sha256
     return "done" if same else "there, with another hash"
 
 
@@ -191,7 +198,7 @@ def _fetch_file(
     redo: bool,
     sleep: Callable[[float], None],
 ) -> None:
-    record = _read_record(path.parent)
+    record = _recorded(path.parent, redo=redo)
     state = _state(path, record)
     if state == "done":
         return
@@ -206,7 +213,7 @@ def _fetch_file(
         raise FetchFailed(
             f"{url}: what the server sent is no usable {path.suffix}: {said}"
         ) from None
-    entry = {"url": url, "size_bytes": part.stat().st_size, "sha256": sha256_of_file(part)}
+    entry = FetchedFile(url=url, size_bytes=part.stat().st_size, sha256=sha256_of_file(part))
     # The record first: a run that is killed in between then fetches the file once more.
     _write_record(path.parent, record | {path.name: entry})
     part.replace(path)
@@ -230,18 +237,18 @@ def _check_content(part: Path, path: Path) -> None:
     read_amc(part, asf_path=path.with_name(skeleton_of(path.stem)), fps_hz=120.0)
 
 
-def _read_record(folder: Path) -> dict[str, dict[str, Any]]:
+def _recorded(folder: Path, *, redo: bool = False) -> dict[str, FetchedFile]:
+    """The fetched files by name; with `redo` a record that can't be read counts for nothing."""
     path = folder / RECORD
-    if not path.exists():
-        return {}
-    record = read_json(path)
-    files = record.get("files") if isinstance(record, dict) else None
-    if not isinstance(files, dict) or not all(isinstance(e, dict) for e in files.values()):
-        raise BadRecord(f"{path}: no record of fetched files; move it away, and pass --redo")
-    return files
+    try:
+        return Fetched.read(path).files if path.exists() else {}
+    except BadRecord:
+        if redo:
+            return {}
+        raise
 
 
-def _write_record(folder: Path, files: dict[str, dict[str, Any]]) -> None:
-    write_json(folder / RECORD, {"files": files})
-    lines = [f"{entry['sha256']}  {name}\n" for name, entry in sorted(files.items())]
+def _write_record(folder: Path, files: dict[str, FetchedFile]) -> None:
+    Fetched(files=files).write(folder / RECORD)
+    lines = [f"{file.sha256}  {name}\n" for name, file in sorted(files.items())]
     write_text(folder / SUMS, "".join(lines))

@@ -1,12 +1,10 @@
-"""One file, fetched into a `.part` file that a later attempt goes on with.
+"""One file from the web, fetched into a `.part` file that a later attempt or run goes on with.
 
-How files are fetched.
-
-One HTTP request, with the errors sorted into those worth another attempt and the others.
+No library does this part: pooch starts anew, pypdl appends what comes to a range without looking at
+`Content-Range` or sending `If-Range`, so that a changed file is mixed with the old one.
 """
 
 import http.client
-import json
 import os
 import re
 import ssl
@@ -15,7 +13,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -24,8 +22,7 @@ from pydantic import Field
 from gmrdata import __version__
 from gmrdata.stage.progress import console
 from gmrdata.values.errors import BadRecord, FetchFailed, MissingInput
-from gmrdata.values.files import read_json, write_text
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, Record
 
 CMU_URL = "http://mocap.cs.cmu.edu/subjects"
 
@@ -50,6 +47,7 @@ class FetchConfig(Config):
 
 
 BLOCK_BYTES = 1 << 16
+_RANGE = re.compile(r"bytes ([0-9]+)-([0-9]+)/([0-9]+)")
 _PASSING = frozenset({408, 425, 429, 500, 502, 503, 504})
 
 
@@ -145,7 +143,15 @@ def _say(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 
-_RANGE = re.compile(r"bytes ([0-9]+)-([0-9]+)/([0-9]+)")
+class PartNote(Record):
+    """Which version of the file a `.part` belongs to."""
+
+    format: Literal["gmrdata-part/1"] = "gmrdata-part/1"
+    url: str
+    validator: str
+    """The server's ETag or date of change."""
+    size: int | None
+    """Length of the whole file, if the server said it [bytes]."""
 
 
 def part_of(path: Path) -> Path:
@@ -174,11 +180,8 @@ def download(
     """Fetch all bytes of a file, with further attempts where they may help.
 
     Args:
-        url: Its address.
-        path: Its final name, which is not touched.
-        config: Patience.
+        path: The file's final name, which is not touched.
         rng: Spreads the waits, so that many clients don't come back at the same time.
-        sleep: Waits that many seconds.
 
     Returns:
         The `.part` file, as long as the server said; what is in it was not looked at.
@@ -212,11 +215,11 @@ def _attempt(url: str, path: Path, config: FetchConfig) -> None:
     part = part_of(path)
     note = _read_note(path, url)
     n_there = part.stat().st_size if part.is_file() and note else 0
-    if n_there and n_there == note.get("size"):
-        return
     headers = {"Accept-Encoding": "identity"}
-    if n_there:
-        headers |= {"Range": f"bytes={n_there}-", "If-Range": note["validator"]}
+    if note and n_there:
+        if n_there == note.size:
+            return
+        headers |= {"Range": f"bytes={n_there}-", "If-Range": note.validator}
     try:
         answer = open_url(url, headers, config.timeout_s)
     except FetchFailed as error:
@@ -256,17 +259,21 @@ def _append(
 
 
 def _place(
-    answer: http.client.HTTPResponse, url: str, n_there: int, note: dict[str, Any], path: Path
+    answer: http.client.HTTPResponse, url: str, n_there: int, note: PartNote | None, path: Path
 ) -> tuple[int, int | None]:
     """Where the body goes in the file, and the whole file's length if the server says it."""
     if answer.status != 206:
         length = answer.headers.get("Content-Length", "")
         return 0, int(length) if re.fullmatch(r"[0-9]{1,15}", length) else None
     found = _RANGE.fullmatch(answer.headers.get("Content-Range", ""))
-    same = found and _validator(answer) in (None, note.get("validator"))
-    if not (
-        found and same and int(found[1]) == n_there and note.get("size") in (None, int(found[3]))
-    ):
+    goes_on = (
+        found is not None
+        and note is not None
+        and _validator(answer) in (None, note.validator)
+        and int(found[1]) == n_there
+        and note.size in (None, int(found[3]))
+    )
+    if found is None or not goes_on:
         drop_part(path)
         raise PassingFailure(f"{url}: the file on the server changed; from the start again")
     return n_there, int(found[3])
@@ -292,15 +299,12 @@ def _write_note(answer: http.client.HTTPResponse, url: str, total: int | None, p
     """Without a validator nothing is noted, and the next attempt starts anew."""
     validator = _validator(answer)
     if validator is not None:
-        write_text(
-            note_of(path), json.dumps({"url": url, "validator": validator, "size": total}) + "\n"
-        )
+        PartNote(url=url, validator=validator, size=total).write(note_of(path))
 
 
-def _read_note(path: Path, url: str) -> dict[str, Any]:
+def _read_note(path: Path, url: str) -> PartNote | None:
     try:
-        note = read_json(note_of(path))
+        note = PartNote.read(note_of(path))
     except (MissingInput, BadRecord):
-        return {}
-    good = isinstance(note, dict) and note.get("url") == url
-    return note if good and isinstance(note.get("validator"), str) else {}
+        return None
+    return note if note.url == url else None
