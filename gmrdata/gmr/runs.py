@@ -11,7 +11,7 @@ from typing import overload
 import numpy as np
 
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import ListManifest
+from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.values.body import BodyModel
@@ -38,6 +38,8 @@ class UsableClips:
     """Clips that the manifest vouches for."""
     skipped: dict[str, str]
     """Reason by id of those that it does not."""
+    manifest: Manifest
+    """The manifest."""
 
 
 @dataclass(frozen=True)
@@ -81,16 +83,7 @@ def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str]]:
         MissingInput: the manifest is not there.
         BadManifest: the manifest is broken, or only a list.
     """
-    manifest = read_manifest(path)
-    if isinstance(manifest, ListManifest):
-        raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")
-    files, skipped = [], {}
-    for entry in manifest.clips:
-        if entry.quality is not None and entry.quality.verdict == "rejected":
-            skipped[entry.id] = "rejected: " + "; ".join(entry.quality.reasons)
-        else:
-            files.append(ClipFile(path, entry))
-    return files, skipped
+    return _sorted_out(path, _with_files(path))
 
 
 def usable_clips(path: Path) -> UsableClips:
@@ -101,9 +94,27 @@ def usable_clips(path: Path) -> UsableClips:
         BadManifest: the manifest is broken, or only a list.
         BadMotionFile: a clip's file is broken.
     """
-    files, skipped = usable_files(path)
+    manifest = _with_files(path)
+    files, skipped = _sorted_out(path, manifest)
     clips = tuple(UsableClip(file.load(), file.entry.camera_motion) for file in files)
-    return UsableClips(clips, skipped)
+    return UsableClips(clips, skipped, manifest)
+
+
+def _with_files(path: Path) -> Manifest:
+    manifest = read_manifest(path)
+    if isinstance(manifest, ListManifest):
+        raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")
+    return manifest
+
+
+def _sorted_out(path: Path, manifest: Manifest) -> tuple[list[ClipFile], dict[str, str]]:
+    files, skipped = [], {}
+    for entry in manifest.clips:
+        if entry.quality is not None and entry.quality.verdict == "rejected":
+            skipped[entry.id] = "rejected: " + "; ".join(entry.quality.reasons)
+        else:
+            files.append(ClipFile(path, entry))
+    return files, skipped
 
 
 def check_clips_fit(clips: Iterable[Clip], body: BodyModel) -> None:

@@ -1,29 +1,34 @@
 """Lay the pseudo ground truth's own error beside scores, and say which scores are below it."""
 
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
-from gmrdata.manifest.read import read_manifest
+from gmrdata.score.records import METRICS, Metric, Row, RowFloor, Summary
 from gmrdata.twins.floor_record import Floor, FloorGroup, read_floor
 from gmrdata.values.errors import BadManifest, BadRecord
 
-UNITS = {"ome_deg": ("OME", "°", 3), "tme_mm": ("TME", " mm", 2), "vme_mm": ("VME", " mm", 2)}
+UNITS: dict[Metric, tuple[str, str, int]] = {
+    "ome_deg": ("OME", "°", 3),
+    "tme_mm": ("TME", " mm", 2),
+    "vme_mm": ("VME", " mm", 2),
+}
 """Name, unit and digits of each metric in a sentence."""
 
 
-def read_fitting_floor(path: Path, manifest_path: Path, fps_hz: float) -> Floor:
+def read_fitting_floor(path: Path, manifest_path: Path, kind: str, fps_hz: float) -> Floor:
     """A floor for the scores of a manifest.
 
     Args:
         path: A `floor.json`.
         manifest_path: The manifest that is scored.
+        kind: Its kind.
         fps_hz: Rate of the scored motions [Hz].
 
     Raises:
         BadManifest: the manifest is no pseudo ground truth.
         BadRecord: no floor, one of another rate, or one without an accepted sequence.
     """
-    floor, kind = read_floor(path), read_manifest(manifest_path).kind
+    floor = read_floor(path)
     if kind != "pseudo_gt":
         raise BadManifest(
             f"{manifest_path}: of kind {kind}, but {path} is the error of a pseudo ground truth. "
@@ -34,62 +39,62 @@ def read_fitting_floor(path: Path, manifest_path: Path, fps_hz: float) -> Floor:
             f"{path}: of motions at {floor.fps_hz:g} fps, but the scores are at {fps_hz:g} fps. "
             "Leave out --floor"
         )
-    if _errors_of(floor.overall) is None:
+    if _errors_of(floor.overall, "all") is None:
         raise BadRecord(f"{path}: no sequence was accepted. Measure a floor on more sequences")
     return floor
 
 
-def beside_floor(scores: dict[str, Any], floor: Floor) -> dict[str, Any]:
+R = TypeVar("R", bound=Row)
+
+
+def beside_floor(scores: Summary, floor: Floor) -> Summary:
     """Scores with a floor in each row, and a sentence for each row with a score below it.
 
     A row's floor is that of its class of camera motion; where the floor has none, that of all.
+    Types of motion have none: the floor does not know them.
 
     Args:
         scores: What `gmrdata.score.summary.summarise` gave.
         floor: What `read_fitting_floor` gave.
-
-    Returns:
-        The scores, in which each clip and group has `floor` (OME, TME, VME, and `of`, the class it
-        is of) and `below_floor`, the metrics in which the score is smaller; and
-        `statements`.
     """
-    clips = [clip | _beside(clip, clip["camera_motion"], floor) for clip in scores["clips"]]
-    classes = {
-        name: group | _beside(group["pooled_over_motions"], name, floor)
-        for name, group in scores["camera_motion"].items()
-    }
-    overall = scores["overall"]
-    overall = overall | _beside(overall["pooled_over_motions"], "all", floor)
-    rows = [(clip["id"], clip, clip) for clip in clips]
-    rows += [(f"all {name}", g, g["pooled_over_motions"]) for name, g in classes.items()]
-    rows.append(("all", overall, overall["pooled_over_motions"]))
-    return scores | {
+    clips = tuple(_beside(clip, clip.camera_motion, floor) for clip in scores.clips)
+    classes = {name: _beside(row, name, floor) for name, row in scores.camera_motion.items()}
+    overall = _beside(scores.overall, "all", floor)
+    rows: list[tuple[str, Row]] = [(clip.id, clip) for clip in clips]
+    rows += [(f"all {name}", row) for name, row in classes.items()]
+    rows.append(("all", overall))
+    changes = {
         "clips": clips,
         "camera_motion": classes,
         "overall": overall,
-        "statements": [_statement(*row) for row in rows if row[1]["below_floor"]],
+        "statements": tuple(_statement(name, row) for name, row in rows if row.below_floor),
     }
+    return scores.model_copy(update=changes)
 
 
-def _beside(errors: dict[str, Any], camera_motion: str, floor: Floor) -> dict[str, Any]:
+def _beside(row: R, camera_motion: str, floor: Floor) -> R:
     group = floor.classes.get(camera_motion)
-    own = None if group is None else _errors_of(group)
-    used = own or _errors_of(floor.overall) or {}
-    below = [metric for metric, value in used.items() if errors["predicted"][metric] < value]
-    return {"floor": {"of": "all" if own is None else camera_motion, **used}, "below_floor": below}
+    found = None if group is None else _errors_of(group, camera_motion)
+    used = found or _errors_of(floor.overall, "all")
+    assert used is not None
+    score = row.paper().predicted
+    below = tuple(metric for metric in METRICS if score.get(metric) < used.get(metric))
+    return row.model_copy(update={"floor": used, "below_floor": below})
 
 
-def _errors_of(group: FloorGroup) -> dict[str, float] | None:
+def _errors_of(group: FloorGroup, of: str) -> RowFloor | None:
     """OME, TME and VME of a group; None where no sequence was accepted."""
-    errors = {metric: getattr(group, metric) for metric in UNITS}
-    return None if None in errors.values() else errors
+    if group.ome_deg is None or group.tme_mm is None or group.vme_mm is None:
+        return None
+    return RowFloor(of=of, ome_deg=group.ome_deg, tme_mm=group.tme_mm, vme_mm=group.vme_mm)
 
 
-def _statement(name: str, row: dict[str, Any], errors: dict[str, Any]) -> str:
+def _statement(name: str, row: Row) -> str:
+    assert row.floor is not None
     parts = []
-    for metric in row["below_floor"]:
+    for metric in row.below_floor:
         title, unit, digits = UNITS[metric]
-        score, own = errors["predicted"][metric], row["floor"][metric]
+        score, own = row.paper().predicted.get(metric), row.floor.get(metric)
         parts.append(f"{title} {score:.{digits}f}{unit} is below {own:.{digits}f}{unit}")
     return (
         f"{name}: {', '.join(parts)}: not distinguishable from the pseudo ground truth's own error"

@@ -1,118 +1,38 @@
-"""Compare several scored runs on the clips that all of them have.
-
-A comparison as the rows of a table, and of a CSV file.
-"""
+"""Compare several scored runs on the clips that all of them have."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from gmrdata.score.clip_errors import METRICS
-from gmrdata.score.files import csv_text, markdown_table, read_scores
 from gmrdata.score.intervals import paired_difference
-from gmrdata.score.table import METRIC_WORDS, figure_text, heading, interval_text
+from gmrdata.score.records import (
+    METRICS,
+    ClipScore,
+    Interval,
+    Protocol,
+    Scores,
+    metrics_with,
+    same_names,
+)
+from gmrdata.score.table import (
+    METRIC_WORDS,
+    Cell,
+    figure_text,
+    heading,
+    interval_text,
+    markdown,
+    write_table_files,
+)
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadRecord, MissingInput
-from gmrdata.values.files import write_json, write_text
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, Record
 
 HEADINGS = ("metric", "run", "mean of clips", "difference", "95 % interval", "p", "clips")
-
-
-def table_rows(comparison: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Rows for a reader: for each metric the first run, then the others beside it."""
-    return [_cells(metric, row) for metric, row in _table_rows(comparison)]
-
-
-def csv_rows(comparison: dict[str, Any]) -> list[list[Any]]:
-    """Headings and rows for a program."""
-    head = ["metric", "run", "n_clips", "mean_of_clips", "difference", "low", "high", "p_value"]
-    return [head, *(_csv_row(metric, row) for metric, row in _table_rows(comparison))]
-
-
-def p_text(p_value: float | None) -> str:
-    """A p-value for a reader."""
-    if p_value is None:
-        return ""
-    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
-
-
-def _table_rows(comparison: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    for metric in METRIC_WORDS:
-        for row in comparison["metrics"].get(metric, ()):
-            yield metric, row
-
-
-def _cells(metric: str, row: dict[str, Any]) -> tuple[str, ...]:
-    difference = row.get("difference")
-    signed = "" if difference is None else figure_text(metric, difference)
-    if difference is not None and difference > 0:
-        signed = f"+{signed}"
-    return (
-        heading(metric),
-        row["run"],
-        figure_text(metric, row["mean_of_clips"]),
-        signed,
-        interval_text(metric, row.get("interval95")),
-        p_text(row.get("p_value")),
-        str(row["n_clips"]),
-    )
-
-
-def _csv_row(metric: str, row: dict[str, Any]) -> list[Any]:
-    low, high = row.get("interval95") or ("", "")
-    figures = [row["mean_of_clips"], row.get("difference"), low, high, row.get("p_value")]
-    return [metric, row["run"], row["n_clips"], *("" if v is None else v for v in figures)]
-
-
-def comparison_markdown(comparison: dict[str, Any]) -> str:
-    """The comparison as Markdown."""
-    parts = ["# Comparison of runs\n", comparison_lead(comparison) + "\n"]
-    parts.append(markdown_table(HEADINGS, table_rows(comparison)))
-    return (
-        "\n".join([*parts, *(f"- {line}" for line in comparison_explanations(comparison))]) + "\n"
-    )
-
-
-def comparison_lead(comparison: dict[str, Any]) -> str:
-    """What was compared, in a sentence."""
-    first, *others = comparison["runs"]
-    return (
-        f"{', '.join(others)} against {first}, on {len(comparison['clips'])} clips that all runs "
-        f"have, at {comparison['fps_hz']:g} fps."
-    )
-
-
-def comparison_explanations(comparison: dict[str, Any]) -> list[str]:
-    """What a reader of the figures must know, as sentences."""
-    lines = [
-        "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "
-        "smaller error than the first run's.",
-        f"Intervals: 95 %, by bootstrap: {comparison['resamples']} times clips were drawn with "
-        "replacement.",
-        "p: two-sided paired permutation test over clips. Values are not corrected for the number "
-        "of metrics and runs.",
-    ]
-    lines += [
-        f"{METRIC_WORDS[metric].title}: {METRIC_WORDS[metric].meaning}"
-        for metric in METRIC_WORDS
-        if metric in comparison["metrics"]
-    ]
-    return lines + [
-        f"Only in some runs, and left out of {name}: {', '.join(ids)}."
-        for name, ids in comparison["left_out"].items()
-        if ids
-    ]
-
-
-FORMAT = "gmrdata-comparison/1"
-"""Name and version of the format."""
 SAME_ZERO = 1e-6
 """Largest difference, in deg or mm, between two scores of zero motion on the same frames."""
 
@@ -128,6 +48,53 @@ class CompareConfig(Config):
     """Permutations of a test at most."""
     seed: int = Field(default=0, ge=0)
     """What both are drawn by."""
+
+
+class ComparedRun(Config):
+    """One run in one metric."""
+
+    run: str
+    """Its name."""
+    n_clips: int
+    """Clips in which all runs have a figure."""
+    mean_of_clips: float | None
+    """Mean of their figures; None without any."""
+    difference: float | None
+    """Mean of its figures minus the first run's; None for the first run."""
+    interval95: Interval | None
+    """Ends of the difference's 95 % interval; None for fewer than two clips."""
+    p_value: float | None
+    """See `intervals.PairedDifference`."""
+
+
+class Comparison(Record):
+    """A `comparison.json`."""
+
+    format: Literal["gmrdata-comparison/2"] = "gmrdata-comparison/2"
+    """Name and version of the format."""
+    runs: tuple[str, ...]
+    """Names of the runs; the others are compared with the first."""
+    fps_hz: float
+    """Rate of OME, TME and VME [Hz]."""
+    protocol: Protocol | None
+    """What all of them measured besides; None where they have no protocol in common."""
+    resamples: int
+    """How often clips were drawn for an interval."""
+    clips: tuple[str, ...]
+    """Clips that all runs have."""
+    left_out: dict[str, tuple[str, ...]]
+    """Clips that only some have, by run."""
+    metrics: dict[str, tuple[ComparedRun, ...]]
+    """By metric: each run, in their order."""
+
+    @model_validator(mode="after")
+    def _has_every_run(self) -> Self:
+        same_names("left_out", self.left_out, set(self.runs))
+        same_names("metrics", self.metrics, set(metrics_with(self.protocol)))
+        for metric, rows in self.metrics.items():
+            if tuple(row.run for row in rows) != self.runs:
+                raise ValueError(f"`metrics.{metric}` has not the runs of `runs`")
+        return self
 
 
 def compare_scores(
@@ -160,89 +127,87 @@ def compare_scores(
         raise MissingInput("fewer than two scored runs. Give a scores.json for each run")
 
     def work(partial_dir: Path) -> None:
-        records = [read_scores(path) for path in paths]
+        records = [Scores.read(path) for path in paths]
         names = _names(paths, records, config.names)
         comparison = compare_records(records, paths, names, config)
-        write_json(partial_dir / "comparison.json", comparison)
-        write_text(partial_dir / "comparison.csv", csv_text(csv_rows(comparison)))
-        write_text(partial_dir / "comparison.md", comparison_markdown(comparison))
+        path = partial_dir / "comparison.json"
+        comparison.write(path)
+        write_table_files(path, csv_rows(comparison), comparison_markdown(comparison))
 
     inputs = {f"scores_{number}": path for number, path in enumerate(paths, 1)}
     return run_stage("compare", out_dir, config, inputs, work, run=run) / "comparison.json"
 
 
 def compare_records(
-    records: Sequence[dict[str, Any]],
-    paths: Sequence[Path],
-    names: Sequence[str],
-    config: CompareConfig,
-) -> dict[str, Any]:
-    """The comparison as JSON values; see `compare_scores`."""
-    clips = [{clip["id"]: clip for clip in record["clips"]} for record in records]
+    records: Sequence[Scores], paths: Sequence[Path], names: Sequence[str], config: CompareConfig
+) -> Comparison:
+    """The comparison; see `compare_scores`."""
+    clips = [{clip.id: clip for clip in record.clips} for record in records]
     common = [id for id in clips[0] if all(id in other for other in clips)]
     _check_comparable(records, paths, clips, common)
     rng = np.random.default_rng(config.seed)
-    protocols = [record["protocol"] for record in records]
-    same = protocols[0] is not None and all(found == protocols[0] for found in protocols)
-    metrics = (*METRICS, *(protocols[0]["metrics"] if same else ()))
-    return {
-        "format": FORMAT,
-        "runs": list(names),
-        "fps_hz": records[0]["fps_hz"],
-        "protocol": protocols[0]["name"] if same else None,
-        "resamples": config.resamples,
-        "clips": common,
-        "left_out": {
-            name: sorted(found.keys() - set(common))
+    protocol = records[0].protocol
+    if any(record.protocol != protocol for record in records):
+        protocol = None
+    of_runs = [[found[id] for id in common] for found in clips]
+    return Comparison(
+        runs=tuple(names),
+        fps_hz=records[0].fps_hz,
+        protocol=protocol,
+        resamples=config.resamples,
+        clips=tuple(common),
+        left_out={
+            name: tuple(sorted(found.keys() - set(common)))
             for name, found in zip(names, clips, strict=True)
         },
-        "metrics": {
-            metric: _rows(metric, [[c[id] for id in common] for c in clips], names, config, rng)
-            for metric in metrics
+        metrics={
+            metric: _compared(metric, of_runs, names, config, rng)
+            for metric in metrics_with(protocol)
         },
-    }
+    )
 
 
-def _rows(
+def _compared(
     metric: str,
-    clips: Sequence[Sequence[dict[str, Any]]],
+    clips: Sequence[Sequence[ClipScore]],
     names: Sequence[str],
     config: CompareConfig,
     rng: np.random.Generator,
-) -> list[dict[str, Any]]:
-    """One row per run; clips in which a run has no figure are left out for all."""
-    values = np.array([[_figure(clip, metric) for clip in of_run] for of_run in clips])
+) -> tuple[ComparedRun, ...]:
+    """Each run; clips in which a run has no figure are left out for all."""
+    figures = [[clip.figures("predicted")[metric] for clip in of_run] for of_run in clips]
+    values = np.array(figures, dtype=float)  # None becomes NaN
     values = values[:, np.isfinite(values).all(axis=0)]
+    n_clips = values.shape[1]
     rows = []
     for number, (name, of_run) in enumerate(zip(names, values, strict=True)):
-        row: dict[str, Any] = {"run": name, "n_clips": len(of_run), "mean_of_clips": None}
-        if len(of_run):
-            row["mean_of_clips"] = float(of_run.mean())
-            if number:
-                row |= asdict(
-                    paired_difference(values[0], of_run, config.resamples, config.permutations, rng)
-                )
-        rows.append(row)
-    return rows
-
-
-def _figure(clip: dict[str, Any], metric: str) -> float:
-    """A clip's figure; NaN where it has none."""
-    found = clip["predicted"] if metric in METRICS else clip["protocol"]["predicted"]
-    return float("nan") if found[metric] is None else float(found[metric])
+        found = None
+        if number and n_clips:
+            found = paired_difference(values[0], of_run, config.resamples, config.permutations, rng)
+        rows.append(
+            ComparedRun(
+                run=name,
+                n_clips=n_clips,
+                mean_of_clips=float(of_run.mean()) if n_clips else None,
+                difference=found.difference if found else None,
+                interval95=found.interval95 if found else None,
+                p_value=found.p_value if found else None,
+            )
+        )
+    return tuple(rows)
 
 
 def _check_comparable(
-    records: Sequence[dict[str, Any]],
+    records: Sequence[Scores],
     paths: Sequence[Path],
-    clips: Sequence[dict[str, dict[str, Any]]],
+    clips: Sequence[dict[str, ClipScore]],
     common: Sequence[str],
 ) -> None:
     for path, record, found in zip(paths, records, clips, strict=True):
-        if record["fps_hz"] != records[0]["fps_hz"]:
+        if record.fps_hz != records[0].fps_hz:
             raise BadRecord(
-                f"{path}: of motions at {record['fps_hz']:g} fps, but {paths[0]} is of motions at "
-                f"{records[0]['fps_hz']:g} fps. Compare scores of one frame rate"
+                f"{path}: of motions at {record.fps_hz:g} fps, but {paths[0]} is of motions at "
+                f"{records[0].fps_hz:g} fps. Compare scores of one frame rate"
             )
         for id in common:
             if not _same_frames(clips[0][id], found[id]):
@@ -256,22 +221,20 @@ def _check_comparable(
         )
 
 
-def _same_frames(a: dict[str, Any], b: dict[str, Any]) -> bool:
+def _same_frames(a: ClipScore, b: ClipScore) -> bool:
     """Whether two rows are of the same motions: zero motion's scores are the truth's own size."""
-    return a["n_motions"] == b["n_motions"] and all(
-        abs(a["zero"][metric] - b["zero"][metric]) <= SAME_ZERO for metric in METRICS
+    return a.n_motions == b.n_motions and all(
+        abs(a.zero.get(metric) - b.zero.get(metric)) <= SAME_ZERO for metric in METRICS
     )
 
 
-def _names(
-    paths: Sequence[Path], records: Sequence[dict[str, Any]], given: Sequence[str]
-) -> list[str]:
+def _names(paths: Sequence[Path], records: Sequence[Scores], given: Sequence[str]) -> list[str]:
     """Names that tell the runs apart."""
     if given and (len(given) != len(paths) or len(set(given)) != len(given)):
         raise BadRecord(
             f"--names: {len(given)} names for {len(paths)} runs. Give each run a name of its own"
         )
-    names = list(given) or [str(record["name"]) for record in records]
+    names = list(given) or [record.name for record in records]
     if len(set(names)) < len(names):
         names = [
             f"{name} ({path.resolve().parent.name})"
@@ -280,4 +243,93 @@ def _names(
     often = Counter(names)
     return [
         f"{number}: {name}" if often[name] > 1 else name for number, name in enumerate(names, 1)
+    ]
+
+
+def table_rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    """Rows under `HEADINGS`: for each metric the first run, then the others beside it."""
+    return [_cells(metric, row) for metric, row in _rows(comparison)]
+
+
+def csv_rows(comparison: Comparison) -> list[list[Cell]]:
+    """Headings and rows for a program."""
+    head: list[Cell] = [
+        "metric", "run", "n_clips", "mean_of_clips", "difference", "low", "high", "p_value",
+    ]  # fmt: skip
+    return [head, *(_csv_row(metric, row) for metric, row in _rows(comparison))]
+
+
+def _rows(comparison: Comparison) -> Iterator[tuple[str, ComparedRun]]:
+    for metric in METRIC_WORDS:
+        for row in comparison.metrics.get(metric, ()):
+            yield metric, row
+
+
+def _cells(metric: str, row: ComparedRun) -> tuple[str, ...]:
+    signed = "" if row.difference is None else figure_text(metric, row.difference)
+    if row.difference is not None and row.difference > 0:
+        signed = f"+{signed}"
+    return (
+        heading(metric),
+        row.run,
+        figure_text(metric, row.mean_of_clips),
+        signed,
+        interval_text(metric, row.interval95),
+        p_text(row.p_value),
+        str(row.n_clips),
+    )
+
+
+def _csv_row(metric: str, row: ComparedRun) -> list[Cell]:
+    low, high = row.interval95 or (None, None)
+    return [
+        metric, row.run, row.n_clips, row.mean_of_clips, row.difference, low, high, row.p_value,
+    ]  # fmt: skip
+
+
+def p_text(p_value: float | None) -> str:
+    """A p-value for a reader."""
+    if p_value is None:
+        return ""
+    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
+
+
+def comparison_markdown(comparison: Comparison) -> str:
+    """The comparison as Markdown."""
+    return markdown(
+        "Comparison of runs",
+        comparison_lead(comparison),
+        {"": (HEADINGS, table_rows(comparison))},
+        comparison_explanations(comparison),
+    )
+
+
+def comparison_lead(comparison: Comparison) -> str:
+    """What was compared, in a sentence."""
+    first, *others = comparison.runs
+    return (
+        f"{', '.join(others)} against {first}, on {len(comparison.clips)} clips that all runs "
+        f"have, at {comparison.fps_hz:g} fps."
+    )
+
+
+def comparison_explanations(comparison: Comparison) -> list[str]:
+    """What a reader of the figures must know, as sentences."""
+    lines = [
+        "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "
+        "smaller error than the first run's.",
+        f"Intervals: 95 %, by bootstrap: {comparison.resamples} times clips were drawn with "
+        "replacement.",
+        "p: two-sided paired permutation test over clips. Values are not corrected for the number "
+        "of metrics and runs.",
+    ]
+    lines += [
+        f"{METRIC_WORDS[metric].title}: {METRIC_WORDS[metric].meaning}"
+        for metric in METRIC_WORDS
+        if metric in comparison.metrics
+    ]
+    return lines + [
+        f"Only in some runs, and left out of {name}: {', '.join(ids)}."
+        for name, ids in comparison.left_out.items()
+        if ids
     ]

@@ -43,8 +43,6 @@ class PredictedClip:
     """The clip."""
     camera_motion: str
     """Class of its camera's motion; "none" without a camera."""
-    motion_type: str | None
-    """What the person does, where that is on record."""
     runs: tuple[PredictedRun, ...]
     """For OME, TME, VME and the vertex error over time, at their rate."""
     worlds: tuple[World, ...]
@@ -69,9 +67,7 @@ def still_run(run: PredictedRun, first: Motion | None = None) -> PredictedRun:
     return PredictedRun(run.true, still)
 
 
-def network_clip(
-    gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool, motion_type: str | None = None
-) -> PredictedClip | None:
+def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> PredictedClip | None:
     """What a network sees in a clip's local poses; None where no two valid frames are in a row.
 
     Each run of valid frames is a sequence, and a world, of its own: motions are accumulated
@@ -81,7 +77,6 @@ def network_clip(
         gmr: The network.
         one: The clip.
         all_phases: As for `runs_at`.
-        motion_type: What the person does.
 
     Raises:
         BadMotionFile: as `runs_at` does.
@@ -92,7 +87,7 @@ def network_clip(
     if not runs:
         return None
     worlds = tuple((run,) for run in runs)
-    return PredictedClip(one.clip.id, one.camera_motion, motion_type, runs, worlds)
+    return PredictedClip(one.clip.id, one.camera_motion, runs, worlds)
 
 
 def _predicted(gmr: "TrainedGmr", run: Run) -> PredictedRun:
@@ -114,7 +109,6 @@ def file_clip(
     protocol_fps_hz: float | None = None,
     all_phases: bool = False,
     drop_missing: bool = False,
-    motion_type: str | None = None,
 ) -> PredictedClip | None:
     """A clip beside `<clip id>.npz` of a folder; None where no two frames in a row have both.
 
@@ -130,7 +124,6 @@ def file_clip(
         all_phases: As for `runs_at`.
         drop_missing: Whether true frames without a prediction are dropped and counted; they are an
             error otherwise.
-        motion_type: What the person does.
 
     Raises:
         MissingInput: there is no such file.
@@ -162,9 +155,7 @@ def file_clip(
     if protocol_fps_hz is not None and _whole_ratio(world_hz, protocol_fps_hz) is not None:
         world_hz = protocol_fps_hz
     world = _paired(true, predicted, world_hz, all_phases=False)
-    return PredictedClip(
-        one.clip.id, one.camera_motion, motion_type, runs, (world,), int(missing.size)
-    )
+    return PredictedClip(one.clip.id, one.camera_motion, runs, (world,), int(missing.size))
 
 
 def _check(path: Path, predicted: Clip, true: Clip) -> None:

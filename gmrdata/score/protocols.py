@@ -2,70 +2,20 @@
 
 Each entry says which public code it follows; `notes` say where it can't, or must not, be followed
 to the letter.  The protocols agree in this: positions are of SMPL's tree in metres, alignments are
-least squares (Umeyama 1991), and published figures are of video at 30 fps.
-
-Names of the protocols, for those who don't need what is behind them.
-
-A protocol's figures for one person in one world, as samples of which means are taken.
+least squares (Umeyama 1991), and published figures are of video at 30 fps.  A protocol's figures
+for one person in one world are samples, of which means are taken.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
 from gmrdata.score import world_metrics
-from gmrdata.score.world_metrics import Remainder, Rows
+from gmrdata.score.records import Protocol, ProtocolName, WorldMetric
+from gmrdata.score.world_metrics import Rows
 from gmrdata.values.body import JOINT, N_JOINTS
-
-ProtocolName = Literal["gmr", "wham", "tram", "gvhmr", "slahmr", "emdb"]
-
-
-WorldMetric = Literal[
-    "w_mpjpe_mm",
-    "wa_mpjpe_mm",
-    "rte_percent",
-    "roe_deg",
-    "erve_mm_per_frame",
-    "jitter_10m_per_s3",
-    "foot_sliding_mm",
-]
-
-
-@dataclass(frozen=True)
-class Protocol:
-    """What is measured beside OME, TME and VME, and how."""
-
-    name: ProtocolName
-    """Its name on the command line."""
-    metrics: tuple[WorldMetric, ...]
-    """What it measures."""
-    source: str
-    """Repository and files that it follows."""
-    notes: tuple[str, ...]
-    """What a reader of the figures must know, as sentences."""
-    fps_hz: float = 30.0
-    """Rate of the published figures [Hz]."""
-    segment_frames: int = 100
-    """Frames of a segment of W-MPJPE and WA-MPJPE."""
-    remainder: Remainder = "own_segment"
-    """What becomes of frames after the last full segment."""
-    first_frames: int = 2
-    """Frames whose joints W-MPJPE aligns."""
-    scale: bool = True
-    """Whether W-MPJPE and WA-MPJPE fit the scale too."""
-    joints: tuple[int, ...] = tuple(range(N_JOINTS))
-    """Joints of W-MPJPE and WA-MPJPE."""
-    sample: Literal["frame", "segment", "clip"] = "frame"
-    """What each value stands for, of which the mean over all clips is taken."""
-    zeroed_joints: tuple[int, ...] = ()
-    """Joints that count as standing still in jitter, and so lower its mean."""
-    jitter_of_path: bool = True
-    """Whether jitter is of joints in the world; of joints relative to the pelvis otherwise."""
-    contact_m: float = 0.01
-    """A true point of a foot stands while it moves less than this from frame to frame [m]."""
-
 
 _WHAM_NOTES = (
     "Released code joins the frames on both sides of a gap; here no velocity, jitter, sliding or "
@@ -83,17 +33,35 @@ _EMDB_ZEROED = (
     "left_wrist", "right_wrist", "left_hand", "right_hand",
 )  # fmt: skip
 
+
+def _protocol(**differences: Any) -> Protocol:
+    """A protocol that is as most are, but for what is given."""
+    usual = {
+        "fps_hz": 30.0,
+        "segment_frames": 100,
+        "remainder": "own_segment",
+        "first_frames": 2,
+        "scale": True,
+        "joints": tuple(range(N_JOINTS)),
+        "sample": "frame",
+        "zeroed_joints": (),
+        "jitter_of_path": True,
+        "contact_m": 0.01,
+    }
+    return Protocol.model_validate(usual | differences)
+
+
 PROTOCOLS: dict[ProtocolName, Protocol] = {
     protocol.name: protocol
     for protocol in (
-        Protocol(
+        _protocol(
             name="gmr",
             metrics=(),
             source="the GMR paper (arXiv 2112.00343), eqs. 15-17 and fig. 5",
             notes=("OME, TME, VME and the vertex error over time; nothing is aligned.",),
             fps_hz=10.0,
         ),
-        Protocol(
+        _protocol(
             name="wham",
             metrics=(
                 "w_mpjpe_mm",
@@ -113,7 +81,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
                 "constant, which the alignment takes away.",
             ),
         ),
-        Protocol(
+        _protocol(
             name="tram",
             metrics=("w_mpjpe_mm", "wa_mpjpe_mm", "rte_percent", "erve_mm_per_frame"),
             source="yufu-wang/tram, lib/utils/eval_utils.py and scripts/emdb/run_eval.py",
@@ -127,7 +95,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
             ),
             remainder="joined_but_last_frame",
         ),
-        Protocol(
+        _protocol(
             name="gvhmr",
             metrics=(
                 "w_mpjpe_mm",
@@ -144,7 +112,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
                 "SMPL model; here each body has its own joints.",
             ),
         ),
-        Protocol(
+        _protocol(
             name="slahmr",
             metrics=("w_mpjpe_mm", "wa_mpjpe_mm"),
             source="vye16/slahmr, slahmr/eval/tools.py, slahmr/eval/run_eval.py (fa_jmse, ga_jmse) "
@@ -164,7 +132,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
             joints=tuple(JOINT[name] for name in _LSP_JOINTS),
             sample="segment",
         ),
-        Protocol(
+        _protocol(
             name="emdb",
             metrics=("jitter_10m_per_s3",),
             source="eth-ait/emdb, evaluation_metrics.py and evaluation_engine.py",
@@ -210,7 +178,7 @@ class WorldPair:
     """Frame rate [Hz]."""
 
 
-def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[str, np.ndarray]:
+def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[WorldMetric, np.ndarray]:
     """Samples of each of a protocol's metrics: (n,) by metric, (0,) where there are none."""
     return {metric: _VALUES[metric](protocol, pair) for metric in protocol.metrics}
 
@@ -287,7 +255,7 @@ def _sampled(protocol: Protocol, values: np.ndarray) -> np.ndarray:
     return values
 
 
-_VALUES: dict[str, Callable[[Protocol, WorldPair], np.ndarray]] = {
+_VALUES: dict[WorldMetric, Callable[[Protocol, WorldPair], np.ndarray]] = {
     "w_mpjpe_mm": _w,
     "wa_mpjpe_mm": _wa,
     "rte_percent": _rte,

@@ -1,29 +1,24 @@
-"""Score a trained network, or predictions of anything else, on a manifest's clips.
-
-How clips are scored.
-
-Errors of each clip, by whoever predicts its motion.
-
-What the person does in each clip, where a published list says it.
-"""
+"""Score a trained network, or predictions of anything else, on a manifest's clips."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
 
 from gmrdata.gmr.config import Which
 from gmrdata.gmr.runs import UsableClip, check_clips_fit, usable_clips
-from gmrdata.manifest.current import ListManifest
+from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.score.beside_floor import beside_floor, read_fitting_floor
 from gmrdata.score.clip_errors import ClipErrors, clip_errors
-from gmrdata.score.files import FORMAT, protocol_record, write_scores
 from gmrdata.score.predictions import PredictedClip, file_clip, missing_file, network_clip
-from gmrdata.score.protocols import PROTOCOLS, ProtocolName
+from gmrdata.score.protocols import PROTOCOLS
+from gmrdata.score.records import Bootstrap, ProtocolName, ScoredFiles, ScoredNetwork, Scores
 from gmrdata.score.summary import summarise
+from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import resources
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -54,6 +49,111 @@ class ScoreConfig(Config):
     """How often clips are drawn for a bootstrap interval."""
     seed: int = Field(default=0, ge=0)
     """What they are drawn by."""
+
+
+def score_manifest(
+    run_dir: Path,
+    manifest_path: Path,
+    body_path: Path | None,
+    out_dir: Path,
+    config: ScoreConfig | None = None,
+    *,
+    floor_path: Path | None = None,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Score a trained network on a manifest's clips: OME, TME and VME (eqs. 15-17).
+
+    The input is each clip's own local pose and shape, so VME is of the motion alone.  Clips that
+    the manifest rejects are left out and named.  Differences are never taken across frames that are
+    not valid; each run of valid frames is a sequence of its own for the network.
+
+    Args:
+        run_dir: A finished training run.
+        manifest_path: The clips.
+        body_path: Their body, as `load_body` takes it; None for the default body.
+        out_dir: Gets `scores.json`, `scores.csv` and `scores.md`.
+        floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
+
+    Returns:
+        Path of `scores.json`: per clip, per class of camera motion, per type of motion and overall,
+        each pooled over motions and, where several clips are put together, as the mean of the
+        clips' means, with bootstrap intervals.
+
+    Raises:
+        MissingInput: a file is not there.
+        BadCheckpoint: the run's checkpoint is broken.
+        BadManifest: no clip can be scored, a clip is of another body, or a floor is given for a
+            manifest that is no pseudo ground truth.
+        BadRecord: the floor is broken, or of another frame rate.
+    """
+    from gmrdata.gmr.predict import load_gmr
+
+    config = config or ScoreConfig()
+    optional = {"body": body_path, "floor": floor_path}
+
+    def work(partial_dir: Path) -> None:
+        gmr = load_gmr(run_dir, config.which)
+        network = gmr.model.config.model_dump(mode="json")
+        model = ScoredNetwork(
+            kind="network", run=gmr.name, step=gmr.step, which=config.which, network=network
+        )
+        predictor = _Predictor(gmr.name, model, by_network(gmr, config), gmr.fps_hz)
+        _write(partial_dir, _scores(predictor, manifest_path, optional, config))
+
+    inputs = {"run": run_dir, "manifest": manifest_path, **_given(optional)}
+    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
+
+
+def score_predictions(
+    predictions_dir: Path,
+    manifest_path: Path,
+    body_path: Path | None,
+    out_dir: Path,
+    config: ScoreConfig | None = None,
+    *,
+    predictions_body_path: Path | None = None,
+    floor_path: Path | None = None,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Score predicted world motions, whatever made them, by the same code as a network's.
+
+    Args:
+        predictions_dir: `<clip id>.npz` for each clip, as `save_clip` writes it, each
+            in a world of its own; row i is the clip's row i, or row k i where the clip's rate is k
+            times the prediction's.  Its local pose and shape count in VME and in a protocol.
+        manifest_path: The true clips.
+        body_path: Their body, as `load_body` takes it; None for the default body.
+        out_dir: As for `score_manifest`.
+        predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
+        floor_path: As for `score_manifest`.
+
+    Returns:
+        Path of `scores.json`.
+
+    Raises:
+        MissingInput: a file is not there.
+        BadManifest: as for `score_manifest`.
+        BadMotionFile: a prediction is missing or lacks frames, and may not be dropped; or it is
+            broken, of another clip or body, or in the camera's frame.
+        BadBodyFile: the two bodies have different meshes.
+        BadRecord: the floor is broken, or of another frame rate.
+    """
+    config = config or ScoreConfig()
+    optional = {
+        "body": body_path,
+        "predictions_body": predictions_body_path,
+        "floor": floor_path,
+    }
+
+    def work(partial_dir: Path) -> None:
+        name, predict = _name_of(predictions_dir), from_folder(predictions_dir, config)
+        predictor = _Predictor(
+            name, ScoredFiles(kind="files", predictions=name), predict, config.fps_hz
+        )
+        _write(partial_dir, _scores(predictor, manifest_path, optional, config))
+
+    inputs = {"predictions": predictions_dir, "manifest": manifest_path, **_given(optional)}
+    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
 
 
 Predict = Callable[[UsableClip], PredictedClip | str]
@@ -94,32 +194,18 @@ def score_clips(
     return scored, skipped
 
 
-def by_network(gmr: "TrainedGmr", config: ScoreConfig, types: Mapping[str, str]) -> Predict:
-    """Predictions of a network, at its own rate.
-
-    Args:
-        gmr: The network.
-        config: Which phases it sees.
-        types: Type of motion by clip id.
-    """
+def by_network(gmr: "TrainedGmr", config: ScoreConfig) -> Predict:
+    """Predictions of a network, at its own rate."""
 
     def predict(one: UsableClip) -> PredictedClip | str:
-        found = network_clip(
-            gmr, one, all_phases=config.all_phases, motion_type=types.get(one.clip.id)
-        )
+        found = network_clip(gmr, one, all_phases=config.all_phases)
         return found or f"no two valid frames in a row at {gmr.fps_hz:g} fps"
 
     return predict
 
 
-def from_folder(folder: Path, config: ScoreConfig, types: Mapping[str, str]) -> Predict:
-    """Predictions from a folder of clip files.
-
-    Args:
-        folder: The folder, with `<clip id>.npz` for each clip.
-        config: Rate, phases, and what becomes of missing frames.
-        types: Type of motion by clip id.
-    """
+def from_folder(folder: Path, config: ScoreConfig) -> Predict:
+    """Predictions from a folder with `<clip id>.npz` for each clip."""
     protocol_fps_hz = None if config.protocol is None else PROTOCOLS[config.protocol].fps_hz
 
     def predict(one: UsableClip) -> PredictedClip | str:
@@ -137,7 +223,6 @@ def from_folder(folder: Path, config: ScoreConfig, types: Mapping[str, str]) -> 
             protocol_fps_hz=protocol_fps_hz,
             all_phases=config.all_phases,
             drop_missing=config.missing == "drop",
-            motion_type=types.get(one.clip.id),
         )
         return found or f"no two frames in a row with a prediction at {config.fps_hz:g} fps"
 
@@ -154,19 +239,15 @@ def _check_body(predicted: PredictedClip, body: BodyModel) -> None:
         )
 
 
-def motion_types(manifest_path: Path) -> dict[str, str]:
+def motion_types(manifest: Manifest) -> dict[str, str]:
     """Type of motion by clip id, in the words of the list that names the clip's sequence.
 
     A clip has one only where its source is a sequence that a published list (the paper's Table 8 of
     CMU trials) gives a label; the others are left out.
-
-    Raises:
-        MissingInput: there is no such manifest.
-        BadManifest: the manifest is broken.
     """
     labels = _published_labels()
-    entries = read_manifest(manifest_path).clips
-    sources = {entry.id: (entry.source.dataset, entry.source.sequence) for entry in entries}
+    clips = manifest.clips
+    sources = {entry.id: (entry.source.dataset, entry.source.sequence) for entry in clips}
     return {id: labels[source] for id, source in sources.items() if source in labels}
 
 
@@ -182,112 +263,12 @@ def _published_labels() -> dict[tuple[str, str], str]:
     return labels
 
 
-__all__ = ["ScoreConfig", "score_manifest", "score_predictions"]
-
-
-def score_manifest(
-    run_dir: Path,
-    manifest_path: Path,
-    body_path: Path | None,
-    out_dir: Path,
-    config: ScoreConfig | None = None,
-    *,
-    floor_path: Path | None = None,
-    run: Run = DEFAULT_RUN,
-) -> Path:
-    """Score a trained network on a manifest's clips: OME, TME and VME (eqs. 15-17).
-
-    The input is each clip's own local pose and shape, so VME is of the motion alone.  Clips that
-    the manifest rejects are left out and named.  Differences are never taken across frames that are
-    not valid; each run of valid frames is a sequence of its own for the network.
-
-    Args:
-        run_dir: A finished training run.
-        manifest_path: The clips.
-        body_path: Their body, as `load_body` takes it; None for the default body.
-        out_dir: Gets `scores.json`, `scores.csv` and `scores.md`.
-        config: The recipe; None for its defaults.
-        floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
-
-    Returns:
-        Path of `scores.json`: per clip, per class of camera motion, per type of motion and overall,
-        each pooled over motions and, where several clips are put together, as the mean of the
-        clips' means, with bootstrap intervals.
-
-    Raises:
-        MissingInput: a file is not there.
-        BadCheckpoint: the run's checkpoint is broken.
-        BadManifest: no clip can be scored, a clip is of another body, or a floor is given for a
-            manifest that is no pseudo ground truth.
-        BadRecord: the floor is broken, or of another frame rate.
-    """
-    from gmrdata.gmr.predict import load_gmr
-
-    config = config or ScoreConfig()
-    optional = {"body": body_path, "floor": floor_path}
-
-    def work(partial_dir: Path) -> None:
-        gmr = load_gmr(run_dir, config.which)
-        predict = by_network(gmr, config, motion_types(manifest_path))
-        record = _record(predict, manifest_path, optional, gmr.fps_hz, config)
-        network = gmr.model.config.model_dump(mode="json")
-        model = {"run": gmr.name, "step": gmr.step, "which": config.which, "network": network}
-        write_scores(partial_dir, record | {"name": gmr.name, "model": model})
-
-    inputs = {"run": run_dir, "manifest": manifest_path, **_given(optional)}
-    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
-
-
-def score_predictions(
-    predictions_dir: Path,
-    manifest_path: Path,
-    body_path: Path | None,
-    out_dir: Path,
-    config: ScoreConfig | None = None,
-    *,
-    predictions_body_path: Path | None = None,
-    floor_path: Path | None = None,
-    run: Run = DEFAULT_RUN,
-) -> Path:
-    """Score predicted world motions, whatever made them, by the same code as a network's.
-
-    Args:
-        predictions_dir: `<clip id>.npz` for each clip, as `save_clip` writes it, each
-            in a world of its own; row i is the clip's row i, or row k i where the clip's rate is k
-            times the prediction's.  Its local pose and shape count in VME and in a protocol.
-        manifest_path: The true clips.
-        body_path: Their body, as `load_body` takes it; None for the default body.
-        out_dir: As for `score_manifest`.
-        config: The recipe; None for its defaults.
-        predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
-        floor_path: As for `score_manifest`.
-
-    Returns:
-        Path of `scores.json`.
-
-    Raises:
-        MissingInput: a file is not there.
-        BadManifest: as for `score_manifest`.
-        BadMotionFile: a prediction is missing or lacks frames, and may not be dropped; or it is
-            broken, of another clip or body, or in the camera's frame.
-        BadBodyFile: the two bodies have different meshes.
-        BadRecord: the floor is broken, or of another frame rate.
-    """
-    config = config or ScoreConfig()
-    optional = {
-        "body": body_path,
-        "predictions_body": predictions_body_path,
-        "floor": floor_path,
-    }
-
-    def work(partial_dir: Path) -> None:
-        predict = from_folder(predictions_dir, config, motion_types(manifest_path))
-        record = _record(predict, manifest_path, optional, config.fps_hz, config)
-        name = _name_of(predictions_dir)
-        write_scores(partial_dir, record | {"name": name, "model": {"predictions": name}})
-
-    inputs = {"predictions": predictions_dir, "manifest": manifest_path, **_given(optional)}
-    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
+@dataclass(frozen=True)
+class _Predictor:
+    name: str
+    model: ScoredNetwork | ScoredFiles
+    predict: Predict
+    fps_hz: float
 
 
 def _name_of(predictions_dir: Path) -> str:
@@ -300,35 +281,48 @@ def _given(optional: Mapping[str, Path | None]) -> dict[str, Path]:
     return {key: path for key, path in optional.items() if path is not None}
 
 
-def _record(
-    predict: Predict,
+def _scores(
+    predictor: _Predictor,
     manifest_path: Path,
     optional: Mapping[str, Path | None],
-    fps_hz: float,
     config: ScoreConfig,
-) -> dict[str, Any]:
-    """Everything in `scores.json` but what is the predictor's own."""
-    floor_path = optional["floor"]
-    floor = None
-    if floor_path is not None:
-        floor = read_fitting_floor(floor_path, manifest_path, fps_hz)
-    body, predicted_body = _bodies(optional["body"], optional.get("predictions_body"))
+) -> Scores:
     usable = usable_clips(manifest_path)
+    floor = None
+    if optional["floor"] is not None:
+        floor = read_fitting_floor(
+            optional["floor"], manifest_path, usable.manifest.kind, predictor.fps_hz
+        )
+    body, predicted_body = _bodies(optional["body"], optional.get("predictions_body"))
     check_clips_fit([one.clip for one in usable.clips], body)
-    scored, skipped = score_clips(predict, body, usable.clips, config.protocol, predicted_body)
+    scored, skipped = score_clips(
+        predictor.predict, body, usable.clips, config.protocol, predicted_body
+    )
     if not scored:
         raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
+    types = motion_types(usable.manifest)
+    typed = [replace(one, motion_type=types.get(one.clip_id)) for one in scored]
     rng = np.random.default_rng(config.seed)
-    summary = summarise(scored, fps_hz, config.resamples, rng)
-    return (summary if floor is None else beside_floor(summary, floor)) | {
-        "format": FORMAT,
-        "fps_hz": fps_hz,
-        "body": body.name,
-        "protocol": protocol_record(config.protocol),
-        "bootstrap": {"resamples": config.resamples, "seed": config.seed},
-        "skipped": usable.skipped | skipped,
-        "dropped_frames": sum(one.dropped_frames for one in scored),
-    }
+    summary = summarise(typed, predictor.fps_hz, config.resamples, rng)
+    if floor is not None:
+        summary = beside_floor(summary, floor)
+    return Scores(
+        **dict(summary),
+        name=predictor.name,
+        model=predictor.model,
+        fps_hz=predictor.fps_hz,
+        body=body.name,
+        protocol=None if config.protocol is None else PROTOCOLS[config.protocol],
+        bootstrap=Bootstrap(resamples=config.resamples, seed=config.seed),
+        skipped=usable.skipped | skipped,
+        dropped_frames=sum(one.dropped_frames for one in scored),
+    )
+
+
+def _write(folder: Path, scores: Scores) -> None:
+    path = folder / "scores.json"
+    scores.write(path)
+    write_table_files(path, csv_rows(scores), scores_markdown(scores))
 
 
 def _bodies(

@@ -1,14 +1,31 @@
-"""A scores.json as the rows of a table, and of a CSV file.
+"""Scores as tables: rows for a reader, CSV, and Markdown that says what the figures mean."""
 
-Names, units and meanings of all metrics, for tables and pages.
+import csv
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
-Scores in words: what was scored, what was left out, and what the figures mean.
-"""
+from gmrdata.score.records import (
+    METHODS,
+    METRICS,
+    ClipScore,
+    GroupScore,
+    Interval,
+    PaperMetrics,
+    Row,
+    ScoredFiles,
+    Scores,
+    metrics_with,
+)
+from gmrdata.values.files import write_text
 
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
-
-from gmrdata.score.clip_errors import METHODS, METRICS
+Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
+"""Headings and rows."""
+Cell = str | float | None
+"""A cell of a CSV file."""
+ZERO_HEADING = "with no motion at all"
+FLOOR_HEADING = "pseudo ground truth's own"
 
 
 class MetricWords(NamedTuple):
@@ -24,7 +41,7 @@ class MetricWords(NamedTuple):
     """What it says, in a sentence."""
 
 
-METRIC_WORDS = {
+METRIC_WORDS: dict[str, MetricWords] = {
     "ome_deg": MetricWords(
         "OME", "°", 2, "Angle between the predicted and the true turn from frame to frame."
     ),
@@ -74,197 +91,229 @@ def figure_text(metric: str, value: float | None) -> str:
     return "–" if value is None else f"{value:.{METRIC_WORDS[metric].digits}f}"
 
 
-def interval_text(metric: str, ends: list[float] | tuple[float, float] | None) -> str:
+def interval_text(metric: str, ends: Interval | None) -> str:
     """An interval without its unit, like `3.1 to 4.2`; empty where there is none."""
     if ends is None:
         return ""
     return f"{figure_text(metric, ends[0])} to {figure_text(metric, ends[1])}"
 
 
-ZERO_HEADING = "with no motion at all"
-FLOOR_HEADING = "pseudo ground truth's own"
-
-Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
-"""Headings and rows."""
-
-
 class ScoreRow(NamedTuple):
-    """One row: a clip or a group of clips."""
+    """A row of the table."""
 
     kind: str
     """"clip", "camera_motion", "motion_type" or "overall"."""
     name: str
     """The clip's id or the group's name."""
-    row: dict[str, Any]
-    """Its values in the record."""
-    figures: dict[str, dict[str, float | None]]
-    """Pooled figures by method and metric, a protocol's among them."""
-    intervals: dict[str, dict[str, list[float] | None]]
-    """Ends of their 95 % intervals; empty for a clip."""
+    row: Row
+    """Its figures."""
 
 
-def rows_of(scores: dict[str, Any]) -> Iterator[ScoreRow]:
+def rows_of(scores: Scores) -> Iterator[ScoreRow]:
     """Each clip, each class of camera motion, each type of motion, then all."""
-    for clip in scores["clips"]:
-        yield ScoreRow("clip", clip["id"], clip, _figures(clip, clip), {})
-    for kind in ("camera_motion", "motion_type"):
-        for name, group in scores[kind].items():
-            yield _group_row(kind, name, group)
-    yield _group_row("overall", "all", scores["overall"])
+    for clip in scores.clips:
+        yield ScoreRow("clip", clip.id, clip)
+    for kind, groups in (
+        ("camera_motion", scores.camera_motion),
+        ("motion_type", scores.motion_type),
+    ):
+        for name, group in groups.items():
+            yield ScoreRow(kind, name, group)
+    yield ScoreRow("overall", "all", scores.overall)
 
 
-def metrics_of(scores: dict[str, Any]) -> tuple[str, ...]:
-    """OME, TME and VME, then the protocol's metrics."""
-    protocol = scores["protocol"]
-    return (*METRICS, *(protocol["metrics"] if protocol else ()))
-
-
-def score_rows(scores: dict[str, Any]) -> Table:
+def score_rows(scores: Scores) -> Table:
     """OME, TME and VME, with zero motion and the floor: headings and rows for a reader.
 
     Figures are pooled over motions; groups have intervals beside them.
     """
-    has_floor = "floor" in scores["overall"]
+    has_floor = scores.overall.floor is not None
     headings = ("clip", "motions", *map(heading, METRICS), ZERO_HEADING)
     rows = []
-    for row in rows_of(scores):
-        cells = (_name(row), str(row.row["n_motions"]), *_cells(row, METRICS), _zero(row))
-        rows.append((*cells, _floor(row)) if has_floor else cells)
+    for one in rows_of(scores):
+        cells = (
+            _shown_name(one),
+            str(one.row.n_motions),
+            *_cells(one.row, METRICS),
+            _zero(one.row),
+        )
+        rows.append((*cells, _floor(one.row)) if has_floor else cells)
     return (*headings, FLOOR_HEADING) if has_floor else headings, rows
 
 
-def protocol_rows(scores: dict[str, Any]) -> Table | None:
+def protocol_rows(scores: Scores) -> Table | None:
     """The protocol's figures in the same way, zero motion's in a last row; None without any."""
-    metrics = metrics_of(scores)[len(METRICS) :]
+    metrics = scores.protocol.metrics if scores.protocol else ()
     if not metrics:
         return None
-    found = list(rows_of(scores))
-    rows = [(_name(row), *_cells(row, metrics)) for row in found]
-    zero = found[-1].figures["zero"]
+    rows = [(_shown_name(one), *_cells(one.row, metrics)) for one in rows_of(scores)]
+    zero = scores.overall.figures("zero")
     rows.append((ZERO_HEADING, *(figure_text(metric, zero[metric]) for metric in metrics)))
     return ("clip", *map(heading, metrics)), rows
 
 
-def csv_rows(scores: dict[str, Any]) -> list[list[Any]]:
+def csv_rows(scores: Scores) -> list[list[Cell]]:
     """Headings and rows for a program: every figure at full precision, with both ends."""
-    metrics = metrics_of(scores)
-    columns = [(method, metric) for method in METHODS for metric in metrics]
-    head = ["kind", "name", "camera_motion", "motion_type", "n_clips", "n_motions"]
-    for method, metric in columns:
-        head += [f"{method}_{metric}", f"{method}_{metric}_low", f"{method}_{metric}_high"]
-    if "floor" in scores["overall"]:
+    metrics = metrics_with(scores.protocol)
+    head: list[Cell] = ["kind", "name", "camera_motion", "motion_type", "n_clips", "n_motions"]
+    for method in METHODS:
+        for metric in metrics:
+            head += [f"{method}_{metric}{end}" for end in ("", "_low", "_high")]
+    if scores.overall.floor is not None:
         head += ["floor_of", *(f"floor_{metric}" for metric in METRICS)]
-    return [head, *(_csv_row(row, columns) for row in rows_of(scores))]
+    return [head, *(_csv_row(one, metrics) for one in rows_of(scores))]
 
 
-def _group_row(kind: str, name: str, group: dict[str, Any]) -> ScoreRow:
-    intervals = {
-        method: {
-            **group["pooled_interval95"][method],
-            **group.get("protocol_interval95", {}).get(method, {}),
-        }
-        for method in METHODS
-    }
-    return ScoreRow(kind, name, group, _figures(group["pooled_over_motions"], group), intervals)
+def _csv_row(one: ScoreRow, metrics: Sequence[str]) -> list[Cell]:
+    row = one.row
+    cells: list[Cell] = [one.kind, one.name]
+    if isinstance(row, ClipScore):
+        cells += [row.camera_motion, row.motion_type, 1]
+    elif isinstance(row, GroupScore):
+        cells += [None, None, row.n_clips]
+    cells.append(row.n_motions)
+    for method in METHODS:
+        figures, intervals = row.figures(method), row.intervals(method)
+        for metric in metrics:
+            cells += [figures[metric], *(intervals.get(metric) or (None, None))]
+    if row.floor is not None:
+        cells += [row.floor.of, *row.floor.by_metric().values()]
+    return cells
 
 
-def _figures(paper: dict[str, Any], row: dict[str, Any]) -> dict[str, dict[str, float | None]]:
-    protocol = row.get("protocol", {})
-    return {method: {**paper[method], **protocol.get(method, {})} for method in METHODS}
+def _shown_name(one: ScoreRow) -> str:
+    return f"all {one.name}" if one.kind in ("camera_motion", "motion_type") else one.name
 
 
-def _name(row: ScoreRow) -> str:
-    return f"all {row.name}" if row.kind in ("camera_motion", "motion_type") else row.name
-
-
-def _cells(row: ScoreRow, metrics: Sequence[str]) -> tuple[str, ...]:
+def _cells(row: Row, metrics: Sequence[str]) -> tuple[str, ...]:
+    figures, intervals = row.figures("predicted"), row.intervals("predicted")
     cells = []
     for metric in metrics:
-        ends = interval_text(metric, row.intervals.get("predicted", {}).get(metric))
-        figure = figure_text(metric, row.figures["predicted"][metric])
+        ends = interval_text(metric, intervals.get(metric))
+        figure = figure_text(metric, figures[metric])
         cells.append(f"{figure} ({ends})" if ends else figure)
     return tuple(cells)
 
 
-def _zero(row: ScoreRow) -> str:
-    return " / ".join(figure_text(metric, row.figures["zero"][metric]) for metric in METRICS)
+def _zero(row: Row) -> str:
+    return _listed(row.paper().zero)
 
 
-def _floor(row: ScoreRow) -> str:
-    own = row.row.get("floor")
-    if own is None:
-        return ""
-    return f"{' / '.join(figure_text(metric, own[metric]) for metric in METRICS)} ({own['of']})"
+def _listed(figures: PaperMetrics[float]) -> str:
+    return " / ".join(figure_text(metric, figures.get(metric)) for metric in METRICS)
 
 
-def _csv_row(row: ScoreRow, columns: list[tuple[str, str]]) -> list[Any]:
-    of_clip = row.kind == "clip"
-    cells = [
-        row.kind,
-        row.name,
-        row.row["camera_motion"] if of_clip else "",
-        (row.row["motion_type"] or "") if of_clip else "",
-        1 if of_clip else row.row["n_clips"],
-        row.row["n_motions"],
-    ]
-    for method, metric in columns:
-        ends = row.intervals.get(method, {}).get(metric) or ("", "")
-        value = row.figures[method][metric]
-        cells += ["" if value is None else value, *ends]
-    own = row.row.get("floor")
-    if own is not None:
-        cells += [own["of"], *(own[metric] for metric in METRICS)]
-    return cells
+def _floor(row: Row) -> str:
+    return "" if row.floor is None else f"{_listed(row.floor)} ({row.floor.of})"
 
 
-def lead(scores: dict[str, Any]) -> str:
+def scores_markdown(scores: Scores) -> str:
+    """The scores as Markdown: the table, and what must be known to read it."""
+    tables = {"": score_rows(scores)}
+    protocol = protocol_rows(scores)
+    if protocol is not None and scores.protocol is not None:
+        tables[f"Protocol {scores.protocol.name}"] = protocol
+    lines = (*scores.statements, *explanations(scores))
+    return markdown(f"Scores of {scores.name}", lead(scores), tables, lines)
+
+
+def lead(scores: Scores) -> str:
     """What was scored, in a sentence or two."""
-    overall, model = scores["overall"], scores["model"]
+    overall, model = scores.overall, scores.model
     what = (
-        f"read from files ({model['predictions']})"
-        if "predictions" in model
-        else f"predicted by network {model['run']} (step {model['step']})"
+        f"read from files ({model.predictions})"
+        if isinstance(model, ScoredFiles)
+        else f"predicted by network {model.run} (step {model.step})"
     )
     text = (
-        f"{overall['n_motions']} motions of {overall['n_clips']} clips at {scores['fps_hz']:g} "
-        f"fps, {what}; body {scores['body']}."
+        f"{overall.n_motions} motions of {overall.n_clips} clips at {scores.fps_hz:g} "
+        f"fps, {what}; body {scores.body}."
     )
-    if scores["protocol"]:
-        text += f" Protocol {scores['protocol']['name']}."
+    if scores.protocol:
+        text += f" Protocol {scores.protocol.name}."
     return text
 
 
-def explanations(scores: dict[str, Any]) -> list[str]:
+def explanations(scores: Scores) -> list[str]:
     """What a reader of the figures must know, as sentences."""
     lines = [
         f"{METRIC_WORDS[metric].title}: {METRIC_WORDS[metric].meaning}"
-        for metric in metrics_of(scores)
+        for metric in metrics_with(scores.protocol)
     ]
     lines += [
         "Figures are means over all motions, or over all samples of a protocol, of the clips of a "
         "row. In brackets: 95 % bootstrap intervals, for which "
-        f"{scores['bootstrap']['resamples']} times clips were drawn with replacement; a single "
+        f"{scores.bootstrap.resamples} times clips were drawn with replacement; a single "
         "clip has none.",
         "Zero motion is a body that neither turns nor moves.",
         "No difference between frames is taken over a gap.",
     ]
     lines += _of_protocol(scores)
-    if scores["dropped_frames"]:
-        lines.append(f"{scores['dropped_frames']} valid frames had no prediction and are left out.")
-    return lines + [f"Left out: {id}: {why}" for id, why in sorted(scores["skipped"].items())]
+    if scores.dropped_frames:
+        lines.append(f"{scores.dropped_frames} valid frames had no prediction and are left out.")
+    return lines + [f"Left out: {id}: {why}" for id, why in sorted(scores.skipped.items())]
 
 
-def _of_protocol(scores: dict[str, Any]) -> list[str]:
-    protocol = scores["protocol"]
+def _of_protocol(scores: Scores) -> list[str]:
+    protocol = scores.protocol
     if not protocol:
         return []
-    lines = [f"Protocol {protocol['name']} follows {protocol['source']}.", *protocol["notes"]]
-    rates = sorted({clip["protocol_fps_hz"] for clip in scores["clips"]})
-    if protocol["metrics"] and rates != [protocol["fps_hz"]]:
+    lines = [f"Protocol {protocol.name} follows {protocol.source}.", *protocol.notes]
+    rates = sorted(
+        {clip.protocol_fps_hz for clip in scores.clips if clip.protocol_fps_hz is not None}
+    )
+    if protocol.metrics and rates != [protocol.fps_hz]:
         lines.append(
-            f"Its published figures are of video at {protocol['fps_hz']:g} fps, these are at "
+            f"Its published figures are of video at {protocol.fps_hz:g} fps, these are at "
             f"{' and '.join(f'{rate:g}' for rate in rates)} fps: segments of "
-            f"{protocol['segment_frames']} frames last longer or shorter than there, and figures "
+            f"{protocol.segment_frames} frames last longer or shorter than there, and figures "
             "per frame, jitter and sliding can't be compared with published ones."
         )
     return lines
+
+
+def write_table_files(path: Path, rows: Iterable[Sequence[Cell]], text: str) -> None:
+    """Write a table beside its JSON file: `<name>.csv` and `<name>.md`.
+
+    Args:
+        path: The JSON file.
+        rows: Headings and rows of the CSV file.
+        text: The Markdown.
+    """
+    write_text(path.with_suffix(".csv"), csv_text(rows))
+    write_text(path.with_suffix(".md"), text)
+
+
+def csv_text(rows: Iterable[Sequence[Cell]]) -> str:
+    """Rows as CSV, quoted where needed; lines end as on Unix, and None is an empty cell."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(rows)
+    return stream.getvalue()
+
+
+def markdown(title: str, lead: str, tables: Mapping[str, Table], lines: Iterable[str]) -> str:
+    """A page of Markdown: tables by their heading, and what must be known as a list.
+
+    Args:
+        title: The page's title.
+        lead: A sentence below it; empty for none.
+        tables: By heading; empty for a table without one.
+        lines: Sentences below the tables.
+    """
+    parts = [f"# {title}\n"] + ([f"{lead}\n"] if lead else [])
+    for name, table in tables.items():
+        parts += [f"## {name}\n"] if name else []
+        parts.append(markdown_table(*table))
+    return "\n".join([*parts, *(f"- {line}" for line in lines)]) + "\n"
+
+
+def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; the first column names the row, the others are aligned to the right."""
+    rule = ["---", *("---:" for _ in headings[1:])]
+    return "\n".join(map(_line, [headings, rule, *rows])) + "\n"
+
+
+def _line(cells: Sequence[str]) -> str:
+    # A bar would end the cell, and a line break the table.
+    texts = (str(cell).replace("\\", "\\\\").replace("|", "\\|") for cell in cells)
+    return "| " + " | ".join(" ".join(text.split()) for text in texts) + " |"

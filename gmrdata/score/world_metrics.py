@@ -7,17 +7,15 @@ between frames (path length, velocity, jitter, sliding) is taken from one run to
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
+from gmrdata.score.records import Remainder
 from gmrdata.values.alignment import fit_similarity
 from gmrdata.values.motion_metrics import angles_rad
 
 Rows = tuple[int, int]
 """Frames start, start + 1, ... stop - 1."""
-Remainder = Literal["own_segment", "joined_but_last_frame", "joined"]
-"""What becomes of the frames after the last full segment; see `segments_of`."""
 
 
 def segments_of(n_frames: int, length: int, remainder: Remainder) -> list[Rows]:

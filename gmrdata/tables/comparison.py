@@ -1,58 +1,200 @@
-"""A table beside the paper's: JSON for programs, CSV for spreadsheets, Markdown for readers.
-
-Which of the paper's orderings of a table's rows hold here, in sentences.
-"""
+"""A table beside the paper's: JSON for programs, CSV for spreadsheets, Markdown for readers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
-from gmrdata.score.files import csv_text, markdown_table
-from gmrdata.score.table import METRIC_WORDS
-from gmrdata.tables.recipe import METRICS, Metric
-from gmrdata.values.files import write_json, write_text
+from pydantic import JsonValue
+
+from gmrdata.score.records import METRICS, Metric, PaperMetrics
+from gmrdata.score.table import METRIC_WORDS, Cell, Table, markdown, write_table_files
+from gmrdata.values.records import Config, Record
 
 
-@dataclass(frozen=True)
-class RowFigures:
-    """A row of the table that was made."""
+class OverSeeds(Config):
+    """One error over a row's seeds."""
+
+    mean: float
+    """Mean over seeds."""
+    spread: float | None
+    """Standard deviation over seeds; None for a single one."""
+    by_seed: tuple[float, ...]
+    """Each of them."""
+
+
+class TableRow(Config):
+    """A row of the table."""
 
     name: str
-    """The row."""
-    paper: dict[Metric, float]
-    """The paper's figures; empty where it has none."""
-    mean: dict[Metric, float]
-    """Ours, as the mean over seeds."""
-    spread: dict[Metric, float | None]
-    """Standard deviation over seeds; None for a single one."""
+    """What it is called at this size."""
+    name_in_paper: str | None
+    """What the paper calls it; None for a row that the paper does not have."""
+    method: str
+    """What predicts."""
+    clips: Literal["all", "moving", "still"]
+    """Which of the scored clips count."""
+    paper: PaperMetrics[float | None]
+    """The paper's figures; None where it has none."""
+    seeds: tuple[int, ...]
+    """Seeds of its trainings."""
+    settings: dict[str, JsonValue] | None
+    """Settings of its trainings but the seed; None without any."""
+    ours: PaperMetrics[OverSeeds] | None
+    """Our figures; None where the row could not be made."""
 
 
-def orderings(rows: Sequence[RowFigures]) -> list[str]:
+class TrainingSet(Config):
+    """A manifest to train on."""
+
+    name: str
+    """Its file's name and the folder around it."""
+    clips: int
+    """Its clips that were trained on."""
+
+
+class TableData(Config):
+    """What was trained and scored on."""
+
+    paper: str
+    """By the paper."""
+    training: tuple[TrainingSet, ...]
+    """Manifests here."""
+    left_out: dict[str, int]
+    """Their clips that were not trained on, by reason."""
+    scored: str
+    """What was scored here."""
+    held_out_subjects: tuple[int | str, ...]
+    """People who were not trained on."""
+
+
+class TableRecord(Record):
+    """A `table<N>.json`."""
+
+    format: Literal["gmrdata-table/2"] = "gmrdata-table/2"
+    """Name and version of the format."""
+    table: int
+    """The paper's number."""
+    title: str
+    """What it shows."""
+    scale: str
+    """The size of the trainings."""
+    note: str
+    """What a reader must know of that size."""
+    data: TableData
+    """What was trained and scored on."""
+    rows: tuple[TableRow, ...]
+    """The rows in the paper's order, and zero motion."""
+    lacking: dict[str, tuple[str, ...]]
+    """What would have to be given for a row that could not be made."""
+    statements: tuple[str, ...]
+    """Which of the paper's orderings hold here."""
+
+
+def write_table(folder: Path, record: TableRecord) -> Path:
+    """Write `table<N>.json`, `.csv` and `.md`; returns the JSON file's path."""
+    path = folder / f"table{record.table}.json"
+    record.write(path)
+    lines = (*explanations(record), *record.statements)
+    title = f"Table {record.table}: {record.title}"
+    write_table_files(path, csv_rows(record), markdown(title, "", {"": shown_rows(record)}, lines))
+    return path
+
+
+def explanations(record: TableRecord) -> list[str]:
+    """What must be known to read the table: the data of both, the size, and what is missing."""
+    data = record.data
+    trained = ", ".join(f"{one.name} ({one.clips} clips)" for one in data.training)
+    found = [
+        f"Paper: {data.paper}.",
+        f"Here: trained on {trained or 'nothing'}; scored on {data.scored}.",
+    ]
+    if data.held_out_subjects:
+        found.append(f"Not trained on: subjects {', '.join(map(str, data.held_out_subjects))}.")
+    found.append(f"Scale {record.scale}. {record.note}".strip())
+    found.append(
+        "± is the standard deviation over seeds. The data differ, so figures don't compare."
+    )
+    for name, wanted in record.lacking.items():
+        found.append(f"{name}: not made. It needs {'; '.join(wanted)}.")
+    return found
+
+
+def shown_rows(record: TableRecord) -> Table:
+    """Headings and rows for a reader: the paper's figure and ours, metric by metric."""
+    headings = ["row", "seeds"]
+    for metric in METRICS:
+        words = METRIC_WORDS[metric]
+        headings += [f"{words.title} paper [{words.unit}]", f"{words.title} here [{words.unit}]"]
+    return tuple(headings), [_shown(row) for row in record.rows]
+
+
+def _shown(row: TableRow) -> tuple[str, ...]:
+    cells = [row.name, str(len(row.seeds)) if row.seeds else "-"]
+    for metric in METRICS:
+        paper = row.paper.get(metric)
+        cells += ["-" if paper is None else f"{paper:.2f}", _ours(row, metric)]
+    return tuple(cells)
+
+
+def _ours(row: TableRow, metric: Metric) -> str:
+    if row.ours is None:
+        return "not made"
+    ours = row.ours.get(metric)
+    return f"{ours.mean:.2f}" if ours.spread is None else f"{ours.mean:.2f} ± {ours.spread:.2f}"
+
+
+def csv_rows(record: TableRecord) -> list[list[Cell]]:
+    """Headings and rows for a program."""
+    head: list[Cell] = ["row", "n_seeds"]
+    for metric in METRICS:
+        head += [f"paper_{metric}", f"{metric}_mean", f"{metric}_spread"]
+    return [head, *map(_csv_row, record.rows)]
+
+
+def _csv_row(row: TableRow) -> list[Cell]:
+    cells: list[Cell] = [row.name, len(row.seeds)]
+    for metric in METRICS:
+        ours = row.ours.get(metric) if row.ours else None
+        cells += [row.paper.get(metric), ours.mean if ours else None, ours.spread if ours else None]
+    return cells
+
+
+def orderings(rows: Sequence[TableRow]) -> list[str]:
     """For each metric, how many of the paper's orderings hold here, and which hold or don't."""
     return [line for metric in METRICS for line in _of_metric(metric, rows)]
 
 
-def _of_metric(metric: Metric, rows: Sequence[RowFigures]) -> list[str]:
-    known = [row for row in rows if metric in row.paper]
+class _Pair:
+    """A row in one metric: the paper's figure, and ours with its spread over seeds."""
+
+    def __init__(self, name: str, paper: float, ours: OverSeeds) -> None:
+        self.name, self.paper, self.ours = name, paper, ours
+
+
+def _of_metric(metric: Metric, rows: Sequence[TableRow]) -> list[str]:
+    known = []
+    for row in rows:
+        paper = row.paper.get(metric)
+        if paper is not None and row.ours is not None:
+            known.append(_Pair(row.name, paper, row.ours.get(metric)))
     pairs = [
-        (a, b) if a.paper[metric] < b.paper[metric] else (b, a)
+        (a, b) if a.paper < b.paper else (b, a)
         for a, b in combinations(known, 2)
-        if a.paper[metric] != b.paper[metric]
+        if a.paper != b.paper
     ]
     if not pairs:
         return []
     title = METRIC_WORDS[metric].title
-    holds = [pair for pair in pairs if pair[0].mean[metric] < pair[1].mean[metric]]
+    holds = [pair for pair in pairs if pair[0].ours.mean < pair[1].ours.mean]
     fails = [pair for pair in pairs if pair not in holds]
     lines = [f"{title}: {len(holds)} of the paper's {len(pairs)} orderings hold here."]
     if holds:
-        lines.append(f"{title}, holds: {_listed(metric, holds)}.")
+        lines.append(f"{title}, holds: {_listed(holds)}.")
     if fails:
-        lines.append(f"{title}, does not hold: {_listed(metric, fails)}.")
-    best_there = min(known, key=lambda row: row.paper[metric])
-    best_here = min(known, key=lambda row: row.mean[metric])
+        lines.append(f"{title}, does not hold: {_listed(fails)}.")
+    best_there = min(known, key=lambda one: one.paper)
+    best_here = min(known, key=lambda one: one.ours.mean)
     if len(known) > 2:
         same = best_there is best_here
         there = f"{title}: the paper's best row is {best_there.name}"
@@ -60,89 +202,16 @@ def _of_metric(metric: Metric, rows: Sequence[RowFigures]) -> list[str]:
     return lines
 
 
-def _listed(metric: Metric, pairs: Sequence[tuple[RowFigures, RowFigures]]) -> str:
+def _listed(pairs: Sequence[tuple[_Pair, _Pair]]) -> str:
     return "; ".join(
-        f"{better.name} below {worse.name}{_doubt(metric, better, worse)}"
+        f"{better.name} below {worse.name}{_doubt(better.ours, worse.ours)}"
         for better, worse in pairs
     )
 
 
-def _doubt(metric: Metric, a: RowFigures, b: RowFigures) -> str:
+def _doubt(a: OverSeeds, b: OverSeeds) -> str:
     """A remark where two rows differ by no more than seeds do."""
-    spreads = [row.spread[metric] for row in (a, b)]
-    known = [spread for spread in spreads if spread is not None]
-    if len(known) < len(spreads):
+    if a.spread is None or b.spread is None:
         return ""
-    is_small = abs(a.mean[metric] - b.mean[metric]) <= max(known)
+    is_small = abs(a.mean - b.mean) <= max(a.spread, b.spread)
     return " (within the seeds' spread)" if is_small else ""
-
-
-def write_table(folder: Path, record: dict[str, Any]) -> Path:
-    """Write `table<N>.json`, `.csv` and `.md`; returns the JSON file's path."""
-    path = folder / f"table{record['table']}.json"
-    write_json(path, record)
-    write_text(path.with_suffix(".csv"), csv_text(_csv_rows(record)))
-    headings, rows = shown_rows(record)
-    lines = [f"- {line}" for line in (*explanations(record), *record["statements"])]
-    parts = [f"# Table {record['table']}: {record['title']}\n", markdown_table(headings, rows)]
-    write_text(path.with_suffix(".md"), "\n".join([*parts, *lines]) + "\n")
-    return path
-
-
-def explanations(record: dict[str, Any]) -> list[str]:
-    """What must be known to read the table: the data of both, the size, and what is missing."""
-    data = record["data"]
-    trained = ", ".join(f"{one['name']} ({one['clips']} clips)" for one in data["training"])
-    found = [
-        f"Paper: {data['paper']}.",
-        f"Here: trained on {trained or 'nothing'}; scored on {data['scored']}.",
-    ]
-    if data["held_out_subjects"]:
-        found.append(f"Not trained on: subjects {', '.join(map(str, data['held_out_subjects']))}.")
-    found.append(f"Scale {record['scale']}. {record['note']}".strip())
-    found.append(
-        "± is the standard deviation over seeds. The data differ, so figures don't compare."
-    )
-    for name, wanted in record["lacking"].items():
-        found.append(f"{name}: not made. It needs {'; '.join(wanted)}.")
-    return found
-
-
-def shown_rows(record: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Headings and rows for a reader: the paper's figure and ours, metric by metric."""
-    headings = ["row", "seeds"]
-    for metric in METRICS:
-        words = METRIC_WORDS[metric]
-        headings += [f"{words.title} paper [{words.unit}]", f"{words.title} here [{words.unit}]"]
-    rows = []
-    for row in record["rows"]:
-        cells = [row["name"], str(len(row["seeds"])) if row["seeds"] else "-"]
-        for metric in METRICS:
-            paper = row["paper"].get(metric)
-            cells += ["-" if paper is None else f"{paper:.2f}", _ours(row["ours"], metric)]
-        rows.append(tuple(cells))
-    return tuple(headings), rows
-
-
-def _ours(ours: dict[str, Any] | None, metric: str) -> str:
-    if ours is None:
-        return "not made"
-    spread = ours[metric]["spread"]
-    mean = f"{ours[metric]['mean']:.2f}"
-    return mean if spread is None else f"{mean} ± {spread:.2f}"
-
-
-def _csv_row(row: dict[str, Any]) -> list[Any]:
-    cells = [row["name"], len(row["seeds"])]
-    for metric in METRICS:
-        ours = (row["ours"] or {}).get(metric, {})
-        values = (row["paper"].get(metric), ours.get("mean"), ours.get("spread"))
-        cells += ["" if value is None else value for value in values]
-    return cells
-
-
-def _csv_rows(record: dict[str, Any]) -> list[list[Any]]:
-    head = ["row", "n_seeds"]
-    for metric in METRICS:
-        head += [f"paper_{metric}", f"{metric}_mean", f"{metric}_spread"]
-    return [head, *map(_csv_row, record["rows"])]

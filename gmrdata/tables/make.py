@@ -16,13 +16,21 @@ from gmrdata.gmr.runs import usable_files
 from gmrdata.gmr.split import split_manifests
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.write import write_manifest
-from gmrdata.score.files import read_scores
+from gmrdata.score.records import METRICS, Method, Metric, PaperMetrics, Scores
 from gmrdata.stage.jobs import Job, run_jobs, worker_pool
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.tables.comparison import RowFigures, orderings, write_table
+from gmrdata.tables.comparison import (
+    OverSeeds,
+    TableData,
+    TableRecord,
+    TableRow,
+    TrainingSet,
+    orderings,
+    write_table,
+)
 from gmrdata.tables.plan import Given, Plan, plan_table, scored_manifest
-from gmrdata.tables.recipe import METRICS, Metric, Row, ScaleName, TableRecipe, train_config
+from gmrdata.tables.recipe import Row, ScaleName, TableRecipe, train_config
 from gmrdata.tables.work import score_one, train_one
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz, resolve_inside, write_npz
@@ -85,9 +93,6 @@ def held_out_set(
     return run_stage("held-out", out_dir, config, inputs, work, run=run) / "manifest.yaml"
 
 
-FORMAT = "gmrdata-table/1"
-
-
 def make_table(
     recipe: TableRecipe,
     scale: ScaleName,
@@ -134,7 +139,7 @@ def make_table(
     for what, jobs in (("train", training), ("score", scoring)):
         paths = _run(what, jobs, out_dir / "failures" / what, run)
     scores = {
-        name: [read_scores(paths[_job_id(one.id)]) for one in ones]
+        name: [Scores.read(paths[_job_id(one.id)]) for one in ones]
         for name, ones in plan.scorings.items()
     }
     return write_table(out_dir, _record(recipe, scale, given, plan, scores, out_dir))
@@ -174,130 +179,107 @@ def _record(
     scale: ScaleName,
     given: Given,
     plan: Plan,
-    scores: Mapping[str, Sequence[dict[str, Any]]],
+    scores: Mapping[str, Sequence[Scores]],
     out_dir: Path,
-) -> dict[str, Any]:
-    """Everything in `table<N>.json`."""
+) -> TableRecord:
     rows = [_row(recipe, row, scale, scores.get(row.name, ()), plan) for row in recipe.rows]
-    made = [
-        RowFigures(
-            row["name"],
-            row["paper"],
-            {metric: row["ours"][metric]["mean"] for metric in METRICS},
-            {metric: row["ours"][metric]["spread"] for metric in METRICS},
-        )
-        for row in rows
-        if row["ours"] is not None
-    ]
-    return {
-        "format": FORMAT,
-        "table": recipe.table,
-        "title": recipe.title,
-        "scale": scale,
-        "note": recipe.scales[scale].note,
-        "data": _data(recipe, scale, given, scores, out_dir),
-        "rows": [*rows, _zero_row(scores)],
-        "lacking": plan.lacking,
-        "statements": orderings(made),
-    }
+    return TableRecord(
+        table=recipe.table,
+        title=recipe.title,
+        scale=scale,
+        note=recipe.scales[scale].note,
+        data=_data(recipe, scale, given, scores, out_dir),
+        rows=(*rows, _zero_row(next(iter(scores.values()))[:1])),
+        lacking={name: tuple(wanted) for name, wanted in plan.lacking.items()},
+        statements=tuple(orderings(rows)),
+    )
 
 
 def _row(
-    recipe: TableRecipe,
-    row: Row,
-    scale: ScaleName,
-    scores: Sequence[dict[str, Any]],
-    plan: Plan,
-) -> dict[str, Any]:
+    recipe: TableRecipe, row: Row, scale: ScaleName, scores: Sequence[Scores], plan: Plan
+) -> TableRow:
     used = {one.training for one in plan.scorings.get(row.name, ())}
     configs = [one.config for one in plan.trainings if one.id in used]
-    found: dict[str, Any] = {
-        "name": row.name_at(scale),
-        "name_in_paper": row.name if row.paper else None,
-        "method": recipe.scored_row(row).method,
-        "clips": row.clips,
-        "paper": dict(row.paper),
-        "seeds": [config.seed for config in configs],
-        "settings": configs[0].model_dump(mode="json", exclude={"seed"}) if configs else None,
-        "ours": None,
-    }
-    if scores:
-        found["ours"] = {
-            metric: _over_seeds(metric, scores, "predicted", row) for metric in METRICS
-        }
-    return found
+    return TableRow(
+        name=row.name_at(scale),
+        name_in_paper=row.name if row.paper else None,
+        method=recipe.scored_row(row).method,
+        clips=row.clips,
+        paper=PaperMetrics(**{metric: row.paper.get(metric) for metric in METRICS}),
+        seeds=tuple(config.seed for config in configs),
+        settings=configs[0].model_dump(mode="json", exclude={"seed"}) if configs else None,
+        ours=_over_seeds(scores, "predicted", row) if scores else None,
+    )
 
 
-def _zero_row(scores: Mapping[str, Sequence[dict[str, Any]]]) -> dict[str, Any]:
-    """Zero motion on the clips of the first row that was made."""
-    first = next(iter(scores.values()))[:1]
-    return {
-        "name": "no motion at all",
-        "name_in_paper": None,
-        "method": "zero",
-        "clips": "all",
-        "paper": {},
-        "seeds": [],
-        "settings": None,
-        "ours": {metric: _over_seeds(metric, first, "zero") for metric in METRICS},
-    }
+def _zero_row(scores: Sequence[Scores]) -> TableRow:
+    """Zero motion on the clips of a row."""
+    return TableRow(
+        name="no motion at all",
+        name_in_paper=None,
+        method="zero",
+        clips="all",
+        paper=PaperMetrics(**dict.fromkeys(METRICS)),
+        seeds=(),
+        settings=None,
+        ours=_over_seeds(scores, "zero"),
+    )
 
 
 def _over_seeds(
-    metric: Metric, scores: Sequence[dict[str, Any]], method: str, row: Row | None = None
-) -> dict[str, Any]:
-    values = [clip_figure(metric, one, method, row) for one in scores]
-    spread = statistics.stdev(values) if len(values) > 1 else None
-    return {"mean": statistics.fmean(values), "spread": spread, "by_seed": values}
+    scores: Sequence[Scores], method: Method, row: Row | None = None
+) -> PaperMetrics[OverSeeds]:
+    def over_seeds(metric: Metric) -> OverSeeds:
+        values = tuple(clip_figure(metric, one, method, row) for one in scores)
+        spread = statistics.stdev(values) if len(values) > 1 else None
+        return OverSeeds(mean=statistics.fmean(values), spread=spread, by_seed=values)
+
+    return PaperMetrics(**{metric: over_seeds(metric) for metric in METRICS})
 
 
-def clip_figure(metric: Metric, scores: dict[str, Any], method: str, row: Row | None) -> float:
+def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None) -> float:
     """Mean over all motions of the clips that count."""
     if row is None or row.clips == "all":
-        return float(scores["overall"]["pooled_over_motions"][method][metric])
+        return scores.overall.paper().get(method).get(metric)
     still = row.clips == "still"
-    groups = [
-        group for name, group in scores["camera_motion"].items() if (name == "static") == still
-    ]
-    n_motions = sum(group["n_motions"] for group in groups)
+    groups = [group for name, group in scores.camera_motion.items() if (name == "static") == still]
+    n_motions = sum(group.n_motions for group in groups)
     if not n_motions:
         raise BadManifest(
             f"row {row.name!r}: of the scored clips none has a camera that "
             f"{'stands still' if still else 'moves'}. Give a set with both, like clips and twins"
         )
-    sums = [group["pooled_over_motions"][method][metric] * group["n_motions"] for group in groups]
-    return float(sum(sums) / n_motions)
+    sums = [group.paper().get(method).get(metric) * group.n_motions for group in groups]
+    return sum(sums) / n_motions
 
 
 def _data(
     recipe: TableRecipe,
     scale: ScaleName,
     given: Given,
-    scores: Mapping[str, Sequence[dict[str, Any]]],
+    scores: Mapping[str, Sequence[Scores]],
     out_dir: Path,
-) -> dict[str, Any]:
+) -> TableData:
     subjects = given.subjects(recipe.scales[scale])
-    config = train_config(recipe, recipe.rows[0], scale, 0, subjects).data
-    training, split = [], None
+    sizes, left_out = [len(usable_files(path)[0]) for path in given.videos], {}
     if given.manifests:
+        config = train_config(recipe, recipe.rows[0], scale, 0, subjects).data
         split = split_manifests(given.manifests, config)
-    for i, path in enumerate(given.manifests):
-        assert split is not None
-        training.append({"name": _name_of(path), "clips": split.mix.sizes[i]})
-    training += [
-        {"name": _name_of(path), "clips": len(usable_files(path)[0])} for path in given.videos
-    ]
-    overall = next(iter(scores.values()))[0]["overall"]
+        sizes, left_out = [*split.mix.sizes, *sizes], split.left_out
+    paths = (*given.manifests, *given.videos)
+    overall = next(iter(scores.values()))[0].overall
     scored_path = scored_manifest(given, out_dir)
     what = _name_of(scored_path) if given.scored is not None else "the held-out subjects"
-    counts = f"{overall['n_clips']} clips, {overall['n_motions']} motions"
-    return {
-        "paper": recipe.paper_data,
-        "training": training,
-        "left_out": split.left_out if split is not None else {},
-        "scored": f"{what} ({counts})",
-        "held_out_subjects": list(subjects),
-    }
+    return TableData(
+        paper=recipe.paper_data,
+        training=tuple(
+            TrainingSet(name=_name_of(path), clips=size)
+            for path, size in zip(paths, sizes, strict=True)
+        ),
+        left_out=left_out,
+        scored=f"{what} ({overall.n_clips} clips, {overall.n_motions} motions)",
+        held_out_subjects=subjects,
+    )
 
 
 def _name_of(path: Path) -> str:

@@ -11,6 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.config import TrainConfig
+from gmrdata.score.records import Metric
 from gmrdata.stage import resources
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.errors import BadRecipe
@@ -21,8 +22,6 @@ ScaleName = Literal["paper", "small"]
 
 
 Method = Literal["gmr", "vibe_cam", "camera_as_world", "joint"]
-Metric = Literal["ome_deg", "tme_mm", "vme_mm"]
-METRICS: tuple[Metric, ...] = ("ome_deg", "tme_mm", "vme_mm")
 
 
 class Scale(Config):

@@ -7,13 +7,15 @@ import pytest
 
 from gmrdata.manifest.write import write_manifest
 from gmrdata.score.beside_floor import beside_floor, read_fitting_floor
+from gmrdata.score.records import PaperMetrics, Scores
 from gmrdata.score.table import score_rows
 from gmrdata.twins.floor_record import Floor, FloorGroup
 from gmrdata.values.errors import BadManifest, BadRecord
 from gmrdata.values.files import write_json
+from tests.score.score_records import clip_score, group_score, metrics
+from tests.score.score_records import scores as score_record
 
-NO_INTERVALS: dict[str, Any] = {"pooled_interval95": {"predicted": {}, "zero": {}}}
-INTERVALS = {"pooled_interval95": {"predicted": {"tme_mm": [16.0, 19.96]}, "zero": {}}}
+INTERVALS = PaperMetrics[Any](ome_deg=None, tme_mm=(16.0, 19.96), vme_mm=None)
 
 
 def group(ome_deg: float | None, tme_mm: float | None, vme_mm: float | None) -> FloorGroup:
@@ -48,35 +50,24 @@ def floor(**changes: Any) -> Floor:
     return Floor.model_validate(given | changes)
 
 
-def errors(ome_deg: float, tme_mm: float, vme_mm: float) -> dict[str, dict[str, float]]:
-    ours = {"ome_deg": ome_deg, "tme_mm": tme_mm, "vme_mm": vme_mm}
-    return {"predicted": ours, "zero": {"ome_deg": 0.01, "tme_mm": 0.01, "vme_mm": 0.01}}
+def scores() -> Scores:
+    clips = [
+        clip_score("a", metrics(0.2, 3.999, 4.0), camera_motion="linear"),
+        clip_score("b", metrics(0.09, 30.0, 40.0), camera_motion="static"),
+        clip_score("c", metrics(1.0, 20.0, 30.0), camera_motion="circular"),
+    ]
+    whole = clip_score("all", metrics(0.4, 18.0, 25.0), n_motions=27)
+    return score_record(clips, overall=group_score([whole], INTERVALS, n_clips=3))
 
 
-def scores() -> dict[str, Any]:
-    clips = {
-        "a": ("linear", errors(0.2, 3.999, 4.0)),
-        "b": ("static", errors(0.09, 30.0, 40.0)),
-        "c": ("circular", errors(1.0, 20.0, 30.0)),
-    }
-    return {
-        "clips": [
-            {"id": name, "camera_motion": kind, "n_motions": 9} | found
-            for name, (kind, found) in clips.items()
-        ],
-        "camera_motion": {
-            kind: {"n_clips": 1, "n_motions": 9, "pooled_over_motions": found} | NO_INTERVALS
-            for kind, found in clips.values()
-        },
-        "overall": {"n_clips": 3, "n_motions": 27, "pooled_over_motions": errors(0.4, 18.0, 25.0)}
-        | INTERVALS,
-        "motion_type": {},
-        "protocol": None,
-    }
+def found_scores() -> Scores:
+    found = beside_floor(scores(), floor())
+    assert isinstance(found, Scores)
+    return found
 
 
 def test_each_row_gets_the_floor_of_its_class() -> None:
-    found = beside_floor(scores(), floor())
+    found = found_scores().model_dump(mode="json")
     linear, static, circular = found["clips"]
     of_linear = {"of": "linear", "ome_deg": 0.2, "tme_mm": 4.0, "vme_mm": 5.0}
     of_all = {"of": "all", "ome_deg": 0.1, "tme_mm": 3.0, "vme_mm": 3.5}
@@ -95,11 +86,11 @@ def test_each_row_gets_the_floor_of_its_class() -> None:
         f"all linear: {said}: {own}",
         f"all static: OME 0.090° is below 0.100°: {own}",
     ]
-    assert found["clips"][0]["predicted"] == scores()["clips"][0]["predicted"]
+    assert found["clips"][0]["predicted"] == scores().clips[0].predicted.model_dump()
 
 
 def test_the_table_has_the_floor_beside_gmr_and_zero_motion() -> None:
-    headings, rows = score_rows(beside_floor(scores(), floor()))
+    headings, rows = score_rows(found_scores())
     assert headings[-2:] == ("with no motion at all", "pseudo ground truth's own")
     assert rows[0] == (
         "a", "9", "0.20", "4.0", "4.0", "0.01 / 0.0 / 0.0", "0.20 / 4.0 / 5.0 (linear)",
@@ -128,12 +119,12 @@ def test_a_floor_is_for_pseudo_ground_truth_of_its_rate(tmp_path: Path) -> None:
     path = tmp_path / "floor.json"
     write_json(path, floor().model_dump(mode="json"))
     pseudo = manifest(tmp_path / "pseudo", "pseudo_gt")
-    assert read_fitting_floor(path, pseudo, 10.0) == floor()
+    assert read_fitting_floor(path, pseudo, "pseudo_gt", 10.0) == floor()
     with pytest.raises(BadRecord, match="at 10 fps, but the scores are at 30 fps"):
-        read_fitting_floor(path, pseudo, 30.0)
+        read_fitting_floor(path, pseudo, "pseudo_gt", 30.0)
     with pytest.raises(BadManifest, match="of kind motions, but"):
-        read_fitting_floor(path, manifest(tmp_path / "motions", "motions"), 10.0)
+        read_fitting_floor(path, tmp_path / "motions.yaml", "motions", 10.0)
     nothing = floor(overall=group(None, None, None)).model_dump(mode="json")
     write_json(path, nothing)
     with pytest.raises(BadRecord, match="no sequence was accepted"):
-        read_fitting_floor(path, pseudo, 10.0)
+        read_fitting_floor(path, pseudo, "pseudo_gt", 10.0)

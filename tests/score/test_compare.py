@@ -10,42 +10,41 @@ import pytest
 from gmrdata.cli import main
 from gmrdata.pages.scores import write_comparison_page
 from gmrdata.score.compare import CompareConfig, compare_scores
-from gmrdata.score.files import protocol_record
+from gmrdata.score.protocols import PROTOCOLS
+from gmrdata.score.records import PaperMetrics, Protocol
 from gmrdata.stage.progress import answers
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.values.files import read_json, write_json
+from tests.score.score_records import clip_score, metrics, of_protocol, scores
 
 
-def figures(value: float) -> dict[str, float]:
-    return {"ome_deg": value / 10, "tme_mm": value, "vme_mm": 2 * value}
+def figures(value: float) -> PaperMetrics[float]:
+    return metrics(value / 10, value, 2 * value)
 
 
-def write_scores(folder: Path, values: dict[str, float], name: str = "run", **changes: Any) -> Path:
-    """A record with what a comparison reads; zero motion's scores depend on the clip alone."""
-    record = {
-        "format": "gmrdata-scores/2",
-        "name": name,
-        "fps_hz": 10.0,
-        "protocol": None,
-        "clips": [
-            {
-                "id": id,
-                "n_motions": 10,
-                "predicted": figures(value),
-                "zero": figures(float(len(id))),
-                "protocol": {"predicted": {"rte_percent": value / 100}},
-            }
-            for id, value in values.items()
-        ],
-        "over_time": {
-            "times_s": [0.0, 0.1],
-            "clips": ["x"],
-            "predicted": {"vertex_mm": [0.0, 5.0], "interval95_mm": [[0.0, 4.0], [0.0, 6.0]]},
-            "zero": {"vertex_mm": [0.0, 9.0], "interval95_mm": None},
-        },
-    }
+def write_scores(
+    folder: Path,
+    values: dict[str, float],
+    name: str = "run",
+    *,
+    zero: float | None = None,
+    protocol: Protocol | None = None,
+    fps_hz: float = 10.0,
+) -> Path:
+    """Scores in which zero motion's depend on the clip alone."""
+    measured = protocol.metrics if protocol else ()
+    clips = [
+        clip_score(
+            id,
+            figures(value),
+            zero=figures(zero or float(len(id))),
+            n_motions=10,
+            world=dict.fromkeys(measured, value / 100) if protocol else None,
+        )
+        for id, value in values.items()
+    ]
     path = folder / "scores.json"
-    write_json(path, record | changes)
+    scores(clips, name=name, fps_hz=fps_hz, protocol=protocol).write(path)
     return path
 
 
@@ -67,7 +66,8 @@ def test_differences_are_taken_clip_by_clip(tmp_path: Path) -> None:
     assert found["clips"] == ["x", "yy", "zzz"]
     assert found["left_out"] == {"paper": ["only_a"], "ours": [], "third": []}
     first, ours, third = found["metrics"]["tme_mm"]
-    assert first == {"run": "paper", "n_clips": 3, "mean_of_clips": 20.0}
+    no_difference = dict.fromkeys(("difference", "interval95", "p_value"))
+    assert first == {"run": "paper", "n_clips": 3, "mean_of_clips": 20.0} | no_difference
     assert (ours["mean_of_clips"], ours["difference"]) == (18.0, -2.0)
     # -1, -2 and -3 mm: all of one sign, which 2 of 8 flips are.
     assert ours["p_value"] == pytest.approx(0.25)
@@ -97,9 +97,7 @@ def test_its_files(tmp_path: Path) -> None:
 
 
 def test_a_protocol_is_compared_where_all_have_it(tmp_path: Path) -> None:
-    wham, tram = protocol_record("wham"), protocol_record("tram")
-    assert wham is not None and tram is not None
-    wham["metrics"] = ["rte_percent"]
+    wham, tram = of_protocol("wham", "rte_percent"), PROTOCOLS["tram"]
     values = {"x": 10.0, "yy": 20.0}
     paths = [
         write_scores(tmp_path / name, values, name, protocol=protocol)
@@ -124,18 +122,13 @@ def test_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
 def test_what_can_not_be_compared_is_refused(tmp_path: Path) -> None:
     values = {"x": 1.0, "yy": 2.0}
     first = write_scores(tmp_path / "a", values)
-    other_clip = {
-        "id": "x", "n_motions": 10, "predicted": figures(1.0), "zero": figures(77.0),
-    }  # fmt: skip
+    older = tmp_path / "e" / "scores.json"
+    write_json(older, read_json(first) | {"format": "gmrdata-scores/2"})
     refused = {
         "30 fps": write_scores(tmp_path / "b", values, fps_hz=30.0),
         "no clip is in all 2": write_scores(tmp_path / "c", {"other": 1.0}),
-        "clip x was scored on other frames": write_scores(
-            tmp_path / "d", values, clips=[other_clip]
-        ),
-        "of format 'gmrdata-scores/1'": write_scores(
-            tmp_path / "e", values, format="gmrdata-scores/1"
-        ),
+        "clip x was scored on other frames": write_scores(tmp_path / "d", {"x": 1.0}, zero=77.0),
+        "`format` is 'gmrdata-scores/2', .* with --redo": older,
     }
     for message, path in refused.items():
         with pytest.raises(BadRecord, match=message):

@@ -15,12 +15,12 @@ from gmrdata.gmr.checkpoint import best_of, save_checkpoint
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
-from gmrdata.gmr.runs import UsableClip, runs_at
+from gmrdata.gmr.runs import UsableClip, runs_at, usable_clips
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.bodies import save_body
-from gmrdata.score import clip_errors
 from gmrdata.score.clip_errors import ClipErrors
+from gmrdata.score.records import METHODS, METRICS, Metric
 from gmrdata.score.score import (
     ScoreConfig,
     by_network,
@@ -135,7 +135,7 @@ def test_known_errors_get_known_scores(
     monkeypatch.setattr("gmrdata.gmr.predict.predict_deltas", oracle.predict)
     usable = [UsableClip(clip, "linear") for clip in clips]
     scored, skipped = score_clips(
-        by_network(oracle, ScoreConfig(), {}),  # type: ignore[arg-type]
+        by_network(oracle, ScoreConfig()),  # type: ignore[arg-type]
         small_body,
         usable,
     )
@@ -152,7 +152,7 @@ def test_known_errors_get_known_scores(
 
 
 def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
-    predict = by_network(gmr, ScoreConfig(), {})
+    predict = by_network(gmr, ScoreConfig())
     ((one,), _) = score_clips(predict, body, [UsableClip(clip, "none")])
     return one
 
@@ -183,9 +183,9 @@ def test_pooled_and_mean_of_clips_differ_as_they_should() -> None:
     def errors(
         clip_id: str, camera_motion: str, values: list[float], motion_type: str | None = None
     ) -> ClipErrors:
-        arrays = {metric: np.array(values) for metric in clip_errors.METRICS}
-        over_time = {method: np.array([0.0, *values]) for method in clip_errors.METHODS}
-        both = dict.fromkeys(clip_errors.METHODS, arrays)
+        arrays: dict[Metric, np.ndarray] = {metric: np.array(values) for metric in METRICS}
+        over_time = {method: np.array([0.0, *values]) for method in METHODS}
+        both = dict.fromkeys(METHODS, arrays)
         return ClipErrors(clip_id, camera_motion, both, motion_type, over_time)
 
     found = summarise(
@@ -197,7 +197,7 @@ def test_pooled_and_mean_of_clips_differ_as_they_should() -> None:
         10.0,
         500,
         np.random.default_rng(0),
-    )
+    ).model_dump(mode="json")
     overall = found["overall"]
     assert (overall["n_clips"], overall["n_motions"]) == (3, 6)
     assert overall["pooled_over_motions"]["predicted"]["tme_mm"] == pytest.approx(29 / 6)
@@ -364,7 +364,8 @@ def test_the_truth_as_a_prediction_scores_zero_in_all_files(
     asked = ["evaluate", str(manifest_path), "--predictions", str(tmp_path / "data")]
     main([*asked, "--out", str(out_dir), "--body", str(body_path), "--protocol", "wham"])
     record = json.loads((out_dir / "scores.json").read_text())
-    assert record["format"] == "gmrdata-scores/2" and record["model"] == {"predictions": "data"}
+    assert record["format"] == "gmrdata-scores/3"
+    assert record["model"] == {"kind": "files", "predictions": "data"}
     assert record["overall"]["pooled_over_motions"]["predicted"]["tme_mm"] < 1e-6
     assert record["overall"]["protocol"]["predicted"]["w_mpjpe_mm"] < 1e-6
     assert record["overall"]["protocol"]["zero"]["w_mpjpe_mm"] > 10
@@ -435,11 +436,11 @@ def test_a_trial_of_the_published_list_has_its_type(
     clips: list[Clip], small_body: BodyModel, tmp_path: Path
 ) -> None:
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
-    assert motion_types(manifest_path) == {}
+    assert motion_types(usable_clips(manifest_path).manifest) == {}
     text = manifest_path.read_text().replace("dataset: gmrdata", "dataset: CMU")
     text = text.replace("sequence: clip_0", "sequence: '02_03'")
     manifest_path.write_text(text.replace("sequence: clip_1", "sequence: '99_99'"))
-    assert motion_types(manifest_path) == {"clip_0": "run/jog"}
+    assert motion_types(usable_clips(manifest_path).manifest) == {"clip_0": "run/jog"}
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 import csv
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +13,10 @@ from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.runs import usable_clips
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.bodies import save_body
+from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import resources
 from gmrdata.stage.run import Run
-from gmrdata.tables.comparison import RowFigures, orderings
+from gmrdata.tables.comparison import OverSeeds, TableRow, orderings
 from gmrdata.tables.make import clip_figure, held_out_set, make_table
 from gmrdata.tables.plan import Given, folder_name, plan_table
 from gmrdata.tables.recipe import load_table, train_config
@@ -25,6 +25,8 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
 from tests.clip_manifests import write_clips
+from tests.score.score_records import clip_score, metrics
+from tests.score.score_records import scores as score_record
 
 TINY = """
 recipe: table
@@ -127,22 +129,30 @@ def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves() -> None:
     assert plan.scorings[off] == plan.scorings[on]
     assert len(plan.trainings) == 1 and len(plan.lacking) == 4
 
-    def group(n_motions: int, tme_mm: float) -> dict[str, Any]:
-        return {"n_motions": n_motions, "pooled_over_motions": {"predicted": {"tme_mm": tme_mm}}}
-
-    scores = {
-        "camera_motion": {"static": group(5, 7.0), "linear": group(1, 2.0), "small": group(3, 6.0)}
-    }
+    clips = [
+        clip_score(name, metrics(0.0, tme_mm, 0.0), camera_motion=name, n_motions=n_motions)
+        for name, n_motions, tme_mm in (("static", 5, 7.0), ("linear", 1, 2.0), ("small", 3, 6.0))
+    ]
+    scores = score_record(clips)
     assert clip_figure("tme_mm", scores, "predicted", table6.row(off)) == 7.0
     assert clip_figure("tme_mm", scores, "predicted", table6.row(on)) == 5.0
-    del scores["camera_motion"]["static"]
     with pytest.raises(BadManifest, match="none has a camera that stands still"):
-        clip_figure("tme_mm", scores, "predicted", table6.row(off))
+        clip_figure("tme_mm", score_record(clips[1:]), "predicted", table6.row(off))
 
 
 def test_orderings_in_sentences() -> None:
-    def row(name: str, paper: float, mean: float) -> RowFigures:
-        return RowFigures(name, {"ome_deg": paper}, {"ome_deg": mean}, {"ome_deg": 0.1})
+    def row(name: str, paper: float, mean: float) -> TableRow:
+        ours = OverSeeds(mean=mean, spread=0.1, by_seed=(mean - 0.1, mean + 0.1))
+        return TableRow(
+            name=name,
+            name_in_paper=name,
+            method="gmr",
+            clips="all",
+            paper=PaperMetrics(ome_deg=paper, tme_mm=None, vme_mm=None),
+            seeds=(0, 1),
+            settings=None,
+            ours=PaperMetrics(ome_deg=ours, tme_mm=ours, vme_mm=ours),
+        )
 
     lines = orderings([row("a", 1.0, 2.0), row("b", 1.1, 1.95), row("c", 1.2, 3.0)])
     assert lines == [

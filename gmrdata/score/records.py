@@ -1,0 +1,320 @@
+"""What `scores.json` holds, and the names in it."""
+
+from collections.abc import Mapping
+from typing import Generic, Literal, Self, TypeVar
+
+from pydantic import Field, JsonValue, model_validator
+
+from gmrdata.values.records import Config, Record
+
+T = TypeVar("T")
+
+Metric = Literal["ome_deg", "tme_mm", "vme_mm"]
+METRICS: tuple[Metric, ...] = ("ome_deg", "tme_mm", "vme_mm")
+"""The paper's errors (eqs. 15-17)."""
+Method = Literal["predicted", "zero"]
+METHODS: tuple[Method, ...] = ("predicted", "zero")
+"""What was predicted, and a body that neither turns nor moves."""
+WorldMetric = Literal[
+    "w_mpjpe_mm",
+    "wa_mpjpe_mm",
+    "rte_percent",
+    "roe_deg",
+    "erve_mm_per_frame",
+    "jitter_10m_per_s3",
+    "foot_sliding_mm",
+]
+ProtocolName = Literal["gmr", "wham", "tram", "gvhmr", "slahmr", "emdb"]
+Remainder = Literal["own_segment", "joined_but_last_frame", "joined"]
+"""What becomes of the frames after the last full segment; see `world_metrics.segments_of`."""
+Interval = tuple[float, float]
+"""Lower and upper end."""
+
+
+class ByMethod(Config, Generic[T]):
+    """One value for what was predicted, and one for zero motion."""
+
+    predicted: T
+    """Of the prediction."""
+    zero: T
+    """Of a body that neither turns nor moves."""
+
+    def get(self, method: Method) -> T:
+        """The value of a method."""
+        return self.predicted if method == "predicted" else self.zero
+
+
+class PaperMetrics(Config, Generic[T]):
+    """One value for each of the paper's errors."""
+
+    ome_deg: T
+    """Of the orientation motion error [deg]."""
+    tme_mm: T
+    """Of the translation motion error [mm]."""
+    vme_mm: T
+    """Of the vertex motion error [mm]."""
+
+    def get(self, metric: Metric) -> T:
+        """The value of an error."""
+        return dict(self)[metric]
+
+    def by_metric(self) -> dict[str, T]:
+        """All values by name."""
+        return {metric: self.get(metric) for metric in METRICS}
+
+
+WorldFigures = dict[str, float | None]
+"""A protocol's figures; None for one that no clip has."""
+WorldIntervals = dict[str, Interval | None]
+"""Their 95 % intervals."""
+WorldByMethod = ByMethod[WorldFigures] | ByMethod[WorldIntervals]
+
+
+class RowFloor(PaperMetrics[float]):
+    """The pseudo ground truth's own errors, beside a row."""
+
+    of: str
+    """Class of camera motion that they are of, or "all"."""
+
+
+class Row(Config):
+    """What rows of clips and of groups have in common."""
+
+    n_motions: int
+    """Motions that were scored."""
+    protocol: ByMethod[WorldFigures] | None
+    """A protocol's figures; None without one."""
+    floor: RowFloor | None
+    """Errors of the pseudo ground truth itself; None where no floor was given."""
+    below_floor: tuple[Metric, ...]
+    """Metrics in which the score is below the floor."""
+
+    def paper(self) -> ByMethod[PaperMetrics[float]]:
+        """OME, TME and VME, pooled over motions."""
+        raise NotImplementedError
+
+    def figures(self, method: Method) -> dict[str, float | None]:
+        """All figures by metric, the protocol's after the paper's."""
+        world = {} if self.protocol is None else self.protocol.get(method)
+        return {**self.paper().get(method).by_metric(), **world}
+
+    def intervals(self, method: Method) -> dict[str, Interval | None]:
+        """95 % intervals of the figures by metric; none of a single clip."""
+        return {}
+
+    def measured_besides(self) -> tuple[WorldByMethod | None, ...]:
+        """What there is of a protocol."""
+        return (self.protocol,)
+
+
+class ClipScore(Row):
+    """One clip."""
+
+    id: str
+    """Its id."""
+    camera_motion: str
+    """Class of its camera's motion; "none" without a camera."""
+    motion_type: str | None
+    """What the person does, where that is on record."""
+    dropped_frames: int
+    """Valid frames without a prediction."""
+    predicted: PaperMetrics[float]
+    """Means over its motions."""
+    zero: PaperMetrics[float]
+    """The same of zero motion."""
+    protocol_fps_hz: float | None
+    """Rate of the protocol's frames [Hz]; None without a protocol."""
+
+    def paper(self) -> ByMethod[PaperMetrics[float]]:
+        return ByMethod(predicted=self.predicted, zero=self.zero)
+
+
+class GroupScore(Row):
+    """Several clips.  Intervals are of 95 %, by bootstrap over clips; None for fewer than two."""
+
+    n_clips: int
+    """Clips."""
+    pooled_over_motions: ByMethod[PaperMetrics[float]]
+    """Means over all motions."""
+    pooled_interval95: ByMethod[PaperMetrics[Interval | None]]
+    """Their intervals."""
+    mean_of_clips: ByMethod[PaperMetrics[float]]
+    """Means of the clips' means."""
+    mean_of_clips_interval95: ByMethod[PaperMetrics[Interval | None]]
+    """Their intervals."""
+    protocol_interval95: ByMethod[WorldIntervals] | None
+    """Intervals of the protocol's figures; None without a protocol."""
+
+    def paper(self) -> ByMethod[PaperMetrics[float]]:
+        return self.pooled_over_motions
+
+    def intervals(self, method: Method) -> dict[str, Interval | None]:
+        world = {} if self.protocol_interval95 is None else self.protocol_interval95.get(method)
+        return {**self.pooled_interval95.get(method).by_metric(), **world}
+
+    def measured_besides(self) -> tuple[WorldByMethod | None, ...]:
+        return (self.protocol, self.protocol_interval95)
+
+
+class Curve(Config):
+    """Vertex error in each frame, mean over clips."""
+
+    vertex_mm: tuple[float, ...]
+    """The error [mm]."""
+    interval95_mm: tuple[tuple[float, ...], tuple[float, ...]] | None
+    """Lower and upper ends of its 95 % interval [mm]; None for a single clip."""
+
+
+class OverTime(ByMethod[Curve]):
+    """The vertex error after t seconds (fig. 5)."""
+
+    times_s: tuple[float, ...]
+    """Time after the first frame [s]."""
+    clips: tuple[str, ...]
+    """Ids of the clips that last so long."""
+
+
+class Protocol(Config):
+    """What is measured beside OME, TME and VME, and how."""
+
+    name: ProtocolName
+    """Its name on the command line."""
+    metrics: tuple[WorldMetric, ...]
+    """What it measures."""
+    source: str
+    """Repository and files that it follows."""
+    notes: tuple[str, ...]
+    """What a reader of the figures must know, as sentences."""
+    fps_hz: float
+    """Rate of the published figures [Hz]."""
+    segment_frames: int
+    """Frames of a segment of W-MPJPE and WA-MPJPE."""
+    remainder: Remainder
+    """What becomes of frames after the last full segment."""
+    first_frames: int
+    """Frames whose joints W-MPJPE aligns."""
+    scale: bool
+    """Whether W-MPJPE and WA-MPJPE fit the scale too."""
+    joints: tuple[int, ...]
+    """Joints of W-MPJPE and WA-MPJPE."""
+    sample: Literal["frame", "segment", "clip"]
+    """What each value stands for, of which the mean over all clips is taken."""
+    zeroed_joints: tuple[int, ...]
+    """Joints that count as standing still in jitter, and so lower its mean."""
+    jitter_of_path: bool
+    """Whether jitter is of joints in the world; of joints relative to the pelvis otherwise."""
+    contact_m: float
+    """A true point of a foot stands while it moves less than this from frame to frame [m]."""
+
+
+def metrics_with(protocol: Protocol | None) -> tuple[str, ...]:
+    """OME, TME and VME, then a protocol's metrics."""
+    return (*METRICS, *(protocol.metrics if protocol else ()))
+
+
+class ScoredNetwork(Config):
+    """The network that predicted."""
+
+    kind: Literal["network"]
+    """That it is one."""
+    run: str
+    """Name of its training run."""
+    step: int
+    """Training step of its weights."""
+    which: Literal["latest", "best"]
+    """Which weights they are."""
+    network: dict[str, JsonValue]
+    """Its settings, as `ModelConfig` names them."""
+
+
+class ScoredFiles(Config):
+    """The folder that predictions were read from."""
+
+    kind: Literal["files"]
+    """That it is one."""
+    predictions: str
+    """Its name."""
+
+
+class Bootstrap(Config):
+    """How intervals were drawn."""
+
+    resamples: int
+    """How often clips were drawn."""
+    seed: int
+    """What they were drawn by."""
+
+
+class Summary(Config):
+    """Scores per clip, per class of camera motion, per type of motion and overall."""
+
+    clips: tuple[ClipScore, ...]
+    """Each clip."""
+    camera_motion: dict[str, GroupScore]
+    """Clips of each class of camera motion."""
+    motion_type: dict[str, GroupScore]
+    """Clips of each type of motion that is on record."""
+    overall: GroupScore
+    """All clips."""
+    over_time: OverTime
+    """Their vertex error over time."""
+    statements: tuple[str, ...]
+    """Which scores are below the floor, as sentences."""
+
+    def rows(self) -> tuple[Row, ...]:
+        """Each clip and each group."""
+        groups = (*self.camera_motion.values(), *self.motion_type.values())
+        return (*self.clips, *groups, self.overall)
+
+    @model_validator(mode="after")
+    def _has_every_group(self) -> Self:
+        same_names("camera_motion", self.camera_motion, {c.camera_motion for c in self.clips})
+        types = {clip.motion_type for clip in self.clips if clip.motion_type is not None}
+        same_names("motion_type", self.motion_type, types)
+        with_floor = (*self.clips, *self.camera_motion.values(), self.overall)
+        if len({row.floor is None for row in with_floor}) > 1:
+            raise ValueError("some rows have a `floor` and others have none")
+        return self
+
+
+class Scores(Summary, Record):
+    """A `scores.json`."""
+
+    format: Literal["gmrdata-scores/3"] = "gmrdata-scores/3"
+    """Name and version of the format."""
+    name: str
+    """What was scored."""
+    model: ScoredNetwork | ScoredFiles = Field(discriminator="kind")
+    """Where the predictions come from."""
+    fps_hz: float
+    """Rate of OME, TME and VME [Hz]."""
+    body: str
+    """The clips' body."""
+    protocol: Protocol | None
+    """What was measured besides; None for nothing."""
+    bootstrap: Bootstrap
+    """How intervals were drawn."""
+    skipped: dict[str, str]
+    """Why clips were left out, by id."""
+    dropped_frames: int
+    """Valid frames of all clips without a prediction."""
+
+    @model_validator(mode="after")
+    def _has_the_protocols_figures(self) -> Self:
+        metrics = None if self.protocol is None else set(map(str, self.protocol.metrics))
+        for row in self.rows():
+            for found in row.measured_besides():
+                if (found is None) != (metrics is None):
+                    raise ValueError("`protocol` of a row does not fit that of the file")
+                if found is not None and metrics is not None:
+                    same_names("protocol.predicted", found.predicted, metrics)
+                    same_names("protocol.zero", found.zero, metrics)
+        return self
+
+
+def same_names(key: str, found: Mapping[str, object], expected: set[str]) -> None:
+    """Raise ValueError, for a validator, unless a table by name has the names that it must have."""
+    for name in sorted(expected - found.keys()):
+        raise ValueError(f"`{key}` has no key `{name}`")
+    for name in sorted(found.keys() - expected):
+        raise ValueError(f"`{key}` has an unknown key `{name}`")
