@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.numbers import parse_block, parse_floats, read_text
+from gmrdata.read.numbers import bad_line, parse_block, parse_floats, read_text
 from gmrdata.read.source_motion import SourceMotion, check_rate_hz, cmu_rate_hz, recorded_rows
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import is_cmu
@@ -108,7 +108,7 @@ def _sections(path: Path) -> dict[str, Section]:
 def _angle_unit(units: dict[str, tuple[int, list[str]]], path: Path) -> bool:
     line, words = units.get("angle", (0, []))
     if not words or words[0].lower() not in ("deg", "rad"):
-        raise BadMotionFile(f"{path}:{line}: :units must say 'angle deg' or 'angle rad'")
+        raise bad_line(path, line, ":units must say 'angle deg' or 'angle rad'")
     return words[0].lower() == "deg"
 
 
@@ -116,9 +116,7 @@ def _length_scale(units: dict[str, tuple[int, list[str]]], path: Path) -> float:
     line, words = units.get("length", (0, []))
     values = parse_floats(words, path, line)
     if len(values) != 1 or values[0] <= 0.0:
-        raise BadMotionFile(
-            f"{path}:{line}: :units must give one positive 'length'; or pass unit_m"
-        )
+        raise bad_line(path, line, ":units must give one positive 'length'; or pass unit_m")
     return values[0]
 
 
@@ -127,7 +125,7 @@ def _axis_frame(words: list[str], degrees: bool, path: Path, line: int) -> np.nd
     values = parse_floats(words[:3], path, line)
     order = words[3].lower() if len(words) == 4 else ""
     if sorted(order) != ["x", "y", "z"]:
-        raise BadMotionFile(f"{path}:{line}: an axis is three angles and an order such as XYZ")
+        raise bad_line(path, line, "an axis is three angles and an order such as XYZ")
     return np.asarray(Rotation.from_euler(order, values, degrees=degrees).as_matrix())
 
 
@@ -142,9 +140,7 @@ def _read_root(
     line, order = entries["order"]
     order = [word.lower() for word in order]
     if sorted(order) != ["rx", "ry", "rz", "tx", "ty", "tz"]:
-        raise BadMotionFile(
-            f"{path}:{line}: the root's order must hold TX TY TZ RX RY RZ once each"
-        )
+        raise bad_line(path, line, "the root's order must hold TX TY TZ RX RY RZ once each")
     line, turn = entries["orientation"]
     axis = _axis_frame([*turn, entries["axis"][1][0]], degrees, path, line)
     channels = "".join(word[1] for word in order if word[0] == "r")
@@ -163,11 +159,11 @@ def _read_bones(section: Section, degrees: bool, path: Path) -> dict[str, _Bone]
         elif key == "end" and block is not None:
             name, bone = _read_bone(block, degrees, path, line)
             if name in bones:
-                raise BadMotionFile(f"{path}:{line}: a second bone of the name {name}")
+                raise bad_line(path, line, f"a second bone of the name {name}")
             bones[name] = bone
             block = None
         elif block is None or key in ("begin", "end"):
-            raise BadMotionFile(f"{path}:{line}: 'begin' and 'end' do not alternate in :bonedata")
+            raise bad_line(path, line, "'begin' and 'end' do not alternate in :bonedata")
         elif not key.startswith("("):
             block[key] = (line, words[1:])
     if block is not None:
@@ -183,18 +179,18 @@ def _read_bone(
     for key, n_words in (("name", 1), ("direction", 3), ("length", 1), ("axis", 4)):
         line, words = block.get(key, (end_line, []))
         if len(words) != n_words:
-            raise BadMotionFile(f"{path}:{line}: a bone needs '{key}' with {n_words} values")
+            raise bad_line(path, line, f"a bone needs '{key}' with {n_words} values")
     line, dof = block.get("dof", (end_line, []))
     channels = [word.lower() for word in dof]
     if not set(channels) <= {"rx", "ry", "rz"} or len(set(channels)) != len(channels):
-        raise BadMotionFile(
-            f"{path}:{line}: dof {' '.join(dof)[:40]!r}: only rx, ry and rz, once each, can be read"
+        raise bad_line(
+            path, line, f"dof {' '.join(dof)[:40]!r}: only rx, ry and rz, once each, can be read"
         )
     line, words = block["direction"]
     direction = np.array(parse_floats(words, path, line))
     size = float(np.linalg.norm(direction))
     if size == 0.0:
-        raise BadMotionFile(f"{path}:{line}: a bone's direction is zero")
+        raise bad_line(path, line, "a bone's direction is zero")
     length = parse_floats(block["length"][1], path, block["length"][0])[0]
     axis = _axis_frame(block["axis"][1], degrees, path, block["axis"][0])
     return block["name"][1][0], _Bone(
@@ -211,12 +207,12 @@ def _read_tree(
         if words[0].lower() in ("begin", "end") and len(words) == 1:
             continue
         if words[0] not in names:
-            raise BadMotionFile(f"{path}:{line}: {words[0][:40]} has no parent yet in :hierarchy")
+            raise bad_line(path, line, f"{words[0][:40]} has no parent yet in :hierarchy")
         parent = names.index(words[0])
         for name in words[1:]:
             if name not in bones or name in names:
-                raise BadMotionFile(
-                    f"{path}:{line}: bone {name[:40]} is not in :bonedata, or has two parents"
+                raise bad_line(
+                    path, line, f"bone {name[:40]} is not in :bonedata, or has two parents"
                 )
             names.append(name)
             parents.append(parent)
@@ -326,9 +322,7 @@ def _body(text: str, asf: Asf, path: Path) -> tuple[int, list[str], bool]:
             degrees = word.upper() == ":DEGREES"
         if word and not word.startswith(("#", ":")):
             if not _FRAME_NUMBER.fullmatch(word):
-                raise BadMotionFile(
-                    f"{path}:{i + 1}: {word[:40]!r} where the first frame's number is due"
-                )
+                raise bad_line(path, i + 1, f"{word[:40]!r} where the first frame's number is due")
             return i + 1, lines[i:], degrees
     raise BadMotionFile(f"{path}: no frames; the file is truncated, fetch it again")
 
@@ -345,17 +339,21 @@ def _layout(body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: i
             break
         name = words[0]
         if name not in asf.names or name in columns:
-            raise BadMotionFile(
-                f"{path}:{line_number}: bone {name[:40]} is not in {asf_path.name}, or comes "
+            raise bad_line(
+                path,
+                line_number,
+                f"bone {name[:40]} is not in {asf_path.name}, or comes "
                 "twice; "
-                "the AMC belongs to another skeleton: give its asf_path"
+                "the AMC belongs to another skeleton: give its asf_path",
             )
         due = 6 if name == "root" else len(asf.channels[asf.names.index(name)])
         if len(words) - 1 != due:
-            raise BadMotionFile(
-                f"{path}:{line_number}: {len(words) - 1} values for {name}, where {asf_path.name} "
+            raise bad_line(
+                path,
+                line_number,
+                f"{len(words) - 1} values for {name}, where {asf_path.name} "
                 "has "
-                f"{due} degrees of freedom; give the asf_path that belongs to this AMC"
+                f"{due} degrees of freedom; give the asf_path that belongs to this AMC",
             )
         columns[name] = slice(column, column + due)
         column += due
@@ -405,20 +403,17 @@ def _explain(body: list[str], layout: _Layout, path: Path, first_line: int) -> N
         last_line = line_number
         name, n_values = due[position % len(due)]
         if name == "" and not (len(words) == 1 and _FRAME_NUMBER.fullmatch(words[0])):
-            raise BadMotionFile(
-                f"{path}:{line_number}: {line[:40]!r} where a frame's number is due"
-            )
+            raise bad_line(path, line_number, f"{line[:40]!r} where a frame's number is due")
         if name and (words[0] != name or len(words) - 1 != n_values):
-            raise BadMotionFile(
-                f"{path}:{line_number}: {line[:40]!r} where {name} with {n_values} values is due; "
-                "fetch the file again"
+            raise bad_line(
+                path,
+                line_number,
+                f"{line[:40]!r} where {name} with {n_values} values is due; fetch the file again",
             )
         parse_floats(words[1:] if name else words, path, line_number)
         position += 1
     if position % len(due):
-        raise BadMotionFile(
-            f"{path}:{last_line}: the last frame is not complete; the file is truncated"
-        )
+        raise bad_line(path, last_line, "the last frame is not complete; the file is truncated")
 
 
 def _local_rotmats(

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.numbers import parse_floats, parse_table, read_text
+from gmrdata.read.numbers import bad_line, parse_floats, parse_table, read_text
 from gmrdata.read.source_motion import (
     SourceMotion,
     check_rate_hz,
@@ -58,7 +58,7 @@ def read_hierarchy(lines: list[str], path: Path) -> Hierarchy:
             if statement.strip():
                 _read_statement(tree, statement.strip(), path, line_number)
     if tree.open_blocks or tree.brace_due:
-        raise BadMotionFile(f"{path}:{len(lines)}: a brace of the hierarchy is not closed")
+        raise bad_line(path, len(lines), "a brace of the hierarchy is not closed")
     if not tree.names:
         raise BadMotionFile(f"{path}: the hierarchy has no ROOT")
     if not any(tree.channels):
@@ -73,9 +73,7 @@ def _read_statement(tree: Hierarchy, statement: str, path: Path, line_number: in
     rest = f"{tabbed} {rest}".strip()
     here = tree.open_blocks[-1] if tree.open_blocks else None
     if tree.brace_due != (keyword == "{"):
-        raise BadMotionFile(
-            f"{path}:{line_number}: '{{' and joints do not alternate; broken hierarchy"
-        )
+        raise bad_line(path, line_number, "'{' and joints do not alternate; broken hierarchy")
     if keyword == "{":
         tree.open_blocks.append(tree.announced)
         tree.brace_due, tree.offset_due = False, True
@@ -90,20 +88,19 @@ def _read_statement(tree: Hierarchy, statement: str, path: Path, line_number: in
     elif keyword.upper() == "CHANNELS" and here is not None and not tree.channels[here]:
         tree.channels[here] = _read_channel_names(rest.split(), path, line_number)
     elif not (keyword == "HIERARCHY" and not tree.names):
-        raise BadMotionFile(
-            f"{path}:{line_number}: {statement[:40]!r} is not expected here; broken hierarchy"
+        raise bad_line(
+            path, line_number, f"{statement[:40]!r} is not expected here; broken hierarchy"
         )
 
 
 def _announce_joint(tree: Hierarchy, keyword: str, name: str, path: Path, line_number: int) -> None:
     here = tree.open_blocks[-1] if tree.open_blocks else None
     if (keyword == "ROOT") != (not tree.names) or (keyword == "JOINT" and here is None):
-        raise BadMotionFile(
-            f"{path}:{line_number}: {keyword} {name[:40]} is not inside the one ROOT; broken "
-            "hierarchy"
+        raise bad_line(
+            path, line_number, f"{keyword} {name[:40]} is not inside the one ROOT; broken hierarchy"
         )
     if name in tree.names:
-        raise BadMotionFile(f"{path}:{line_number}: a second joint of the name {name[:40]}")
+        raise bad_line(path, line_number, f"a second joint of the name {name[:40]}")
     tree.announced, tree.brace_due = len(tree.names), True
     tree.names.append(name)
     tree.parents.append(-1 if here is None else here)
@@ -114,7 +111,7 @@ def _announce_joint(tree: Hierarchy, keyword: str, name: str, path: Path, line_n
 
 def _read_offset(tree: Hierarchy, offset: list[float], path: Path, line_number: int) -> None:
     if len(offset) != 3:
-        raise BadMotionFile(f"{path}:{line_number}: an OFFSET has 3 numbers, not {len(offset)}")
+        raise bad_line(path, line_number, f"an OFFSET has 3 numbers, not {len(offset)}")
     tree.offset_due = False
     here = tree.open_blocks[-1]
     if here is not None:
@@ -129,12 +126,13 @@ def _read_channel_names(words: list[str], path: Path, line_number: int) -> list[
     matches = [_CHANNEL.match(word) for word in words[1:]]
     channels = [(m.group(1).upper(), m.group(2).lower()) for m in matches if m]
     if not words or words[0] != str(len(matches)) or len(channels) != len(matches):
-        raise BadMotionFile(
-            f"{path}:{line_number}: CHANNELS needs its count and as many names like Xposition, "
-            "Zrotation"
+        raise bad_line(
+            path,
+            line_number,
+            "CHANNELS needs its count and as many names like Xposition, Zrotation",
         )
     if len(set(channels)) != len(channels):
-        raise BadMotionFile(f"{path}:{line_number}: a channel is listed twice")
+        raise bad_line(path, line_number, "a channel is listed twice")
     return channels
 
 
@@ -221,10 +219,10 @@ def _read_motion_header(
     filled = [i for i in range(start, min(start + 20, len(lines))) if lines[i].strip()][:2]
     keys = [lines[i].partition(":") for i in filled]
     if [key.strip().lower() for key, _, _ in keys] != ["frames", "frame time"]:
-        raise BadMotionFile(f"{path}:{start + 1}: 'Frames:' and 'Frame Time:' must follow MOTION")
+        raise bad_line(path, start + 1, "'Frames:' and 'Frame Time:' must follow MOTION")
     count = keys[0][2].strip()
     if not (count.isascii() and count.isdigit() and len(count) < 9):
-        raise BadMotionFile(f"{path}:{filled[0] + 1}: {count[:40]!r} is no number of frames")
+        raise bad_line(path, filled[0] + 1, f"{count[:40]!r} is no number of frames")
     return int(count), (keys[1][2].strip(), filled[1] + 1), filled[1] + 1
 
 

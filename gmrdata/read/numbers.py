@@ -41,6 +41,11 @@ def read_text(path: Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+def bad_line(path: Path, line_number: int, what: str) -> BadMotionFile:
+    """The error for one line of a file."""
+    return BadMotionFile(f"{path}:{line_number}: {what}")
+
+
 def parse_floats(words: list[str], path: Path, line_number: int) -> list[float]:
     """The numbers of one line.
 
@@ -52,13 +57,15 @@ def parse_floats(words: list[str], path: Path, line_number: int) -> list[float]:
         try:
             value = float(word)
         except ValueError:
-            raise BadMotionFile(
-                f"{path}:{line_number}: {word[:40]!r} is not a number; fetch the file again"
+            raise bad_line(
+                path, line_number, f"{word[:40]!r} is not a number; fetch the file again"
             ) from None
         if not abs(value) <= LARGEST_IN_TEXT:
-            raise BadMotionFile(
-                f"{path}:{line_number}: {word[:40]} is not a usable number; "
-                "cut the bad frames out of the file or fetch it again"
+            raise bad_line(
+                path,
+                line_number,
+                f"{word[:40]} is not a usable number; "
+                "cut the bad frames out of the file or fetch it again",
             )
         values.append(value)
     return values
@@ -98,9 +105,11 @@ def parse_table(
             continue
         found += 1
         if len(words) != n_columns:
-            raise BadMotionFile(
-                f"{path}:{line_number}: {len(words)} numbers where the channels need {n_columns}; "
-                "the file is truncated or edited, fetch it again"
+            raise bad_line(
+                path,
+                line_number,
+                f"{len(words)} numbers where the channels need {n_columns}; "
+                "the file is truncated or edited, fetch it again",
             )
         parse_floats(words, path, line_number)
     raise BadMotionFile(

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gmrdata.read.numbers import bad_line
 from gmrdata.values.errors import BadMotionFile
 
 
@@ -147,13 +148,13 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
     try:
         frame_time_s = float(text)
     except ValueError:
-        raise BadMotionFile(
-            f"{path}:{line_number}: frame time {text[:40]!r} is not a number"
-        ) from None
+        raise bad_line(path, line_number, f"frame time {text[:40]!r} is not a number") from None
     if not 1 / HIGHEST_HZ <= frame_time_s <= 1 / LOWEST_HZ:
-        raise BadMotionFile(
-            f"{path}:{line_number}: a frame time of {text[:40]} s is no rate from {LOWEST_HZ:g} to "
-            f"{HIGHEST_HZ:g} Hz; give the true rate with fps_hz"
+        raise bad_line(
+            path,
+            line_number,
+            f"a frame time of {text[:40]} s is no rate from {LOWEST_HZ:g} to "
+            f"{HIGHEST_HZ:g} Hz; give the true rate with fps_hz",
         )
     mantissa, _, exponent = text.strip().lower().partition("e")
     decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
