@@ -118,7 +118,6 @@ def fetch_trials(
     Args:
         trials: Names like 02_03.
         out_dir: Gets `02.asf`, `02_03.amc`, ..., `SHA256SUMS` and `fetched.json`; is given back.
-        config: Where from, and how patiently.
         rng: For the waits between attempts.
         redo: Fetch again what is there and has another hash, or none on record.
 

@@ -139,7 +139,6 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
     Args:
         root: The folder that holds P0 to P9.
         body: A folder with SMPL's models of the genders that the sequences have, or one model.
-        out_dir: Folder to make.
 
     Returns:
         The manifests that have clips.

@@ -37,7 +37,6 @@ def read_motion(
 
     Args:
         path: The file; its suffix tells the format.
-        body: The body to put the motion on.
         fps_hz: Frame rate to believe instead of the file's [Hz].
         joint_map: `{name in the file: SMPL joint}`, or a YAML or JSON file of it, for a BVH or ASF
             whose names are not CMU's or Mixamo's.

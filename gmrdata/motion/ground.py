@@ -46,7 +46,6 @@ def foot_corrections(
         body_rest_joints_m: (24, 3) rest joints of the body, whose soles are level [m].
         rotations: `{SMPL joint: (T, 3, 3)}` G of the ankles and toe joints that the source has.
         positions_m: `{SMPL joint: (T, 3)}` their positions [m], y up.
-        fps_hz: Frame rate [Hz].
 
     Returns:
         `{SMPL joint: (3, 3)}` for the ankles and feet, and the pitch of a flat foot relative to the
@@ -166,11 +165,8 @@ def put_on_floor(
     """Level the floor that a motion shows and move it to z = 0.
 
     Args:
-        body: The body.
-        shape: (S,) its shape.
         rotmats: (T, 24, 3, 3) local rotations, the root's (in a z-up world) first.
         pelvis_m: (T, 3) pelvis path in the same world [m].
-        fps_hz: Frame rate [Hz].
 
     Returns:
         Root rotations (T, 3, 3), pelvis path (T, 3) [m], and the tilt that was taken away [deg].

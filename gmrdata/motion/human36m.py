@@ -127,7 +127,6 @@ def make_human36m(
     Args:
         root: Folder of the annotation files, see `gmrdata.read.human36m`.
         body: SMPL's neutral model, as `load_body` takes it.
-        out_dir: Folder to make.
 
     Returns:
         The manifests of those subjects that are there.

@@ -20,7 +20,6 @@ def resample(
     Times that fall on source frames take them unchanged, so an integer ratio of the rates is exact.
 
     Args:
-        motion: The motion.
         fps_hz: The new rate [Hz].
         start_s: Time of the first new frame, from the motion's first frame [s].
         valid: (T,) bool.  Nothing is interpolated between a valid and an invalid frame: such a new

@@ -75,10 +75,6 @@ def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
 
     A file's up is y or z, and its front may be any axis; the zero pose shows which.
 
-    Args:
-        rest_joints_m: (24, 3) zero-pose positions in the source's axes [m].
-        name: The file, for messages.
-
     Returns:
         (3, 3) source_from_rest, a rotation by multiples of 90 degrees.
 

@@ -69,7 +69,6 @@ def retarget(
     Args:
         source: The motion on its own skeleton.
         joints: `{SMPL joint: source joint}`, as `joint_maps.find_joints` gives it.
-        body: The body.
         shape: (S,) shape coefficients of the body; without them its mean shape.
         upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while
             the person stands upright and looks ahead [deg], where that is not the zero pose.

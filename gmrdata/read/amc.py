@@ -61,7 +61,6 @@ def read_asf(path: Path, *, unit_m: float | None = None) -> Asf:
     """Read an ASF skeleton.
 
     Args:
-        path: The file.
         unit_m: Metres per unit; without it inches divided by the file's `length`, which is CMU's
             use (0.056444 m for `length 0.45`).
 
@@ -246,11 +245,9 @@ def read_amc(
     """Read an AMC motion with its ASF skeleton.
 
     Args:
-        path: The AMC file.
         asf_path: The skeleton; without it, the file's own name or its subject's (`02_03.amc`:
             `02_03.asf`, then `02.asf`) beside it, or the only .asf there.
         fps_hz: Frame rate [Hz].  The format does not hold it; without it CMU's index decides.
-        unit_m: Metres per unit, see `read_asf`.
 
     Raises:
         MissingInput: the AMC or its ASF is not there.

@@ -78,9 +78,7 @@ def t_posed(
     """Joints and vertices in the T-pose, with the pelvis at the origin.
 
     Args:
-        rest: Rest joints of N shapes.
         vertices_m: (N, V, 3) rest vertices, same axes [m].
-        skin_weights: (V, 24).
 
     Returns:
         (N, 24, 3) joints and (N, V, 3) vertices [m].

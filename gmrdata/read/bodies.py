@@ -29,7 +29,6 @@ def save_body(path: Path, body: BodyModel) -> None:
     """Write a body, as a whole or not at all.  The same body gives the same bytes.
 
     Args:
-        path: The file, ending in .npz.
         body: The body; its arrays are stored as float32 and int32.
     """
     arrays = {"format": np.array(FORMAT)}
@@ -194,10 +193,6 @@ class BodyConfig(Config):
 
 def keep_body(spec: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
     """Stage: write a body to `out_dir/body.npz`.
-
-    Args:
-        spec: What `load_body` takes.
-        out_dir: The stage's folder.
 
     Returns:
         Path of the file.

@@ -15,7 +15,6 @@ def read_uv(path: Path, faces: np.ndarray) -> np.ndarray:
         path: A Wavefront .obj of the body's triangles in any order, whose `f` lines name texture
             coordinates (`v/vt`); or an .npz with `vt` (N, 2) and `ft` (F, 3), in the order of the
             body's faces, as SMPL-X's model files have them.
-        faces: (F, 3) the body's faces.
 
     Returns:
         (F, 3, 2) coordinates of each face's corners; (0, 0) is the picture's lower left.

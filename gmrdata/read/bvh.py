@@ -151,7 +151,6 @@ def read_bvh(
     """Read a BVH file.
 
     Args:
-        path: The file.
         fps_hz: Frame rate to believe instead of the file's [Hz].  Without it, CMU files (known by
             their joints and their `02_03` names) have the rate of CMU's index, others their
             header's.

@@ -39,7 +39,6 @@ def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
     """The .jpg and .png files of a folder in the order of their numbers.
 
     Args:
-        folder: The folder.
         left_out: Numbers of images that the caller knows to be unusable: they are not listed, and
             neither they nor their absence is an error.
 
@@ -89,7 +88,6 @@ def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
     """Read an image as (H, W) uint8.
 
     Args:
-        path: The file.
         size_px: The (width, height) that it must have, if any.
 
     Raises:

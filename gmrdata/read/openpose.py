@@ -55,9 +55,6 @@ def detected_keypoints(
 
     Args:
         joints_world_m: (N, 24, 3) joints in the world [m].
-        camera: The camera of the same N frames.
-        config: How well joints are detected.
-        rng: Source of noise and confidence.
 
     Returns:
         (N, 18, 3): x [px], y [px], confidence.

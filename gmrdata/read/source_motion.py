@@ -78,7 +78,6 @@ def recorded_rows(
         rotation_columns: Per joint, root first, the columns of its angles.
         cmu: Whether the file is CMU's, so that rows of zeros are rows without data.
         drop_rest_frame: Whether row 0 is an added rest pose; None looks for itself.
-        path: The file, for messages.
 
     Returns:
         The rows to keep, and notes on those that were dropped.

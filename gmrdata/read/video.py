@@ -31,8 +31,6 @@ def extract_video(
     """Stage: write a video's frames as `00000.jpg`, ...; the number is the frame's in the video.
 
     Args:
-        path: The video.
-        out_dir: The stage's folder.
         config: How they are written; None for the defaults.
 
     Returns:

@@ -21,9 +21,7 @@ def write_amass(path: Path, motion: Motion, body: BodyModel) -> None:
     motion's on SMPL's bodies; on any other they would mean something else, and are zero.
 
     Args:
-        path: The file.
         motion: In a z-up world.
-        body: Its body.
     """
     rotmats = motion.rotmats
     rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()

@@ -22,9 +22,7 @@ def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
     """Write a motion with the skeleton of its body and shape.
 
     Args:
-        path: The file.
         motion: In a z-up world; in the file y is up and z is what was -y.
-        body: Its body.
     """
     rest_joints_m = body.rest_joints_m(motion.shape)
     tips_m = _tips_m(body, motion.shape, rest_joints_m)

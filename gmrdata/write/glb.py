@@ -57,9 +57,7 @@ def write_glb(path: Path, motion: Motion, body: BodyModel) -> None:
     """Write the body with its motion.
 
     Args:
-        path: The file.
         motion: In a z-up world.
-        body: Its body.
     """
     buffer = _Buffer()
     quaternions = _quaternions(motion)

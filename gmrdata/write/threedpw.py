@@ -96,7 +96,6 @@ def write_sequence(root: Path, split: str, arrays: SequenceArrays) -> SequenceFi
     Args:
         root: The dataset's root folder; made if it is not there.
         split: `train`, `validation` or `test`.
-        arrays: The content.
 
     Returns:
         Where the sequence is, and where its images belong.
@@ -116,10 +115,6 @@ def write_sequence_file(path: Path, arrays: SequenceArrays) -> None:
 
     `read_sequence_file` gives back the same arrays, bit for bit.  Optional arrays that no person
     has are left out.  `texture_maps` is empty, as it is in 3DPW's own files.
-
-    Args:
-        path: The file.
-        arrays: The content.
 
     Raises:
         BadSequence: the name is no plain name, an id is no uint16, or only some of the people have

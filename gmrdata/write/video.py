@@ -23,7 +23,6 @@ def write_video(frames: Iterable[np.ndarray], path: Path, fps_hz: float, *, crf:
     Args:
         frames: (H, W, 3) uint8 pictures of one size, red first.
         path: The file; its name ends in .mp4.
-        fps_hz: Frame rate [Hz].
         crf: libx264's quality, 0 (lossless) to 51.
 
     Raises:
