@@ -187,6 +187,18 @@ def test_a_torchvision_that_does_not_fit_torch_is_told(
         open_segmenter(None, MaskRcnnConfig())
 
 
+def test_torchvisions_compiled_operators_are_exact() -> None:
+    ops = pytest.importorskip("torchvision.ops", exc_type=Exception)
+    boxes = torch.tensor([[0.0, 0, 10, 10], [0, 0, 10, 9], [20, 20, 30, 30]])
+    scores = torch.tensor([0.8, 0.9, 0.7])
+    assert ops.nms(boxes, scores, 0.85).tolist() == [1, 2]  # the first two overlap by 0.9
+    assert ops.nms(boxes, scores, 0.95).tolist() == [1, 0, 2]
+    y, x = torch.meshgrid(torch.arange(6.0), torch.arange(8.0), indexing="ij")
+    ramp = (10 * y + x)[None, None]
+    cells = ops.roi_align(ramp, torch.tensor([[0, 1.0, 1, 5, 3]]), (2, 2), 1.0, 2, aligned=True)
+    assert cells.tolist() == [[[[11.5, 13.5], [21.5, 23.5]]]]
+
+
 @pytest.mark.slow
 def test_the_real_network_answers_as_the_logic_expects(tmp_path: Path) -> None:
     """Random weights: what they see is nonsense, but names, shapes and ranges are the network's."""
