@@ -168,7 +168,7 @@ class Outfit:
     """Of the grain of skin and hair."""
 
 
-def draw_outfit(
+def sample_outfit(
     rng: np.random.Generator,
     *,
     female: float = 0.5,

@@ -10,7 +10,7 @@ from blender.light import Light
 from blender.objects import moving_picture_material
 from blender.people.atlas import lay_out
 from blender.people.clothes import paint
-from blender.people.outfit import draw_outfit
+from blender.people.outfit import sample_outfit
 from gmrdata.film.people import TextureConfig, phenotypes_of
 from gmrdata.read.body_texture import read_picture, read_uv
 from gmrdata.values.body import BodyModel
@@ -65,7 +65,7 @@ def dressed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Picture coordinates per corner (F, 3, 2) and the picture (H, W, 3), sRGB, of someone."""
     phenotypes = phenotypes_of(body, shape) or {"gender": _gender(body), "age": 0.75}
-    outfit = draw_outfit(
+    outfit = sample_outfit(
         rng, female=phenotypes["gender"], age=phenotypes["age"], surroundings=surroundings
     )
     atlas = lay_out(body.template_m, body.faces)

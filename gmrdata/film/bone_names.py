@@ -14,6 +14,10 @@ SMPL = {name: name for name in JOINT_NAMES} | {
 """`left_hip` as in SMPL's papers and `L_Hip` as in its FBX files."""
 
 
+_PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|[mf]_avg_|def-)")
+_SUFFIX = re.compile(r"[._]\d+$")
+
+
 def _with_sides(middle: Mapping[str, str], sided: Mapping[str, str]) -> dict[str, str]:
     """`sided` has names with `{}` for the letter l or r, and joints without their side."""
     sides = {
@@ -59,9 +63,6 @@ CMU_NAMINGS = _in_small_letters(CMU_BVH, CMU_ASF)
 NAMINGS = _in_small_letters(MIXAMO, SMPL, UNREAL, RIGIFY)
 """`{bone: SMPL joint}`, in small letters."""
 
-_PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|[mf]_avg_|def-)")
-_SUFFIX = re.compile(r"[._]\d+$")
-
 
 def find_bones(
     names: Sequence[str],
@@ -76,7 +77,6 @@ def find_bones(
             put behind each name (`mixamorig:Hips_01`) are overlooked, and so are capitals.
         parents: Index of each bone's parent, -1 for none.
         joint_map: `{bone: SMPL joint}` with exact names, or None for the known namings.
-        path: The character's file, for messages.
 
     Returns:
         `{index of the SMPL joint: index of the bone}`.

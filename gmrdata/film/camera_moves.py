@@ -1,10 +1,6 @@
-"""Where a camera goes and where it looks: the parts that camera programmes are made of.
+"""The parts that camera programmes are made of: where a camera goes, and where it looks.
 
 Azimuths are those of the direction from the middle of the subject's path to the camera.
-
-Pointing a camera at a moving target.
-
-What a camera programme knows of its subject, and the random choices that it may use.
 """
 
 from dataclasses import dataclass
@@ -17,6 +13,16 @@ from gmrdata.values.errors import BadRecipe
 from gmrdata.values.transforms import rigid
 
 UP_WORLD = np.array([0.0, 0.0, 1.0])
+
+
+FOLLOW_SIGMA_S = 0.35
+"""Low-pass on the subject's path: steps bob at about 2 Hz, and an operator doesn't follow those."""
+STANDING_M = 0.5
+"""A subject that ends this close to its start has no walking direction."""
+SWAY_HZ = (0.15, 0.35, 0.7, 1.3, 2.4)
+"""A hand's unrest: sway below 1 Hz and some tremor above."""
+SLOWEST_M_PER_S = 0.3
+"""Speed of a travelling camera whose subject stays in place."""
 
 
 def look_at(centres_world_m: np.ndarray, targets_world_m: np.ndarray) -> np.ndarray:
@@ -50,7 +56,6 @@ def smooth_path(points_m: np.ndarray, fps_hz: float, sigma_s: float, lag_s: floa
 
     Args:
         points_m: (T, 3) path [m].
-        fps_hz: Frame rate [Hz].
         sigma_s: Standard deviation of the Gaussian low-pass [s].
         lag_s: How late the operator is [s]; before the path starts it rests at its first point.
 
@@ -61,14 +66,6 @@ def smooth_path(points_m: np.ndarray, fps_hz: float, sigma_s: float, lag_s: floa
     frames = np.arange(len(points_m))
     late = np.clip(frames - lag_s * fps_hz, 0, len(points_m) - 1)
     return np.stack([np.interp(late, frames, column) for column in smooth.T], axis=-1)
-
-
-FOLLOW_SIGMA_S = 0.35
-"""Low-pass on the subject's path: steps bob at about 2 Hz, and an operator doesn't follow those."""
-STANDING_M = 0.5
-"""A subject that ends this close to its start has no walking direction."""
-SWAY_HZ = (0.15, 0.35, 0.7, 1.3, 2.4)
-"""A hand's unrest: sway below 1 Hz and some tremor above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +97,6 @@ def subject_path(
 
     Args:
         pelvis_m: (T, 3) pelvis, z-up world [m].
-        fps_hz: Frame rate [Hz].
         lag_s: How late the camera follows [s].
         rng: Chooses.
     """
@@ -132,10 +128,6 @@ def _hand_waves(time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     amplitudes /= np.sqrt((amplitudes**2).sum(axis=1, keepdims=True) / 2)
     angles = 2 * np.pi * frequencies_hz * time_s[:, None, None] + phases_rad
     return np.asarray((amplitudes * np.sin(angles)).sum(axis=-1))
-
-
-SLOWEST_M_PER_S = 0.3
-"""Speed of a travelling camera whose subject stays in place."""
 
 
 def station(

@@ -88,7 +88,6 @@ def drive_past(
     Where nothing can cross, as in a street that is filmed along its length, it passes beside.
 
     Args:
-        name: Which car, for messages.
         shot: The shot.
         people_m: (T, 3) paths of the extras who walk [m].
         cars: Cars that are there already.

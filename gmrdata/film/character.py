@@ -1,16 +1,12 @@
-"""What can be said of a character's file before Blender opens it: its kind, and what it links to.
-
-Layout of .glb and .gltf: the glTF 2.0 specification, sections 3 and 4.4 (binary glTF).
-
-A rigged character that is filmed in place of the body: what a recipe may say of it.
-
-The residual of a rigged character: how far its joints are from those of the truth.
+"""A rigged character that is filmed in place of the body: its recipe, its files, its residual.
 
 A character is driven by rotations: each limb points where the body's limb points.  As its bones
 have other lengths, and its joints lie elsewhere in its flesh, its joints are then at other places
 than the body's, which the stored motion says.  The residual is that gap, joint by joint [m].  It is
 no error of the motion; it is how much a picture of the character misleads a method that is scored
 by joint places.  Directions of limbs show the error of the motion itself, which should be none.
+
+Layout of .glb and .gltf: the glTF 2.0 specification, sections 3 and 4.4 (binary glTF).
 """
 
 import json
@@ -36,11 +32,11 @@ _CHUNK_HEADER = struct.Struct("<I4s")
 _FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX")
 
 
+CHARACTER_FILE = "character.npz"
+
+
 def linked_files(path: Path) -> dict[str, Path]:
     """Files that a character's file names, buffers and pictures, by the name that it gives them.
-
-    Args:
-        path: A .glb, .gltf or .fbx file.
 
     Returns:
         Paths, all inside the file's folder.  None for FBX, whose pictures must be inside the file.
@@ -164,13 +160,6 @@ class Character(Config):
         """
         linked = linked_files(self.path)
         return {"character": self.path} | {f"character/{name}": linked[name] for name in linked}
-
-    def with_full_paths(self) -> "Character":
-        """The same character for a process that runs in another folder."""
-        return self.model_copy(update={"path": self.path.resolve()})
-
-
-CHARACTER_FILE = "character.npz"
 
 
 @dataclass(frozen=True, eq=False)

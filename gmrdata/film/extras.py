@@ -1,9 +1,4 @@
-"""The extras of a clip: who they are and where they go.
-
-What a recipe may say of the extras.
-
-The truth of the extras on disk: a clip for each person, transforms for each car.
-"""
+"""The extras of a clip: who they are, where they go, and their truth on disk."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +16,10 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
+
+EXTRAS_STREAM = 1000
+"""Spawn key of the extras' random numbers: apart from those of the place, its meshes and the
+person, so that extras leave these as they are."""
 
 
 class Extras(Config):
@@ -59,15 +58,6 @@ class Extras(Config):
             for role, file in input_files(path).items()
         }
 
-    def with_full_paths(self) -> "Extras":
-        """The same for a process that runs in another folder."""
-        return self.model_copy(update={"motions": tuple(path.resolve() for path in self.motions)})
-
-
-EXTRAS_STREAM = 1000
-"""Spawn key of the extras' random numbers: apart from those of the place, its meshes and the
-person, so that extras leave these as they are."""
-
 
 @dataclass(frozen=True, eq=False)
 class Cast:
@@ -95,8 +85,6 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
     Args:
         extras: The recipe.
         clips: The clips that are filmed there; the first one's camera is the one to be crossed.
-        body: Body model of all people.
-        seed: The scene's seed.
 
     Raises:
         BadRecipe: there is no room for someone, or a motion is too short.
@@ -140,9 +128,9 @@ def recorded(path: Path, shot: Shot, body: BodyModel, rng: np.random.Generator) 
         BadRecipe: the motion is shorter than the shot.
     """
     from gmrdata.motion.files import read_motion
-    from gmrdata.motion.gait import draw_shape
+    from gmrdata.motion.gait import sample_shape
 
-    whole = resample(read_motion(path, body, shape=draw_shape(body, rng)), shot.fps_hz)
+    whole = resample(read_motion(path, body, shape=sample_shape(body, rng)), shot.fps_hz)
     if whole.n_frames < shot.n_frames:
         raise BadRecipe(
             f"extras.motions: {path} lasts {whole.n_frames / shot.fps_hz:.2f} s, the clip "
@@ -160,11 +148,9 @@ def save_extras(
     A person's file is a clip, with the filmed clip's camera, that `load_clip` reads.
 
     Args:
-        folder: Where to.
         names: `Extras.names`.
         cast: The extras.
         filmed: The rendered clip; the extras' first rows are its.
-        body: The people's body.
     """
     if names:
         folder.mkdir(exist_ok=True)

@@ -1,7 +1,4 @@
-"""Drawing people of a body: shapes that belong to usual adults.
-
-What a recipe may say of how the filmed person looks.
-"""
+"""How the filmed person looks: the recipe, and shapes that belong to usual adults."""
 
 from pathlib import Path
 
@@ -10,6 +7,11 @@ from pydantic import Field
 
 from gmrdata.values.body import PHENOTYPES, BodyModel
 from gmrdata.values.records import Config
+
+JITTER = 0.1
+"""Deviation by which a drawn person differs from the listed one, so that no two are the same."""
+LARGEST_COEFFICIENT = 2.0
+"""Of people of a body without a list of adults."""
 
 
 class TextureConfig(Config):
@@ -37,21 +39,8 @@ class PersonConfig(Config):
             return {}
         return {"texture_image": self.texture.image, "texture_uv": self.texture.uv}
 
-    def with_full_paths(self) -> "PersonConfig":
-        """The same person for a process that runs in another folder."""
-        if self.texture is None:
-            return self
-        texture = TextureConfig(image=self.texture.image.resolve(), uv=self.texture.uv.resolve())
-        return self.model_copy(update={"texture": texture})
 
-
-JITTER = 0.1
-"""Deviation by which a drawn person differs from the listed one, so that no two are the same."""
-LARGEST_COEFFICIENT = 2.0
-"""Of people of a body without a list of adults."""
-
-
-def draw_person(body: BodyModel, rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
+def sample_person(body: BodyModel, rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
     """Draw someone: (S,) shape coefficients.
 
     The default body's people are adults of Anny's distribution (`adult_shapes`), in which the six
@@ -59,7 +48,6 @@ def draw_person(body: BodyModel, rng: np.random.Generator, spread: float = 1.0) 
     shoulders to a tired woman's hips.  Other bodies get normal coefficients within two deviations.
 
     Args:
-        body: The body.
         rng: The same state gives the same person.
         spread: How far from the mean: 1 is the distribution itself, 0 always the mean person.
     """

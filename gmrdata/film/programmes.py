@@ -1,11 +1,8 @@
 """Camera programmes: how a camera moves while it films a person.
 
 Each programme is a pure function of time and of the subject's path, so the same recipe drives
-Blender, tests, and cameras that are never rendered.
-
-How far away a camera must be to have its subject in frame.
-
-The same take with the camera's motion off (Table 6 of the paper).
+Blender, tests, and cameras that are never rendered.  The static twin is the same take with the
+camera's motion off (Table 6 of the paper).
 """
 
 from collections.abc import Callable
@@ -26,6 +23,10 @@ FRAME_MARGIN_SHARE = 0.03
 """Border that is kept free, as a share of the image's height."""
 DISTANCES_M = np.arange(2.0, 25.01, 0.25)
 """Distances that are tried, nearest first, until the subject stays in frame."""
+
+
+STEP_M = 0.25
+"""How far the camera steps back before it is tried again."""
 
 
 def nearest_in_frame(
@@ -168,12 +169,7 @@ def camera_path(
     """The camera of a programme for one subject.
 
     Args:
-        programme: The recipe.
         pelvis_world_m: (T, 3) pelvis path of the subject, z-up world with the ground at z = 0 [m].
-        fps_hz: Frame rate [Hz].
-        width_px: Image width [px].
-        height_px: Image height [px].
-        hfov_deg: Horizontal field of view [degrees].
         rng: Chooses what the recipe leaves open: side, azimuth, the drift of a held camera.
 
     Returns:
@@ -269,10 +265,6 @@ def _beside_rad(view: View, subject: SubjectPath) -> float:
 
 def _azimuth_rad(view: View, chosen_rad: float) -> float:
     return chosen_rad if view.azimuth_deg is None else float(np.deg2rad(view.azimuth_deg))
-
-
-STEP_M = 0.25
-"""How far the camera steps back before it is tried again."""
 
 
 def static_twin(camera: CameraPath, pelvis_world_m: np.ndarray) -> CameraPath:

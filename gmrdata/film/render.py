@@ -1,6 +1,6 @@
 """Render a clip with Blender, which runs as a process of its own.
 
-Which of Blender's renderers can run on this machine, found out before any frame.
+Which of Blender's renderers can run on this machine is found out before any frame.
 """
 
 import os
@@ -31,6 +31,21 @@ PROBE_TIMEOUT_S = 600
 PACKAGES_DIR = Path(__file__).resolve().parents[2]
 """Where the packages `gmrdata` and `blender` are, side by side in a checkout and in a wheel."""
 NAMES = {"cycles": "Cycles", "eevee": "EEVEE", "workbench": "Workbench"}
+
+
+FRAME_LINE = "gmrdata-frame"
+"""What the Blender process prints, with the frame's number, when a frame and its mask are there."""
+FOLDERS = ("depth", "normals", "flow", "instances")
+"""Folders that a recipe can ask for, with one file for each frame."""
+EXTRAS_FOLDER = "extras"
+"""Folder of the extras' truth, one file each."""
+LOG_FILE = "blender.log"
+LOG_LINES = 12
+KEEP_MEMORY = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(1 << 32)}
+"""What tells glibc to keep freed memory for the next array: it gives large ones back to the kernel
+at once, and pages that come anew cost 0.3 s of the time in which a place is painted.  Dask sets the
+opposite for its workers, which this overrides."""
+PreviewEngine = Literal["workbench", "cycles"]
 
 
 @cache
@@ -83,20 +98,6 @@ def _why(engine: str, exit_code: int, lines: list[str]) -> str:
         f"EGL, and Blender's trial ended with {ended} ({last}). Take `engine: cycles`, or install "
         "a GPU's driver or Mesa (libegl1, libgl1, libegl-mesa0)"
     )
-
-
-FRAME_LINE = "gmrdata-frame"
-"""What the Blender process prints, with the frame's number, when a frame and its mask are there."""
-FOLDERS = ("depth", "normals", "flow", "instances")
-"""Folders that a recipe can ask for, with one file for each frame."""
-EXTRAS_FOLDER = "extras"
-"""Folder of the extras' truth, one file each."""
-LOG_FILE = "blender.log"
-LOG_LINES = 12
-KEEP_MEMORY = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(1 << 32)}
-"""What tells glibc to keep freed memory for the next array: it gives large ones back to the kernel
-at once, and pages that come anew cost 0.3 s of the time in which a place is painted.  Dask sets the
-opposite for its workers, which this overrides."""
 
 
 class RenderConfig(Config):
@@ -167,9 +168,6 @@ class RenderJob(Config):
     """Clips that share one place, which is laid out for the paths of all; none: for this clip."""
 
 
-PreviewEngine = Literal["workbench", "cycles"]
-
-
 class PreviewJob(Config):
     """The job file of `python -m blender.preview`."""
 
@@ -231,9 +229,6 @@ def render_clip(
 
     Args:
         clip_path: Clip .npz with frame "world" and a camera for each frame.
-        body_path: Body .npz.
-        out_dir: The stage's folder.
-        config: The recipe.
         threads: Processor threads for Blender; the pictures don't depend on it.
         layout_paths: Clips that share one place (a clip and its twin), each given the same list;
             the place is laid out for the paths of all of them, and lit for the first.
@@ -293,16 +288,16 @@ def render_inputs(
     return inputs | {f"layout{number}": path for number, path in enumerate(layout_paths)}
 
 
-def with_full_paths(config: RenderConfig) -> RenderConfig:
-    """The same recipe for a process that runs in another folder."""
-    character = config.character
-    return config.model_copy(
-        update={
-            "scene": config.scene.with_full_paths(),
-            "person": config.person.with_full_paths(),
-            "character": None if character is None else character.with_full_paths(),
-        }
-    )
+def with_full_paths(value: Any) -> Any:
+    """A recipe, or a value of one, for a process that runs in another folder."""
+    if isinstance(value, Path):
+        return value.resolve()
+    if isinstance(value, tuple):
+        return tuple(with_full_paths(item) for item in value)
+    if isinstance(value, Config):
+        full = {name: with_full_paths(getattr(value, name)) for name in type(value).model_fields}
+        return value.model_copy(update=full)
+    return value
 
 
 def run_blender(

@@ -51,7 +51,6 @@ def try_render_clips(
 
     Args:
         planned: Clip file by id.
-        body_path: The clips' body.
         out_dir: Gets one stage folder for each clip.
         configs: The recipe of each clip, by id.
         client: A Dask client.

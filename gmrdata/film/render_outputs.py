@@ -1,17 +1,12 @@
-"""Depth, normals, flow and instances of a frame as PNG, which every image library reads as it is.
+"""What a rendering leaves beside frames and masks: joints, surface passes, clearance.
 
+Depth, normals, flow and instances are PNG, which every image library reads as it is:
 `cv2.imread(path, cv2.IMREAD_UNCHANGED)` gives the stored numbers, colours in the order blue, green,
 red.  The flow's form is that of KITTI's 2015 benchmark (http://www.cvlibs.net/datasets/kitti).
-
-The 24 joints of a filmed person: in the world, in the camera, in the image, seen or hidden.
-
-How near a rendered clip's camera and person come to what stands about.
-
-How much of a rendered clip has the whole person in frame.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +21,16 @@ from gmrdata.values.files import atomic_path, read_json, read_npz, write_json, w
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
+
+MM_PER_M = 1000.0
+FARTHEST_M = 65.535
+FLOW_STEPS_PER_PX = 64.0
+FLOW_ZERO = 2**15
+_MOST = 65535
+CLEARANCE_FILE = "clearance.json"
+IN_FRAME = "in_frame_share"
+"""The manifest's figure: share of a clip's frames with the whole person in frame."""
+CHUNK_FRAMES = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +100,6 @@ def load_joints(path: Path) -> Joints2d:
         if found is None or found.dtype.kind != kind or found.shape != wanted:
             raise BadMotionFile(f"{path}: no array {key!r} of shape {wanted}; render it again")
     return Joints2d(*(arrays[key] for key in keys))
-
-
-MM_PER_M = 1000.0
-FARTHEST_M = 65.535
-FLOW_STEPS_PER_PX = 64.0
-FLOW_ZERO = 2**15
-_MOST = 65535
 
 
 def write_depth(path: Path, depth_m: np.ndarray) -> None:
@@ -204,9 +202,6 @@ def _read(path: Path, n_dimensions: int) -> np.ndarray:
     return stored.astype(np.float64)
 
 
-CLEARANCE_FILE = "clearance.json"
-
-
 class Clearance(Config):
     """Measured in Blender against the surfaces of everything that doesn't move, but the ground."""
 
@@ -248,11 +243,6 @@ def clearance_figures(folder: Path) -> Mapping[str, float]:
         raise BadRecord(f"{path}: {error.errors()[0]['msg']}; render the clip again") from None
 
 
-IN_FRAME = "in_frame_share"
-"""The manifest's figure: share of a clip's frames with the whole person in frame."""
-CHUNK_FRAMES = 64
-
-
 def whole_person_share(clip: Clip, body: BodyModel) -> float:
     """Share of a clip's frames (0 to 1) in which every vertex of the body is inside the image.
 
@@ -262,11 +252,7 @@ def whole_person_share(clip: Clip, body: BodyModel) -> float:
     camera = camera_of(clip)
     seen = [
         in_frame(
-            replace(
-                camera,
-                world_from_cam=camera.world_from_cam[rows],
-                has_camera=camera.has_camera[rows],
-            ),
+            camera.at_rows(rows),
             motion_vertices_m(body, clip.motion, rows=rows),
         )
         for rows in np.array_split(

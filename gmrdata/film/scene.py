@@ -81,14 +81,3 @@ class SceneConfig(Config):
         if self.backdrop is not None:
             files["backdrop"] = self.backdrop.path
         return files | self.extras.inputs
-
-    def with_full_paths(self) -> "SceneConfig":
-        """The same place for a process that runs in another folder."""
-        full: dict[str, object] = {"extras": self.extras.with_full_paths()}
-        if self.hdri_path is not None:
-            full["hdri_path"] = self.hdri_path.resolve()
-        if self.backdrop is not None:
-            full["backdrop"] = self.backdrop.model_copy(
-                update={"path": self.backdrop.path.resolve()}
-            )
-        return self.model_copy(update=full)

@@ -4,7 +4,7 @@ import resource
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,6 @@ from gmrdata.film.set_takes import plan_takes, select
 from gmrdata.motion.resample import slice_motion
 from gmrdata.read.bodies import keep_body, read_body
 from gmrdata.stage.jobs import count_files
-from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip, save_clip
 
 PROBE_FRAMES = 2
@@ -79,9 +78,7 @@ def dry_run(
     Nothing is written below `out_dir`.
 
     Args:
-        recipe: The recipe.
         out_dir: Where the set would be; what is done there counts as done.
-        motions_dir: Folder of motion files.
         probe: Render two frames of the first clip that isn't done.
 
     Raises:
@@ -129,9 +126,6 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
     """Render two frames from the middle of a clip and measure them.
 
     Args:
-        clip: A planned clip.
-        body_path: Its body.
-        config: Its settings.
         folder: Where to; the caller removes it.
 
     Raises:
@@ -185,13 +179,7 @@ def _slice(clip: Clip, start: int, count: int) -> Clip:
         motion=slice_motion(clip.motion, int(rows[0]), int(rows[-1]) + 1),
         valid=clip.valid[rows],
         image_numbers=np.arange(len(rows)),
-        camera=None if clip.camera is None else _slice_camera(clip.camera, rows),
-    )
-
-
-def _slice_camera(camera: CameraPath, rows: np.ndarray) -> CameraPath:
-    return replace(
-        camera, world_from_cam=camera.world_from_cam[rows], has_camera=camera.has_camera[rows]
+        camera=None if clip.camera is None else clip.camera.at_rows(rows),
     )
 
 

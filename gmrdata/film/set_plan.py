@@ -1,8 +1,4 @@
-"""One clip before it is rendered: its person, its motion, cut and centred, and its camera.
-
-What the recipe of a synthetic set may say.
-
-What a set draws for each clip: its person's looks and its place.
+"""The recipe of a synthetic set, and each clip of it before it is rendered.
 
 Every choice hangs on the set's seed and the clip's id, so that a clip stays as it is when others
 come and go, and a clip's twin has the same person in the same place.
@@ -17,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gmrdata.film.character import Character
-from gmrdata.film.people import PersonConfig, draw_person
+from gmrdata.film.people import PersonConfig, sample_person
 from gmrdata.film.programmes import Programme, static_twin
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.scene import SceneConfig
@@ -31,6 +27,8 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
+
+PLANNED_FILE = "clip.npz"
 
 
 class SyntheticClip(Config):
@@ -146,9 +144,6 @@ def _person(recipe: SyntheticRecipe, clip: SyntheticClip, person: PersonConfig) 
     return person.model_copy(update={"seed": seed})
 
 
-PLANNED_FILE = "clip.npz"
-
-
 class PlanConfig(Config):
     """What decides one planned clip."""
 
@@ -175,10 +170,7 @@ def make_plan(
 
     Args:
         clip: The clip; its random choices hang on the set's seed and its id alone.
-        recipe: The recipe.
         motion_path: The motion file; None for an embedded gait.
-        body_path: The set's body.
-        out_dir: The stage's folder.
 
     Returns:
         Path of the clip file.
@@ -235,12 +227,6 @@ def make_twin(
 ) -> Path:
     """Stage: a planned clip once more, with the motion of its camera off.
 
-    Args:
-        twin_id: The twin's id.
-        planned_path: The planned clip.
-        body_path: The set's body.
-        out_dir: The stage's folder.
-
     Returns:
         Path of the clip file.
 
@@ -286,4 +272,4 @@ def _shape(clip: SyntheticClip, recipe: SyntheticRecipe, body: BodyModel) -> np.
         return np.array(clip.shape)
     if not recipe.people.vary:
         return None
-    return draw_person(body, clip_rng(recipe.seed, clip.id, "person"), recipe.people.spread)
+    return sample_person(body, clip_rng(recipe.seed, clip.id, "person"), recipe.people.spread)

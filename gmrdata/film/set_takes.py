@@ -1,7 +1,4 @@
-"""Which clips of a recipe can be rendered: those whose motion is there.
-
-Plan the takes of a set, each in a stage folder of its own.
-"""
+"""The takes of a set: those whose motion is there, each planned in a stage folder of its own."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -121,9 +118,6 @@ def plan_takes(
     """Plan every take; one that can't be filmed is named and the others go on.
 
     Args:
-        recipe: The recipe.
-        selection: Its clips whose motion is there.
-        body_path: The set's body.
         plans_dir: Gets one stage folder for each take.
 
     Raises:

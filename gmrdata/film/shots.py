@@ -71,9 +71,6 @@ def plan_clip(
     """A motion with the camera that is to film it.
 
     Args:
-        clip_id: The clip's name.
-        motion: What `film_motion` gave.
-        programme: How the camera moves.
         film: What the clips of the set share.
         rng: Chooses what the programme leaves open.
     """

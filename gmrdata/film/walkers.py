@@ -1,9 +1,8 @@
 """Where passers-by and company walk: placed motions that keep clear of everyone.
 
 Each is found by drawing ways until one is clear of the people and the cameras and is seen long
-enough.  So the constraints hold exactly, whatever the subject and the camera do.
-
-What extras have to keep clear of and be seen by: the subject's path and the cameras.
+enough.  So the constraints hold exactly, whatever the subject and the camera do.  A `Shot` is what
+extras keep clear of and are seen by.
 """
 
 from collections.abc import Sequence
@@ -22,6 +21,24 @@ PEOPLE_APART_M = 0.8
 """Between the pelvises of two people, on the ground; a person is about half a metre wide."""
 FROM_CAMERA_M = 1.3
 HALF_TRUNK_M = 0.25
+
+
+TRIES = 1500
+COMPANY_M = (0.9, 1.5)
+"""How far company walks from its subject, on average over the clip [m]."""
+COMPANY_FARTHEST_M = 2.0
+"""How far it may be in any frame, as long as the subject walks straight on [m]."""
+COMPANY_SEEN = 0.8
+PASSER_BY_SEEN = (0.15, 1.0)
+"""Least share of the frames with a passer-by in the image, or this many seconds if that is less."""
+BEHIND_M = 2.5
+STRAIGHT_S = 8.0
+"""For longer, a passer-by walks in a figure of eight, so that the place needn't be so large [s]."""
+STANDS_M_PER_S = 0.3
+"""A subject that gets away from its start more slowly has no direction that company could take."""
+RUN_M_PER_S = 2.0
+PACES = (0.5, 1.6)
+"""How much slower or faster than drawn a gait may be played to keep up with someone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +70,7 @@ def shot_of(clips: Sequence[Clip]) -> Shot:
     return Shot(
         clips[0].motion.fps_hz,
         tuple(clip.motion.pelvis_m[row] for clip, row in pairs),
-        tuple(_camera_at(camera_of(clip), row) for clip, row in pairs),
-    )
-
-
-def _camera_at(camera: CameraPath, rows: np.ndarray) -> CameraPath:
-    return replace(
-        camera, world_from_cam=camera.world_from_cam[rows], has_camera=camera.has_camera[rows]
+        tuple(camera_of(clip).at_rows(row) for clip, row in pairs),
     )
 
 
@@ -130,29 +141,10 @@ def place_in_sight(
     return camera_m + along_m * np.array([np.cos(angle_rad), np.sin(angle_rad)]), angle_rad
 
 
-TRIES = 1500
-COMPANY_M = (0.9, 1.5)
-"""How far company walks from its subject, on average over the clip [m]."""
-COMPANY_FARTHEST_M = 2.0
-"""How far it may be in any frame, as long as the subject walks straight on [m]."""
-COMPANY_SEEN = 0.8
-PASSER_BY_SEEN = (0.15, 1.0)
-"""Least share of the frames with a passer-by in the image, or this many seconds if that is less."""
-BEHIND_M = 2.5
-STRAIGHT_S = 8.0
-"""For longer, a passer-by walks in a figure of eight, so that the place needn't be so large [s]."""
-STANDS_M_PER_S = 0.3
-"""A subject that gets away from its start more slowly has no direction that company could take."""
-RUN_M_PER_S = 2.0
-PACES = (0.5, 1.6)
-"""How much slower or faster than drawn a gait may be played to keep up with someone."""
-
-
 def move_motion(motion: Motion, yaw_rad: float, from_m: np.ndarray, to_m: np.ndarray) -> Motion:
     """A world-frame motion turned about the vertical and shifted on the ground, all frames alike.
 
     Args:
-        motion: The motion.
         yaw_rad: Turn about z [rad].
         from_m: (2,) point on the ground that comes to lie ...
         to_m: (2,) ... here [m].
@@ -186,7 +178,6 @@ def pass_by(
     """Place a motion so that it crosses the first camera's line of sight to its subject.
 
     Args:
-        name: Whose motion it is, for messages.
         motion: A motion with the shot's frames, anywhere.
         shot: The shot.
         others: Extras that are there already.
@@ -225,11 +216,8 @@ def keep_company(
     Of the ways that are clear and in view, a near one is taken.
 
     Args:
-        name: Whose motion it is, for messages.
         shot: The shot.
         others: Extras that are there already.
-        body: The body.
-        seed: Chooses its build, gait and place.
 
     Raises:
         BadRecipe: nowhere is room for it in view.

@@ -20,13 +20,13 @@ from gmrdata.motion.gait_steps import (
     Footsteps,
     GroundPath,
     Leg,
-    draw_path,
     foot_poses,
     ground_under_pelvis,
     plan_footsteps,
     rest_foot,
+    sample_path,
 )
-from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, draw_style
+from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, sample_style
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
@@ -34,7 +34,7 @@ from gmrdata.values.motion import Motion
 N_DRAWN = 10
 """Shape coefficients that vary, as many as SMPL's; further ones of a body stay at the mean."""
 
-__all__ = ["GAIT_KINDS", "draw_shape", "embedded_motions", "gait_with_contacts", "make_gait"]
+__all__ = ["GAIT_KINDS", "sample_shape", "embedded_motions", "gait_with_contacts", "make_gait"]
 
 
 def embedded_motions(
@@ -107,7 +107,7 @@ def gait_with_contacts(
         BadRecipe: as `make_gait`.
     """
     _check(kind, duration_s, fps_hz)
-    shape = draw_shape(body, rng) if shape is None else np.asarray(shape, dtype=np.float64)
+    shape = sample_shape(body, rng) if shape is None else np.asarray(shape, dtype=np.float64)
     if shape.shape != (body.n_shape,) or not np.isfinite(shape).all():
         raise BadRecipe(
             f"gait {kind}: body {body.name} takes a shape of {body.n_shape} finite numbers, not "
@@ -115,7 +115,7 @@ def gait_with_contacts(
         )
     joints_m = body.rest_joints_m(shape)
     leg_m = float(joints_m[JOINT["left_hip"], 1] - joints_m[JOINT["left_ankle"], 1])
-    style = draw_style(kind, leg_m, rng)
+    style = sample_style(kind, leg_m, rng)
     # The pelvis' height looks ahead and back over half a step: make some frames on either side.
     half_window = int(np.ceil(0.55 / style.cadence_hz * fps_hz))
     pad, pad_s = 2 * half_window, 1.1 / style.cadence_hz
@@ -125,7 +125,7 @@ def gait_with_contacts(
     first_step = rng.uniform(0, 2)
     steps = first_step + _steps(time_s, style)
     n_steps = first_step + float(_steps(np.array(duration_s + pad_s), style))
-    path = draw_path(kind, n_steps, style, rng)
+    path = sample_path(kind, n_steps, style, rng)
     plan = plan_footsteps(path, style, _ground(kind, n_steps, rng), rng)
     arrays, feet = _assemble(body, shape, path, time_s, steps, plan, style, half_window)
     inside = slice(pad, pad + n_frames)
@@ -144,7 +144,7 @@ def gait_with_contacts(
     return motion, np.stack([foot.planted[inside] for foot in feet], axis=-1)
 
 
-def draw_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
+def sample_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
     """Draw a build: (S,) normal coefficients, kept within two deviations, the first ten of them."""
     shape = np.zeros(body.n_shape)
     drawn = min(body.n_shape, N_DRAWN)

@@ -104,7 +104,9 @@ class GroundPath:
     """(N,) step count -> (N,) s [m]; the inverse of `steps_at`."""
 
 
-def draw_path(kind: str, n_steps: float, style: GaitStyle, rng: np.random.Generator) -> GroundPath:
+def sample_path(
+    kind: str, n_steps: float, style: GaitStyle, rng: np.random.Generator
+) -> GroundPath:
     """Draw a path that is long enough for `n_steps` steps, and some before 0 and after the end."""
     start_m, stop_m = -5 * style.step_m, (n_steps + 8) * style.step_m
     heading_rad = rng.uniform(-np.pi, np.pi)

@@ -86,7 +86,7 @@ class GaitStyle:
         return 2 * self.duty
 
 
-def draw_style(kind: str, leg_m: float, rng: np.random.Generator) -> GaitStyle:
+def sample_style(kind: str, leg_m: float, rng: np.random.Generator) -> GaitStyle:
     """Draw a style for one of GAIT_KINDS and a leg of this length [m]."""
     if kind == "run":
         return _run(leg_m, rng)

@@ -3,7 +3,7 @@
 Is the subject in the picture?
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,36 @@ class CameraPath:
     def centres_world_m(self) -> np.ndarray:
         """(T, 3) optical centres, world frame [m]."""
         return self.world_from_cam[:, :3, 3]
+
+    def at_rows(self, rows: np.ndarray | slice) -> "CameraPath":
+        """The same camera in some of its frames."""
+        return replace(
+            self, world_from_cam=self.world_from_cam[rows], has_camera=self.has_camera[rows]
+        )
+
+
+def fill_gaps(world_from_cam: np.ndarray, has_camera: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Fill all gaps by slerp and linear interpolation; the ends are held.
+
+    Args:
+        world_from_cam: (T, 4, 4); NaN where `has_camera` is False.
+        has_camera: (T,) bool.
+        times: (T,) ascending, in any unit.
+
+    Returns:
+        World_from_cam (T, 4, 4); as given where no frame has a camera.
+    """
+    from scipy.spatial.transform import Rotation, Slerp
+
+    rows = np.flatnonzero(has_camera)
+    if len(rows) < 2:
+        return world_from_cam[np.resize(rows, len(times))] if len(rows) else world_from_cam.copy()
+    at, known = np.clip(times, times[rows[0]], times[rows[-1]]), world_from_cam[rows]
+    rotmats = Slerp(times[rows], Rotation.from_matrix(known[:, :3, :3]))(at).as_matrix()
+    centres = [np.interp(at, times[rows], known[:, axis, 3]) for axis in range(3)]
+    filled = transforms.rigid(rotmats, np.stack(centres, axis=1))
+    filled[rows] = known
+    return filled
 
 
 def intrinsics_from_fov(hfov_deg: float, width_px: int, height_px: int) -> np.ndarray:

@@ -14,9 +14,9 @@ from blender.people.outfit import (
     Outfit,
     colours_at,
     contrasts,
-    draw_outfit,
+    sample_outfit,
 )
-from gmrdata.film.people import draw_person
+from gmrdata.film.people import sample_person
 from gmrdata.values.body import JOINT, BodyModel
 
 UV_TOLERANCE_PX = 1e-6
@@ -67,7 +67,7 @@ def dressed(body: BodyModel, atlas: Atlas, outfit: Outfit) -> np.ndarray:
 def plain_outfit(**said: object) -> Outfit:
     """Everything in its own colour, without patterns."""
     grey = np.full(3, 0.5)
-    outfit = draw_outfit(np.random.default_rng(0))
+    outfit = sample_outfit(np.random.default_rng(0))
     plain = {
         "skin": np.array([0.9, 0.7, 0.6]),
         "hair": np.array([0.1, 0.1, 0.1]),
@@ -131,9 +131,9 @@ def test_sleeves_and_trousers_end_where_they_are_told(anny: BodyModel, atlas: At
 def test_people_differ_and_the_same_seed_gives_the_same_picture(
     anny: BodyModel, atlas: Atlas
 ) -> None:
-    shape = draw_person(anny, np.random.default_rng(0))
+    shape = sample_person(anny, np.random.default_rng(0))
     pictures = [
-        paint(anny, shape, draw_outfit(np.random.default_rng(seed)), atlas) for seed in (1, 1, 2)
+        paint(anny, shape, sample_outfit(np.random.default_rng(seed)), atlas) for seed in (1, 1, 2)
     ]
     assert pictures[0].shape == (*atlas.size_px, 3) and pictures[0].dtype == np.float32
     assert pictures[0].min() >= 0 and pictures[0].max() <= 1
@@ -142,8 +142,8 @@ def test_people_differ_and_the_same_seed_gives_the_same_picture(
 
 
 def test_the_distribution_is_the_stated_one() -> None:
-    men = [draw_outfit(np.random.default_rng(seed), female=0.0) for seed in range(600)]
-    women = [draw_outfit(np.random.default_rng(seed), female=1.0) for seed in range(600)]
+    men = [sample_outfit(np.random.default_rng(seed), female=0.0) for seed in range(600)]
+    women = [sample_outfit(np.random.default_rng(seed), female=1.0) for seed in range(600)]
     everyone = men + women
     assert {outfit.top.kind for outfit in everyone} == set(KINDS)
     assert np.mean([o.top.kind == "plain" for o in everyone]) == pytest.approx(1 / 3, abs=0.05)
@@ -161,7 +161,7 @@ def test_clothes_differ_from_skin_and_surroundings() -> None:
     walls = np.array([[0.76, 0.13, 0.13], [0.12, 0.26, 0.62], [0.95, 0.75, 0.16]])
     alike = 0
     for seed in range(200):
-        outfit = draw_outfit(np.random.default_rng(seed), surroundings=walls)
+        outfit = sample_outfit(np.random.default_rng(seed), surroundings=walls)
         avoid = np.concatenate([walls, outfit.skin[None]])
         alike += contrasts(outfit.top.first[None], avoid)[0] <= LEAST_CONTRAST
         between = contrasts(outfit.top.first[None], outfit.top.second[None])[0]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.film.people import draw_person, phenotypes_of
+from gmrdata.film.people import phenotypes_of, sample_person
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.anny import (
@@ -26,7 +26,7 @@ from gmrdata.values.skinning import motion_vertices_m
 @pytest.fixture(scope="module")
 def shapes(anny: BodyModel) -> np.ndarray:
     """200 people."""
-    return np.stack([draw_person(anny, np.random.default_rng(seed)) for seed in range(200)])
+    return np.stack([sample_person(anny, np.random.default_rng(seed)) for seed in range(200)])
 
 
 def test_200_people_are_within_the_bounds_of_usual_adults(
@@ -72,17 +72,17 @@ def test_every_person_is_whole(anny: BodyModel, shapes: np.ndarray) -> None:
 def test_the_same_state_gives_the_same_person_and_no_two_are_alike(
     anny: BodyModel, shapes: np.ndarray
 ) -> None:
-    np.testing.assert_array_equal(draw_person(anny, np.random.default_rng(7)), shapes[7])
+    np.testing.assert_array_equal(sample_person(anny, np.random.default_rng(7)), shapes[7])
     assert len(np.unique(shapes, axis=0)) == len(shapes)
     np.testing.assert_array_equal(
-        draw_person(anny, np.random.default_rng(7), spread=0.5), 0.5 * shapes[7]
+        sample_person(anny, np.random.default_rng(7), spread=0.5), 0.5 * shapes[7]
     )
 
 
 def test_a_body_without_a_list_gets_coefficients_within_two_deviations(
     small_body: BodyModel,
 ) -> None:
-    drawn = np.stack([draw_person(small_body, np.random.default_rng(n)) for n in range(100)])
+    drawn = np.stack([sample_person(small_body, np.random.default_rng(n)) for n in range(100)])
     assert drawn.shape == (100, 10) and 1.5 < np.abs(drawn).max() <= 2
     assert phenotypes_of(small_body, drawn[0]) is None
 

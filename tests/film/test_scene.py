@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from gmrdata.film.render import with_full_paths
 from gmrdata.film.scene import SceneConfig
 
 
@@ -45,9 +46,9 @@ def test_a_sky_is_an_input_with_a_full_path_for_the_renderer(
     monkeypatch.chdir(tmp_path)
     scene = SceneConfig(hdri_path=Path("sky.hdr"))
     assert scene.inputs == {"hdri": Path("sky.hdr")}
-    assert scene.with_full_paths().hdri_path == tmp_path / "sky.hdr"
+    assert with_full_paths(scene).hdri_path == tmp_path / "sky.hdr"
     (tmp_path / "a.bvh").touch()
     scene = SceneConfig.model_validate({"extras": {"passers_by": 1, "motions": ["a.bvh"]}})
     assert scene.inputs == {"extras_motion0": Path("a.bvh")}
-    assert scene.with_full_paths().extras.motions == (tmp_path / "a.bvh",)
-    assert SceneConfig().inputs == {} and SceneConfig().with_full_paths() == SceneConfig()
+    assert with_full_paths(scene).extras.motions == (tmp_path / "a.bvh",)
+    assert SceneConfig().inputs == {} and with_full_paths(SceneConfig()) == SceneConfig()
