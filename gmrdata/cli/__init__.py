@@ -1,6 +1,5 @@
 """The command line: one verb per capability.  Each verb imports its stage only when it runs."""
 
-import sys
 from collections.abc import Callable
 
 import tyro
@@ -12,9 +11,9 @@ from gmrdata.cli.manifests import manifest
 from gmrdata.cli.motion_files import fetch, motions
 from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import floor, threedpw
+from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.rendering import render
 from gmrdata.cli.sequence import masks, sfm
-from gmrdata.cli.whole import demo, report, run
 from gmrdata.values.errors import GmrdataError
 
 Verb = Callable[..., None]
@@ -42,12 +41,9 @@ VERBS: dict[str, Verb] = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if given[:1] == ["threedpw"] and given[1:2] and given[1] in ("--root", "--out"):
-        given.insert(1, "regenerate")
     try:
         tyro.extras.subcommand_cli_from_dict(
-            VERBS, prog="gmrdata", description="World-frame human motion data.", args=given
+            VERBS, prog="gmrdata", description="World-frame human motion data.", args=arguments
         )
     except GmrdataError as error:
         fail(str(error))

@@ -1,10 +1,8 @@
-"""The demo from end to end: every stage in order, each of them done once.
-
-One clip's way through the COLMAP stage, given only what a data set like 3DPW gives.
-"""
+"""The demo from end to end: every stage in order, each of them done once."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -22,53 +20,12 @@ from gmrdata.stage.jobs import Job, run_jobs, worker_pool
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.files import write_text
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
-
-
-class TruthRemovedConfig(Config):
-    """Nothing to choose: the camera-frame body follows from the clip."""
-
-
-def regenerate(root: Path, clip_id: str, config: SequenceConfig, run: Run) -> Path:
-    """Frames, intrinsics and camera-frame body of one clip to its world motion.
-
-    Returns:
-        The folder of the pseudo ground truth.
-    """
-    paths = DemoPaths(root)
-    _remove_truth(paths, clip_id, run)
-    return regenerate_sequence(
-        paths.frames_dir(clip_id),
-        (PersonFiles(paths.camera_clip(clip_id), paths.body),),
-        paths.regenerated_dir(clip_id),
-        config,
-        run=run,
-    )
-
-
-def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:
-    """Keep only what 3DPW gives: local poses, the root in the camera's frame, and K."""
-
-    def work(out_dir: Path) -> None:
-        true = load_clip(paths.true_clip(clip_id))
-        camera = camera_of(true)
-        unknown = replace(
-            camera,
-            world_from_cam=np.full_like(camera.world_from_cam, np.nan),
-            has_camera=np.zeros_like(camera.has_camera),
-        )
-        motion = motion_in_camera(true.motion, camera.world_from_cam)
-        clip = Clip(clip_id, motion, true.valid, true.image_numbers, unknown)
-        rest_pelvis_m = read_body(paths.body).rest_pelvis_m(motion.shape)
-        save_clip(out_dir / paths.camera_clip(clip_id).name, clip, rest_pelvis_m)
-
-    inputs = {"clip": paths.true_clip(clip_id), "body": paths.body}
-    run_stage("sequence", paths.sequence_dir(clip_id), TruthRemovedConfig(), inputs, work, run=run)
 
 
 def run_demo(
@@ -94,22 +51,11 @@ def run_demo(
     _step(1, "body")
     keep_body(recipe.body, paths.body_dir, run=run)
     _step(2, "motions")
-    files = MotionFiles()
-    if motions_dir is not None:
-        files = choose_files(motions_dir, trials, recipe, load_body(str(paths.body)))
-        console.print("  filming " + ", ".join(path.stem for path in files.filmed))
+    files = _choose_files(motions_dir, trials, recipe, paths)
     make_motions(paths, recipe, files, run=run)
     with worker_pool(run, recipe.workers) as client:
         _step(3, "render")
-        render_clips(
-            {clip.id: paths.planned_clip(clip.id) for clip in recipe.clips},
-            paths.body,
-            paths.all_renders_dir,
-            recipe.render,
-            client,
-            paths.failures_dir,
-            run=run,
-        )
+        _render(paths, recipe, client, run)
         _step(4, "masks, cameras, scale, world motion")
         _regenerate(paths, recipe, client, run)
     _step(5, "manifests")
@@ -125,37 +71,60 @@ def run_demo(
     return show(paths, recipe)
 
 
+def plan(recipe: DemoRecipe, out_dir: Path) -> list[tuple[str, str]]:
+    """What a run would do: (stage, "done" or "to do"), without doing any of it."""
+    paths = DemoPaths(out_dir.resolve())
+    stages = [("body", paths.body_dir), ("motions", paths.motions_dir)]
+    for id, clip in ((clip.id, paths.clip(clip.id)) for clip in recipe.clips):
+        stages += [
+            (f"render {id}", clip.render_dir),
+            (f"masks {id}", clip.masks_dir),
+            (f"cameras {id}", clip.sfm_dir),
+            (f"world motion {id}", clip.pseudo_gt_dir),
+        ]
+    stages += [("train GMR", paths.gmr_dir)]
+    stages += [(f"score on {name}", paths.scores_dir(name)) for name in ("synthetic", "pseudo_gt")]
+    return [(name, "done" if folder.is_dir() else "to do") for name, folder in stages]
+
+
 def _step(number: int, what: str) -> None:
     console.rule(f"[bold]{number}/8[/bold] {what}", align="left")
 
 
-def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: object, run: Run) -> None:
-    jobs = [
-        Job(
-            clip.id,
-            regenerate,
-            {
-                "root": paths.root,
-                "clip_id": clip.id,
-                "config": recipe.sequence,
-                "run": run,
-            },
-        )
-        for clip in recipe.clips
-    ]
+def _choose_files(
+    motions_dir: Path | None, trials: tuple[str, ...], recipe: DemoRecipe, paths: DemoPaths
+) -> MotionFiles:
+    if motions_dir is None:
+        return MotionFiles()
+    files = choose_files(motions_dir, trials, recipe, load_body(str(paths.body)))
+    console.print("  filming " + ", ".join(path.stem for path in files.filmed))
+    return files
+
+
+def _render(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> None:
+    planned = {clip.id: paths.clip(clip.id).planned for clip in recipe.clips}
+    render_clips(
+        planned,
+        paths.body,
+        paths.all_renders_dir,
+        recipe.render,
+        client,
+        paths.failures_dir,
+        run=run,
+    )
+
+
+def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> None:
+    ids = [clip.id for clip in recipe.clips]
+    shared = {"root": paths.root, "config": recipe.sequence, "run": run}
     stage_dirs = [
         folder
-        for clip in recipe.clips
-        for folder in (
-            paths.sequence_dir(clip.id),
-            paths.masks_dir(clip.id),
-            paths.sfm_dir(clip.id),
-            paths.pseudo_gt_dir(clip.id),
-        )
+        for clip in map(paths.clip, ids)
+        for folder in (clip.sequence_dir, clip.masks_dir, clip.sfm_dir, clip.pseudo_gt_dir)
     ]
     run_jobs(
         "regenerating world poses",
-        jobs,
+        [Job(id, regenerate, {"clip_id": id} | shared) for id in ids],
         client,
         paths.failures_dir,
         units_total=len(stage_dirs),
@@ -163,17 +132,39 @@ def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: object, run: Run) 
     )
 
 
-def plan(recipe: DemoRecipe, out_dir: Path) -> list[tuple[str, str]]:
-    """What a run would do: (stage, "done" or "to do"), without doing any of it."""
-    paths = DemoPaths(out_dir.resolve())
-    stages = [("body", paths.body_dir), ("motions", paths.motions_dir)]
-    for clip in recipe.clips:
-        stages += [
-            (f"render {clip.id}", paths.render_dir(clip.id)),
-            (f"masks {clip.id}", paths.masks_dir(clip.id)),
-            (f"cameras {clip.id}", paths.sfm_dir(clip.id)),
-            (f"world motion {clip.id}", paths.pseudo_gt_dir(clip.id)),
-        ]
-    stages += [("train GMR", paths.gmr_dir)]
-    stages += [(f"score on {name}", paths.scores_dir(name)) for name in ("synthetic", "pseudo_gt")]
-    return [(name, "done" if folder.is_dir() else "to do") for name, folder in stages]
+def regenerate(root: Path, clip_id: str, config: SequenceConfig, run: Run) -> Path:
+    """Frames, intrinsics and camera-frame body of one clip to its world motion.
+
+    Returns:
+        The folder of the pseudo ground truth.
+    """
+    paths = DemoPaths(root)
+    clip = paths.clip(clip_id)
+    _remove_truth(paths, clip_id, run)
+    people = (PersonFiles(clip.seen, paths.body),)
+    return regenerate_sequence(clip.frames_dir, people, clip.regenerated_dir, config, run=run)
+
+
+class TruthRemovedConfig(Config):
+    """Nothing to choose: the camera-frame body follows from the clip."""
+
+
+def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:
+    """Keep only what 3DPW gives: local poses, the root in the camera's frame, and K."""
+    clip = paths.clip(clip_id)
+
+    def work(out_dir: Path) -> None:
+        true = load_clip(clip.true)
+        camera = camera_of(true)
+        unknown = replace(
+            camera,
+            world_from_cam=np.full_like(camera.world_from_cam, np.nan),
+            has_camera=np.zeros_like(camera.has_camera),
+        )
+        motion = motion_in_camera(true.motion, camera.world_from_cam)
+        seen = replace(true, id=clip_id, motion=motion, camera=unknown)
+        rest_pelvis_m = read_body(paths.body).rest_pelvis_m(motion.shape)
+        save_clip(out_dir / clip.seen.name, seen, rest_pelvis_m)
+
+    inputs = {"clip": clip.true, "body": paths.body}
+    run_stage("sequence", clip.sequence_dir, TruthRemovedConfig(), inputs, work, run=run)

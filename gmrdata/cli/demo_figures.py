@@ -2,10 +2,10 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from gmrdata.cli.demo_motions import MotionsConfig
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.masks.sources import masks_seconds
@@ -22,12 +22,14 @@ from gmrdata.pages.report_data import (
     summary,
 )
 from gmrdata.read.bodies import read_body
+from gmrdata.score.records import Scores
 from gmrdata.stage.progress import answers
-from gmrdata.stage.store import stage_seconds
+from gmrdata.stage.store import StageRecord, stage_seconds
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
-from gmrdata.values.files import STAGE_FILE, read_json, write_json
+from gmrdata.values.errors import BadRecord
+from gmrdata.world.quality import load_record
 
 FPS_HZ = 10.0
 """Rate at which all errors are measured [Hz]: the paper's."""
@@ -41,7 +43,7 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     """
     report = _report_data(paths, recipe)
     figures = summary(report)
-    write_json(paths.summary, figures)
+    figures.write(paths.summary)
     write_overview(paths.overview, report)
     write_report(paths.report, report)
     answers.print(summary_table(figures))
@@ -61,26 +63,22 @@ def _report_data(paths: DemoPaths, recipe: DemoRecipe) -> ReportData:
 
 
 def _run_report(paths: DemoPaths, recipe: DemoRecipe) -> RunReport:
-    record = read_json(paths.gmr_dir / STAGE_FILE)
+    record = StageRecord.of(paths.gmr_dir)
     return RunReport(
         title="gmrdata demo",
         data_source=_data_source(paths),
         seconds=_seconds(paths, recipe),
-        versions={
-            "gmrdata": record["gmrdata"],
-            "python": record["python"],
-            **record["packages"],
-        },
+        versions={"gmrdata": record.gmrdata, "python": record.python, **record.packages},
         recipe=paths.recipe.read_text(encoding="utf-8"),
     )
 
 
 def _data_source(paths: DemoPaths) -> str:
-    record = read_json(paths.motions_dir / STAGE_FILE)
-    filmed = record["config"]["filmed"]
+    record = StageRecord.of(paths.motions_dir)
+    filmed = MotionsConfig.model_validate(record.config).filmed
     if not filmed:
         return "Embedded gait generator: made by a program, not motion capture."
-    n_files = sum(key.startswith("file ") and not key.endswith(".asf") for key in record["inputs"])
+    n_files = sum(key.startswith("file ") and not key.endswith(".asf") for key in record.inputs)
     return (
         f"Motion files {', '.join(filmed)}; GMR trained on {n_files - len(filmed)} other files "
         "and on the embedded gait."
@@ -93,21 +91,22 @@ def _seconds(paths: DemoPaths, recipe: DemoRecipe) -> dict[str, float]:
     def longest(folders: list[Path]) -> float:
         return max(stage_seconds(folder) for folder in folders)
 
-    ids = [clip.id for clip in recipe.clips]
+    clips = [paths.clip(clip.id) for clip in recipe.clips]
     return {
         "body": stage_seconds(paths.body_dir),
         "motions": stage_seconds(paths.motions_dir),
-        "render": longest([paths.render_dir(i) for i in ids]),
-        "masks": max(masks_seconds(paths.masks_dir(i)) for i in ids),
-        "cameras": longest([paths.sfm_dir(i) for i in ids]),
-        "world motion": longest([paths.pseudo_gt_dir(i) for i in ids]),
+        "render": longest([clip.render_dir for clip in clips]),
+        "masks": max(masks_seconds(clip.masks_dir) for clip in clips),
+        "cameras": longest([clip.sfm_dir for clip in clips]),
+        "world motion": longest([clip.pseudo_gt_dir for clip in clips]),
         "train": stage_seconds(paths.gmr_dir),
         "score": sum(stage_seconds(paths.scores_dir(n)) for n in ("synthetic", "pseudo_gt")),
     }
 
 
 def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: TrainedGmr) -> ClipReport:
-    true, pseudo = load_clip(paths.true_clip(clip.id)), load_clip(paths.pseudo_clip(clip.id))
+    files = paths.clip(clip.id)
+    true, pseudo = load_clip(files.true), load_clip(files.pseudo)
     error = compare_clips(pseudo, true, fps_hz=FPS_HZ)
     predicted = predict_world_motion(
         gmr,
@@ -121,8 +120,8 @@ def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: Trained
         true=true,
         pseudo=pseudo,
         true_from_pseudo=error.true_from_pseudo,
-        images_dir=paths.frames_dir(clip.id),
-        masks_dir=paths.masks_dir(clip.id),
+        images_dir=files.frames_dir,
+        masks_dir=files.masks_dir,
         body=body,
         figures=ClipFigures(
             ome_deg=error.ome_deg,
@@ -132,27 +131,29 @@ def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: Trained
             frames=true.motion.n_frames,
             frames_with_camera=error.frames_with_camera,
         ),
-        quality=_quality(paths.pseudo_gt_dir(clip.id)),
+        quality=_quality(files.pseudo_gt_dir),
         figures_fps_hz=FPS_HZ,
         predicted=predicted,
     )
 
 
 def _quality(pseudo_gt_dir: Path) -> Quality:
-    record = read_json(pseudo_gt_dir / "quality.json")
+    record = load_record(pseudo_gt_dir)
+    if record.cameras is None:
+        raise BadRecord(f"{pseudo_gt_dir}: says of no reconstruction, so there is none to draw")
     return Quality(
-        geometry=record["geometry"],
-        scale=record["scale"],
-        scale_sigma=record["scale_sigma"],
-        reprojection_error_px=record["mean_reprojection_px"],
-        inliers=np.array(record["inliers_per_frame"]),
+        geometry=record.cameras.geometry,
+        scale=record.scale,
+        scale_sigma=record.scale_sigma,
+        reprojection_error_px=record.cameras.mean_reprojection_px,
+        inliers=np.array(record.cameras.inliers_per_frame),
     )
 
 
 def _manifest_score(paths: DemoPaths, name: str) -> ManifestScore:
-    record: dict[str, Any] = read_json(paths.scores_dir(name) / "scores.json")
-    pooled = record["overall"]["pooled_over_motions"]
-    return ManifestScore(name, Score(**pooled["predicted"]), Score(**pooled["zero"]))
+    pooled = Scores.read(paths.scores_dir(name) / "scores.json").overall.pooled_over_motions
+    scores = (Score(**errors.by_metric()) for errors in (pooled.predicted, pooled.zero))
+    return ManifestScore(name, *scores)
 
 
 def _learning_curve(path: Path) -> tuple[tuple[int, float], ...]:

@@ -1,10 +1,10 @@
 """The demo's three manifests: what was trained on, what was rendered, and what was regenerated."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from gmrdata.cli.demo_motions import MotionFiles
-from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
+from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
 from gmrdata.film.render import optional_outputs
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
@@ -12,84 +12,50 @@ from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import read_body
-from gmrdata.world.quality import dropped_reasons, load_record, quality_record
+from gmrdata.world.quality import load_record, quality_record
 
 
 def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) -> None:
     """Write the three manifests; the same clips give the same bytes."""
     # How many workers there were decides nothing, so it is no part of what made the clips.
     by = created_by(recipe.model_dump(mode="json", exclude={"workers"}), {"demo": recipe.seed})
-    licence = _body_licence(paths)
-    training = [
-        _training_entry(paths, path, files) for path in sorted(paths.training_dir.glob("*.npz"))
-    ]
-    common: dict[str, Any] = {
-        "version": "1.0.0",
-        "licence": licence,
-        "created_by": by,
-        "redo": True,
-    }
-    write_manifest(
+    licence = f"clips as stated by each; body: {read_body(paths.body).licence}"
+
+    def write(path: Path, kind: str, description: str, clips: Sequence[ClipEntry]) -> None:
+        write_manifest(
+            path,
+            name=f"demo-{path.stem.replace('_', '-')}",
+            version="1.0.0",
+            description=description,
+            kind=kind,
+            licence=licence,
+            clips=clips,
+            created_by=by,
+            redo=True,
+        )
+
+    write(
         paths.training_manifest,
-        name="demo-training",
-        kind="motions",
-        description="Motions that the demo's GMR is trained on.",
-        clips=training,
-        **common,
+        "motions",
+        "Motions that the demo's GMR is trained on.",
+        [_training_entry(paths, path, files) for path in sorted(paths.training_dir.glob("*.npz"))],
     )
-    write_manifest(
+    filmed = [
+        (clip, file_source(files.filmed[index].stem) if files.filmed else gait_source(clip.gait))
+        for index, clip in enumerate(recipe.clips)
+    ]
+    write(
         paths.synthetic_manifest,
-        name="demo-synthetic",
-        kind="synthetic",
-        description="Rendered clips with exact cameras and exact world motions.",
-        clips=[_true_entry(paths, recipe, files, index) for index in range(len(recipe.clips))],
-        **common,
+        "synthetic",
+        "Rendered clips with exact cameras and exact world motions.",
+        [_true_entry(paths, recipe, clip, source) for clip, source in filmed],
     )
-    write_manifest(
+    write(
         paths.pseudo_gt_manifest,
-        name="demo-pseudo-gt",
-        kind="pseudo_gt",
-        description="The same clips, their world motions regenerated from frames, intrinsics "
-        "and camera-frame bodies.",
-        clips=[_pseudo_entry(paths, recipe, files, index) for index in range(len(recipe.clips))],
-        **common,
-    )
-
-
-def _true_entry(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, index: int) -> ClipEntry:
-    clip = recipe.clips[index]
-    return clip_entry(
-        paths.root,
-        id=clip.id,
-        clip_path=paths.true_clip(clip.id),
-        images_dir=paths.frames_dir(clip.id),
-        masks_dir=paths.render_dir(clip.id) / "masks",
-        **optional_outputs(paths.render_dir(clip.id), recipe.render),
-        camera_motion=clip.programme.kind,
-        licence=licence_of(_source(recipe, files, index)),
-        source=_source(recipe, files, index),
-        quality=Quality(geometry="exact"),
-        recipe=stage_recipe(paths.render_dir(clip.id)),
-    )
-
-
-def _pseudo_entry(
-    paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, index: int
-) -> ClipEntry:
-    clip = recipe.clips[index]
-    record = load_record(paths.pseudo_gt_dir(clip.id))
-    return clip_entry(
-        paths.root,
-        id=clip.id,
-        clip_path=paths.pseudo_clip(clip.id),
-        images_dir=paths.frames_dir(clip.id),
-        masks_dir=paths.masks_dir(clip.id),
-        camera_motion=record["camera_motion"],
-        licence=licence_of(_source(recipe, files, index)),
-        source=_source(recipe, files, index),
-        dropped_reason=dropped_reasons(record, 0),
-        quality=quality_record(record, 0),
-        recipe=stage_recipe(paths.pseudo_gt_dir(clip.id)),
+        "pseudo_gt",
+        "The same clips, their world motions regenerated from frames, intrinsics and camera-frame "
+        "bodies.",
+        [_pseudo_entry(paths, clip, source) for clip, source in filmed],
     )
 
 
@@ -102,15 +68,39 @@ def _training_entry(paths: DemoPaths, path: Path, files: MotionFiles) -> ClipEnt
         camera_motion="none",
         licence=licence_of(source),
         source=source,
-        recipe=None,
     )
 
 
-def _source(recipe: DemoRecipe, files: MotionFiles, index: int) -> Source:
-    if files.filmed:
-        return file_source(files.filmed[index].stem)
-    return gait_source(recipe.clips[index].gait)
+def _true_entry(paths: DemoPaths, recipe: DemoRecipe, clip: DemoClip, source: Source) -> ClipEntry:
+    files = paths.clip(clip.id)
+    return clip_entry(
+        paths.root,
+        id=clip.id,
+        clip_path=files.true,
+        images_dir=files.frames_dir,
+        masks_dir=files.render_dir / "masks",
+        **optional_outputs(files.render_dir, recipe.render),
+        camera_motion=clip.programme.kind,
+        licence=licence_of(source),
+        source=source,
+        quality=Quality(geometry="exact"),
+        recipe=stage_recipe(files.render_dir),
+    )
 
 
-def _body_licence(paths: DemoPaths) -> str:
-    return f"clips as stated by each; body: {read_body(paths.body).licence}"
+def _pseudo_entry(paths: DemoPaths, clip: DemoClip, source: Source) -> ClipEntry:
+    files = paths.clip(clip.id)
+    record = load_record(files.pseudo_gt_dir)
+    return clip_entry(
+        paths.root,
+        id=clip.id,
+        clip_path=files.pseudo,
+        images_dir=files.frames_dir,
+        masks_dir=files.masks_dir,
+        camera_motion=record.camera_motion,
+        licence=licence_of(source),
+        source=source,
+        dropped_reason=record.people[0].row_reasons,
+        quality=quality_record(record, 0),
+        recipe=stage_recipe(files.pseudo_gt_dir),
+    )

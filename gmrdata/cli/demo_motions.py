@@ -105,7 +105,7 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
             motion = _filmed_motion(spec, config, path, body, rng)
             clip = plan_clip(spec.id, motion, spec.programme, config.film, rng)
             save_clip(
-                out_dir / paths.planned_clip(spec.id).relative_to(paths.motions_dir),
+                out_dir / paths.clip(spec.id).planned.relative_to(paths.motions_dir),
                 clip,
                 body.rest_pelvis_m(motion.shape),
             )

@@ -1,11 +1,7 @@
-"""Where the demo keeps what: the only place that knows these names.
+"""What the demo's recipe may say, and where the demo keeps what."""
 
-What the demo's recipe may say.
-"""
-
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -67,7 +63,7 @@ class DemoRecipe(Config):
     """The network and its training."""
 
     @model_validator(mode="after")
-    def _masks_fit_the_body(self) -> "DemoRecipe":
+    def _masks_fit_the_body(self) -> Self:
         if self.render.character is not None:
             raise ValueError(
                 "render.character: the demo draws its masks from the body; "
@@ -76,134 +72,80 @@ class DemoRecipe(Config):
         return self
 
     @model_validator(mode="after")
-    def _ids_are_unique(self) -> "DemoRecipe":
+    def _ids_are_unique(self) -> Self:
         ids = [clip.id for clip in self.clips]
         if len(ids) != len(set(ids)):
             raise ValueError(f"clip ids must be unique, these are not: {', '.join(ids)}")
         return self
 
 
-@dataclass(frozen=True)
 class DemoPaths:
-    """The demo's output folder."""
+    """The demo's output folder: the only place that knows its names."""
 
-    root: Path
-    """The folder; manifests stand in it and point below it."""
-
-    @property
-    def recipe(self) -> Path:
-        """The recipe that made what is here; written when all stages are done."""
-        return self.root / "recipe.yaml"
-
-    @property
-    def body_dir(self) -> Path:
-        """Stage folder of the body model."""
-        return self.root / "body"
-
-    @property
-    def body(self) -> Path:
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        """The folder; manifests stand in it and point below it."""
+        self.body_dir = root / "body"
+        """Stage: the body model."""
+        self.body = self.body_dir / "body.npz"
         """The body model that all clips use."""
-        return self.body_dir / "body.npz"
-
-    @property
-    def motions_dir(self) -> Path:
-        """Stage folder of the motions: `clips/` to render, `training/` to train on."""
-        return self.root / "motions"
-
-    def planned_clip(self, clip_id: str) -> Path:
-        """A motion and the camera that is to film it."""
-        return self.motions_dir / "clips" / f"{clip_id}.npz"
-
-    @property
-    def training_dir(self) -> Path:
+        self.motions_dir = root / "motions"
+        """Stage: the motions, `clips/` to render and `training/` to train on."""
+        self.training_dir = self.motions_dir / "training"
         """The training motions, one clip file each."""
-        return self.motions_dir / "training"
-
-    @property
-    def all_renders_dir(self) -> Path:
+        self.all_renders_dir = root / "render"
         """The stage folders of all rendered clips."""
-        return self.root / "render"
-
-    def render_dir(self, clip_id: str) -> Path:
-        """Stage folder of a rendered clip: frames, person masks, and the truth."""
-        return self.all_renders_dir / clip_id
-
-    def true_clip(self, clip_id: str) -> Path:
-        """The motion and the camera as they were rendered."""
-        return self.render_dir(clip_id) / "clip.npz"
-
-    def frames_dir(self, clip_id: str) -> Path:
-        """The rendered frames."""
-        return self.render_dir(clip_id) / "frames"
-
-    def regenerated_dir(self, clip_id: str) -> Path:
-        """What is made of the frames, the intrinsics and the camera-frame body alone."""
-        return self.root / "regenerated" / clip_id
-
-    def sequence_dir(self, clip_id: str) -> Path:
-        """Stage folder of what a data set like 3DPW would give: the camera-frame body."""
-        return self.regenerated_dir(clip_id) / "sequence"
-
-    def camera_clip(self, clip_id: str) -> Path:
-        """The camera-frame body and the intrinsics."""
-        return self.sequence_dir(clip_id) / "clip.npz"
-
-    def masks_dir(self, clip_id: str) -> Path:
-        """Stage folder of the dynamic-object masks."""
-        return self.regenerated_dir(clip_id) / "masks"
-
-    def sfm_dir(self, clip_id: str) -> Path:
-        """Stage folder of the recovered cameras."""
-        return self.regenerated_dir(clip_id) / "sfm"
-
-    def pseudo_gt_dir(self, clip_id: str) -> Path:
-        """Stage folder of the regenerated world motion."""
-        return self.regenerated_dir(clip_id) / "pseudo_gt"
-
-    def pseudo_clip(self, clip_id: str) -> Path:
-        """The regenerated world motion and the metric camera."""
-        return self.pseudo_gt_dir(clip_id) / person_file(0)
-
-    @property
-    def training_manifest(self) -> Path:
+        self.failures_dir = root / "failed"
+        """One text file for each clip that failed."""
+        self.training_manifest = root / "training.yaml"
         """Manifest of the training motions."""
-        return self.root / "training.yaml"
-
-    @property
-    def synthetic_manifest(self) -> Path:
+        self.synthetic_manifest = root / "synthetic.yaml"
         """Manifest of the rendered clips with exact truth."""
-        return self.root / "synthetic.yaml"
-
-    @property
-    def pseudo_gt_manifest(self) -> Path:
+        self.pseudo_gt_manifest = root / "pseudo_gt.yaml"
         """Manifest of the same clips with regenerated world motions."""
-        return self.root / "pseudo_gt.yaml"
-
-    @property
-    def gmr_dir(self) -> Path:
+        self.gmr_dir = root / "gmr"
         """Run folder of the trained network."""
-        return self.root / "gmr"
+        self.recipe = root / "recipe.yaml"
+        """The recipe that made what is here; written when all stages are done."""
+        self.summary = root / "summary.json"
+        """The figures, for a program."""
+        self.report = root / "report.html"
+        """The figures and pictures, for a person."""
+        self.overview = root / "overview.png"
+        """One picture of it all."""
+
+    def clip(self, clip_id: str) -> "ClipPaths":
+        """The files of one clip."""
+        return ClipPaths(self, clip_id)
 
     def scores_dir(self, manifest_name: str) -> Path:
-        """Stage folder of the network's scores on one manifest."""
+        """Stage: the network's scores on one manifest."""
         return self.root / "scores" / manifest_name
 
-    @property
-    def failures_dir(self) -> Path:
-        """One text file for each clip that failed."""
-        return self.root / "failed"
 
-    @property
-    def summary(self) -> Path:
-        """The figures, for a program."""
-        return self.root / "summary.json"
+class ClipPaths:
+    """What the demo makes of one clip."""
 
-    @property
-    def report(self) -> Path:
-        """The figures and pictures, for a person."""
-        return self.root / "report.html"
-
-    @property
-    def overview(self) -> Path:
-        """One picture of it all."""
-        return self.root / "overview.png"
+    def __init__(self, demo: DemoPaths, clip_id: str) -> None:
+        self.planned = demo.motions_dir / "clips" / f"{clip_id}.npz"
+        """A motion and the camera that is to film it."""
+        self.render_dir = demo.all_renders_dir / clip_id
+        """Stage: frames, person masks, and the truth."""
+        self.true = self.render_dir / "clip.npz"
+        """The motion and the camera as they were rendered."""
+        self.frames_dir = self.render_dir / "frames"
+        """The rendered frames."""
+        self.regenerated_dir = demo.root / "regenerated" / clip_id
+        """What is made of the frames, the intrinsics and the camera-frame body alone."""
+        self.sequence_dir = self.regenerated_dir / "sequence"
+        """Stage: what a data set like 3DPW would give."""
+        self.seen = self.sequence_dir / "clip.npz"
+        """The camera-frame body and the intrinsics."""
+        self.masks_dir = self.regenerated_dir / "masks"
+        """Stage: the masks of what moves."""
+        self.sfm_dir = self.regenerated_dir / "sfm"
+        """Stage: the recovered cameras."""
+        self.pseudo_gt_dir = self.regenerated_dir / "pseudo_gt"
+        """Stage: the regenerated world motion."""
+        self.pseudo = self.pseudo_gt_dir / person_file(0)
+        """The regenerated world motion and the metric camera."""

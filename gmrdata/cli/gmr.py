@@ -1,40 +1,49 @@
-"""Verbs for the network: train and evaluate.
-
-The verb for world motion from local poses: infer.
-
-The verb that compares scored runs: compare.
-"""
+"""Verbs for the network: train, evaluate, compare and infer."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
-from gmrdata.cli.options import body_path, need
+from gmrdata.cli.options import (
+    Body,
+    BootstrapSeed,
+    FpsHz,
+    JointMap,
+    Manifests,
+    RecipeName,
+    Redo,
+    body_path,
+    need,
+)
 from gmrdata.gmr.config import Which
-from gmrdata.score.protocols import ProtocolName
+from gmrdata.score.records import ProtocolName
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 
+Weights = Annotated[
+    Which,
+    arg(
+        help="Use a network's weights after its last step, or those that scored best on the clips "
+        "held out from its training."
+    ),
+]
+
 
 def train(
-    manifests: Positional[tuple[Path, ...]],
+    manifests: Manifests,
     out: Path,
-    recipe: str = "gmr",
-    body: str = "anny",
+    recipe: RecipeName = "gmr",
+    body: Body = "anny",
     held_out: tuple[Path, ...] = (),
-    redo: bool = False,
+    redo: Redo = False,
 ) -> None:
     """Train GMR on the clips of manifests.  A run that was stopped goes on where it was.
 
     Args:
-        manifests: Manifest files with clips to train on.
         out: Run folder.
-        recipe: A recipe file of kind `gmr`, or the name of one that travels with gmrdata.
-        body: "anny", or the path of the clips' body model.
         held_out: Manifests to score now and then while training.
-        redo: Throw away a run of another recipe.
     """
     from gmrdata.gmr.train import GmrRecipe
     from gmrdata.gmr.train import train as train_gmr
@@ -42,16 +51,8 @@ def train(
 
     need(manifests, "a manifest file")
     config = load_recipe(find_recipe(recipe), GmrRecipe).train
-    answer(
-        train_gmr(
-            manifests,
-            out,
-            config,
-            body_path=body_path(body),
-            held_out_paths=held_out,
-            run=Run(redo=redo),
-        )
-    )
+    path, run = body_path(body), Run(redo=redo)
+    answer(train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run))
 
 
 def evaluate(
@@ -59,15 +60,15 @@ def evaluate(
     out: Path,
     predictions: Path | None = None,
     protocol: ProtocolName | None = None,
-    body: str = "anny",
+    body: Body = "anny",
     predictions_body: Path | None = None,
     fps_hz: float = 10.0,
     missing: Literal["error", "drop"] = "error",
     floor: Path | None = None,
-    which: Which = "latest",
+    which: Weights = "latest",
     all_phases: bool = False,
-    seed: int = 0,
-    redo: bool = False,
+    seed: BootstrapSeed = 0,
+    redo: Redo = False,
 ) -> None:
     """Score a trained GMR, or any predictions, on a manifest: OME [deg], TME [mm], VME [mm].
 
@@ -82,23 +83,15 @@ def evaluate(
             world frame.
         protocol: What to measure besides: gmr, wham, tram, gvhmr, slahmr or emdb, for W-MPJPE,
             WA-MPJPE, RTE, ROE, ERVE, jitter and foot sliding as each of them defines them.
-        body: "anny", or the path of the clips' body model.
         predictions_body: Body model of the predictions, with the same mesh; the clips' when left
             out.
         fps_hz: Rate of OME, TME and VME of predictions; a network is scored at its own.
         missing: Whether a clip or frame without a prediction is an error, or dropped and counted.
         floor: The floor.json of `gmrdata floor`, to see which scores are not distinguishable from
             the pseudo ground truth's own error.
-        which: Score a network's weights after its last step, or those that scored best on the
-            clips held out from its training.
         all_phases: Score a clip of a higher frame rate in all its phases, not in the first alone.
-        seed: Draws the clips of bootstrap intervals.
-        redo: Throw away a result of other settings.
     """
-    from gmrdata.pages.scores import write_scores_page
     from gmrdata.score.score import ScoreConfig, score_manifest, score_predictions
-    from gmrdata.score.table import protocol_rows, score_rows
-    from gmrdata.values.files import read_json
 
     if not fps_hz > 0:
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
@@ -110,36 +103,44 @@ def evaluate(
         missing=missing,
         seed=seed,
     )
+    clips_body, run = body_path(body), Run(redo=redo)
     if predictions is None:
         if len(run_and_manifest) != 2:
             raise MissingInput("give a run folder and a manifest, or a manifest and --predictions")
-        path = score_manifest(
-            *run_and_manifest, body_path(body), out, config, floor_path=floor, run=Run(redo=redo)
-        )
+        path = score_manifest(*run_and_manifest, clips_body, out, config, floor_path=floor, run=run)
     else:
         if len(run_and_manifest) != 1:
             raise MissingInput("with --predictions, give the manifest alone")
         path = score_predictions(
             predictions,
-            run_and_manifest[0],
-            body_path(body),
+            *run_and_manifest,
+            clips_body,
             out,
             config,
             predictions_body_path=predictions_body,
             floor_path=floor,
-            run=Run(redo=redo),
+            run=run,
         )
-    scores = read_json(path)
+    show_scores(path)
+
+
+def show_scores(path: Path) -> None:
+    """Print a `scores.json`, and write its page."""
+    from gmrdata.pages.scores import write_scores_page
+    from gmrdata.score.records import Scores
+    from gmrdata.score.table import protocol_rows, score_rows
+
+    scores = Scores.read(path)
     print_table(*score_rows(scores))
     besides = protocol_rows(scores)
     if besides is not None:
         print_table(*besides)
-    for statement in scores.get("statements", ()):
+    for statement in scores.statements:
         answer(statement)
-    for id, why in sorted(scores["skipped"].items()):
+    for id, why in sorted(scores.skipped.items()):
         answer(f"{id}: left out: {why}")
-    if scores["dropped_frames"]:
-        answer(f"{scores['dropped_frames']} valid frames had no prediction and are left out")
+    if scores.dropped_frames:
+        answer(f"{scores.dropped_frames} valid frames had no prediction and are left out")
     answer(write_scores_page(path))
     answer(path)
 
@@ -148,13 +149,13 @@ def infer(
     run: Positional[Path],
     source: Positional[Path],
     out: Path,
-    body: str = "anny",
-    fps_hz: float | None = None,
-    joint_map: Path | None = None,
+    body: Body = "anny",
+    fps_hz: FpsHz = None,
+    joint_map: JointMap = None,
     bridge_frames: int = 0,
-    which: Which = "latest",
+    which: Weights = "latest",
     video: bool = True,
-    redo: bool = False,
+    redo: Redo = False,
 ) -> None:
     """Predict people's world motion from their local poses, and write it as npz, BVH, GLB, video.
 
@@ -165,15 +166,9 @@ def infer(
         out: Output folder: infer.json, and for each unbroken run of each person a folder with
             clip.npz, amass.npz, motion.bvh, body.glb, path.png and body.mp4. A run that was stopped
             goes on where it was.
-        body: "anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz).
-        fps_hz: True frame rate of the poses [Hz]; estimators' files don't say it.
-        joint_map: YAML or JSON file: joint name in a BVH or ASF -> joint of the SMPL tree.
         bridge_frames: Longest gap of a person's track that is filled [frames]; at longer ones a new
             motion begins, in a world of its own.
-        which: Use the network's weights after its last step, or those that scored best on the clips
-            held out from its training.
         video: Whether to draw body.mp4, which takes longest.
-        redo: Make anew what other settings made.
     """
     from gmrdata.gmr.infer import RECORD_FILE, InferConfig, infer_world_motion
     from gmrdata.pages.inference import draw_motion
@@ -211,8 +206,8 @@ def compare(
     scores: Positional[tuple[Path, ...]],
     out: Path,
     names: tuple[str, ...] = (),
-    seed: int = 0,
-    redo: bool = False,
+    seed: BootstrapSeed = 0,
+    redo: Redo = False,
 ) -> None:
     """Compare scored runs, clip by clip: differences to the first, intervals, and p-values.
 
@@ -220,15 +215,18 @@ def compare(
         scores: The scores.json of each run; the first is what the others are compared with.
         out: Output folder: comparison.json, comparison.csv, comparison.md, comparison.html.
         names: What to call the runs, in their order; their own names when left out.
-        seed: Draws the clips of bootstrap intervals, and permutations.
-        redo: Throw away a result of other settings.
     """
     from gmrdata.pages.scores import write_comparison_page
-    from gmrdata.score.compare import HEADINGS, CompareConfig, compare_scores, table_rows
-    from gmrdata.values.files import read_json
+    from gmrdata.score.compare import (
+        HEADINGS,
+        CompareConfig,
+        Comparison,
+        compare_scores,
+        table_rows,
+    )
 
     need(scores, "the scores.json of two runs or more")
     path = compare_scores(scores, out, CompareConfig(names=names, seed=seed), run=Run(redo=redo))
-    print_table(HEADINGS, table_rows(read_json(path)))
+    print_table(HEADINGS, table_rows(Comparison.read(path)))
     answer(write_comparison_page(path, scores))
     answer(path)

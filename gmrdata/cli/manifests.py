@@ -1,20 +1,18 @@
 """The verb that checks, shows and compares manifests."""
 
 import sys
-from pathlib import Path
 from typing import Annotated, Any
 
-from tyro.conf import OmitSubcommandPrefixes, Positional, subcommand
+from tyro.conf import OmitSubcommandPrefixes, subcommand
 
 from gmrdata.cli.answers import answer
-from gmrdata.cli.options import need
+from gmrdata.cli.options import Manifest, Manifests, need
 
 
-def manifest_check(paths: Positional[tuple[Path, ...]], hashes: bool = True) -> None:
+def manifest_check(paths: Manifests, hashes: bool = True) -> None:
     """Check manifests: schema, files, hashes, sizes, finite values, proper rotations, paths.
 
     Args:
-        paths: Manifest files.
         hashes: Read every byte; sizes alone without.
     """
     from gmrdata.manifest.check import check_manifest
@@ -25,24 +23,15 @@ def manifest_check(paths: Positional[tuple[Path, ...]], hashes: bool = True) -> 
         answer(f"{path}: good")
 
 
-def manifest_show(path: Positional[Path]) -> None:
-    """Show a manifest as a table.
-
-    Args:
-        path: Manifest file.
-    """
+def manifest_show(path: Manifest) -> None:
+    """Show a manifest as a table."""
     from gmrdata.manifest.show import show_manifest
 
     show_manifest(path)
 
 
-def manifest_diff(a: Positional[Path], b: Positional[Path]) -> None:
-    """Say what differs between two manifests; exit code 1 if anything does.
-
-    Args:
-        a: Manifest file.
-        b: Manifest file.
-    """
+def manifest_diff(a: Manifest, b: Manifest) -> None:
+    """Say what differs between two manifests; exit code 1 if anything does."""
     from gmrdata.manifest.show import diff_manifests
 
     differences = diff_manifests(a, b)

@@ -3,11 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-import tyro
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
-from gmrdata.cli.options import need
+from gmrdata.cli.options import Body, DryRun, FpsHz, JointMap, Redo, need
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
@@ -16,11 +15,11 @@ def fetch(
     source: Positional[Literal["cmu"]],
     trials: Positional[tuple[str, ...]] = (),
     out: Path = Path("cmu"),
-    published_list: Annotated[str | None, tyro.conf.arg(name="list")] = None,
+    published_list: Annotated[str | None, arg(name="list")] = None,
     base_url: str | None = None,
     timeout_s: float = 30.0,
     redo: bool = False,
-    dry_run: bool = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Get motions (ASF/AMC) of the CMU motion capture database from CMU's site or a mirror.
 
@@ -32,7 +31,6 @@ def fetch(
         base_url: A mirror of http://mocap.cs.cmu.edu/subjects.
         timeout_s: Longest silence of the server [s].
         redo: Fetch again files that are there and are not as recorded.
-        dry_run: List files and addresses, and do nothing.
     """
     import numpy as np
 
@@ -45,8 +43,7 @@ def fetch(
         raise BadRecipe(f"--timeout-s {timeout_s:g}: must be more than 0")
     config = FetchConfig(base_url=base_url or CMU_URL, timeout_s=timeout_s)
     if dry_run:
-        headings, rows = plan(wanted, out, config)
-        print_table(headings, rows)
+        print_table(*plan(wanted, out, config))
         return
     answer(fetch_trials(wanted, out, config, np.random.default_rng(), redo=redo))
 
@@ -54,12 +51,12 @@ def fetch(
 def motions(
     sources: Positional[tuple[Path, ...]],
     out: Path | None = None,
-    body: str = "anny",
+    body: Body = "anny",
     layout: Literal["files", "human36m", "emdb"] = "files",
-    fps_hz: float | None = None,
-    joint_map: Path | None = None,
+    fps_hz: FpsHz = None,
+    joint_map: JointMap = None,
     workers: int | None = None,
-    redo: bool = False,
+    redo: Redo = False,
 ) -> None:
     """Read motion files, retarget them to the 24-joint tree, and list them or write a manifest.
 
@@ -69,37 +66,23 @@ def motions(
     Args:
         sources: Files or folders: BVH, ASF/AMC, AMASS npz; or the folder of a data set.
         out: Folder for one clip file per motion and `motions.yaml`; only a table when left out.
-        body: "anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz); for
-            EMDB a folder with SMPL's models of the genders.
         layout: What the sources are. human36m: annotation JSON files of Human3.6M, to train.yaml
-            and test.yaml. emdb: the folder of P0 to P9, to emdb.yaml, emdb1.yaml and emdb2.yaml.
-        fps_hz: True frame rate of the files [Hz], when theirs is wrong.
-        joint_map: YAML or JSON file: joint name in the file -> joint of the SMPL tree.
+            and test.yaml. emdb: the folder of P0 to P9, to emdb.yaml, emdb1.yaml and emdb2.yaml;
+            --body is then a folder with SMPL's models of the genders.
         workers: Worker processes; one per CPU when left out.
-        redo: Make anew what other settings made.
     """
-    if workers is not None and workers < 1:
-        raise BadRecipe(f"--workers {workers}: at least one process has to do the work")
+    run = Run(redo=redo, workers=workers)
     if layout != "files":
-        for path in _data_set(layout, sources, out, body, Run(redo=redo)):
+        for path in _data_set(layout, sources, out, body, run):
             answer(path)
         return
     from gmrdata.motion.library import make_library, motion_table
 
     if out is None:
-        headings, rows = motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map)
-        print_table(headings, rows)
-        return
-    answer(
-        make_library(
-            sources,
-            body,
-            out,
-            fps_hz=fps_hz,
-            joint_map=joint_map,
-            run=Run(redo=redo, workers=workers),
-        )
-    )
+        print_table(*motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map))
+    else:
+        made = make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, run=run)
+        answer(made)
 
 
 def _data_set(

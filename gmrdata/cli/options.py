@@ -1,32 +1,79 @@
-"""What several verbs' flags stand for."""
+"""Flags that several verbs have, each described once, and what they stand for."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
-from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.stage.run import Run
+from gmrdata.values.errors import MissingInput
 from gmrdata.values.people import PersonFiles
 
 if TYPE_CHECKING:
     from gmrdata.film.set_plan import SyntheticRecipe
-    from gmrdata.values.records import Config
 
-Recipe = TypeVar("Recipe", bound="Config")
+Redo = Annotated[bool, arg(help="Throw away and make anew what other settings or inputs made.")]
+
+
+def _run(
+    redo: Redo = False,
+    workers: Annotated[
+        int | None, arg(help="Local worker processes; as many as the recipe says when left out.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        arg(help="Address of a Dask cluster (tcp://host:port); local processes when left out."),
+    ] = None,
+) -> Run:
+    """How the stages run."""
+    return Run(redo=redo, workers=workers, scheduler=scheduler)
+
+
+RunFlags = Annotated[Run, OmitArgPrefixes, arg(constructor=_run)]
+"""--redo, --workers and --scheduler, for verbs that run jobs; give it no default."""
+DryRun = Annotated[bool, arg(help="Say what would be done and, where it is known, what it costs.")]
+Probe = Annotated[
+    bool, arg(help="For the estimate of a dry run, render two frames in a temporary folder.")
+]
+RecipeName = Annotated[
+    str, arg(help="A recipe file of the kind that the verb takes, or the name of a carried one.")
+]
+Motions = Annotated[Path | None, arg(help="Folder of motion files: BVH, ASF/AMC or AMASS npz.")]
+Body = Annotated[
+    str,
+    arg(help='"anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz).'),
+]
+Manifest = Positional[Annotated[Path, arg(help="Manifest file.")]]
+Manifests = Positional[Annotated[tuple[Path, ...], arg(help="Manifest files.")]]
+FpsHz = Annotated[
+    float | None, arg(help="True frame rate of the files [Hz], when theirs is wrong or missing.")
+]
+JointMap = Annotated[
+    Path | None, arg(help="YAML or JSON file: joint name in a BVH or ASF -> joint of SMPL's tree.")
+]
+Frames = Annotated[Path, arg(help="Folder of numbered images, or a video file.")]
+MaskModel = Annotated[
+    Path | None, arg(help="ONNX file of the detector: YOLOX on COCO, raw output.")
+]
+MaskWeights = Annotated[
+    Path | None,
+    arg(help="State dict of Mask R-CNN; torchvision fetches its own when left out."),
+]
+MaskClasses = Annotated[
+    tuple[str, ...],
+    arg(help="COCO's names of what to mask; people, vehicles and animals when left out."),
+]
+POSES = arg(help="Folder with <clip id>.npz: poses in the camera's frame, without translation.")
+KEYPOINTS = arg(help="Folder with <clip id>/ of OpenPose's or STAF's JSON, one file per frame.")
+FEATURES = arg(help="Folder with <clip id>.npz that hold image `features` (T, D), row by row.")
+BootstrapSeed = Annotated[int, arg(help="Seed of the bootstrap intervals.")]
 
 
 def need(values: tuple[Any, ...], what: str) -> None:
     """Refuse a flag or list that was left empty; raises MissingInput."""
     if not values:
         raise MissingInput(f"nothing given. Name {what}")
-
-
-def with_workers(recipe: Recipe, workers: int | None) -> Recipe:
-    """The recipe with as many worker processes as the command line asks for, if it does."""
-    if workers is None:
-        return recipe
-    if workers < 1:
-        raise BadRecipe(f"--workers {workers}: at least one process has to do the work")
-    return recipe.model_copy(update={"workers": workers})
 
 
 def body_path(body: str) -> Path | None:
@@ -41,10 +88,14 @@ def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
     return (PersonFiles(clip_path, body_path(body) or anny_file()),)
 
 
-def show_dry_run(recipe: "SyntheticRecipe", out: Path, motions: Path | None, probe: bool) -> None:
+def show_dry_run(
+    recipe: "SyntheticRecipe", out: Path, motions: Path | None, workers: int | None, probe: bool
+) -> None:
     """Print what a set of clips would take: frames, time, disk."""
     from gmrdata.film import set_dry_run as dry
 
+    if workers is not None:
+        recipe = recipe.model_copy(update={"workers": workers})
     planned = dry.dry_run(recipe, out, motions_dir=motions, probe=probe)
     print_table(dry.HEADINGS, planned.rows)
     for line in dry.summary_lines(planned):

@@ -1,101 +1,232 @@
-"""Run a recipe of any kind."""
+"""Verbs that take a whole recipe: run, for a recipe of any kind; demo, and its report."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, TypeVar
 
-from gmrdata.cli.answers import then
-from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_kind
-from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.values.errors import BadRecipe
+from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction
 
-KINDS = "demo, synthetic, threedpw_twin and gmr"
+from gmrdata.cli.answers import answer, print_table
+from gmrdata.cli.baselines import baseline_joint_train
+from gmrdata.cli.gmr import show_scores
+from gmrdata.cli.options import (
+    FEATURES,
+    KEYPOINTS,
+    POSES,
+    Body,
+    DryRun,
+    Motions,
+    RecipeName,
+    RunFlags,
+    body_path,
+)
+from gmrdata.cli.paper_tables import tables
+from gmrdata.cli.pseudo_gt import threedpw_regenerate, threedpw_twin
+from gmrdata.cli.rendering import render
+from gmrdata.cli.sequence import masks
+from gmrdata.stage.run import Run
+from gmrdata.values.errors import BadRecipe, MissingInput
+
+Given = TypeVar("Given")
 
 
-def run_recipe(
-    name: str,
-    out_dir: Path,
+def demo(
+    out: Path = Path("out/demo"),
+    motions: Motions = None,
+    trials: tuple[str, ...] = (),
+    recipe: RecipeName = "demo",
     *,
-    motions_dir: Path | None = None,
-    run: Run = DEFAULT_RUN,
-) -> Path:
-    """Do what a recipe says; what is done already is kept.
+    run: RunFlags,
+    dry_run: DryRun = False,
+) -> None:
+    """Everything once: film, regenerate the world poses from the frames, train GMR, score, report.
+
+    Without --motions the embedded gait is filmed and trained on.
 
     Args:
-        name: A recipe file, or the name of one that travels with gmrdata.
-        out_dir: The output folder.
-        motions_dir: Folder of motion files, for recipes that use some.
-
-    Returns:
-        The report of a demo, the manifest of a synthetic set, the root of a twin dataset, or the
-        run folder of a network.
-
-    Raises:
-        BadRecipe: the recipe is of a kind that gmrdata doesn't know.
+        out: Output folder. A run that was stopped goes on where it was.
+        trials: Names of the files to film, without suffix, one for each clip of the recipe; the
+            first that fit when left out.
     """
-    path = find_recipe(name)
-    match recipe_kind(path):
+    from gmrdata.cli.demo import plan, run_demo
+    from gmrdata.cli.demo_recipe import DemoRecipe
+    from gmrdata.stage.recipes import find_recipe, load_recipe
+
+    loaded = load_recipe(find_recipe(recipe), DemoRecipe)
+    if dry_run:
+        print_table(("stage", "state"), plan(loaded, out))
+    else:
+        run_demo(loaded, out, motions_dir=motions, trials=trials, run=run)
+
+
+def report(demo_out: Positional[Path]) -> None:
+    """Write the report of a finished demo again.
+
+    Args:
+        demo_out: Output folder of `gmrdata demo`.
+    """
+    from gmrdata.cli.demo_figures import show
+    from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
+    from gmrdata.stage.recipes import load_recipe
+
+    paths = DemoPaths(demo_out.resolve())
+    show(paths, load_recipe(paths.recipe, DemoRecipe))
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a recipe of some kind takes besides itself."""
+
+    motions: Motions = None
+    root: Path | None = None
+    """3DPW's folder, which holds imageFiles and sequenceFiles (threedpw)."""
+    frames: Path | None = None
+    """Folder of numbered images, or a video file (masks)."""
+    camera_body: Path | None = None
+    """Clip file (.npz) in the camera's frame, for masks from the silhouette (masks)."""
+    manifest: UseAppendAction[tuple[Path, ...]] = ()
+    """Manifest to train on; may be given several times (gmr, joint, table)."""
+    scored: Path | None = None
+    """Manifest to score (table)."""
+    poses: Annotated[Path | None, POSES] = None
+    keypoints: Annotated[Path | None, KEYPOINTS] = None
+    features: Annotated[Path | None, FEATURES] = None
+    videos: UseAppendAction[tuple[Path, ...]] = ()
+    """Manifest that the non-sequential model is trained on; may be repeated (table)."""
+    body: Body = "anny"
+
+
+NO_INPUTS = Inputs()
+TAKES = {
+    "demo": ("motions",),
+    "synthetic": ("motions",),
+    "threedpw_twin": ("motions",),
+    "threedpw": ("root",),
+    "masks": ("frames", "camera_body", "body"),
+    "gmr": ("manifest", "body"),
+    "joint": ("manifest", "features", "body"),
+    "table": ("manifest", "scored", "poses", "keypoints", "features", "videos", "body"),
+}
+"""Inputs by kind of recipe."""
+
+
+def run(
+    recipe: Positional[str],
+    out: Path,
+    inputs: Annotated[Inputs, OmitArgPrefixes] = NO_INPUTS,
+    *,
+    run: RunFlags,
+    dry_run: DryRun = False,
+) -> None:
+    """Run a recipe of any kind: demo, synthetic, threedpw, threedpw_twin, masks, gmr, joint, table.
+
+    It does what the verb of that kind does with its defaults, whose dry run is here without a
+    probe.  A recipe that lacks an input names the flag.
+
+    Args:
+        recipe: A recipe file, or the name of one that travels with gmrdata.
+        out: Output folder.
+    """
+    from gmrdata.stage.recipes import find_recipe, recipe_kind
+
+    path = find_recipe(recipe)
+    kind = recipe_kind(path)
+    if kind not in TAKES:
+        raise BadRecipe(f"{path}: unknown kind {kind!r}; there are {', '.join(TAKES)}")
+    _refuse_others(path, kind, inputs)
+    _run_kind(path, kind, out, inputs, run, dry_run)
+
+
+def _refuse_others(path: Path, kind: str, inputs: Inputs) -> None:
+    """An input that the recipe doesn't read is a mistake, not a default."""
+    for name, value in vars(inputs).items():
+        if name not in TAKES[kind] and value != getattr(NO_INPUTS, name):
+            flag = f"--{name.replace('_', '-')}"
+            raise BadRecipe(f"{path}: {flag} is not for a recipe of kind {kind}. Leave it out")
+
+
+def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_run: bool) -> None:
+    """What the verb of the recipe's kind does."""
+    recipe = str(path)
+    match kind:
         case "demo":
-            from gmrdata.cli.demo import run_demo
-            from gmrdata.cli.demo_recipe import DemoRecipe
-
-            demo = load_recipe(path, DemoRecipe)
-            return run_demo(demo, out_dir, motions_dir=motions_dir, run=run)
+            demo(out, inputs.motions, recipe=recipe, run=run, dry_run=dry_run)
         case "synthetic":
-            from gmrdata.film.render_set import render_set
-            from gmrdata.film.set_plan import SyntheticRecipe
-            from gmrdata.pages.synthetic import write_set_pages
-
-            synthetic = load_recipe(path, SyntheticRecipe)
-            with then(lambda: write_set_pages(synthetic, out_dir)):
-                return render_set(synthetic, out_dir, motions_dir=motions_dir, run=run)
+            render(recipe, out, inputs.motions, run=run, dry_run=dry_run, probe=False)
         case "threedpw_twin":
-            from gmrdata.pages.synthetic import write_set_pages
-            from gmrdata.twins.recipe import TwinRecipe
-            from gmrdata.twins.twin_set import SET_FOLDER, make_twins
-
-            twin = load_recipe(path, TwinRecipe)
-            with then(lambda: write_set_pages(twin.set, out_dir / SET_FOLDER)):
-                return make_twins(twin, out_dir, motions_dir=motions_dir, run=run)
-        case "gmr":
-            return _train_and_score(path, out_dir, run)
-        case "masks":
-            raise BadRecipe(
-                f"{path}: a recipe of masks needs frames: gmrdata masks FRAMES --sources {name}"
-            )
+            threedpw_twin(recipe, out, inputs.motions, run=run, dry_run=dry_run, probe=False)
         case "threedpw":
-            raise BadRecipe(
-                f"{path}: a recipe of 3DPW needs its folder: "
-                f"gmrdata threedpw --root 3DPW --out OUT --recipe {name}"
-            )
+            root = _needed(path, kind, "--root", inputs.root)
+            threedpw_regenerate(root, out, recipe, run=run, dry_run=dry_run)
         case "table":
-            raise BadRecipe(
-                f"{path}: a table needs motions: gmrdata tables {name} --manifest M --out OUT"
-            )
-        case kind:
-            raise BadRecipe(f"{path}: unknown kind {kind!r}; there are {KINDS}")
+            _make_table(recipe, out, inputs, run, dry_run)
+        case _ if dry_run:
+            raise BadRecipe(f"{path}: there is no dry run of a recipe of kind {kind}")
+        case "masks":
+            _mask(path, out, inputs, run)
+        case "joint":
+            _train_joint(path, out, inputs, run)
+        case _:
+            _train_and_score(path, out, inputs, run)
 
 
-def _train_and_score(path: Path, out_dir: Path, run: Run) -> Path:
+def _needed(path: Path, kind: str, flag: str, value: Given | None) -> Given:
+    if not value:
+        raise MissingInput(f"{path}: a recipe of kind {kind} needs {flag}. Give it")
+    return value
+
+
+def _make_table(recipe: str, out: Path, inputs: Inputs, run: Run, dry_run: bool) -> None:
+    tables(
+        recipe,
+        out,
+        inputs.manifest,
+        inputs.scored,
+        poses=inputs.poses,
+        keypoints=inputs.keypoints,
+        features=inputs.features,
+        videos=inputs.videos,
+        body=inputs.body,
+        run=run,
+        dry_run=dry_run,
+    )
+
+
+def _mask(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
+    frames = _needed(path, "masks", "--frames", inputs.frames)
+    masks(
+        frames,
+        out,
+        (str(path),),
+        camera_body=inputs.camera_body,
+        body=inputs.body,
+        redo=run.redo,
+    )
+
+
+def _train_joint(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
+    manifests = _needed(path, "joint", "--manifest", inputs.manifest)
+    features = _needed(path, "joint", "--features", inputs.features)
+    baseline_joint_train(manifests, features, out, path, inputs.body, run.redo)
+
+
+def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
+    """Train to OUT/run, and score on the recipe's manifests to OUT/scores."""
     from gmrdata.gmr.train import GmrRecipe, train
-    from gmrdata.pages.scores import write_scores_page
     from gmrdata.score.score import score_manifest
+    from gmrdata.stage.recipes import load_recipe
 
     recipe = load_recipe(path, GmrRecipe)
-    if not recipe.training:
-        raise BadRecipe(
-            f"{path}: names no `training` manifests. Name some, or use `gmrdata train` with them"
-        )
+    if recipe.training and inputs.manifest:
+        raise BadRecipe(f"{path}: names its `training` manifests itself. Leave --manifest out")
     folder = path.parent
-    body_path = None if recipe.body is None else folder / recipe.body
-    run_dir = train(
-        recipe.training_paths(folder),
-        out_dir / "run",
-        recipe.train_config(),
-        body_path=body_path,
-        run=run,
+    training = recipe.training_paths(folder) or list(
+        _needed(path, "gmr", "--manifest", inputs.manifest)
     )
+    body = body_path(inputs.body) if recipe.body is None else folder / recipe.body
+    config = recipe.train_config()
+    run_dir = train(training, out / "run", config, body_path=body, run=run)
     for manifest in recipe.scored:
-        scores_dir = out_dir / "scores" / manifest.stem
-        write_scores_page(
-            score_manifest(run_dir, folder / manifest, body_path, scores_dir, run=run)
-        )
-    return run_dir
+        scores_dir = out / "scores" / manifest.stem
+        show_scores(score_manifest(run_dir, folder / manifest, body, scores_dir, run=run))
+    answer(run_dir)

@@ -26,16 +26,16 @@ def test_sfm_regenerates_one_sequence_as_the_demo_did(finished: Finished, tmp_pa
     paths, _ = finished
     answer = gmrdata(
         "sfm",
-        *("--frames", paths.frames_dir("panning")),
-        *("--camera-body", paths.camera_clip("panning")),
-        *("--masks", paths.masks_dir("panning")),
+        *("--frames", paths.clip("panning").frames_dir),
+        *("--camera-body", paths.clip("panning").seen),
+        *("--masks", paths.clip("panning").masks_dir),
         *("--body", paths.body),
         *("--out", tmp_path / "out"),
     )
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout.strip() == str(tmp_path / "out" / "pseudo_gt")
     made = load_clip(tmp_path / "out" / "pseudo_gt" / "person_0.npz")
-    before = load_clip(paths.pseudo_clip("panning"))
+    before = load_clip(paths.clip("panning").pseudo)
     np.testing.assert_array_equal(made.motion.root_rotmats, before.motion.root_rotmats)
 
 
@@ -46,8 +46,8 @@ def test_sfm_unites_the_silhouette_with_a_detector(
     model, out = shared_path("models/yolox_nano.onnx"), tmp_path / "out"
     answer = gmrdata(
         "sfm",
-        *("--frames", paths.frames_dir("panning")),
-        *("--camera-body", paths.camera_clip("panning")),
+        *("--frames", paths.clip("panning").frames_dir),
+        *("--camera-body", paths.clip("panning").seen),
         *("--masks", "silhouette", "onnx", "--model", model),
         *("--body", paths.body),
         *("--out", out),
@@ -66,9 +66,9 @@ def test_sfm_names_the_frame_that_is_missing_or_broken(finished: Finished, tmp_p
     paths, _ = finished
     frames = tmp_path / "frames"
     frames.mkdir()
-    for path in sorted(paths.frames_dir("panning").glob("*.jpg")):
+    for path in sorted(paths.clip("panning").frames_dir.glob("*.jpg")):
         (frames / path.name).write_bytes(path.read_bytes())
-    common = ("--camera-body", paths.camera_clip("panning"), "--body", paths.body)
+    common = ("--camera-body", paths.clip("panning").seen, "--body", paths.body)
     (frames / "00007.jpg").write_bytes(b"")
     answer = gmrdata("sfm", "--frames", frames, *common, "--out", tmp_path / "a")
     assert (answer.returncode, "Traceback" in answer.stderr) == (1, False)
