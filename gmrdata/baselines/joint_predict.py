@@ -8,6 +8,8 @@ import numpy as np
 
 from gmrdata.baselines.joint_data import features_path, load_features
 from gmrdata.baselines.predictions import (
+    NetworkFigures,
+    NetworkPredictions,
     Prediction,
     Subject,
     first_pose,
@@ -71,7 +73,8 @@ def predict_joint(
                     f" frame, but the model takes {model.n_features}. Give those it was trained on"
                 )
             predictions.append(seen_in_features(model, one, features))
-        write_predictions(partial_dir, "joint", predictions, left_out, {"run": run_dir.name})
+        figures = NetworkFigures(run=run_dir.name)
+        write_predictions(partial_dir, "joint", predictions, left_out, NetworkPredictions, figures)
 
     return run_stage("baseline-joint", out_dir, JointPredictConfig(), inputs, work, run=run)
 

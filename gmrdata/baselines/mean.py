@@ -8,7 +8,9 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.baselines.predictions import (
+    MethodFigures,
     Prediction,
+    Predictions,
     Subject,
     first_pose,
     manifest_subjects,
@@ -30,6 +32,25 @@ class MeanConfig(Config):
 
     fps_hz: float = Field(default=10.0, gt=0.0)
     """Frame rate at which motions are averaged [Hz]; the paper's 10."""
+
+
+class MeanFigures(MethodFigures):
+    """The mean motion, as the record has it."""
+
+    mean_rotvec_rad: tuple[float, float, float]
+    """dR as a rotation vector [rad]."""
+    mean_m: tuple[float, float, float]
+    """dT [m]."""
+    fps_hz: float
+    """Frame rate [Hz]."""
+    n_motions: int
+    """How many were averaged."""
+
+
+class MeanPredictions(Predictions):
+    """Of this baseline."""
+
+    figures: MeanFigures
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +97,9 @@ def predict_mean(
         mean = mean_motion(training, config.fps_hz)
         subjects, skipped = manifest_subjects(manifest_path)
         predictions = [moving_as(mean, one) for one in subjects]
-        write_predictions(partial_dir, "mean", predictions, skipped, _figures(mean))
+        write_predictions(
+            partial_dir, "mean", predictions, skipped, MeanPredictions, _figures(mean)
+        )
 
     inputs = {"manifest": manifest_path}
     inputs |= {f"training_{i}": path for i, path in enumerate(training_paths)}
@@ -154,12 +177,12 @@ def _power(a_from_b: np.ndarray, exponent: float) -> np.ndarray:
     return result
 
 
-def _figures(mean: MeanMotion) -> dict[str, object]:
+def _figures(mean: MeanMotion) -> MeanFigures:
     from scipy.spatial.transform import Rotation
 
-    return {
-        "mean_rotvec_rad": Rotation.from_matrix(mean.delta_rotmat).as_rotvec().tolist(),
-        "mean_m": mean.delta_m.tolist(),
-        "fps_hz": mean.fps_hz,
-        "n_motions": mean.n_motions,
-    }
+    return MeanFigures(
+        mean_rotvec_rad=Rotation.from_matrix(mean.delta_rotmat).as_rotvec().tolist(),
+        mean_m=mean.delta_m.tolist(),
+        fps_hz=mean.fps_hz,
+        n_motions=mean.n_motions,
+    )

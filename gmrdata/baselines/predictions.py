@@ -1,25 +1,24 @@
-"""What every baseline writes: a world-frame clip for each clip of the manifest, and a record.
+"""What every baseline predicts for, and writes: a world-frame clip for each clip of the manifest.
 
 out/predictions/<clip id>.npz   the predicted motion: one row for each row of the clip, or for
                                 every k-th where the method works at a lower frame rate
 out/predictions.json            method, clips with their figures, clips left out with the reason
 out/stage.json                  recipe, inputs, versions
-
-The people of a manifest whose motion is to be predicted.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
 from gmrdata.gmr.runs import usable_files
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, StageFailed
-from gmrdata.values.files import read_npz, resolve_inside, write_json
+from gmrdata.values.files import read_npz, resolve_inside
 from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config, Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +69,51 @@ def first_pose(clip: Clip) -> tuple[np.ndarray, np.ndarray]:
     return root_rotmat, pelvis_m
 
 
-FORMAT = "gmrdata-predictions/1"
 FOLDER = "predictions"
 RECORD = "predictions.json"
+
+
+class ClipFigures(Config):
+    """What the record says of a clip."""
+
+    fps_hz: float
+    """Rate of its predicted motion [Hz]."""
+    n_frames: int
+    """Its frames."""
+    n_valid: int
+    """Those that are predicted."""
+
+
+class MethodFigures(Config):
+    """What the record says of a method: nothing, but for those with a class of their own."""
+
+
+class NetworkFigures(MethodFigures):
+    """A method that uses a trained network."""
+
+    run: str
+    """Name of its run folder."""
+
+
+class Predictions(Record):
+    """A `predictions.json`; methods with figures of their own have a class of their own."""
+
+    format: Literal["gmrdata-predictions/1"] = "gmrdata-predictions/1"
+    """Name and version of the format."""
+    method: str
+    """Name of the baseline."""
+    figures: MethodFigures
+    """What there is to say of the method."""
+    clips: Mapping[str, ClipFigures]
+    """Clips that are predicted, by id."""
+    left_out: dict[str, str]
+    """Why clips are not predicted, by id."""
+
+
+class NetworkPredictions(Predictions):
+    """Of a method that uses a trained network."""
+
+    figures: NetworkFigures
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +124,8 @@ class Prediction:
     """The motion, without camera."""
     rest_pelvis_m: np.ndarray
     """(3,) J0 of its body and shape, rest frame [m]."""
-    figures: Mapping[str, Any]
-    """What the record says of it besides, as JSON values."""
+    figures: Mapping[str, object]
+    """What the method's record says of a clip besides `ClipFigures`."""
 
 
 def predicted(
@@ -94,7 +135,7 @@ def predicted(
     *,
     step: int = 1,
     rest_pelvis_m: np.ndarray | None = None,
-    figures: Mapping[str, Any] | None = None,
+    figures: Mapping[str, object] | None = None,
 ) -> Prediction:
     """A prediction for a subject.
 
@@ -117,7 +158,8 @@ def write_predictions(
     method: str,
     predictions: Sequence[Prediction],
     left_out: Mapping[str, str],
-    figures: Mapping[str, Any] | None = None,
+    record: type[Predictions] = Predictions,
+    figures: MethodFigures | None = None,
 ) -> None:
     """Write a baseline's folder.
 
@@ -126,7 +168,8 @@ def write_predictions(
         method: The baseline's name.
         predictions: What it predicts.
         left_out: Reason by id of the clips for which it predicts nothing.
-        figures: What the record says of the method, as JSON values.
+        record: Class of its `predictions.json`.
+        figures: What that says of the method; None for nothing.
 
     Raises:
         StageFailed: there are no predictions.
@@ -137,22 +180,19 @@ def write_predictions(
     for one in predictions:
         path = resolve_inside(folder, f"{FOLDER}/{one.clip.id}.npz")
         save_clip(path, _blanked(one.clip), one.rest_pelvis_m)
-    record = {
-        "format": FORMAT,
+    said = {
         "method": method,
-        "figures": dict(figures or {}),
-        "clips": {
-            one.clip.id: {
-                "fps_hz": one.clip.motion.fps_hz,
-                "n_frames": one.clip.motion.n_frames,
-                "n_valid": int(one.clip.valid.sum()),
-            }
-            | dict(one.figures)
-            for one in predictions
-        },
-        "left_out": dict(left_out),
+        "figures": figures or MethodFigures(),
+        "clips": {one.clip.id: _clip_figures(one) for one in predictions},
+        "left_out": left_out,
     }
-    write_json(folder / RECORD, record)
+    record.model_validate(said).write(folder / RECORD)
+
+
+def _clip_figures(one: Prediction) -> dict[str, object]:
+    motion, valid = one.clip.motion, one.clip.valid
+    counts = {"n_frames": motion.n_frames, "n_valid": int(valid.sum())}
+    return {"fps_hz": motion.fps_hz} | counts | dict(one.figures)
 
 
 def _blanked(clip: Clip) -> Clip:

@@ -16,7 +16,9 @@ from gmrdata.baselines.camera_as_world import as_if_still
 from gmrdata.baselines.clip_keypoints import ClipKeypoints, clip_keypoints
 from gmrdata.baselines.placement import Placed, PlacementConfig, place_person
 from gmrdata.baselines.predictions import (
+    ClipFigures,
     Prediction,
+    Predictions,
     Subject,
     manifest_subjects,
     predicted,
@@ -41,6 +43,34 @@ class VibeCamConfig(Config):
     """Track of STAF to follow, by clip id; others take the most confident person of each frame."""
     image_size_px: tuple[int, int] | None = None
     """Width and height of the images that the detector was given [px]; None for the clips' own."""
+
+
+class UnpredictedRows(Config):
+    """Rows start, start + 1, ..., stop - 1."""
+
+    start: int
+    """The first."""
+    stop: int
+    """One past the last."""
+    reason: str
+    """Why they have no prediction."""
+
+
+class PlacedFigures(ClipFigures):
+    """How well a clip's person was placed."""
+
+    median_residual_px: float | None
+    """Median distance of joints from their keypoints [px]; None where no row is known."""
+    n_rows_with_several_people: int
+    """Rows in which one of several people was chosen."""
+    not_predicted: tuple[UnpredictedRows, ...]
+    """Rows without a prediction."""
+
+
+class VibeCamPredictions(Predictions):
+    """Of this baseline."""
+
+    clips: Mapping[str, PlacedFigures]
 
 
 def predict_vibe_cam(
@@ -102,7 +132,7 @@ def predict_vibe_cam(
             intrinsics_px = camera_of(one.clip).intrinsics_px
             placed = place_person(posed, found, intrinsics_px, body, config.placement)
             predictions.append(_prediction(one, posed, placed, found, body))
-        write_predictions(partial_dir, "vibe_cam", predictions, left_out)
+        write_predictions(partial_dir, "vibe_cam", predictions, left_out, VibeCamPredictions)
 
     return run_stage("baseline-vibe-cam", out_dir, config, inputs, work, run=run)
 

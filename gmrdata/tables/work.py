@@ -10,6 +10,8 @@ import numpy as np
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.baselines.predictions import (
+    NetworkFigures,
+    NetworkPredictions,
     first_pose,
     manifest_subjects,
     predicted,
@@ -80,7 +82,8 @@ def infer_poses(
             motion = _moved(gmr, seen.motion, rows, valid, first_pose(one.clip))
             rest_m = body.rest_pelvis_m(motion.shape)
             found.append(predicted(one, motion, valid, step=step, rest_pelvis_m=rest_m))
-        write_predictions(partial_dir, "gmr", found, left_out, {"run": run_dir.name})
+        figures = NetworkFigures(run=run_dir.name)
+        write_predictions(partial_dir, "gmr", found, left_out, NetworkPredictions, figures)
 
     return run_stage("gmr-on-poses", out_dir, InferPosesConfig(), inputs, work, run=run)
 

@@ -95,7 +95,7 @@ def run_dir(tmp_path: Path) -> Path:
     delta_rotmats, delta_m = model(torch.randn(1, 4, 92))
     (delta_rotmats.sum() + delta_m.sum()).backward()
     optimizer.step()
-    save_checkpoint(tmp_path / "run", 1, model, optimizer, {"fps_hz": 10.0})
+    save_checkpoint(tmp_path / "run", 1, model, optimizer, body="anny", fps_hz=10.0)
     return tmp_path / "run"
 
 
@@ -326,7 +326,7 @@ def add_best_weights(run_dir: Path) -> None:
     for parameter in zeros.parameters():
         torch.nn.init.zeros_(parameter)
     best = best_of(None, 1, "held_out_tme_mm", 1.0, zeros)
-    save_checkpoint(run_dir, 2, model, optimizer, {"fps_hz": 10.0}, best)
+    save_checkpoint(run_dir, 2, model, optimizer, body="anny", fps_hz=10.0, best=best)
 
 
 def test_the_camera_does_not_matter(

@@ -16,7 +16,14 @@ from gmrdata.read.bodies import save_body
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import resources
 from gmrdata.stage.run import Run
-from gmrdata.tables.comparison import OverSeeds, TableRow, orderings
+from gmrdata.tables.comparison import (
+    OverSeeds,
+    TableData,
+    TableRecord,
+    TableRow,
+    TrainingSet,
+    orderings,
+)
 from gmrdata.tables.make import clip_figure, held_out_set, make_table
 from gmrdata.tables.plan import Given, folder_name, plan_table
 from gmrdata.tables.recipe import load_table, train_config
@@ -25,6 +32,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_json
 from tests.clip_manifests import write_clips
+from tests.record_keys import assert_each_key_is_needed
 from tests.score.score_records import clip_score, metrics
 from tests.score.score_records import scores as score_record
 
@@ -161,6 +169,40 @@ def test_orderings_in_sentences() -> None:
         "OME, does not hold: a below b (within the seeds' spread).",
         "OME: the paper's best row is a, here it is b.",
     ]
+
+
+def test_each_key_of_a_table_is_needed(tmp_path: Path) -> None:
+    zero = PaperMetrics(ome_deg=None, tme_mm=1.0, vme_mm=1.0)
+    ours = OverSeeds(mean=1.0, spread=None, by_seed=(1.0,))
+    row = TableRow(
+        name="a",
+        name_in_paper=None,
+        method="gmr",
+        clips="all",
+        paper=zero,
+        seeds=(0,),
+        settings={"steps": 3},
+        ours=PaperMetrics(ome_deg=ours, tme_mm=ours, vme_mm=ours),
+    )
+    data = TableData(
+        paper="3DPW",
+        training=(TrainingSet(name="walks/manifest.yaml", clips=2),),
+        left_out={"of held-out subject 02": 1},
+        scored="walks (1 clips, 9 motions)",
+        held_out_subjects=("02",),
+    )
+    record = TableRecord(
+        table=2,
+        title="Two losses",
+        scale="small",
+        note="",
+        data=data,
+        rows=(row,),
+        lacking={"b": ("clips to score (--scored)",)},
+        statements=(),
+    )
+    free = ("data.left_out", "lacking", "rows.0.settings")
+    assert_each_key_is_needed(record, tmp_path / "table2.json", free)
 
 
 @pytest.fixture
