@@ -1,10 +1,9 @@
 """Writing a sequence file in 3DPW's layout, key for key, for twins and tests.
 
-Pickles as Python 2 wrote them, which is how 3DPW's files are: protocol 2, byte strings, arrays.
-
-Made opcode by opcode (Python's `pickletools` describes them) and not by the pickle module: the
-bytes then hold nothing but containers, strings and arrays by construction, do not depend on the
-versions of Python and numpy, and need `encoding="latin1"` to be read, as the real files do.
+The pickles are as Python 2 wrote 3DPW's own: protocol 2, byte strings, arrays.  They are made
+opcode by opcode (Python's `pickletools` describes them) and not by the pickle module: the bytes
+then hold nothing but containers, strings and arrays by construction, do not depend on the versions
+of Python and numpy, and need `encoding="latin1"` to be read, as the real files do.
 """
 
 import struct
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.threedpw_arrays import Person, SequenceArrays
+from gmrdata.read.threedpw_arrays import GENDERS, Person, SequenceArrays
 from gmrdata.read.threedpw_layout import SPLITS, SequenceFiles, require_name
 from gmrdata.values.errors import BadSequence
 from gmrdata.values.files import atomic_path
@@ -22,14 +21,87 @@ _ARRAY_TYPES = {"f8": "<", "f4": "<", "i8": "<", "u2": "<", "u1": "|", "b1": "|"
 """Byte order of each element type that is written."""
 _LARGEST_LENGTH = (1 << 31) - 1
 _NO_FIELDS = b"NNN" + b"J\xff\xff\xff\xff" * 2 + b"K\x00"
+LETTERS = {name: letter for letter, name in GENDERS.items()}
+LARGEST_ID = (1 << 16) - 1
+"""3DPW's `img_frame_ids` are uint16."""
+
+
+def write_sequence(root: Path, split: str, arrays: SequenceArrays) -> SequenceFiles:
+    """Write `sequenceFiles/<split>/<name>.pkl` under a root; the images are not written here.
+
+    Raises:
+        BadSequence: no such split, a name that is no plain name, or arrays that can't be written.
+    """
+    if split not in SPLITS:
+        raise BadSequence(f"{arrays.name}: no split {split!r}; there are {', '.join(SPLITS)}")
+    files = SequenceFiles(root, arrays.name, split)
+    write_sequence_file(files.pickle_path, arrays)
+    return files
+
+
+def write_sequence_file(path: Path, arrays: SequenceArrays) -> None:
+    """Write a sequence file, as a whole or not at all; the same arrays give the same bytes.
+
+    `read_sequence_file` gives back the same arrays, bit for bit.  Optional arrays that no person
+    has are left out.  `texture_maps` is empty, as it is in 3DPW's own files.
+
+    Raises:
+        BadSequence: the name is no plain name, an id is no uint16, or only some of the people have
+            an optional array.
+    """
+    require_name(arrays.name)
+    content = python2_pickle(_content(arrays))
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def _content(arrays: SequenceArrays) -> dict[str, object]:
+    people, ids = arrays.people, arrays.img_frame_ids
+    if len(ids) and not (ids.min() >= 0 and ids.max() <= LARGEST_ID):
+        raise BadSequence(
+            f"{arrays.name}: img_frame_ids goes to {ids.max()}, 3DPW's uint16 to {LARGEST_ID}; "
+            "cut the sequence into shorter ones"
+        )
+    content: dict[str, object] = {
+        "sequence": arrays.name,
+        "betas": [person.betas for person in people],
+        "poses": [person.poses_rad for person in people],
+        "trans": [person.trans_m for person in people],
+        "genders": [_letter(arrays.name, person) for person in people],
+        "texture_maps": [],
+        "poses2d": [person.poses2d_px.transpose(0, 2, 1) for person in people],
+        "img_frame_ids": ids.astype(np.uint16),
+        "cam_poses": arrays.cam_from_world,
+        "campose_valid": [person.campose_valid.astype(np.uint8) for person in people],
+        "cam_intrinsics": arrays.intrinsics_px,
+    }
+    joints_m = [person.joints_world_m for person in people]
+    optional = {
+        "poses_60Hz": [person.poses_60hz_rad for person in people],
+        "trans_60Hz": [person.trans_60hz_m for person in people],
+        "betas_clothed": [person.betas_clothed for person in people],
+        "v_template_clothed": [person.template_clothed_m for person in people],
+        "jointPositions": [None if m is None else m.reshape(len(m), 72) for m in joints_m],
+    }
+    for key, values in optional.items():
+        given = [value is not None for value in values]
+        if any(given) and not all(given):
+            raise BadSequence(f"{arrays.name}: only some people have {key}; give all or none")
+        if any(given):
+            content[key] = values
+    return content
+
+
+def _letter(name: str, person: Person) -> str:
+    if person.gender not in LETTERS:
+        raise BadSequence(f"{name}: gender {person.gender!r} has no letter; say female or male")
+    return LETTERS[person.gender]
 
 
 def python2_pickle(value: Any) -> bytes:
-    """Pickle nested dictionaries, lists, strings, integers and plain arrays.
+    """Pickle nested dictionaries, lists, Latin-1 strings, integers and plain arrays.
 
-    Args:
-        value: The value.  Strings must be Latin-1; arrays of float64, float32, int64, uint16, uint8
-            or bool.
+    Arrays may be of float64, float32, int64, uint16, uint8 or bool.
 
     Raises:
         ValueError: something else is in it.
@@ -83,92 +155,3 @@ def _integer(value: int) -> bytes:
     if not -(1 << 31) <= value < 1 << 31:
         raise ValueError(f"the integer {value} is not written")
     return b"K" + bytes([value]) if 0 <= value < 256 else b"J" + struct.pack("<i", value)
-
-
-LETTERS = {"female": "f", "male": "m"}
-LARGEST_ID = (1 << 16) - 1
-"""3DPW's `img_frame_ids` are uint16."""
-
-
-def write_sequence(root: Path, split: str, arrays: SequenceArrays) -> SequenceFiles:
-    """Write `sequenceFiles/<split>/<name>.pkl` under a root; the images are not written here.
-
-    Args:
-        root: The dataset's root folder; made if it is not there.
-        split: `train`, `validation` or `test`.
-
-    Returns:
-        Where the sequence is, and where its images belong.
-
-    Raises:
-        BadSequence: no such split, a name that is no plain name, or arrays that can't be written.
-    """
-    if split not in SPLITS:
-        raise BadSequence(f"{arrays.name}: no split {split!r}; there are {', '.join(SPLITS)}")
-    files = SequenceFiles(root, arrays.name, split)
-    write_sequence_file(files.pickle_path, arrays)
-    return files
-
-
-def write_sequence_file(path: Path, arrays: SequenceArrays) -> None:
-    """Write a sequence file, as a whole or not at all; the same arrays give the same bytes.
-
-    `read_sequence_file` gives back the same arrays, bit for bit.  Optional arrays that no person
-    has are left out.  `texture_maps` is empty, as it is in 3DPW's own files.
-
-    Raises:
-        BadSequence: the name is no plain name, an id is no uint16, or only some of the people have
-            an optional array.
-    """
-    require_name(arrays.name)
-    content = python2_pickle(_content(arrays))
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
-
-
-def _content(arrays: SequenceArrays) -> dict[str, Any]:
-    people, ids = arrays.people, arrays.img_frame_ids
-    if len(ids) and not (ids.min() >= 0 and ids.max() <= LARGEST_ID):
-        raise BadSequence(
-            f"{arrays.name}: img_frame_ids goes to {ids.max()}, 3DPW's uint16 to {LARGEST_ID}; "
-            "cut the sequence into shorter ones"
-        )
-    content: dict[str, Any] = {
-        "sequence": arrays.name,
-        "betas": [person.betas for person in people],
-        "poses": [person.poses_rad for person in people],
-        "trans": [person.trans_m for person in people],
-        "genders": [_letter(arrays, person) for person in people],
-        "texture_maps": [],
-        "poses2d": [person.poses2d_px.transpose(0, 2, 1) for person in people],
-        "img_frame_ids": ids.astype(np.uint16),
-        "cam_poses": arrays.cam_from_world,
-        "campose_valid": [person.campose_valid.astype(np.uint8) for person in people],
-        "cam_intrinsics": arrays.intrinsics_px,
-    }
-    optional = {
-        "poses_60Hz": [person.poses_60hz_rad for person in people],
-        "trans_60Hz": [person.trans_60hz_m for person in people],
-        "betas_clothed": [person.betas_clothed for person in people],
-        "v_template_clothed": [person.template_clothed_m for person in people],
-        "jointPositions": [_flat(person.joints_world_m) for person in people],
-    }
-    for key, values in optional.items():
-        given = [value is not None for value in values]
-        if any(given) and not all(given):
-            raise BadSequence(f"{arrays.name}: only some people have {key}; give all or none")
-        if any(given):
-            content[key] = values
-    return content
-
-
-def _letter(arrays: SequenceArrays, person: Person) -> str:
-    if person.gender not in LETTERS:
-        raise BadSequence(
-            f"{arrays.name}: gender {person.gender!r} has no letter in 3DPW; say female or male"
-        )
-    return LETTERS[person.gender]
-
-
-def _flat(joints_m: np.ndarray | None) -> np.ndarray | None:
-    return None if joints_m is None else joints_m.reshape(len(joints_m), 72)
