@@ -76,7 +76,8 @@ def unite_masks(
 
     inputs = {"images": images_dir} | {f"masks {name}": path for name, path in source_dirs.items()}
     made = run_stage("masks", out_dir, config, inputs, work, run=run)
-    _report(made, config)
+    if not run.only_look:
+        _report(made, config)
     return made
 
 

@@ -9,13 +9,14 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
 from gmrdata.stage.progress import console, progress_bar
 from gmrdata.stage.run import Run
+from gmrdata.stage.store import NotMade
 from gmrdata.values.errors import GmrdataError, StageFailed
 from gmrdata.values.files import write_text
 
@@ -133,6 +134,25 @@ def try_jobs(
             reasons[id] = _reason(error, future.traceback())
     record_failures(failures_dir, reasons, results)
     return Outcome(results, reasons)
+
+
+def look_first(jobs: Sequence[Job], failures_dir: Path) -> list[Job]:
+    """The jobs that have something left to make, without starting a worker to see it.
+
+    Each job's call takes a `Run` as `run`.  A job that fails is left, so that its worker says why.
+    """
+
+    def is_done(job: Job) -> bool:
+        run = replace(job.arguments["run"], only_look=True)
+        try:
+            job.call(**job.arguments | {"run": run})
+        except (NotMade, GmrdataError, OSError):
+            return False
+        return True
+
+    done = dict(zip((job.id for job in jobs), in_threads(is_done, jobs), strict=True))
+    record_failures(failures_dir, {}, [id for id, is_so in done.items() if is_so])
+    return [job for job in jobs if not done[job.id]]
 
 
 def record_failures(

@@ -10,10 +10,11 @@ known, and the way that people go counts in full.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
+from pydantic.dataclasses import dataclass as part
 
 from gmrdata.read.openpose import OPENPOSE_JOINTS
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule
@@ -21,7 +22,7 @@ from gmrdata.read.threedpw_arrays import FPS_HZ
 from gmrdata.threedpw.camera_frame import camera_clip, fitting_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project_cam
-from gmrdata.values.records import Config
+from gmrdata.values.records import PART, Config
 from gmrdata.values.skinning import motion_joints_m
 
 NEAREST_M = 0.3
@@ -54,7 +55,7 @@ class IntrinsicsConfig(Config):
     """Errors of poses change this slowly [s]: a joint counts once in that time, not per frame."""
 
 
-@dataclass(frozen=True)
+@part(frozen=True, config=PART)
 class FocalEstimate:
     """The focal length that the keypoints ask for."""
 

@@ -1,9 +1,11 @@
-"""Stage: a sequence of 3DPW as clips: people in the camera's frame, and the set's own path."""
+"""Stage: a sequence of 3DPW as clips: people in the camera's frame, and the set's own camera."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import NonNegativeInt
 
 from gmrdata.read.bodies import read_body
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
@@ -11,27 +13,46 @@ from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.threedpw.camera_frame import camera_clip, world_clip
-from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig, estimate_focal, intrinsics_reason
+from gmrdata.threedpw.intrinsics_check import (
+    FocalEstimate,
+    IntrinsicsConfig,
+    estimate_focal,
+    intrinsics_reason,
+)
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values.clip import camera_of, save_clip
-from gmrdata.values.files import read_json, write_json, write_npz
+from gmrdata.values.errors import BadRecord
 from gmrdata.values.people import PersonFiles, person_file
-from gmrdata.values.records import Config
+from gmrdata.values.records import MAKE_AGAIN, Config, Record
+from gmrdata.world.dataset import Doubts, save_dataset_camera
 
-PEOPLE_FILE, TRACKED_FILE, DOUBTS_FILE = "people.json", "tracked.npz", "doubts.json"
+PEOPLE_FILE, DOUBTS_FILE = "people.json", "doubts.json"
+DATASET_CAMERA_FILE = "dataset_camera.npz"
 
 
 class PeopleConfig(Config):
-    """What decides the clips of a sequence."""
+    """What decides the clips of a sequence; see `ThreedpwRecipe`."""
 
     name: str
-    """The sequence."""
     split: str
-    """Its split."""
     valid_rule: ValidRule
-    """Which frames of a person the data set vouches for."""
     intrinsics: IntrinsicsConfig
-    """How the intrinsics are checked."""
+
+
+class PeopleRecord(Record):
+    """`people.json`: what the sequence's file says besides its people's motions."""
+
+    format: Literal["gmrdata-people/1"] = "gmrdata-people/1"
+    bodies: tuple[NonNegativeInt, ...]
+    """Each person's body, by its number in the recipe."""
+    genders: tuple[str, ...]
+    """Each person's gender."""
+    left_out: tuple[int, ...]
+    """Numbers of images that can't be used."""
+    problems: tuple[str, ...]
+    """What is odd about the file."""
+    focal: FocalEstimate | None
+    """What the keypoints say of the intrinsics; null where they say nothing."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +61,8 @@ class SequencePeople:
 
     people: tuple[PersonFiles, ...]
     """Each person."""
-    tracked_path: Path
-    """The data set's own cameras."""
+    dataset_camera_path: Path
+    """The data set's own camera."""
     doubts_path: Path
     """What speaks against the data set's own frames, and against the sequence as a whole."""
     left_out: tuple[int, ...]
@@ -56,14 +77,8 @@ def make_people(
     *,
     run: Run = DEFAULT_RUN,
 ) -> SequencePeople:
-    """Read a sequence and write `person_<n>.npz`, `tracked.npz`, `doubts.json` and
+    """Read a sequence and write `person_<n>.npz`, `dataset_camera.npz`, `doubts.json` and
     `people.json`.
-
-    Args:
-        files: The sequence.
-        body_paths: Bodies to choose from.
-        out_dir: Folder to make.
-        recipe: Which frames count as valid, and how the intrinsics are checked.
 
     Raises:
         GmrdataError: as `read_sequence` says, or no body fits.
@@ -86,17 +101,20 @@ def make_people(
 
 
 def load_people(people_dir: Path, body_paths: tuple[Path, ...]) -> SequencePeople:
-    """The files that `make_people` left."""
-    record = read_json(people_dir / PEOPLE_FILE)
+    """The files that `make_people` left.
+
+    Raises:
+        BadRecord: `people.json` is broken, or of other bodies.
+    """
+    record = PeopleRecord.read(people_dir / PEOPLE_FILE)
+    if any(body >= len(body_paths) for body in record.bodies):
+        raise BadRecord(f"{people_dir / PEOPLE_FILE}: `bodies` names one too many; {MAKE_AGAIN}")
     people = tuple(
         PersonFiles(people_dir / person_file(number), body_paths[body])
-        for number, body in enumerate(record["bodies"])
+        for number, body in enumerate(record.bodies)
     )
     return SequencePeople(
-        people,
-        people_dir / TRACKED_FILE,
-        people_dir / DOUBTS_FILE,
-        tuple(record["left_out"]),
+        people, people_dir / DATASET_CAMERA_FILE, people_dir / DOUBTS_FILE, record.left_out
     )
 
 
@@ -106,26 +124,27 @@ def _write(
     rule = recipe.valid_rule
     bodies = [read_body(path) for path in body_paths]
     names = [body.name for body in bodies]
-    chosen, reasons = [], []
-    tracked = np.full((sequence.n_frames, 4, 4), np.nan)
-    for number in range(len(sequence.arrays.people)):
+    chosen = []
+    dataset_camera = np.full((sequence.n_frames, 4, 4), np.nan)
+    people = range(len(sequence.arrays.people))
+    for number in people:
         clip = camera_clip(sequence, number, bodies, rule)
-        body = bodies[names.index(clip.motion.body)]
-        save_clip(partial / person_file(number), clip, body.rest_pelvis_m(clip.motion.shape))
-        chosen.append(names.index(body.name))
-        reasons.append(unusable_reasons(sequence, number, rule))
+        chosen.append(names.index(clip.motion.body))
+        rest_pelvis_m = bodies[chosen[-1]].rest_pelvis_m(clip.motion.shape)
+        save_clip(partial / person_file(number), clip, rest_pelvis_m)
         known = camera_of(world_clip(sequence, number, bodies, rule))
-        tracked[known.has_camera] = known.world_from_cam[known.has_camera]
-    write_npz(partial / TRACKED_FILE, {"world_from_cam": tracked})
+        dataset_camera[known.has_camera] = known.world_from_cam[known.has_camera]
+    save_dataset_camera(partial / DATASET_CAMERA_FILE, dataset_camera)
     focal = estimate_focal(sequence, bodies, recipe.intrinsics, rule)
     wrong = intrinsics_reason(focal, recipe.intrinsics)
-    doubts = {"frames": reasons, "sequence": [] if wrong is None else [wrong]}
-    write_json(partial / DOUBTS_FILE, doubts)
-    record = {
-        "bodies": chosen,
-        "genders": [person.gender for person in sequence.arrays.people],
-        "left_out": [row for row, fault in enumerate(sequence.images.faults) if fault],
-        "problems": list(sequence.problems),
-        "focal": None if focal is None else asdict(focal),
-    }
-    write_json(partial / PEOPLE_FILE, record)
+    Doubts(
+        frames=tuple(tuple(unusable_reasons(sequence, number, rule)) for number in people),
+        sequence=() if wrong is None else (wrong,),
+    ).write(partial / DOUBTS_FILE)
+    PeopleRecord(
+        bodies=tuple(chosen),
+        genders=tuple(person.gender for person in sequence.arrays.people),
+        left_out=tuple(row for row, fault in enumerate(sequence.images.faults) if fault),
+        problems=sequence.problems,
+        focal=focal,
+    ).write(partial / PEOPLE_FILE)

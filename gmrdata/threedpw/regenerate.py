@@ -1,11 +1,10 @@
-"""A data set in 3DPW's layout: every sequence a job, a verdict for each, one manifest.
-
-A row for each sequence: accepted or not, why, and the camera's class.
-"""
+"""A data set in 3DPW's layout: every sequence a job, a verdict for each, one manifest."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Literal
+
+from pydantic.dataclasses import dataclass as part
 
 from gmrdata.manifest.entry import created_by
 from gmrdata.manifest.write import write_manifest
@@ -17,68 +16,65 @@ from gmrdata.read.threedpw_layout import (
     require_one_split,
     splits_of,
 )
-from gmrdata.stage.jobs import Job, raise_failures, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, look_first, raise_failures, try_jobs, worker_pool
+from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.sequence import regenerate_one, sequence_entries
+from gmrdata.values.camera_motion import MotionClass
 from gmrdata.values.errors import BadSequence, MissingInput
-from gmrdata.values.files import remove_orphans, write_json
+from gmrdata.values.files import remove_orphans
+from gmrdata.values.records import PART, Figure, Record
 from gmrdata.world.quality import load_record
 
-VERDICT_HEADINGS = ("sequence", "split", "verdict", "camera", "kept", "scale", "reasons")
-
-
-def verdict_row(files: SequenceFiles, paths: SetPaths) -> dict[str, Any]:
-    """The verdict of a sequence whose stages are done: accepted if one of its people is."""
-    record = load_record(paths.pseudo_gt_dir(files.name))
-    people = record["people"]
-    reasons = [reason for person in people for reason in person["reasons"]]
-    frames = sum(person["frames"] for person in people)
-    kept = sum(person["kept_frames"] for person in people if person["accepted"])
-    return {
-        "sequence": files.name,
-        "split": files.split,
-        "accepted": any(person["accepted"] for person in people),
-        "reasons": list(dict.fromkeys(reasons)),
-        "class": record["camera_motion"],
-        "kept_share": float(f"{kept / frames:.6g}"),
-        "scale": record.get("scale"),
-        "scale_sigma": record.get("scale_sigma"),
-    }
-
-
-def failed_row(name: str, split: str, reason: str) -> dict[str, Any]:
-    """The verdict of a sequence that could not be read."""
-    return {
-        "sequence": name,
-        "split": split,
-        "accepted": False,
-        "reasons": [reason.splitlines()[0]],
-        "class": "none",
-        "kept_share": 0.0,
-        "scale": None,
-        "scale_sigma": None,
-    }
-
-
-def table_row(row: dict[str, Any]) -> tuple[str, ...]:
-    """A row for `VERDICT_HEADINGS`."""
-    scale = "-"
-    if row["scale"] is not None:
-        scale = f"{row['scale']:.4g} ± {100 * row['scale_sigma'] / row['scale']:.1f} %"
-    return (
-        row["sequence"],
-        row["split"],
-        "accepted" if row["accepted"] else "rejected",
-        row["class"],
-        f"{100 * row['kept_share']:.1f} %",
-        scale,
-        "; ".join(row["reasons"]),
-    )
-
-
 HEADINGS = ("sequence", "split", "state")
+VERDICT_HEADINGS = ("sequence", "split", "verdict", "camera", "kept", "scale", "reasons")
 STAGES = ("people", "masks", "sfm", "pseudo_gt")
+
+
+@part(frozen=True, config=PART)
+class SequenceVerdict:
+    """What was decided of a sequence."""
+
+    sequence: str
+    split: str
+    """Its split; empty where it has none or several."""
+    accepted: bool
+    """Whether one of its people is."""
+    reasons: tuple[str, ...]
+    """Why people were rejected, or why it could not be read."""
+    camera_motion: MotionClass | Literal["none"]
+    """Class of the camera's motion; "none" without a reconstruction."""
+    kept_share: Figure
+    """Frames of accepted people that are kept, over all frames of all people."""
+    scale: Figure | None
+    """Metres per unit of the reconstruction; null where it does not enter."""
+    scale_sigma: Figure | None
+    """Its standard error."""
+
+    @property
+    def table_row(self) -> tuple[str, ...]:
+        """A row for `VERDICT_HEADINGS`."""
+        scale = "-"
+        if self.scale is not None and self.scale_sigma is not None:
+            scale = f"{self.scale:.4g} ± {100 * self.scale_sigma / self.scale:.1f} %"
+        return (
+            self.sequence,
+            self.split,
+            "accepted" if self.accepted else "rejected",
+            self.camera_motion,
+            f"{100 * self.kept_share:.1f} %",
+            scale,
+            "; ".join(self.reasons),
+        )
+
+
+class Verdicts(Record):
+    """`verdicts.json`: what was decided of each sequence, those included that can't be read."""
+
+    format: Literal["gmrdata-verdicts/1"] = "gmrdata-verdicts/1"
+    sequences: tuple[SequenceVerdict, ...]
+    """In the order of their names."""
 
 
 def regenerate_set(
@@ -88,10 +84,11 @@ def regenerate_set(
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Make world motions of all sequences, `verdicts.json`, and the manifest `pseudo_gt.yaml`.
+    """Make world motions of all sequences, `verdicts.json` and the manifest `pseudo_gt.yaml`.
 
     A sequence that can't be read or masked leaves its reason in `failed/<name>.txt`, and the others
     go on; one without a reconstruction is listed as rejected.  A run that was stopped goes on.
+    Where nothing is left to make, no worker starts.
 
     Args:
         recipe: The recipe.
@@ -113,17 +110,13 @@ def regenerate_set(
         keep_body(body, paths.body_dir(number), run=run)
         for number, body in enumerate(recipe.bodies)
     )
-    with worker_pool(run, recipe.workers) as client:
-        outcome = try_jobs(
-            "regenerating sequences",
-            [_job(files, paths, recipe, body_paths, run) for files in chosen],
-            client,
-            paths.failures_dir,
-            units_total=len(STAGES) * len(chosen),
-            units_done=lambda: _stages_done(paths, chosen),
-        )
-    reasons = {**refused, **outcome.reasons}
+    before = _listing(paths)
+    jobs = [_job(files, paths, recipe, body_paths, run) for files in chosen]
+    left = look_first(jobs, paths.failures_dir)
+    reasons = refused | _regenerate(left, recipe, chosen, paths, run)
     _list(recipe, chosen, refused, reasons, paths, run)
+    if not left and _listing(paths) == before:
+        console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
     return paths.manifest
 
@@ -173,7 +166,7 @@ def _job(
     body_paths: tuple[Path, ...],
     run: Run,
 ) -> Job:
-    arguments: dict[str, Any] = {
+    arguments = {
         "files": files,
         "root": paths.root,
         "recipe": recipe,
@@ -183,9 +176,32 @@ def _job(
     return Job(files.name, regenerate_one, arguments)
 
 
-def _stages_done(paths: SetPaths, chosen: Sequence[SequenceFiles]) -> int:
+def _regenerate(
+    jobs: Sequence[Job],
+    recipe: ThreedpwRecipe,
+    chosen: Sequence[SequenceFiles],
+    paths: SetPaths,
+    run: Run,
+) -> dict[str, str]:
+    """Why sequences failed, by name."""
+    if not jobs:
+        return {}
     folders = [paths.sequence_dir(files.name) / stage for files in chosen for stage in STAGES]
-    return sum(folder.is_dir() for folder in folders)
+    with worker_pool(run, recipe.workers) as client:
+        return try_jobs(
+            "regenerating sequences",
+            jobs,
+            client,
+            paths.failures_dir,
+            units_total=len(folders),
+            units_done=lambda: sum(folder.is_dir() for folder in folders),
+        ).reasons
+
+
+def _listing(paths: SetPaths) -> list[bytes]:
+    """What is listed, to see whether it changed."""
+    files = (paths.verdicts, paths.manifest)
+    return [path.read_bytes() for path in files if path.is_file()]
 
 
 def _list(
@@ -198,17 +214,48 @@ def _list(
 ) -> None:
     """Write the verdicts of all sequences, and the manifest of those with files."""
     done = [files for files in chosen if files.name not in reasons]
-    rows = [verdict_row(files, paths) for files in done]
-    rows += [
-        failed_row(files.name, files.split, reasons[files.name])
+    verdicts = [_verdict(files, paths) for files in done]
+    verdicts += [
+        _failed(files.name, files.split, reasons[files.name])
         for files in chosen
         if files.name in reasons
     ]
-    rows += [failed_row(name, "", reason) for name, reason in refused.items()]
-    rows.sort(key=lambda row: str(row["sequence"]))
-    write_json(paths.verdicts, rows)
+    verdicts += [_failed(name, "", reason) for name, reason in refused.items()]
+    verdicts.sort(key=lambda verdict: verdict.sequence)
+    Verdicts(sequences=tuple(verdicts)).write(paths.verdicts)
     if done:
         _write_manifest(recipe, done, bool(reasons), paths, run)
+
+
+def _verdict(files: SequenceFiles, paths: SetPaths) -> SequenceVerdict:
+    """The verdict on a sequence whose stages are done."""
+    record = load_record(paths.pseudo_gt_dir(files.name))
+    frames = sum(person.frames for person in record.people)
+    kept = sum(person.kept_frames for person in record.people if person.accepted)
+    reasons = [reason for person in record.people for reason in person.reasons]
+    return SequenceVerdict(
+        sequence=files.name,
+        split=files.split,
+        accepted=any(person.accepted for person in record.people),
+        reasons=tuple(dict.fromkeys(reasons)),
+        camera_motion=record.camera_motion,
+        kept_share=kept / frames,
+        scale=record.scale,
+        scale_sigma=record.scale_sigma,
+    )
+
+
+def _failed(name: str, split: str, reason: str) -> SequenceVerdict:
+    return SequenceVerdict(
+        sequence=name,
+        split=split,
+        accepted=False,
+        reasons=(reason.splitlines()[0],),
+        camera_motion="none",
+        kept_share=0.0,
+        scale=None,
+        scale_sigma=None,
+    )
 
 
 def _write_manifest(

@@ -18,7 +18,7 @@ from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import stage_seconds
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
-from gmrdata.threedpw.regenerate import regenerate_set
+from gmrdata.threedpw.regenerate import Verdicts, regenerate_set
 from gmrdata.twins.floor_record import Floor, FloorGroup
 from gmrdata.twins.pseudo_gt_error import FPS_HZ, sequence_row
 from gmrdata.twins.recipe import TwinRecipe
@@ -26,7 +26,7 @@ from gmrdata.twins.twin_set import TwinTruth, make_twins, read_truth
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadBodyFile, StageFailed
-from gmrdata.values.files import STAGE_FILE, read_json, write_json
+from gmrdata.values.files import STAGE_FILE, write_json
 
 Row = dict[str, Any]
 
@@ -105,22 +105,22 @@ def measure(
     bodies = [read_body(paths.body_dir(n) / BODY_FILE) for n in range(len(recipe.bodies))]
     clips = _clips(paths.manifest)
     rows = []
-    for verdict in track(read_json(paths.verdicts), "measuring"):
-        name = verdict["sequence"]
+    for verdict in track(Verdicts.read(paths.verdicts).sequences, "measuring"):
+        name = verdict.sequence
         truth = twins.people(name)
         row = sequence_row(
             name,
             twins.classes[name],
             clips.get(name, []),
             truth,
-            accepted=verdict["accepted"],
+            accepted=verdict.accepted,
             seconds=_seconds(paths, name),
             body=_body_of(truth[0], bodies),
-            class_measured=verdict["class"],
-            scale=verdict["scale"],
-            scale_sigma=verdict["scale_sigma"],
+            class_measured=verdict.camera_motion,
+            scale=verdict.scale,
+            scale_sigma=verdict.scale_sigma,
         )
-        rows.append(row | {"reasons": verdict["reasons"]})
+        rows.append(row | {"reasons": verdict.reasons})
     return Floor(
         format="gmrdata-floor/1",
         fps_hz=FPS_HZ,

@@ -27,9 +27,9 @@ def clip_path(out_dir: Path, name: str, person: int) -> Path:
 
 
 def test_every_sequence_has_a_verdict_and_the_manifest_is_good(made_set: Path) -> None:
-    rows = {row["sequence"]: row for row in read_json(made_set / "verdicts.json")}
-    assert rows["arc_00"]["accepted"] and rows["arc_00"]["class"] == "circular"
-    assert rows["pan_00"]["accepted"] and rows["pan_00"]["class"] == "panning"
+    rows = {row["sequence"]: row for row in read_json(made_set / "verdicts.json")["sequences"]}
+    assert rows["arc_00"]["accepted"] and rows["arc_00"]["camera_motion"] == "circular"
+    assert rows["pan_00"]["accepted"] and rows["pan_00"]["camera_motion"] == "panning"
     assert rows["pan_00"]["scale"] is None and rows["arc_00"]["scale"] > 0
     check_manifest(made_set / "pseudo_gt.yaml")
     manifest = read_manifest(made_set / "pseudo_gt.yaml")
@@ -94,7 +94,7 @@ def test_bad_sequences_do_not_stop_the_others(copied_set: Any, tmp_path: Path) -
         regenerate_set(copied_set.recipe(), copied_set.root, out_dir)
     assert "torn_00" in str(caught.value) and "evil_00" in str(caught.value)
     assert not (tmp_path / "owned").exists()
-    rows = {row["sequence"]: row for row in read_json(out_dir / "verdicts.json")}
+    rows = {row["sequence"]: row for row in read_json(out_dir / "verdicts.json")["sequences"]}
     assert rows["arc_00"]["accepted"]
     assert not rows["evil_00"]["accepted"] and "posix.system" in rows["evil_00"]["reasons"][0]
     assert not rows["pan_00"]["accepted"] and "textureless" in rows["pan_00"]["reasons"][0]
