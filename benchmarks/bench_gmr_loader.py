@@ -17,13 +17,14 @@ import pytest
 import torch
 
 from gmrdata.gmr.config import ModelConfig, WindowConfig
-from gmrdata.gmr.flat_runs import RunRows, in_files
+from gmrdata.gmr.flat_runs import PackRecord, RunRows, in_files
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.steps import prefetched
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch
 from gmrdata.stage.progress import console, track
 
 pytestmark = pytest.mark.bench
+PACK = PackRecord(input="quaternion", fps_hz=10.0)
 N_FRAMES, RUN_FRAMES, BATCH, STEPS = 1_400_000, 500, 32, 10
 MOST_WAITING = 0.05
 OUT = Path("out/bench/gmr_loader.json")
@@ -87,7 +88,7 @@ def test_the_loop_does_not_wait(tmp_path: Path, request: pytest.FixtureRequest) 
     n_runs = N_FRAMES // RUN_FRAMES // (100 if small else 1)
     torch.set_num_threads(1)
     start_s = time.perf_counter()
-    frames = in_files(random_walks(n_runs), tmp_path / "pack", {})
+    frames = in_files(random_walks(n_runs), tmp_path / "pack", PACK)
     packing_s = time.perf_counter() - start_s
     training_set = TrainingSet(frames, "quaternion")
     ahead, ahead_s = waiting_share(training_set, prefetched, 0)

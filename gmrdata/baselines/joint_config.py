@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from gmrdata.gmr.config import LossConfig, Representation
+from gmrdata.gmr.config import LossConfig, Representation, StepsConfig, WindowConfig
 from gmrdata.values.records import Config
 
 
@@ -24,7 +24,7 @@ class JointModelConfig(Config):
     """Factor on the motion's output; see `gmrdata.gmr.config.ModelConfig`."""
 
 
-class JointConfig(Config):
+class JointConfig(StepsConfig):
     """A training run of the non-sequential model (Table 10).
 
     The paper says that it reformulates VIBE to put out both local pose and global motion, and no
@@ -46,21 +46,12 @@ class JointConfig(Config):
     features can't be resampled."""
     reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)
     """Share of windows played backwards, as the paper's flip augmentation."""
-    learning_rate: float = Field(default=5e-5, gt=0.0)
-    """Adam's step size, as GMR's 5e-5."""
-    gradient_norm: float | None = Field(default=None, gt=0.0)
-    """Longest gradient, clipped beyond; None for no limit."""
-    batch_size: int = Field(default=32, ge=1)
-    """Windows per step, as GMR's 32."""
-    steps: int = Field(default=100_000, ge=1)
-    """Steps; the paper doesn't say how many."""
-    seed: int = Field(default=0, ge=0)
-    """Of the initial weights, the windows and the dropout."""
-    log_every: int = Field(default=10, ge=1)
-    """Steps between lines of metrics.jsonl."""
-    checkpoint_every: int = Field(default=1000, ge=1)
-    """Steps between checkpoints, from which a run that was stopped goes on."""
-    threads: int = Field(default=1, ge=1)
-    """CPU threads; part of the recipe, since another number rounds sums in another way."""
-    device: Literal["cpu", "cuda"] = "cpu"
-    """Where to train.  Bitwise repetition is promised on the CPU."""
+
+    @property
+    def windows(self) -> WindowConfig:
+        """How windows are cut."""
+        return WindowConfig(
+            frames=self.frames,
+            fps_hz=self.fps_hz,
+            reverse_probability=self.reverse_probability,
+        )

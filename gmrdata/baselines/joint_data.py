@@ -1,13 +1,12 @@
 """Training windows of the non-sequential model: image features beside the true motion.
 
-Image features: one vector per frame, from whatever network looks at images.
-
-`<folder>/<clip id>.npz` holds `features` (T, D), row t for row t of the manifest's clip; rows that
-are not valid in the clip may hold NaN.
+Features are one vector per frame, from whatever network looks at images.  `<folder>/<clip id>.npz`
+holds `features` (T, D), row t for row t of the manifest's clip; rows that are not valid in the clip
+may hold NaN.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +14,19 @@ import torch
 from torch import Tensor
 
 from gmrdata.baselines.joint_config import JointConfig
+from gmrdata.gmr.flat_runs import RunRows, in_memory
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.runs import MIN_FRAMES, check_finite
+from gmrdata.gmr.windows import TrainingSet, draw_window, stacked
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadFeatures, BadManifest, BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
-from gmrdata.values.motion_deltas import deltas
 
 KEY = "features"
+N_LOCAL_VALUES = N_LOCAL * 9
+"""Numbers of the local rotations of a frame."""
 
 
 def features_path(folder: Path, clip_id: str) -> Path:
@@ -57,22 +59,6 @@ def load_features(folder: Path, clip: Clip) -> np.ndarray:
             f" {clip.id} has it as valid. Compute them again, or drop the rows in the manifest"
         )
     return np.asarray(found, dtype=np.float32)
-
-
-@dataclass(frozen=True, eq=False)
-class JointRun:
-    """Consecutive valid frames of one clip at the network's rate."""
-
-    features: np.ndarray
-    """(n, D) float32."""
-    local_rotmats: np.ndarray
-    """(n, 23, 3, 3) float32."""
-    root_rotmats: np.ndarray
-    """(n, 3, 3) world_from_root."""
-    pelvis_m: np.ndarray
-    """(n, 3) [m]."""
-    shape: np.ndarray
-    """(S,) float32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +95,7 @@ def rows_per_frame(clip: Clip, fps_hz: float) -> int:
     return step
 
 
-def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float) -> list[JointRun]:
+def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float) -> list[RunRows]:
     """Runs of a clip's valid frames, all phases of a higher rate.
 
     Args:
@@ -117,30 +103,36 @@ def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float) -> list[JointRun
         features: (T, D) of its rows.
         fps_hz: The network's rate [Hz].
 
+    Returns:
+        Runs whose rows are the features, and the local rotations after them (`split_rows`).
+
     Raises:
         BadMotionFile: a valid frame holds NaN, or the rate does not fit.
     """
     check_finite(clip)
     step = rows_per_frame(clip, fps_hz)
     motion = clip.motion
-    runs = []
-    for start, stop in valid_runs(clip.valid):
-        for phase in range(step):
-            rows = slice(start + phase, stop, step)
-            if len(range(start + phase, stop, step)) >= MIN_FRAMES:
-                runs.append(
-                    JointRun(
-                        features[rows],
-                        motion.local_rotmats[rows].astype(np.float32),
-                        motion.root_rotmats[rows],
-                        motion.pelvis_m[rows],
-                        motion.shape.astype(np.float32),
-                    )
-                )
-    return runs
+    local = motion.local_rotmats.reshape(motion.n_frames, -1)
+    rows = np.concatenate([features, local.astype(np.float32)], axis=1)
+    phases = [
+        slice(start + phase, stop, step)
+        for start, stop in valid_runs(clip.valid)
+        for phase in range(step)
+        if stop - start - phase > (MIN_FRAMES - 1) * step
+    ]
+    return [
+        RunRows(0, rows[now], motion.root_rotmats[now], motion.pelvis_m[now], motion.shape)
+        for now in phases
+    ]
 
 
-def training_runs(pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float) -> list[JointRun]:
+def split_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Features (..., D) and local rotations (..., 23, 3, 3) of a run's rows (..., D + 207)."""
+    features, local = rows[..., :-N_LOCAL_VALUES], rows[..., -N_LOCAL_VALUES:]
+    return np.ascontiguousarray(features), local.reshape(*rows.shape[:-1], N_LOCAL, 3, 3)
+
+
+def training_runs(pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float) -> TrainingSet:
     """Runs of all training clips.
 
     Raises:
@@ -160,51 +152,22 @@ def training_runs(pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float) -> li
             f"none of the {len(pairs)} training clips has two valid frames in a row at"
             f" {fps_hz:g} fps. Give manifests with longer clips"
         )
-    return runs
+    return TrainingSet(in_memory(runs), "6d")
 
 
-def make_joint_batch(runs: Sequence[JointRun], config: JointConfig, step: int) -> JointBatch:
-    """The windows of one step: the same for the same recipe and step.
-
-    A run is chosen by its share of all frames, then a start, both uniformly; motions of a window
-    that is played backwards are computed from its reversed frames.
-    """
+def make_joint_batch(training_set: TrainingSet, config: JointConfig, step: int) -> JointBatch:
+    """The windows of one step: the same for the same recipe and step."""
     rng = np.random.default_rng([config.seed, step])
-    ends = np.cumsum([len(run.features) for run in runs])
-    windows = [_draw(runs, ends, config, rng) for _ in range(config.batch_size)]
-    size, frames = config.batch_size, config.frames
-    lengths = np.array([len(window.features) for window in windows])
-    features = np.zeros((size, frames, windows[0].features.shape[1]), np.float32)
-    local_rotmats = np.tile(np.eye(3, dtype=np.float32), (size, frames, N_LOCAL, 1, 1))
-    delta_rotmats = np.tile(np.eye(3, dtype=np.float32), (size, frames - 1, 1, 1))
-    delta_m = np.zeros((size, frames - 1, 3), np.float32)
-    for row, (n, window) in enumerate(zip(lengths, windows, strict=True)):
-        features[row, :n] = window.features
-        local_rotmats[row, :n] = window.local_rotmats
-        delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = deltas(
-            window.root_rotmats, window.pelvis_m
-        )
+    windows = [draw_window(training_set, config.windows, rng) for _ in range(config.batch_size)]
+    rows, lengths, motions = stacked(windows, config.frames)
+    features, local_rotmats = split_rows(rows)
+    is_real = np.arange(config.frames) < lengths[:, None]
+    local_rotmats[~is_real] = np.eye(3)
     return JointBatch(
         features=torch.from_numpy(features),
         lengths=torch.from_numpy(lengths),
-        frame_mask=torch.from_numpy(np.arange(frames) < lengths[:, None]),
-        motions=Motions(torch.from_numpy(delta_rotmats), torch.from_numpy(delta_m)),
+        frame_mask=torch.from_numpy(is_real),
+        motions=motions,
         local_rotmats=torch.from_numpy(local_rotmats),
         shape=torch.from_numpy(np.stack([window.shape for window in windows])),
-    )
-
-
-def _draw(
-    runs: Sequence[JointRun], ends: np.ndarray, config: JointConfig, rng: np.random.Generator
-) -> JointRun:
-    run = runs[int(np.searchsorted(ends, rng.integers(ends[-1]), side="right"))]
-    start = int(rng.integers(max(1, len(run.features) - config.frames + 1)))
-    step = -1 if rng.random() < config.reverse_probability else 1
-    rows = np.arange(len(run.features))[start : start + config.frames][::step]
-    return replace(
-        run,
-        features=run.features[rows],
-        local_rotmats=run.local_rotmats[rows],
-        root_rotmats=run.root_rotmats[rows],
-        pelvis_m=run.pelvis_m[rows],
     )

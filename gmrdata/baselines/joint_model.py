@@ -2,31 +2,32 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import torch
-from pydantic import ValidationError
 from torch import Tensor, nn
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr import rotations
 from gmrdata.gmr.checkpoint import (
-    OPTIMIZER_FILE,
-    STATE_FILE,
-    WEIGHTS_FILE,
-    fill_network,
-    fill_optimizer,
-    latest_checkpoint,
-    optimizer_tensors,
+    StepState,
+    load_weights,
     read_step_state,
-    writable,
-    write_step,
+    trained_checkpoint,
 )
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.model import encode, make_encoder, motions_of
 from gmrdata.values.body import N_LOCAL
-from gmrdata.values.errors import BadCheckpoint, MissingInput
 
-FORMAT = "gmrdata-joint/2"
+
+class JointState(StepState):
+    """`state.json` of a kept step."""
+
+    format: Literal["gmrdata-joint/2"] = "gmrdata-joint/2"
+    n_features: int
+    """Numbers per frame that the network takes."""
+    config: JointConfig
+    """The recipe."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,46 +96,6 @@ class JointModel(nn.Module):
         )
 
 
-def save_joint(
-    run_dir: Path, step: int, model: JointModel, optimizer: torch.optim.Optimizer, body: str
-) -> Path:
-    """Keep a step of the training: network, optimiser, and what it takes to read them.
-
-    Args:
-        run_dir: The run's folder.
-        step: Steps done.
-        model: The network.
-        optimizer: Its optimiser, made over `model.parameters()`.
-        body: Name of the body that it is trained on.
-    """
-    state = {
-        "format": FORMAT,
-        "n_features": model.n_features,
-        "body": body,
-        "config": model.config.model_dump(mode="json"),
-    }
-    tensors = {
-        WEIGHTS_FILE: writable(model.state_dict()),
-        OPTIMIZER_FILE: optimizer_tensors(model, optimizer),
-    }
-    return write_step(run_dir, step, tensors, state)
-
-
-def resume_joint(run_dir: Path, model: JointModel, optimizer: torch.optim.Optimizer) -> int:
-    """Go on from a run's latest step, if any: the number of steps done.
-
-    Raises:
-        BadCheckpoint: a file is truncated, or of another network.
-    """
-    folder = latest_checkpoint(run_dir)
-    if folder is None:
-        return 0
-    done = int(read_step_state(folder, FORMAT)["step"])
-    fill_network(folder / WEIGHTS_FILE, model)
-    fill_optimizer(folder / OPTIMIZER_FILE, model, optimizer)
-    return done
-
-
 def load_joint(run_dir: Path) -> JointModel:
     """The network of a run, on the CPU, in evaluation mode.
 
@@ -142,14 +103,8 @@ def load_joint(run_dir: Path) -> JointModel:
         MissingInput: the folder holds no such network.
         BadCheckpoint: a file is truncated, or of another network.
     """
-    folder = latest_checkpoint(run_dir)
-    if folder is None:
-        raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a run")
-    state = read_step_state(folder, FORMAT)
-    try:
-        config = JointConfig.model_validate(state.get("config"))
-        model = JointModel(config, int(state["n_features"]))
-    except (ValidationError, KeyError, TypeError, ValueError) as error:
-        raise BadCheckpoint(f"{folder / STATE_FILE}: unreadable ({error}). Train again") from None
-    fill_network(folder / WEIGHTS_FILE, model)
+    folder = trained_checkpoint(run_dir)
+    state = read_step_state(folder, JointState)
+    model = JointModel(state.config, state.n_features)
+    load_weights(folder, model)
     return model.eval()

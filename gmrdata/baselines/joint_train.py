@@ -8,9 +8,7 @@ It needs videos with image features and true motions, as the paper's did; motion
 which GMR trains, is of no use here.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -19,46 +17,30 @@ from torch import Tensor
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.baselines.joint_data import (
     JointBatch,
-    JointRun,
     features_path,
     load_features,
     make_joint_batch,
+    split_rows,
     training_runs,
 )
-from gmrdata.baselines.joint_model import JointModel, JointOutput, resume_joint, save_joint
-from gmrdata.gmr.losses import LossTerms, Motions, gmr_loss
+from gmrdata.baselines.joint_model import JointModel, JointOutput, JointState
+from gmrdata.gmr.checkpoint import (
+    latest_checkpoint,
+    load_optimizer,
+    load_weights,
+    read_step_state,
+    save_step,
+)
+from gmrdata.gmr.losses import gmr_loss
 from gmrdata.gmr.parallel import check_device
-from gmrdata.gmr.run_log import run_log
+from gmrdata.gmr.run_log import Log
 from gmrdata.gmr.runs import check_clips_fit, usable_clips
-from gmrdata.gmr.steps import check_finite, derived_seed, torch_settings
+from gmrdata.gmr.steps import derived_seed, fill_gradients, is_due, run_steps, torch_settings
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
-from gmrdata.stage.progress import progress_bar
+from gmrdata.gmr.windows import TrainingSet
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
-
-
-@dataclass(frozen=True, eq=False)
-class JointTerms:
-    """The loss, and its parts before they are weighted."""
-
-    total: Tensor
-    """What is minimised: eq. 5 and the weighted local pose."""
-    motion: LossTerms
-    """Eq. 5."""
-    local_pose: Tensor
-    """Chordal loss of the local rotations."""
-
-    def as_values(self) -> dict[str, float]:
-        """The numbers by name."""
-        return {
-            "loss": self.total.item(),
-            "local_pose": self.local_pose.item(),
-            "orientation": self.motion.orientation.item(),
-            "translation": self.motion.translation.item(),
-            "vertex": self.motion.vertex.item(),
-            "smoothness": self.motion.smoothness.item(),
-        }
 
 
 def train_joint(
@@ -110,13 +92,13 @@ def train_joint(
 
 
 def fit_joint(
-    runs: Sequence[JointRun], body: BodyModel, run_dir: Path, config: JointConfig
+    training_set: TrainingSet, body: BodyModel, run_dir: Path, config: JointConfig
 ) -> JointModel:
-    """The training loop: goes on from the folder's latest checkpoint, or begins.
+    """Train a network: goes on from the folder's latest checkpoint, or begins.
 
     Args:
-        runs: What to train on.
-        body: Their body.
+        training_set: What to train on.
+        body: Its body.
         run_dir: Gets `checkpoints` and `metrics.jsonl`.
         config: The recipe.
 
@@ -126,55 +108,68 @@ def fit_joint(
         StageFailed: a GPU is asked for, and there is none.
     """
     check_device(config.device)
-    loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
-    settings = torch_settings(config.device, config.threads, derived_seed(config.seed, 0))
-    with settings, progress_bar() as bar:
-        model = _new_model(runs, config)
-        optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
-        done = resume_joint(run_dir, model, optimizer)
-        task = bar.add_task("training", total=config.steps, completed=done)
-        with run_log(run_dir, done, tensorboard=False) as log:
-            for step in range(done + 1, config.steps + 1):
-                torch.manual_seed(derived_seed(config.seed, step))
-                batch = make_joint_batch(runs, config, step)
-                values = _gradient_step(model, batch, loss_body, config)
-                check_finite(values, run_dir, step)
-                optimizer.step()
-                bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
-                is_last = step == config.steps
-                if step % config.log_every == 0 or is_last:
-                    log({"step": step} | values)
-                if step % config.checkpoint_every == 0 or is_last:
-                    save_joint(run_dir, step, model, optimizer, body.name)
-    return model
+    with torch_settings(config.device, config.threads, derived_seed(config.seed, 0)):
+        learner = _JointLearner(training_set, body, run_dir, config)
+        run_steps(learner, config, run_dir, learner.done)
+    return learner.model
 
 
-def _gradient_step(
-    model: JointModel, batch: JointBatch, loss_body: LossBody, config: JointConfig
-) -> dict[str, float]:
-    """Fill the gradients of a step; its loss, terms, and the gradient's length before clipping."""
-    model.zero_grad(set_to_none=True)
-    output = model(batch.features.to(config.device), batch.lengths)
-    terms = joint_loss(output, batch, loss_body, config)
-    terms.total.backward()
-    limit = math.inf if config.gradient_norm is None else config.gradient_norm
-    norm = torch.nn.utils.clip_grad_norm_(model.parameters(), limit)
-    return terms.as_values() | {"gradient_norm": norm.item()}
+class _JointLearner:
+    """The network and its windows."""
+
+    def __init__(
+        self, training_set: TrainingSet, body: BodyModel, run_dir: Path, config: JointConfig
+    ) -> None:
+        self._training_set, self._run_dir, self._config = training_set, run_dir, config
+        self._loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
+        features, local_rotmats = split_rows(training_set.frames.poses)
+        self.model = JointModel(config, features.shape[1])
+        self.model.start_from(torch.from_numpy(features), torch.from_numpy(local_rotmats))
+        self.model.to(config.device)
+        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
+        self.done = self._resume()
+
+    def batch_of(self, step: int) -> JointBatch:
+        return make_joint_batch(self._training_set, self._config, step + 1)
+
+    def gradients(self, batch: JointBatch) -> dict[str, float]:
+        config = self._config
+
+        def terms() -> dict[str, Tensor]:
+            output = self.model(batch.features.to(config.device), batch.lengths)
+            return joint_loss(output, batch, self._loss_body, config)
+
+        return fill_gradients(self.model, terms, config.gradient_norm)
+
+    def rate_at(self, step: int) -> float:
+        return self._config.learning_rate
+
+    def after(self, done: int, log: Log) -> None:
+        if is_due(done, self._config.checkpoint_every, self._config):
+            state = JointState(
+                step=done,
+                body=self._loss_body.body.name,
+                n_features=self.model.n_features,
+                config=self._config,
+            )
+            save_step(self._run_dir, state, self.model, self.optimizer)
+
+    def _resume(self) -> int:
+        folder = latest_checkpoint(self._run_dir)
+        if folder is None:
+            return 0
+        load_weights(folder, self.model)
+        load_optimizer(folder, self.model, self.optimizer)
+        return read_step_state(folder, JointState).step
 
 
 def joint_loss(
-    output: JointOutput,
-    batch: JointBatch,
-    loss_body: LossBody,
-    config: JointConfig,
-) -> JointTerms:
+    output: JointOutput, batch: JointBatch, loss_body: LossBody, config: JointConfig
+) -> dict[str, Tensor]:
     """Eq. 5 of the motion, and the chordal loss of the local pose.
 
-    Args:
-        output: What the network sees.
-        batch: The windows.
-        loss_body: The body, made ready for the vertex term.
-        config: The recipe.
+    Returns:
+        `loss`, which is minimised, and its terms before they are weighted.
     """
     device = output.local_rotmats.device
     true_local = batch.local_rotmats.to(device)
@@ -183,24 +178,12 @@ def joint_loss(
         bodies = Bodies(loss_body, batch.shape.to(device), true_local[:, :-1])
     mask = batch.frame_mask.to(device)
     motion = gmr_loss(
-        output.motions,
-        Motions(batch.motions.delta_rotmats.to(device), batch.motions.delta_m.to(device)),
-        mask[:, 1:],
-        bodies,
-        config.loss,
-    )
+        output.motions, batch.motions.to(device), mask[:, 1:], bodies, config.loss
+    ).by_name()
     per_joint = (output.local_rotmats - true_local).square().sum((-1, -2))
     if config.loss.reduction == "mean":
         local_pose = per_joint.mean(-1)[mask].mean()
     else:
         local_pose = torch.where(mask[..., None], per_joint, 0.0).sum() / len(mask)
-    return JointTerms(motion.total + config.local_pose * local_pose, motion, local_pose)
-
-
-def _new_model(runs: Sequence[JointRun], config: JointConfig) -> JointModel:
-    model = JointModel(config, runs[0].features.shape[1])
-    model.start_from(
-        torch.cat([torch.from_numpy(run.features) for run in runs]),
-        torch.cat([torch.from_numpy(run.local_rotmats) for run in runs]),
-    )
-    return model.to(config.device).train()
+    loss = motion.pop("loss") + config.local_pose * local_pose
+    return {"loss": loss, "local_pose": local_pose} | motion

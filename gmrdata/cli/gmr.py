@@ -18,7 +18,7 @@ from gmrdata.cli.options import (
     need,
 )
 from gmrdata.gmr.config import Which
-from gmrdata.score.records import ProtocolName
+from gmrdata.score import ProtocolName
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 
@@ -170,9 +170,8 @@ def infer(
             motion begins, in a world of its own.
         video: Whether to draw body.mp4, which takes longest.
     """
-    from gmrdata.gmr.infer import RECORD_FILE, InferConfig, infer_world_motion
+    from gmrdata.gmr.infer import RECORD_FILE, InferConfig, InferRecord, infer_world_motion
     from gmrdata.pages.inference import draw_motion
-    from gmrdata.values.files import read_json
 
     if fps_hz is not None and not 0 < fps_hz < float("inf"):
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
@@ -184,17 +183,17 @@ def infer(
         run, source, "anny" if path is None else str(path), out, config,
         draw=draw_motion, joint_map=joint_map, run=Run(redo=redo),
     )  # fmt: skip
-    motions = read_json(made / RECORD_FILE)["motions"]
+    motions = InferRecord.read(made / RECORD_FILE).motions
     print_table(
         ("motion", "frames", "of the video", "filled", "rate [Hz]", "path [m]"),
         [
             (
                 name,
-                f"{one['frames']}",
-                f"{one['first_frame']}-{one['last_frame']}",
-                f"{one['filled_frames']}",
-                f"{one['fps_hz']:g}",
-                f"{one['path_m']:.2f}",
+                f"{one.frames}",
+                f"{one.first_frame}-{one.last_frame}",
+                f"{one.filled_frames}",
+                f"{one.fps_hz:g}",
+                f"{one.path_m:.2f}",
             )
             for name, one in motions.items()
         ],

@@ -1,17 +1,10 @@
-"""A checkpoint of GMR: what a kept step's folder holds (`gmrdata.gmr.checkpoint`).
+"""A checkpoint: the folder of a kept step, whole or absent, and a pointer to the latest.
 
-`model.safetensors`, `optimizer.safetensors` and `state.json`.  A run that averages its weights has
-`average.safetensors` too, and `averaged` in its state says so: that is then the network, and
-`model` what training goes on from.  Where there are held-out scores, `best.safetensors` has the
-network that scored best up to that step: the best so far is part of the state that a killed run
-goes on from, and comes and goes with it.
-
-Weights and the optimiser's state as safetensors files, held against the network they are for.
-
-The folder of a kept step, whole or absent, and a pointer to the latest.
-
-`<run>/checkpoints/step_00001000/` holds files of weights and `state.json`; the file `latest` beside
-it holds the folder's name.
+`<run>/checkpoints/step_00001000/` holds `state.json`, `model.safetensors` and
+`optimizer.safetensors`; the file `latest` beside it holds the folder's name.  A run that averages
+its weights has `average.safetensors` too, which is then the network, and `model` what training goes
+on from.  Where there are held-out scores, `best.safetensors` has the network that scored best up to
+that step: it is part of the state that a killed run goes on from, and comes and goes with it.
 """
 
 import math
@@ -20,10 +13,10 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, TypeVar
 
 import torch
-from pydantic import ValidationError
+from pydantic import BaseModel, Field
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
@@ -32,90 +25,90 @@ from gmrdata.gmr.config import ModelConfig, Which
 from gmrdata.gmr.model import Gmr
 from gmrdata.values.errors import BadCheckpoint, BadRecord, MissingInput
 from gmrdata.values.files import read_json, write_json, write_text
-
-WEIGHTS_FILE = "model.safetensors"
-"""What training goes on from."""
-OPTIMIZER_FILE = "optimizer.safetensors"
-"""The optimiser's state, beside it."""
-
-
-def fill_network(path: Path, model: nn.Module) -> None:
-    """Fill a network with a file's weights.
-
-    Raises:
-        BadCheckpoint: the file is truncated or missing, or of another model.
-    """
-    tensors = read_tensors(path)
-    _check_names(path, tensors, {name: t.shape for name, t in model.state_dict().items()})
-    model.load_state_dict(tensors)
-
-
-def fill_optimizer(path: Path, model: nn.Module, optimizer: torch.optim.Optimizer) -> None:
-    """Fill an optimiser that was just made over `model.parameters()`.
-
-    Raises:
-        BadCheckpoint: the file is truncated or missing, or of another model.
-    """
-    tensors = read_tensors(path)
-    shapes = {}
-    for name, parameter in model.named_parameters():
-        shapes[f"{name}.step"] = torch.Size(())
-        shapes |= {f"{name}.{key}": parameter.shape for key in ("exp_avg", "exp_avg_sq")}
-    _check_names(path, tensors, shapes)
-    state = {
-        i: {key: tensors[f"{name}.{key}"] for key in ("step", "exp_avg", "exp_avg_sq")}
-        for i, (name, _) in enumerate(model.named_parameters())
-    }
-    groups = optimizer.state_dict()["param_groups"]
-    optimizer.load_state_dict({"state": state, "param_groups": groups})
-
-
-def optimizer_tensors(model: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """State of an Adam over `model.parameters()`, by the names of these."""
-    state = optimizer.state_dict()["state"]
-    return writable(
-        {
-            f"{name}.{key}": value
-            for i, (name, _) in enumerate(model.named_parameters())
-            for key, value in state[i].items()
-        }
-    )
-
-
-def writable(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Copies on the CPU that share no memory: a GRU on a GPU keeps its weights in one buffer."""
-    return {name: tensor.detach().cpu().clone().contiguous() for name, tensor in tensors.items()}
-
-
-def read_tensors(path: Path) -> dict[str, Tensor]:
-    """All tensors of a file.
-
-    Raises:
-        BadCheckpoint: it is truncated, missing, or not safetensors.
-    """
-    try:
-        tensors: dict[str, Tensor] = load_file(path)
-    except (SafetensorError, OSError) as error:
-        raise BadCheckpoint(
-            f"{path}: truncated, missing or not safetensors ({error}). Train again"
-        ) from None
-    return tensors
-
-
-def _check_names(path: Path, tensors: dict[str, Tensor], shapes: dict[str, torch.Size]) -> None:
-    found = {name: tensor.shape for name, tensor in tensors.items()}
-    if found == shapes:
-        return
-    differing = sorted(
-        name for name in found.keys() | shapes.keys() if found.get(name) != shapes.get(name)
-    )
-    raise BadCheckpoint(
-        f"{path}: of another model; differing tensors: {', '.join(differing[:5])}"
-        f"{' ...' if len(differing) > 5 else ''}. Use the run's own settings, or train again"
-    )
-
+from gmrdata.values.records import Config, Record
 
 STATE_FILE = "state.json"
+OPTIMIZER_FILE = "optimizer.safetensors"
+
+Weights = Literal["trained", "average", "best"]
+"""What a checkpoint keeps: what training goes on from, its average, and the best network."""
+
+FILES: dict[Weights, str] = {
+    "trained": "model.safetensors",
+    "average": "average.safetensors",
+    "best": "best.safetensors",
+}
+"""Files of weights."""
+
+_MOMENTS = ("exp_avg", "exp_avg_sq")
+
+
+class StepState(Record):
+    """What every kept step says of itself."""
+
+    step: int = Field(ge=0)
+    """Steps done."""
+    body: str
+    """Name of the body that the network is trained on."""
+
+
+class BestScore(Config):
+    """The lowest score on held-out clips so far."""
+
+    step: int
+    """Steps done then."""
+    score: str
+    """Which score."""
+    value: float
+    """Its value."""
+
+
+class GmrState(StepState):
+    """`state.json` of a GMR."""
+
+    format: Literal["gmrdata-gmr/2"] = "gmrdata-gmr/2"
+    model: ModelConfig
+    """The network's settings."""
+    fps_hz: float = Field(gt=0)
+    """Frame rate that it is trained at [Hz]."""
+    processes: int
+    """Processes that train it, on which a step's windows depend."""
+    averaged: bool
+    """Whether there are averaged weights, which are then the network."""
+    best: BestScore | None
+    """What scored best so far; null where nothing was scored."""
+
+
+class _FirstGmrState(GmrState):
+    """The first version left out what did not apply."""
+
+    format: Literal["gmrdata-gmr/1"] = "gmrdata-gmr/1"  # type: ignore[assignment]
+    processes: int = 1
+    averaged: bool = False
+    best: BestScore | None = None
+
+
+State = TypeVar("State", bound=StepState)
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The weights that scored best on held-out clips so far."""
+
+    score: BestScore
+    """When, and how well."""
+    weights: dict[str, Tensor]
+    """By name, on the CPU."""
+
+
+def best_of(best: Best | None, step: int, score: str, value: float, model: Gmr) -> Best | None:
+    """The better of the best so far and the network's weights now; the older one if equal.
+
+    A score that is not a number is no score.
+    """
+    if not math.isfinite(value) or (best is not None and best.score.value <= value):
+        return best
+    return Best(BestScore(step=step, score=score, value=value), writable(model.state_dict()))
 
 
 def checkpoint_dir(run_dir: Path, step: int) -> Path:
@@ -138,8 +131,65 @@ def latest_checkpoint(run_dir: Path) -> Path | None:
     return folder
 
 
-def write_step(
-    run_dir: Path, step: int, tensors: Mapping[str, dict[str, Tensor]], state: dict[str, Any]
+def trained_checkpoint(run_dir: Path) -> Path:
+    """The latest checkpoint of a run that has one.
+
+    Raises:
+        MissingInput: there is none.
+        BadCheckpoint: the pointer names a folder that is not there.
+    """
+    folder = latest_checkpoint(run_dir)
+    if folder is None:
+        raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a finished run")
+    return folder
+
+
+def save_checkpoint(
+    run_dir: Path,
+    step: int,
+    model: Gmr,
+    optimizer: torch.optim.Optimizer,
+    *,
+    body: str,
+    fps_hz: float,
+    processes: int = 1,
+    best: Best | None = None,
+    average: Gmr | None = None,
+) -> Path:
+    """Keep a step of a GMR's training.
+
+    Args:
+        run_dir: The run's folder.
+        step: Steps done.
+        model: The network.
+        optimizer: Its optimiser, made over `model.parameters()`.
+        body: Name of the body.
+        fps_hz: Frame rate of the network's input [Hz].
+        processes: How many train it.
+        best: The best weights so far, if there are held-out scores.
+        average: The average of its weights, where the run keeps one.
+    """
+    state = GmrState(
+        step=step,
+        body=body,
+        model=model.config,
+        fps_hz=fps_hz,
+        processes=processes,
+        averaged=average is not None,
+        best=None if best is None else best.score,
+    )
+    more = {} if average is None else {FILES["average"]: writable(average.state_dict())}
+    if best is not None:
+        more[FILES["best"]] = best.weights
+    return save_step(run_dir, state, model, optimizer, more)
+
+
+def save_step(
+    run_dir: Path,
+    state: StepState,
+    model: nn.Module,
+    optimizer: torch.optim.Optimizer,
+    more: Mapping[str, dict[str, Tensor]] | None = None,
 ) -> Path:
     """Write a step's files, point `latest` to them, and drop older ones.
 
@@ -147,17 +197,22 @@ def write_step(
 
     Args:
         run_dir: The run's folder.
-        step: Steps done.
-        tensors: Tensors on the CPU that share no memory, by name, for each file.
-        state: JSON values for `state.json`, to which the step is added.
+        state: What the step says of itself.
+        model: The network.
+        optimizer: An Adam over `model.parameters()`.
+        more: Tensors on the CPU that share no memory, by name, for each further file.
     """
-    folder = checkpoint_dir(run_dir, step)
+    tensors = {
+        FILES["trained"]: writable(model.state_dict()),
+        OPTIMIZER_FILE: _optimizer_tensors(model, optimizer),
+    }
+    folder = checkpoint_dir(run_dir, state.step)
     temporary = folder.with_name(f".{folder.name}.tmp")
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir(parents=True)
-    for name, values in tensors.items():
+    for name, values in (tensors | dict(more or {})).items():
         save_file(values, temporary / name)
-    write_json(temporary / STATE_FILE, state | {"step": step})
+    write_json(temporary / STATE_FILE, state.model_dump(mode="json"))
     for file in temporary.iterdir():
         _fsync(file)
     shutil.rmtree(folder, ignore_errors=True)
@@ -170,113 +225,47 @@ def write_step(
     return folder
 
 
-def read_step_state(folder: Path, file_format: str) -> dict[str, Any]:
-    """A kept step's `state.json`.
+def read_state(folder: Path) -> GmrState:
+    """The `state.json` of a GMR's checkpoint.
 
     Raises:
-        BadCheckpoint: it is missing, not JSON, or of another format.
+        BadCheckpoint: it is missing, not JSON, of another format, or lacks a key.
+    """
+    try:
+        value = read_json(folder / STATE_FILE)
+    except (MissingInput, BadRecord) as error:
+        raise BadCheckpoint(f"{error}. Train again") from None
+    is_first = isinstance(value, dict) and value.get("format") == _FirstGmrState.tag()
+    return read_step_state(folder, _FirstGmrState if is_first else GmrState)
+
+
+def read_step_state(folder: Path, kind: type[State]) -> State:
+    """A kept step's `state.json`, with every setting of the network.
+
+    Raises:
+        BadCheckpoint: it is missing, not JSON, of another format, or lacks a key.
     """
     path = folder / STATE_FILE
     try:
-        state = read_json(path)
+        state = kind.read(path)
     except (MissingInput, BadRecord) as error:
-        raise BadCheckpoint(f"{path}: unreadable ({error}). Train again") from None
-    if not isinstance(state, dict) or state.get("format") != file_format or "step" not in state:
-        raise BadCheckpoint(
-            f"{path}: not a checkpoint of {file_format}. Give a run made by gmrdata"
-        )
+        raise BadCheckpoint(f"{error}. Give a run made by gmrdata, or train again") from None
+    left_out = [] if kind is _FirstGmrState else _left_out(state)
+    if left_out:
+        raise BadCheckpoint(f"{path}: has no key `{left_out[0]}`. Train again")
     return state
 
 
-def _fsync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-FORMAT = "gmrdata-gmr/1"
-
-Weights = Literal["trained", "average", "best"]
-"""What a checkpoint keeps: what training goes on from, its average, and the best network."""
-
-FILES: dict[Weights, str] = {
-    "trained": WEIGHTS_FILE,
-    "average": "average.safetensors",
-    "best": "best.safetensors",
-}
-"""Files of weights."""
-
-
-@dataclass(frozen=True, eq=False)
-class Best:
-    """The weights that scored best on held-out clips so far."""
-
-    step: int
-    """Steps done then."""
-    score: str
-    """Which score."""
-    value: float
-    """Its value."""
-    weights: dict[str, Tensor]
-    """By name, on the CPU."""
-
-
-def best_of(best: Best | None, step: int, score: str, value: float, model: Gmr) -> Best | None:
-    """The better of the best so far and the network's weights now; the older one if equal.
-
-    A score that is not a number is no score.
-    """
-    if not math.isfinite(value) or (best is not None and best.value <= value):
-        return best
-    return Best(step, score, value, writable(model.state_dict()))
-
-
-def save_checkpoint(
-    run_dir: Path,
-    step: int,
-    model: Gmr,
-    optimizer: torch.optim.Optimizer,
-    extra: dict[str, Any],
-    best: Best | None = None,
-    *,
-    average: Gmr | None = None,
-) -> Path:
-    """Write weights, optimiser and state of a step, point `latest` to them, and drop older ones.
-
-    A process that is killed at any moment leaves the former checkpoint or this one.
-
-    Args:
-        run_dir: The run's folder.
-        step: Steps done.
-        model: The network.
-        optimizer: Its optimiser, made over `model.parameters()`.
-        extra: JSON values to keep in `state.json` beside step and model config.
-        best: The best weights so far, if there are held-out scores.
-        average: The average of its weights, where the run keeps one.
-    """
-    tensors = {
-        FILES["trained"]: writable(model.state_dict()),
-        OPTIMIZER_FILE: optimizer_tensors(model, optimizer),
-    }
-    state: dict[str, Any] = {"format": FORMAT, "model": model.config.model_dump(mode="json")}
-    if average is not None:
-        tensors[FILES["average"]] = writable(average.state_dict())
-        state["averaged"] = True
-    if best is not None:
-        tensors[FILES["best"]] = best.weights
-        state["best"] = {"step": best.step, "score": best.score, "value": best.value}
-    return write_step(run_dir, step, tensors, state | extra)
-
-
-def read_state(folder: Path) -> dict[str, Any]:
-    """The checkpoint's `state.json`.
-
-    Raises:
-        BadCheckpoint: it is missing, not JSON, or of another format.
-    """
-    return read_step_state(folder, FORMAT)
+def _left_out(model: BaseModel) -> list[str]:
+    """Settings that a file does not state: their defaults may be others today."""
+    names = []
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        if name not in model.model_fields_set:
+            names.append(name)
+        elif isinstance(value, BaseModel):
+            names += [f"{name}.{inner}" for inner in _left_out(value)]
+    return names
 
 
 def read_model(folder: Path, which: Which = "latest") -> Gmr:
@@ -287,30 +276,15 @@ def read_model(folder: Path, which: Which = "latest") -> Gmr:
             asked for and were not kept.
     """
     state = read_state(folder)
-    try:
-        config = ModelConfig.model_validate(state.get("model"))
-    except ValidationError as error:
-        raise BadCheckpoint(f"{folder / STATE_FILE}: no model settings: {error}") from None
-    model = Gmr(config)
-    if which == "best":
-        if read_best(folder) is None:
-            raise BadCheckpoint(
-                f"{folder}: no best weights, since none were scored while training. Use the latest,"
-                " or train with held-out manifests"
-            )
-        load_weights(folder, model, "best")
-    else:
-        load_weights(folder, model, "average" if state.get("averaged") else "trained")
+    model = Gmr(state.model)
+    if which == "best" and state.best is None:
+        raise BadCheckpoint(
+            f"{folder}: no best weights, since none were scored while training. Use the latest,"
+            " or train with held-out manifests"
+        )
+    latest: Weights = "average" if state.averaged else "trained"
+    load_weights(folder, model, "best" if which == "best" else latest)
     return model
-
-
-def load_weights(folder: Path, model: Gmr, kind: Weights = "trained") -> None:
-    """Fill a network with a checkpoint's weights.
-
-    Raises:
-        BadCheckpoint: the file is truncated or missing, or of another model.
-    """
-    fill_network(folder / FILES[kind], model)
 
 
 def read_best(folder: Path) -> Best | None:
@@ -319,22 +293,86 @@ def read_best(folder: Path) -> Best | None:
     Raises:
         BadCheckpoint: a file is truncated or missing.
     """
-    record = read_state(folder).get("best")
-    if record is None:
-        return None
-    weights = read_tensors(folder / FILES["best"])
-    try:
-        return Best(int(record["step"]), str(record["score"]), float(record["value"]), weights)
-    except (KeyError, TypeError, ValueError) as error:
-        raise BadCheckpoint(
-            f"{folder / STATE_FILE}: unreadable entry best ({error!r}). Train again"
-        ) from None
+    score = read_state(folder).best
+    return None if score is None else Best(score, _read_tensors(folder / FILES["best"]))
 
 
-def load_optimizer(folder: Path, model: Gmr, optimizer: torch.optim.Optimizer) -> None:
+def load_weights(folder: Path, model: nn.Module, kind: Weights = "trained") -> None:
+    """Fill a network with a checkpoint's weights.
+
+    Raises:
+        BadCheckpoint: the file is truncated or missing, or of another model.
+    """
+    path = folder / FILES[kind]
+    tensors = _read_tensors(path)
+    _check_names(path, tensors, {name: t.shape for name, t in model.state_dict().items()})
+    model.load_state_dict(tensors)
+
+
+def load_optimizer(folder: Path, model: nn.Module, optimizer: torch.optim.Optimizer) -> None:
     """Fill an optimiser that was just made over `model.parameters()`.
 
     Raises:
         BadCheckpoint: the file is truncated or missing, or of another model.
     """
-    fill_optimizer(folder / OPTIMIZER_FILE, model, optimizer)
+    path = folder / OPTIMIZER_FILE
+    tensors = _read_tensors(path)
+    shapes = {}
+    for name, parameter in model.named_parameters():
+        shapes[f"{name}.step"] = torch.Size(())
+        shapes |= {f"{name}.{key}": parameter.shape for key in _MOMENTS}
+    _check_names(path, tensors, shapes)
+    state = {
+        i: {key: tensors[f"{name}.{key}"] for key in ("step", *_MOMENTS)}
+        for i, (name, _) in enumerate(model.named_parameters())
+    }
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})
+
+
+def writable(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Copies on the CPU that share no memory: a GRU on a GPU keeps its weights in one buffer."""
+    return {name: tensor.detach().cpu().clone().contiguous() for name, tensor in tensors.items()}
+
+
+def _optimizer_tensors(model: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """State of an Adam over `model.parameters()`, by the names of these."""
+    state = optimizer.state_dict()["state"]
+    return writable(
+        {
+            f"{name}.{key}": value
+            for i, (name, _) in enumerate(model.named_parameters())
+            for key, value in state[i].items()
+        }
+    )
+
+
+def _read_tensors(path: Path) -> dict[str, Tensor]:
+    try:
+        tensors: dict[str, Tensor] = load_file(path)
+    except (SafetensorError, OSError) as error:
+        raise BadCheckpoint(
+            f"{path}: truncated, missing or not safetensors ({error}). Train again"
+        ) from None
+    return tensors
+
+
+def _check_names(path: Path, tensors: dict[str, Tensor], shapes: dict[str, torch.Size]) -> None:
+    found = {name: tensor.shape for name, tensor in tensors.items()}
+    if found == shapes:
+        return
+    differing = sorted(
+        name for name in found.keys() | shapes.keys() if found.get(name) != shapes.get(name)
+    )
+    raise BadCheckpoint(
+        f"{path}: of another model; differing tensors: {', '.join(differing[:5])}"
+        f"{' ...' if len(differing) > 5 else ''}. Use the run's own settings, or train again"
+    )
+
+
+def _fsync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -106,7 +106,31 @@ class DataConfig(Config):
     the paper's synthetic set (its Table 8), on which it scores."""
 
 
-class TrainConfig(Config):
+class StepsConfig(Config):
+    """What trainings of any network have in common."""
+
+    learning_rate: float = Field(default=5e-5, gt=0.0)
+    """Adam's step size; the paper's 5e-5."""
+    gradient_norm: float | None = Field(default=None, gt=0.0)
+    """Longest gradient, clipped beyond; None for no limit, of which the paper says nothing."""
+    batch_size: int = Field(default=32, ge=1)
+    """Windows per step and process; the paper's 32.  N processes (`torchrun`) train as one does
+    with N times as many."""
+    steps: int = Field(default=100_000, ge=1)
+    """Steps; the paper doesn't say how many."""
+    seed: int = Field(default=0, ge=0)
+    """Of the initial weights, the windows and the dropout."""
+    log_every: int = Field(default=10, ge=1)
+    """Steps between lines of metrics.jsonl."""
+    checkpoint_every: int = Field(default=1000, ge=1)
+    """Steps between checkpoints, from which a run that was stopped goes on."""
+    threads: int = Field(default=1, ge=1)
+    """CPU threads; part of the recipe, since another number rounds sums in another way."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where to train.  Bitwise repetition is promised on the CPU."""
+
+
+class TrainConfig(StepsConfig):
     """A training run; the defaults are the paper's (section 4.1) where it states one."""
 
     model: ModelConfig = ModelConfig()
@@ -117,38 +141,19 @@ class TrainConfig(Config):
     """The training windows."""
     data: DataConfig = DataConfig()
     """The clips that they are cut from."""
-    learning_rate: float = Field(default=5e-5, gt=0.0)
-    """Adam's step size; the paper's 5e-5."""
     schedule: Literal["constant", "cosine"] = "constant"
     """Step size over time: constant (the paper states no schedule), or down to 0 along a cosine."""
     warmup_steps: int = Field(default=0, ge=0)
     """Steps over which the step size rises from 0; the paper states none."""
-    gradient_norm: float | None = Field(default=None, gt=0.0)
-    """Longest gradient, clipped beyond; None for no limit, of which the paper says nothing."""
     average_decay: float = Field(default=0.0, ge=0.0, lt=1.0)
     """Share of the former value that an exponential moving average of the weights keeps in a step;
     the average is then what is scored and used.  0 for the weights themselves, as in the paper.
     In the first steps the share is less, (1 + step) / (10 + step), so that the average forgets
     where it began."""
-    batch_size: int = Field(default=32, ge=1)
-    """Windows per step and process; the paper's 32.  N processes (`torchrun`) train as one does
-    with N times as many."""
-    steps: int = Field(default=100_000, ge=1)
-    """Steps; the paper doesn't say how many."""
-    seed: int = Field(default=0, ge=0)
-    """Of the initial weights, the windows and the dropout."""
-    log_every: int = Field(default=10, ge=1)
-    """Steps between lines of metrics.jsonl."""
     eval_every: int = Field(default=1000, ge=1)
     """Steps between scores on held-out clips, where such are given."""
     best_by: Literal["held_out_tme_mm", "held_out_ome_deg"] = "held_out_tme_mm"
     """The held-out score whose lowest value makes the weights that are kept as the best."""
-    checkpoint_every: int = Field(default=1000, ge=1)
-    """Steps between checkpoints."""
-    threads: int = Field(default=1, ge=1)
-    """CPU threads; part of the recipe, since another number rounds sums in another way."""
-    device: Literal["cpu", "cuda"] = "cpu"
-    """Where to train.  Bitwise repetition is promised on the CPU."""
     precision: Literal["fp32", "bf16"] = "fp32"
     """Numbers that the network computes with: `bf16` by autocast, with weights, loss and optimiser
     in float32.  The paper does not say; float32 was usual."""

@@ -8,20 +8,30 @@ a batch is made.
 
 import io
 import shutil
-from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
+from gmrdata.gmr.config import Representation
 from gmrdata.stage.store import locked
-from gmrdata.values.errors import BadRecord
-from gmrdata.values.files import read_json, write_json
+from gmrdata.values.errors import BadRecord, MissingInput
+from gmrdata.values.records import Record
 
-FORMAT = "gmrdata-pack/1"
 PACK_FILE = "pack.json"
+
+
+class PackRecord(Record):
+    """What decides the content of a set's files."""
+
+    format: Literal["gmrdata-pack/1"] = "gmrdata-pack/1"
+    input: Representation
+    """Of the network's input."""
+    fps_hz: float
+    """Frame rate [Hz]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +86,7 @@ def in_memory(runs: Iterable[RunRows]) -> FlatRuns:
     return FlatRuns(**frames, **_of_runs(kept))
 
 
-def in_files(runs: Iterable[RunRows], folder: Path, about: dict[str, Any]) -> FlatRuns:
+def in_files(runs: Iterable[RunRows], folder: Path, about: PackRecord) -> FlatRuns:
     """Lay runs end to end in one .npy per quantity, or find them there; mapped into memory.
 
     Processes that ask at once write once.  A folder that exists is complete.
@@ -84,23 +94,29 @@ def in_files(runs: Iterable[RunRows], folder: Path, about: dict[str, Any]) -> Fl
     Args:
         runs: The runs, gone through once and not kept; there must be one at least.
         folder: The folder to make.
-        about: What decides the content, as plain values; a folder of something else is made anew.
+        about: What decides the content; a folder of something else is made anew.
 
     Raises:
-        BadRecord: the folder's record or an array is broken.
+        BadRecord: an array in the folder is broken.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    wanted = {"format": FORMAT} | about
     with locked(folder.with_name(f".{folder.name}.lock")):
-        if not (folder / PACK_FILE).is_file() or read_json(folder / PACK_FILE) != wanted:
+        if not _is_packed(folder, about):
             partial = folder.with_name(folder.name + ".partial")
             for old in (partial, folder):
                 shutil.rmtree(old, ignore_errors=True)
             partial.mkdir()
             _write(runs, partial)
-            write_json(partial / PACK_FILE, wanted)
+            about.write(partial / PACK_FILE)
             partial.rename(folder)
     return _mapped(folder)
+
+
+def _is_packed(folder: Path, about: PackRecord) -> bool:
+    try:
+        return PackRecord.read(folder / PACK_FILE) == about
+    except (MissingInput, BadRecord):
+        return False
 
 
 def remove_files(folder: Path) -> None:
@@ -113,21 +129,35 @@ def _write(runs: Iterable[RunRows], folder: Path) -> None:
     # Rows of runs without their frames, which are many.
     kept: list[RunRows] = []
     lengths: list[int] = []
+    row_shapes: dict[str, tuple[int, ...]] = {}
     with ExitStack() as stack:
-        columns: dict[str, _Column] = {}
+        streams = {
+            name: stack.enter_context((folder / f"{name}.npy").open("wb")) for name in _FRAME_ARRAYS
+        }
         for run in runs:
-            if not kept:
-                for name, dtype in _FRAME_ARRAYS.items():
-                    row_shape = getattr(run, name).shape[1:]
-                    opened = _column(folder / f"{name}.npy", np.dtype(dtype), row_shape)
-                    columns[name] = stack.enter_context(opened)
-            for name, column in columns.items():
-                column.append(getattr(run, name))
+            for name, stream in streams.items():
+                rows = np.ascontiguousarray(getattr(run, name), dtype=_FRAME_ARRAYS[name])
+                if not kept:
+                    row_shapes[name] = rows.shape[1:]
+                    stream.write(_header(name, (0, *rows.shape[1:])))
+                stream.write(rows.data)
             none = np.zeros((0,))
             kept.append(RunRows(run.part, none, none, none, run.shape))
             lengths.append(len(run.poses))
+        for name, stream in streams.items():
+            stream.seek(0)
+            stream.write(_header(name, (sum(lengths), *row_shapes[name])))
     for name, values in _of_runs(kept, lengths).items():
         np.save(folder / f"{name}.npy", values)
+
+
+def _header(name: str, shape: tuple[int, ...]) -> bytes:
+    """Header of a .npy: of the same length for any number of rows, since numpy leaves room."""
+    header = io.BytesIO()
+    descr = np.lib.format.dtype_to_descr(np.dtype(_FRAME_ARRAYS[name]))
+    about = {"descr": descr, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(header, about)
+    return header.getvalue()
 
 
 def _of_runs(runs: list[RunRows], lengths: list[int] | None = None) -> dict[str, np.ndarray]:
@@ -153,44 +183,3 @@ def _mapped(folder: Path) -> FlatRuns:
             f"{folder}: its arrays do not fit together. Remove it, and it is made again"
         )
     return FlatRuns(**frames, **runs)
-
-
-class _Column:
-    """A .npy that grows row by row."""
-
-    def __init__(
-        self, stream: io.BufferedWriter, dtype: np.dtype, row_shape: tuple[int, ...]
-    ) -> None:
-        self._stream, self._dtype, self._row_shape = stream, dtype, row_shape
-        self._count = 0
-        stream.write(self._header())
-
-    def append(self, rows: np.ndarray) -> None:
-        """Add rows (n, ...)."""
-        self._stream.write(np.ascontiguousarray(rows, dtype=self._dtype).data)
-        self._count += len(rows)
-
-    def finish(self) -> None:
-        """Say in the header how many rows there are."""
-        self._stream.seek(0)
-        self._stream.write(self._header())
-
-    def _header(self) -> bytes:
-        """Of the same length for any number of rows: numpy leaves room for the number to grow."""
-        header = io.BytesIO()
-        shape = (self._count, *self._row_shape)
-        description = {
-            "descr": np.lib.format.dtype_to_descr(self._dtype),
-            "fortran_order": False,
-            "shape": shape,
-        }
-        np.lib.format.write_array_header_1_0(header, description)
-        return header.getvalue()
-
-
-@contextmanager
-def _column(path: Path, dtype: np.dtype, row_shape: tuple[int, ...]) -> Iterator[_Column]:
-    with path.open("wb") as stream:
-        column = _Column(stream, dtype, row_shape)
-        yield column
-        column.finish()

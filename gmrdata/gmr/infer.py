@@ -1,35 +1,31 @@
 """The stage: a file of local poses and a trained network to world motions in usual formats.
 
-The predicted world motion at the frame rate of the poses that it was predicted from.
+The predicted motion has the frame rate of the poses.  The network sees them at its own rate, and
+between two of its moments the root is interpolated as `gmrdata.motion.resample` does it everywhere.
+Its last moment may lie up to one of its steps before the last pose.  For what is left it looks at
+the poses a second time, in the phase that ends with the last one, and that last predicted step is
+laid on the end: the first and the last frame are there, and nothing is extrapolated.
 
-The network sees the poses at its own rate.  Between two of its moments the predicted root is
-interpolated as `gmrdata.motion.resample` does it everywhere: rotations on the shortest way (slerp),
-positions linearly; at its moments the prediction stands as it is.  Its last moment may lie up to
-one of its steps before the last pose.  For what is left the network looks at the poses a second
-time, in the phase that ends with the last one, and that last predicted step is laid on the end.  So
-the first and the last frame are there, and nothing is extrapolated.
-
-Where up is in a predicted world, and its floor.
-
-GMR predicts motion between frames and knows no gravity.  But a foot that stands still stands flat,
-nearly always: in the frames in which its ankle and its toe joint hardly move, the direction that
-points out of the foot's upper side in the rest pose points up.  The geometric median of those
-directions (Weiszfeld 1937) is taken as up, so a few feet on their toes do not matter.  A motion in
-which no foot stands (swimming, lying) keeps the world in which the pelvis is upright in the first
-frame.  Last, standing soles are put on z = 0 (`gmrdata.motion.ground`).
+GMR knows no gravity.  But a foot that stands still stands flat, nearly always: in the frames in
+which its ankle and its toe joint hardly move, the direction that points out of the foot's upper
+side in the rest pose points up.  The geometric median of those directions (Weiszfeld 1937) is taken
+as up, so a few feet on their toes do not matter.  A motion in which no foot stands (swimming,
+lying) keeps the world in which the pelvis is upright in the first frame.  Last, standing soles are
+put on z = 0 (`gmrdata.motion.ground`).
 """
 
 import re
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import Which
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
@@ -42,19 +38,15 @@ from gmrdata.values import transforms
 from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.files import write_json
 from gmrdata.values.motion import Motion
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, Record
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 from gmrdata.write.glb import write_glb
 
-if TYPE_CHECKING:
-    from gmrdata.gmr.predict import TrainedGmr
 
-
-def predict_at_source_rate(gmr: "TrainedGmr", motion: Motion) -> Motion:
+def predict_at_source_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
     """World motion of a person from the local pose alone, with a row for each of the poses.
 
     Args:
@@ -68,8 +60,6 @@ def predict_at_source_rate(gmr: "TrainedGmr", motion: Motion) -> Motion:
     Raises:
         BadMotionFile: less than two frames at the network's rate, NaN poses, or a lower rate.
     """
-    from gmrdata.gmr.predict import predict_world_motion
-
     n = motion.n_frames
     poses = replace(motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3)))
     seen = predict_world_motion(gmr, poses, first_root_rotmat=WORLD_FROM_REST)
@@ -89,10 +79,8 @@ def predict_at_source_rate(gmr: "TrainedGmr", motion: Motion) -> Motion:
     )
 
 
-def _rest_of_the_way(gmr: "TrainedGmr", poses: Motion, seen: Motion, n_missing: int) -> np.ndarray:
+def _rest_of_the_way(gmr: TrainedGmr, poses: Motion, seen: Motion, n_missing: int) -> np.ndarray:
     """(n_missing, 4, 4) world_from_root of the frames after the network's last moment."""
-    from gmrdata.gmr.predict import predict_world_motion
-
     end_s = (poses.n_frames - 1) / poses.fps_hz
     n_steps = int(end_s * gmr.fps_hz + ON_A_SAMPLE)
     late = predict_world_motion(
@@ -176,10 +164,51 @@ def _geometric_median(points: np.ndarray) -> np.ndarray:
     return np.asarray(middle)
 
 
-FORMAT = "gmrdata-infer/1"
 CLIP_FILE, AMASS_FILE = "clip.npz", "amass.npz"
 BVH_FILE, GLB_FILE = "motion.bvh", "body.glb"
 RECORD_FILE = "infer.json"
+
+
+class NetworkUsed(Config):
+    """Which network predicted."""
+
+    run: str
+    """Name of its run's folder."""
+    step: int
+    """Training steps behind its weights."""
+    fps_hz: float
+    """Its frame rate [Hz]."""
+
+
+class InferredMotion(Config):
+    """What was made of an unbroken run of a person."""
+
+    frames: int
+    fps_hz: float
+    first_frame: int
+    """Number of its first image; -1 without images."""
+    last_frame: int
+    filled_frames: int
+    """Frames of gaps that were filled."""
+    path_m: float
+    """Length of the pelvis's path over the ground [m]."""
+    source: str
+    """Where it comes from, for a person to read."""
+
+
+class InferRecord(Record):
+    """`infer.json`."""
+
+    format: Literal["gmrdata-infer/1"] = "gmrdata-infer/1"
+    poses: str
+    """Name of the file of poses."""
+    body: str
+    """Name of the body."""
+    model: NetworkUsed
+    motions: dict[str, InferredMotion]
+    """By folder."""
+    left_out: dict[str, str]
+    """Runs of frames that are too short, and why."""
 
 
 class InferConfig(Config):
@@ -241,7 +270,8 @@ def infer_world_motion(
     from gmrdata.read.bodies import load_body
 
     config = config or InferConfig()
-    inputs = {"run": run_dir} | _pose_inputs(source)
+    inputs = {f"poses_{role}": path for role, path in input_files(source).items()}
+    inputs["run"] = run_dir
     if joint_map is not None:
         inputs["joint_map"] = joint_map
     if body_spec != "anny":
@@ -253,7 +283,7 @@ def infer_world_motion(
     gmr, worlds, left_out = _predict(run_dir, source, body, config, joint_map)
 
     def work(partial_dir: Path) -> None:
-        write_json(partial_dir / RECORD_FILE, _record(gmr, source, body, worlds, left_out))
+        _record(gmr, source, body, worlds, left_out).write(partial_dir / RECORD_FILE)
         for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
             _write_files(partial_dir / name, world, body)
         for name, world in worlds.items():
@@ -262,17 +292,10 @@ def infer_world_motion(
     return run_stage("infer", out_dir, config, inputs, work, resumable=True, run=run)
 
 
-def _pose_inputs(source: Path) -> dict[str, Path]:
-    """The files that the poses are read from, by role."""
-    return {f"poses_{role}": path for role, path in input_files(source).items()}
-
-
 def _predict(
     run_dir: Path, source: Path, body: BodyModel, config: InferConfig, joint_map: Path | None
-) -> tuple["TrainedGmr", dict[str, Clip], dict[str, str]]:
+) -> tuple[TrainedGmr, dict[str, Clip], dict[str, str]]:
     """The network, the world motions by folder, and why runs of frames were left out."""
-    from gmrdata.gmr.predict import load_gmr
-
     gmr = load_gmr(run_dir, config.which)
     runs = read_local_poses(
         source, config.fps_hz, body=body, joint_map=joint_map, bridge_frames=config.bridge_frames
@@ -323,36 +346,32 @@ def _write_files(folder: Path, clip: Clip, body: BodyModel) -> None:
 
 
 def _record(
-    gmr: "TrainedGmr",
+    gmr: TrainedGmr,
     source: Path,
     body: BodyModel,
     worlds: dict[str, Clip],
     left_out: dict[str, str],
-) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "poses": source.name,
-        "body": body.name,
-        "model": {"run": gmr.name, "step": gmr.step, "fps_hz": gmr.fps_hz},
-        "motions": {
-            name: {
-                "frames": clip.motion.n_frames,
-                "fps_hz": clip.motion.fps_hz,
-                "first_frame": int(clip.image_numbers[0]),
-                "last_frame": int(clip.image_numbers[-1]),
-                "filled_frames": int((~clip.valid).sum()),
-                "path_m": _length_m(clip.motion.pelvis_m),
-                "source": clip.motion.source,
-            }
-            for name, clip in worlds.items()
-        },
-        "left_out": left_out,
-    }
+) -> InferRecord:
+    return InferRecord(
+        poses=source.name,
+        body=body.name,
+        model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
+        motions={name: _described(clip) for name, clip in worlds.items()},
+        left_out=left_out,
+    )
 
 
-def _length_m(pelvis_m: np.ndarray) -> float:
-    """Length of the pelvis's path over the ground [m]."""
-    return round(float(np.linalg.norm(np.diff(pelvis_m[:, :2], axis=0), axis=1).sum()), 4)
+def _described(clip: Clip) -> InferredMotion:
+    steps_m = np.linalg.norm(np.diff(clip.motion.pelvis_m[:, :2], axis=0), axis=1)
+    return InferredMotion(
+        frames=clip.motion.n_frames,
+        fps_hz=clip.motion.fps_hz,
+        first_frame=int(clip.image_numbers[0]),
+        last_frame=int(clip.image_numbers[-1]),
+        filled_frames=int((~clip.valid).sum()),
+        path_m=round(float(steps_m.sum()), 4),
+        source=clip.motion.source,
+    )
 
 
 def _folder_name(clip_id: str, taken: Collection[str]) -> str:

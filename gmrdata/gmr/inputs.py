@@ -146,15 +146,19 @@ def root_step_m(shares: Tensor, places_m: Tensor, delta_rotmats: Tensor) -> Tens
 def joints_seen(poses: Tensor, representation: Representation) -> tuple[Tensor, Tensor]:
     """Joints in the root's frame, from the network's input (B, T, D).
 
-    The local rotations come first in the input.  Frames of zeros, which are padding, give values
-    of no meaning, but finite ones.
+    Frames of zeros, which are padding, give values of no meaning, but finite ones.
 
     Returns:
         Places (B, T, 23, 3) [m] and root_from_joint (B, T, 23, 3, 3).
     """
-    local = poses[..., : N_LOCAL * rotations.SIZE[representation]].unflatten(-1, (N_LOCAL, -1))
     with torch.no_grad():
-        return joints_in_root_frame(rotations.to_rotmats(local, representation))
+        return joints_in_root_frame(input_rotmats(poses, representation))
+
+
+def input_rotmats(poses: Tensor, representation: Representation) -> Tensor:
+    """Local rotations (..., 23, 3, 3), which come first in the network's input (..., D)."""
+    local = poses[..., : N_LOCAL * rotations.SIZE[representation]].unflatten(-1, (N_LOCAL, -1))
+    return rotations.to_rotmats(local, representation)
 
 
 def _next(values: Tensor) -> Tensor:

@@ -6,6 +6,7 @@ default reduction and `sum` is an option.
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -22,6 +23,10 @@ class Motions:
     delta_rotmats: Tensor
     delta_m: Tensor
 
+    def to(self, device: torch.device | str) -> Self:
+        """The same on a device."""
+        return type(self)(self.delta_rotmats.to(device), self.delta_m.to(device))
+
 
 @dataclass(frozen=True, eq=False)
 class LossTerms:
@@ -32,6 +37,16 @@ class LossTerms:
     translation: Tensor
     vertex: Tensor
     smoothness: Tensor
+
+    def by_name(self) -> dict[str, Tensor]:
+        """As they are logged."""
+        return {
+            "loss": self.total,
+            "orientation": self.orientation,
+            "translation": self.translation,
+            "vertex": self.vertex,
+            "smoothness": self.smoothness,
+        }
 
 
 @dataclass(frozen=True)

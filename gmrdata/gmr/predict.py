@@ -7,12 +7,12 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.checkpoint import latest_checkpoint, read_model, read_state
+from gmrdata.gmr.checkpoint import read_model, read_state, trained_checkpoint
 from gmrdata.gmr.config import Which
 from gmrdata.gmr.model import Gmr, network_input
 from gmrdata.gmr.runs import runs_at
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadCheckpoint, BadMotionFile, MissingInput
+from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import accumulate
 
@@ -39,16 +39,11 @@ def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
         BadCheckpoint: the checkpoint is truncated or of another kind, or has no best weights.
     """
     run_dir = Path(run_dir)
-    folder = latest_checkpoint(run_dir)
-    if folder is None:
-        raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a finished run")
+    folder = trained_checkpoint(run_dir)
     state = read_state(folder)
-    fps_hz = state.get("fps_hz")
-    if not isinstance(fps_hz, int | float) or not fps_hz > 0:
-        raise BadCheckpoint(f"{folder / 'state.json'}: no frame rate. Train again")
     model = read_model(folder, which).eval()
-    step = state["best"]["step"] if which == "best" else state["step"]
-    return TrainedGmr(model, float(fps_hz), run_dir.name, int(step))
+    step = state.best.step if which == "best" and state.best is not None else state.step
+    return TrainedGmr(model, state.fps_hz, run_dir.name, step)
 
 
 def predict_deltas(gmr: TrainedGmr, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 from gmrdata.values.errors import MissingExtra
 from gmrdata.values.files import write_text
 
-Log = Callable[[dict[str, Any]], None]
+Log = Callable[[Mapping[str, float]], None]
 """Takes a line: `step`, and numbers by name."""
 
 
@@ -34,7 +34,7 @@ def run_log(run_dir: Path | None, done: int, tensorboard: bool) -> Iterator[Log]
     _cut(path, done)
     writer = _event_writer(run_dir, done) if tensorboard else None
 
-    def log(values: dict[str, Any]) -> None:
+    def log(values: Mapping[str, float]) -> None:
         with path.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps(values) + "\n")
         if writer is not None:

@@ -195,27 +195,12 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Run]:
             if stop - start - phase < MIN_FRAMES:
                 continue
             if is_whole:
-                motion = take(clip.motion, slice(start + phase, stop, step), fps_hz)
+                motion = clip.motion.take(slice(start + phase, stop, step), fps_hz)
             else:
-                motion = _resampled(clip.motion, start + phase, stop, fps_hz)
+                motion = resample(clip.motion.take(slice(start + phase, stop)), fps_hz)
             if motion.n_frames >= MIN_FRAMES:
                 runs.append(Run(clip.id, motion))
     return runs
-
-
-def take(motion: Motion, rows: slice, fps_hz: float) -> Motion:
-    """Some frames of a motion, as they are; `fps_hz` is the rate that they then have [Hz]."""
-    return Motion(
-        local_rotmats=motion.local_rotmats[rows],
-        root_rotmats=motion.root_rotmats[rows],
-        pelvis_m=motion.pelvis_m[rows],
-        shape=motion.shape,
-        fps_hz=fps_hz,
-        body=motion.body,
-        gender=motion.gender,
-        frame=motion.frame,
-        source=motion.source,
-    )
 
 
 def check_finite(clip: Clip) -> None:
@@ -234,7 +219,3 @@ def check_finite(clip: Clip) -> None:
             f"clip {clip.id}: {where} holds NaN or infinite numbers ({bad.size} frames in all)."
             " Mark such frames as not valid, or make the clip again"
         )
-
-
-def _resampled(motion: Motion, start: int, stop: int, fps_hz: float) -> Motion:
-    return resample(take(motion, slice(start, stop), motion.fps_hz), fps_hz)

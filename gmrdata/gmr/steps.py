@@ -1,14 +1,6 @@
-"""Exponential moving average of a network's weights (Polyak and Juditsky 1992, in its usual form).
+"""The loop of a training, for any network: a batch in, a step of the optimiser, and a line of log.
 
-The average of the last steps is less noisy than their last one.  It is a second network of the same
-settings, which the checkpoint keeps beside the trained one: training goes on from the trained
-weights, and the average is what is scored and used.
-
-How torch computes while a network is trained.
-
-Stop a training before a step without finite loss or gradient touches the weights.
-
-Batches made ahead of the step that needs them, in a thread.
+Each step is seeded anew, so that a run that was stopped goes on bit for bit.
 """
 
 import math
@@ -17,14 +9,108 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 import torch
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from gmrdata.gmr.checkpoint import latest_checkpoint
-from gmrdata.gmr.model import Gmr
+from gmrdata.gmr.config import StepsConfig
+from gmrdata.gmr.parallel import ALONE, Processes, averaged
+from gmrdata.gmr.run_log import Log, run_log
+from gmrdata.stage.progress import progress_bar
 from gmrdata.values.errors import TrainingDiverged
+
+Batch = TypeVar("Batch")
+
+AHEAD = 2
+"""Batches that are ready or being made while a step is computed."""
+
+
+class Learner(Protocol[Batch]):
+    """What the loop asks of a training.  Steps count from 0."""
+
+    optimizer: torch.optim.Optimizer
+
+    def batch_of(self, step: int) -> Batch:
+        """The batch of a step: of that number alone."""
+
+    def gradients(self, batch: Batch) -> dict[str, float]:
+        """Fill the gradients; the figures of the step, `loss` and `gradient_norm` among them."""
+
+    def rate_at(self, step: int) -> float:
+        """The optimiser's step size."""
+
+    def after(self, done: int, log: Log) -> None:
+        """What is to do after `done` steps: average, score, keep."""
+
+
+def run_steps(
+    learner: Learner[Batch],
+    config: StepsConfig,
+    run_dir: Path,
+    done: int,
+    *,
+    processes: Processes = ALONE,
+    tensorboard: bool = False,
+) -> None:
+    """Train from `done` steps on; within `torch_settings`.
+
+    Raises:
+        TrainingDiverged: the loss became infinite or NaN.
+    """
+    log_dir = run_dir if processes.is_first else None
+    with (
+        progress_bar(shown=processes.is_first) as bar,
+        run_log(log_dir, done, tensorboard) as log,
+    ):
+        task = bar.add_task("training", total=config.steps, completed=done)
+        for step, batch in prefetched(learner.batch_of, range(done, config.steps)):
+            now = step + 1
+            torch.manual_seed(derived_seed(config.seed, now, processes.rank))
+            values = learner.gradients(batch)
+            check_finite(values, run_dir, now)
+            for group in learner.optimizer.param_groups:
+                group["lr"] = learner.rate_at(step)
+            learner.optimizer.step()
+            bar.update(task, advance=1, description=f"training  loss {values['loss']:.5f}")
+            if is_due(now, config.log_every, config):
+                log({"step": now} | values)
+            learner.after(now, log)
+
+
+def is_due(done: int, every: int, config: StepsConfig) -> bool:
+    """Whether something that comes every so many steps, and after the last one, comes now."""
+    return done % every == 0 or done == config.steps
+
+
+def fill_gradients(
+    network: nn.Module,
+    terms: Callable[[], dict[str, Tensor]],
+    longest: float | None,
+    processes: Processes = ALONE,
+) -> dict[str, float]:
+    """Fill the gradients of a step.
+
+    Args:
+        network: The network, whose gradients are averaged over the processes.
+        terms: Computes `loss`, which is minimised, and other scalars to log.
+        longest: Length to which the gradient is clipped; None for no limit.
+        processes: Which of several processes this is.
+
+    Returns:
+        The terms, and `gradient_norm`: the gradient's length before clipping.
+    """
+    network.train()
+    network.zero_grad(set_to_none=True)
+    values = terms()
+    values["loss"].backward()
+    limit = math.inf if longest is None else longest
+    values["gradient_norm"] = nn.utils.clip_grad_norm_(network.parameters(), limit)
+    numbers = averaged(torch.stack([value.detach() for value in values.values()]), processes)
+    return dict(zip(values, numbers.tolist(), strict=True))
 
 
 @contextmanager
@@ -52,26 +138,20 @@ def derived_seed(seed: int, counter: int, rank: int = 0) -> int:
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 
-def start_average(model: Gmr) -> Gmr:
-    """A network with a copy of the weights, in evaluation mode, to put the average into."""
-    average = Gmr(model.config).to(next(model.parameters()).device)
-    average.load_state_dict(model.state_dict())
-    return average.requires_grad_(False).eval()
+def start_average(model: nn.Module, decay: float) -> AveragedModel:
+    """An exponential moving average of a network's weights (Polyak and Juditsky 1992).
 
-
-def update_average(average: Gmr, model: Gmr, decay: float, step: int) -> None:
-    """Take the weights of one more step into the average, in place.
-
-    Args:
-        average: What `start_average` gave.
-        model: The trained network after this step.
-        decay: Share of its former value that the average keeps.
-        step: The step, counted from 0; early on the share is less (`decay_at`).
+    It begins as a copy, and `update_parameters` takes one more step into it.  The average of the
+    last steps is less noisy than the last one.
     """
-    share = 1 - decay_at(decay, step)
-    with torch.no_grad():
-        for mean, value in zip(average.parameters(), model.parameters(), strict=True):
-            mean.lerp_(value, share)
+
+    def update(averages: list[Tensor], values: list[Tensor], n_averaged: Tensor) -> None:
+        get_ema_multi_avg_fn(decay_at(decay, int(n_averaged) - 1))(averages, values, n_averaged)
+
+    average = AveragedModel(model, multi_avg_fn=update)
+    # What the network begins with counts as the first value.
+    average.n_averaged.fill_(1)
+    return average.requires_grad_(False).eval()
 
 
 def decay_at(decay: float, step: int) -> float:
@@ -80,15 +160,10 @@ def decay_at(decay: float, step: int) -> float:
 
 
 def check_finite(values: Mapping[str, float], run_dir: Path, step: int) -> None:
-    """Refuse a step whose figures are not all finite.
-
-    Args:
-        values: Figures of the step, `loss` and `gradient_norm` among them.
-        run_dir: The run's folder, whose last checkpoint the message names.
-        step: The step, counted from 1.
+    """Refuse a step, counted from 1, whose figures are not all finite.
 
     Raises:
-        TrainingDiverged: one is infinite or NaN.
+        TrainingDiverged: one is infinite or NaN; the message names the last checkpoint.
     """
     if all(math.isfinite(value) for value in values.values()):
         return
@@ -100,21 +175,10 @@ def check_finite(values: Mapping[str, float], run_dir: Path, step: int) -> None:
     )
 
 
-Batch = TypeVar("Batch")
-
-AHEAD = 2
-"""Batches that are ready or being made while a step is computed."""
-
-
 def prefetched(make: Callable[[int], Batch], steps: Iterable[int]) -> Iterator[tuple[int, Batch]]:
-    """Each step with its batch, in order.
+    """Each step with its batch, in order; batches are made ahead, in a thread.
 
-    A batch depends on its step alone, so nothing changes but the time.  What `make` raises is
-    raised when the loop comes to that step, and not before.
-
-    Args:
-        make: Makes the batch of a step; called in a thread, for one step after the other.
-        steps: The steps.
+    What `make` raises is raised when the loop comes to that step, and not before.
     """
     waiting: deque[tuple[int, Future[Batch]]] = deque()
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="batches") as thread:

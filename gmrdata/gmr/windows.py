@@ -1,7 +1,4 @@
-"""Training windows: from clips to batches that depend on the seed and the step alone.
-
-Which run a window is drawn from: by frames, or by manifest weights first.
-"""
+"""Training windows: from clips to batches that depend on the seed and the step alone."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,11 +11,11 @@ from torch import Tensor
 from gmrdata.gmr import rotations
 from gmrdata.gmr.augmentation import mirror_local, mirror_points_m, mirror_rotmats, turned
 from gmrdata.gmr.config import ExtraInput, Representation, WindowConfig
-from gmrdata.gmr.flat_runs import FlatRuns, RunRows, in_files, in_memory
+from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, RunRows, in_files, in_memory
+from gmrdata.gmr.inputs import input_rotmats
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.model import network_input
 from gmrdata.gmr.runs import Run, runs_at
-from gmrdata.values.body import N_LOCAL
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
 from gmrdata.values.motion_deltas import deltas
@@ -86,6 +83,8 @@ class TrainingRun:
     """(n, 3) [m]."""
     shape: np.ndarray
     """(S,) float32."""
+    mirrored: bool = False
+    """Whether left and right are exchanged: in the root's motion already, not yet in `poses`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +169,7 @@ def make_training_set(
     if pack_dir is None:
         frames = in_memory(rows)
     else:
-        about = {"input": representation, "fps_hz": config.fps_hz}
-        frames = in_files(rows, pack_dir, about)
+        frames = in_files(rows, pack_dir, PackRecord(input=representation, fps_hz=config.fps_hz))
     if mix is not None:
         check_mix(frames, mix)
     weights = None if mix is None else mix.weights
@@ -191,44 +189,28 @@ def make_batch(
     noisy or there are extra inputs: then it is computed from the batch's local rotations.
     """
     rng = np.random.default_rng([seed, step])
-    drawn = [_draw(training_set, config, rng) for _ in range(batch_size)]
-    windows = [window for window, _ in drawn]
-    frames = config.frames
-    lengths = np.array([len(window.poses) for window in windows])
-    poses = np.zeros((batch_size, frames, windows[0].poses.shape[1]), np.float32)
-    delta_rotmats = np.tile(np.eye(3, dtype=np.float32), (batch_size, frames - 1, 1, 1))
-    delta_m = np.zeros((batch_size, frames - 1, 3), np.float32)
-    for row, window in enumerate(windows):
-        n = lengths[row]
-        poses[row, :n] = window.poses
-        delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = deltas(
-            window.root_rotmats, window.pelvis_m
-        )
+    windows = [draw_window(training_set, config, rng) for _ in range(batch_size)]
+    poses, lengths, motions = stacked(windows, config.frames)
     poses = _signed(poses, training_set.representation)
-    mirrored = np.array([mirrored for _, mirrored in drawn])
-    local_rotmats = _local_rotmats(poses, lengths, mirrored, training_set.representation)
+    local_rotmats = _local_rotmats(poses, lengths, training_set.representation)
+    mirrored = np.array([window.mirrored for window in windows])
+    local_rotmats[mirrored] = mirror_local(local_rotmats[mirrored])
     if config.mirror_probability > 0 or config.pose_noise_deg > 0 or training_set.extra_inputs:
         poses = _input_of(local_rotmats, lengths, training_set, config, rng)
     return Batch(
         poses=torch.from_numpy(poses),
         lengths=torch.from_numpy(lengths),
-        mask=torch.from_numpy(np.arange(frames - 1) < lengths[:, None] - 1),
-        motions=Motions(torch.from_numpy(delta_rotmats), torch.from_numpy(delta_m)),
+        mask=torch.from_numpy(np.arange(config.frames - 1) < lengths[:, None] - 1),
+        motions=motions,
         local_rotmats=torch.from_numpy(local_rotmats),
         shape=torch.from_numpy(np.stack([window.shape for window in windows])),
     )
 
 
-def reverse(run: TrainingRun) -> TrainingRun:
-    """The same frames in the opposite order."""
-    rows = slice(None, None, -1)
-    return TrainingRun(run.poses[rows], run.root_rotmats[rows], run.pelvis_m[rows], run.shape)
-
-
-def _draw(
+def draw_window(
     training_set: TrainingSet, config: WindowConfig, rng: np.random.Generator
-) -> tuple[TrainingRun, bool]:
-    """A window, and whether left and right are exchanged: so far in the root's motion alone."""
+) -> TrainingRun:
+    """A window of a run that is chosen by its share of the frames, maybe backwards or mirrored."""
     run = draw_run(training_set.frames, training_set.weights, rng)
     start = int(rng.integers(max(1, training_set.n_frames(run) - config.frames + 1)))
     backwards = rng.random() < config.reverse_probability
@@ -241,21 +223,45 @@ def _draw(
             window,
             root_rotmats=mirror_rotmats(window.root_rotmats),
             pelvis_m=mirror_points_m(window.pelvis_m),
+            mirrored=True,
         )
-    return window, mirrored
+    return window
+
+
+def reverse(run: TrainingRun) -> TrainingRun:
+    """The same frames in the opposite order."""
+    rows = slice(None, None, -1)
+    return TrainingRun(run.poses[rows], run.root_rotmats[rows], run.pelvis_m[rows], run.shape)
+
+
+def stacked(windows: Sequence[TrainingRun], frames: int) -> tuple[np.ndarray, np.ndarray, Motions]:
+    """B windows, padded to T frames.
+
+    Returns:
+        Rows (B, T, D) float32, zero in padding; how many of them are real, (B,) int64; and the
+        motions between them, the identity in padding.
+    """
+    size = len(windows)
+    lengths = np.array([len(window.poses) for window in windows])
+    rows = np.zeros((size, frames, windows[0].poses.shape[1]), np.float32)
+    delta_rotmats = np.tile(np.eye(3, dtype=np.float32), (size, frames - 1, 1, 1))
+    delta_m = np.zeros((size, frames - 1, 3), np.float32)
+    for row, (n, window) in enumerate(zip(lengths, windows, strict=True)):
+        rows[row, :n] = window.poses
+        delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = deltas(
+            window.root_rotmats, window.pelvis_m
+        )
+    return rows, lengths, Motions(torch.from_numpy(delta_rotmats), torch.from_numpy(delta_m))
 
 
 def _local_rotmats(
-    poses: np.ndarray, lengths: np.ndarray, mirrored: np.ndarray, representation: Representation
+    poses: np.ndarray, lengths: np.ndarray, representation: Representation
 ) -> np.ndarray:
-    """Local rotations (B, T, 23, 3, 3) of windows as they are cut, (B, T, D), and some mirrored.
+    """Local rotations (B, T, 23, 3, 3) of windows as they are cut, (B, T, D).
 
     Padding repeats the last real frame, so that what looks at the next frame sees no motion.
     """
-    values = torch.from_numpy(poses).unflatten(-1, (N_LOCAL, -1))
-    local_rotmats = _padded(rotations.to_rotmats(values, representation).numpy(), lengths)
-    local_rotmats[mirrored] = mirror_local(local_rotmats[mirrored])
-    return local_rotmats
+    return _padded(input_rotmats(torch.from_numpy(poses), representation).numpy(), lengths)
 
 
 def _padded(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:

@@ -87,12 +87,7 @@ def slice_motion(motion: Motion, start: int, stop: int) -> Motion:
             f"{motion.source}: frames {start} to {stop} are not in a motion of {motion.n_frames} "
             "frames"
         )
-    return replace(
-        motion,
-        local_rotmats=motion.local_rotmats[start:stop],
-        root_rotmats=motion.root_rotmats[start:stop],
-        pelvis_m=motion.pelvis_m[start:stop],
-    )
+    return motion.take(slice(start, stop))
 
 
 def _rows(n_frames: int, source_fps_hz: float, fps_hz: float, start_s: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmrdata.gmr.runs import Run, UsableClip, runs_at, take
+from gmrdata.gmr.runs import Run, UsableClip, runs_at
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.motion import Motion
@@ -200,13 +200,13 @@ def _at_rate(true: Clip, step: int) -> Clip:
         return true
     rows = np.arange(0, true.motion.n_frames, step)
     valid = np.array([true.valid[max(0, row - step + 1) : row + 1].all() for row in rows])
-    motion = take(true.motion, slice(0, None, step), true.motion.fps_hz / step)
+    motion = true.motion.take(slice(0, None, step), true.motion.fps_hz / step)
     return replace(true, motion=motion, valid=valid, image_numbers=rows, camera=None)
 
 
 def _first_rows(clip: Clip, name: str, valid: np.ndarray) -> Clip:
     n = len(valid)
-    motion = take(clip.motion, slice(0, n), clip.motion.fps_hz)
+    motion = clip.motion.take(slice(0, n), clip.motion.fps_hz)
     return Clip(name, motion, valid, np.full(n, -1), None)
 
 

@@ -1,7 +1,7 @@
 """Motion: one person over time."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, Self
 
 import numpy as np
 
@@ -36,6 +36,16 @@ class Motion:
     def n_frames(self) -> int:
         """Number of frames T."""
         return int(self.root_rotmats.shape[0])
+
+    def take(self, rows: slice | np.ndarray, fps_hz: float | None = None) -> Self:
+        """Some frames, as they are; `fps_hz` is the rate that they then have [Hz], if another."""
+        return replace(
+            self,
+            local_rotmats=self.local_rotmats[rows],
+            root_rotmats=self.root_rotmats[rows],
+            pelvis_m=self.pelvis_m[rows],
+            fps_hz=self.fps_hz if fps_hz is None else fps_hz,
+        )
 
     @property
     def rotmats(self) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The non-sequential model: it learns from features that tell, and refuses what does not fit."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +12,10 @@ import torch
 from gmrdata.baselines.joint_config import JointConfig, JointModelConfig
 from gmrdata.baselines.joint_data import (
     JointBatch,
-    JointRun,
     joint_runs,
     load_features,
     make_joint_batch,
+    split_rows,
     training_runs,
 )
 from gmrdata.baselines.joint_model import JointModel, load_joint
@@ -24,7 +24,9 @@ from gmrdata.baselines.joint_train import fit_joint, joint_loss
 from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig
+from gmrdata.gmr.flat_runs import in_memory
 from gmrdata.gmr.vertex_loss import make_loss_body
+from gmrdata.gmr.windows import TrainingSet
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
@@ -161,7 +163,7 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(
         (tmp_path / name).mkdir()
     fit_joint(runs, small_body, tmp_path / "whole", config)
 
-    def stop_in_step_6(runs: Sequence[JointRun], config: JointConfig, step: int) -> JointBatch:
+    def stop_in_step_6(runs: TrainingSet, config: JointConfig, step: int) -> JointBatch:
         if step == 6:
             raise KeyboardInterrupt
         return make_joint_batch(runs, config, step)
@@ -182,7 +184,7 @@ def test_what_is_read_is_what_was_written(
 ) -> None:
     runs = training_runs([(walks[0], told(walks[0]))], 10.0)
     model = fit_joint(runs, small_body, tmp_path, SMALL.model_copy(update={"steps": 2})).eval()
-    features = torch.from_numpy(runs[0].features)[None]
+    features = torch.from_numpy(split_rows(runs.frames.poses)[0][:40])[None]
     with torch.no_grad():
         one, other = model(features), load_joint(tmp_path)(features)
     assert torch.equal(one.local_rotmats, other.local_rotmats)
@@ -196,8 +198,17 @@ def test_what_is_read_is_what_was_written(
     state = json.loads((folder / "state.json").read_text())
     for broken in ({}, state | {"config": {"model": 1}}, state | {"n_features": None}):
         (folder / "state.json").write_text(json.dumps(broken))
-        with pytest.raises(BadCheckpoint, match=r"state.json: .*Give a run|unreadable"):
+        with pytest.raises(BadCheckpoint, match=r"state.json: .*Give a run"):
             load_joint(tmp_path)
+    for key in state:
+        rest = {other: value for other, value in state.items() if other != key}
+        (folder / "state.json").write_text(json.dumps(rest))
+        with pytest.raises(BadCheckpoint, match=rf"state.json: has no .*`{key}`"):
+            load_joint(tmp_path)
+    del state["config"]["model"]["output_scale"]
+    (folder / "state.json").write_text(json.dumps(state))
+    with pytest.raises(BadCheckpoint, match=r"has no key `config\.model\.output_scale`"):
+        load_joint(tmp_path)
     with pytest.raises(MissingInput, match="no trained model there"):
         load_joint(tmp_path / "nowhere")
 
@@ -206,9 +217,9 @@ def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
     """A run that is shorter than a window is padded, and the padding does not count."""
     short = replace(walks[0], valid=np.arange(80) < 12)
     runs = joint_runs(short, told(short), 10.0)
-    assert [len(run.features) for run in runs] == [6, 6]
+    assert [len(run.poses) for run in runs] == [6, 6]
     config = SMALL.model_copy(update={"reverse_probability": 0.0})
-    batch = make_joint_batch(runs, config, step=1)
+    batch = make_joint_batch(TrainingSet(in_memory(runs), "6d"), config, step=1)
     assert batch.lengths.tolist() == [6] * 8
     assert batch.frame_mask.sum().item() == 48
     torch.manual_seed(0)
@@ -228,15 +239,19 @@ def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
         both = config.model_copy(update={"loss": LossConfig(reduction=reduction)})
         padded = joint_loss(output, batch, loss_body, both)
         whole = joint_loss(model(cut.features), cut, loss_body, both)
-        for one, other in zip(padded.as_values().items(), whole.as_values().items(), strict=True):
+        for one, other in zip(padded.items(), whole.items(), strict=True):
             assert one[0] == other[0]
-            assert one[1] == pytest.approx(other[1], rel=1e-4, abs=1e-9)
+            assert one[1].item() == pytest.approx(other[1].item(), rel=1e-4, abs=1e-9)
 
 
 def test_a_window_played_backwards(walks: list[Clip]) -> None:
     runs = joint_runs(replace(walks[0], valid=np.arange(80) < 12), told(walks[0]), 20.0)
     batches = [
-        make_joint_batch(runs, SMALL.model_copy(update={"reverse_probability": share}), 1)
+        make_joint_batch(
+            TrainingSet(in_memory(runs), "6d"),
+            SMALL.model_copy(update={"reverse_probability": share}),
+            1,
+        )
         for share in (0.0, 1.0)
     ]
     assert torch.equal(batches[0].features[:, :12].flip(1), batches[1].features[:, :12])

@@ -14,7 +14,7 @@ from gmrdata.gmr.config import ModelConfig, TrainConfig
 from gmrdata.gmr.loop import fit
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.predict import load_gmr
-from gmrdata.gmr.steps import decay_at, start_average, update_average
+from gmrdata.gmr.steps import decay_at, start_average
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint
@@ -34,20 +34,20 @@ def config(small_config: TrainConfig) -> TrainConfig:
 def test_it_is_the_weighted_sum_of_the_steps() -> None:
     torch.manual_seed(0)
     model = Gmr(ModelConfig(layers=1, hidden=3))
-    average = start_average(model)
+    average = start_average(model, 0.7)
     weight = model.regression.weight
     expected = weight.detach().double().numpy().copy()
     for step in range(40):
         with torch.no_grad():
             weight.add_(torch.randn(weight.shape))
-        update_average(average, model, 0.7, step)
+        average.update_parameters(model)
         share = min(0.7, (1 + step) / (10 + step))
         assert decay_at(0.7, step) == share
         expected = share * expected + (1 - share) * weight.detach().double().numpy()
-    np.testing.assert_allclose(average.regression.weight, expected, atol=1e-5)
+    np.testing.assert_allclose(average.module.regression.weight, expected, atol=1e-5)
     assert not average.training
     assert not any(p.requires_grad for p in average.parameters())
-    assert torch.equal(average.projection.weight, model.projection.weight)
+    assert torch.equal(average.module.projection.weight, model.projection.weight)
 
 
 def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(

@@ -1,12 +1,15 @@
 """Checkpoints: whole or refused."""
 
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
 from gmrdata.gmr.checkpoint import (
+    BestScore,
     best_of,
     checkpoint_dir,
     latest_checkpoint,
@@ -24,6 +27,8 @@ from gmrdata.values.errors import BadCheckpoint, MissingInput
 from gmrdata.values.files import write_json
 
 CONFIG = ModelConfig(layers=2, hidden=6, dropout=0.1)
+OF: dict[str, Any] = {"body": "anny", "fps_hz": 10.0}
+"""What the network is of."""
 
 
 def stepped(config: ModelConfig = CONFIG) -> tuple[Gmr, torch.optim.Adam]:
@@ -39,7 +44,7 @@ def stepped(config: ModelConfig = CONFIG) -> tuple[Gmr, torch.optim.Adam]:
 
 @pytest.fixture
 def run_dir(tmp_path: Path) -> Path:
-    save_checkpoint(tmp_path, 40, *stepped(), {"fps_hz": 10.0})
+    save_checkpoint(tmp_path, 40, *stepped(), **OF)
     return tmp_path
 
 
@@ -56,18 +61,18 @@ def test_everything_comes_back(run_dir: Path) -> None:
     for i, state in optimizer.state_dict()["state"].items():
         for key, value in state.items():
             assert torch.equal(fresh.state_dict()["state"][i][key], value)
-    assert read_state(folder)["step"] == 40
+    assert read_state(folder).step == 40
     assert load_gmr(run_dir).step == 40
 
 
 def test_only_the_latest_stays_and_its_bytes_repeat(run_dir: Path, tmp_path: Path) -> None:
-    save_checkpoint(run_dir, 80, *stepped(), {"fps_hz": 10.0})
+    save_checkpoint(run_dir, 80, *stepped(), **OF)
     assert sorted(p.name for p in (run_dir / "checkpoints").iterdir()) == [
         "latest",
         "step_00000080",
     ]
     other = tmp_path / "other"
-    save_checkpoint(other, 80, *stepped(), {"fps_hz": 10.0})
+    save_checkpoint(other, 80, *stepped(), **OF)
     for file in checkpoint_dir(run_dir, 80).iterdir():
         assert file.read_bytes() == (checkpoint_dir(other, 80) / file.name).read_bytes()
 
@@ -91,9 +96,9 @@ def test_a_kill_while_writing_leaves_the_former(
         with monkeypatch.context() as patch:
             patch.setattr(place, die)
             with pytest.raises(Killed):
-                save_checkpoint(run_dir, 80, *stepped(), {"fps_hz": 10.0})
+                save_checkpoint(run_dir, 80, *stepped(), **OF)
         assert load_gmr(run_dir).step == 40
-    save_checkpoint(run_dir, 80, *stepped(), {"fps_hz": 10.0})
+    save_checkpoint(run_dir, 80, *stepped(), **OF)
     assert load_gmr(run_dir).step == 80
     assert len(list((run_dir / "checkpoints").iterdir())) == 2
 
@@ -123,18 +128,19 @@ def test_the_best_weights_come_back_or_are_refused(run_dir: Path) -> None:
         model.regression.bias += 1
     for worse in (2.0, 3.0, float("nan"), float("inf")):
         assert best_of(best, 40, "score", worse, model) is best
-    save_checkpoint(run_dir, 40, model, optimizer, {"fps_hz": 10.0}, best)
+    save_checkpoint(run_dir, 40, model, optimizer, best=best, **OF)
     again = read_best(folder)
     assert again is not None
-    assert (again.step, again.score, again.value) == (30, "score", 2.0)
+    assert again.score == BestScore(step=30, score="score", value=2.0)
     difference = read_model(folder).regression.bias - read_model(folder, "best").regression.bias
     torch.testing.assert_close(difference, torch.ones(6))
     path = folder / "best.safetensors"
     path.write_bytes(path.read_bytes()[:-9])
     with pytest.raises(BadCheckpoint, match=r"best\.safetensors: truncated"):
         read_model(folder, "best")
-    write_json(folder / "state.json", read_state(folder) | {"best": {"step": 3}})
-    with pytest.raises(BadCheckpoint, match=r"best\.safetensors|unreadable entry best"):
+    state = json.loads((folder / "state.json").read_text())
+    write_json(folder / "state.json", state | {"best": {"step": 3}})
+    with pytest.raises(BadCheckpoint, match=r"state\.json: has no key `best\.score`"):
         read_best(folder)
 
 
@@ -165,6 +171,50 @@ def test_a_state_that_makes_no_sense_is_refused(run_dir: Path, change: dict[str,
     path = checkpoint_dir(run_dir, 40) / "state.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(BadCheckpoint, match=r"state\.json"):
+        load_gmr(run_dir)
+
+
+def keys_of(value: dict[str, Any], name: str = "") -> list[str]:
+    """The keys of a record and of the records in it, as a.b."""
+    found = []
+    for key, inner in value.items():
+        found.append(name + key)
+        if isinstance(inner, dict):
+            found += keys_of(inner, f"{name}{key}.")
+    return found
+
+
+def test_each_key_of_a_state_is_needed(run_dir: Path) -> None:
+    """A setting that is not stated is not taken for today's default."""
+    model, optimizer = stepped()
+    save_checkpoint(run_dir, 40, model, optimizer, best=best_of(None, 3, "a", 2.0, model), **OF)
+    path = checkpoint_dir(run_dir, 40) / "state.json"
+    whole = path.read_text()
+    keys = keys_of(json.loads(whole))
+    assert {"processes", "averaged", "best", "best.value", "model.output_scale"} <= set(keys)
+    for key in keys:
+        state = json.loads(whole)
+        within = state
+        for part in key.split(".")[:-1]:
+            within = within[part]
+        del within[key.split(".")[-1]]
+        write_json(path, state)
+        with pytest.raises(BadCheckpoint, match=rf"state\.json: has no .*`{re.escape(key)}`"):
+            load_gmr(run_dir)
+
+
+def test_a_state_of_the_first_version_is_read(run_dir: Path) -> None:
+    """It left out `processes`, `averaged` and `best` where they did not apply."""
+    path = checkpoint_dir(run_dir, 40) / "state.json"
+    state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/1"}
+    for key in ("processes", "averaged", "best"):
+        del state[key]
+    write_json(path, state)
+    found = read_state(path.parent)
+    assert (found.processes, found.averaged, found.best) == (1, False, None)
+    assert load_gmr(run_dir).step == 40
+    write_json(path, {key: value for key, value in state.items() if key != "fps_hz"})
+    with pytest.raises(BadCheckpoint, match="has no key `fps_hz`"):
         load_gmr(run_dir)
 
 

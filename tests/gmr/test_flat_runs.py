@@ -12,12 +12,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gmrdata.gmr.config import Representation, WindowConfig
-from gmrdata.gmr.flat_runs import FlatRuns, RunRows, in_files, in_memory, remove_files
+from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, RunRows, in_files, in_memory, remove_files
 from gmrdata.gmr.model import network_input
 from gmrdata.gmr.windows import Batch, Mix, draw_run, make_batch, make_training_set
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadRecord
 
+PACK = PackRecord(input="quaternion", fps_hz=10.0)
+OTHER_PACK = PackRecord(input="quaternion", fps_hz=20.0)
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 
 
@@ -89,7 +91,7 @@ def test_frames_are_those_of_the_clip(
 def test_files_hold_what_memory_holds(tmp_path: Path, lengths: list[int], seed: int) -> None:
     parts = sorted(np.random.default_rng(seed).integers(0, 3, len(lengths)).tolist())
     folder = tmp_path / f"pack_{seed}_{'_'.join(map(str, lengths))}"
-    files = in_files(random_runs(lengths, parts, seed), folder, {"seed": seed})
+    files = in_files(random_runs(lengths, parts, seed), folder, PACK)
     memory = in_memory(random_runs(lengths, parts, seed))
     for name in ("poses", "root_rotmats", "pelvis_m", "shapes", "parts", "ends"):
         a, b = getattr(files, name), getattr(memory, name)
@@ -108,16 +110,16 @@ def test_a_pack_is_made_once_and_as_a_whole(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        in_files(stopping(), folder, {"a": 1})
+        in_files(stopping(), folder, PACK)
     assert not folder.exists()
-    first = in_files(random_runs([5, 6], [0, 0]), folder, {"a": 1})
+    first = in_files(random_runs([5, 6], [0, 0]), folder, PACK)
     # Found there: the runs are not looked at.
-    again = in_files(stopping(), folder, {"a": 1})
+    again = in_files(stopping(), folder, PACK)
     np.testing.assert_array_equal(first.poses, again.poses)
-    assert len(in_files(random_runs([7], [0]), folder, {"a": 2}).poses) == 7
+    assert len(in_files(random_runs([7], [0]), folder, OTHER_PACK).poses) == 7
     (folder / "poses.npy").write_bytes((folder / "poses.npy").read_bytes()[:-8])
     with pytest.raises(BadRecord, match="Remove it, and it is made again"):
-        in_files(random_runs([7], [0]), folder, {"a": 2})
+        in_files(random_runs([7], [0]), folder, OTHER_PACK)
     remove_files(folder)
     assert list(tmp_path.iterdir()) == []
 
@@ -126,7 +128,7 @@ def test_memory_is_bounded(tmp_path: Path) -> None:
     """100,000 frames, 37 MB of poses, go through far less memory."""
     tracemalloc.start()
     runs = (run for n in range(100) for run in random_runs([1000], [0], n))
-    flat = in_files(runs, tmp_path / "pack", {})
+    flat = in_files(runs, tmp_path / "pack", PACK)
     _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert len(flat.poses) == 100_000

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from gmrdata.gmr import loop
-from gmrdata.gmr.checkpoint import latest_checkpoint, read_best, read_model
+from gmrdata.gmr.checkpoint import BestScore, latest_checkpoint, read_best, read_model
 from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfig
 from gmrdata.gmr.loop import fit, held_out_runs, held_out_scores, learning_rate_at
 from gmrdata.gmr.predict import load_gmr
@@ -92,7 +92,7 @@ def test_the_best_weights_are_those_of_the_lowest_score(
     assert folder is not None
     best = read_best(folder)
     assert best is not None
-    assert (best.step, best.score, best.value) == (step, best_by, scores[step])
+    assert best.score == BestScore(step=step, score=best_by, value=scores[step])
     fps_hz = config.windows.fps_hz
     runs = held_out_runs(held_out, small_body, fps_hz)
     found = held_out_scores(read_model(folder, "best"), runs, fps_hz)

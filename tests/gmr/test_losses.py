@@ -75,19 +75,23 @@ def direct_terms(
         delta_m, true_m = predicted.delta_m[b].numpy(), true.delta_m[b].numpy()
         for i in range(n):
             if kind == "chordal":
-                sums["orientation"] += np.linalg.norm(rotmats[i] - true_rotmats[i], "fro") ** 2
+                sums["orientation"] += (
+                    np.linalg.norm(delta_rotmats[i] - true_rotmats[i], "fro") ** 2
+                )
             elif kind == "angular":
-                relative = Rotation.from_matrix(rotmats[i] @ true_rotmats[i].T)
+                relative = Rotation.from_matrix(delta_rotmats[i] @ true_rotmats[i].T)
                 sums["orientation"] += relative.magnitude() ** 2
             else:
-                vectors = Rotation.from_matrix([rotmats[i], true_rotmats[i]]).as_rotvec()
+                vectors = Rotation.from_matrix([delta_rotmats[i], true_rotmats[i]]).as_rotvec()
                 sums["orientation"] += np.linalg.norm(vectors[0] - vectors[1]) ** 2
             sums["translation"] += np.linalg.norm(delta_m[i] - true_m[i]) ** 2
             for v in vertices_m[b, i]:
                 moved_m = delta_rotmats[i] @ v + delta_m[i] - true_rotmats[i] @ v - true_m[i]
                 sums["vertex"] += np.abs(moved_m).sum()
         for i in range(n - 1):
-            sums["smoothness"] += np.linalg.norm(rotmats[i] - rotmats[i + 1], "fro") ** 2
+            sums["smoothness"] += (
+                np.linalg.norm(delta_rotmats[i] - delta_rotmats[i + 1], "fro") ** 2
+            )
             pairs += 1
     counts = {"orientation": sum(lengths), "translation": sum(lengths), "smoothness": pairs}
     counts["vertex"] = sum(lengths) * vertices_m.shape[2]

@@ -89,5 +89,5 @@ def test_torch_and_numpy_agree_in_batches(pose: tuple[np.ndarray, np.ndarray]) -
         np.testing.assert_allclose(found[0][row].numpy(), expected[0], atol=1e-13)
         np.testing.assert_allclose(found[1][row].numpy(), expected[1], atol=1e-13)
     again = accumulate(*found, root_rotmats[:, 0], pelvis_m[:, 0])
-    torch.testing.assert_close(again[0], rotmats, atol=1e-11, rtol=0)
+    torch.testing.assert_close(again[0], root_rotmats, atol=1e-11, rtol=0)
     torch.testing.assert_close(again[1], pelvis_m, atol=1e-10, rtol=0)

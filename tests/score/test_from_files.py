@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.runs import UsableClip, take
+from gmrdata.gmr.runs import UsableClip
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.score.clip_errors import clip_errors
 from gmrdata.score.predictions import PredictedClip, file_clip, missing_file
@@ -95,7 +95,7 @@ def test_a_prediction_that_ends_early_lacks_frames(
 ) -> None:
     short = replace(
         moved(true),
-        motion=take(moved(true).motion, slice(0, 50), 30.0),
+        motion=moved(true).motion.take(slice(0, 50), 30.0),
         valid=np.ones(50, bool),
         image_numbers=np.full(50, -1),
     )
@@ -118,7 +118,7 @@ def test_a_prediction_at_a_lower_rate(tmp_path: Path, small_body: BodyModel, tru
     """Every third row at 10 fps; a gap of the truth between two of them is still a gap."""
     slow = replace(
         moved(true),
-        motion=take(moved(true).motion, slice(0, None, 3), 10.0),
+        motion=moved(true).motion.take(slice(0, None, 3), 10.0),
         valid=np.ones(20, bool),
         image_numbers=np.full(20, -1),
     )
@@ -148,7 +148,7 @@ def test_what_can_not_be_scored_is_named(tmp_path: Path, small_body: BodyModel, 
     other = moved(true)
     nan = replace(other, motion=replace(other.motion, pelvis_m=other.motion.pelvis_m.copy()))
     nan.motion.pelvis_m[7, 1] = np.nan
-    long = take(other.motion, np.r_[0:60, 0:5], 30.0)
+    long = other.motion.take(np.r_[0:60, 0:5], 30.0)
     refused = {
         "holds clip run": replace(other, id="run"),
         "in the camera's frame": replace(other, motion=replace(other.motion, frame="camera")),

@@ -19,8 +19,8 @@ from gmrdata.gmr.runs import UsableClip, runs_at, usable_clips
 from gmrdata.manifest.current import Quality
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.bodies import save_body
+from gmrdata.score import METHODS, METRICS, Metric
 from gmrdata.score.clip_errors import ClipErrors
-from gmrdata.score.records import METHODS, METRICS, Metric
 from gmrdata.score.score import (
     ScoreConfig,
     by_network,
