@@ -15,7 +15,7 @@ from gmrdata.cli.options import (
     RunFlags,
     body_path,
 )
-from gmrdata.tables.recipe import ScaleName
+from gmrdata.tables import ScaleName
 
 
 def tables(

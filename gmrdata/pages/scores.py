@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from gmrdata.pages.frames import write_bytes
 from gmrdata.pages.html import Table, render
 from gmrdata.pages.plots import COLOURS, picture, quiet, svg
+from gmrdata.score import Method
 from gmrdata.score.compare import (
     HEADINGS,
     Comparison,
@@ -16,7 +17,7 @@ from gmrdata.score.compare import (
     comparison_lead,
     table_rows,
 )
-from gmrdata.score.records import Method, Scores
+from gmrdata.score.records import Scores
 from gmrdata.score.table import explanations, lead, protocol_rows, score_rows
 from gmrdata.values.files import remove_orphans, write_text
 
@@ -60,7 +61,9 @@ def write_comparison_page(comparison_path: Path, scores_paths: Sequence[Path]) -
 
 def scores_page(scores: Scores) -> str:
     """The page of a `scores.json`; the same scores give the same bytes."""
-    tables = [("", Table(*score_rows(scores), "Means over motions, and 95 % intervals over clips."))]
+    tables = [
+        ("", Table(*score_rows(scores), "Means over motions, and 95 % intervals over clips."))
+    ]
     protocol = protocol_rows(scores)
     if protocol is not None and scores.protocol is not None:
         name = scores.protocol.name

@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import TypeVar
 
-from gmrdata.score.records import METRICS, Metric, Row, RowFloor, Summary
+from gmrdata.score import METRICS, Metric
+from gmrdata.score.records import Row, RowFloor, Summary
 from gmrdata.twins.floor_record import Floor, FloorGroup, read_floor
 from gmrdata.values.errors import BadManifest, BadRecord
 

@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from gmrdata.score import METHODS, METRICS, Method, Metric, WorldMetric
 from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_run
 from gmrdata.score.protocols import WorldBody, WorldPair, protocol_values
-from gmrdata.score.records import METHODS, METRICS, Method, Metric, Protocol, WorldMetric
+from gmrdata.score.records import Protocol
 from gmrdata.values import motion_metrics as metrics
 from gmrdata.values.body import BodyModel, sole_vertices, with_vertices
 from gmrdata.values.motion import Motion

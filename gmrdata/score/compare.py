@@ -8,16 +8,9 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from gmrdata.score import METRICS, Interval
 from gmrdata.score.intervals import paired_difference
-from gmrdata.score.records import (
-    METRICS,
-    ClipScore,
-    Interval,
-    Protocol,
-    Scores,
-    metrics_with,
-    same_names,
-)
+from gmrdata.score.records import ClipScore, Protocol, Scores, metrics_with, same_names
 from gmrdata.score.table import (
     METRIC_WORDS,
     Cell,

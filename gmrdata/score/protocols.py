@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.score import world_metrics
-from gmrdata.score.records import Protocol, ProtocolName, WorldMetric
+from gmrdata.score import ProtocolName, WorldMetric, world_metrics
+from gmrdata.score.records import Protocol
 from gmrdata.score.world_metrics import Rows
 from gmrdata.values.body import JOINT, N_JOINTS
 

@@ -5,30 +5,10 @@ from typing import Generic, Literal, Self, TypeVar
 
 from pydantic import Field, JsonValue, model_validator
 
+from gmrdata.score import METRICS, Interval, Method, Metric, ProtocolName, Remainder, WorldMetric
 from gmrdata.values.records import Config, Record
 
 T = TypeVar("T")
-
-Metric = Literal["ome_deg", "tme_mm", "vme_mm"]
-METRICS: tuple[Metric, ...] = ("ome_deg", "tme_mm", "vme_mm")
-"""The paper's errors (eqs. 15-17)."""
-Method = Literal["predicted", "zero"]
-METHODS: tuple[Method, ...] = ("predicted", "zero")
-"""What was predicted, and a body that neither turns nor moves."""
-WorldMetric = Literal[
-    "w_mpjpe_mm",
-    "wa_mpjpe_mm",
-    "rte_percent",
-    "roe_deg",
-    "erve_mm_per_frame",
-    "jitter_10m_per_s3",
-    "foot_sliding_mm",
-]
-ProtocolName = Literal["gmr", "wham", "tram", "gvhmr", "slahmr", "emdb"]
-Remainder = Literal["own_segment", "joined_but_last_frame", "joined"]
-"""What becomes of the frames after the last full segment; see `world_metrics.segments_of`."""
-Interval = tuple[float, float]
-"""Lower and upper end."""
 
 
 class ByMethod(Config, Generic[T]):
@@ -278,7 +258,7 @@ class Summary(Config):
 
 
 class Scores(Summary, Record):
-    """A `scores.json`."""
+    """What `scores.json` holds: the figures of each clip and of groups of clips."""
 
     format: Literal["gmrdata-scores/3"] = "gmrdata-scores/3"
     """Name and version of the format."""

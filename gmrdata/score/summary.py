@@ -7,16 +7,14 @@ from typing import TypeVar
 
 import numpy as np
 
+from gmrdata.score import METRICS, Interval, Method
 from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.intervals import mean_intervals, ratio_interval, resampled_counts
 from gmrdata.score.records import (
-    METRICS,
     ByMethod,
     ClipScore,
     Curve,
     GroupScore,
-    Interval,
-    Method,
     OverTime,
     PaperMetrics,
     Summary,

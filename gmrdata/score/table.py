@@ -6,12 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from gmrdata.score import METHODS, METRICS, Interval
 from gmrdata.score.records import (
-    METHODS,
-    METRICS,
     ClipScore,
     GroupScore,
-    Interval,
     PaperMetrics,
     Row,
     ScoredFiles,

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gmrdata.score.records import Remainder
+from gmrdata.score import Remainder
 from gmrdata.values.alignment import fit_similarity
 from gmrdata.values.motion_metrics import angles_rad
 

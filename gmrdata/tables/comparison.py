@@ -7,7 +7,8 @@ from typing import Literal
 
 from pydantic import JsonValue
 
-from gmrdata.score.records import METRICS, Metric, PaperMetrics
+from gmrdata.score import METRICS, Metric
+from gmrdata.score.records import PaperMetrics
 from gmrdata.score.table import METRIC_WORDS, Cell, Table, markdown, write_table_files
 from gmrdata.values.records import Config, Record
 

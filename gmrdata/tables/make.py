@@ -16,10 +16,12 @@ from gmrdata.gmr.runs import usable_files
 from gmrdata.gmr.split import split_manifests
 from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.write import write_manifest
-from gmrdata.score.records import METRICS, Method, Metric, PaperMetrics, Scores
+from gmrdata.score import METRICS, Method, Metric
+from gmrdata.score.records import PaperMetrics, Scores
 from gmrdata.stage.jobs import Job, run_jobs, worker_pool
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.tables import ScaleName
 from gmrdata.tables.comparison import (
     OverSeeds,
     TableData,
@@ -30,7 +32,7 @@ from gmrdata.tables.comparison import (
     write_table,
 )
 from gmrdata.tables.plan import Given, Plan, plan_table, scored_manifest
-from gmrdata.tables.recipe import Row, ScaleName, TableRecipe, train_config
+from gmrdata.tables.recipe import Row, TableRecipe, train_config
 from gmrdata.tables.work import score_one, train_one
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
 from gmrdata.values.files import read_npz, resolve_inside, write_npz

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.tables.recipe import Row, Scale, ScaleName, TableRecipe, joint_config, train_config
+from gmrdata.tables import ScaleName
+from gmrdata.tables.recipe import Row, Scale, TableRecipe, joint_config, train_config
 from gmrdata.values.errors import BadRecipe
 
 if TYPE_CHECKING:

@@ -1,7 +1,4 @@
-"""A recipe of kind `table`: the rows of one of the paper's tables, and what is trained for each.
-
-Names of the sizes at which tables are made; apart, so that the command line loads no recipe.
-"""
+"""A recipe of kind `table`: the rows of one of the paper's tables, and what is trained for each."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,15 +8,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.score.records import Metric
+from gmrdata.score import Metric
 from gmrdata.stage import resources
 from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.tables import ScaleName
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.records import Config
-
-ScaleName = Literal["paper", "small"]
-"""As the paper trains, or as a machine without a GPU can."""
-
 
 Method = Literal["gmr", "vibe_cam", "camera_as_world", "joint"]
 

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gmrdata.score import METRICS
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.records import (
-    METRICS,
     Bootstrap,
     ByMethod,
     ClipScore,

@@ -6,9 +6,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from gmrdata.score import ProtocolName
 from gmrdata.score.clip_errors import SMPL_FEET, foot_vertices
 from gmrdata.score.protocols import PROTOCOLS, WorldBody, WorldPair, protocol_values
-from gmrdata.score.records import ProtocolName
 from gmrdata.score.table import METRIC_WORDS
 from gmrdata.values.body import JOINT, JOINT_NAMES, BodyModel
 
