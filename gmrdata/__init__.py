@@ -1,7 +1,80 @@
-"""gmrdata: world-frame human motion data and the GMR network.
+"""gmrdata: world-frame human motion data and the Global Motion Regressor (GMR).
 
-`docs/` and `manifests/FORMAT.md` give the conventions; every public function's docstring gives
-shapes, units and frames.
+docs/api.md says what each public name is for.  Each is imported when it is first used.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gmrdata.film.programmes import camera_path as camera_path
+    from gmrdata.film.programmes import camera_programme as camera_programme
+    from gmrdata.film.render import RenderConfig as RenderConfig
+    from gmrdata.film.render import render_clip as render_clip
+    from gmrdata.gmr.config import TrainConfig as TrainConfig
+    from gmrdata.gmr.predict import load_gmr as load_gmr
+    from gmrdata.gmr.predict import predict_world_motion as predict_world_motion
+    from gmrdata.gmr.train import train as train
+    from gmrdata.manifest.read import load_clips as load_clips
+    from gmrdata.manifest.read import read_manifest as read_manifest
+    from gmrdata.motion.files import read_motion as read_motion
+    from gmrdata.motion.gait import make_gait as make_gait
+    from gmrdata.motion.library import make_library as make_library
+    from gmrdata.read.bodies import load_body as load_body
+    from gmrdata.read.bodies import save_body as save_body
+    from gmrdata.score.records import Scores as Scores
+    from gmrdata.score.score import ScoreConfig as ScoreConfig
+    from gmrdata.score.score import score_manifest as score_manifest
+    from gmrdata.score.score import score_predictions as score_predictions
+    from gmrdata.stage.run import Run as Run
+    from gmrdata.values.body import BodyModel as BodyModel
+    from gmrdata.values.camera import CameraPath as CameraPath
+    from gmrdata.values.clip import Clip as Clip
+    from gmrdata.values.clip import load_clip as load_clip
+    from gmrdata.values.clip import save_clip as save_clip
+    from gmrdata.values.errors import GmrdataError as GmrdataError
+    from gmrdata.values.motion import Motion as Motion
+    from gmrdata.values.people import PersonFiles as PersonFiles
+    from gmrdata.world.compose import motion_in_camera as motion_in_camera
+    from gmrdata.world.sequence import SequenceConfig as SequenceConfig
+    from gmrdata.world.sequence import regenerate_sequence as regenerate_sequence
+
 __version__ = "0.1.0"
+
+_NAMES = {
+    "film.programmes": ("camera_path", "camera_programme"),
+    "film.render": ("RenderConfig", "render_clip"),
+    "gmr.config": ("TrainConfig",),
+    "gmr.predict": ("load_gmr", "predict_world_motion"),
+    "gmr.train": ("train",),
+    "manifest.read": ("load_clips", "read_manifest"),
+    "motion.files": ("read_motion",),
+    "motion.gait": ("make_gait",),
+    "motion.library": ("make_library",),
+    "read.bodies": ("load_body", "save_body"),
+    "score.records": ("Scores",),
+    "score.score": ("ScoreConfig", "score_manifest", "score_predictions"),
+    "stage.run": ("Run",),
+    "values.body": ("BodyModel",),
+    "values.camera": ("CameraPath",),
+    "values.clip": ("Clip", "load_clip", "save_clip"),
+    "values.errors": ("GmrdataError",),
+    "values.motion": ("Motion",),
+    "values.people": ("PersonFiles",),
+    "world.compose": ("motion_in_camera",),
+    "world.sequence": ("SequenceConfig", "regenerate_sequence"),
+}
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'gmrdata' has no attribute {name!r}")
+    globals()[name] = getattr(import_module(f"gmrdata.{_HOME[name]}"), name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -1,0 +1,69 @@
+"""The example scripts, on small inputs, as a reader runs them."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[1] / "examples"
+SCRIPTS = sorted(path.name for path in FOLDER.glob("*.py"))
+MAY_IMPORT = {"gmrdata", "numpy", "matplotlib.pyplot", "argparse", "dataclasses", "pathlib"}
+
+
+def example(name: str, *arguments: object) -> str:
+    """What a script prints."""
+    command = [sys.executable, str(FOLDER / f"{name}.py"), *map(str, arguments)]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert answer.returncode == 0, answer.stderr
+    return answer.stdout
+
+
+def test_there_are_four() -> None:
+    assert SCRIPTS == [
+        "plot_path.py",
+        "regenerate_sequence.py",
+        "render_clip.py",
+        "train_and_score.py",
+    ]
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_is_short_and_uses_public_names_alone(name: str) -> None:
+    text = (FOLDER / name).read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 40
+    imported = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            imported.add(node.module)
+    assert "gmrdata" in imported and imported <= MAY_IMPORT
+
+
+@pytest.mark.slow
+def test_a_clip_is_rendered_and_regenerated(tmp_path: Path) -> None:
+    film = tmp_path / "film"
+    said = example("render_clip", film, "--duration-s", 2, "--width-px", 320)
+    assert "20 frames of 320 x 180 pixels" in said
+    assert len(list((film / "clip" / "frames").glob("*.jpg"))) == 20
+    said = example(
+        "regenerate_sequence",
+        *(film / "clip" / "frames", film / "seen.npz", film / "body.npz", tmp_path / "world"),
+        *("--truth", film / "clip" / "clip.npz"),
+    )
+    assert "20 of 20 frames have a world motion" in said
+    paths_m = [float(line.split()[-2]) for line in said.splitlines() if "path" in line]
+    assert len(paths_m) == 2 and paths_m[1] > 1.0
+    assert paths_m[0] == pytest.approx(paths_m[1], rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_gmr_is_trained_scored_and_plotted(tmp_path: Path) -> None:
+    out = tmp_path / "gmr"
+    said = example("train_and_score", out, "--walks", 4, "--steps", 12)
+    assert said.splitlines()[-1].startswith("OME ") and " mm" in said
+    picture = tmp_path / "path.png"
+    example("plot_path", out / "run", out / "files" / "scored" / "scored_0.npz", picture)
+    assert picture.read_bytes()[:4] == b"\x89PNG"
