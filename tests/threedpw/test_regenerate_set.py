@@ -129,7 +129,8 @@ def test_a_sequence_that_is_not_there_is_an_error(filmed_set: Any, tmp_path: Pat
 
 
 def test_the_verb_without_a_sub_verb_regenerates(filmed_set: Any, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "gmrdata", "threedpw", "--root", str(filmed_set.root)]
+    command = [sys.executable, "-m", "gmrdata", "threedpw", "regenerate"]
+    command += ["--root", str(filmed_set.root)]
     done = subprocess.run(
         [*command, "--out", str(tmp_path / "out"), "--dry-run"],
         check=True,
