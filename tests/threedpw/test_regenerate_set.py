@@ -128,7 +128,7 @@ def test_a_sequence_that_is_not_there_is_an_error(filmed_set: Any, tmp_path: Pat
     assert not (tmp_path / "out").exists()
 
 
-def test_the_verb_without_a_sub_verb_regenerates(filmed_set: Any, tmp_path: Path) -> None:
+def test_a_dry_run_says_which_stages_are_to_do(filmed_set: Any, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "gmrdata", "threedpw", "regenerate"]
     command += ["--root", str(filmed_set.root)]
     done = subprocess.run(
