@@ -6,6 +6,7 @@ over a tenth of a second, and writes out/bench/smoothing.json.
 """
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.film.programmes import Circular, Linear, LinearPanning, Panning, Programme, camera_path
 from gmrdata.stage.progress import console
-from gmrdata.values.alignment import fit_similarity
+from gmrdata.values.transforms import fit_similarity
 from tests.filming import HEIGHT_PX, WIDTH_PX, Filmed, film_cameras, motion_errors
 
 pytestmark = pytest.mark.bench
@@ -62,7 +63,7 @@ def errors_of(filmed: Filmed, sfm_dir: Path, step: int) -> dict[str, Any]:
     for key, over in (("frame", 1), ("tenth_s", step)):
         degrees, metres = motion_errors(found, true, over)
         result |= {f"{key}_deg": round(degrees, 5), f"{key}_mm": round(1e3 * metres, 3)}
-    return result | {"smoothing": load_quality(sfm_dir)["smoothing"]}
+    return result | {"smoothing": asdict(load_quality(sfm_dir).smoothing)}
 
 
 def measure(name: str, every: int, folder: Path) -> dict[str, Any]:

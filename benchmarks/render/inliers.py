@@ -7,7 +7,7 @@ import numpy as np
 from render.clips import MOVING, walk_clip
 from render.scale import Scale
 
-from gmrdata.cameras.files import QUALITY_FILE, load_cameras
+from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.matches import match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
@@ -17,7 +17,6 @@ from gmrdata.read.frames import check_images, list_images
 from gmrdata.stage.jobs import Job, run_jobs, worker_pool
 from gmrdata.stage.run import Run
 from gmrdata.values.clip import camera_of, load_clip
-from gmrdata.values.files import read_json
 
 
 def measure_inliers(root: Path, body_path: Path, scale: Scale) -> list[dict[str, Any]]:
@@ -46,18 +45,18 @@ def _render_and_reconstruct(folder: Path, place: str, body_path: Path) -> dict[s
     sfm_dir = reconstruct(
         out_dir / "frames", out_dir / "masks", intrinsics_px, folder / "sfm", SfmConfig()
     )
-    quality = read_json(sfm_dir / QUALITY_FILE)
-    if quality["geometry"] == "full":
-        inliers = np.array(quality["inliers_per_frame"])
+    quality = load_quality(sfm_dir)
+    if quality.geometry == "full":
+        inliers = np.array(quality.inliers_per_frame)
     else:  # there each pair of frames counts for itself, and a point many times
         inliers = _turning_points(out_dir, sfm_dir, intrinsics_px, folder / "matches")
     return {
-        "geometry": quality["geometry"],
-        "frames": quality["frames"],
-        "frames_with_camera": quality["frames_with_camera"],
+        "geometry": quality.geometry,
+        "frames": quality.frames,
+        "frames_with_camera": quality.frames_with_camera,
         "inliers_median": float(np.median(inliers)),
         "inliers_least": int(inliers.min()),
-        "reprojection_px": quality["median_reprojection_px"],
+        "reprojection_px": quality.median_reprojection_px,
     }
 
 

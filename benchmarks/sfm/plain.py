@@ -20,14 +20,12 @@ from gmrdata.read.numbers import rigid_rows
 from gmrdata.read.threedpw_arrays import read_sequence_file
 from gmrdata.stage.store import run_stage
 from gmrdata.threedpw.camera_frame import WORLD_FROM_3DPW
-from gmrdata.values.alignment import fit_similarity
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.files import read_npz
 from gmrdata.values.records import Config
-from gmrdata.values.transforms import invert, rigid
+from gmrdata.values.transforms import fit_similarity, invert, rigid
 from gmrdata.world.compose import motion_in_world
-from gmrdata.world.pseudo_gt import fill_gaps
 
 FEWEST_CAMERAS = 3
 """A similarity between fewer points is not fixed."""
@@ -129,7 +127,7 @@ def metric_path(path: CameraPath, dataset_world_from_cam: np.ndarray) -> CameraP
 
 def composed(camera_clip: Clip, path: CameraPath) -> Clip:
     """The person in the world; frames without a camera are not valid."""
-    filled = fill_gaps(path.world_from_cam, path.has_camera)
+    filled = fill_gaps(path.world_from_cam, path.has_camera, np.arange(path.n_frames))
     motion = motion_in_world(camera_clip.motion, filled)
     return replace(
         camera_clip, motion=motion, camera=path, valid=camera_clip.valid & path.has_camera

@@ -68,10 +68,10 @@ def _row(
     quality = load_quality(sfm_dir)
     return {
         "id": id,
-        "frames": quality["frames"],
-        "frames_with_camera": quality["frames_with_camera"],
-        "geometry": quality["geometry"],
-        "mean_reprojection_px": quality["mean_reprojection_px"],
+        "frames": quality.frames,
+        "frames_with_camera": quality.frames_with_camera,
+        "geometry": quality.geometry,
+        "mean_reprojection_px": quality.mean_reprojection_px,
         "camera_extent_m": None if background_m is None else _extent_m(sfm_dir, background_m),
         "seconds": round(masks_seconds(masks_dir) + stage_seconds(sfm_dir), 2),
     }

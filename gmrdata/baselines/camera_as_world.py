@@ -16,7 +16,9 @@ from typing import Literal
 import numpy as np
 
 from gmrdata.baselines.predictions import (
+    MethodFigures,
     Prediction,
+    Predictions,
     Subject,
     manifest_subjects,
     predicted,
@@ -25,13 +27,13 @@ from gmrdata.baselines.predictions import (
 from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, load_cameras
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
 from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
-from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import invert, rigid
 from gmrdata.world.compose import metric_cameras, motion_in_camera, motion_in_world
+from gmrdata.world.quality import PseudoGtQuality
 
 LEVEL_FROM_CAM = rigid(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 """World of a camera that is held level and looks along +y: x to the right, z up, origin in it."""
@@ -104,8 +106,7 @@ def recovered_cameras(clip: Clip, files: CameraFiles) -> tuple[np.ndarray, np.nd
         BadRecord: the record of the scale is broken.
     """
     cameras = load_cameras(files.cameras_path.parent)
-    row_of_number = {int(number): row for row, number in enumerate(cameras.image_numbers)}
-    rows = np.array([row_of_number.get(int(number), -1) for number in clip.image_numbers])
+    rows = rows_of_numbers(cameras.image_numbers, clip.image_numbers)
     known = (rows >= 0) & cameras.path.has_camera[rows]
     if not known.any():
         raise BadMotionFile(
@@ -128,19 +129,34 @@ def _scale(cameras: SfmCameras, files: CameraFiles) -> float:
             f"{files.cameras_path}: cameras up to scale, and no pseudo_gt/{QUALITY_FILE} states it."
             " Give the output folder of gmrdata sfm"
         )
-    record = read_json(files.quality_path)
-    scale = record.get("scale") if isinstance(record, dict) else None
-    if not isinstance(scale, int | float) or isinstance(scale, bool) or not scale > 0:
+    scale = PseudoGtQuality.read(files.quality_path).scale
+    if scale is None or scale <= 0:
         raise BadRecord(f"{files.quality_path}: states no scale above zero. Run gmrdata sfm again")
-    return float(scale)
+    return scale
+
+
+WhichCamera = Literal["ignored", "true", "recovered"]
 
 
 class CameraAsWorldConfig(Config):
     """Which camera is applied."""
 
-    camera: Literal["ignored", "true", "recovered"] = "ignored"
+    camera: WhichCamera = "ignored"
     """`ignored`: as if the camera stood still.  `true`: the clip's own.  `recovered`: one that
     structure from motion found."""
+
+
+class CameraFigures(MethodFigures):
+    """What the record says of this baseline."""
+
+    camera: WhichCamera
+    """Which camera was applied."""
+
+
+class CameraPredictions(Predictions):
+    """Of this baseline."""
+
+    figures: CameraFigures
 
 
 def predict_camera_as_world(
@@ -189,8 +205,10 @@ def predict_camera_as_world(
             predictions = [in_true_world(one) for one in seen]
         else:
             predictions = [in_camera_world(one) for one in seen]
-        figures = {"camera": config.camera}
-        write_predictions(partial_dir, "camera_as_world", predictions, left_out, figures)
+        figures = CameraFigures(camera=config.camera)
+        write_predictions(
+            partial_dir, "camera_as_world", predictions, left_out, CameraPredictions, figures
+        )
 
     return run_stage("baseline-camera-as-world", out_dir, config, inputs, work, run=run)
 

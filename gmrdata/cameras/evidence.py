@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gmrdata.cameras.files import Evidence
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.values.records import figure
 
 if TYPE_CHECKING:
-    from gmrdata.cameras.mapping import Mapped
     from gmrdata.cameras.matches import Matches
     from gmrdata.cameras.rotation_only import RotationOnly
+    from gmrdata.cameras.solution import Solution
 
 PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
 PARALLAX_GROWTH = 2.5
@@ -25,30 +26,6 @@ CLEARLY_BETTER = 0.7
 
 VAGUE_FOCAL = 0.02
 """A model whose focal length is uncertain by more, as a share, is held by little parallax."""
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """Figures behind the choice of a geometry, and what they say."""
-
-    verdict: Literal["rotation_only", "full", "either"]
-    """"either": a pure rotation fits, but its residuals grow with the baseline."""
-    reason: str
-    """The verdict in words, with its figures and limits."""
-    rotation_only_median_px: float
-    """Median residual of all matches under a pure rotation [px]."""
-    rotation_only_wide_median_px: float
-    """90th percentile of the pairs' median residuals [px]."""
-    rotation_only_near_median_px: float
-    """10th percentile of the pairs' median residuals [px]."""
-    rotation_only_share: float
-    """Share of the matches that agree with a pure rotation."""
-    panoramic_pairs_share: float
-    """Share of the pairs that COLMAP's two-view test calls panoramic."""
-    pairs: int
-    """Pairs of frames with verified matches."""
-    features_per_frame: float
-    """Median over frames."""
 
 
 def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidence:
@@ -91,7 +68,7 @@ def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidenc
     )
 
 
-def explains_better(mapped: Mapped | None, turning: RotationOnly, config: SfmConfig) -> bool:
+def explains_better(mapped: Solution | None, turning: RotationOnly, config: SfmConfig) -> bool:
     """Whether six degrees of freedom are worth it where a pure rotation fits as well."""
     if mapped is None or mapped.has_camera.sum() < turning.has_camera.sum():
         return False
@@ -100,7 +77,7 @@ def explains_better(mapped: Mapped | None, turning: RotationOnly, config: SfmCon
     return bool(np.median(mapped.errors_px) < limit_px)
 
 
-def is_bent(mapped: Mapped, turning: RotationOnly, config: SfmConfig) -> bool:
+def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     """Whether a model of a camera that hardly travels is less to be trusted than a pure rotation.
 
     Over a way that is short beside the distance of the background, turning and travelling look
@@ -121,8 +98,3 @@ def is_bent(mapped: Mapped, turning: RotationOnly, config: SfmConfig) -> bool:
         return True
     sigma = mapped.focal.sigma
     return sigma > VAGUE_FOCAL or abs(mapped.focal.factor - 1.0) > 3 * sigma
-
-
-def figure(value: float | np.floating) -> float:
-    """A figure as it stands in records: six significant digits."""
-    return float(f"{float(value):.6g}")

@@ -2,19 +2,165 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Literal, Self, cast, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import NonNegativeInt, PositiveInt, model_validator
+from pydantic.dataclasses import dataclass as part
 
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.files import read_json, read_npz, write_npz
+from gmrdata.values.errors import BadRecord
+from gmrdata.values.files import write_npz
+from gmrdata.values.records import (
+    MAKE_AGAIN,
+    PART,
+    ArrayShapes,
+    Figure,
+    Record,
+    check_shapes,
+    read_arrays,
+)
 
 CAMERAS_FILE = "cameras.npz"
 POINTS_FILE = "points.npz"
 QUALITY_FILE = "quality.json"
 
 Geometry = Literal["full", "rotation_only", "static"]
+"""What the camera does: six degrees of freedom up to scale; turn about a fixed centre; nothing."""
+Mapper = Literal["global", "incremental", "small_parallax", "rotation_only"]
+"""What found the cameras; "small_parallax" is the incremental mapper with lower limits."""
+
+
+@part(frozen=True, config=PART)
+class Evidence:
+    """Figures behind the choice of a geometry, and what they say."""
+
+    verdict: Literal["rotation_only", "full", "either"]
+    """"either": a pure rotation fits, but its residuals grow with the baseline."""
+    reason: str
+    """The verdict in words, with its figures and thresholds."""
+    rotation_only_median_px: Figure
+    """Median residual of all matches under a pure rotation [px]."""
+    rotation_only_wide_median_px: Figure
+    """90th percentile of the pairs' median residuals [px]."""
+    rotation_only_near_median_px: Figure
+    """10th percentile of the pairs' median residuals [px]."""
+    rotation_only_share: Figure
+    """Share of the matches that agree with a pure rotation."""
+    panoramic_pairs_share: Figure
+    """Share of the pairs that COLMAP's two-view test calls panoramic."""
+    pairs: int
+    """Pairs of frames with verified matches."""
+    features_per_frame: Figure
+    """Median over frames."""
+
+
+@part(frozen=True, config=PART)
+class ModelRecord:
+    """What became of one model that a mapper returned."""
+
+    frames: int
+    """Frames that it has a camera for."""
+    kept: bool
+    """Whether it is part of the result."""
+    reason: str
+    """What it was joined by, or why it was dropped."""
+
+
+@part(frozen=True, config=PART)
+class SmoothTurn:
+    """What the prior assumed of the camera's turn, and what came of it."""
+
+    acceleration_deg_per_frame2: Figure
+    """Standard deviation of the change of the turn, per axis."""
+    noise_deg: Figure
+    """What the images leave open of a camera's orientation, per axis."""
+    largest_change_deg: Figure
+    """By which an orientation was moved."""
+    cutoff_cycles_per_frame: Figure
+    """Frequency of which half is passed; 0.5 where all is."""
+
+
+@part(frozen=True, config=PART)
+class SmoothPlace:
+    """The same of the camera's place, as shares of the background's median distance."""
+
+    acceleration_share_per_frame2: Figure
+    noise_share: Figure
+    largest_change_share: Figure
+    cutoff_cycles_per_frame: Figure
+
+
+@part(frozen=True, config=PART)
+class Smoothing:
+    """How all frames were refined together."""
+
+    turn: SmoothTurn | None
+    """None for a static camera, and where too few frames follow each other."""
+    place: SmoothPlace | None
+    """None but for six degrees of freedom."""
+
+
+NOT_SMOOTHED = Smoothing(None, None)
+
+
+class CamerasQuality(Record):
+    """`quality.json`: figures about the cameras that were found, without those interpolated."""
+
+    format: Literal["gmrdata-cameras-quality/1"] = "gmrdata-cameras-quality/1"
+    geometry: Geometry
+    mapper: Mapper
+    evidence: Evidence
+    bent_model_set_aside: bool
+    """Whether a model with six degrees of freedom was there and was not trusted."""
+    frames: PositiveInt
+    """Frames T that were given."""
+    frames_with_camera: NonNegativeInt
+    """Frames whose camera was found."""
+    registered_share: Figure
+    """Share of the frames whose camera was found."""
+    mean_reprojection_px: Figure
+    """Mean error of what holds the cameras: points, or matches under a pure rotation [px]."""
+    median_reprojection_px: Figure
+    """The median [px]."""
+    inliers_per_frame: tuple[NonNegativeInt, ...]
+    """T counts of points or matches that hold each camera."""
+    interpolated: tuple[NonNegativeInt, ...]
+    """Rows whose camera was interpolated between its neighbours'."""
+    keyframes: tuple[NonNegativeInt, ...]
+    """Rows of the keyframes."""
+    cuts_after_frames: tuple[NonNegativeInt, ...]
+    """Rows after which the picture changes to another place."""
+    featureless: tuple[NonNegativeInt, ...]
+    """Rows that show nothing of the background."""
+    models: tuple[ModelRecord, ...]
+    """Models of the mapper, the largest first; none for a pure rotation."""
+    resected_frames: NonNegativeInt
+    """Keyframes that the mapper left out and that were placed against its points."""
+    focal_factor: Figure | None
+    """Focal length that the background asks for, over the given one; null where it holds none."""
+    focal_sigma: Figure | None
+    """Its standard error; null together with it."""
+    smoothing: Smoothing
+    points: NonNegativeInt | None
+    """Points of the background; null for a pure rotation, which has none."""
+    median_track_length: Figure | None
+    """Median number of keyframes that see a point; null likewise."""
+    largest_turn_deg: Figure | None
+    """Largest angle from the mean orientation; null for six degrees of freedom."""
+    worked_on_px: tuple[PositiveInt, PositiveInt]
+    """Width and height of the frames that cameras were sought in."""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if len(self.inliers_per_frame) != self.frames:
+            raise ValueError(
+                f"{len(self.inliers_per_frame)} inliers_per_frame, but {self.frames} frames"
+            )
+        if (self.focal_factor is None) != (self.focal_sigma is None):
+            raise ValueError("of focal_factor and focal_sigma only one is null")
+        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,22 +170,35 @@ class SfmCameras:
     path: CameraPath
     """Translations are in an arbitrary unit; all zero but for "full"."""
     geometry: Geometry
-    """"full": six degrees of freedom up to scale.  "rotation_only": the centre is fixed.
-    "static": so is the orientation."""
     image_numbers: np.ndarray
     """(T,) int: number in the image's file name for each row."""
     interpolated: np.ndarray
     """(T,) bool: rows whose camera was not found in the image but between its neighbours'."""
 
 
+CAMERAS_FORMAT = "gmrdata-cameras/1"
+_CAMERA_SHAPES: ArrayShapes = {
+    "camera_intrinsics_px": ("f", (3, 3)),
+    "camera_size_px": ("iu", (2,)),
+    "world_from_cam": ("f", ("T", 4, 4)),
+    "has_camera": ("b", ("T",)),
+    "geometry": ("U", ()),
+    "image_numbers": ("iu", ("T",)),
+    "interpolated": ("b", ("T",)),
+}
+POINTS_FORMAT = "gmrdata-points/1"
+_POINT_SHAPES: ArrayShapes = {"xyz": ("f", ("N", 3)), "track_lengths": ("iu", ("N",))}
+
+
 def save_cameras(path: Path, cameras: SfmCameras) -> None:
-    """Write cameras as an .npz of plain arrays."""
-    arrays = {
+    """Write `cameras.npz`."""
+    arrays: dict[str, ArrayLike] = {
+        "format": CAMERAS_FORMAT,
         "camera_intrinsics_px": cameras.path.intrinsics_px,
         "camera_size_px": np.array([cameras.path.width_px, cameras.path.height_px]),
         "world_from_cam": cameras.path.world_from_cam,
         "has_camera": cameras.path.has_camera,
-        "geometry": np.array(cameras.geometry),
+        "geometry": cameras.geometry,
         "image_numbers": cameras.image_numbers,
         "interpolated": cameras.interpolated,
     }
@@ -51,38 +210,33 @@ def load_cameras(sfm_dir: Path) -> SfmCameras:
 
     Raises:
         MissingInput: there is no such file.
-        BadMotionFile: truncated, or not cameras of this kind.
+        BadMotionFile: truncated.
+        BadRecord: not cameras of this version.
     """
     path = sfm_dir / CAMERAS_FILE
-    arrays = read_npz(path)
-    try:
-        width_px, height_px = (int(size) for size in arrays["camera_size_px"])
-        camera_path = CameraPath(
-            arrays["camera_intrinsics_px"],
-            width_px,
-            height_px,
-            arrays["world_from_cam"],
-            arrays["has_camera"],
-        )
-        geometry = str(arrays["geometry"])
-        if geometry not in get_args(Geometry):
-            raise ValueError(f"unknown geometry {geometry!r}")
-        numbers = arrays["image_numbers"]
-        # Files of before this mark hold no interpolated cameras.
-        interpolated = arrays.get("interpolated", np.zeros(len(numbers), dtype=bool))
-        return SfmCameras(camera_path, cast("Geometry", geometry), numbers, interpolated)
-    except (KeyError, ValueError) as error:
-        raise BadMotionFile(f"{path}: not cameras of gmrdata ({error}); run sfm again") from None
+    arrays = read_arrays(path, CAMERAS_FORMAT, _CAMERA_SHAPES)
+    check_shapes(path, arrays, _CAMERA_SHAPES)
+    geometry = str(arrays["geometry"])
+    if geometry not in get_args(Geometry):
+        raise BadRecord(f"{path}: unknown geometry {geometry!r}; {MAKE_AGAIN}")
+    width_px, height_px = (int(size) for size in arrays["camera_size_px"])
+    intrinsics_px, world_from_cam = arrays["camera_intrinsics_px"], arrays["world_from_cam"]
+    camera_path = CameraPath(
+        intrinsics_px, width_px, height_px, world_from_cam, arrays["has_camera"]
+    )
+    return SfmCameras(
+        camera_path, cast("Geometry", geometry), arrays["image_numbers"], arrays["interpolated"]
+    )
 
 
-def load_quality(sfm_dir: Path) -> dict[str, Any]:
-    """The figures of a reconstruction (`quality.json`)."""
-    return dict(read_json(sfm_dir / QUALITY_FILE))
+def load_quality(sfm_dir: Path) -> CamerasQuality:
+    """Read `quality.json` of a reconstruction's folder."""
+    return CamerasQuality.read(sfm_dir / QUALITY_FILE)
 
 
 def save_points(path: Path, points: np.ndarray, track_lengths: np.ndarray) -> None:
     """Write background points (N, 3), in the cameras' unit, and the frames that see each (N,)."""
-    write_npz(path, {"xyz": points, "track_lengths": track_lengths})
+    write_npz(path, {"format": POINTS_FORMAT, "xyz": points, "track_lengths": track_lengths})
 
 
 def load_points(sfm_dir: Path) -> np.ndarray:
@@ -90,10 +244,10 @@ def load_points(sfm_dir: Path) -> np.ndarray:
 
     Raises:
         MissingInput: there is no such file.
-        BadMotionFile: truncated, or not points.
+        BadMotionFile: truncated.
+        BadRecord: not points of this version.
     """
     path = sfm_dir / POINTS_FILE
-    points = read_npz(path).get("xyz")
-    if points is None or points.ndim != 2 or points.shape[1] != 3:
-        raise BadMotionFile(f"{path}: not points of gmrdata; run sfm again")
-    return points
+    arrays = read_arrays(path, POINTS_FORMAT, _POINT_SHAPES)
+    check_shapes(path, arrays, _POINT_SHAPES)
+    return arrays["xyz"]

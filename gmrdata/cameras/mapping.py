@@ -1,16 +1,19 @@
 """Cameras with six degrees of freedom: COLMAP's mappers, then a robust bundle adjustment."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gmrdata.cameras.colmap import adjustment_options, pycolmap, whole_problem
-from gmrdata.cameras.focal import FreedFocal, freed_focal
-from gmrdata.cameras.joining import ModelRecord, SeenPoints, join_models, place_frames
+from gmrdata.cameras.files import Mapper, ModelRecord
+from gmrdata.cameras.focal import freed_focal
 from gmrdata.cameras.matches import Matches
+from gmrdata.cameras.models import join_models, place_frames
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.solution import SeenPoints, Solution
 from gmrdata.values import transforms
 
 MIN_PARALLAX_DEG = 0.1
@@ -20,41 +23,13 @@ SMALL_START_DEG = 0.5
 degrees find no pair there.  About a hand's 5 cm before a background 5 m away."""
 
 
-@dataclass(frozen=True, eq=False)
-class Mapped:
-    """A reconstruction as arrays.  The unit of length is arbitrary."""
-
-    world_from_cam: np.ndarray
-    """(T, 4, 4); NaN where `has_camera` is False."""
-    has_camera: np.ndarray
-    """(T,) bool."""
-    points: np.ndarray
-    """(N, 3) points of the background, world frame [unit of length]."""
-    track_lengths: np.ndarray
-    """(N,) frames that see each point."""
-    errors_px: np.ndarray
-    """(M,) reprojection error of every observation [px]."""
-    observations: np.ndarray
-    """(T,) observations per frame."""
-    mapper: str
-    """"global", "incremental" or "small_parallax", which is incremental with lower limits."""
-    models: tuple[ModelRecord, ...]
-    """Separate models that the mapper returned, the largest first, and what became of them."""
-    n_resected: int
-    """Frames that the mapper left out and that were placed against its points afterwards."""
-    seen: SeenPoints
-    """Points that each frame with a camera sees."""
-    focal: FreedFocal | None = None
-    """The focal length that the model would choose; None where it doesn't say."""
-
-
 def map_frames(
     database_path: Path,
     images: list[Path],
     matches: Matches,
     intrinsics_px: np.ndarray,
     config: SfmConfig,
-) -> Mapped | None:
+) -> Solution | None:
     """Map all frames; None if neither mapper finds a model.
 
     The global mapper goes first.  The incremental one is tried where the global one leaves frames
@@ -69,8 +44,8 @@ def map_frames(
         intrinsics_px: (3, 3) calibration matrix [px].
         config: The recipe.
     """
-    found: list[Mapped] = []
-    runs = {
+    found: list[Solution] = []
+    runs: dict[Mapper, Callable[..., dict[int, Any]]] = {
         "global": _run_global,
         "incremental": _run_incremental,
         "small_parallax": _run_small_parallax,
@@ -86,12 +61,12 @@ def map_frames(
             found.append(_finish(whole, mapper, records, images, matches, intrinsics_px, config))
             if found[-1].has_camera.all():
                 break
-    return max(found, key=lambda m: (m.has_camera.sum(), m.observations.sum()), default=None)
+    return max(found, key=lambda m: (m.has_camera.sum(), m.inliers.sum()), default=None)
 
 
 def place_between(
-    keys: Mapped, key_rows: np.ndarray, matches: Matches, intrinsics_px: np.ndarray
-) -> Mapped:
+    keys: Solution, key_rows: np.ndarray, matches: Matches, intrinsics_px: np.ndarray
+) -> Solution:
     """A reconstruction of K keyframes, with the frames between them placed against its points.
 
     Args:
@@ -102,17 +77,14 @@ def place_between(
     """
     n = matches.n_frames
     world_from_cam = np.full((n, 4, 4), np.nan)
-    observations = np.zeros(n, dtype=np.int64)
-    world_from_cam[key_rows], observations[key_rows] = keys.world_from_cam, keys.observations
+    inliers = np.zeros(n, dtype=np.int64)
+    world_from_cam[key_rows], inliers[key_rows] = keys.world_from_cam, keys.inliers
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
     between = sorted(set(range(n)) - {int(row) for row in key_rows})
-    place_frames(between, world_from_cam, observations, seen, matches, intrinsics_px)
+    place_frames(between, world_from_cam, inliers, seen, matches, intrinsics_px)
+    none = np.zeros(n, dtype=bool)
     return replace(
-        keys,
-        world_from_cam=world_from_cam,
-        has_camera=np.isfinite(world_from_cam[:, 0, 0]),
-        observations=observations,
-        seen=seen,
+        keys, world_from_cam=world_from_cam, inliers=inliers, interpolated=none, seen=seen
     )
 
 
@@ -163,13 +135,13 @@ def _incremental_options(config: SfmConfig) -> Any:
 
 def _finish(
     model: Any,
-    mapper: str,
+    mapper: Mapper,
     records: tuple[ModelRecord, ...],
     images: list[Path],
     matches: Matches,
     intrinsics_px: np.ndarray,
     config: SfmConfig,
-) -> Mapped:
+) -> Solution:
     """Refine a model, place the frames that it lacks, and read it out."""
     _adjust(model)
     _drop_outliers(model, config.max_reprojection_px)
@@ -200,18 +172,19 @@ def _finish(
         missing, world_from_cam, observations, point_of_feature, matches, intrinsics_px
     )
     point_ids = sorted(model.point3D_ids())
-    return Mapped(
-        world_from_cam,
-        np.isfinite(world_from_cam[:, 0, 0]),
-        np.array([model.point3D(i).xyz for i in point_ids]).reshape(-1, 3),
-        np.array([model.point3D(i).track.length() for i in point_ids], dtype=np.int64),
-        np.concatenate(errors) if errors else np.zeros(0),
-        observations,
-        mapper,
-        records,
-        n_resected,
-        point_of_feature,
-        freed_focal(model),
+    return Solution(
+        geometry="full",
+        mapper=mapper,
+        world_from_cam=world_from_cam,
+        errors_px=np.concatenate(errors) if errors else np.zeros(0),
+        inliers=observations,
+        interpolated=np.zeros(n, dtype=bool),
+        focal=freed_focal(model),
+        points=np.array([model.point3D(i).xyz for i in point_ids]).reshape(-1, 3),
+        track_lengths=np.array([model.point3D(i).track.length() for i in point_ids], np.int64),
+        models=records,
+        n_resected=n_resected,
+        seen=point_of_feature,
     )
 
 

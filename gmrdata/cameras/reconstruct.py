@@ -1,14 +1,12 @@
 """Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits.
 
-Large frames made smaller before cameras are sought in them.
-
-A camera is held by hundreds of points, so it gains little from more pixels than about a million,
-while everything takes as many times longer as there are more.
+Large frames are made smaller first.  A camera is held by hundreds of points, so it gains little
+from more pixels than about a million, while everything takes as many times longer.
 """
 
 import shutil
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +16,8 @@ from gmrdata.cameras.files import (
     CAMERAS_FILE,
     POINTS_FILE,
     QUALITY_FILE,
+    CamerasQuality,
+    Evidence,
     SfmCameras,
     save_cameras,
     save_points,
@@ -25,7 +25,7 @@ from gmrdata.cameras.files import (
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.solution import (
     Solution,
-    mapped_solution,
+    quality_of,
     turning_solution,
     with_short_gaps_filled,
 )
@@ -37,7 +37,6 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecipe, NoReconstruction
-from gmrdata.values.files import write_json
 from gmrdata.values.records import Config
 
 FAST_PNG = 1
@@ -149,7 +148,7 @@ def reconstruct(
         given = Frames(images, masks_dir, matrix, size_px)
         frames = reduced(given, config.max_image_size_px, work_dir / "reduced")
         try:
-            solution = _solve(work_dir, frames, config)
+            solution, quality = _solve(work_dir, frames, config)
         except NoReconstruction as error:
             # The reduced frames are gone when somebody reads this.
             said = str(error).replace(str(frames.images[0].parent), str(images_dir))
@@ -159,8 +158,7 @@ def reconstruct(
         cameras = SfmCameras(path, solution.geometry, _numbers(images), solution.interpolated)
         save_cameras(partial / CAMERAS_FILE, cameras)
         save_points(partial / POINTS_FILE, solution.points, solution.track_lengths)
-        worked_on = {"worked_on_px": list(frames.size_px)}
-        write_json(partial / QUALITY_FILE, solution.quality | worked_on)
+        quality.write(partial / QUALITY_FILE)
 
     inputs = {"images": images_dir} | ({} if masks_dir is None else {"masks": masks_dir})
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
@@ -182,23 +180,20 @@ def _checked(intrinsics_px: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def _solve(work_dir: Path, frames: Frames, config: SfmConfig) -> Solution:
+def _solve(work_dir: Path, frames: Frames, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
     """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
     from gmrdata.cameras.keyframes import choose_keyframes
 
     keys = choose_keyframes(frames.images, frames.masks_dir, frames.size_px, config)
     timeline = Timeline(_numbers(frames.images), keys.cuts)
     try:
-        solution = _solve_keyframes(keys.rows, timeline, work_dir, frames, config)
+        solution, evidence, bent = _solve_keyframes(keys.rows, timeline, work_dir, frames, config)
     except NoReconstruction as error:
         raise NoReconstruction(f"{error}{cuts_in_words(keys.cuts)}") from None
-    choice = {
-        "keyframes": keys.rows.tolist(),
-        "cuts_after_frames": keys.cuts.tolist(),
-        "featureless": keys.featureless.tolist(),
-    }
-    solution = replace(solution, quality=solution.quality | choice)
-    return with_short_gaps_filled(solution, timeline, config.max_gap_frames)
+    solution = with_short_gaps_filled(solution, timeline, config.max_gap_frames)
+    return solution, quality_of(
+        solution, evidence, keys, bent_model_set_aside=bent, size_px=frames.size_px
+    )
 
 
 def _solve_keyframes(
@@ -207,8 +202,12 @@ def _solve_keyframes(
     work_dir: Path,
     frames: Frames,
     config: SfmConfig,
-) -> Solution:
-    """Solve keyframes, as a pure rotation where that does, then all frames."""
+) -> tuple[Solution, Evidence, bool]:
+    """Solve keyframes, as a pure rotation where that does, then all frames.
+
+    Returns:
+        The solution, the evidence for its geometry, and whether a bent model was set aside.
+    """
     from gmrdata.cameras.focal import turning_focal
     from gmrdata.cameras.frames_between import with_frames_between
     from gmrdata.cameras.mapping import map_frames, place_between
@@ -237,23 +236,18 @@ def _solve_keyframes(
         or bent
         or (evidence.verdict == "either" and not explains_better(mapped, turning, config))
     ):
+        focal = turning_focal(turning, matches, intrinsics_px)
+        refined, smoothing = refine_turning(turn(everything), timeline, config)
         focal_px = float(intrinsics_px[0, 0])
-        freed = turning_focal(turning, matches, intrinsics_px)
-        refined, figures = refine_turning(turn(everything), timeline, config)
-        solution = turning_solution(refined, evidence, focal_px, config, freed)
-    elif mapped is not None and mapped.has_camera.sum() >= config.min_frames_registered:
-        placed = place_between(mapped, key_rows, everything, intrinsics_px)
-        placed, figures = refine_mapped(placed, everything, intrinsics_px, timeline, config)
-        solution = mapped_solution(placed, evidence)
-    else:
+        return turning_solution(refined, smoothing, focal, focal_px, config), evidence, bent
+    if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
             f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
             "could build a model; the parallax may be too small, the intrinsics wrong or the "
             "background moving"
         )
-    smoothing = figures if solution.geometry != "static" else {}
-    chosen = {"smoothing": smoothing, "bent_model_set_aside": bent}
-    return replace(solution, quality=solution.quality | chosen)
+    placed = place_between(mapped, key_rows, everything, intrinsics_px)
+    return refine_mapped(placed, everything, intrinsics_px, timeline, config), evidence, bent
 
 
 def _numbers(images: list[Path]) -> np.ndarray:

@@ -15,22 +15,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, kron
 from scipy.sparse.linalg import splu, spsolve
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.evidence import figure
+from gmrdata.cameras.files import NOT_SMOOTHED, Smoothing, SmoothPlace, SmoothTurn
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.timeline import Timeline
 from gmrdata.values import transforms
 
 if TYPE_CHECKING:
-    from gmrdata.cameras.mapping import Mapped
     from gmrdata.cameras.matches import Matches
     from gmrdata.cameras.rotation_only import RotationOnly
+    from gmrdata.cameras.solution import Solution
 
 CAUCHY_SCALE_PX = 1.0
 """As in the bundle adjustment."""
@@ -177,7 +177,7 @@ def smooth_cameras(
     timeline: Timeline,
     place_unit: float,
     config: SfmConfig,
-) -> tuple[np.ndarray, dict[str, Any]]:
+) -> tuple[np.ndarray, Smoothing]:
     """The most probable path, given what holds each camera and the prior on its acceleration.
 
     Minimizes x^T H x / 2 + g^T x + sum |e(x)|^2 / (2 sigma^2) over the corrections x of all frames,
@@ -193,14 +193,14 @@ def smooth_cameras(
         config: The recipe.
 
     Returns:
-        World_from_cam (T, 4, 4), and the figures as plain JSON; none where the frames are too few.
+        World_from_cam (T, 4, 4), and the figures; none where the frames are too few.
     """
     n, k = len(world_from_cam), information.shape[0] // len(world_from_cam)
     has_camera = np.isfinite(world_from_cam[:, 0, 0])
     differences = second_differences(has_camera, timeline, config.max_gap_frames)
     wide = second_differences(has_camera, timeline, config.max_gap_frames, STRIDE)
     if not len(wide.rows):
-        return world_from_cam, {}
+        return world_from_cam, NOT_SMOOTHED
     unknown = (k * np.flatnonzero(has_camera)[:, None] + np.arange(k)).ravel()
     differ = csr_array(kron(differences.matrix(n), np.eye(k), format="csr")[:, unknown])
     held = csc_array(information[unknown][:, unknown])
@@ -249,32 +249,25 @@ def _noise(held: csc_array, differ: csr_array, k: int) -> np.ndarray:
     return np.asarray(np.sqrt(variance / 6))
 
 
-def _figures(sigmas: np.ndarray, noise: np.ndarray, largest: np.ndarray) -> dict[str, Any]:
+def _figures(sigmas: np.ndarray, noise: np.ndarray, largest: np.ndarray) -> Smoothing:
     """What was assumed and what came of it, of the turn and, for six degrees of freedom, place.
 
     The prior passes a share of 1 / (1 + (noise / sigma)^2 (2 sin(pi f))^4) at the frequency f;
     it is half at the cut-off, 0.5 cycles/frame where all is passed.
     """
     cutoff = np.arcsin(np.minimum(1.0, np.sqrt(sigmas / noise) / 2)) / np.pi
-    return {
-        name: {
-            f"acceleration_{unit}_per_frame2": figure(sigmas[i]),
-            f"noise_{unit}": figure(noise[i]),
-            f"largest_change_{unit}": figure(largest[i]),
-            "cutoff_cycles_per_frame": figure(cutoff[i]),
-        }
-        for i, (name, unit) in enumerate((("turn", "deg"), ("place", "share"))[: len(sigmas)])
-    }
+    turn, *place = np.stack([sigmas, noise, largest, cutoff], axis=1).tolist()
+    return Smoothing(SmoothTurn(*turn), SmoothPlace(*place[0]) if place else None)
 
 
 def refine_mapped(
-    mapped: Mapped,
+    mapped: Solution,
     matches: Matches,
     intrinsics_px: np.ndarray,
     timeline: Timeline,
     config: SfmConfig,
-) -> tuple[Mapped, dict[str, Any]]:
-    """Cameras with six degrees of freedom, on their points; and the figures."""
+) -> Solution:
+    """Cameras with six degrees of freedom, on their points."""
     cameras, seen_px, seen_points = mapped.world_from_cam, {}, {}
     for row, seen in sorted(mapped.seen.items()):
         seen_px[row] = matches.keypoints_px[row][list(seen)]
@@ -285,18 +278,18 @@ def refine_mapped(
         for row, points in seen_points.items()
     ]
     unit = float(np.median(distances))
-    refined, figures = smooth_cameras(cameras, information, slope, timeline, unit, config)
-    return replace(mapped, world_from_cam=refined), figures
+    refined, smoothing = smooth_cameras(cameras, information, slope, timeline, unit, config)
+    return replace(mapped, world_from_cam=refined, smoothing=smoothing)
 
 
 def refine_turning(
     turning: RotationOnly, timeline: Timeline, config: SfmConfig
-) -> tuple[RotationOnly, dict[str, Any]]:
+) -> tuple[RotationOnly, Smoothing]:
     """Cameras that only turn, on their matches; and the figures."""
     cameras = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
     cameras[~turning.has_camera] = np.nan
     # The rotations are at their matches' optimum, so the slope is zero.
     slope = np.zeros(3 * len(cameras))
-    refined, figures = smooth_cameras(cameras, turning.information, slope, timeline, 1.0, config)
+    refined, smoothing = smooth_cameras(cameras, turning.information, slope, timeline, 1.0, config)
     refined[~turning.has_camera] = np.eye(4)
-    return replace(turning, world_from_cam_rotmats=refined[:, :3, :3]), figures
+    return replace(turning, world_from_cam_rotmats=refined[:, :3, :3]), smoothing

@@ -1,31 +1,105 @@
-"""One geometry's answer, as it is written: cameras, points and the figures behind them.
-
-Cameras of frames that nothing placed, between placed ones that are close.
-"""
+"""The cameras of all frames in one geometry, short gaps filled, and the figures behind them."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import krogh_interpolate
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.evidence import Evidence, figure
-from gmrdata.cameras.files import Geometry
+from gmrdata.cameras.files import (
+    NOT_SMOOTHED,
+    CamerasQuality,
+    Evidence,
+    Geometry,
+    Mapper,
+    ModelRecord,
+    Smoothing,
+)
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.timeline import Timeline
 from gmrdata.values import transforms
+from gmrdata.values.camera import fill_gaps
 
 if TYPE_CHECKING:
     from gmrdata.cameras.focal import FreedFocal
-    from gmrdata.cameras.mapping import Mapped
+    from gmrdata.cameras.keyframes import Keyframes
     from gmrdata.cameras.rotation_only import RotationOnly
+
+SeenPoints = dict[int, dict[int, np.ndarray]]
+"""By frame and feature: the point (3,) that is seen there, in the unit of the reconstruction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Cameras of T frames up to a similarity, in one geometry, and what holds them."""
+
+    geometry: Geometry
+    mapper: Mapper
+    world_from_cam: np.ndarray
+    """(T, 4, 4); NaN where there is no camera."""
+    errors_px: np.ndarray
+    """(M,) reprojection error of each observation, or of each match that agrees [px]."""
+    inliers: np.ndarray
+    """(T,) points or matches that hold each camera."""
+    interpolated: np.ndarray
+    """(T,) bool: frames whose camera was interpolated."""
+    focal: FreedFocal | None
+    """The focal length that the background would choose; None where it doesn't say."""
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(N, 3) background points [unit of length of the cameras]; none but for "full"."""
+    track_lengths: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """(N,) frames that see each point."""
+    models: tuple[ModelRecord, ...] = ()
+    """Separate models that the mapper returned, the largest first, and what became of them."""
+    n_resected: int = 0
+    """Frames that the mapper left out and that were placed against its points afterwards."""
+    seen: SeenPoints = field(default_factory=dict)
+    """Points that each frame with a camera sees."""
+    largest_turn_rad: float | None = None
+    """Largest angle from the mean orientation; None for "full"."""
+    smoothing: Smoothing = NOT_SMOOTHED
+
+    @property
+    def has_camera(self) -> np.ndarray:
+        """(T,) bool: frames with a camera, interpolated ones among them."""
+        return np.isfinite(self.world_from_cam[:, 0, 0])
+
+
+def turning_solution(
+    turning: RotationOnly,
+    smoothing: Smoothing,
+    focal: FreedFocal | None,
+    focal_px: float,
+    config: SfmConfig,
+) -> Solution:
+    """A camera at the origin that only turns, or does not move at all."""
+    rotations = Rotation.from_matrix(turning.world_from_cam_rotmats[turning.has_camera])
+    turn_rad = float((rotations.mean().inv() * rotations).magnitude().max())
+    static = focal_px * turn_rad <= config.static_px
+    rotmats = np.eye(3) if static else turning.world_from_cam_rotmats
+    n_frames = len(turning.has_camera)
+    world_from_cam = transforms.rigid(np.broadcast_to(rotmats, (n_frames, 3, 3)), np.zeros(3))
+    world_from_cam[~turning.has_camera] = np.nan
+    agree = turning.residuals_px < config.rotation_only_inlier_px
+    rows = turning.pairs_rows[turning.pair_of_residual[agree]]
+    return Solution(
+        geometry="static" if static else "rotation_only",
+        mapper="rotation_only",
+        world_from_cam=world_from_cam,
+        errors_px=turning.residuals_px[agree],
+        inliers=np.bincount(rows.ravel(), minlength=n_frames),
+        interpolated=np.zeros(n_frames, dtype=bool),
+        focal=focal,
+        largest_turn_rad=turn_rad,
+        smoothing=NOT_SMOOTHED if static else smoothing,
+    )
 
 
 def fill_short_gaps(
-    world_from_cam: np.ndarray, has_camera: np.ndarray, timeline: Timeline, max_gap_frames: int
+    world_from_cam: np.ndarray, timeline: Timeline, max_gap_frames: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Interpolate cameras over short gaps; ends, longer gaps and cuts stay as they are.
 
@@ -33,147 +107,74 @@ def fill_short_gaps(
     degree where fewer are within reach; rotations are slerped.
 
     Args:
-        world_from_cam: (T, 4, 4); NaN where `has_camera` is False.
-        has_camera: (T,) bool.
+        world_from_cam: (T, 4, 4); NaN where there is no camera.
         timeline: Of the T frames.
         max_gap_frames: Frames in a gap at most, left-out images among them.
 
     Returns:
-        World_from_cam (T, 4, 4) with the gaps filled, and which frames were filled (T,) bool.
+        World_from_cam (T, 4, 4) with the gaps filled, and which were filled (T,) bool.
     """
-    filled, interpolated = world_from_cam.copy(), np.zeros(len(has_camera), dtype=bool)
-    numbers, placed = timeline.image_numbers, np.flatnonzero(has_camera)
+    has_camera, numbers = np.isfinite(world_from_cam[:, 0, 0]), timeline.image_numbers
+    placed, interpolated = np.flatnonzero(has_camera), np.zeros_like(has_camera)
     near = timeline.near(placed, max_gap_frames)
+    filled, everywhere = world_from_cam.copy(), fill_gaps(world_from_cam, has_camera, numbers)
     for gap in np.flatnonzero(near & (np.diff(placed) > 1)):
         between = np.arange(placed[gap] + 1, placed[gap + 1])
         first = gap - 1 if gap > 0 and near[gap - 1] else gap
         last = gap + 2 if gap + 1 < len(near) and near[gap + 1] else gap + 1
-        knots, ends = placed[first : last + 1], placed[gap : gap + 2]
-        centres = krogh_interpolate(numbers[knots], world_from_cam[knots, :3, 3], numbers[between])
-        turn = Slerp(numbers[ends], Rotation.from_matrix(world_from_cam[ends, :3, :3]))
-        filled[between] = transforms.rigid(turn(numbers[between]).as_matrix(), centres)
+        knots = placed[first : last + 1]
+        filled[between] = everywhere[between]
+        filled[between, :3, 3] = krogh_interpolate(
+            numbers[knots], world_from_cam[knots, :3, 3], numbers[between]
+        )
         interpolated[between] = True
     return filled, interpolated
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Cameras of T frames up to a similarity, in the geometry that was chosen."""
-
-    geometry: Geometry
-    """"full", "rotation_only" or "static"."""
-    world_from_cam: np.ndarray
-    """(T, 4, 4); NaN where `has_camera` is False."""
-    has_camera: np.ndarray
-    """(T,) bool."""
-    points: np.ndarray
-    """(N, 3) background points [unit of length of the cameras]; none but for "full"."""
-    track_lengths: np.ndarray
-    """(N,) frames that see each point."""
-    interpolated: np.ndarray
-    """(T,) bool: frames whose camera was interpolated."""
-    quality: dict[str, Any]
-    """The figures, as plain JSON."""
-
-
-def turning_solution(
-    turning: RotationOnly,
-    evidence: Evidence,
-    focal_px: float,
-    config: SfmConfig,
-    freed: FreedFocal | None = None,
-) -> Solution:
-    """A camera at the origin that only turns, or does not move at all."""
-    turn_rad = _largest_turn_rad(turning)
-    static = focal_px * turn_rad <= config.static_px
-    geometry: Geometry = "static" if static else "rotation_only"
-    rotmats = np.tile(np.eye(3), (len(turning.has_camera), 1, 1))
-    if not static:
-        rotmats = turning.world_from_cam_rotmats
-    world_from_cam = transforms.rigid(rotmats, np.zeros(3))
-    world_from_cam[~turning.has_camera] = np.nan
-    agree = turning.residuals_px < config.rotation_only_inlier_px
-    rows = turning.pairs_rows[turning.pair_of_residual[agree]]
-    inliers = np.bincount(rows.ravel(), minlength=len(turning.has_camera))
-    quality = _quality(geometry, turning.has_camera, turning.residuals_px[agree], inliers, evidence)
-    quality |= {
-        "mapper": "rotation_only",
-        "models": [],
-        "resected_frames": 0,
-        "largest_turn_deg": figure(np.rad2deg(turn_rad)),
-    }
-    quality |= _focal_figures(freed)
-    no_points, no_tracks = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
-    has_camera, none = turning.has_camera, np.zeros_like(turning.has_camera)
-    return Solution(geometry, world_from_cam, has_camera, no_points, no_tracks, none, quality)
-
-
-def _largest_turn_rad(turning: RotationOnly) -> float:
-    """Largest angle between a frame's orientation and the mean of all [rad]."""
-    rotations = Rotation.from_matrix(turning.world_from_cam_rotmats[turning.has_camera])
-    return float((rotations.mean().inv() * rotations).magnitude().max())
-
-
-def mapped_solution(mapped: Mapped, evidence: Evidence) -> Solution:
-    """A camera with six degrees of freedom."""
-    quality = _quality("full", mapped.has_camera, mapped.errors_px, mapped.observations, evidence)
-    quality |= {
-        "mapper": mapped.mapper,
-        "models": [asdict(record) for record in mapped.models],
-        "resected_frames": mapped.n_resected,
-        "points": len(mapped.points),
-        "median_track_length": figure(np.median(mapped.track_lengths)),
-    }
-    quality |= _focal_figures(mapped.focal)
-    return Solution(
-        "full",
-        mapped.world_from_cam,
-        mapped.has_camera,
-        mapped.points,
-        mapped.track_lengths,
-        np.zeros_like(mapped.has_camera),
-        quality,
-    )
-
-
-def _focal_figures(freed: FreedFocal | None) -> dict[str, Any]:
-    """The focal length that the background asks for, over the given one; None where it doesn't."""
-    if freed is None or freed.sigma is None:
-        return {"focal_factor": None, "focal_sigma": None}
-    return {"focal_factor": figure(freed.factor), "focal_sigma": figure(freed.sigma)}
-
-
 def with_short_gaps_filled(solution: Solution, timeline: Timeline, max_gap_frames: int) -> Solution:
-    """The solution with cameras interpolated over short gaps, marked, and named in the figures.
-
-    The other figures are about the cameras that were found.
-    """
-    filled, interpolated = fill_short_gaps(
-        solution.world_from_cam, solution.has_camera, timeline, max_gap_frames
-    )
-    return replace(
-        solution,
-        world_from_cam=filled,
-        has_camera=solution.has_camera | interpolated,
-        interpolated=interpolated,
-        quality=solution.quality | {"interpolated": np.flatnonzero(interpolated).tolist()},
-    )
+    """The solution with cameras interpolated over short gaps, and marked."""
+    filled, marks = fill_short_gaps(solution.world_from_cam, timeline, max_gap_frames)
+    return replace(solution, world_from_cam=filled, interpolated=marks)
 
 
-def _quality(
-    geometry: Geometry,
-    has_camera: np.ndarray,
-    errors_px: np.ndarray,
-    inliers: np.ndarray,
+def quality_of(
+    solution: Solution,
     evidence: Evidence,
-) -> dict[str, Any]:
-    return {
-        "geometry": geometry,
-        "frames": len(has_camera),
-        "frames_with_camera": int(has_camera.sum()),
-        "registered_share": figure(has_camera.mean()),
-        "mean_reprojection_px": figure(errors_px.mean()),
-        "median_reprojection_px": figure(np.median(errors_px)),
-        "inliers_per_frame": [int(count) for count in inliers],
-        "evidence": asdict(evidence),
-    }
+    keys: Keyframes,
+    *,
+    bent_model_set_aside: bool,
+    size_px: tuple[int, int],
+) -> CamerasQuality:
+    """The figures of a solution whose gaps are filled."""
+    n_frames, is_full = len(solution.world_from_cam), solution.geometry == "full"
+    n_found = int((solution.has_camera & ~solution.interpolated).sum())
+    focal, turn_rad = solution.focal, solution.largest_turn_rad
+    holds = focal is not None and focal.sigma is not None
+    return CamerasQuality(
+        geometry=solution.geometry,
+        mapper=solution.mapper,
+        evidence=evidence,
+        bent_model_set_aside=bent_model_set_aside,
+        frames=n_frames,
+        frames_with_camera=n_found,
+        registered_share=n_found / n_frames,
+        mean_reprojection_px=solution.errors_px.mean(),
+        median_reprojection_px=float(np.median(solution.errors_px)),
+        inliers_per_frame=tuple(solution.inliers.tolist()),
+        interpolated=tuple(np.flatnonzero(solution.interpolated).tolist()),
+        keyframes=tuple(keys.rows.tolist()),
+        cuts_after_frames=tuple(keys.cuts.tolist()),
+        featureless=tuple(keys.featureless.tolist()),
+        models=solution.models,
+        resected_frames=solution.n_resected,
+        # Without a standard error the factor means nothing.
+        focal_factor=focal.factor if focal is not None and holds else None,
+        focal_sigma=focal.sigma if focal is not None else None,
+        smoothing=solution.smoothing,
+        points=len(solution.points) if is_full else None,
+        median_track_length=(
+            float(np.median(solution.track_lengths)) if len(solution.points) else None
+        ),
+        largest_turn_deg=None if turn_rad is None else float(np.rad2deg(turn_rad)),
+        worked_on_px=size_px,
+    )

@@ -11,7 +11,7 @@ from gmrdata.read.frames import check_images, image_number, list_images, write_g
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, rows_of_numbers
 from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
 from gmrdata.values.people import PersonFiles, stage_inputs
 from gmrdata.values.records import Config
@@ -226,8 +226,9 @@ def _clip(clip_path: Path, image: Path, size_px: tuple[int, int]) -> Clip:
 
 
 def _rows_of_images(clip: Clip, clip_path: Path, images: list[Path]) -> list[int]:
-    row_of_number = {int(n): row for row, n in enumerate(clip.image_numbers) if n >= 0}
-    for image in images:
-        if image_number(image) not in row_of_number:
-            raise BadFrames(f"{image}: {clip_path} has no pose for this image, so it has no mask")
-    return [row_of_number[image_number(image)] for image in images]
+    numbers = np.array([image_number(image) for image in images])
+    rows = rows_of_numbers(clip.image_numbers, numbers).tolist()
+    if -1 in rows:
+        unknown = images[rows.index(-1)]
+        raise BadFrames(f"{unknown}: {clip_path} has no pose for this image, so it has no mask")
+    return rows

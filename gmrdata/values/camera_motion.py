@@ -6,15 +6,15 @@ orientation changes, *panning* when it turns, and *small* otherwise.  A camera t
 on its straight way.
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
+from pydantic.dataclasses import dataclass
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.records import Config
+from gmrdata.values.records import PART, Config
 
 MotionClass = Literal["static", "small", "panning", "linear", "linear_panning", "circular"]
 MOST_ROWS = 400
@@ -40,7 +40,7 @@ class MotionClassConfig(Config):
     """And a circle leaves at most this share of a straight line's residuals."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=PART)
 class MotionFigures:
     """What a class was decided on."""
 
@@ -52,8 +52,8 @@ class MotionFigures:
     """Largest angle between two orientations [degrees]."""
     line_rms_m: float
     """Root mean square distance of the places from the best straight line [m]."""
-    circle_rms_m: float
-    """The same from the best circle, seen from above [m]; infinite for a straight way."""
+    circle_rms_m: float | None
+    """The same from the best circle, seen from above [m]; None for a straight way."""
     bend_deg: float
     """Angle that the way covers on that circle [degrees]."""
     goes_round: bool
@@ -96,6 +96,7 @@ def _class_of(figures: MotionFigures, config: MotionClassConfig) -> MotionClass:
         return "panning" if figures.turn_deg > config.pan_deg else "small"
     if (
         figures.goes_round
+        and figures.circle_rms_m is not None
         and figures.bend_deg >= config.bend_deg
         and figures.circle_rms_m <= config.bend_share * figures.line_rms_m
     ):
@@ -140,7 +141,7 @@ def _line_rms_m(centres_m: np.ndarray) -> float:
     return float(np.sqrt((spread[1:] ** 2).sum() / len(centres_m)))
 
 
-def _circle(places_m: np.ndarray, person_m: np.ndarray) -> tuple[float, float, bool]:
+def _circle(places_m: np.ndarray, person_m: np.ndarray) -> tuple[float | None, float, bool]:
     """RMS distance from the best circle [m] (Kasa 1976), the angle on it [deg], person inside."""
     centred = places_m - places_m.mean(axis=0)
     size_m = max(float(np.abs(centred).max()), 1e-9)
@@ -148,7 +149,7 @@ def _circle(places_m: np.ndarray, person_m: np.ndarray) -> tuple[float, float, b
     design = np.c_[2 * unit, np.ones(len(unit))]
     answer, _, rank, _ = np.linalg.lstsq(design, (unit**2).sum(axis=1), rcond=1e-9)
     if rank < 3:
-        return np.inf, 0.0, False
+        return None, 0.0, False
     middle = answer[:2]
     radius = np.sqrt(max(answer[2] + middle @ middle, 0.0))
     from_middle = unit - middle

@@ -58,9 +58,12 @@ class Record(Config):
         found = value.get("format") if isinstance(value, dict) else None
         require_tag(path, found, cls.tag())
         try:
-            return cls.model_validate(value)
+            record = cls.model_validate(value)
         except ValidationError as error:
             raise BadRecord(f"{path}: {_first_problem(error)}; {MAKE_AGAIN}") from None
+        if lacking := _lacking(value, record.model_dump(mode="json")):
+            raise BadRecord(f"{path}: has no key `{lacking}`; {MAKE_AGAIN}")
+        return record
 
     def write(self, path: Path) -> None:
         """Write the record as JSON with sorted keys, as a whole or not at all."""
@@ -130,6 +133,18 @@ def require_tag(path: Path, found: Any, tag: str) -> None:
             f"{path}: has no `format`, so it is no {tag} or an older gmrdata wrote it; {MAKE_AGAIN}"
         )
     raise BadRecord(f"{path}: `format` is {found!r}, not {tag!r}; {MAKE_AGAIN}")
+
+
+def _lacking(value: Any, whole: Any) -> str:
+    """The first key that a value lacks: the `format` of a record within it, which has a default."""
+    if not isinstance(whole, dict):
+        return ""
+    for key, inner in whole.items():
+        if key not in value:
+            return str(key)
+        if lacking := _lacking(value[key], inner):
+            return f"{key}.{lacking}"
+    return ""
 
 
 def _first_problem(error: ValidationError) -> str:

@@ -1,15 +1,12 @@
-"""Why single frames must not be used: each check compares one figure with one threshold.
-
-How far a camera moves and turns over some frames.
-"""
+"""Why single frames must not be used: each check compares one figure with one threshold."""
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.files import CamerasQuality
 from gmrdata.values import transforms
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.world.recipe import VerdictConfig
@@ -30,7 +27,7 @@ def angles_deg(moves: np.ndarray) -> np.ndarray:
 
 
 def window_differences(
-    world_from_cam: np.ndarray, tracked: np.ndarray, step: int
+    world_from_cam: np.ndarray, dataset_camera: np.ndarray, step: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """How differently two cameras (T, 4, 4) move over `step` frames.
 
@@ -38,7 +35,7 @@ def window_differences(
         Difference of the rotations (T - step,) [degrees], and of the displacements (T - step,) [m];
         NaN where either camera is unknown.
     """
-    ours, theirs = relative_moves(world_from_cam, step), relative_moves(tracked, step)
+    ours, theirs = relative_moves(world_from_cam, step), relative_moves(dataset_camera, step)
     apart_m = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
     return angles_deg(transforms.invert(ours) @ theirs), apart_m
 
@@ -49,31 +46,31 @@ NOTHING_SEEN = "no camera was found: the picture is black or even, or all of it 
 
 def frame_reasons(
     clip: Clip,
-    sfm_quality: dict[str, Any],
+    quality: CamerasQuality,
     sfm_rows: np.ndarray,
     config: VerdictConfig,
     *,
-    unusable: Sequence[str] | None = None,
-    tracked: np.ndarray | None = None,
+    unusable: Sequence[str] | None,
+    dataset_camera: np.ndarray | None,
 ) -> list[str]:
     """Why each of the T frames must not be used; empty where it may.  Arguments as in `judge`."""
     camera, fps_hz = camera_of(clip), clip.motion.fps_hz
     n = camera.n_frames
     reasons = list(unusable) if unusable is not None else [""] * n
     _mark(reasons, sfm_rows < 0, "it has no image")
-    _mark(reasons, _behind_cut(sfm_quality, sfm_rows, camera.has_camera), ANOTHER_PLACE)
-    featureless = np.isin(sfm_rows, sfm_quality.get("featureless", []))
+    _mark(reasons, _behind_cut(quality, sfm_rows, camera.has_camera), ANOTHER_PLACE)
+    featureless = np.isin(sfm_rows, quality.featureless)
     _mark(reasons, ~camera.has_camera & featureless, NOTHING_SEEN)
     _mark(reasons, ~camera.has_camera, "no camera was found")
     _mark(reasons, ~clip.valid, "the body is not known")
-    inliers = np.array(sfm_quality["inliers_per_frame"])[sfm_rows]
+    inliers = np.array(quality.inliers_per_frame)[sfm_rows]
     # An interpolated camera has none of its own; it is marked, and held by its neighbours.
-    few = (inliers < config.min_inliers) & ~np.isin(sfm_rows, sfm_quality.get("interpolated", []))
+    few = (inliers < config.min_inliers) & ~np.isin(sfm_rows, quality.interpolated)
     _mark(reasons, few, f"fewer than {config.min_inliers} inliers")
     _mark(reasons, _both_sides(jumps(clip, config), 1, n), "the camera jumps")
-    if tracked is not None:
+    if dataset_camera is not None:
         step = max(1, round(config.window_s * fps_hz))
-        off = _disagrees(camera.world_from_cam, tracked, step, config)
+        off = _disagrees(camera.world_from_cam, dataset_camera, step, config)
         _mark(reasons, _both_sides(off, step, n), "the camera moves otherwise than the data set's")
     return reasons
 
@@ -88,20 +85,20 @@ def jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
 
 
 def _behind_cut(
-    sfm_quality: dict[str, Any], sfm_rows: np.ndarray, has_camera: np.ndarray
+    quality: CamerasQuality, sfm_rows: np.ndarray, has_camera: np.ndarray
 ) -> np.ndarray:
     """(T,) bool: frames of a stretch between two cuts in which no frame has a camera."""
-    cuts = np.array(sfm_quality.get("cuts_after_frames", []), dtype=int)
+    cuts = np.array(quality.cuts_after_frames, dtype=int)
     stretch = np.searchsorted(cuts, sfm_rows)
     placed = np.unique(stretch[has_camera])
     return ~np.isin(stretch, placed) & (len(cuts) > 0)
 
 
 def _disagrees(
-    world_from_cam: np.ndarray, tracked: np.ndarray, step: int, config: VerdictConfig
+    world_from_cam: np.ndarray, dataset_camera: np.ndarray, step: int, config: VerdictConfig
 ) -> np.ndarray:
     """(T - step,) bool: windows in which the two cameras move differently."""
-    apart_deg, apart_m = window_differences(world_from_cam, tracked, step)
+    apart_deg, apart_m = window_differences(world_from_cam, dataset_camera, step)
     # A comparison with NaN is False: what is unknown doesn't disagree.
     return (apart_deg > config.max_window_deg) | (apart_m > config.max_window_m)
 

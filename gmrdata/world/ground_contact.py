@@ -62,7 +62,9 @@ def ground_contact_scale(
     contact = scale * config.contact_sigma_m / float(np.median(height_m))
     plane_error = scale * residual / np.sqrt(n_points) / float(np.median(height))
     sigma = float(np.sqrt(spread**2 + contact**2 + plane_error**2))
-    return CueEstimate("ground_contact", scale, sigma, n_points, residual * scale)
+    if not np.isfinite([scale, sigma]).all():
+        return None
+    return CueEstimate("ground_contact", scale, sigma, n_points, residual * scale, person=None)
 
 
 def _planted(

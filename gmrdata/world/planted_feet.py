@@ -106,10 +106,11 @@ def planted_feet_scale(
         before, scale = scale, float(-terms[:, 0].sum() / terms[:, 1].sum())
         if abs(scale - before) < 1e-9 * scale:
             break
-    speed = np.nanmedian(np.linalg.norm(np.diff(centres, axis=0), axis=1)) * fps_hz
+    # A camera that mostly stands has a scale that is uncertain beyond measure, not infinitely.
+    speed = max(np.nanmedian(np.linalg.norm(np.diff(centres, axis=0), axis=1)) * fps_hz, 1e-12)
     sigma = float(np.hypot(_standard_error(terms, scale), config.creep_m_per_s / speed))
     residual_m = float(np.sqrt(terms[:, 2].sum() / terms[:, 3].sum()))
-    return CueEstimate("planted_feet", scale, sigma, len(stances), residual_m)
+    return CueEstimate("planted_feet", scale, sigma, len(stances), residual_m, person=None)
 
 
 def _search(turned_m: np.ndarray, centres: np.ndarray, slip_m: float, config: ScaleConfig) -> float:
@@ -191,6 +192,9 @@ def _standard_error(terms: np.ndarray, scale: float) -> float:
     from_residuals = np.sqrt(residual_variance / bb.sum())
     if n < 3:
         return float(2.0 * from_residuals)
-    left_out = -(ab.sum() - ab) / (bb.sum() - bb)
+    others = bb.sum() - bb
+    if not (others > 0).all():
+        return scale  # one stance holds the scale alone, and nothing says how far it is off
+    left_out = -(ab.sum() - ab) / others
     jackknife = np.sqrt((n - 1) / n * ((left_out - left_out.mean()) ** 2).sum())
     return float(max(jackknife, from_residuals, 1e-12 * scale))

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from gmrdata.cameras.files import (
     QUALITY_FILE,
@@ -18,22 +17,20 @@ from gmrdata.cameras.files import (
 from gmrdata.cameras.timeline import cuts_in_words
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import CameraPath
-from gmrdata.values.clip import Clip, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, NoReconstruction
-from gmrdata.values.files import read_json, read_npz, write_json
+from gmrdata.values.camera import CameraPath, fill_gaps
+from gmrdata.values.clip import Clip, load_clip, rows_of_numbers, save_clip
+from gmrdata.values.errors import BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
+from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.world.compose import level_from_world, metric_cameras, motion_in_world
+from gmrdata.world.dataset import Doubts, load_dataset_camera
 from gmrdata.world.judge import judge
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
 from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale
 from gmrdata.world.verdict import Verdict, overridden
-
-TRACKED_KEY = "world_from_cam"
 
 
 def make_pseudo_gt(
@@ -42,7 +39,7 @@ def make_pseudo_gt(
     out_dir: Path,
     config: PseudoGtConfig,
     *,
-    tracked_path: Path | None = None,
+    dataset_camera_path: Path | None = None,
     doubts_path: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
@@ -56,17 +53,16 @@ def make_pseudo_gt(
         people: The people, all with the same rows.
         out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
         config: The recipe.
-        tracked_path: .npz with `world_from_cam` (T, 4, 4): the data set's own metric cameras, right
-            over short times; NaN where unknown.
-        doubts_path: .json with `frames`: for each person T texts that say why the data set itself
-            does not vouch for a frame, empty where it does; and `sequence`: texts that say why it
-            can't be used at all.
+        dataset_camera_path: The data set's own camera, as `save_dataset_camera` writes it; right
+            over short times.
+        doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
 
     Returns:
         `out_dir`.
 
     Raises:
         BadMotionFile: a clip is not in the camera frame, or has other rows than the first.
+        BadRecord: a record is broken, of another version, or of another number of frames.
         NoReconstruction: no frame has pose and camera, or no scale can be found.
     """
 
@@ -79,8 +75,10 @@ def make_pseudo_gt(
                 raise BadMotionFile(f"{person.clip_path}: has other rows than {clips[0].id}")
         bodies = [load_body(str(person.body_path)) for person in people]
         cameras, quality = load_cameras(sfm_dir), load_quality(sfm_dir)
-        rows = _rows_of_images(cameras, clips[0])
-        tracked = None if tracked_path is None else read_npz(tracked_path)[TRACKED_KEY]
+        if quality.frames != len(cameras.image_numbers):
+            raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
+        rows = rows_of_numbers(cameras.image_numbers, clips[0].image_numbers)
+        dataset_camera = _dataset_camera(dataset_camera_path, len(rows))
         try:
             world_clips, estimate = compose_clips(
                 clips,
@@ -89,13 +87,11 @@ def make_pseudo_gt(
                 load_points(sfm_dir),
                 bodies,
                 config,
-                tracked=tracked,
+                dataset_camera=dataset_camera,
             )
         except NoReconstruction as error:
-            raise NoReconstruction(
-                f"{error}{cuts_in_words(quality.get('cuts_after_frames', []))}"
-            ) from None
-        doubts = {} if doubts_path is None else read_json(doubts_path)
+            raise NoReconstruction(f"{error}{cuts_in_words(quality.cuts_after_frames)}") from None
+        doubts = _doubts(doubts_path, len(people), len(rows))
         verdicts: list[Verdict] = []
         for number, clip in enumerate(world_clips):
             verdict = judge(
@@ -104,9 +100,9 @@ def make_pseudo_gt(
                 rows,
                 estimate,
                 config.verdict,
-                unusable=doubts["frames"][number] if doubts else None,
-                doubts=doubts.get("sequence", ()),
-                tracked=tracked,
+                unusable=None if doubts is None else doubts.frames[number],
+                doubts=() if doubts is None else doubts.sequence,
+                dataset_camera=dataset_camera,
             )
             if config.override is not None:
                 verdict = overridden(verdict, config.override, ~clip.valid)
@@ -115,12 +111,30 @@ def make_pseudo_gt(
             kept = replace(clip, valid=clip.valid & verdict.kept)
             save_clip(partial / person_file(number), kept, rest_pelvis_m)
         record = quality_of(world_clips, verdicts, estimate, quality, config)
-        write_json(partial / QUALITY_FILE, record)
+        record.write(partial / QUALITY_FILE)
 
     inputs = {"sfm": sfm_dir} | stage_inputs(people)
-    inputs |= {} if tracked_path is None else {"tracked": tracked_path}
+    inputs |= {} if dataset_camera_path is None else {"dataset_camera": dataset_camera_path}
     inputs |= {} if doubts_path is None else {"doubts": doubts_path}
     return run_stage("pseudo_gt", out_dir, config, inputs, work, run=run)
+
+
+def _dataset_camera(path: Path | None, n_frames: int) -> np.ndarray | None:
+    if path is None:
+        return None
+    world_from_cam = load_dataset_camera(path)
+    if len(world_from_cam) != n_frames:
+        raise BadRecord(f"{path}: {len(world_from_cam)} cameras for {n_frames} frames")
+    return world_from_cam
+
+
+def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts | None:
+    if path is None:
+        return None
+    doubts = Doubts.read(path)
+    if [len(frames) for frames in doubts.frames] != n_people * [n_frames]:
+        raise BadRecord(f"{path}: `frames` is not of {n_people} people and {n_frames} frames")
+    return doubts
 
 
 def compose_clips(
@@ -131,7 +145,7 @@ def compose_clips(
     bodies: Sequence[BodyModel],
     config: PseudoGtConfig,
     *,
-    tracked: np.ndarray | None = None,
+    dataset_camera: np.ndarray | None = None,
 ) -> tuple[list[Clip], ScaleEstimate]:
     """The clips in one metric, level world, and the scale that made it metric.
 
@@ -142,7 +156,7 @@ def compose_clips(
         points: (N, 3) its background points, in the cameras' unit.
         bodies: Each person's body.
         config: The recipe.
-        tracked: (T, 4, 4) the data set's own metric cameras, or None.
+        dataset_camera: (T, 4, 4) the data set's own metric cameras, or None.
 
     Raises:
         NoReconstruction: nobody has two frames with pose and camera, or no scale can be found.
@@ -150,42 +164,26 @@ def compose_clips(
     usable = [path.has_camera & clip.valid for clip in camera_clips]
     if max(rows.sum() for rows in usable) < 2:
         raise NoReconstruction(f"{camera_clips[0].id}: no two frames have both pose and camera")
+    paths = [replace(path, world_from_cam=_blanked(path.world_from_cam, rows)) for rows in usable]
     seen = [
-        SeenPerson(clip.motion, body, replace(path, world_from_cam=_blanked(path, rows)))
-        for clip, body, rows in zip(camera_clips, bodies, usable, strict=True)
+        SeenPerson(clip.motion, body, known)
+        for clip, body, known, rows in zip(camera_clips, bodies, paths, usable, strict=True)
         if rows.any()
     ]
-    estimate = estimate_scale(seen, geometry, config.scale, points=points, tracked=tracked)
+    estimate = estimate_scale(
+        seen, geometry, config.scale, points=points, dataset_camera=dataset_camera
+    )
     # Without a scale the camera stays in place, also one that was seen to travel a little.
     scale = 0.0 if estimate.scale is None else estimate.scale
-    filled = fill_gaps(metric_cameras(path.world_from_cam, scale), path.has_camera)
-    level = _level(camera_clips, filled, usable, bodies, config)
-    camera = replace(path, world_from_cam=level @ filled)
-    camera = replace(camera, world_from_cam=_blanked(camera, path.has_camera))
+    metric = metric_cameras(path.world_from_cam, scale)
+    filled = fill_gaps(metric, path.has_camera, np.arange(path.n_frames))
+    levelled = _level(camera_clips, filled, usable, bodies, config) @ filled
+    camera = replace(path, world_from_cam=_blanked(levelled, path.has_camera))
     clips = [
-        Clip(
-            clip.id, motion_in_world(clip.motion, level @ filled), rows, clip.image_numbers, camera
-        )
+        Clip(clip.id, motion_in_world(clip.motion, levelled), rows, clip.image_numbers, camera)
         for clip, rows in zip(camera_clips, usable, strict=True)
     ]
     return clips, estimate
-
-
-def fill_gaps(world_from_cam: np.ndarray, has_camera: np.ndarray) -> np.ndarray:
-    """Cameras (T, 4, 4) with gaps filled by slerp and linear interpolation; ends are held.
-
-    At least one frame must have a camera.
-    """
-    rows = np.flatnonzero(has_camera)
-    if len(rows) == 1:
-        return np.tile(world_from_cam[rows[0]], (len(has_camera), 1, 1))
-    at = np.clip(np.arange(len(has_camera)), rows[0], rows[-1])
-    known = world_from_cam[rows]
-    rotmats = Slerp(rows, Rotation.from_matrix(known[:, :3, :3]))(at).as_matrix()
-    centres = np.stack([np.interp(at, rows, known[:, axis, 3]) for axis in range(3)], axis=1)
-    filled = transforms.rigid(rotmats, centres)
-    filled[rows] = known
-    return filled
 
 
 def _camera_clip(path: Path) -> Clip:
@@ -193,12 +191,6 @@ def _camera_clip(path: Path) -> Clip:
     if clip.motion.frame != "camera":
         raise BadMotionFile(f"{path}: the motion is not in the camera frame")
     return clip
-
-
-def _rows_of_images(cameras: SfmCameras, clip: Clip) -> np.ndarray:
-    """(T,) the camera's row for each row of the clip, by the image's number; -1 without one."""
-    row_of_number = {int(number): row for row, number in enumerate(cameras.image_numbers)}
-    return np.array([row_of_number.get(int(number), -1) for number in clip.image_numbers])
 
 
 def _camera_path(cameras: SfmCameras, rows: np.ndarray) -> CameraPath:
@@ -209,8 +201,8 @@ def _camera_path(cameras: SfmCameras, rows: np.ndarray) -> CameraPath:
     return replace(cameras.path, world_from_cam=world_from_cam, has_camera=has_camera)
 
 
-def _blanked(path: CameraPath, keep: np.ndarray) -> np.ndarray:
-    return np.where(keep[:, None, None], path.world_from_cam, np.nan)
+def _blanked(world_from_cam: np.ndarray, keep: np.ndarray) -> np.ndarray:
+    return np.where(keep[:, None, None], world_from_cam, np.nan)
 
 
 def _level(

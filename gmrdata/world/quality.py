@@ -1,55 +1,101 @@
-"""What a manifest says of a pseudo ground truth: its quality record, and why rows are dropped.
+"""`quality.json` of a pseudo ground truth, and what a manifest says of it."""
 
-The figures of a pseudo ground truth as plain JSON, for its `quality.json`.
-"""
-
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Literal, Self, TypeVar
 
 import numpy as np
+from pydantic import model_validator
 
-from gmrdata.cameras.files import QUALITY_FILE
+from gmrdata.cameras.files import QUALITY_FILE, CamerasQuality
 from gmrdata.manifest.current import Quality
 from gmrdata.values.camera_motion import MotionClass, MotionFigures, classify
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.files import read_json
-from gmrdata.values.rows import texts_of
-from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.values.records import Figure, Record, figure
+from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
 from gmrdata.world.scale import ScaleEstimate
-from gmrdata.world.verdict import Verdict
+from gmrdata.world.verdict import PersonVerdict, Verdict
+
+
+class PseudoGtQuality(Record):
+    """The reconstruction's figures, those of the scale, the camera's class, and each verdict."""
+
+    format: Literal["gmrdata-pseudo-gt-quality/1"] = "gmrdata-pseudo-gt-quality/1"
+    cameras: CamerasQuality | None
+    """Figures of the reconstruction; null where there is none."""
+    scale: Figure | None
+    """Metres per unit of the reconstruction; null where scale does not enter."""
+    scale_sigma: Figure | None
+    """Its standard error; null together with it."""
+    scale_matters: bool
+    """`ScaleEstimate.matters`."""
+    scale_disagreement: Figure | None
+    """Largest difference of two cues, in standard errors; null for fewer than two."""
+    scale_cues: tuple[CueEstimate, ...]
+    camera_motion: MotionClass | Literal["none"]
+    """Class of the camera's motion; "none" without a reconstruction."""
+    camera_motion_figures: MotionFigures | None
+    """What the class was decided on."""
+    people: tuple[PersonVerdict, ...]
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if (self.scale is None) != (self.scale_sigma is None):
+            raise ValueError("of scale and scale_sigma only one is null")
+        unsolved = self.cameras is None
+        if unsolved != (self.camera_motion == "none") or (
+            unsolved != (self.camera_motion_figures is None)
+        ):
+            raise ValueError("cameras and camera_motion do not say alike whether there is a camera")
+        return self
 
 
 def quality_of(
     clips: Sequence[Clip],
     verdicts: Sequence[Verdict],
     estimate: ScaleEstimate,
-    sfm_quality: dict[str, Any],
+    cameras: CamerasQuality,
     config: PseudoGtConfig,
-) -> dict[str, Any]:
-    """The reconstruction's figures, those of the scale, the camera's class, and each verdict.
+) -> PseudoGtQuality:
+    """The record of a pseudo ground truth.
 
     Args:
         clips: Each person in the world, before frames were dropped.
         verdicts: What was decided of each.
         estimate: The metric scale.
-        sfm_quality: The reconstruction's `quality.json`.
+        cameras: The reconstruction's figures.
         config: The recipe.
     """
     camera_motion, figures = camera_class(clips, config)
-    return sfm_quality | {
-        "scale": _figure(estimate.scale),
-        "scale_sigma": _figure(estimate.sigma),
-        "scale_matters": estimate.matters,
-        "scale_disagreement": _figure(estimate.disagreement),
-        "scale_cues": [_rounded(asdict(cue)) for cue in estimate.cues],
-        "camera_motion": camera_motion,
-        "camera_motion_figures": _rounded(asdict(figures)),
-        "people": [
-            verdict.as_record(clip.id) for clip, verdict in zip(clips, verdicts, strict=True)
-        ],
-    }
+    return PseudoGtQuality(
+        cameras=cameras,
+        scale=estimate.scale,
+        scale_sigma=estimate.sigma,
+        scale_matters=estimate.matters,
+        scale_disagreement=estimate.disagreement,
+        scale_cues=tuple(_rounded(cue) for cue in estimate.cues),
+        camera_motion=camera_motion,
+        camera_motion_figures=_rounded(figures),
+        people=tuple(
+            verdict.of_person(clip.id) for clip, verdict in zip(clips, verdicts, strict=True)
+        ),
+    )
+
+
+def unsolved_quality(people: Sequence[PersonVerdict]) -> PseudoGtQuality:
+    """The record of a sequence without a reconstruction."""
+    return PseudoGtQuality(
+        cameras=None,
+        scale=None,
+        scale_sigma=None,
+        scale_matters=False,
+        scale_disagreement=None,
+        scale_cues=(),
+        camera_motion="none",
+        camera_motion_figures=None,
+        people=tuple(people),
+    )
 
 
 def camera_class(
@@ -63,70 +109,49 @@ def camera_class(
     )
 
 
-def _rounded(values: dict[str, Any]) -> dict[str, Any]:
-    return {key: _figure(v) if isinstance(v, float) else v for key, v in values.items()}
+Part = TypeVar("Part", CueEstimate, MotionFigures)
 
 
-def _figure(value: float | None) -> float | None:
-    """Six digits; None for what isn't finite, which JSON has no word for."""
-    return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")
+def _rounded(part: Part) -> Part:
+    """A part of the record with its figures rounded."""
+    values = asdict(part)
+    values |= {key: figure(v) for key, v in values.items() if isinstance(v, float)}
+    return replace(part, **values)
 
 
-def load_record(pseudo_gt_dir: Path) -> dict[str, Any]:
-    """The figures of a pseudo ground truth (`quality.json`)."""
-    return dict(read_json(pseudo_gt_dir / QUALITY_FILE))
+def load_record(pseudo_gt_dir: Path) -> PseudoGtQuality:
+    """Read `quality.json` of a pseudo ground truth."""
+    return PseudoGtQuality.read(pseudo_gt_dir / QUALITY_FILE)
 
 
-def quality_record(record: dict[str, Any], person: int) -> Quality:
-    """A person's quality record.
-
-    Args:
-        record: What `load_record` gave.
-        person: Which person, from 0.
-    """
-    judged = record["people"][person]
-    inliers = record.get("inliers_per_frame")
+def quality_record(record: PseudoGtQuality, person: int) -> Quality:
+    """What a manifest says of one person, counted from 0."""
+    judged, cameras = record.people[person], record.cameras
     return Quality(
-        geometry=record.get("geometry"),
-        verdict="accepted" if judged["accepted"] else "rejected",
-        reasons=tuple(judged["reasons"]),
-        scale=record.get("scale"),
-        scale_sigma=record.get("scale_sigma"),
-        registered_share=record.get("registered_share"),
-        reprojection_error_px=record.get("mean_reprojection_px"),
-        inliers=None if inliers is None else float(np.mean(inliers)),
-        figures=_figures(record, judged),
+        geometry=None if cameras is None else cameras.geometry,
+        verdict="accepted" if judged.accepted else "rejected",
+        reasons=judged.reasons,
+        scale=record.scale,
+        scale_sigma=record.scale_sigma,
+        registered_share=None if cameras is None else cameras.registered_share,
+        reprojection_error_px=None if cameras is None else cameras.mean_reprojection_px,
+        inliers=None if cameras is None else float(np.mean(cameras.inliers_per_frame)),
+        figures=dict(_figures(record, judged)),
     )
 
 
-def dropped_reasons(record: dict[str, Any], person: int) -> list[str]:
-    """Why each row of a person's clip is dropped, (T,) texts: all rows of a rejected one."""
-    judged = record["people"][person]
-    reasons = judged_reasons(judged)
-    if not judged["accepted"]:
-        rejected = f"the sequence is rejected: {'; '.join(judged['reasons'])}"
-        reasons = [reason or rejected for reason in reasons]
-    return reasons
-
-
-def judged_reasons(judged: dict[str, Any]) -> list[str]:
-    """Why each frame of one person is dropped by itself, (T,) texts; empty where it isn't."""
-    runs = ((run["start"], run["stop"], run["reason"]) for run in judged["dropped"])
-    return texts_of(runs, judged["frames"])
-
-
-def _figures(record: dict[str, Any], judged: dict[str, Any]) -> dict[str, float]:
+def _figures(record: PseudoGtQuality, judged: PersonVerdict) -> Iterator[tuple[str, float]]:
     """The class's figures and the scale's cues by name, as far as they are known."""
-    figures: dict[str, Any] = {"kept_share": judged["kept_share"]}
-    figures |= {
-        f"camera_{name}": value
-        for name, value in record.get("camera_motion_figures", {}).items()
-        if not isinstance(value, bool)
-    }
-    if "interpolated" in record:
-        figures["interpolated_frames"] = len(record["interpolated"])
-    figures["scale_disagreement_sigma"] = record.get("scale_disagreement")
-    for cue in record.get("scale_cues", ()):
-        name = cue["name"] if cue["person"] is None else f"{cue['name']}_p{cue['person']}"
-        figures |= {f"scale_{name}": cue["scale"], f"scale_{name}_sigma": cue["sigma"]}
-    return {name: float(value) for name, value in figures.items() if value is not None}
+    yield "kept_share", judged.kept_share
+    if record.camera_motion_figures is not None:
+        for name, value in asdict(record.camera_motion_figures).items():
+            if value is not None and not isinstance(value, bool):
+                yield f"camera_{name}", value
+    if record.cameras is not None:
+        yield "interpolated_frames", float(len(record.cameras.interpolated))
+    if record.scale_disagreement is not None:
+        yield "scale_disagreement_sigma", record.scale_disagreement
+    for cue in record.scale_cues:
+        name = cue.name if cue.person is None else f"{cue.name}_p{cue.person}"
+        yield f"scale_{name}", cue.scale
+        yield f"scale_{name}_sigma", cue.sigma

@@ -1,16 +1,10 @@
-"""The recipe of metric scale, and what one source of evidence says about it.
-
-The thresholds of a verdict; the recipe holds them.
-
-What a recipe may say of the pseudo ground truth.
-"""
-
-from dataclasses import dataclass
+"""The recipe of a pseudo ground truth: its metric scale, and the thresholds of its verdict."""
 
 from pydantic import Field
+from pydantic.dataclasses import dataclass as part
 
 from gmrdata.values.camera_motion import MotionClassConfig
-from gmrdata.values.records import Config
+from gmrdata.values.records import PART, Config
 from gmrdata.world.verdict import Override
 
 
@@ -62,7 +56,7 @@ class ScaleConfig(Config):
     independent [s]."""
 
 
-@dataclass(frozen=True)
+@part(frozen=True, config=PART)
 class CueEstimate:
     """What one source of evidence says about the scale."""
 
@@ -76,7 +70,7 @@ class CueEstimate:
     """Independent observations behind it: stances, points of the ground, or windows."""
     residual_m: float
     """Root mean square of what the cue leaves unexplained [m]."""
-    person: int | None = None
+    person: int | None
     """Whose feet, counted from 0; None for a cue that needs nobody."""
 
 

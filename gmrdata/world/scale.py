@@ -1,10 +1,8 @@
 """Metres per unit of a reconstruction, with an error bar, from independent cues.
 
 The person is metric, so their planted feet stand still (`planted_feet`) and on the triangulated
-ground (`ground_contact`) at the true scale only.  A data set's own metric camera path tells its
-length over short times, where it hardly drifts (`short_windows`).
-
-Scale from a data set's own metric camera path, which drifts but is right at short times.
+ground (`ground_contact`) at the true scale only.  A data set's own metric camera drifts, but tells
+the path's length over short times (`short_windows`).
 """
 
 from collections.abc import Sequence
@@ -26,7 +24,7 @@ FEWEST_WINDOWS = 5
 
 
 def short_windows_scale(
-    camera_path: CameraPath, tracked: np.ndarray, fps_hz: float, config: ScaleConfig
+    camera_path: CameraPath, dataset_camera: np.ndarray, fps_hz: float, config: ScaleConfig
 ) -> CueEstimate | None:
     """Scale at which both cameras travel equally far in equal short times.
 
@@ -36,7 +34,7 @@ def short_windows_scale(
 
     Args:
         camera_path: T cameras up to scale; NaN where unknown.
-        tracked: (T, 4, 4) metric world_from_cam of the same frames; NaN where unknown.
+        dataset_camera: (T, 4, 4) metric world_from_cam of the same frames; NaN where unknown.
         fps_hz: Frame rate [Hz].
         config: The recipe.
 
@@ -46,7 +44,7 @@ def short_windows_scale(
     step = max(1, round(config.window_s * fps_hz))
     if camera_path.n_frames - step < FEWEST_WINDOWS:
         return None
-    moves, moves_m = _moves(camera_path.world_from_cam, step), _moves(tracked, step)
+    moves, moves_m = _moves(camera_path.world_from_cam, step), _moves(dataset_camera, step)
     known = np.isfinite(moves).all(axis=1) & np.isfinite(moves_m).all(axis=1)
     moves, moves_m = moves[known], moves_m[known]
     power = float((moves**2).sum())
@@ -61,7 +59,7 @@ def short_windows_scale(
     length = np.sqrt(power / len(moves))
     along = config.drift_m_per_s * step / fps_hz / length
     sigma = float(np.hypot(residual_m / length / np.sqrt(independent), along))
-    return CueEstimate("short_windows", scale, sigma, len(moves), residual_m)
+    return CueEstimate("short_windows", scale, sigma, len(moves), residual_m, person=None)
 
 
 def _moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
@@ -113,7 +111,7 @@ def estimate_scale(
     config: ScaleConfig,
     *,
     points: np.ndarray | None = None,
-    tracked: np.ndarray | None = None,
+    dataset_camera: np.ndarray | None = None,
 ) -> ScaleEstimate:
     """Metric scale of a camera path from those who walk in front of it.
 
@@ -122,8 +120,8 @@ def estimate_scale(
         geometry: Only "full" has a scale to be found.
         config: The recipe.
         points: (N, 3) background points in the cameras' unit, for the cue of the ground.
-        tracked: (T, 4, 4) metric world_from_cam of the data set, right over short times; NaN where
-            unknown.
+        dataset_camera: (T, 4, 4) metric world_from_cam of the data set, right over short times;
+            NaN where unknown.
 
     Returns:
         The scale; none for a camera that travels less than the cues can tell, and so little that it
@@ -143,10 +141,10 @@ def estimate_scale(
             cues += [replace(cue, person=number) for cue in found]
         except NoReconstruction as error:
             reasons.append(str(error))
-    if tracked is not None:
+    if dataset_camera is not None:
         fps_hz = people[0].motion.fps_hz
         path = replace(people[0].camera_path, world_from_cam=_known_to_any(people))
-        windows = short_windows_scale(path, tracked, fps_hz, config)
+        windows = short_windows_scale(path, dataset_camera, fps_hz, config)
         cues += [] if windows is None else [windows]
     if not cues:
         raise NoReconstruction("; ".join(reasons))
@@ -203,10 +201,8 @@ def fuse(cues: tuple[CueEstimate, ...], common_share: float = 0.0) -> ScaleEstim
     root of chi-square per degree of freedom (Birge 1932).  An error that they share, as a share of
     the scale, is not lowered by their number.
     """
-    scales, weights = (
-        np.array([cue.scale for cue in cues]),
-        np.array([cue.sigma**-2 for cue in cues]),
-    )
+    scales = np.array([cue.scale for cue in cues])
+    weights = np.array([cue.sigma**-2 for cue in cues])
     scale = float(weights @ scales / weights.sum())
     chi_square = float(weights @ (scales - scale) ** 2)
     widened = max(1.0, chi_square / max(1, len(cues) - 1)) ** 0.5

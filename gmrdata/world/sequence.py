@@ -32,7 +32,7 @@ def regenerate_sequence(
     out_dir: Path,
     config: SequenceConfig,
     *,
-    tracked_path: Path | None = None,
+    dataset_camera_path: Path | None = None,
     doubts_path: Path | None = None,
     left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
@@ -45,7 +45,7 @@ def regenerate_sequence(
             first are kept.
         out_dir: The output folder.
         config: The recipe of all stages.
-        tracked_path: The data set's own cameras; see `make_pseudo_gt`.
+        dataset_camera_path: The data set's own cameras; see `make_pseudo_gt`.
         doubts_path: What speaks against the data set's own frames; see `make_pseudo_gt`.
         left_out: Numbers of images that can't be used.
 
@@ -65,7 +65,7 @@ def regenerate_sequence(
         people,
         out_dir / "pseudo_gt",
         config.pseudo_gt,
-        tracked_path=tracked_path,
+        dataset_camera_path=dataset_camera_path,
         doubts_path=doubts_path,
         run=run,
     )

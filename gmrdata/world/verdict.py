@@ -1,21 +1,22 @@
-"""A person's decision on a sequence, which replaces the thresholds' one and says so.
+"""What was decided of a clip: accepted or not, which frames are dropped, and why.
 
-What was decided of a clip: accepted or not, which frames are dropped, and why.
+A person's decision on a sequence replaces the thresholds' one and says so.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Annotated, Any, Literal, Self
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, NonNegativeInt, StringConstraints, model_validator
+from pydantic.dataclasses import dataclass as part
 
 from gmrdata.values.errors import BadRecipe
-from gmrdata.values.records import Config
+from gmrdata.values.records import PART, Config, Figure
 from gmrdata.values.rows import text_runs, texts_of
 
 
-@dataclass(frozen=True)
+@part(frozen=True, config=PART)
 class Dropped:
     """Frames start, start + 1, ..., stop - 1 that must not be used."""
 
@@ -25,6 +26,33 @@ class Dropped:
     """One past the last frame."""
     reason: str
     """Why."""
+
+
+@part(frozen=True, config=PART)
+class PersonVerdict:
+    """The verdict on one person of a sequence, as it stands in records."""
+
+    id: str
+    """The clip's."""
+    frames: NonNegativeInt
+    kept_frames: NonNegativeInt
+    kept_share: Figure
+    accepted: bool
+    reasons: tuple[str, ...]
+    dropped: tuple[Dropped, ...]
+
+    @property
+    def frame_reasons(self) -> list[str]:
+        """T texts: why each frame is dropped by itself; empty where it isn't."""
+        return _texts(self.dropped, self.frames)
+
+    @property
+    def row_reasons(self) -> list[str]:
+        """T texts: why each row is dropped; all rows of a rejected sequence are."""
+        if self.accepted:
+            return self.frame_reasons
+        rejected = f"the sequence is rejected: {'; '.join(self.reasons)}"
+        return [reason or rejected for reason in self.frame_reasons]
 
 
 @dataclass(frozen=True)
@@ -56,20 +84,23 @@ class Verdict:
     @property
     def frame_reasons(self) -> list[str]:
         """T texts: why each frame is dropped; empty where it isn't."""
-        runs = ((run.start, run.stop, run.reason) for run in self.dropped)
-        return texts_of(runs, self.n_frames)
+        return _texts(self.dropped, self.n_frames)
 
-    def as_record(self, clip_id: str) -> dict[str, Any]:
-        """The verdict of one clip as plain JSON."""
-        return {
-            "id": clip_id,
-            "frames": self.n_frames,
-            "kept_frames": int(self.kept.sum()),
-            "kept_share": float(f"{self.kept_share:.6g}"),
-            "accepted": self.accepted,
-            "reasons": list(self.reasons),
-            "dropped": [asdict(run) for run in self.dropped],
-        }
+    def of_person(self, clip_id: str) -> PersonVerdict:
+        """The verdict as a part of a record."""
+        return PersonVerdict(
+            id=clip_id,
+            frames=self.n_frames,
+            kept_frames=int(self.kept.sum()),
+            kept_share=self.kept_share,
+            accepted=self.accepted,
+            reasons=self.reasons,
+            dropped=self.dropped,
+        )
+
+
+def _texts(dropped: Sequence[Dropped], n_frames: int) -> list[str]:
+    return texts_of(((run.start, run.stop, run.reason) for run in dropped), n_frames)
 
 
 def dropped_ranges(reasons: Sequence[str]) -> list[Dropped]:

@@ -17,10 +17,11 @@ from gmrdata.cameras.files import Geometry, SfmCameras, save_cameras
 from gmrdata.cli import main
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
-from gmrdata.values.files import read_json, write_json
+from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.world.compose import metric_cameras, motion_in_camera
+from tests.reconstructions import good_quality, pseudo_gt_quality
 
 WriteSet = Callable[..., Path]
 RECOVERED = CameraAsWorldConfig(camera="recovered")
@@ -42,6 +43,11 @@ def recovered(clip: Clip, scale: float, geometry: Geometry = "full") -> SfmCamer
     world_from_cam[7] = np.nan
     path = replace(camera, world_from_cam=world_from_cam[1:], has_camera=has_camera[1:])
     return SfmCameras(path, geometry, clip.image_numbers[1:], np.zeros(len(path.has_camera), bool))
+
+
+def write_scale(folder: Path, scale: float | None) -> None:
+    quality = pseudo_gt_quality(good_quality(40), scale)
+    quality.write(folder / "pseudo_gt" / "quality.json")
 
 
 def test_a_camera_at_rest_sees_the_world_motion(filmed: tuple[Clip, ...]) -> None:
@@ -69,7 +75,7 @@ def test_ignored_true_and_recovered(
     true = filmed[0].motion
     folder = tmp_path / "cameras" / "walk_0"
     save_cameras(folder / "sfm" / "cameras.npz", recovered(filmed[0], 2.5))
-    write_json(folder / "pseudo_gt" / "quality.json", {"scale": 2.5})
+    write_scale(folder, 2.5)
     found = {}
     for camera in ("ignored", "true", "recovered"):
         out = tmp_path / camera
@@ -127,7 +133,7 @@ def test_recovered_cameras_that_do_not_fit(
     save_cameras(path, recovered(filmed[0], 2.5))
     with pytest.raises(BadMotionFile, match=r"up to scale, and no pseudo_gt/quality.json states"):
         predict_camera_as_world(manifest, out, RECOVERED, cameras_dir=cameras)
-    write_json(cameras / "walk_0" / "pseudo_gt" / "quality.json", {"scale": None})
+    write_scale(cameras / "walk_0", None)
     with pytest.raises(BadRecord, match=r"quality.json: states no scale above zero"):
         predict_camera_as_world(manifest, out, RECOVERED, cameras_dir=cameras)
     others = replace(recovered(filmed[0], 2.5), image_numbers=np.arange(39))

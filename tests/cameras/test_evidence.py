@@ -8,27 +8,27 @@ from scipy.sparse import csr_array
 
 from gmrdata.cameras.evidence import is_bent
 from gmrdata.cameras.focal import FreedFocal
-from gmrdata.cameras.mapping import Mapped
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import RotationOnly
+from gmrdata.cameras.solution import Solution
 from gmrdata.values import transforms
 
 CONFIG = SfmConfig()
 N = 12
 
 
-def mapped(extent: float, focal: FreedFocal | None) -> Mapped:
+def mapped(extent: float, focal: FreedFocal | None) -> Solution:
     """A camera that goes `extent` to the side, before a background 10 units away."""
     places = np.linspace(0, extent, N)[:, None] * [1.0, 0.0, 0.0]
     points = np.random.default_rng(0).normal([0.0, 0.0, 10.0], 0.2, (200, 3))
-    known = np.ones(N, dtype=bool)
-    return Mapped(
+    return Solution(
         world_from_cam=transforms.rigid(np.tile(np.eye(3), (N, 1, 1)), places),
-        has_camera=known,
+        geometry="full",
+        interpolated=np.zeros(N, dtype=bool),
         points=points,
         track_lengths=np.full(200, 5),
         errors_px=np.full(1000, 0.3),
-        observations=np.full(N, 80),
+        inliers=np.full(N, 80),
         mapper="global",
         models=(),
         n_resected=0,
@@ -77,7 +77,6 @@ def test_a_model_without_cameras_is_no_rival() -> None:
     """The mapper of a pan can leave a model whose cameras were all forgotten as too weak."""
     nowhere = replace(
         mapped(0.5, None),
-        has_camera=np.zeros(N, dtype=bool),
         world_from_cam=np.full((N, 4, 4), np.nan),
     )
     assert not is_bent(nowhere, turning(0.9), CONFIG)

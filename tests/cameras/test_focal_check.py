@@ -92,15 +92,17 @@ def test_a_filmed_arc_names_its_focal_length(
     config = SfmConfig(max_features=1200, first_octave=-1)
     made = reconstruct(filmed.images_dir, filmed.masks_dir, intrinsics_px, tmp_path / "o", config)
     quality = load_quality(made)
-    assert quality["geometry"] == "full"
-    assert quality["focal_sigma"] < 0.03
-    assert abs(quality["focal_factor"] - 1 / factor) < 3 * quality["focal_sigma"]
+    assert quality.focal_factor is not None and quality.focal_sigma is not None
+    assert quality.geometry == "full"
+    assert quality.focal_sigma < 0.03
+    assert abs(quality.focal_factor - 1 / factor) < 3 * quality.focal_sigma
 
 
 def test_a_filmed_pan_names_its_focal_length(pan: Any, tmp_path: Path) -> None:
     config = SfmConfig(max_features=1200)
     made = reconstruct(pan.images_dir, pan.masks_dir, pan.intrinsics_px, tmp_path / "o", config)
     quality = load_quality(made)
-    assert quality["geometry"] == "rotation_only"
-    assert quality["focal_sigma"] < 0.03
-    assert abs(quality["focal_factor"] - 1.0) < 2 * quality["focal_sigma"]
+    assert quality.focal_factor is not None and quality.focal_sigma is not None
+    assert quality.geometry == "rotation_only"
+    assert quality.focal_sigma < 0.03
+    assert abs(quality.focal_factor - 1.0) < 2 * quality.focal_sigma

@@ -9,11 +9,11 @@ import pytest
 
 from gmrdata.cameras import mapping
 from gmrdata.cameras.colmap import pycolmap
-from gmrdata.cameras.joining import join_models
 from gmrdata.cameras.matches import match_frames
+from gmrdata.cameras.models import join_models
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.read.frames import list_images
-from gmrdata.values.alignment import fit_similarity
+from gmrdata.values.transforms import fit_similarity
 
 SMALL = SfmConfig(max_features=1200, first_octave=-1)
 N_FRAMES = 14

@@ -147,9 +147,9 @@ def test_frames_between_get_cameras_as_good_as_keyframes(
         filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / "sfm", config
     )
     quality, cameras = load_quality(out_dir), load_cameras(out_dir)
-    keys = quality["keyframes"]
+    keys = quality.keyframes
     assert 3 <= len(keys) <= 14 and keys[0] == 0 and keys[-1] == 23
-    assert cameras.path.has_camera.all() and quality["cuts_after_frames"] == []
+    assert cameras.path.has_camera.all() and quality.cuts_after_frames == ()
     true, found = filmed.world_from_cam, cameras.path.world_from_cam
     turn = true[0, :3, :3] @ found[0, :3, :3].T
     chord = np.linalg.norm(turn @ found[:, :3, :3] - true[:, :3, :3], axis=(1, 2)) / np.sqrt(2)
@@ -169,6 +169,6 @@ def test_a_camera_that_stands_still_is_static(tmp_path: Path) -> None:
         tmp_path / "frames", None, intrinsics_px, tmp_path / "sfm", SfmConfig(keyframe_gap=2)
     )
     cameras, quality = load_cameras(out_dir), load_quality(out_dir)
-    assert cameras.geometry == quality["geometry"] == "static"
+    assert cameras.geometry == quality.geometry == "static"
     assert np.array_equal(cameras.path.world_from_cam, np.tile(np.eye(4), (6, 1, 1)))
-    assert quality["largest_turn_deg"] < 0.05
+    assert quality.largest_turn_deg < 0.05

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gmrdata.cameras.joining import place_frames
 from gmrdata.cameras.matches import Matches, PairMatches
+from gmrdata.cameras.models import place_frames
 from gmrdata.values import transforms
 from gmrdata.values.camera import project
 

@@ -68,11 +68,11 @@ def test_cameras_of_large_frames_have_their_size(dolly: Any, tmp_path: Path) -> 
     config = SfmConfig(max_features=1200, first_octave=-1, max_image_size_px=width_px)
     out_dir = reconstruct(tmp_path / "frames", tmp_path / "masks", matrix, tmp_path / "out", config)
     cameras, quality = load_cameras(out_dir), load_quality(out_dir)
-    assert quality["worked_on_px"] == [width_px, height_px]
+    assert quality.worked_on_px == (width_px, height_px)
     assert (cameras.path.width_px, cameras.path.height_px) == (2 * width_px, 2 * height_px)
     np.testing.assert_array_equal(cameras.path.intrinsics_px, matrix)
     assert cameras.geometry == "full" and cameras.path.has_camera.all()
-    assert quality["mean_reprojection_px"] < 1.0
+    assert quality.mean_reprojection_px < 1.0
     turns = cameras.path.world_from_cam[:, :3, :3]
     true = dolly.world_from_cam[:, :3, :3]
     found = turns[0].T @ turns[-1]

@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.files import load_cameras, load_quality
+from gmrdata.cameras.files import NOT_SMOOTHED, load_cameras, load_quality
 from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
@@ -24,8 +24,8 @@ from gmrdata.cameras.smoothing import (
 )
 from gmrdata.cameras.timeline import Timeline
 from gmrdata.values import transforms
-from gmrdata.values.alignment import fit_similarity
 from gmrdata.values.camera import project
+from gmrdata.values.transforms import fit_similarity
 from tests.filming import motion_errors
 
 INTRINSICS_PX = np.array([[300.0, 0, 160], [0, 310.0, 90], [0, 0, 1]])
@@ -101,10 +101,11 @@ def test_a_steady_path_is_left_as_it_is() -> None:
         true, held(40, 0.01, 1e-4), np.zeros(240), timeline(40), UNIT, CONFIG
     )
     assert result == pytest.approx(true, abs=1e-12)
-    assert figures["turn"]["acceleration_deg_per_frame2"] == CONFIG.acceleration_deg
-    assert figures["turn"]["noise_deg"] == pytest.approx(0.01, rel=1e-3)
+    assert figures.turn is not None
+    assert figures.turn.acceleration_deg_per_frame2 == CONFIG.acceleration_deg
+    assert figures.turn.noise_deg == pytest.approx(0.01, rel=1e-3)
     # Half of what is at the cut-off passes: (noise / sigma)^2 (2 sin(pi f))^4 = 1.
-    f = figures["turn"]["cutoff_cycles_per_frame"]
+    f = figures.turn.cutoff_cycles_per_frame
     assert (0.01 / 0.002) ** 2 * (2 * np.sin(np.pi * f)) ** 4 == pytest.approx(1.0, rel=1e-3)
 
 
@@ -183,7 +184,7 @@ def test_uneven_steps_and_missing_cameras() -> None:
 def test_too_few_frames_are_left_alone() -> None:
     true = steady(5)
     result, figures = smooth_cameras(true, held(5, 1, 1), np.zeros(30), timeline(5), UNIT, CONFIG)
-    assert result is true and figures == {}
+    assert result is true and figures == NOT_SMOOTHED
 
 
 def test_a_turning_camera_is_smoothed_by_its_matches() -> None:
@@ -209,7 +210,8 @@ def test_a_turning_camera_is_smoothed_by_its_matches() -> None:
         for found in (turning, refined)
     )
     assert after < 0.7 * before
-    assert figures["turn"]["noise_deg"] > 0.001 and "place" not in figures
+    assert figures.turn is not None
+    assert figures.turn.noise_deg > 0.001 and figures.place is None
     # The first frame is the world, before and after.
     first = turning.world_from_cam_rotmats[0]
     assert refined.world_from_cam_rotmats[0] == pytest.approx(first, abs=1e-9)
@@ -239,5 +241,6 @@ def test_filmed_motions_get_better(film: Callable[[str, int], Any], tmp_path: Pa
     rough, smooth = np.array(errors)
     assert (smooth[0] < 0.9 * rough[0]).all()  # from frame to frame
     assert (smooth[1] < rough[1]).all()  # over three frames: 10 of 30 per second
-    assert load_quality(tmp_path / "rough")["smoothing"]["turn"]["cutoff_cycles_per_frame"] == 0.5
-    assert 0.1 < load_quality(out_dir)["smoothing"]["turn"]["cutoff_cycles_per_frame"] < 0.5
+    rough, smooth = load_quality(tmp_path / "rough").smoothing, load_quality(out_dir).smoothing
+    assert rough.turn is not None and rough.turn.cutoff_cycles_per_frame == 0.5
+    assert smooth.turn is not None and 0.1 < smooth.turn.cutoff_cycles_per_frame < 0.5

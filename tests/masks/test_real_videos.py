@@ -38,9 +38,9 @@ def test_a_moving_camera_round_a_dog_gets_all_its_cameras(
     video.release()
     made = cameras_of(tmp_path / "frames", yolox_nano, 929 / 2, tmp_path)
     quality = load_quality(made)
-    assert (quality["frames_with_camera"], quality["frames"]) == (31, 31)
-    assert quality["geometry"] == "full"
-    assert quality["mean_reprojection_px"] < 1.0
+    assert (quality.frames_with_camera, quality.frames) == (31, 31)
+    assert quality.geometry == "full"
+    assert quality.mean_reprojection_px < 1.0
 
 
 def test_a_still_phone_with_people_in_view_has_no_invented_motion(
@@ -55,4 +55,4 @@ def test_a_still_phone_with_people_in_view_has_no_invented_motion(
     cameras, quality = load_cameras(made), load_quality(made)
     assert (cameras.geometry, bool(cameras.path.has_camera.all())) == ("rotation_only", True)
     assert not cameras.path.world_from_cam[:, :3, 3].any()
-    assert quality["mean_reprojection_px"] < 1.0
+    assert quality.mean_reprojection_px < 1.0

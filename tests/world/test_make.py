@@ -21,14 +21,15 @@ from gmrdata.read.bodies import save_body
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, NoReconstruction
-from gmrdata.values.files import read_json, write_json
+from gmrdata.values.files import read_json
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.world.compose import metric_cameras, motion_in_camera
-from gmrdata.world.pseudo_gt import fill_gaps, make_pseudo_gt
+from gmrdata.world.pseudo_gt import make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
+from tests.reconstructions import quality_of_path
 
 
 def true_clip(body: BodyModel, programme: Circular | Panning) -> Clip:
@@ -70,14 +71,8 @@ def reconstruction(folder: Path, clip: Clip, geometry: str, lost: list[int]) -> 
     )
     save_cameras(folder / CAMERAS_FILE, cameras)
     save_points(folder / POINTS_FILE, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
-    write_json(
-        folder / QUALITY_FILE,
-        {
-            "geometry": geometry,
-            "registered_share": 1.0,
-            "inliers_per_frame": [100 * bool(known) for known in has_camera],
-        },
-    )
+    quality = quality_of_path(path, geometry=cameras.geometry, registered_share=1.0)
+    quality.write(folder / QUALITY_FILE)
     return folder
 
 
@@ -96,7 +91,7 @@ def test_exact_cameras_give_back_the_true_motion(small_body: BodyModel, tmp_path
     assert found.motion.frame == "world" and found.valid.all()
     assert quality["scale"] == pytest.approx(0.37, rel=0.005)
     assert (
-        quality["geometry"] == "full"
+        quality["cameras"]["geometry"] == "full"
         and quality["people"][0]["kept_frames"] == true.motion.n_frames
     )
     assert quality["scale_cues"][0]["name"] == "planted_feet"
@@ -141,7 +136,7 @@ def test_gaps_are_filled_between_neighbours() -> None:
     cameras = transforms.rigid(rotmats, np.arange(15.0).reshape(5, 3))
     holes = cameras.copy()
     holes[[0, 2, 4]] = np.nan
-    filled = fill_gaps(holes, np.array([False, True, False, True, False]))
+    filled = fill_gaps(holes, np.array([False, True, False, True, False]), np.arange(5))
     assert filled[1:4] == pytest.approx(cameras[1:4], abs=1e-12)
     assert filled[[0, 4]] == pytest.approx(cameras[[1, 3]], abs=1e-12)
 

@@ -159,8 +159,8 @@ def test_feet_that_never_rest_give_no_scale(small_body: BodyModel) -> None:
 
 
 def test_cues_are_weighted_by_their_variances() -> None:
-    near = CueEstimate("planted_feet", 2.0, 0.1, 5, 0.01)
-    far = CueEstimate("other", 3.0, 0.2, 5, 0.01)
+    near = CueEstimate("planted_feet", 2.0, 0.1, 5, 0.01, None)
+    far = CueEstimate("other", 3.0, 0.2, 5, 0.01, None)
     fused = fuse((near, far))
     assert fused.scale == pytest.approx((2.0 / 0.01 + 3.0 / 0.04) / (1 / 0.01 + 1 / 0.04))
     # They are further apart than they say, so the mean is worse than either says.
@@ -212,6 +212,6 @@ def test_a_person_without_a_stance_leaves_the_scale_to_the_others(small_body: Bo
 
 
 def test_what_cues_share_is_not_lowered_by_their_number() -> None:
-    cues = tuple(CueEstimate(f"cue_{i}", 2.0, 0.02, 9, 0.01) for i in range(100))
+    cues = tuple(CueEstimate(f"cue_{i}", 2.0, 0.02, 9, 0.01, None) for i in range(100))
     assert fuse(cues).sigma == pytest.approx(0.002)
     assert fuse(cues, 0.01).sigma == pytest.approx(np.hypot(0.002, 0.02))

@@ -87,11 +87,11 @@ def drifting(path: CameraPath, drift_m: float, seed: int) -> np.ndarray:
     n = path.n_frames
     direction = rng.normal(size=3)
     way = np.sin(np.linspace(0, np.pi / 2, n))[:, None] * direction / np.linalg.norm(direction)
-    tracked = path.world_from_cam.copy()
-    tracked[:, :3, 3] += drift_m * way + rng.normal(0, 0.001, (n, 3))
+    dataset_camera = path.world_from_cam.copy()
+    dataset_camera[:, :3, 3] += drift_m * way + rng.normal(0, 0.001, (n, 3))
     turns = np.linspace(0, np.deg2rad(5), n)[:, None] * [0.0, 0.0, 1.0]
     turned = rigid(Rotation.from_rotvec(turns).as_matrix(), np.zeros(3))
-    return np.asarray(turned @ tracked)
+    return np.asarray(turned @ dataset_camera)
 
 
 def test_a_data_sets_own_path_tells_the_scale_where_it_drifts_little(
@@ -114,12 +114,12 @@ def test_frames_that_either_path_lacks_are_left_out(small_body: BodyModel) -> No
     _, path = walk(small_body, Linear())
     found, _ = reconstructed(path, np.zeros((0, 3)))
     found.world_from_cam[5:9] = np.nan
-    tracked = path.world_from_cam.copy()
-    tracked[60:] = np.nan
-    cue = short_windows_scale(found, tracked, 30.0, CONFIG)
+    dataset_camera = path.world_from_cam.copy()
+    dataset_camera[60:] = np.nan
+    cue = short_windows_scale(found, dataset_camera, 30.0, CONFIG)
     assert cue is not None and cue.scale == pytest.approx(UNIT_M, rel=1e-9)
-    tracked[:] = np.nan
-    assert short_windows_scale(found, tracked, 30.0, CONFIG) is None
+    dataset_camera[:] = np.nan
+    assert short_windows_scale(found, dataset_camera, 30.0, CONFIG) is None
     still = np.tile(np.eye(4), (path.n_frames, 1, 1))
     assert short_windows_scale(replace(path, world_from_cam=still), still, 30.0, CONFIG) is None
 
@@ -134,7 +134,7 @@ def test_all_cues_together_are_better_than_feet_alone(small_body: BodyModel) -> 
         "full",
         CONFIG,
         points=points,
-        tracked=drifting(path, 0.3, 0),
+        dataset_camera=drifting(path, 0.3, 0),
     )
     assert [cue.name for cue in every.cues] == ["planted_feet", "ground_contact", "short_windows"]
     assert feet.sigma is not None and every.sigma is not None and every.scale is not None

@@ -15,18 +15,13 @@ from gmrdata.world.judge import judge
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
 from gmrdata.world.scale import ScaleEstimate, fuse
 from gmrdata.world.verdict import Dropped, Verdict
+from tests.reconstructions import good_quality
 
 N, FPS_HZ = 90, 30.0
 ROWS = np.arange(N)
 CONFIG = VerdictConfig(min_run_s=0.3)
-GOOD: dict[str, Any] = {
-    "registered_share": 1.0,
-    "mean_reprojection_px": 0.3,
-    "frames": N,
-    "cuts_after_frames": [],
-    "inliers_per_frame": [200] * N,
-}
-SCALE = fuse((CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01),))
+GOOD = good_quality(N)
+SCALE = fuse((CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),))
 
 
 def clip_of(world_from_cam: np.ndarray) -> Clip:
@@ -57,12 +52,14 @@ def changed(clip: Clip, rows: slice, value: Any) -> Clip:
 
 
 def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
-    tracked = circling() @ rigid(Rotation.from_rotvec([0, 1.0, 0]).as_matrix(), np.zeros(3))
+    dataset_camera = circling() @ rigid(Rotation.from_rotvec([0, 1.0, 0]).as_matrix(), np.zeros(3))
     same_motion = rigid(np.eye(3), np.array([5.0, 1, 0])) @ circling()
     for other in (None, same_motion):
-        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=other) == Verdict(True, (), (), N)
+        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=other) == Verdict(
+            True, (), (), N
+        )
     # Another direction of view of the data set's camera is another motion in its own axes.
-    assert not judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=tracked).accepted
+    assert not judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=dataset_camera).accepted
 
 
 @pytest.mark.parametrize(
@@ -80,7 +77,7 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
 def test_a_sequence_that_misses_a_limit_is_rejected_with_both_figures(
     clip: Clip, figures: dict[str, Any], reason: str
 ) -> None:
-    verdict = judge(clip, GOOD | figures, ROWS, SCALE, CONFIG)
+    verdict = judge(clip, good_quality(N, **figures), ROWS, SCALE, CONFIG)
     assert not verdict.accepted and len(verdict.reasons) == 1 and reason in verdict.reasons[0]
 
 
@@ -91,16 +88,16 @@ def test_a_focal_length_that_may_be_right_rejects_nothing(
     clip: Clip, factor: float | None, sigma: float | None
 ) -> None:
     figures = {"focal_factor": factor, "focal_sigma": sigma}
-    assert judge(clip, GOOD | figures, ROWS, SCALE, CONFIG).accepted
+    assert judge(clip, good_quality(N, **figures), ROWS, SCALE, CONFIG).accepted
 
 
 def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
-    vague = fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01),))
+    vague = fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),))
     assert "uncertain by 10.0%" in judge(clip, GOOD, ROWS, vague, CONFIG).reasons[0]
     apart = fuse(
         (
-            CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01),
-            CueEstimate("ground_contact", 2.15, 0.02, 99, 0.01),
+            CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),
+            CueEstimate("ground_contact", 2.15, 0.02, 99, 0.01, 0),
         )
     )
     (reason,) = judge(clip, GOOD, ROWS, apart, CONFIG).reasons
@@ -126,7 +123,7 @@ def test_what_the_data_set_does_not_vouch_for_is_dropped_with_its_own_reason(cli
 def test_few_inliers_drop_a_frame_and_what_is_too_short_beside_it(clip: Clip) -> None:
     inliers = [200] * N
     inliers[30:35] = inliers[40:45] = [10] * 5
-    verdict = judge(clip, GOOD | {"inliers_per_frame": inliers}, ROWS, SCALE, CONFIG)
+    verdict = judge(clip, good_quality(N, inliers_per_frame=inliers), ROWS, SCALE, CONFIG)
     assert verdict.dropped == (
         Dropped(30, 35, "fewer than 25 inliers"),
         Dropped(35, 40, "only 5 usable frames in a row"),
@@ -151,12 +148,12 @@ def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip: Clip
         Rotation.from_rotvec(np.deg2rad(8) * time[:, None] * [0.0, 0.0, 1.0]).as_matrix(),
         0.6 * time[:, None] * [1.0, 0.0, 0.0],
     )
-    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=drift @ circling()).accepted
+    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=drift @ circling()).accepted
     slower = circling()[np.arange(N) // 2]  # wrong intrinsics look like this
-    (reason,) = judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=slower).reasons
+    (reason,) = judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=slower).reasons
     assert reason.startswith("0% of the data set's valid frames can be used")
     unknown = np.full((N, 4, 4), np.nan)
-    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, tracked=unknown).accepted
+    assert judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=unknown).accepted
 
 
 def test_no_usable_frame_is_a_rejection(clip: Clip) -> None:
@@ -167,7 +164,7 @@ def test_no_usable_frame_is_a_rejection(clip: Clip) -> None:
 
 def test_frames_beyond_a_cut_say_so(clip: Clip) -> None:
     lost = changed(clip, slice(60, N), np.nan)
-    verdict = judge(lost, GOOD | {"cuts_after_frames": [59]}, ROWS, SCALE, CONFIG)
+    verdict = judge(lost, good_quality(N, cuts_after_frames=[59]), ROWS, SCALE, CONFIG)
     assert verdict.accepted
     (run,) = verdict.dropped
     assert (run.start, run.stop) == (60, N) and "beyond a cut" in run.reason
@@ -176,9 +173,9 @@ def test_frames_beyond_a_cut_say_so(clip: Clip) -> None:
 def test_frames_without_an_image_are_dropped(clip: Clip) -> None:
     """The reconstruction has fewer rows then, so its figures are looked up by row."""
     rows = np.r_[np.arange(50), -1, np.arange(50, N - 1)]
-    figures = {"frames": N - 1, "inliers_per_frame": [200] * 50 + [3] + [200] * (N - 52)}
+    inliers = [200] * 50 + [3] + [200] * (N - 52)
     lost = changed(clip, slice(50, 51), np.nan)
-    verdict = judge(lost, GOOD | figures, rows, SCALE, CONFIG)
+    verdict = judge(lost, good_quality(N - 1, inliers_per_frame=inliers), rows, SCALE, CONFIG)
     assert [(run.start, run.stop, run.reason) for run in verdict.dropped] == [
         (50, 51, "it has no image"),
         (51, 52, "fewer than 25 inliers"),
@@ -199,17 +196,18 @@ def test_few_valid_frames_are_not_held_against_a_sequence(clip: Clip) -> None:
 
 def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
     verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
-    record = verdict.as_record("c")
-    assert record["kept_frames"] == N - 12 and record["accepted"]
+    record = verdict.of_person("c")
+    assert record.kept_frames == N - 12 and record.accepted
     assert [reason != "" for reason in verdict.frame_reasons] == (~verdict.kept).tolist()
-    (run,) = record["dropped"]
-    assert run["start"] == 40 and run["stop"] == 52
+    (run,) = record.dropped
+    assert run.start == 40 and run.stop == 52
+    assert record.frame_reasons == verdict.frame_reasons
 
 
 def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
     inliers = [200] * 40 + [0] * 3 + [200] * (N - 43)
     figures = {"inliers_per_frame": inliers, "interpolated": [40, 41, 42]}
-    assert judge(clip, GOOD | figures, ROWS, SCALE, CONFIG).kept.all()
+    assert judge(clip, good_quality(N, **figures), ROWS, SCALE, CONFIG).kept.all()
 
 
 def test_images_out_of_order_say_so(clip: Clip) -> None:
@@ -223,7 +221,7 @@ def test_images_out_of_order_say_so(clip: Clip) -> None:
 def test_black_images_are_named(clip: Clip) -> None:
     lost = changed(clip, slice(50, N), np.nan)
     figures = {"registered_share": 50 / N, "featureless": list(range(50, N))}
-    verdict = judge(lost, GOOD | figures, ROWS, SCALE, CONFIG)
+    verdict = judge(lost, good_quality(N, **figures), ROWS, SCALE, CONFIG)
     assert not verdict.accepted and "40 are black or even" in verdict.reasons[0]
     (run,) = verdict.dropped
     assert (run.start, run.stop) == (50, N) and "black" in run.reason

@@ -1,26 +1,24 @@
-"""Several models of one sequence as one, where they share frames.
+"""Models of one sequence: joined where they share frames, and given the frames that they lack.
 
 COLMAP's incremental mapper starts a new model where it can't go on, and lets it grow back into
-frames that it has already.  What both models see there fixes the similarity between them.
-
-Cameras of frames that no mapper placed, against points that are known already.
+frames that it has already.  What both models see there fixes the similarity between them.  Frames
+that no mapper placed are placed against the points that are known already.
 """
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.matches import Matches, pinhole_params
+from gmrdata.cameras.solution import SeenPoints
 from gmrdata.values import transforms
 
 MIN_PNP_INLIERS = 20
-
-SeenPoints = dict[int, dict[int, np.ndarray]]
-"""By frame and feature: the point (3,) that is seen there, in the unit of the reconstruction."""
+"""Points that a frame must agree with to be placed by them."""
 
 
 def place_frames(
@@ -92,18 +90,6 @@ MIN_INLIER_SHARE = 0.5
 """Share of the shared points that must agree with the similarity."""
 MAX_SHARED_ERROR_PX = 4.0
 """Median error at which one model's points appear in the other's cameras of the shared frames."""
-
-
-@dataclass(frozen=True)
-class ModelRecord:
-    """What became of one model that a mapper returned."""
-
-    frames: int
-    """Frames that it has a camera for."""
-    kept: bool
-    """Whether it is part of the result."""
-    reason: str
-    """What it was joined by, or why it was dropped."""
 
 
 def join_models(models: list[Any], seed: int) -> tuple[Any, tuple[ModelRecord, ...]]:

@@ -1,0 +1,89 @@
+"""Records of a reconstruction and its pseudo ground truth that every threshold lets pass."""
+
+from collections.abc import Iterator
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from gmrdata.cameras.files import NOT_SMOOTHED, CamerasQuality, Evidence
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera_motion import MotionFigures
+from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.recipe import CueEstimate
+from gmrdata.world.verdict import Verdict
+
+EVIDENCE = Evidence("full", "a pure rotation does not explain the matches", 8, 9, 4, 0.2, 0, 57, 60)
+
+
+def good_quality(n_frames: int, **figures: Any) -> CamerasQuality:
+    """Figures of T frames, some of them changed."""
+    values: dict[str, Any] = {
+        "geometry": "full",
+        "mapper": "global",
+        "evidence": EVIDENCE,
+        "bent_model_set_aside": False,
+        "frames": n_frames,
+        "frames_with_camera": n_frames,
+        "registered_share": 1.0,
+        "mean_reprojection_px": 0.3,
+        "median_reprojection_px": 0.2,
+        "inliers_per_frame": (200,) * n_frames,
+        "interpolated": (),
+        "keyframes": (0, n_frames - 1),
+        "cuts_after_frames": (),
+        "featureless": (),
+        "models": (),
+        "resected_frames": 0,
+        "focal_factor": None,
+        "focal_sigma": None,
+        "smoothing": NOT_SMOOTHED,
+        "points": 900,
+        "median_track_length": 4.0,
+        "largest_turn_deg": None,
+        "worked_on_px": (640, 360),
+    }
+    return CamerasQuality(**(values | figures))
+
+
+def quality_of_path(path: CameraPath, **figures: Any) -> CamerasQuality:
+    """Figures of a camera that is known in some of its frames."""
+    inliers = tuple(100 * int(known) for known in path.has_camera)
+    share = {"registered_share": float(np.mean(path.has_camera))}
+    return good_quality(path.n_frames, inliers_per_frame=inliers, **(share | figures))
+
+
+def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQuality:
+    """The record of one accepted person, with all there is to be said of a scale."""
+    cue = CueEstimate("planted_feet", scale or 1.0, 0.02, 9, 0.01, 0)
+    return PseudoGtQuality(
+        cameras=cameras,
+        scale=scale,
+        scale_sigma=None if scale is None else 0.02,
+        scale_matters=scale is not None,
+        scale_disagreement=None,
+        scale_cues=(cue,),
+        camera_motion="circular",
+        camera_motion_figures=MotionFigures(9.0, 10.0, 37.0, 0.6, 0.001, 93.0, True, 5.0),
+        people=(Verdict(True, (), (), cameras.frames).of_person("walk"),),
+    )
+
+
+def keys_of(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """The paths to all keys of a JSON value."""
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, inner in items:
+        if isinstance(value, dict):
+            yield (*path, key)
+        if isinstance(inner, dict | list):
+            yield from keys_of(inner, (*path, key))
+
+
+def without(value: Any, path: tuple[str | int, ...]) -> Any:
+    """A copy of a JSON value without one of its keys."""
+    copy = deepcopy(value)
+    inner = copy
+    for key in path[:-1]:
+        inner = inner[key]
+    del inner[path[-1]]
+    return copy
