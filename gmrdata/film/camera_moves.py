@@ -13,8 +13,6 @@ from gmrdata.values.errors import BadRecipe
 from gmrdata.values.transforms import rigid
 
 UP_WORLD = np.array([0.0, 0.0, 1.0])
-
-
 FOLLOW_SIGMA_S = 0.35
 """Low-pass on the subject's path: steps bob at about 2 Hz, and an operator doesn't follow those."""
 STANDING_M = 0.5
@@ -26,14 +24,9 @@ SLOWEST_M_PER_S = 0.3
 
 
 def look_at(centres_world_m: np.ndarray, targets_world_m: np.ndarray) -> np.ndarray:
-    """Rotations of cameras that look at targets and keep the horizon level.
+    """World_from_cam rotations (..., 3, 3) of cameras that look at targets, the horizon level.
 
-    Args:
-        centres_world_m: (..., 3) optical centres, z-up world [m].
-        targets_world_m: (..., 3) points that fall on the optical axis [m].
-
-    Returns:
-        (..., 3, 3) world_from_cam rotations, OpenCV axes (x right, y down, z forward).
+    Centres and targets are (..., 3) points in the z-up world [m]; axes are OpenCV's.
 
     Raises:
         BadRecipe: a target is at the camera, or straight above or below it.
@@ -52,15 +45,11 @@ def look_at(centres_world_m: np.ndarray, targets_world_m: np.ndarray) -> np.ndar
 
 
 def smooth_path(points_m: np.ndarray, fps_hz: float, sigma_s: float, lag_s: float) -> np.ndarray:
-    """A path as a camera operator follows it: low-pass filtered, and late.
+    """A path (T, 3) [m] as a camera operator follows it: low-pass filtered, and late.
 
     Args:
-        points_m: (T, 3) path [m].
         sigma_s: Standard deviation of the Gaussian low-pass [s].
         lag_s: How late the operator is [s]; before the path starts it rests at its first point.
-
-    Returns:
-        (T, 3) smoothed path [m].
     """
     smooth = gaussian_filter1d(points_m, max(sigma_s * fps_hz, 1e-3), axis=0, mode="nearest")
     frames = np.arange(len(points_m))
@@ -93,13 +82,7 @@ class SubjectPath:
 def subject_path(
     pelvis_m: np.ndarray, fps_hz: float, lag_s: float, rng: np.random.Generator
 ) -> SubjectPath:
-    """Look at a subject's path, and make the choices of one clip.
-
-    Args:
-        pelvis_m: (T, 3) pelvis, z-up world [m].
-        lag_s: How late the camera follows [s].
-        rng: Chooses.
-    """
+    """The path of a pelvis (T, 3) [m], and the random choices of one clip."""
     n_frames = len(pelvis_m)
     time_s = (np.arange(n_frames) - (n_frames - 1) / 2) / fps_hz
     # The same draws in the same order for every programme, so that seeds are comparable.
@@ -138,19 +121,6 @@ def station(
     return np.array([place[0], place[1], height_m])
 
 
-def at_rest(subject: SubjectPath, place_m: np.ndarray) -> np.ndarray:
-    """Centres (T, 3) of a camera that stays at a place (3,) [m]."""
-    return np.tile(place_m, (len(subject.time_s), 1))
-
-
-def circle(
-    subject: SubjectPath, middle_rad: float, rate_rad_per_s: float, radius_m: float, height_m: float
-) -> np.ndarray:
-    """Centres (T, 3) on a circle, at the azimuth `middle_rad` in the middle of the clip [m]."""
-    angles_rad = middle_rad + rate_rad_per_s * subject.time_s
-    return np.stack([station(subject, angle, radius_m, height_m) for angle in angles_rad])
-
-
 def line(
     subject: SubjectPath,
     place_m: np.ndarray,
@@ -160,16 +130,10 @@ def line(
 ) -> np.ndarray:
     """Centres (T, 3) on a straight line through a place (3,) in the middle of the clip [m].
 
-    Args:
-        subject: The subject.
-        place_m: The place, world [m].
-        along_rad: Direction of the line; the camera takes the sense of it that goes with the
-            subject.
-        speed_m_per_s: Speed in that sense; None: `share` of the subject's along the line.
-        share: See there.
+    Of the two senses of the line's direction `along_rad` the camera takes that which goes with the
+    subject.  Its speed is that in this sense; None: `share` of the subject's along the line.
     """
-    along = _direction(along_rad)
-    heading = _direction(subject.heading_rad)
+    along, heading = _direction(along_rad), _direction(subject.heading_rad)
     along = along if along @ heading >= 0 else -along
     if speed_m_per_s is None:
         own_m_per_s = share * subject.speed_m_per_s * float(along @ heading)

@@ -21,36 +21,9 @@ from gmrdata.values.transforms import rigid
 
 FRAME_MARGIN_SHARE = 0.03
 """Border that is kept free, as a share of the image's height."""
-DISTANCES_M = np.arange(2.0, 25.01, 0.25)
-"""Distances that are tried, nearest first, until the subject stays in frame."""
-
-
 STEP_M = 0.25
-"""How far the camera steps back before it is tried again."""
-
-
-def nearest_in_frame(
-    at: Callable[[float], CameraPath], pelvis_m: np.ndarray, kind: str
-) -> CameraPath:
-    """The nearest camera that has the whole subject in frame all the time.
-
-    Args:
-        at: The camera at a distance [m].
-        pelvis_m: (T, 3) the subject's pelvis, world [m].
-        kind: What kind of camera it is, for the message.
-
-    Raises:
-        BadRecipe: no distance keeps the subject in frame.
-    """
-    box = person_box(pelvis_m)
-    for distance_m in DISTANCES_M:
-        camera = at(float(distance_m))
-        if in_frame_share(camera, box, FRAME_MARGIN_SHARE) == 1.0:
-            return camera
-    raise BadRecipe(
-        f"a {kind} camera can't keep the subject in frame from any distance up to "
-        f"{DISTANCES_M[-1]:.0f} m; widen hfov_deg, shorten the clip, or give distance_m"
-    )
+DISTANCES_M = np.arange(2.0, 25.01, STEP_M)
+"""Distances that are tried, nearest first, until the subject stays in frame."""
 
 
 class View(Config):
@@ -195,32 +168,53 @@ def camera_path(
     given_m = programme.distance_m
     if isinstance(programme, Circular) and programme.radius_m is not None:
         given_m = programme.radius_m
-    return at(given_m) if given_m is not None else nearest_in_frame(at, pelvis, programme.kind)
+    if given_m is not None:
+        return at(given_m)
+    return _nearest_in_frame(at, DISTANCES_M, pelvis, programme.kind, "give distance_m")
+
+
+def _nearest_in_frame(
+    at: Callable[[float], CameraPath],
+    distances_m: np.ndarray,
+    pelvis_m: np.ndarray,
+    kind: str,
+    remedy: str,
+) -> CameraPath:
+    """The first of the cameras at some distances that has the whole subject in frame all the time.
+
+    Raises:
+        BadRecipe: none does; the message names the kind of camera and what else could be done.
+    """
+    box = person_box(pelvis_m)
+    for distance_m in distances_m:
+        camera = at(float(distance_m))
+        if in_frame_share(camera, box, FRAME_MARGIN_SHARE) == 1.0:
+            return camera
+    raise BadRecipe(
+        f"a {kind} camera can't keep the subject in frame from any distance up to "
+        f"{DISTANCES_M[-1]:.0f} m; widen hfov_deg, shorten the clip, or {remedy}"
+    )
 
 
 def _world_from_cam(programme: Programme, subject: SubjectPath, distance_m: float) -> np.ndarray:
     """The programme's camera (T, 4, 4) at a distance [m]."""
+    follows = isinstance(programme, Circular | LinearPanning | Panning) or (
+        isinstance(programme, Linear) and programme.look == "subject"
+    )
     if isinstance(programme, Circular):
-        steady = _circular(programme, subject, distance_m)
-    elif isinstance(programme, Linear):
-        place_m, centres_m = _travel(programme, subject, distance_m, share=1.0)
-        steady = (
-            moves.following(subject, centres_m)
-            if programme.look == "subject"
-            else moves.looking_ahead(subject, centres_m, place_m)
-        )
-    elif isinstance(programme, LinearPanning):
-        _, centres_m = _travel(programme, subject, distance_m, share=0.5)
-        steady = moves.following(subject, centres_m)
+        place_m, centres_m = _round(programme, subject, distance_m)
+    elif isinstance(programme, Linear | LinearPanning):
+        share = 0.5 if isinstance(programme, LinearPanning) else 1.0
+        place_m, centres_m = _travel(programme, subject, distance_m, share)
     else:
         azimuth_rad = _beside_rad(programme, subject)
         place_m = moves.station(subject, azimuth_rad, distance_m, programme.height_m)
-        centres_m = moves.at_rest(subject, place_m)
-        steady = (
-            moves.following(subject, centres_m)
-            if isinstance(programme, Panning)
-            else moves.looking_ahead(subject, centres_m, place_m)
-        )
+        centres_m = np.tile(place_m, (len(subject.time_s), 1))
+    steady = (
+        moves.following(subject, centres_m)
+        if follows
+        else moves.looking_ahead(subject, centres_m, place_m)
+    )
     if isinstance(programme, Moving):
         return moves.held(subject, steady, programme.handheld_m, programme.handheld_deg)
     if isinstance(programme, Small):
@@ -228,19 +222,20 @@ def _world_from_cam(programme: Programme, subject: SubjectPath, distance_m: floa
     return steady
 
 
-def _circular(programme: Circular, subject: SubjectPath, distance_m: float) -> np.ndarray:
+def _round(
+    programme: Circular, subject: SubjectPath, distance_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Place (3,) in the middle of the clip and centres (T, 3) of a camera on a circle [m]."""
     turn = 1.0 if programme.direction == "counterclockwise" else -1.0
     # On this side the camera travels with the subject, which keeps their distance even.
     chosen_rad = subject.heading_rad - turn * np.pi / 2 + subject.jitter_rad
     rate_rad_per_s = turn * np.deg2rad(programme.rate_deg_per_s)
-    centres_m = moves.circle(
-        subject,
-        _azimuth_rad(programme, chosen_rad),
-        rate_rad_per_s,
-        distance_m,
-        programme.height_m,
+    middle_rad = _azimuth_rad(programme, chosen_rad)
+    middle_m, *centres_m = (
+        moves.station(subject, angle_rad, distance_m, programme.height_m)
+        for angle_rad in (middle_rad, *(middle_rad + rate_rad_per_s * subject.time_s))
     )
-    return moves.following(subject, centres_m)
+    return middle_m, np.stack(centres_m)
 
 
 def _travel(
@@ -270,15 +265,9 @@ def _azimuth_rad(view: View, chosen_rad: float) -> float:
 def static_twin(camera: CameraPath, pelvis_world_m: np.ndarray) -> CameraPath:
     """A static camera where a moving one stands at the middle of the clip.
 
-    It looks at the middle of the subject's path.  Where that doesn't keep the subject in frame for
-    the whole clip, it steps back on the same side, at the same height, as far as it must.
-
-    Args:
-        camera: The moving camera, known at its middle frame.
-        pelvis_world_m: (T, 3) pelvis path of the subject, z-up world [m].
-
-    Returns:
-        CameraPath of the same lens and length.
+    It looks at the middle of the subject's path, whose pelvis (T, 3) is given in the world [m].
+    Where that doesn't keep the subject in frame for the whole clip, it steps back on the same side,
+    at the same height, as far as it must.  Lens and length are those of the moving camera.
 
     Raises:
         BadRecipe: the middle frame has no camera, or no place keeps the subject in frame.
@@ -291,22 +280,12 @@ def static_twin(camera: CameraPath, pelvis_world_m: np.ndarray) -> CameraPath:
     near_m = float(np.linalg.norm(across_m))
     if near_m == 0:
         raise BadRecipe("the camera is straight above its subject; give it another place")
-    box = person_box(pelvis_world_m)
-    for distance_m in np.arange(near_m, max(near_m, DISTANCES_M[-1]) + STEP_M, STEP_M):
-        ground_m = target_m[:2] + across_m / near_m * distance_m
-        twin = _resting(camera, np.array([*ground_m, place_m[2]]), target_m)
-        if in_frame_share(twin, box, FRAME_MARGIN_SHARE) == 1.0:
-            return twin
-    raise BadRecipe(
-        f"a static camera can't keep the subject in frame from any distance up to "
-        f"{DISTANCES_M[-1]:.0f} m; widen hfov_deg, shorten the clip, or leave camera_off out"
-    )
+    resting = replace(camera, has_camera=np.ones(camera.n_frames, dtype=bool))
 
+    def at(distance_m: float) -> CameraPath:
+        stand_m = np.array([*(target_m[:2] + across_m / near_m * distance_m), place_m[2]])
+        pose = rigid(look_at(stand_m, target_m), stand_m)
+        return replace(resting, world_from_cam=np.tile(pose, (camera.n_frames, 1, 1)))
 
-def _resting(camera: CameraPath, place_m: np.ndarray, target_m: np.ndarray) -> CameraPath:
-    pose = rigid(look_at(place_m, target_m), place_m)
-    return replace(
-        camera,
-        world_from_cam=np.tile(pose, (camera.n_frames, 1, 1)),
-        has_camera=np.ones(camera.n_frames, dtype=bool),
-    )
+    distances_m = np.arange(near_m, max(near_m, DISTANCES_M[-1]) + STEP_M, STEP_M)
+    return _nearest_in_frame(at, distances_m, pelvis_world_m, "static", "leave camera_off out")
