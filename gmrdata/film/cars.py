@@ -5,15 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmrdata.film.walkers import (
-    FROM_CAMERA_M,
-    PEOPLE_APART_M,
-    Shot,
-    enough_seen,
-    place_in_sight,
-    seen_share,
-)
-from gmrdata.values.errors import BadRecipe
+from gmrdata.film.walkers import FROM_CAMERA_M, PEOPLE_APART_M, Shot, no_way, place_in_sight
 from gmrdata.values.transforms import rigid
 
 CAR_SIZE_M = np.array([4.1, 1.82, 1.45])
@@ -48,6 +40,11 @@ class Drive:
         return np.asarray(self.world_from_car[0, :2, 0])
 
     @property
+    def aside(self) -> np.ndarray:
+        """(2,) unit vector to its left, world."""
+        return np.array([-self.ahead[1], self.ahead[0]])
+
+    @property
     def centres_m(self) -> np.ndarray:
         """(T, 3) middle of the body, world [m]."""
         return self.world_from_car[:, :3, 3] + [0.0, 0.0, CAR_SIZE_M[2] / 2]
@@ -57,9 +54,8 @@ class Drive:
         """(N, 2) points of the lane it needs, its whole drive long [m]."""
         reach_m = HALF_DRIVE_M + CAR_SIZE_M[0] / 2
         along_m = np.linspace(-reach_m, reach_m, 41)
-        aside = np.array([-self.ahead[1], self.ahead[0]])
-        lines = [self.middle_m + along_m[:, None] * self.ahead + y * aside for y in (-0.5, 0.5)]
-        return np.concatenate(lines)
+        middle_m = self.middle_m + along_m[:, None] * self.ahead
+        return np.concatenate([middle_m + y * self.aside for y in (-0.5, 0.5)])
 
 
 def way_driven_m(time_s: np.ndarray, speed_m_per_s: float) -> np.ndarray:
@@ -86,12 +82,7 @@ def drive_past(
 
     It is parallel to the longer side of the area that everyone covers: a street runs along that.
     Where nothing can cross, as in a street that is filmed along its length, it passes beside.
-
-    Args:
-        shot: The shot.
-        people_m: (T, 3) paths of the extras who walk [m].
-        cars: Cars that are there already.
-        rng: Chooses when, where, the direction and the speed.
+    It keeps clear of the extras who walk, paths (T, 3) [m], and of the cars that are there already.
 
     Raises:
         BadRecipe: nowhere is room for it.
@@ -100,39 +91,31 @@ def drive_past(
     filmed_m = [camera.centres_world_m[:, :2] for camera in shot.cameras]
     covered_m = np.concatenate([*walked_m, *filmed_m, *(car.ground_m for car in cars)])
     axis = int(np.ptp(covered_m[:, 1]) > np.ptp(covered_m[:, 0]))
-    enough = enough_seen(shot, *CAR_SEEN)
     for attempt in range(TRIES):
-        drive = _draw(shot, axis, 0.0 if attempt < TRIES // 2 else BESIDE_M, rng)
+        drive = _sample_drive(shot, axis, 0.0 if attempt < TRIES // 2 else BESIDE_M, rng)
         sides_m = np.ptp(np.concatenate([covered_m, drive.ground_m]), axis=0)
         if (
             sides_m[axis] > sides_m[1 - axis] + 1.0
             and all(car_distance_m(drive, path).min() >= PEOPLE_APART_M for path in walked_m)
             and all(car_distance_m(drive, path).min() >= FROM_CAMERA_M for path in filmed_m)
             and all(_pass_each_other(drive, car) for car in cars)
-            and seen_share(shot, drive.centres_m) >= enough
+            and shot.sees(drive.centres_m, *CAR_SEEN)
         ):
             return drive
-    raise BadRecipe(
-        f"no way is free for {name} that keeps {PEOPLE_APART_M} m from people and {FROM_CAMERA_M} m"
-        " from the camera and crosses the view. Ask for fewer extras, another seed, or a camera "
-        "that moves less"
-    )
+    raise no_way(name, "a camera that moves less")
 
 
 def car_distance_m(drive: Drive, path_m: np.ndarray) -> np.ndarray:
     """(T,) distance on the ground from the car's sides to a moving point (T, 2) [m]; 0 inside."""
     away_m = path_m - drive.world_from_car[:, :2, 3]
-    aside = np.array([-drive.ahead[1], drive.ahead[0]])
-    local_m = np.abs(np.stack([away_m @ drive.ahead, away_m @ aside], axis=-1))
+    local_m = np.abs(np.stack([away_m @ drive.ahead, away_m @ drive.aside], axis=-1))
     return np.asarray(np.linalg.norm(np.maximum(local_m - CAR_SIZE_M[:2] / 2, 0.0), axis=1))
 
 
-def _draw(shot: Shot, axis: int, beside_m: float, rng: np.random.Generator) -> Drive:
+def _sample_drive(shot: Shot, axis: int, beside_m: float, rng: np.random.Generator) -> Drive:
     """Through a place in sight, shifted by up to `beside_m` across the drive."""
     row = round(rng.uniform(0.2, 0.8) * (shot.n_frames - 1))
-    half_m = CAR_SIZE_M[1] / 2
-    near_m, room_m = FROM_CAMERA_M + half_m, PEOPLE_APART_M + half_m
-    middle_m, _ = place_in_sight(shot, row, near_m, room_m, BEHIND_M, rng)
+    middle_m, _ = place_in_sight(shot, row, CAR_SIZE_M[1] / 2, BEHIND_M, rng)
     middle_m[1 - axis] += rng.uniform(-beside_m, beside_m)
     heading_rad = axis * np.pi / 2 + np.pi * int(rng.integers(2))
     cos, sin = np.round(np.cos(heading_rad)), np.round(np.sin(heading_rad))

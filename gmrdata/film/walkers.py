@@ -1,6 +1,6 @@
 """Where passers-by and company walk: placed motions that keep clear of everyone.
 
-Each is found by drawing ways until one is clear of the people and the cameras and is seen long
+Each is found by sampling ways until one is clear of the people and the cameras and is seen long
 enough.  So the constraints hold exactly, whatever the subject and the camera do.  A `Shot` is what
 extras keep clear of and are seen by.
 """
@@ -21,8 +21,6 @@ PEOPLE_APART_M = 0.8
 """Between the pelvises of two people, on the ground; a person is about half a metre wide."""
 FROM_CAMERA_M = 1.3
 HALF_TRUNK_M = 0.25
-
-
 TRIES = 1500
 COMPANY_M = (0.9, 1.5)
 """How far company walks from its subject, on average over the clip [m]."""
@@ -57,6 +55,27 @@ class Shot:
         """Number of frames T."""
         return len(self.subjects_m[0])
 
+    @property
+    def duration_s(self) -> float:
+        """Length [s]."""
+        return self.n_frames / self.fps_hz
+
+    def sees(self, path_m: np.ndarray, share: float, seconds: float = np.inf) -> bool:
+        """Whether each camera sees a point (T, 3) [m] for long enough, not behind its subject.
+
+        That is a share of the frames, but no more of them than a time [s] has.  In less than a
+        second nobody gets out from behind another, so there it doesn't matter: a dry run probes two
+        frames.
+        """
+        enough = min(share, seconds * self.fps_hz / self.n_frames)
+        for camera, subject_m in zip(self.cameras, self.subjects_m, strict=True):
+            seen = in_frame(camera, path_m)
+            if self.n_frames >= self.fps_hz:
+                seen &= ~_is_behind(path_m, subject_m, camera)
+            if seen.mean() < enough:
+                return False
+        return True
+
 
 def shot_of(clips: Sequence[Clip]) -> Shot:
     """The shot of clips with cameras; one that is shorter than the longest rests at its end.
@@ -74,21 +93,6 @@ def shot_of(clips: Sequence[Clip]) -> Shot:
     )
 
 
-def seen_share(shot: Shot, path_m: np.ndarray) -> float:
-    """Share of the frames with a moving point (T, 3) [m] in the image and not behind the subject.
-
-    The worst camera counts.  In less than a second nobody gets out from behind another, so there it
-    doesn't matter: a dry run probes two frames.
-    """
-    shares = []
-    for camera, subject_m in zip(shot.cameras, shot.subjects_m, strict=True):
-        seen = in_frame(camera, path_m)
-        if shot.n_frames >= shot.fps_hz:
-            seen &= ~_is_behind(path_m, subject_m, camera)
-        shares.append(float(seen.mean()))
-    return min(shares)
-
-
 def _is_behind(path_m: np.ndarray, subject_m: np.ndarray, camera: CameraPath) -> np.ndarray:
     """(T,) bool: seen from above, the subject's trunk is in the line of sight to a point."""
     sight_m = (path_m - camera.centres_world_m)[:, :2]
@@ -100,36 +104,15 @@ def _is_behind(path_m: np.ndarray, subject_m: np.ndarray, camera: CameraPath) ->
     return np.asarray((along_m > 0) & (along_m < far_m) & (aside_m < HALF_TRUNK_M))
 
 
-def enough_seen(shot: Shot, share: float, seconds: float) -> float:
-    """A share of the frames, but no more of them than a time [s] has."""
-    return min(share, seconds * shot.fps_hz / shot.n_frames)
-
-
-def apart_m(path_m: np.ndarray, other_m: np.ndarray) -> float:
-    """Least distance on the ground between two paths (T, 2 or 3) at the same time [m]."""
-    return float(np.linalg.norm(path_m[:, :2] - other_m[:, :2], axis=1).min())
-
-
 def place_in_sight(
-    shot: Shot,
-    row: int,
-    near_m: float,
-    room_m: float,
-    reach_m: float,
-    rng: np.random.Generator,
+    shot: Shot, row: int, half_width_m: float, reach_m: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
     """A place (2,) [m] in line with the first camera and its subject, and the line's angle [rad].
 
-    It is in front of the subject as often as behind, where there is room in front.
-
-    Args:
-        shot: The shot.
-        row: The frame.
-        near_m: Least distance to the camera [m].
-        room_m: Least distance to the subject [m].
-        reach_m: How much farther than that the place may be behind the subject [m].
-        rng: Chooses.
+    It is in front of the subject as often as behind, where there is room in front for something of
+    a half width, and `reach_m` farther behind than it must at most.
     """
+    near_m, room_m = FROM_CAMERA_M + half_width_m, PEOPLE_APART_M + half_width_m
     camera_m = shot.cameras[0].centres_world_m[row, :2]
     sight_m = shot.subjects_m[0][row, :2] - camera_m
     distance_m, angle_rad = float(np.linalg.norm(sight_m)), float(np.arctan2(*sight_m[::-1]))
@@ -142,13 +125,7 @@ def place_in_sight(
 
 
 def move_motion(motion: Motion, yaw_rad: float, from_m: np.ndarray, to_m: np.ndarray) -> Motion:
-    """A world-frame motion turned about the vertical and shifted on the ground, all frames alike.
-
-    Args:
-        yaw_rad: Turn about z [rad].
-        from_m: (2,) point on the ground that comes to lie ...
-        to_m: (2,) ... here [m].
-    """
+    """A world-frame motion turned about the vertical, its point `from_m` (2,) moved to `to_m`."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     pivot_m, goal_m = np.append(from_m, 0.0), np.append(to_m, 0.0)
@@ -167,9 +144,8 @@ def facing_rad(motion: Motion, row: int) -> float:
 
 def passing_gait(shot: Shot, body: BodyModel, rng: np.random.Generator) -> Motion:
     """An embedded gait as long as the shot, on a body of its own."""
-    duration_s = shot.n_frames / shot.fps_hz
-    kind = "walk" if duration_s <= STRAIGHT_S else "figure_eight"
-    return make_gait(kind, duration_s, shot.fps_hz, body, rng)
+    kind = "walk" if shot.duration_s <= STRAIGHT_S else "figure_eight"
+    return make_gait(kind, shot.duration_s, shot.fps_hz, body, rng)
 
 
 def pass_by(
@@ -177,28 +153,27 @@ def pass_by(
 ) -> Motion:
     """Place a motion so that it crosses the first camera's line of sight to its subject.
 
-    Args:
-        motion: A motion with the shot's frames, anywhere.
-        shot: The shot.
-        others: Extras that are there already.
-        rng: Chooses when, where and in which direction.
+    The motion has the shot's frames, and `others` are extras that are there already.
 
     Raises:
         BadRecipe: nowhere is room for it.
     """
-    enough = enough_seen(shot, *PASSER_BY_SEEN)
     for _ in range(TRIES):
         row = round(rng.uniform(0.2, 0.8) * (shot.n_frames - 1))
-        place_m, sight_rad = place_in_sight(shot, row, FROM_CAMERA_M, PEOPLE_APART_M, BEHIND_M, rng)
+        place_m, sight_rad = place_in_sight(shot, row, 0.0, BEHIND_M, rng)
         across_rad = float(rng.choice([-1, 1]) * rng.uniform(np.deg2rad(40), np.deg2rad(140)))
         yaw_rad = sight_rad + across_rad - facing_rad(motion, row)
         placed = move_motion(motion, yaw_rad, motion.pelvis_m[row, :2], place_m)
-        if _is_clear(placed, shot, others) and seen_share(shot, placed.pelvis_m) >= enough:
+        if _is_clear(placed, shot, others) and shot.sees(placed.pelvis_m, *PASSER_BY_SEEN):
             return placed
-    raise BadRecipe(
+    raise no_way(name, "give the camera more distance_m")
+
+
+def no_way(name: str, remedy: str) -> BadRecipe:
+    """The error that there is no room for an extra that is to cross the view."""
+    return BadRecipe(
         f"no way is free for {name} that keeps {PEOPLE_APART_M} m from people and {FROM_CAMERA_M} m"
-        " from the camera and crosses the view. Ask for fewer extras, another seed, or give the "
-        "camera more distance_m"
+        f" from the camera and crosses the view. Ask for fewer extras, another seed, or {remedy}"
     )
 
 
@@ -212,49 +187,30 @@ def keep_company(
     """A gait beside the first subject, in its direction and at its mean speed.
 
     It goes straight on, so it leaves a subject that turns; beside one that stays, or comes back, it
-    steps to and fro.
-    Of the ways that are clear and in view, a near one is taken.
-
-    Args:
-        shot: The shot.
-        others: Extras that are there already.
+    steps to and fro.  Of the ways that are clear of everyone and in view, a near one is taken.
 
     Raises:
         BadRecipe: nowhere is room for it in view.
     """
     subject_m = shot.subjects_m[0][:, :2]
     way_m = subject_m[-1] - subject_m[0]
-    duration_s = shot.n_frames / shot.fps_hz
     far_m = float(np.linalg.norm(way_m))
     walked_m = float(np.linalg.norm(np.diff(subject_m, axis=0), axis=1).sum())
-    goes = far_m > STANDS_M_PER_S * duration_s and far_m > walked_m / 2
-    motion = _gait_at(far_m / duration_s if goes else 0.0, shot, body, seed)
+    goes = far_m > STANDS_M_PER_S * shot.duration_s and far_m > walked_m / 2
+    motion = _gait_at(far_m / shot.duration_s if goes else 0.0, shot, body, seed)
     rng = np.random.default_rng(seed.spawn(1)[0])
-    subject_rad = float(np.arctan2(way_m[1], way_m[0]))
-    own_m = motion.pelvis_m[-1, :2] - motion.pelvis_m[0, :2]
-    own_rad = float(np.arctan2(own_m[1], own_m[0])) if own_m.any() else facing_rad(motion, 0)
-    mean_m = motion.pelvis_m[:, :2].mean(axis=0)
-    best: Motion | None = None
-    least_m = np.inf
+    best, least_m = None, np.inf
     for attempt in range(TRIES):
-        # Beside the subject, in parallel, if that is in view; else anywhere round it.
-        strict = attempt < TRIES // 2
-        spread_rad = np.deg2rad(15) if strict else np.pi / 2
-        beside_rad = rng.choice([-1, 1]) * (np.pi / 2 + rng.uniform(-1, 1) * spread_rad)
-        other_way_rad = 0.0 if strict and goes else rng.uniform(-np.pi, np.pi)
-        angle_rad, away_m = subject_rad + beside_rad, rng.uniform(*COMPANY_M)
-        offset_m = away_m * np.array([np.cos(angle_rad), np.sin(angle_rad)])
-        yaw_rad = subject_rad - own_rad + other_way_rad
-        placed = move_motion(motion, yaw_rad, mean_m, subject_m.mean(axis=0) + offset_m)
-        farthest_m = np.linalg.norm(placed.pelvis_m[:, :2] - subject_m, axis=1).max()
+        placed = _beside(motion, subject_m, goes, attempt < TRIES // 2, rng)
+        farthest_m = float(np.linalg.norm(placed.pelvis_m[:, :2] - subject_m, axis=1).max())
         if (
             farthest_m < least_m
             and _is_clear(placed, shot, others)
-            and seen_share(shot, placed.pelvis_m) >= COMPANY_SEEN
+            and shot.sees(placed.pelvis_m, COMPANY_SEEN)
         ):
-            best, least_m = placed, float(farthest_m)
-        if best is not None and least_m <= COMPANY_FARTHEST_M:
-            return best
+            best, least_m = placed, farthest_m
+        if least_m <= COMPANY_FARTHEST_M:
+            break
     if best is not None:
         return best
     raise BadRecipe(
@@ -264,23 +220,41 @@ def keep_company(
     )
 
 
+def _beside(
+    motion: Motion, subject_m: np.ndarray, goes: bool, strict: bool, rng: np.random.Generator
+) -> Motion:
+    """A motion somewhere round a subject's path (T, 2) [m]; strict: on its side, in parallel."""
+    way_m = subject_m[-1] - subject_m[0]
+    own_m = motion.pelvis_m[-1, :2] - motion.pelvis_m[0, :2]
+    subject_rad = float(np.arctan2(way_m[1], way_m[0]))
+    own_rad = float(np.arctan2(own_m[1], own_m[0])) if own_m.any() else facing_rad(motion, 0)
+    spread_rad = np.deg2rad(15) if strict else np.pi / 2
+    beside_rad = rng.choice([-1, 1]) * (np.pi / 2 + rng.uniform(-1, 1) * spread_rad)
+    other_way_rad = 0.0 if strict and goes else rng.uniform(-np.pi, np.pi)
+    angle_rad, away_m = subject_rad + beside_rad, rng.uniform(*COMPANY_M)
+    offset_m = away_m * np.array([np.cos(angle_rad), np.sin(angle_rad)])
+    yaw_rad = subject_rad - own_rad + other_way_rad
+    mean_m = motion.pelvis_m[:, :2].mean(axis=0)
+    return move_motion(motion, yaw_rad, mean_m, subject_m.mean(axis=0) + offset_m)
+
+
 def _gait_at(
     speed_m_per_s: float, shot: Shot, body: BodyModel, seed: np.random.SeedSequence
 ) -> Motion:
     """A gait of the shot's length with a mean speed, as near as `PACES` allows; 0: to and fro."""
-    duration_s = shot.n_frames / shot.fps_hz
+
+    def gait(kind: str, duration_s: float, fps_hz: float) -> Motion:
+        return make_gait(kind, duration_s, fps_hz, body, np.random.default_rng(seed))
+
     if speed_m_per_s == 0:
-        rng = np.random.default_rng(seed)
-        return make_gait("side_step", duration_s, shot.fps_hz, body, rng)
+        return gait("side_step", shot.duration_s, shot.fps_hz)
     kind = "run" if speed_m_per_s > RUN_M_PER_S else "walk"
-    drawn = make_gait(kind, max(duration_s, 2.0), shot.fps_hz, body, np.random.default_rng(seed))
-    way_m = np.linalg.norm(drawn.pelvis_m[-1, :2] - drawn.pelvis_m[0, :2])
-    drawn_m_per_s = float(way_m) * drawn.fps_hz / max(drawn.n_frames - 1, 1)
-    pace = float(np.clip(speed_m_per_s / max(drawn_m_per_s, 1e-6), *PACES))
+    usual = gait(kind, max(shot.duration_s, 2.0), shot.fps_hz)
+    way_m = np.linalg.norm(usual.pelvis_m[-1, :2] - usual.pelvis_m[0, :2])
+    usual_m_per_s = float(way_m) * usual.fps_hz / max(usual.n_frames - 1, 1)
+    pace = float(np.clip(speed_m_per_s / max(usual_m_per_s, 1e-6), *PACES))
     # The same gait, filmed at another rate and played at the shot's.
-    played = make_gait(
-        kind, duration_s * pace, shot.fps_hz / pace, body, np.random.default_rng(seed)
-    )
+    played = gait(kind, shot.duration_s * pace, shot.fps_hz / pace)
     return replace(
         played,
         fps_hz=shot.fps_hz,
@@ -289,8 +263,9 @@ def _gait_at(
 
 
 def _is_clear(placed: Motion, shot: Shot, others: Sequence[Motion]) -> bool:
-    people_m = [*shot.subjects_m, *(other.pelvis_m for other in others)]
-    cameras_m = [camera.centres_world_m for camera in shot.cameras]
-    return all(apart_m(placed.pelvis_m, path_m) >= PEOPLE_APART_M for path_m in people_m) and all(
-        apart_m(placed.pelvis_m, path_m) >= FROM_CAMERA_M for path_m in cameras_m
-    )
+    """Whether someone keeps away, on the ground, from everybody else and from the cameras."""
+    rooms = [(path_m, PEOPLE_APART_M) for path_m in shot.subjects_m]
+    rooms += [(other.pelvis_m, PEOPLE_APART_M) for other in others]
+    rooms += [(camera.centres_world_m, FROM_CAMERA_M) for camera in shot.cameras]
+    away_m = [np.linalg.norm((placed.pelvis_m - path_m)[:, :2], axis=1) for path_m, _ in rooms]
+    return all(far_m.min() >= room_m for far_m, (_, room_m) in zip(away_m, rooms, strict=True))
