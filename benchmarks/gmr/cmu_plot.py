@@ -7,7 +7,7 @@ from gmr.cmu_runs import Trained
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from gmrdata.pages.style import COLOURS, picture, quiet
+from gmrdata.pages.plots import COLOURS, picture, quiet
 
 SHARES = {"ome_deg": 0.75, "tme_mm": 0.45}
 """What must be reached, as shares of zero motion's error."""

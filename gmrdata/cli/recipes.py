@@ -156,58 +156,31 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
         case "threedpw_twin":
             threedpw_twin(recipe, out, inputs.motions, run=run, dry_run=dry_run, probe=False)
         case "threedpw":
-            root = _needed(path, kind, "--root", inputs.root)
+            root = _needed(path, "--root", inputs.root)
             threedpw_regenerate(root, out, recipe, run=run, dry_run=dry_run)
         case "table":
-            _make_table(recipe, out, inputs, run, dry_run)
+            tables(
+                recipe, out, inputs.manifest, inputs.scored,
+                poses=inputs.poses, keypoints=inputs.keypoints, features=inputs.features,
+                videos=inputs.videos, body=inputs.body, run=run, dry_run=dry_run,
+            )  # fmt: skip
         case _ if dry_run:
             raise BadRecipe(f"{path}: there is no dry run of a recipe of kind {kind}")
         case "masks":
-            _mask(path, out, inputs, run)
+            frames, seen = _needed(path, "--frames", inputs.frames), inputs.camera_body
+            masks(frames, out, (recipe,), camera_body=seen, body=inputs.body, redo=run.redo)
         case "joint":
-            _train_joint(path, out, inputs, run)
+            manifests = _needed(path, "--manifest", inputs.manifest)
+            features = _needed(path, "--features", inputs.features)
+            baseline_joint_train(manifests, features, out, path, inputs.body, run.redo)
         case _:
             _train_and_score(path, out, inputs, run)
 
 
-def _needed(path: Path, kind: str, flag: str, value: Given | None) -> Given:
+def _needed(path: Path, flag: str, value: Given | None) -> Given:
     if not value:
-        raise MissingInput(f"{path}: a recipe of kind {kind} needs {flag}. Give it")
+        raise MissingInput(f"{path}: this recipe needs {flag}")
     return value
-
-
-def _make_table(recipe: str, out: Path, inputs: Inputs, run: Run, dry_run: bool) -> None:
-    tables(
-        recipe,
-        out,
-        inputs.manifest,
-        inputs.scored,
-        poses=inputs.poses,
-        keypoints=inputs.keypoints,
-        features=inputs.features,
-        videos=inputs.videos,
-        body=inputs.body,
-        run=run,
-        dry_run=dry_run,
-    )
-
-
-def _mask(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
-    frames = _needed(path, "masks", "--frames", inputs.frames)
-    masks(
-        frames,
-        out,
-        (str(path),),
-        camera_body=inputs.camera_body,
-        body=inputs.body,
-        redo=run.redo,
-    )
-
-
-def _train_joint(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
-    manifests = _needed(path, "joint", "--manifest", inputs.manifest)
-    features = _needed(path, "joint", "--features", inputs.features)
-    baseline_joint_train(manifests, features, out, path, inputs.body, run.redo)
 
 
 def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
@@ -220,9 +193,7 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     if recipe.training and inputs.manifest:
         raise BadRecipe(f"{path}: names its `training` manifests itself. Leave --manifest out")
     folder = path.parent
-    training = recipe.training_paths(folder) or list(
-        _needed(path, "gmr", "--manifest", inputs.manifest)
-    )
+    training = recipe.training_paths(folder) or list(_needed(path, "--manifest", inputs.manifest))
     body = body_path(inputs.body) if recipe.body is None else folder / recipe.body
     config = recipe.train_config()
     run_dir = train(training, out / "run", config, body_path=body, run=run)

@@ -26,8 +26,7 @@ def render(
     """
     from gmrdata.film.render_set import render_set
     from gmrdata.film.set_plan import SyntheticRecipe
-    from gmrdata.pages.preview import preview_set
-    from gmrdata.pages.synthetic import write_set_pages
+    from gmrdata.pages.sets import preview_set, write_set_pages
     from gmrdata.stage.recipes import find_recipe, load_recipe
 
     loaded = load_recipe(find_recipe(recipe), SyntheticRecipe)

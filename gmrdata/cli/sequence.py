@@ -41,7 +41,7 @@ def masks(
         camera_body: Clip file (.npz) in the camera's frame, for the silhouette.
     """
     from gmrdata.masks.sources import masks_named
-    from gmrdata.pages.masks_sheet import masks_of_frames
+    from gmrdata.pages.frames import masks_of_frames
 
     need(sources, "a source of masks: --sources onnx")
     config = masks_named(sources, model=model, weights=weights, classes=classes)

@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 
 from gmrdata.film.camera_moves import look_at, smooth_path
 from gmrdata.gmr.infer import InferConfig
-from gmrdata.pages.style import picture
-from gmrdata.pages.topview import RECOVERED_WIDTH, draw_path, finish_view, mark_start
+from gmrdata.pages.plots import RECOVERED_WIDTH, finish_view, mark_start, picture, plot_path
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
@@ -258,7 +257,7 @@ def write_top_view(path: Path, motion: Motion) -> None:
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        draw_path(axes, motion.pelvis_m, "gmr", RECOVERED_WIDTH)
+        plot_path(axes, motion.pelvis_m, "gmr", RECOVERED_WIDTH)
         mark_start(axes, motion.pelvis_m, "gmr", "start", None)
         finish_view(axes)
 

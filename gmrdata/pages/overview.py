@@ -1,11 +1,7 @@
-"""One wide picture of a whole run: a row of frames and a view from above per clip.
+"""A whole run at a glance: one wide picture, and its figures for the terminal."""
 
-The report's figures for the terminal.
-"""
-
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -15,17 +11,17 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from gmrdata.pages.frames import frame_tiles, tile_sheet
+from gmrdata.pages.plots import COLOURS, Draw, picture, plot_top_view
 from gmrdata.pages.report_data import (
-    BARS,
+    THRESHOLDS,
     ClipReport,
     ReportData,
+    Summary,
     figure_texts,
     score_texts,
     verdicts,
 )
-from gmrdata.pages.strip import frame_tiles, tile_sheet
-from gmrdata.pages.style import COLOURS, picture
-from gmrdata.pages.topview import top_view
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import atomic_path
 
@@ -56,29 +52,34 @@ def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
         raise BadFrames(f"{path}: the report has no clip to draw")
     if path.suffix.lower() not in KINDS:
         raise BadFrames(f"{path}: name the picture .png or .jpg")
+    plot, size_in = overview_plot(report, n_frames)
+    data = picture(plot, *size_in, DPI, KINDS[path.suffix.lower()])
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+    return path
+
+
+def overview_plot(report: ReportData, n_frames: int) -> tuple[Draw, tuple[float, float]]:
+    """What draws the overview, and its width and height [inch]."""
     sheets = [_sheet(clip, n_frames) for clip in report.clips]
     height, width = np.max([sheet.shape[:2] for sheet in sheets], axis=0)
     rows_in = len(sheets) * (height / DPI + 0.42)
     strip_in, paths_in = width / DPI, 1.25 * height / DPI
 
-    def draw(figure: Figure) -> None:
-        panels = figure.subplots(len(sheets), 2, squeeze=False, width_ratios=[strip_in, paths_in])
+    def draw(plot: Figure) -> None:
+        panels = plot.subplots(len(sheets), 2, squeeze=False, width_ratios=[strip_in, paths_in])
         for (frames, paths), clip, sheet in zip(panels, report.clips, sheets, strict=True):
             frames.imshow(cv2.cvtColor(sheet, cv2.COLOR_BGR2RGB), interpolation="lanczos")
             frames.set_axis_off()
             frames.set_anchor("W")
             frames.set_title(f"{clip.camera_motion} camera", fontsize=11, fontweight="bold")
             frames.set_title(_figures(clip), loc="right", fontsize=10, color=COLOURS["muted"])
-            spacing_m = top_view(paths, clip)
+            spacing_m = plot_top_view(paths, clip)
             paths.set(xlabel="", ylabel="")
             paths.set_title(f"from above, grid {spacing_m:g} m", color=COLOURS["muted"])
             paths.tick_params(labelleft=False, labelbottom=False)
 
-    kind = KINDS[path.suffix.lower()]
-    data = picture(draw, strip_in + paths_in, rows_in, DPI, kind)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data)
-    return path
+    return draw, (strip_in + paths_in, rows_in)
 
 
 def _sheet(clip: ClipReport, n_frames: int) -> np.ndarray:
@@ -95,54 +96,50 @@ def _figures(clip: ClipReport) -> str:
     return figures
 
 
-def summary_table(summary: Mapping[str, Any]) -> RenderableType:
-    """Tables of the figures, at most 80 columns wide.
-
-    Args:
-        summary: What `gmrdata.pages.report_data.summary` gives, or the same read from summary.json.
-    """
-    parts: list[RenderableType] = [_clip_table(summary["clips"])]
-    if summary.get("gmr"):
-        parts += [Text(), _gmr_table(summary["gmr"])]
-    if summary.get("seconds"):
-        total_s = sum(summary["seconds"].values())
-        stages = " · ".join(f"{name} {value:.0f} s" for name, value in summary["seconds"].items())
+def summary_table(summary: Summary) -> RenderableType:
+    """Tables of the figures for the terminal, at most 80 columns wide."""
+    parts: list[RenderableType] = [_clip_table(summary)]
+    if summary.gmr:
+        parts += [Text(), _gmr_table(summary)]
+    if summary.seconds:
+        stages = " · ".join(f"{name} {value:.0f} s" for name, value in summary.seconds.items())
+        total_s = sum(summary.seconds.values())
         parts += [Text(), Text(f"{total_s:.0f} s in all: {stages}", style="dim")]
     return Group(*parts)
-
-
-def _clip_table(clips: list[Mapping[str, Any]]) -> Table:
-    table = Table(title="Pseudo ground truth against the truth", title_justify="left", box=None)
-    table.add_column("clip", overflow="fold")
-    for heading in (
-        "cameras",
-        "OME\n\\[deg]",
-        "TME\n\\[mm]",
-        "cam. rot.\n\\[deg]",
-        "scale err.\n\\[%]",
-    ):
-        table.add_column(heading, justify="right", no_wrap=True)
-    keys = ("frames_with_camera", "ome_deg", "tme_mm", "camera_rotation_deg", "scale_error_percent")
-    for clip in clips:
-        texts, met = figure_texts(clip), verdicts(clip)
-        texts["frames_with_camera"] = texts["cameras"]
-        cells = [Text(texts[key], style=_STYLE[met.get(key)]) for key in keys]
-        table.add_row(escape(clip["id"]), *cells)
-    table.add_section()
-    bar_cells = [f"≤ {BARS[key]:g}" if key in BARS else "" for key in keys[1:]]
-    table.add_row("bar", "all", *bar_cells, style="dim")
-    return table
 
 
 _STYLE = {True: "green", False: "bold red", None: ""}
 
 
-def _gmr_table(scores: Mapping[str, Mapping[str, Any]]) -> Table:
-    table = Table(title="GMR (in brackets: zero motion)", title_justify="left", box=None)
-    table.add_column("manifest", overflow="fold")
-    for heading in ("OME \\[deg]", "TME \\[mm]", "VME \\[mm]"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name, score in scores.items():
-        ours, zero = score_texts(score), score_texts(score["zero_motion"])
+def _clip_table(summary: Summary) -> Table:
+    headings = ("OME\n\\[deg]", "TME\n\\[mm]", "cam. rot.\n\\[deg]", "scale err.\n\\[%]")
+    table = _table("Pseudo ground truth against the truth", ("clip", "cameras", *headings))
+    keys = ("frames_with_camera", "ome_deg", "tme_mm", "camera_rotation_deg", "scale_error_percent")
+    for clip in summary.clips:
+        texts, met = figure_texts(clip), verdicts(clip)
+        texts["frames_with_camera"] = texts["cameras"]
+        cells = [Text(texts[key], style=_STYLE[met.get(key)]) for key in keys]
+        table.add_row(escape(clip.id), *cells)
+    table.add_section()
+    most = [f"≤ {THRESHOLDS[key]:g}" if key in THRESHOLDS else "" for key in keys[1:]]
+    table.add_row("threshold", "all", *most, style="dim")
+    return table
+
+
+def _gmr_table(summary: Summary) -> Table:
+    table = _table(
+        "GMR (in brackets: zero motion)",
+        ("manifest", "OME \\[deg]", "TME \\[mm]", "VME \\[mm]"),
+    )
+    for name, score in summary.gmr.items():
+        ours, zero = score_texts(score), score_texts(score.zero_motion)
         table.add_row(escape(name), *(f"{ours[key]} ({zero[key]})" for key in ours))
+    return table
+
+
+def _table(title: str, headings: tuple[str, ...]) -> Table:
+    table = Table(title=title, title_justify="left", box=None)
+    table.add_column(headings[0], overflow="fold")
+    for heading in headings[1:]:
+        table.add_column(heading, justify="right", no_wrap=True)
     return table

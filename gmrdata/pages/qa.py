@@ -1,117 +1,57 @@
-"""One sequence's page: what was decided of it, and what there is to see.
+"""Pages of a regenerated set: one for each sequence, and the index of all.
 
-The set at a glance: every sequence with its verdict, and a link to its page.
-
-Write the pages of a regenerated set: one for each sequence, and the index of all.
+A page says what was decided of a sequence, and shows what there is to see of it.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from importlib import resources
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 from urllib.parse import quote
 
-from gmrdata.pages.document import document, image, pairs, table, text
-from gmrdata.pages.qa_data import Found, gather
-from gmrdata.pages.qa_frames import THUMBNAIL_WIDTH_PX, counts_of, jpeg, kinds_of
-from gmrdata.pages.qa_sections import (
-    QA_STYLE,
-    Frames,
-    class_section,
-    frames_section,
-    paths_section,
-    read_frames,
-    scale_section,
-    small,
-    time_section,
-    verdict_section,
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from gmrdata.cameras.files import CamerasQuality
+from gmrdata.pages.frames import jpeg, spaced
+from gmrdata.pages.html import Cell, Table, image, render
+from gmrdata.pages.plots import svg
+from gmrdata.pages.qa_data import (
+    N_TILES,
+    THUMBNAIL_WIDTH_PX,
+    Found,
+    Kind,
+    Tile,
+    align_dataset_camera,
+    counts_of,
+    example_frames,
+    gather,
+    image_numbers,
+    kinds_of,
+    narrowed,
+    read_tile,
 )
+from gmrdata.pages.qa_plots import (
+    PERSON_ROLES,
+    cue_words,
+    height_in,
+    plot_paths,
+    plot_scale_cues,
+    plot_time,
+)
+from gmrdata.pages.qa_thresholds import class_rows, frame_rows, threshold_table, verdict_rows
 from gmrdata.pages.report import GEOMETRY_WORDS
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.read.threedpw_layout import SEQUENCE_NAME, SequenceFiles
 from gmrdata.stage.progress import track
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
-from gmrdata.threedpw.regenerate import choose
+from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts, choose
 from gmrdata.values.errors import GmrdataError
-from gmrdata.values.files import read_json, remove_orphans, write_text
+from gmrdata.values.files import remove_orphans, write_text
+from gmrdata.world.quality import PseudoGtQuality
 
 HEADINGS = ("sequence", "split", "camera", "frames", "kept", "scale", "first reason")
-
-
-@dataclass(frozen=True)
-class Listed:
-    """One sequence of the index."""
-
-    row: Mapping[str, Any]
-    """Its row of `verdicts.json`."""
-    page: str
-    """Path of its page, below the index."""
-    n_frames: int
-    """Number of its frames; 0 if unknown."""
-    note: str
-    """The first reason, or most of what was dropped."""
-    thumbnail: bytes
-    """JPEG of one frame; empty if there is none."""
-    thumbnail_size_px: tuple[int, int]
-    """(width, height) of it [px]."""
-
-
-def index_page(title: str, listed: Sequence[Listed], has_manifest: bool) -> str:
-    """The index as HTML: rejected sequences apart from accepted ones, each list sortable.
-
-    Args:
-        title: Name and version of the set.
-        listed: The sequences in order.
-        has_manifest: Whether there is a manifest to link to.
-    """
-    groups = {
-        "Accepted": [one for one in listed if one.row["accepted"]],
-        "Rejected": [one for one in listed if not one.row["accepted"]],
-    }
-    manifest = '<a href="pseudo_gt.yaml">Manifest</a>' if has_manifest else ""
-    header = (
-        f'<h1>{text(title)}</h1><p class="lead">World-frame pseudo ground truth: what was decided '
-        "of each sequence. Click on a heading to sort.</p>"
-        f'<nav aria-label="Files">{manifest}<a href="verdicts.json">Verdicts as JSON</a></nav>'
-    )
-    counts = [(name, str(len(group))) for name, group in groups.items()]
-    frames = sum(one.n_frames for one in listed)
-    sections = [f"<section>{pairs([*counts, ('Frames', str(frames))])}</section>"]
-    sections += [_group(name, group) for name, group in groups.items() if group]
-    script = resources.files("gmrdata.pages").joinpath("sort.js").read_text("utf-8")
-    return document(title, header, [*sections, f"<script>\n{script}</script>"], QA_STYLE)
-
-
-def _group(name: str, group: Sequence[Listed]) -> str:
-    headings = [f'<button type="button">{heading}</button>' for heading in HEADINGS]
-    caption = "Kept: share of the frames of all people. Scale: metres per unit, ± standard error."
-    listed = table(headings, [_row(one) for one in group], caption)
-    return f"<section><h2>{name}</h2>{listed}</section>"
-
-
-def _row(one: Listed) -> tuple[str, ...]:
-    row = one.row
-    name, scale = str(row["sequence"]), NO_FIGURE
-    sortable = -1.0
-    if row["scale"] is not None and row["scale_sigma"] is not None:
-        sortable = row["scale_sigma"] / row["scale"]
-        scale = f"{row['scale']:.4g} ± {100 * sortable:.1f} %"
-    width_px, height_px = one.thumbnail_size_px
-    picture = image(one.thumbnail, "jpeg", "", width_px, height_px) if one.thumbnail else "<i></i>"
-    link = f'<a href="{text(quote(one.page))}">{text(name)}</a>'
-    return (
-        f'<span class="thumbnail" data-sort="{text(name)}">{picture}{link}</span>',
-        text(row["split"]),
-        text(str(row["class"]).replace("_", " + ")),
-        str(one.n_frames or NO_FIGURE),
-        f'<span data-sort="{row["kept_share"]}">{row["kept_share"]:.1%}</span>',
-        f'<span data-sort="{sortable}">{text(scale)}</span>',
-        f'<span class="words-cell">{text(one.note)}</span>',
-    )
-
-
 STAGE_FILES = {
     "people": ("people.json", "doubts.json"),
     "masks": ("masks.json",),
@@ -119,122 +59,15 @@ STAGE_FILES = {
     "pseudo_gt": ("quality.json",),
 }
 """What the stages leave for people to read, beside their records."""
-
-
-def sequence_page(found: Found, frames: Frames, recipe: ThreedpwRecipe, paths: SetPaths) -> str:
-    """The page as HTML; the same sequence gives the same bytes.
-
-    Args:
-        found: The sequence.
-        frames: Some of its frames.
-        recipe: The set's recipe.
-        paths: Where the set keeps what; the page stands in `paths.pages_dir`.
-    """
-    header = (
-        f'<h1>{text(found.name)}</h1><p class="lead">{text(_lead(found))}</p>'
-        '<nav aria-label="Pages"><a href="../index.html">All sequences</a></nav>'
-    )
-    makers: list[Callable[[], str]] = [lambda: verdict_section(found, recipe)]
-    makers += [lambda: time_section(found, recipe)] if found.reasons else []
-    if found.is_solved:
-        makers += [
-            lambda: paths_section(found),
-            lambda: scale_section(found.record),
-            lambda: class_section(found, recipe),
-            lambda: reconstruction_section(found),
-        ]
-    makers += [lambda: frames_section(frames), lambda: files_section(found, paths)]
-    return document(found.name, header, [_made(maker) for maker in makers], QA_STYLE)
-
-
-def _made(make: Callable[[], str]) -> str:
-    """A section, or why there is none: what is missing must not cost the others."""
-    try:
-        return make()
-    except (GmrdataError, OSError) as error:
-        return f'<section><p class="bad">can’t be drawn: {text(error)}</p></section>'
-
-
-def _lead(found: Found) -> str:
-    parts = [found.row["split"] or "not read"]
-    if found.n_frames:
-        n_people = len(found.reasons)
-        parts.append(f"{found.n_frames} frames")
-        parts.append("one person" if n_people == 1 else f"{n_people} people")
-    if found.is_solved:
-        parts.append(f"{found.row['class'].replace('_', ' + ')} camera")
-    return ", ".join(parts)
-
-
-def reconstruction_section(found: Found) -> str:
-    """HTML: geometry, mapper, models, and the figures of the reconstruction."""
-    record = found.record
-    models = record["models"]
-    geometry = str(record["geometry"])
-    rows = [
-        ("Geometry", GEOMETRY_WORDS.get(geometry, geometry)),
-        ("Mapper", record.get("mapper")),
-        ("Models", len(models)),
-        ("Frames with a camera", f"{record['frames_with_camera']} of {record['frames']}"),
-        ("Keyframes", len(record.get("keyframes", ()))),
-        ("Frames placed against the finished map", record.get("resected_frames")),
-        ("Interpolated frames", len(record.get("interpolated", ()))),
-        ("Cuts", len(record.get("cuts_after_frames", ()))),
-        ("Points", record.get("points")),
-        ("Median frames per point", record.get("median_track_length")),
-        ("Median reprojection error [px]", record.get("median_reprojection_px")),
-        ("Focal length that the background asks for, over the given one", _focal(record)),
-    ]
-    listed = small((name, str(value)) for name, value in rows if value is not None)
-    joined = "".join(
-        f"<li>{model['frames']} frames, {'kept' if model['kept'] else 'dropped'}: "
-        f"{text(model['reason'])}</li>"
-        for model in models
-    )
-    joined = f"<h3>Models</h3><ul>{joined}</ul>" if joined else ""
-    reason = text(record.get("evidence", {}).get("reason", "not recorded"))
-    return (
-        f"<section><h2>Reconstruction</h2>{listed}"
-        f"<p>Why this geometry: {reason}.</p>{joined}</section>"
-    )
-
-
-def _focal(record: dict[str, float | None]) -> str | None:
-    factor, sigma = record.get("focal_factor"), record.get("focal_sigma")
-    if factor is None:
-        return None
-    return f"{factor:.4g}" if sigma is None else f"{factor:.4g} ± {sigma:.2g}"
-
-
-def files_section(found: Found, paths: SetPaths) -> str:
-    """HTML: links to the records of the stages, and what can't be read."""
-    links = []
-    if found.files is not None:
-        for stage, names in STAGE_FILES.items():
-            folder = paths.sequence_dir(found.files.name) / stage
-            there = [name for name in ("stage.json", *names) if (folder / name).is_file()]
-            where = f"../{folder.relative_to(paths.root).as_posix()}"
-            linked = ", ".join(
-                f'<a href="{text(quote(f"{where}/{name}"))}">{name}</a>' for name in there
-            )
-            links.append(f"<li>{stage}: {linked or 'not made'}</li>")
-        failure = paths.failures_dir / f"{found.files.name}.txt"
-        if failure.is_file():
-            where = text(quote(f"../{failure.relative_to(paths.root).as_posix()}"))
-            links.append(f'<li><a href="{where}">the whole message of the failure</a></li>')
-    missing = "".join(f'<li class="bad">{text(problem)}</li>' for problem in found.missing)
-    missing = f"<h3>Can’t be read</h3><ul>{missing}</ul>" if missing else ""
-    nothing = "<li>No stage was run.</li>"
-    return f"<section><h2>Stage records</h2><ul>{''.join(links) or nothing}</ul>{missing}</section>"
+OPEN_RANGES = 12
+"""A longer list of dropped ranges is folded."""
+JPEG_QUALITY = 80
 
 
 def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
-    """Write the pages of a regenerated set; see `write_pages`.
+    """Write the pages of a set that was regenerated from 3DPW's folder `root`; see `write_pages`.
 
-    Args:
-        recipe: The set's recipe.
-        root: 3DPW's folder.
-        out_dir: Where the set is; nothing is written where it holds no verdicts.
+    Nothing is written where `out_dir` holds no verdicts.
     """
     paths = SetPaths(out_dir.resolve())
     if not paths.verdicts.is_file():
@@ -244,22 +77,22 @@ def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
         failure = paths.failures_dir / f"{files.name}.txt"
         if failure.is_file():
             reasons[files.name] = failure.read_text(encoding="utf-8")
-    write_pages(read_json(paths.verdicts), chosen, reasons, recipe, paths)
+    write_pages(Verdicts.read(paths.verdicts).sequences, chosen, reasons, recipe, paths)
 
 
 def write_pages(
-    rows: Sequence[Mapping[str, Any]],
+    verdicts: Sequence[SequenceVerdict],
     chosen: Sequence[SequenceFiles],
     reasons: Mapping[str, str],
     recipe: ThreedpwRecipe,
     paths: SetPaths,
 ) -> Path:
-    """Write `qa/<sequence>.html` for every row of the verdicts, and `index.html`.
+    """Write `qa/<sequence>.html` for each of the verdicts, and `index.html`.
 
     A file that is missing, or broken since it was made, costs a picture and not the page.
 
     Args:
-        rows: The rows of `verdicts.json`, in the order of the index.
+        verdicts: Those of `verdicts.json`, in the order of the index.
         chosen: The sequences that were tried; others are not opened.
         reasons: The whole message of each sequence that could not be regenerated, by name.
         recipe: The set's recipe.
@@ -272,13 +105,30 @@ def write_pages(
         remove_orphans(folder)
     files_of = {files.name: files for files in chosen}
     listed = []
-    for row in track(rows, "drawing a page for each sequence", total=len(rows)):
-        name = str(row["sequence"])
-        found = gather(row, reasons.get(name, ""), files_of.get(name), paths)
+    for verdict in track(verdicts, "drawing a page for each sequence", total=len(verdicts)):
+        name = verdict.sequence
+        found = gather(verdict, reasons.get(name, ""), files_of.get(name), paths)
         listed.append(_write_page(found, recipe, paths))
-    title = f"{recipe.name} {recipe.version}"
-    _write(paths.index_page, index_page(title, listed, paths.manifest.is_file()))
+    links = [("pseudo_gt.yaml", "Manifest")] if paths.manifest.is_file() else []
+    n_frames = sum(one.n_frames for one in listed)
+    groups = [
+        (name, [one for one in listed if one.accepted == accepted])
+        for name, accepted in (("Accepted", True), ("Rejected", False))
+    ]
+    page = render(
+        "qa_index",
+        title=f"{recipe.name} {recipe.version}",
+        links=[*links, ("verdicts.json", "Verdicts as JSON")],
+        counts=[*((name, len(group)) for name, group in groups), ("Frames", n_frames)],
+        groups=[(name, _listed(group)) for name, group in groups if group],
+    )
+    _write(paths.index_page, page)
     return paths.index_page
+
+
+def _listed(group: Sequence["_Listed"]) -> Table:
+    caption = "Kept: share of the frames of all people. Scale: metres per unit, ± standard error."
+    return Table(HEADINGS, [one.cells for one in group], caption, sortable=True)
 
 
 def page_name(sequence: str) -> str:
@@ -297,34 +147,313 @@ def _write(path: Path, page: str) -> None:
     write_text(path, page.encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
-def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> Listed:
-    # Without a name that can be trusted there is nothing to show, and the folder isn't asked for.
-    name = "" if found.files is None else found.files.name
-    frames = read_frames(found, paths.masks_dir(name))
+class _Listed(NamedTuple):
+    """One sequence of the index."""
+
+    accepted: bool
+    n_frames: int
+    """Number of its frames; 0 if unknown."""
+    cells: Sequence[Cell | str]
+
+
+def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> _Listed:
+    frames = _read_frames(found, paths)
     page = paths.pages_dir / page_name(found.name)
-    _write(page, sequence_page(found, frames, recipe, paths))
-    pictures = [tile.picture for tile in frames.tiles if tile.picture is not None]
-    thumbnail, size_px = b"", (0, 0)
-    if pictures:
-        middle = pictures[len(pictures) // 2]
-        height_px = round(THUMBNAIL_WIDTH_PX * middle.shape[0] / middle.shape[1])
-        thumbnail, size_px = jpeg(middle, THUMBNAIL_WIDTH_PX), (THUMBNAIL_WIDTH_PX, height_px)
-    return Listed(
-        row=found.row,
-        page=page.relative_to(paths.root).as_posix(),
-        n_frames=found.n_frames,
-        note=_note(found),
-        thumbnail=thumbnail,
-        thumbnail_size_px=size_px,
+    _write(page, _sequence_page(found, frames, recipe, paths))
+    verdict, scale, sort = found.verdict, NO_FIGURE, -1.0
+    if verdict.scale is not None and verdict.scale_sigma is not None:
+        sort = verdict.scale_sigma / verdict.scale
+        scale = f"{verdict.scale:.4g} ± {100 * sort:.1f} %"
+    href = quote(page.relative_to(paths.root).as_posix())
+    thumbnail = _thumbnail(frames)
+    cells = (
+        Cell(found.name, href=href, kind="thumbnail", sort=found.name, picture=thumbnail),
+        verdict.split,
+        verdict.camera_motion.replace("_", " + "),
+        str(found.n_frames or NO_FIGURE),
+        Cell(f"{verdict.kept_share:.1%}", sort=verdict.kept_share),
+        Cell(scale, sort=sort),
+        Cell(_note(found), kind="words-cell"),
     )
+    return _Listed(verdict.accepted, found.n_frames, cells)
 
 
 def _note(found: Found) -> str:
     """Why the sequence is rejected or, if it isn't, most of what was dropped of it."""
-    if found.row["reasons"]:
-        return str(found.row["reasons"][0])
+    if found.verdict.reasons:
+        return found.verdict.reasons[0]
     counts = counts_of(found.reasons, kinds_of(found.reasons))
     if not counts:
         return ""
     kind, n = next(iter(counts.items()))
     return f"{sum(counts.values())} frames dropped, {n} of them: {kind.words}"
+
+
+class _Frames(NamedTuple):
+    """What is shown of a sequence."""
+
+    tiles: Sequence[Tile]
+    """Evenly spaced frames."""
+    dropped: Sequence[tuple[Kind, Tile]]
+    """A frame for each kind of reason, as far as there is room."""
+
+
+def _read_frames(found: Found, paths: SetPaths) -> _Frames:
+    """Some frames of a sequence; of one that could not be read, the images that are there."""
+    files = found.files
+    if files is None or not files.image_dir.is_dir():
+        return _Frames((), ())
+    numbers = range(found.n_frames) or image_numbers(files)
+    shown = [numbers[row] for row in spaced(len(numbers), N_TILES)]
+    examples = example_frames(found.reasons, kinds_of(found.reasons)) if found.is_solved else {}
+    masks_dir = paths.masks_dir(files.name)
+    return _Frames(
+        [read_tile(files, masks_dir, number) for number in shown],
+        [(kind, read_tile(files, masks_dir, number))
+         for kind, number in list(examples.items())[:N_TILES]],
+    )  # fmt: skip
+
+
+def _thumbnail(frames: _Frames) -> Markup:
+    pictures = [tile.picture for tile in frames.tiles if tile.picture is not None]
+    if not pictures:
+        return Markup("<i></i>")
+    small = narrowed(pictures[len(pictures) // 2], THUMBNAIL_WIDTH_PX)
+    return image(jpeg(small, JPEG_QUALITY), "jpeg", "", small.shape[1], small.shape[0])
+
+
+class _Section(NamedTuple):
+    """One section of a page."""
+
+    kind: str
+    """Name of its macro in the template."""
+    given: object
+    """What the macro shows."""
+    problem: str
+    """Why it can't be drawn; empty if it can."""
+
+
+def _sequence_page(found: Found, frames: _Frames, recipe: ThreedpwRecipe, paths: SetPaths) -> str:
+    """The page as HTML; the same sequence gives the same bytes."""
+    makers: dict[str, Callable[[], object]] = {"verdict": lambda: _verdict(found, recipe)}
+    if found.reasons:
+        makers["over_time"] = lambda: _over_time(found, recipe)
+    record, cameras = found.record, found.cameras
+    if record is not None and cameras is not None:
+        makers |= {
+            "from_above": lambda: _from_above(found),
+            "scale": lambda: _scale(record),
+            "camera_class": lambda: _camera_class(found, record, recipe),
+            "reconstruction": lambda: _reconstruction(cameras),
+        }
+    makers |= {"frames": lambda: _shown_frames(frames), "files": lambda: _files(found, paths)}
+    sections = [_section(kind, make) for kind, make in makers.items()]
+    return render("qa_sequence", title=found.name, lead=_lead(found), sections=sections)
+
+
+def _section(kind: str, make: Callable[[], object]) -> _Section:
+    """A section, or why there is none: what is missing must not cost the others."""
+    try:
+        return _Section(kind, make(), "")
+    except (GmrdataError, OSError) as error:
+        return _Section(kind, None, str(error))
+
+
+def _lead(found: Found) -> str:
+    parts = [found.verdict.split or "not read"]
+    if found.n_frames:
+        n_people = len(found.reasons)
+        parts.append(f"{found.n_frames} frames")
+        parts.append("one person" if n_people == 1 else f"{n_people} people")
+    if found.is_solved:
+        parts.append(f"{found.verdict.camera_motion.replace('_', ' + ')} camera")
+    return ", ".join(parts)
+
+
+def _verdict(found: Found, recipe: ThreedpwRecipe) -> dict[str, object]:
+    """Accepted or rejected, why, and the figures against their thresholds."""
+    people = [
+        (person.accepted, f"Person {number}: {'accepted' if person.accepted else 'rejected'}, "
+         f"{person.kept_frames} of {person.frames} frames ({person.kept_share:.1%}) within the "
+         "thresholds", person.reasons)
+        for number, person in enumerate(found.judged)
+    ]  # fmt: skip
+    config = recipe.of_sequence(found.name).pseudo_gt.verdict
+    tables = [
+        threshold_table(
+            verdict_rows(found, recipe), "threshold", "What the sequence as a whole was judged by."
+        ),
+        threshold_table(
+            frame_rows(found, config),
+            "threshold",
+            "The worst of all frames or steps between them; those beyond a threshold are dropped.",
+        ),
+    ]
+    return {
+        "people": people or [(False, "Rejected", found.verdict.reasons)],
+        "message": found.message if len(found.message.splitlines()) > 1 else "",
+        "problems": () if found.people is None else found.people.problems,
+        "tables": tables if found.is_solved else (),
+    }
+
+
+def _over_time(found: Found, recipe: ThreedpwRecipe) -> dict[str, object]:
+    """Kept and dropped frames over time, with the figures that decided."""
+    config = recipe.of_sequence(found.name).pseudo_gt.verdict
+    kinds = kinds_of(found.reasons)
+
+    def draw(plot: Figure) -> None:
+        plot_time(plot, found, kinds, config)
+
+    headings = ("person", "frames", "number", "reason")
+    ranges = list(_ranges(found))
+    return {
+        "plot": svg(draw, 11.0, height_in(found), "time"),
+        "legend": list(_legend(found, kinds)),
+        "has_plots": found.world_from_cam is not None,
+        "ranges": Table(headings, ranges, "Dropped ranges, as counted from 0 in the sequence."),
+        "open": len(ranges) <= OPEN_RANGES,
+    }
+
+
+def _legend(found: Found, kinds: Mapping[str, Kind]) -> Iterator[tuple[str, str]]:
+    """Each colour and what it stands for."""
+    accepted = [person.accepted for person in found.judged]
+    with_kept = [i for i, reasons in enumerate(found.reasons) if "" in reasons]
+    if not found.is_solved and with_kept:
+        yield "var(--rule)", "the data set vouches for it"
+    if found.is_solved and any(accepted[i] for i in with_kept):
+        yield "var(--good)", "kept"
+    if found.is_solved and not all(accepted[i] for i in with_kept):
+        yield "var(--rule)", "within the thresholds, but rejected"
+    for kind, n in counts_of(found.reasons, kinds).items():
+        yield kind.colour, f"{kind.words} ({n})"
+
+
+def _ranges(found: Found) -> Iterator[tuple[Cell | str, ...]]:
+    for person, reasons in enumerate(found.reasons):
+        stop = 0
+        for reason, group in groupby(reasons):
+            start, stop = stop, stop + len(list(group))
+            if reason:
+                span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
+                words = Cell(reason, kind="words-cell")
+                yield f"person {person}", span, str(stop - start), words
+
+
+def _from_above(found: Found) -> dict[str, object]:
+    """The camera's and the people's paths, beside the data set's own camera."""
+    world_from_cam = found.world_from_cam
+    if world_from_cam is None:
+        return {"plot": None}
+    aligned = None
+    if found.dataset_camera is not None:
+        aligned = align_dataset_camera(world_from_cam, found.dataset_camera, found.kept)
+    return {
+        "plot": svg(lambda plot: plot_paths(plot.subplots(), found, aligned), 7.4, 6.2, "paths"),
+        "people": [(PERSON_ROLES[n % len(PERSON_ROLES)], f"person {n}") for n in found.clips],
+        "aligned": aligned,
+    }
+
+
+def _scale(record: PseudoGtQuality) -> dict[str, object]:
+    """The cues of the metric scale and the fused one."""
+    scale, sigma, cues = record.scale, record.scale_sigma, record.scale_cues
+    if scale is None or sigma is None or not cues:
+        return {"plot": None}
+    rows = [
+        (cue_words(cue), f"{cue.scale:.5g}", f"{100 * cue.sigma / cue.scale:.2f}",
+         f"{100 * (cue.scale / scale - 1):+.2f}", str(cue.support), f"{1000 * cue.residual_m:.1f}")
+        for cue in cues
+    ]  # fmt: skip
+    foot = ("fused", f"{scale:.5g}", f"{100 * sigma / scale:.2f}", "", "", "")
+    headings = (
+        "cue", "scale [m per unit]", "standard error [%]", "from the fused [%]",
+        "stances, points or windows", "residual [mm]",
+    )  # fmt: skip
+    return {
+        "plot": svg(
+            lambda plot: plot_scale_cues(plot, scale, sigma, cues),
+            7.4, 1.0 + 0.32 * (len(cues) + 1), "scale",
+        ),
+        "table": Table(headings, rows, "The metric scale, cue by cue.", foot),
+    }  # fmt: skip
+
+
+def _camera_class(
+    found: Found, record: PseudoGtQuality, recipe: ThreedpwRecipe
+) -> dict[str, object]:
+    """The camera's class and what it was decided on."""
+    config, figures = recipe.of_sequence(found.name).pseudo_gt.motion_class, record
+    rows = (
+        []
+        if figures.camera_motion_figures is None
+        else class_rows(figures.camera_motion_figures, config)
+    )
+    caption = Markup(
+        "Of the recovered camera in the frames that have one and a body; see "
+        "<code>gmrdata.values.camera_motion</code>."
+    )
+    return {
+        "name": record.camera_motion.replace("_", " + "),
+        "table": threshold_table(rows, "borders of the classes", caption),
+    }
+
+
+def _reconstruction(cameras: CamerasQuality) -> dict[str, object]:
+    """Geometry, mapper, models, and the figures of the reconstruction."""
+    focal = None
+    if cameras.focal_factor is not None:
+        focal = f"{cameras.focal_factor:.4g} ± {cameras.focal_sigma:.2g}"
+    rows = [
+        ("Geometry", GEOMETRY_WORDS[cameras.geometry]),
+        ("Mapper", cameras.mapper),
+        ("Models", len(cameras.models)),
+        ("Frames with a camera", f"{cameras.frames_with_camera} of {cameras.frames}"),
+        ("Keyframes", len(cameras.keyframes)),
+        ("Frames placed against the finished map", cameras.resected_frames),
+        ("Interpolated frames", len(cameras.interpolated)),
+        ("Cuts", len(cameras.cuts_after_frames)),
+        ("Points", cameras.points),
+        ("Median frames per point", cameras.median_track_length),
+        ("Median reprojection error [px]", cameras.median_reprojection_px),
+        ("Focal length that the background asks for, over the given one", focal),
+    ]
+    return {
+        "rows": [(name, value) for name, value in rows if value is not None],
+        "reason": cameras.evidence.reason,
+        "models": [
+            f"{model.frames} frames, {'kept' if model.kept else 'dropped'}: {model.reason}"
+            for model in cameras.models
+        ],
+    }
+
+
+def _shown_frames(frames: _Frames) -> dict[str, object]:
+    """The strips of frames with their masks."""
+    return {
+        "tiles": [(tile, _picture(tile)) for tile in frames.tiles],
+        "dropped": [(kind, tile, _picture(tile)) for kind, tile in frames.dropped],
+    }
+
+
+def _picture(tile: Tile) -> Markup | None:
+    if tile.picture is None:
+        return None
+    data, (height_px, width_px) = jpeg(tile.picture, JPEG_QUALITY), tile.picture.shape[:2]
+    return image(data, "jpeg", f"frame {tile.image_number}", width_px, height_px)
+
+
+def _files(found: Found, paths: SetPaths) -> dict[str, object]:
+    """Links to the records of the stages, and what can't be read."""
+    stages, failure = [], ""
+    if found.files is not None:
+        for stage, names in STAGE_FILES.items():
+            folder = paths.sequence_dir(found.files.name) / stage
+            there = [name for name in ("stage.json", *names) if (folder / name).is_file()]
+            where = f"../{folder.relative_to(paths.root).as_posix()}"
+            stages.append((stage, [(quote(f"{where}/{name}"), name) for name in there]))
+        message = paths.failures_dir / f"{found.files.name}.txt"
+        if message.is_file():
+            failure = quote(f"../{message.relative_to(paths.root).as_posix()}")
+    return {"stages": stages, "failure": failure, "missing": found.missing}

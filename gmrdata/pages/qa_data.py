@@ -1,27 +1,41 @@
-"""What the stages of one sequence left on disk, as far as it can be read.
+"""What the stages of one sequence left, as far as it can be read, and what a page makes of it.
 
-The data set's own camera path in the world that was made, and how far the two are apart.
+Also: its frames with their masks, the reasons for which frames are dropped by kind, and the data
+set's own camera path in the world that was made.
 """
 
-from collections.abc import Callable, Mapping
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
+import cv2
 import numpy as np
 
-from gmrdata.cameras.files import load_cameras
-from gmrdata.read.threedpw_layout import SequenceFiles
-from gmrdata.threedpw.people import DOUBTS_FILE, PEOPLE_FILE, TRACKED_FILE
+from gmrdata.cameras.files import CamerasQuality, load_cameras
+from gmrdata.masks.folder import find_mask
+from gmrdata.pages.frames import masked_tile
+from gmrdata.read.frames import number_in_name, read_color, read_gray
+from gmrdata.read.threedpw_layout import SequenceFiles, require_inside
+from gmrdata.threedpw.people import (
+    DATASET_CAMERA_FILE,
+    DOUBTS_FILE,
+    PEOPLE_FILE,
+    PeopleRecord,
+)
 from gmrdata.threedpw.recipe import SetPaths
+from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.values import transforms
-from gmrdata.values.alignment import mean_rotation
-from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.clip import Clip, load_clip, rows_of_numbers
 from gmrdata.values.errors import GmrdataError
-from gmrdata.values.files import read_json, read_npz
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.people import person_file
-from gmrdata.world.quality import judged_reasons, load_record
+from gmrdata.values.transforms import mean_rotation
+from gmrdata.world.dataset import Doubts, load_dataset_camera
+from gmrdata.world.quality import PseudoGtQuality, load_record
+from gmrdata.world.verdict import PersonVerdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +52,8 @@ class Aligned:
     """The same of the orientations [degrees]."""
 
 
-def align_tracked(
-    world_from_cam: np.ndarray, tracked: np.ndarray, kept: np.ndarray
+def align_dataset_camera(
+    world_from_cam: np.ndarray, dataset_camera: np.ndarray, kept: np.ndarray
 ) -> Aligned | None:
     """Lay the data set's path over ours; None if no kept frame has both.
 
@@ -49,17 +63,21 @@ def align_tracked(
 
     Args:
         world_from_cam: (T, 4, 4) our cameras [m]; NaN where unknown.
-        tracked: (T, 4, 4) the data set's [m]; NaN where unknown.
+        dataset_camera: (T, 4, 4) the data set's [m]; NaN where unknown.
         kept: (T,) bool: frames to go by.
     """
-    both = kept & np.isfinite(world_from_cam).all(axis=(1, 2)) & np.isfinite(tracked).all((1, 2))
+    both = (
+        kept
+        & np.isfinite(world_from_cam).all(axis=(1, 2))
+        & np.isfinite(dataset_camera).all((1, 2))
+    )
     if not both.any():
         return None
-    ours, theirs = world_from_cam[both], tracked[both]
+    ours, theirs = world_from_cam[both], dataset_camera[both]
     turns = ours[:, :3, :3] @ theirs[:, :3, :3].swapaxes(1, 2)
     rotmat = mean_rotation(turns)
     shift_m = (ours[:, :3, 3] - theirs[:, :3, 3] @ rotmat.T).mean(axis=0)
-    moved = transforms.rigid(rotmat, shift_m) @ tracked
+    moved = transforms.rigid(rotmat, shift_m) @ dataset_camera
     apart_m = np.linalg.norm(moved[both, :3, 3] - ours[:, :3, 3], axis=1)
     apart_rad = angles_rad(rotmat.T @ turns)
     return Aligned(
@@ -77,15 +95,15 @@ Read = TypeVar("Read")
 class Found:
     """A sequence of T frames and P people.  What is empty or None was not made, or is gone."""
 
-    row: Mapping[str, Any]
-    """Its row of `verdicts.json`."""
+    verdict: SequenceVerdict
+    """What `verdicts.json` says of it."""
     message: str
     """The whole message of a sequence that could not be regenerated; else empty."""
     files: SequenceFiles | None
     """Where it is; None for one whose name can't be trusted."""
-    record: dict[str, Any]
+    record: PseudoGtQuality | None
     """`quality.json` of its pseudo ground truth."""
-    people: dict[str, Any]
+    people: PeopleRecord | None
     """`people.json`: what the data set's file says."""
     doubts: tuple[tuple[str, ...], ...]
     """(P, T) why the data set itself doesn't vouch for a frame; empty where it does."""
@@ -93,7 +111,7 @@ class Found:
     """(P, T) why each frame is dropped; empty where it is kept."""
     clips: Mapping[int, Clip]
     """The world motions by person; none without a reconstruction."""
-    tracked: np.ndarray | None
+    dataset_camera: np.ndarray | None
     """(T, 4, 4) world_from_cam of the data set; NaN where unknown."""
     sfm_rows: np.ndarray | None
     """(T,) row of the reconstruction for each frame, -1 for a frame without."""
@@ -103,7 +121,7 @@ class Found:
     @property
     def name(self) -> str:
         """The sequence's name, as it stands in the data set: any text."""
-        return str(self.row["sequence"])
+        return self.verdict.sequence
 
     @property
     def n_frames(self) -> int:
@@ -111,9 +129,19 @@ class Found:
         return len(self.reasons[0]) if self.reasons else 0
 
     @property
+    def cameras(self) -> CamerasQuality | None:
+        """The figures of its reconstruction."""
+        return None if self.record is None else self.record.cameras
+
+    @property
+    def judged(self) -> tuple[PersonVerdict, ...]:
+        """What was decided of its people."""
+        return () if self.record is None else self.record.people
+
+    @property
     def is_solved(self) -> bool:
         """Whether there is a reconstruction."""
-        return "geometry" in self.record
+        return self.cameras is not None
 
     @property
     def world_from_cam(self) -> np.ndarray | None:
@@ -126,7 +154,7 @@ class Found:
         """(T,) bool: frames that are kept for somebody."""
         return np.any([[not reason for reason in person] for person in self.reasons], axis=0)
 
-    def frames_of(self, sfm_rows: list[int]) -> np.ndarray:
+    def frames_of(self, sfm_rows: Sequence[int]) -> np.ndarray:
         """Frames of some rows of the reconstruction, in order."""
         if self.sfm_rows is None:
             return np.zeros(0, dtype=int)
@@ -134,12 +162,12 @@ class Found:
 
 
 def gather(
-    row: Mapping[str, Any], message: str, files: SequenceFiles | None, paths: SetPaths
+    verdict: SequenceVerdict, message: str, files: SequenceFiles | None, paths: SetPaths
 ) -> Found:
     """Read what there is of one sequence; what can't be read is named in `missing`.
 
     Args:
-        row: Its row of `verdicts.json`.
+        verdict: What `verdicts.json` says of it.
         message: Why it could not be regenerated; empty for one that could.
         files: Where it is; None for one whose name can't be trusted: nothing is opened then.
         paths: Where the set keeps what.
@@ -156,40 +184,139 @@ def gather(
     name = "" if files is None else files.name
     people_dir, pseudo_gt_dir = paths.people_dir(name), paths.pseudo_gt_dir(name)
     is_read = files is not None and people_dir.is_dir()
-    people = read(read_json, people_dir / PEOPLE_FILE) if is_read else None
-    doubts = read(read_json, people_dir / DOUBTS_FILE) if is_read else None
+    people = read(PeopleRecord.read, people_dir / PEOPLE_FILE) if is_read else None
+    doubts = read(Doubts.read, people_dir / DOUBTS_FILE) if is_read else None
     # What an earlier run left of a sequence that now failed is not this run's answer.
     is_done = files is not None and not message
-    record = (read(load_record, pseudo_gt_dir) if is_done else None) or {}
-    by_set = tuple(tuple(reasons) for reasons in (doubts or {}).get("frames", ()))
-    judged = record.get("people", ())
+    record = read(load_record, pseudo_gt_dir) if is_done else None
+    by_set = () if doubts is None else doubts.frames
+    judged = () if record is None else record.people
     clips: dict[int, Clip] = {}
-    tracked, sfm_rows = None, None
-    if "geometry" in record:
+    dataset_camera, sfm_rows = None, None
+    if record is not None and record.cameras is not None:
         for person in range(len(judged)):
             clip = read(load_clip, pseudo_gt_dir / person_file(person))
             clips |= {} if clip is None else {person: clip}
-        arrays = read(read_npz, people_dir / TRACKED_FILE)
-        tracked = None if arrays is None else arrays.get("world_from_cam")
+        dataset_camera = read(load_dataset_camera, people_dir / DATASET_CAMERA_FILE)
         cameras = read(load_cameras, paths.sfm_dir(name))
         if cameras is not None and clips:
             numbers = next(iter(clips.values())).image_numbers
-            sfm_rows = _rows_of(numbers, cameras.image_numbers)
+            sfm_rows = rows_of_numbers(cameras.image_numbers, numbers)
     return Found(
-        row=row,
+        verdict=verdict,
         message=message,
         files=files,
         record=record,
-        people=people or {},
+        people=people,
         doubts=by_set,
-        reasons=tuple(tuple(judged_reasons(person)) for person in judged) or by_set,
+        reasons=tuple(tuple(person.frame_reasons) for person in judged) or by_set,
         clips=clips,
-        tracked=tracked,
+        dataset_camera=dataset_camera,
         sfm_rows=sfm_rows,
         missing=tuple(missing),
     )
 
 
-def _rows_of(image_numbers: np.ndarray, sfm_numbers: np.ndarray) -> np.ndarray:
-    row_of_number = {int(number): row for row, number in enumerate(sfm_numbers)}
-    return np.array([row_of_number.get(int(number), -1) for number in image_numbers])
+KIND_COLOURS = ("#e69f00", "#56b4e9", "#cc79a7", "#d55e00", "#0072b2", "#c9b800", "#8a6d3b")
+"""Colour-blind readers tell these apart (Okabe and Ito 2008), on white and on black."""
+OTHER_COLOUR = "#8f979e"
+"""The colour of all further kinds."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of reason."""
+
+    words: str
+    """The reason; "…" for the number in which several differ."""
+    colour: str
+    """Its colour."""
+
+
+def kinds_of(reasons: Sequence[Sequence[str]]) -> dict[str, Kind]:
+    """The kind of each reason that occurs, in the order in which they do.
+
+    `reasons` are those of (P, T) frames, empty where one is kept.
+    """
+    found = list(dict.fromkeys(reason for person in reasons for reason in person if reason))
+    groups: dict[str, list[str]] = {}
+    for reason in found:
+        groups.setdefault(re.sub(r"[0-9]+", "…", reason), []).append(reason)
+    kinds: dict[str, Kind] = {}
+    for number, (pattern, members) in enumerate(groups.items()):
+        colour = KIND_COLOURS[number] if number < len(KIND_COLOURS) else OTHER_COLOUR
+        kind = Kind(members[0] if len(members) == 1 else pattern, colour)
+        kinds |= dict.fromkeys(members, kind)
+    return kinds
+
+
+def counts_of(reasons: Sequence[Sequence[str]], kinds: Mapping[str, Kind]) -> dict[Kind, int]:
+    """How many frames of all people are dropped for each kind, the most frequent first."""
+    counts = Counter(kinds[reason] for person in reasons for reason in person if reason)
+    return dict(counts.most_common())
+
+
+def example_frames(reasons: Sequence[Sequence[str]], kinds: Mapping[str, Kind]) -> dict[Kind, int]:
+    """For each kind the middle frame of those dropped for it, of whoever comes first."""
+    frames: dict[Kind, list[int]] = {}
+    for person in reasons:
+        earlier = set(frames)
+        for frame, reason in enumerate(person):
+            if reason and kinds[reason] not in earlier:
+                frames.setdefault(kinds[reason], []).append(frame)
+    return {kind: of_kind[len(of_kind) // 2] for kind, of_kind in frames.items()}
+
+
+N_TILES = 6
+TILE_WIDTH_PX = 260
+THUMBNAIL_WIDTH_PX = 88
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """One frame of the strip."""
+
+    image_number: int
+    """Number in the image's file name: the frame."""
+    picture: np.ndarray | None
+    """(h, w, 3) BGR, the masked part tinted; None if the image can't be read."""
+    problem: str
+    """Why there is no picture, or no mask on it; empty if there are both."""
+
+
+def image_numbers(files: SequenceFiles) -> list[int]:
+    """Numbers of the images that lie in a sequence's folder, in order; none if it leads out."""
+    try:
+        require_inside(files.root, files.image_dir)
+    except GmrdataError:
+        return []
+    found = [number_in_name(path.name) for path in files.image_dir.glob("image_*.jpg")]
+    return sorted(number for number in found if number is not None)
+
+
+def read_tile(files: SequenceFiles, masks_dir: Path, number: int) -> Tile:
+    """One frame with its mask; a file that can't be read is named, and no error.
+
+    `masks_dir` may be there or not.
+    """
+    path = files.image_path(number)
+    try:
+        # A link could show a file from anywhere on the page.
+        require_inside(files.root, path)
+        image = read_color(path)
+    except (GmrdataError, OSError) as error:
+        return Tile(number, None, str(error))
+    mask, problem = np.zeros(image.shape[:2], np.uint8), "no masks were made"
+    if masks_dir.is_dir():
+        try:
+            mask = read_gray(find_mask(masks_dir, path), (image.shape[1], image.shape[0]))
+            problem = ""
+        except (GmrdataError, OSError) as error:
+            problem = str(error)
+    return Tile(number, masked_tile(image, mask, TILE_WIDTH_PX), problem)
+
+
+def narrowed(picture: np.ndarray, width_px: int) -> np.ndarray:
+    """A picture (h, w, 3) made `width_px` wide."""
+    height_px = max(1, round(width_px * picture.shape[0] / picture.shape[1]))
+    return np.asarray(cv2.resize(picture, (width_px, height_px), interpolation=cv2.INTER_AREA))

@@ -1,33 +1,27 @@
-"""What happened when: kept and dropped frames of each person, and the figures that decided.
-
-The cues of the metric scale with their error bars, beside the scale that they were fused to.
-
-The sequence from above: the recovered camera, the data set's own, and the people.
-"""
+"""Plots of a sequence: its frames over time, the cues of its scale, and its paths from above."""
 
 from collections.abc import Mapping
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gmrdata.pages.qa_data import Aligned, Found
-from gmrdata.pages.qa_frames import Kind
-from gmrdata.pages.style import COLOURS, quiet
-from gmrdata.pages.topview import (
+from gmrdata.pages.plots import (
+    COLOURS,
     RECOVERED_WIDTH,
     TRUE_WIDTH,
-    draw_camera,
-    draw_path,
     extent_m,
     finish_view,
     mark_start,
+    plot_camera,
+    plot_path,
+    quiet,
 )
+from gmrdata.pages.qa_data import Aligned, Found, Kind
 from gmrdata.world.frame_checks import window_differences
-from gmrdata.world.recipe import VerdictConfig
+from gmrdata.world.recipe import CueEstimate, VerdictConfig
 
 PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
 """Heights of a person's row, of a plot, and of what is under the lowest [inch]."""
@@ -42,36 +36,36 @@ def n_panels(found: Found) -> int:
     """How many plots are below the time line."""
     if found.world_from_cam is None:
         return 0
-    return 1 if found.tracked is None else 3
+    return 1 if found.dataset_camera is None else 3
 
 
-def draw_time(
-    figure: Figure, found: Found, kinds: Mapping[str, Kind], config: VerdictConfig
-) -> None:
+def plot_time(plot: Figure, found: Found, kinds: Mapping[str, Kind], config: VerdictConfig) -> None:
     """The time line over the plots, on one axis of frames."""
     n = n_panels(found)
     heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * n]
-    column = figure.subplots(1 + n, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
-    _time_line(column[0], found, kinds)
+    column = plot.subplots(1 + n, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
+    _plot_kept(column[0], found, kinds)
     world_from_cam = found.world_from_cam
     if world_from_cam is not None:
-        _inliers(column[1], found, config.min_inliers)
-    if world_from_cam is not None and found.tracked is not None:
+        _plot_inliers(column[1], found, config.min_inliers)
+    if world_from_cam is not None and found.dataset_camera is not None:
         fps_hz = next(iter(found.clips.values())).motion.fps_hz
         step = max(1, round(config.window_s * fps_hz))
-        turned_deg, moved_m = window_differences(world_from_cam, found.tracked, step)
+        turned_deg, moved_m = window_differences(world_from_cam, found.dataset_camera, step)
         span = f"over {config.window_s:g} s from the data set’s own camera"
-        _limited(column[2], turned_deg, config.max_window_deg, f"Turn: difference {span} [°]")
-        _limited(column[3], moved_m, config.max_window_m, f"Way: difference {span} [m]")
+        _plot_beside(column[2], turned_deg, config.max_window_deg, f"Turn: difference {span} [°]")
+        _plot_beside(column[3], moved_m, config.max_window_m, f"Way: difference {span} [m]")
     for axes in column:
-        for cut in found.frames_of(found.record.get("cuts_after_frames", [])):
+        for cut in found.frames_of(
+            () if found.cameras is None else found.cameras.cuts_after_frames
+        ):
             axes.axvline(cut + 0.5, color=COLOURS["ink"], linewidth=1, linestyle=(0, (2, 2)))
     column[-1].set_xlabel("frame")
     column[-1].set_xlim(-0.5, max(1, found.n_frames) - 0.5)
 
 
-def _time_line(axes: Axes, found: Found, kinds: Mapping[str, Kind]) -> None:
-    accepted = [person["accepted"] for person in found.record.get("people", ())]
+def _plot_kept(axes: Axes, found: Found, kinds: Mapping[str, Kind]) -> None:
+    accepted = [person.accepted for person in found.judged]
     for person, reasons in enumerate(found.reasons):
         stop = 0
         for reason, group in groupby(reasons):
@@ -87,20 +81,22 @@ def _time_line(axes: Axes, found: Found, kinds: Mapping[str, Kind]) -> None:
     quiet(axes)
 
 
-def _inliers(axes: Axes, found: Found, fewest: int) -> None:
+def _plot_inliers(axes: Axes, found: Found, fewest: int) -> None:
     counts = np.full(found.n_frames, np.nan)
-    recorded = np.array(found.record.get("inliers_per_frame", []), dtype=float)
-    if found.sfm_rows is not None and len(recorded):
+    if found.cameras is None:
+        return
+    recorded = np.array(found.cameras.inliers_per_frame, dtype=float)
+    if found.sfm_rows is not None:
         known = found.sfm_rows >= 0
         counts[known] = recorded[found.sfm_rows[known]]
-    _limited(axes, counts, fewest, "Inliers per frame", at_least=True)
-    between = found.frames_of(found.record.get("interpolated", []))
+    _plot_beside(axes, counts, fewest, "Inliers per frame", at_least=True)
+    between = found.frames_of(found.cameras.interpolated)
     axes.plot(between, np.zeros(len(between)), "d", color=COLOURS["bad"], markersize=4, zorder=4)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
 
-def _limited(
-    axes: Axes, values: np.ndarray, limit: float, title: str, *, at_least: bool = False
+def _plot_beside(
+    axes: Axes, values: np.ndarray, threshold: float, title: str, *, at_least: bool = False
 ) -> None:
     """A figure over the frames with its limit, and dots where it is beyond."""
     axes.set_title(title)
@@ -111,10 +107,10 @@ def _limited(
     frames = np.arange(len(values))
     axes.plot(frames, values, color=COLOURS["camera"], linewidth=1.2)
     axes.fill_between(frames, 0, values, color=COLOURS["camera-pale"], alpha=0.5, linewidth=0)
-    axes.axhline(limit, color=COLOURS["bad"], linewidth=1, linestyle=(0, (4, 3)))
-    beyond = values < limit if at_least else values > limit
+    axes.axhline(threshold, color=COLOURS["bad"], linewidth=1, linestyle=(0, (4, 3)))
+    beyond = values < threshold if at_least else values > threshold
     axes.plot(frames[beyond], values[beyond], ".", color=COLOURS["bad"], markersize=4)
-    axes.set_ylim(0, 1.15 * max(float(np.nanmax(values)), limit))
+    axes.set_ylim(0, 1.15 * max(float(np.nanmax(values)), threshold))
     axes.yaxis.set_major_locator(MaxNLocator(4))
 
 
@@ -125,16 +121,17 @@ CUE_WORDS = {
 }
 
 
-def cue_words(cue: Mapping[str, Any]) -> str:
+def cue_words(cue: CueEstimate) -> str:
     """A cue's name, with the person whose feet it is about."""
-    name = CUE_WORDS.get(cue["name"], str(cue["name"]).replace("_", " "))
-    return name if cue["person"] is None else f"{name}, person {cue['person']}"
+    name = CUE_WORDS.get(cue.name, cue.name.replace("_", " "))
+    return name if cue.person is None else f"{name}, person {cue.person}"
 
 
-def draw_scale(figure: Figure, record: Mapping[str, Any]) -> None:
+def plot_scale_cues(
+    plot: Figure, scale: float, sigma: float, cues: tuple[CueEstimate, ...]
+) -> None:
     """Each cue's difference from the fused scale [%], with one and two standard errors."""
-    axes = figure.subplots()
-    scale, sigma, cues = record["scale"], record["scale_sigma"], record["scale_cues"]
+    axes = plot.subplots()
     share = 100 * sigma / scale
     for sigmas, alpha in ((2, 0.45), (1, 0.9)):
         axes.axvspan(
@@ -142,7 +139,7 @@ def draw_scale(figure: Figure, record: Mapping[str, Any]) -> None:
         )
     axes.axvline(0, color=COLOURS["muted"], linewidth=1)
     for row, cue in enumerate(cues):
-        off, error = 100 * (cue["scale"] / scale - 1), 100 * cue["sigma"] / scale
+        off, error = 100 * (cue.scale / scale - 1), 100 * cue.sigma / scale
         axes.errorbar(off, row, xerr=2 * error, color=COLOURS["person-pale"], linewidth=2)
         axes.errorbar(
             off, row, xerr=error, fmt="o", color=COLOURS["person"], markersize=5, linewidth=2,
@@ -166,28 +163,28 @@ PERSON_ROLES = ("person", "gmr", "good", "ink")
 DROPPED_WIDTH = 1.0
 
 
-def draw_paths(axes: Axes, found: Found, aligned: Aligned | None) -> None:
+def plot_paths(axes: Axes, found: Found, aligned: Aligned | None) -> None:
     """Paths in the levelled world [m], z up: the data set's camera as a pale band under ours."""
     world_from_cam = found.world_from_cam
-    if world_from_cam is None:
+    if world_from_cam is None or found.cameras is None:
         return
     paths_m = [world_from_cam[:, :3, 3], *(c.motion.pelvis_m for c in found.clips.values())]
     tick_m = 0.09 * extent_m(paths_m)
     if aligned is not None:
-        draw_camera(axes, aligned.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
-    draw_camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
+        plot_camera(axes, aligned.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
+    plot_camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
     people_m = np.nanmean([clip.motion.pelvis_m for clip in found.clips.values()], axis=0)
     mark_start(axes, world_from_cam[:, :3, 3], "camera", "camera", people_m)
     for person, clip in found.clips.items():
         role = PERSON_ROLES[person % len(PERSON_ROLES)]
         kept = np.array([not reason for reason in found.reasons[person]])[:, None]
         pelvis_m = clip.motion.pelvis_m
-        draw_path(axes, pelvis_m, role, DROPPED_WIDTH, ":")
-        draw_path(axes, np.where(kept, pelvis_m, np.nan), role, RECOVERED_WIDTH)
+        plot_path(axes, pelvis_m, role, DROPPED_WIDTH, ":")
+        plot_path(axes, np.where(kept, pelvis_m, np.nan), role, RECOVERED_WIDTH)
         mark_start(axes, pelvis_m, role, f"person {person}", None)
-    cuts = found.frames_of(found.record.get("cuts_after_frames", []))
+    cuts = found.frames_of(found.cameras.cuts_after_frames)
     _mark(axes, world_from_cam, cuts, "X", "ink")
-    _mark(axes, world_from_cam, found.frames_of(found.record.get("interpolated", [])), "d", "bad")
+    _mark(axes, world_from_cam, found.frames_of(found.cameras.interpolated), "d", "bad")
     finish_view(axes)
 
 

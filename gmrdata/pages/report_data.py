@@ -1,18 +1,20 @@
 """What a report shows, as plain values; whoever makes the report fills them in.
 
-The bars that pseudo ground truth has to meet, and the figures as text, for page and terminal.
+And the thresholds that pseudo ground truth has to meet, and the figures as text.
 """
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
+from gmrdata.twins.pseudo_gt_error import has_camera
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
+from gmrdata.values.records import Config, Record
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,13 @@ class ClipReport:
     predicted: Motion | None = None
     """GMR's world motion for this clip, accumulated from the first frame, if there is one."""
 
+    @property
+    def has_camera(self) -> np.ndarray:
+        """(T,) bool: frames of the pseudo clip with a valid motion and a camera, if it has any."""
+        return has_camera(self.pseudo)
 
-@dataclass(frozen=True)
-class Score:
+
+class Score(Config):
     """Mean errors of one motion estimate over a manifest."""
 
     ome_deg: float
@@ -140,30 +146,29 @@ class ReportData:
     """(step, training loss) pairs."""
 
 
-BARS = {"ome_deg": 0.5, "tme_mm": 15.0, "scale_error_percent": 5.0}
+THRESHOLDS = {"ome_deg": 0.5, "tme_mm": 15.0, "scale_error_percent": 5.0}
 """Largest error of pseudo ground truth against the truth at 10 Hz that counts as good."""
 
 SCALE_NOT_OBSERVABLE = "not observable (pan)"
 NO_FIGURE = "–"
 
 
-def verdicts(figures: ClipFigures | Mapping[str, Any]) -> dict[str, bool]:
-    """Which figures of a clip meet their bars, by key; `frames_with_camera` means every frame."""
-    row = asdict(figures) if isinstance(figures, ClipFigures) else figures
+def verdicts(figures: "ClipFigures | ClipSummary") -> dict[str, bool]:
+    """Which figures of a clip keep to their thresholds; `frames_with_camera` means every frame."""
+    found = {key: getattr(figures, key) for key in THRESHOLDS}
     met = {
-        key: abs(row[key]) <= bar for key, bar in BARS.items() if row[key] is not None
-    }  # a NaN compares as False, so it never meets a bar
-    return met | {"frames_with_camera": row["frames_with_camera"] == row["frames"]}
+        key: abs(value) <= THRESHOLDS[key] for key, value in found.items() if value is not None
+    }  # a NaN compares as False, so it never keeps to one
+    return met | {"frames_with_camera": figures.frames_with_camera == figures.frames}
 
 
-def figure_texts(figures: ClipFigures | Mapping[str, Any]) -> dict[str, str]:
+def figure_texts(figures: "ClipFigures | ClipSummary") -> dict[str, str]:
     """A clip's figures as text, without units, by key; `cameras` is "with camera/all frames"."""
-    row = asdict(figures) if isinstance(figures, ClipFigures) else figures
-    scale, camera_deg = row["scale_error_percent"], row["camera_rotation_deg"]
+    scale, camera_deg = figures.scale_error_percent, figures.camera_rotation_deg
     return {
-        "cameras": f"{row['frames_with_camera']}/{row['frames']}",
-        "ome_deg": f"{row['ome_deg']:.3f}",
-        "tme_mm": f"{row['tme_mm']:.2f}",
+        "cameras": f"{figures.frames_with_camera}/{figures.frames}",
+        "ome_deg": f"{figures.ome_deg:.3f}",
+        "tme_mm": f"{figures.tme_mm:.2f}",
         "camera_rotation_deg": NO_FIGURE if camera_deg is None else f"{camera_deg:.3f}",
         "scale_error_percent": SCALE_NOT_OBSERVABLE if scale is None else _signed(scale),
     }
@@ -173,32 +178,57 @@ def _signed(value: float) -> str:
     return f"{value:+.2f}".replace("-", "−")
 
 
-def score_texts(score: Score | Mapping[str, Any]) -> dict[str, str]:
+def score_texts(score: Score) -> dict[str, str]:
     """A score as text, without units, by key."""
-    row = asdict(score) if isinstance(score, Score) else score
     return {
-        "ome_deg": f"{row['ome_deg']:.2f}",
-        "tme_mm": f"{row['tme_mm']:.1f}",
-        "vme_mm": f"{row['vme_mm']:.1f}",
+        "ome_deg": f"{score.ome_deg:.2f}",
+        "tme_mm": f"{score.tme_mm:.1f}",
+        "vme_mm": f"{score.vme_mm:.1f}",
     }
 
 
-def summary(report: ReportData) -> dict[str, Any]:
-    """The report's figures as plain JSON values.
+class ClipSummary(Config):
+    """One clip of a summary: its fields are those of ClipFigures."""
 
-    Returns:
-        `clips`: a list with `id`, `camera_motion` and the fields of ClipFigures; `gmr`: per
-        manifest `ome_deg`, `tme_mm`, `vme_mm` and the same under `zero_motion`; `seconds` per
-        stage.
-    """
-    return {
-        "clips": [
-            {"id": clip.id, "camera_motion": clip.camera_motion} | asdict(clip.figures)
+    id: str
+    camera_motion: str
+    ome_deg: float
+    tme_mm: float
+    camera_rotation_deg: float | None
+    scale_error_percent: float | None
+    frames: int
+    frames_with_camera: int
+
+
+class GmrSummary(Score):
+    """GMR's errors on one manifest."""
+
+    zero_motion: Score
+    """Those of a body that neither turns nor moves."""
+
+
+class Summary(Record):
+    """`summary.json`: the report's figures."""
+
+    format: Literal["gmrdata-summary/1"] = "gmrdata-summary/1"
+    clips: tuple[ClipSummary, ...]
+    """In the order of the report."""
+    gmr: dict[str, GmrSummary]
+    """By manifest."""
+    seconds: dict[str, float]
+    """Wall time per stage [s]."""
+
+
+def summary(report: ReportData) -> Summary:
+    """The report's figures alone."""
+    return Summary(
+        clips=tuple(
+            ClipSummary(id=clip.id, camera_motion=clip.camera_motion, **asdict(clip.figures))
             for clip in report.clips
-        ],
-        "gmr": {
-            score.name: asdict(score.gmr) | {"zero_motion": asdict(score.zero_motion)}
+        ),
+        gmr={
+            score.name: GmrSummary(**score.gmr.model_dump(), zero_motion=score.zero_motion)
             for score in report.scores
         },
-        "seconds": {stage: float(seconds) for stage, seconds in report.run.seconds.items()},
-    }
+        seconds={stage: float(seconds) for stage, seconds in report.run.seconds.items()},
+    )

@@ -9,15 +9,16 @@ A recovered sequence against its truth: one row of figures.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from gmrdata.twins.floor_record import CameraMotion, PersonErrors, SequenceErrors
 from gmrdata.values import transforms
-from gmrdata.values.alignment import fit_similarity, mean_rotation
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import NothingToCompare, StageFailed
+from gmrdata.values.motion import whole_ratio
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.motion_metrics import (
     angles_rad,
@@ -25,6 +26,7 @@ from gmrdata.values.motion_metrics import (
     posed_vertex_errors_mm,
     translation_errors_mm,
 )
+from gmrdata.values.transforms import fit_similarity, mean_rotation
 
 MIN_CAMERA_EXTENT_M = 0.05
 """Extent of the true camera path below which a scale can't be read off it [m]."""
@@ -337,13 +339,13 @@ def paired_rows(pseudo: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _frames_per_motion(clip: Clip, fps_hz: float) -> int:
-    ratio = clip.motion.fps_hz / fps_hz
-    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+    step = whole_ratio(clip.motion.fps_hz, fps_hz)
+    if step is None:
         raise StageFailed(
             f"clip {clip.id}: {clip.motion.fps_hz:g} fps is no multiple of {fps_hz:g} fps."
             " Resample both clips first"
         )
-    return round(ratio)
+    return step
 
 
 def _align_bodies(pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray) -> np.ndarray:
@@ -377,7 +379,7 @@ FPS_HZ = 10.0
 OF_PERSON = ("ome_deg", "tme_mm", "vme_mm", "camera_rotation_deg", "camera_path_mm")
 
 
-def sequence_row(
+def sequence_errors(
     name: str,
     class_true: str,
     clips: Sequence[Clip],
@@ -386,13 +388,12 @@ def sequence_row(
     accepted: bool,
     seconds: float,
     body: BodyModel | None = None,
-    class_measured: str | None = None,
+    class_measured: CameraMotion | None = None,
     scale: float | None = None,
     scale_sigma: float | None = None,
-) -> dict[str, Any]:
-    """Figures of one sequence as JSON values; None for what is not known.
-
-    Motion and camera errors are those of the person who fares worst; `people` has each one's.
+    reasons: Sequence[str] = (),
+) -> SequenceErrors:
+    """Figures of one sequence.
 
     Args:
         name: The sequence.
@@ -405,6 +406,7 @@ def sequence_row(
         class_measured: Class of the recovered path.
         scale: Metres per unit of the recovered path.
         scale_sigma: Its stated standard error, same unit.
+        reasons: Why it was rejected.
 
     Raises:
         StageFailed: the clips and their truth don't belong together.
@@ -412,31 +414,22 @@ def sequence_row(
     n_frames = truth[0].motion.n_frames
     recovered = [*clips, *[None] * (len(truth) - len(clips))]
     people = [_person(clip, true, body) for clip, true in zip(recovered, truth, strict=True)]
-    scale_error = next((p["scale_error_percent"] for p in people if _is_known(p)), None)
-    kept_frames = sum(person["kept_frames"] for person in people)
-    return {
-        "id": name,
-        "class_true": class_true,
-        "class_measured": class_measured,
-        "accepted": accepted,
-        "frames": n_frames,
-        "kept_share": _figure(kept_frames / (n_frames * len(truth))),
-        **{key: _largest([person[key] for person in people]) for key in OF_PERSON},
-        "scale_error_percent": scale_error,
-        "scale_within_2sigma": within_2sigma(scale_error, scale, scale_sigma),
-        "seconds": round(seconds, 2),
-        "people": people,
-    }
-
-
-def error_of(clip: Clip | None, true: Clip, body: BodyModel | None = None) -> PseudoGtError | None:
-    """Errors of one person at 10 fps over the kept frames; None where no two follow each other."""
-    if clip is None or clip.motion.frame != "world" or not clip.valid.any():
-        return None
-    try:
-        return compare_clips(clip, true, fps_hz=FPS_HZ, body=body)
-    except NothingToCompare:
-        return None
+    scale_errors = [person.scale_error_percent for person in people]
+    scale_error = next((error for error in scale_errors if error is not None), None)
+    return SequenceErrors(
+        id=name,
+        class_true=class_true,
+        class_measured=class_measured,
+        accepted=accepted,
+        frames=n_frames,
+        kept_share=sum(person.kept_frames for person in people) / (n_frames * len(truth)),
+        **{key: _largest(people, key) for key in OF_PERSON},
+        scale_error_percent=scale_error,
+        scale_within_2sigma=within_2sigma(scale_error, scale, scale_sigma),
+        seconds=round(seconds, 2),
+        people=tuple(people),
+        reasons=tuple(reasons),
+    )
 
 
 def within_2sigma(
@@ -449,26 +442,26 @@ def within_2sigma(
     return bool(abs(scale - true_scale) <= 2 * sigma)
 
 
-def _person(clip: Clip | None, true: Clip, body: BodyModel | None) -> dict[str, Any]:
-    error = error_of(clip, true, body)
-    figures = {key: None if error is None else getattr(error, key) for key in OF_PERSON}
-    return {
-        "id": true.id,
-        "kept_frames": 0 if clip is None else int(clip.valid.sum()),
-        "n_motions": 0 if error is None else error.n_motions,
-        **{key: _figure(value) for key, value in figures.items()},
-        "scale_error_percent": _figure(None if error is None else error.scale_error_percent),
-    }
+def _person(clip: Clip | None, true: Clip, body: BodyModel | None) -> PersonErrors:
+    error = _error_of(clip, true, body)
+    known = (*OF_PERSON, "scale_error_percent")
+    return PersonErrors(
+        id=true.id,
+        kept_frames=0 if clip is None else int(clip.valid.sum()),
+        n_motions=0 if error is None else error.n_motions,
+        **{key: None if error is None else getattr(error, key) for key in known},
+    )
 
 
-def _is_known(person: dict[str, Any]) -> bool:
-    return person["scale_error_percent"] is not None
+def _error_of(clip: Clip | None, true: Clip, body: BodyModel | None) -> PseudoGtError | None:
+    """Errors of one person over the kept frames; None where no two follow each other."""
+    if clip is None or clip.motion.frame != "world" or not clip.valid.any():
+        return None
+    try:
+        return compare_clips(clip, true, fps_hz=FPS_HZ, body=body)
+    except NothingToCompare:
+        return None
 
 
-def _largest(values: Sequence[float | None]) -> float | None:
-    return max((value for value in values if value is not None), default=None)
-
-
-def _figure(value: float | None) -> float | None:
-    """Six digits; None for what isn't finite, which JSON has no word for."""
-    return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")
+def _largest(people: Sequence[PersonErrors], key: str) -> float | None:
+    return max((e for person in people if (e := getattr(person, key)) is not None), default=None)

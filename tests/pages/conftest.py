@@ -140,6 +140,10 @@ def make_clip(
     return make
 
 
+def score(ome_deg: float, tme_mm: float, vme_mm: float) -> Score:
+    return Score(ome_deg=ome_deg, tme_mm=tme_mm, vme_mm=vme_mm)
+
+
 @pytest.fixture(scope="session")
 def report(make_clip: Callable[[str], ClipReport]) -> ReportData:
     """A report on three clips with all of its optional parts."""
@@ -155,8 +159,8 @@ def report(make_clip: Callable[[str], ClipReport]) -> ReportData:
         ),
         clips=tuple(make_clip(kind) for kind in PROGRAMMES),
         scores=(
-            ManifestScore("truth", Score(3.21, 43.2, 54.3), Score(7.65, 120.1, 130.2)),
-            ManifestScore("pseudo-gt", Score(3.33, 44.4, 55.5), Score(7.77, 121.1, 131.2)),
+            ManifestScore("truth", score(3.21, 43.2, 54.3), score(7.65, 120.1, 130.2)),
+            ManifestScore("pseudo-gt", score(3.33, 44.4, 55.5), score(7.77, 121.1, 131.2)),
         ),
         learning_curve=tuple((step, 2.0 * 0.99**step + 0.01 * (step % 3)) for step in steps),
     )

@@ -10,17 +10,15 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
-from gmrdata.pages import strip as overlay
-from gmrdata.pages.curves import error_series, paired_rows
+from gmrdata.pages import frames as overlay
+from gmrdata.pages.frames import frame_tiles, tile_sheet
 from gmrdata.pages.overview import write_overview
+from gmrdata.pages.plots import COLOURS, aligned_paths, plot_predicted_view, plot_top_view, svg
 from gmrdata.pages.report_data import ReportData
-from gmrdata.pages.strip import frame_strip, frame_tiles
-from gmrdata.pages.style import COLOURS, svg
-from gmrdata.pages.topview import aligned_paths, motion_top_view, top_view
-from gmrdata.twins.pseudo_gt_error import compare_clips
+from gmrdata.twins.pseudo_gt_error import compare_clips, error_series, paired_rows
 from gmrdata.values import transforms
 from gmrdata.values.camera import intrinsics_from_fov, project
-from gmrdata.values.errors import BadFrames
+from gmrdata.values.errors import BadFrames, NothingToCompare, StageFailed
 from gmrdata.values.skinning import motion_vertices_m
 
 
@@ -73,10 +71,12 @@ def test_tiles_are_evenly_spaced_from_the_first_frame_to_the_last(report: Report
     assert len(frame_tiles(report.clips[0], 50)) == 12
 
 
-def test_strip_is_a_png_of_the_tiles(report: ReportData) -> None:
-    data = frame_strip(report.clips[0], n_frames=6, columns=3, gap_px=4)
-    assert data == frame_strip(report.clips[0], n_frames=6, columns=3, gap_px=4)
-    sheet = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+def test_a_sheet_holds_the_tiles(report: ReportData) -> None:
+    def sheet_of_six() -> np.ndarray:
+        return tile_sheet([tile.frame() for tile in frame_tiles(report.clips[0], 6)], columns=3)
+
+    sheet = sheet_of_six()
+    assert (sheet == sheet_of_six()).all()
     assert sheet.shape == (2 * 180 + 4, 3 * 320 + 8, 3)
     last = frame_tiles(report.clips[0], 6)[5].frame()
     assert (sheet[-180:, -320:] == last).all()
@@ -113,7 +113,7 @@ def test_close_up_of_a_person_at_the_edge_stays_in_the_frame(report: ReportData)
 def test_series_average_to_the_metrics(report: ReportData, fps_hz: float | None) -> None:
     clip = report.clips[0]
     error = compare_clips(clip.pseudo, clip.true, fps_hz=fps_hz)
-    series = error_series(clip.true, clip.pseudo, fps_hz)
+    series = error_series(clip.pseudo, clip.true, fps_hz=fps_hz)
     assert len(series.ome_deg) == len(series.motion_times_s) == (10 if fps_hz == 5.0 else 11)
     assert series.motion_times_s[0] == pytest.approx(0.1 if fps_hz == 5.0 else 0.05)
     assert series.ome_deg.mean() == pytest.approx(error.ome_deg, rel=1e-9)
@@ -126,15 +126,15 @@ def test_a_rate_that_does_not_divide_the_clips_is_refused(
     report: ReportData, fps_hz: float
 ) -> None:
     clip = report.clips[0]
-    with pytest.raises(BadFrames, match="10 fps is no multiple of the"):
-        error_series(clip.true, clip.pseudo, fps_hz)
+    with pytest.raises(StageFailed, match="10 fps is no multiple of"):
+        error_series(clip.pseudo, clip.true, fps_hz=fps_hz)
 
 
 def test_series_leave_gaps_open(report: ReportData) -> None:
     clip = report.clips[0]
     valid = clip.pseudo.valid.copy()
     valid[4] = False
-    series = error_series(clip.true, replace(clip.pseudo, valid=valid))
+    series = error_series(replace(clip.pseudo, valid=valid), clip.true)
     assert np.flatnonzero(np.isnan(series.ome_deg)).tolist() == [3, 4]
     assert np.flatnonzero(np.isnan(series.tme_mm)).tolist() == [3, 4]
     assert np.flatnonzero(np.isnan(series.camera_rotation_deg)).tolist() == [4]
@@ -146,7 +146,7 @@ def test_series_agree_with_the_metrics_beside_a_gap(report: ReportData) -> None:
     valid[[4, 9]] = False
     pseudo = replace(clip.pseudo, valid=valid)
     error = compare_clips(pseudo, clip.true, fps_hz=5.0)
-    series = error_series(clip.true, pseudo, 5.0)
+    series = error_series(pseudo, clip.true, fps_hz=5.0)
     assert np.flatnonzero(np.isfinite(series.ome_deg)).tolist() == [0, 1, 5, 6]
     assert np.nanmean(series.ome_deg) == pytest.approx(error.ome_deg, rel=1e-9)
     assert np.nanmean(series.tme_mm) == pytest.approx(error.tme_mm, rel=1e-9)
@@ -155,11 +155,11 @@ def test_series_agree_with_the_metrics_beside_a_gap(report: ReportData) -> None:
 def test_rows_are_paired_by_image(report: ReportData) -> None:
     true = report.clips[0].true
     later = replace(true, image_numbers=true.image_numbers + 3)
-    true_rows, rows = paired_rows(true, later)
+    rows, true_rows = paired_rows(later, true)
     assert (true_rows == np.arange(3, 12)).all()
     assert (rows == np.arange(9)).all()
-    with pytest.raises(BadFrames, match="no image in common"):
-        paired_rows(true, replace(true, image_numbers=true.image_numbers + 100))
+    with pytest.raises(NothingToCompare, match="no image in common"):
+        error_series(replace(true, image_numbers=true.image_numbers + 100), true)
 
 
 def test_paths_are_moved_onto_the_true_world(report: ReportData) -> None:
@@ -175,7 +175,7 @@ def test_paths_are_moved_onto_the_true_world(report: ReportData) -> None:
 def test_top_view_has_equal_axes_and_both_paths(report: ReportData) -> None:
     clip = report.clips[0]
     axes = Figure().subplots()
-    top_view(axes, clip)
+    plot_top_view(axes, clip)
     assert axes.get_aspect() == 1.0
     lines = {(line.get_color(), line.get_linewidth()): line for line in axes.get_lines()}
     true_line = lines[COLOURS["person-pale"], 6.0]
@@ -196,7 +196,7 @@ def test_predicted_motion_starts_at_the_true_start(report: ReportData) -> None:
         pelvis_m=transforms.apply(turned, true.pelvis_m),
     )
     axes = Figure().subplots()
-    motion_top_view(axes, true, predicted)
+    plot_predicted_view(axes, true, predicted)
     (line,) = (
         line
         for line in axes.get_lines()
@@ -207,13 +207,13 @@ def test_predicted_motion_starts_at_the_true_start(report: ReportData) -> None:
 
 def test_plots_follow_the_readers_colour_scheme(report: ReportData) -> None:
     def draw(figure: Figure) -> None:
-        top_view(figure.subplots(), report.clips[0])
+        plot_top_view(figure.subplots(), report.clips[0])
 
     picture = svg(draw, 4.0, 4.0, "paths")
     assert picture == svg(draw, 4.0, 4.0, "paths")
     assert "var(--person)" in picture and "var(--camera-pale)" in picture
     assert not any(colour in picture for colour in COLOURS.values())
-    style = Path(__file__).parents[2] / "gmrdata" / "pages" / "report.css"
+    style = Path(__file__).parents[2] / "gmrdata" / "pages" / "templates" / "style.css"
     defined = style.read_text()
     # Once for light, once for dark, once for print.
     assert all(defined.count(f"--{role}:") == 3 for role in COLOURS)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.pages.masks_sheet import TINT_BGR, MaskSheetConfig, make_mask_sheet, mask_sheet
+from gmrdata.pages.frames import TINT_BGR, MaskSheetConfig, make_mask_sheet, mask_sheet
 from gmrdata.values.errors import BadFrames
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.pages.report import page, summary_section, write_report
+from gmrdata.pages.report import page, write_report
 from gmrdata.pages.report_data import ClipReport, ReportData
 from gmrdata.values.errors import BadFrames
 from tests.browser import Visit
@@ -89,7 +89,7 @@ def test_sections_show_the_figures_that_were_given(html: str) -> None:
     assert list(sections)[:3] == ["header", "summary", "clip-0"]
     for figure in ("walk_circular", "12/12", "0.123", "4.57", "0.057", "−1.23", "≤ 0.5", "≤ 15"):
         assert figure in sections["summary"]
-    assert "3 of 3 clips meet every bar" in sections["summary"]
+    assert "3 of 3 clips meet every threshold" in sections["summary"]
     for figure in (
         "walk_circular",
         "0.123°",
@@ -138,15 +138,15 @@ def test_values_are_escaped(report: ReportData) -> None:
     assert all(evil in text for text in reader.sections.values())
 
 
-def test_a_missed_bar_is_said_in_words(report: ReportData) -> None:
+def test_a_missed_threshold_is_said_in_words(report: ReportData) -> None:
     clip = report.clips[0]
     for worse in (
         {"ome_deg": 0.51}, {"tme_mm": 15.2}, {"scale_error_percent": -5.1},
         {"frames_with_camera": 11}, {"ome_deg": float("nan")},
     ):  # fmt: skip
         bad = replace(clip, figures=replace(clip.figures, **worse))
-        summary = read(summary_section(replace(report, clips=(bad,)))).sections["summary"]
-        assert "0 of 1 clips meet every bar" in summary
+        summary = read(page(replace(report, clips=(bad,)))).sections["summary"]
+        assert "0 of 1 clips meet every threshold" in summary
         assert "✗" in summary
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from gmrdata.film.render import find_renderer
 from gmrdata.film.set_plan import SyntheticRecipe
-from gmrdata.pages import preview
-from gmrdata.pages.preview import preview_set
+from gmrdata.pages import sets
+from gmrdata.pages.sets import preview_set
 from gmrdata.read.bodies import save_body
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import EngineMissing
@@ -70,7 +70,7 @@ def test_without_opengl_cycles_draws_and_that_is_said(
     try:
         with pytest.raises(EngineMissing):
             find_renderer("workbench", "cpu")
-        assert preview._choose_engine() == "cycles"
+        assert sets._choose_engine() == "cycles"
         check_page(preview_set(recipe, tmp_path / "out"))
     finally:
         find_renderer.cache_clear()

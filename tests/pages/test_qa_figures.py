@@ -6,15 +6,23 @@ import numpy as np
 import pytest
 
 from gmrdata.pages.qa_data import Found
-from gmrdata.pages.qa_figures import Row, verdict_rows
+from gmrdata.pages.qa_thresholds import Row, verdict_rows
 from gmrdata.threedpw.recipe import ThreedpwRecipe
+from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.world.judge import judge
 from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
-from gmrdata.world.scale import fuse
+from gmrdata.world.scale import ScaleEstimate, fuse
+from gmrdata.world.verdict import Verdict
 from tests.world.test_verdict import CONFIG, GOOD, ROWS, circling, clip_of
 
-NOTHING = Found({"sequence": "a"}, "", None, {}, {}, (), (), {}, None, None, ())
+UNREAD = SequenceVerdict("a", "", False, (), "none", 0.0, None, None)
+NOTHING = Found(UNREAD, "", None, None, None, (), (), {}, None, None, ())
+
+APART = (
+    CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),
+    CueEstimate("ground_contact", 2.15, 0.02, 99, 0.01, 0),
+)
 
 
 def scale_rows(found: Found) -> list[Row]:
@@ -27,15 +35,19 @@ def scale_rows(found: Found) -> list[Row]:
 )
 def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limit: str) -> None:
     clip = clip_of(circling())
-    vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01),)), matters=matters)
+    vague = replace(fuse((CueEstimate("planted_feet", 2.0, 0.2, 9, 0.01, 0),)), matters=matters)
     verdict = judge(clip, GOOD, ROWS, vague, CONFIG)
     record = quality_of([clip], [verdict], vague, GOOD, PseudoGtConfig())
     sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
-    assert (sigma.value, sigma.limit) == ("10", limit)
+    assert (sigma.value, sigma.threshold) == ("10", limit)
     assert sigma.met == verdict.accepted == (not matters)
 
 
 def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
-    record = {"scale": None, "scale_sigma": None, "scale_disagreement": 9.0}
-    found = replace(NOTHING, record=record, clips={0: clip_of(np.tile(np.eye(4), (90, 1, 1)))})
+    still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
+    verdict = Verdict(True, (), (), 90)
+    no_scale = ScaleEstimate(None, None, fuse(APART).cues, matters=False)
+    record = quality_of([still], [verdict], no_scale, GOOD, PseudoGtConfig())
+    assert record.scale_disagreement is not None and record.scale_disagreement > 5
+    found = replace(NOTHING, record=record, clips={0: still})
     assert [row.met for row in scale_rows(found)] == [None, None]

@@ -14,7 +14,7 @@ from gmrdata.pages.qa import write_set_pages
 from gmrdata.pages.qa_data import gather
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.recipe import SetPaths
-from gmrdata.threedpw.regenerate import choose, regenerate_set
+from gmrdata.threedpw.regenerate import Verdicts, choose, regenerate_set
 from gmrdata.values.files import read_json, write_json
 from tests.pages.html_pages import Page
 
@@ -53,19 +53,20 @@ def test_a_page_says_the_figures_of_the_record(made_set: Path) -> None:
     words = Page(made_set / "qa" / "arc_00.html").words
     record = read_json(made_set / "sequences" / "arc_00" / "pseudo_gt" / "quality.json")
     assert "Person 0: accepted, 36 of 36 frames (100.0%)" in words and "Person 1" in words
-    assert f"mean reprojection error [px]{record['mean_reprojection_px']:.3g} ✓≤ 1" in words
-    assert f"fewest inliers{min(record['inliers_per_frame'])} ✓≥ 25" in words
+    cameras = record["cameras"]
+    assert f"mean reprojection error [px]{cameras['mean_reprojection_px']:.3g} ✓≤ 1" in words
+    assert f"fewest inliers{min(cameras['inliers_per_frame'])} ✓≥ 25" in words
     assert f"fused{record['scale']:.5g}" in words
     for cue in record["scale_cues"]:
         assert f"{cue['scale']:.5g}" in words
-    assert "Camera: circular" in words and f"Points{record['points']}" in words
+    assert "Camera: circular" in words and f"Points{cameras['points']}" in words
     assert "over the 36 kept frames" in words and "No frame is dropped." in words
     pan = Page(made_set / "qa" / "pan_00.html").words
     assert "Scale does not enter" in pan and "rotation only (the camera pans)" in pan
 
 
 def test_the_picture_shows_the_mask(made_set: Path, filmed_set: Any) -> None:
-    from gmrdata.pages.qa_frames import TILE_WIDTH_PX, read_tile
+    from gmrdata.pages.qa_data import TILE_WIDTH_PX, read_tile
 
     files = choose(filmed_set.root, ["arc_00"])[0][0]
     masks_dir = made_set / "sequences" / "arc_00" / "masks"
@@ -107,7 +108,7 @@ def test_what_was_lost_since_costs_a_picture_and_is_named(
 ) -> None:
     arc = copied_out / "sequences" / "arc_00"
     (arc / "sfm" / "cameras.npz").unlink()
-    (arc / "people" / "tracked.npz").write_bytes(b"PK\x03\x04 cut off")
+    (arc / "people" / "dataset_camera.npz").write_bytes(b"PK\x03\x04 cut off")
     (arc / "pseudo_gt" / "person_0.npz").unlink()
     (arc / "masks" / "image_00014.png").unlink()
     (copied_set.root / "imageFiles" / "arc_00" / "image_00007.jpg").unlink()
@@ -120,7 +121,7 @@ def test_what_was_lost_since_costs_a_picture_and_is_named(
     (copied_out / "sequences" / "pan_00" / "people" / "people.json").write_text("{")
     draw(copied_set, copied_out)
     page = Page(copied_out / "qa" / "arc_00.html")
-    for lost in ("cameras.npz", "tracked.npz", "person_0.npz"):
+    for lost in ("cameras.npz", "dataset_camera.npz", "person_0.npz"):
         assert lost in page.words.split("Can’t be read")[1]
     assert "no mask for image_00014.jpg" in page.words
     assert "image_00007.jpg: missing" in page.words
@@ -135,9 +136,9 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
     copied_out: Path, filmed_set: Any
 ) -> None:
     files = choose(filmed_set.root, ["arc_00"])[0][0]
-    row = read_json(copied_out / "verdicts.json")[0]
+    verdict = Verdicts.read(copied_out / "verdicts.json").sequences[0]
     paths = SetPaths(copied_out)
-    whole = gather(row, "", files, paths)
+    whole = gather(verdict, "", files, paths)
     assert whole.sfm_rows is not None and whole.sfm_rows.tolist() == list(range(36))
     assert whole.kept.all() and whole.world_from_cam is not None and not whole.missing
     cameras = load_cameras(paths.sfm_dir("arc_00"))
@@ -151,10 +152,11 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
     save_cameras(paths.sfm_dir("arc_00") / "cameras.npz", fewer)
     quality_path = paths.pseudo_gt_dir("arc_00") / "quality.json"
     record = read_json(quality_path)
-    record |= {"cuts_after_frames": [6], "interpolated": [19, 33]}
-    record["inliers_per_frame"] = record["inliers_per_frame"][:34]
+    inliers = record["cameras"]["inliers_per_frame"][:34]
+    record["cameras"] |= {"frames": 34, "inliers_per_frame": inliers}
+    record["cameras"] |= {"cuts_after_frames": [6], "interpolated": [19, 33]}
     write_json(quality_path, record)
-    found = gather(row, "", files, paths)
+    found = gather(verdict, "", files, paths)
     assert found.frames_of([6, 7, 18, 19, 33]).tolist() == [6, 8, 19, 21, 35]
     draw(filmed_set, copied_out)
     words = Page(copied_out / "qa" / "arc_00.html").words
@@ -167,7 +169,9 @@ def test_a_joined_model_is_listed_with_what_became_of_it(copied_out: Path, filme
         {"frames": 30, "kept": True, "reason": "the largest"},
         {"frames": 6, "kept": False, "reason": "it shares <nothing>"},
     ]
-    write_json(quality_path, read_json(quality_path) | {"models": models})
+    record = read_json(quality_path)
+    record["cameras"]["models"] = models
+    write_json(quality_path, record)
     draw(filmed_set, copied_out)
     page = Page(copied_out / "qa" / "arc_00.html")
     assert "Models2" in page.words and "30 frames, kept: the largest" in page.words

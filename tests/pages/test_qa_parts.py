@@ -1,7 +1,6 @@
 """Parts of the QA pages: hostile texts stay texts, paths are aligned, reasons are of a kind."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +10,16 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from gmrdata.pages.qa import page_name, write_pages
-from gmrdata.pages.qa_data import align_tracked
-from gmrdata.pages.qa_frames import COLOURS, OTHER, counts_of, example_frames, kinds_of
+from gmrdata.pages.qa_data import (
+    KIND_COLOURS,
+    OTHER_COLOUR,
+    align_dataset_camera,
+    counts_of,
+    example_frames,
+    kinds_of,
+)
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
-from gmrdata.threedpw.regenerate import failed_row
+from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.values import transforms
 from gmrdata.world.frame_checks import window_differences
 from tests.pages.html_pages import Page
@@ -34,10 +39,13 @@ HOSTILE = (
 
 
 def test_hostile_names_and_reasons_stay_texts(tmp_path: Path) -> None:
-    rows = [failed_row(name, name, f"{name} | {HOSTILE[0]}\nmore") for name in HOSTILE]
+    verdicts = [
+        SequenceVerdict(name, name, False, (f"{name} | {HOSTILE[0]}",), "none", 0.0, None, None)
+        for name in HOSTILE
+    ]
     reasons = {name: f"{name}\n  {name}\n<i>trace</i>" for name in HOSTILE}
     paths = SetPaths(tmp_path / "out")
-    write_pages(rows, (), reasons, ThreedpwRecipe(recipe="threedpw"), paths)
+    write_pages(verdicts, (), reasons, ThreedpwRecipe(recipe="threedpw"), paths)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     index = Page(paths.index_page)
     assert index.tags.count("script") == 1 and index.tags.count("tr") == 1 + len(HOSTILE)
@@ -82,9 +90,9 @@ def test_reasons_that_differ_in_a_number_are_of_one_kind() -> None:
 
 
 def test_further_kinds_share_the_last_colour() -> None:
-    names = [f"reason {chr(97 + i)}" for i in range(len(COLOURS) + 2)]
+    names = [f"reason {chr(97 + i)}" for i in range(len(KIND_COLOURS) + 2)]
     colours = [kind.colour for kind in kinds_of([names]).values()]
-    assert colours == [*COLOURS, OTHER, OTHER]
+    assert colours == [*KIND_COLOURS, OTHER_COLOUR, OTHER_COLOUR]
 
 
 def moving_camera(n: int) -> np.ndarray:
@@ -108,7 +116,7 @@ def test_a_rigidly_moved_path_is_laid_back(
     other = transforms.rigid(Rotation.from_rotvec(rotvec).as_matrix(), shift_m)
     theirs = other @ ours
     theirs[3] = np.nan
-    aligned = align_tracked(ours, theirs, np.arange(20) < 15)
+    aligned = align_dataset_camera(ours, theirs, np.arange(20) < 15)
     assert aligned is not None and aligned.n_frames == 14
     assert aligned.rms_m < 1e-9 and aligned.rms_deg < 1e-5
     known = np.arange(20) != 3
@@ -120,11 +128,11 @@ def test_a_difference_is_measured_in_metres_and_never_scaled_away() -> None:
     ours = moving_camera(20)
     theirs = ours.copy()
     theirs[:, :3, 3] *= 1.5
-    aligned = align_tracked(ours, theirs, np.full(20, True))
+    aligned = align_dataset_camera(ours, theirs, np.full(20, True))
     assert aligned is not None
     spread_m = np.sqrt((np.var(ours[:, :3, 3], axis=0)).sum())
     assert aligned.rms_m == pytest.approx(0.5 * spread_m, rel=1e-6)
-    assert align_tracked(ours, theirs, np.full(20, False)) is None
+    assert align_dataset_camera(ours, theirs, np.full(20, False)) is None
 
 
 def test_window_differences_are_those_of_the_moves() -> None:
@@ -150,12 +158,11 @@ def _across(world_from_cam: np.ndarray) -> np.ndarray:
 
 
 def test_the_focal_row_follows_the_check() -> None:
-    from gmrdata.pages.qa_figures import focal_row
+    from gmrdata.pages.qa_thresholds import focal_row
     from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig, intrinsics_reason
 
     config = IntrinsicsConfig()
     for factor, sigma in ((1.0, 0.01), (1.12, 0.01), (1.14, 0.01), (0.8, 0.05), (0.7, 0.05)):
-        focal: dict[str, Any] = {"factor": factor, "sigma": sigma}
         estimate = FocalEstimate(factor, sigma, (0.0, 0.0), 1.0, 500)
-        assert focal_row(focal, config).met == (intrinsics_reason(estimate, config) is None)
+        assert focal_row(estimate, config).met == (intrinsics_reason(estimate, config) is None)
     assert focal_row(None, config).met is None

@@ -3,23 +3,32 @@
 import json
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from gmrdata.pages.overview import summary_table
-from gmrdata.pages.report_data import ClipFigures, ReportData, figure_texts, summary, verdicts
+from gmrdata.pages.report_data import (
+    ClipFigures,
+    ReportData,
+    Summary,
+    figure_texts,
+    summary,
+    verdicts,
+)
 
 
-def printed(figures: dict[str, object], width: int = 80) -> str:
+def printed(figures: Summary, width: int = 80) -> str:
     stream = StringIO()
     Console(file=stream, width=width, color_system=None).print(summary_table(figures))
     return stream.getvalue()
 
 
-def test_summary_holds_the_figures_and_survives_json(report: ReportData) -> None:
-    figures = summary(report)
-    assert json.loads(json.dumps(figures, allow_nan=False)) == figures
+def test_summary_holds_the_figures_and_survives_json(report: ReportData, tmp_path: Path) -> None:
+    summary(report).write(tmp_path / "summary.json")
+    assert Summary.read(tmp_path / "summary.json") == summary(report)
+    figures = json.loads((tmp_path / "summary.json").read_text())
     assert figures["clips"][0] == {
         "id": "walk_circular",
         "camera_motion": "circular",
@@ -49,8 +58,8 @@ def test_rows_show_every_figure(report: ReportData) -> None:
 
 
 def test_long_names_and_bad_figures_fit_into_80_columns(report: ReportData) -> None:
-    figures = summary(report)
-    figures["clips"][2] |= {
+    found = summary(report)
+    long = {
         "id": "a_clip_with_a_name_that_goes_on_and_on_and_on",
         "ome_deg": 123.456,
         "tme_mm": 98765.4,
@@ -58,17 +67,17 @@ def test_long_names_and_bad_figures_fit_into_80_columns(report: ReportData) -> N
         "frames": 1000,
         "frames_with_camera": 999,
     }
-    figures["gmr"] = {"a manifest with a long name " * 4: figures["gmr"]["truth"]}
-    text = printed(figures)
+    clips = (*found.clips[:2], found.clips[2].model_copy(update=long))
+    gmr = {"a manifest with a long name " * 4: found.gmr["truth"]}
+    text = printed(found.model_copy(update={"clips": clips, "gmr": gmr}))
     assert max(map(len, text.splitlines())) <= 80
     for figure in ("999/1000", "123.456", "98765.40", "179.900", "not observable (pan)", "(130.2)"):
         assert figure in text
 
 
 def test_names_are_not_markup(report: ReportData) -> None:
-    figures = summary(report)
-    figures["clips"][0]["id"] = "[red]x[/red]"
-    assert "[red]x[/red]" in printed(figures)
+    clips = (replace(report.clips[0], id="[red]x[/red]"),)
+    assert "[red]x[/red]" in printed(summary(replace(report, clips=clips)))
 
 
 def test_parts_that_are_missing_are_left_out(report: ReportData) -> None:
@@ -88,7 +97,7 @@ def test_parts_that_are_missing_are_left_out(report: ReportData) -> None:
         ({"tme_mm": 15.001}, {"tme_mm"}),
     ],
 )
-def test_bars(changed: dict[str, float], missed: set[str]) -> None:
+def test_thresholds(changed: dict[str, float], missed: set[str]) -> None:
     figures = replace(ClipFigures(0.1, 1.0, 0.1, 0.0, 48, 48), **changed)
     met = verdicts(figures)
     assert {key for key, good in met.items() if not good} == missed

@@ -1,31 +1,155 @@
-"""Frames of a clip with what was recovered drawn over them.
+"""Frames with what was found drawn over them: masks, the body, its path on the floor."""
 
-What is drawn over a frame: the path on the floor, the body, the mask's outline.
-"""
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import cv2
 import numpy as np
+from pydantic import Field
 
-from gmrdata.pages.curves import usable
+from gmrdata.masks.folder import find_mask
+from gmrdata.masks.sources import MasksConfig, make_masks
 from gmrdata.pages.report_data import ClipReport
-from gmrdata.read.frames import image_number, list_images
+from gmrdata.read.frames import check_images, image_number, list_images, read_color, read_gray
+from gmrdata.read.video import extract_video, is_video
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, project
 from gmrdata.values.errors import BadFrames
+from gmrdata.values.files import atomic_path
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.records import Config
 from gmrdata.values.skinning import motion_vertices_m
 
 BODY_BGR = (255, 210, 130)
 OUTLINE_BGR = (255, 255, 255)
 PATH_BGR = (90, 225, 255)
+TINT_BGR = (60, 60, 235)
+TINT_ALPHA = 0.35
 BODY_ALPHA = 0.8
 LINE_PX = 2
+GAP_PX = 4
+"""Between the frames of a sheet [px]."""
+DRAWING_SCALE = 2
+"""Overlays are drawn on frames of twice their size, so that lines and close-ups are smooth."""
+CONTACT_FILE = "contact.jpg"
+MASK_COLUMNS = 4
 _SUPERSAMPLE = 2
 _FAR_PX = 20000.0  # OpenCV's drawing takes 16-bit coordinates once they are shifted
+
+
+def jpeg(image: np.ndarray, quality: int = 88) -> bytes:
+    """JPEG bytes of an image (H, W, 3) BGR."""
+    ok, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not ok:
+        raise BadFrames(f"a picture of {image.shape} can't be encoded as JPEG")
+    return encoded.tobytes()
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file as a whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def spaced(n: int, n_wanted: int) -> list[int]:
+    """Rows of at most `n_wanted` of n frames, evenly spaced from the first to the last."""
+    return [int(row) for row in np.linspace(0, n - 1, min(n_wanted, n)).round()]
+
+
+def tile_sheet(images: Sequence[np.ndarray], columns: int, gap_px: int = GAP_PX) -> np.ndarray:
+    """Images of one size side by side on white, `columns` to a row: (H', W', 3) BGR."""
+    height, width = images[0].shape[:2]
+    n_rows = -(-len(images) // columns)
+    used = min(columns, len(images))
+    sheet = np.full(
+        (n_rows * (height + gap_px) - gap_px, used * (width + gap_px) - gap_px, 3), 255, np.uint8
+    )
+    for i, image in enumerate(images):
+        top, left = (i // columns) * (height + gap_px), (i % columns) * (width + gap_px)
+        sheet[top : top + height, left : left + width] = image
+    return sheet
+
+
+class MaskSheetConfig(Config):
+    """What the contact sheet of masks shows."""
+
+    n_frames: int = Field(default=16, ge=1)
+    """Frames, evenly spaced from the first to the last."""
+    tile_width_px: int = Field(default=400, ge=16)
+    """Width of one frame [px]."""
+
+
+def masks_of_frames(
+    frames: Path,
+    out_dir: Path,
+    config: MasksConfig,
+    *,
+    people: tuple[PersonFiles, ...] = (),
+    run: Run = DEFAULT_RUN,
+) -> tuple[Path, Path]:
+    """Make `out_dir/masks` (and `masks_by`), `out_dir/sheet`, and `out_dir/frames` of a video.
+
+    Args:
+        frames: Folder of numbered images, or a video file.
+        people: Camera-frame clips and their bodies, which silhouettes need.
+
+    Returns:
+        The folder of the masks, and the contact sheet.
+
+    Raises:
+        GmrdataError: as `make_masks` says.
+    """
+    if is_video(frames):
+        frames = extract_video(frames, out_dir / "frames", run=run)
+    masks_dir = make_masks(frames, out_dir / "masks", config, people=people, run=run)
+    return masks_dir, make_mask_sheet(frames, masks_dir, out_dir / "sheet")
+
+
+def make_mask_sheet(
+    images_dir: Path, masks_dir: Path, out_dir: Path, config: MaskSheetConfig | None = None
+) -> Path:
+    """Stage: `contact.jpg`, made anew when frames or masks (255 = dynamic) changed.
+
+    Raises:
+        BadFrames: an image or mask is missing or can't be read.
+    """
+    config = config or MaskSheetConfig()
+
+    def work(partial: Path) -> None:
+        write_bytes(partial / CONTACT_FILE, jpeg(mask_sheet(images_dir, masks_dir, config)))
+
+    inputs = {"images": images_dir, "masks": masks_dir}
+    return run_stage("mask_sheet", out_dir, config, inputs, work, run=Run(redo=True)) / CONTACT_FILE
+
+
+def mask_sheet(images_dir: Path, masks_dir: Path, config: MaskSheetConfig) -> np.ndarray:
+    """Evenly spaced frames with their masks, side by side: (H, W, 3) BGR."""
+    images = list_images(images_dir)
+    size_px = check_images(images)
+    tiles = [
+        masked_tile(
+            read_color(images[i]),
+            read_gray(find_mask(masks_dir, images[i]), size_px),
+            config.tile_width_px,
+        )
+        for i in spaced(len(images), config.n_frames)
+    ]
+    return tile_sheet(tiles, MASK_COLUMNS)
+
+
+def masked_tile(image: np.ndarray, mask: np.ndarray, width_px: int) -> np.ndarray:
+    """A frame (H, W, 3) BGR made small, with its mask (H, W) tinted and outlined."""
+    size_px = (width_px, max(1, round(width_px * image.shape[0] / image.shape[1])))
+    small = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA)
+    masked = cv2.resize(mask, size_px, interpolation=cv2.INTER_NEAREST) > 127
+    tinted = (1 - TINT_ALPHA) * small[masked] + TINT_ALPHA * np.array(TINT_BGR)
+    small[masked] = tinted.round().astype(np.uint8)
+    return draw_mask_outline(small, masked.astype(np.uint8))
 
 
 def draw_mask_outline(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -98,9 +222,7 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
     """Fill triangles from back to front at twice the size, then blend the smoothed layer in."""
     height, width = image.shape[:2]
     layer = np.zeros((height * _SUPERSAMPLE, width * _SUPERSAMPLE), np.uint8)  # 0 = no body
-    drawable = np.isfinite(triangles_px).all(axis=(1, 2)) & (np.abs(triangles_px) < _FAR_PX).all(
-        axis=(1, 2)
-    )
+    drawable = (np.abs(triangles_px) < _FAR_PX).all(axis=(1, 2))  # a NaN is not
     corners = np.round((triangles_px[drawable] * _SUPERSAMPLE - 0.5) * 16).astype(np.int32)
     greys = np.round(255 * shades[drawable]).tolist()
     for triangle, grey in zip(corners, greys, strict=True):
@@ -116,7 +238,7 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
 
 
 def _drawable(point_px: np.ndarray) -> bool:
-    return bool(np.isfinite(point_px).all() and (np.abs(point_px) < _FAR_PX).all())
+    return bool((np.abs(point_px) < _FAR_PX).all())  # a NaN is not
 
 
 def _fixed(point_px: np.ndarray) -> tuple[int, int]:
@@ -125,13 +247,9 @@ def _fixed(point_px: np.ndarray) -> tuple[int, int]:
     return int(x), int(y)
 
 
-DRAWING_SCALE = 2
-"""Overlays are drawn on frames of twice their size, so that lines and close-ups are smooth."""
-
-
 @dataclass(frozen=True, eq=False)
-class Tile:
-    """One frame of a strip."""
+class ClipTile:
+    """One frame of a clip, with what was recovered."""
 
     drawn: np.ndarray
     """(DRAWING_SCALE * H, DRAWING_SCALE * W, 3) BGR, with the overlay."""
@@ -162,17 +280,12 @@ class Tile:
         corner = np.clip(corner, 0, np.array([full_width, full_height]) - size)
         x, y = corner.round().astype(int)
         w, h = size.round().astype(int)
-        smaller = h > height_px
-        return np.asarray(
-            cv2.resize(
-                self.drawn[y : y + h, x : x + w],
-                (width_px, height_px),
-                interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC,
-            )
-        )
+        how = cv2.INTER_AREA if h > height_px else cv2.INTER_CUBIC
+        cut = self.drawn[y : y + h, x : x + w]
+        return np.asarray(cv2.resize(cut, (width_px, height_px), interpolation=how))
 
 
-def frame_tiles(clip: ClipReport, n_frames: int = 6) -> list[Tile]:
+def frame_tiles(clip: ClipReport, n_frames: int = 6) -> list[ClipTile]:
     """Evenly spaced frames with the mask's outline, the recovered body, and its path on the floor.
 
     Body and floor path are the pseudo clip's, drawn through the recovered camera.  Body and mask
@@ -183,56 +296,31 @@ def frame_tiles(clip: ClipReport, n_frames: int = 6) -> list[Tile]:
         BadFrames: an image or mask is missing or can't be read.
     """
     images = {image_number(path): path for path in list_images(clip.images_dir)}
-    numbers = clip.pseudo.image_numbers
-    with_image = np.flatnonzero(numbers >= 0)
+    with_image = np.flatnonzero(clip.pseudo.image_numbers >= 0)
     if not len(with_image):
         raise BadFrames(f"clip {clip.id}: no row of its pseudo ground truth has an image number")
-    spaced = np.linspace(0, len(with_image) - 1, min(n_frames, len(with_image)))
-    rows = with_image[spaced.round().astype(int)]
+    rows = with_image[spaced(len(with_image), n_frames)]
     vertices_m = motion_vertices_m(clip.body, clip.pseudo.motion, rows=rows)
     floor_m = _floor_path_m(clip)
     return [
-        _tile(clip, images, int(row), vertices, floor_m)
+        _clip_tile(clip, images, int(row), vertices, floor_m)
         for row, vertices in zip(rows, vertices_m, strict=True)
     ]
 
 
-def frame_strip(clip: ClipReport, n_frames: int = 6, columns: int = 6, gap_px: int = 6) -> bytes:
-    """PNG bytes of whole frames side by side on white, `columns` to a row."""
-    images = [tile.frame() for tile in frame_tiles(clip, n_frames)]
-    ok, encoded = cv2.imencode(".png", tile_sheet(images, columns, gap_px))
-    if not ok:
-        raise BadFrames(f"clip {clip.id}: its frame strip can't be encoded as PNG")
-    return encoded.tobytes()
-
-
-def tile_sheet(images: list[np.ndarray], columns: int, gap_px: int) -> np.ndarray:
-    """Images of one size side by side on white, `columns` to a row: (H', W', 3) BGR."""
-    height, width = images[0].shape[:2]
-    n_rows = -(-len(images) // columns)
-    used = min(columns, len(images))
-    sheet = np.full(
-        (n_rows * (height + gap_px) - gap_px, used * (width + gap_px) - gap_px, 3), 255, np.uint8
-    )
-    for i, image in enumerate(images):
-        top, left = (i // columns) * (height + gap_px), (i % columns) * (width + gap_px)
-        sheet[top : top + height, left : left + width] = image
-    return sheet
-
-
-def _tile(
+def _clip_tile(
     clip: ClipReport,
     images: dict[int, Path],
     row: int,
     vertices_m: np.ndarray,
     floor_m: np.ndarray,
-) -> Tile:
+) -> ClipTile:
     number = int(clip.pseudo.image_numbers[row])
     if number not in images:
         raise BadFrames(f"{clip.images_dir}: clip {clip.id} has no image of number {number}")
-    drawn = _read(images[number], cv2.IMREAD_COLOR)
+    drawn = _read_enlarged(images[number], cv2.IMREAD_COLOR)
     person_px = np.array([0.0, 0.0, drawn.shape[1], drawn.shape[0]])
-    camera, has_camera = clip.pseudo.camera, bool(usable(clip.pseudo)[row])
+    camera, has_camera = clip.pseudo.camera, bool(clip.has_camera[row])
     if camera is not None and has_camera:
         view = camera.world_from_cam[row], _drawing_intrinsics_px(camera)
         every = max(1, round(clip.pseudo.motion.fps_hz))
@@ -241,9 +329,9 @@ def _tile(
         points_px = project(view[0], vertices_m, view[1])
         person_px = np.concatenate([np.nanmin(points_px, axis=0), np.nanmax(points_px, axis=0)])
     if clip.masks_dir is not None:
-        mask = _read(clip.masks_dir / f"{images[number].stem}.png", cv2.IMREAD_GRAYSCALE)
-        drawn = draw_mask_outline(drawn, mask)
-    return Tile(drawn, person_px, number, row / clip.pseudo.motion.fps_hz, has_camera)
+        mask_path = clip.masks_dir / f"{images[number].stem}.png"
+        drawn = draw_mask_outline(drawn, _read_enlarged(mask_path, cv2.IMREAD_GRAYSCALE))
+    return ClipTile(drawn, person_px, number, row / clip.pseudo.motion.fps_hz, has_camera)
 
 
 def _drawing_intrinsics_px(camera: CameraPath) -> np.ndarray:
@@ -254,16 +342,26 @@ def _drawing_intrinsics_px(camera: CameraPath) -> np.ndarray:
 def _floor_path_m(clip: ClipReport) -> np.ndarray:
     """(T, 3) recovered pelvis path dropped to the true floor, in the recovered world [m]."""
     path_true_m = transforms.apply(clip.true_from_pseudo, clip.pseudo.motion.pelvis_m)
-    path_true_m[~usable(clip.pseudo)] = np.nan
+    path_true_m[~clip.has_camera] = np.nan
     path_true_m[:, 2] = 0.0
     return transforms.apply(transforms.invert(clip.true_from_pseudo), path_true_m)
 
 
-def _read(path: Path, mode: int) -> np.ndarray:
-    """An image, enlarged by DRAWING_SCALE."""
+def read_image(path: Path, mode: int) -> np.ndarray:
+    """An image as `cv2.imread` gives it in a mode.
+
+    Raises:
+        BadFrames: it is missing, or no image.
+    """
     image = cv2.imread(str(path), mode)
     if image is None:
         raise BadFrames(f"{path}: missing, or not an image; make the frames or masks again")
+    return np.asarray(image)
+
+
+def _read_enlarged(path: Path, mode: int) -> np.ndarray:
+    """An image, enlarged by DRAWING_SCALE."""
+    image = read_image(path, mode)
     size = (image.shape[1] * DRAWING_SCALE, image.shape[0] * DRAWING_SCALE)
-    kind = cv2.INTER_NEAREST if mode == cv2.IMREAD_GRAYSCALE else cv2.INTER_CUBIC
-    return np.asarray(cv2.resize(image, size, interpolation=kind))
+    how = cv2.INTER_NEAREST if mode == cv2.IMREAD_GRAYSCALE else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(image, size, interpolation=how))

@@ -1,0 +1,353 @@
+"""Plots: their look, their bytes as SVG for pages or as pictures, and the view from above."""
+
+import io
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Literal
+
+import matplotlib as mpl
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.text import Annotation, Text
+from matplotlib.ticker import MultipleLocator
+from matplotlib.transforms import Bbox
+
+from gmrdata.pages.report_data import ClipReport
+from gmrdata.values import transforms
+from gmrdata.values.clip import Clip
+from gmrdata.values.motion import Motion
+
+COLOURS = {
+    "paper": "#ffffff",
+    "ink": "#1d2329",
+    "muted": "#68717a",
+    "rule": "#e2e4e6",
+    "person": "#1565b0",
+    "person-pale": "#b4d5f5",
+    "camera": "#d9480e",
+    "camera-pale": "#ffcba6",
+    "gmr": "#7a3fc4",
+    "good": "#237a3b",
+    "bad": "#c4222e",
+}
+"""Role -> colour on white.  In the page each one becomes the CSS variable of that name, so that
+plots follow the reader's light or dark scheme; no two roles may share a colour."""
+
+_RC: Any = {
+    "svg.fonttype": "none",
+    "font.size": 9.5,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "axes.edgecolor": COLOURS["rule"],
+    "axes.labelcolor": COLOURS["muted"],
+    "axes.titlecolor": COLOURS["ink"],
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "grid.color": COLOURS["rule"],
+    "grid.linewidth": 0.7,
+    "text.color": COLOURS["ink"],
+    "xtick.color": COLOURS["rule"],
+    "ytick.color": COLOURS["rule"],
+    "xtick.labelcolor": COLOURS["muted"],
+    "ytick.labelcolor": COLOURS["muted"],
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "lines.solid_capstyle": "round",
+}
+
+_DIGITS = re.compile(r"(\.[0-9]{2})[0-9]+")
+"""Decimals from the third on."""
+
+Draw = Callable[[Figure], object]
+"""Fills a plot; called inside the style."""
+
+VIEW_TICKS = 12
+"""About how many viewing directions are drawn along a camera path."""
+TRUE_WIDTH, RECOVERED_WIDTH = 6.0, 1.6
+"""Line widths [pt]: the truth is a pale band that the recovered line has to stay on."""
+LABEL_PT = 11.0
+"""From a point to its label [pt]."""
+_LABEL = "label"
+
+
+def svg(draw: Draw, width_in: float, height_in: float, name: str) -> Markup:
+    """An inline SVG element whose colours are CSS variables; the page scales it to its column.
+
+    Its inner ids are made from `name`, which is unique on the page.
+    """
+    stream = io.StringIO()
+    with _style({"svg.hashsalt": name}):
+        plot = drawn(draw, width_in, height_in, dpi=72)
+        plot.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return Markup(_inline(stream.getvalue(), name))
+
+
+def picture(
+    draw: Draw,
+    width_in: float,
+    height_in: float,
+    dpi: int = 150,
+    kind: Literal["png", "jpeg"] = "png",
+) -> bytes:
+    """PNG or JPEG bytes of a plot on white."""
+    stream = io.BytesIO()
+    kept = {"metadata": {"Software": None}} if kind == "png" else {"pil_kwargs": {"quality": 90}}
+    with _style({}):
+        plot = drawn(draw, width_in, height_in, dpi)
+        plot.savefig(stream, format=kind, facecolor=COLOURS["paper"], **kept)
+    return stream.getvalue()
+
+
+def drawn(draw: Draw, width_in: float, height_in: float, dpi: int) -> Figure:
+    """A plot on a canvas of its own, its labels clear of other text."""
+    layout = ConstrainedLayoutEngine(w_pad=0.05, h_pad=0.05)
+    plot = Figure(figsize=(width_in, height_in), layout=layout, dpi=dpi)
+    FigureCanvasAgg(plot)
+    draw(plot)
+    _place_labels(plot)
+    return plot
+
+
+@contextmanager
+def _style(more: Any) -> Iterator[None]:
+    """Our look alone, whatever the user's matplotlibrc says; the settings are put back after it."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_RC)
+        mpl.rcParams.update(more)
+        yield
+
+
+def quiet(axes: Axes) -> None:
+    """Take the ticks' strokes away; the grid says the same."""
+    axes.tick_params(length=0)
+
+
+def _inline(document: str, name: str) -> str:
+    """The `<svg>` element of an SVG document, without what only a file of its own needs."""
+    element = document[document.index("<svg") :]
+    element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
+    element = re.sub(r'(<g\b[^>]*?) id="[^"]*"', r"\1", element)
+    # matplotlib makes ids from coordinates whose last bit the layout's solver leaves to chance.
+    for number, id in enumerate(dict.fromkeys(re.findall(r' id="([^"]*)"', element))):
+        element = element.replace(f'id="{id}"', f'id="{name}-{number}"')
+        element = element.replace(f"#{id})", f"#{name}-{number})")
+        element = element.replace(f'href="#{id}"', f'href="#{name}-{number}"')
+    # A hundredth of a point is finer than any screen, and long curves are mostly digits.
+    element = re.sub(r"<[^>]*>", lambda tag: _DIGITS.sub(r"\1", tag[0]), element)
+    # The size is the viewBox's; the page's column gives the width.
+    element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
+    element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
+    for role, colour in COLOURS.items():
+        element = element.replace(colour, f"var(--{role})")
+    return element.strip()
+
+
+def plot_top_view(axes: Axes, clip: ClipReport) -> float:
+    """True (wide, pale) and recovered (thin) paths of camera and person, in the true world [m].
+
+    Returns:
+        Spacing of the grid [m].
+    """
+    true_m = clip.true.motion.pelvis_m
+    pelvis_m, world_from_cam = aligned_paths(clip)
+    paths_m = [true_m, pelvis_m]
+    if clip.true.camera is not None:
+        paths_m.append(clip.true.camera.centres_world_m)
+    tick_m = 0.09 * extent_m(paths_m)
+    if clip.true.camera is not None:
+        plot_camera(axes, clip.true.camera.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
+    plot_path(axes, true_m, "person-pale", TRUE_WIDTH)
+    if world_from_cam is not None:
+        plot_camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
+        mark_start(axes, world_from_cam[:, :3, 3], "camera", "camera", pelvis_m)
+    plot_path(axes, pelvis_m, "person", RECOVERED_WIDTH)
+    mark_start(axes, pelvis_m, "person", "person", None)
+    return finish_view(axes)
+
+
+def plot_clip_view(axes: Axes, clip: Clip) -> float:
+    """Paths of the camera and the person of one clip alone, in its world [m].
+
+    Returns:
+        Spacing of the grid [m].
+    """
+    pelvis_m = clip.motion.pelvis_m
+    if clip.camera is not None:
+        poses = clip.camera.world_from_cam
+        tick_m = 0.09 * extent_m([pelvis_m, poses[:, :3, 3]])
+        plot_camera(axes, poses, "camera", RECOVERED_WIDTH, tick_m)
+        mark_start(axes, poses[:, :3, 3], "camera", "camera", pelvis_m)
+    plot_path(axes, pelvis_m, "person", RECOVERED_WIDTH)
+    mark_start(axes, pelvis_m, "person", "person", None)
+    return finish_view(axes)
+
+
+def plot_predicted_view(axes: Axes, true: Motion, predicted: Motion) -> float:
+    """True (wide, pale) and predicted (thin) person path, both from the true first frame on [m].
+
+    A predicted motion is accumulated from its own first frame (eqs. 3-4), so only what comes after
+    can differ.
+
+    Returns:
+        Spacing of the grid [m].
+    """
+    true_from_predicted = transforms.rigid(
+        true.root_rotmats[0], true.pelvis_m[0]
+    ) @ transforms.invert(transforms.rigid(predicted.root_rotmats[0], predicted.pelvis_m[0]))
+    predicted_m = transforms.apply(true_from_predicted, predicted.pelvis_m)
+    plot_path(axes, true.pelvis_m, "person-pale", TRUE_WIDTH)
+    plot_path(axes, predicted_m, "gmr", RECOVERED_WIDTH)
+    axes.plot(*true.pelvis_m[0, :2], "o", color=COLOURS["ink"], markersize=5, zorder=5)
+    return finish_view(axes)
+
+
+def aligned_paths(clip: ClipReport) -> tuple[np.ndarray, np.ndarray | None]:
+    """Recovered pelvis (T, 3) and world_from_cam (T, 4, 4) in the true world [m].
+
+    NaN where there is no camera; None for a clip that has none at all.
+    """
+    good = clip.has_camera
+    pelvis_m = transforms.apply(clip.true_from_pseudo, clip.pseudo.motion.pelvis_m)
+    pelvis_m = np.where(good[:, None], pelvis_m, np.nan)
+    if clip.pseudo.camera is None:
+        return pelvis_m, None
+    world_from_cam = clip.true_from_pseudo @ clip.pseudo.camera.world_from_cam
+    return pelvis_m, np.where(good[:, None, None], world_from_cam, np.nan)
+
+
+def extent_m(paths_m: list[np.ndarray]) -> float:
+    """The longer side of what holds all paths (T, 2 or 3), seen from above [m]."""
+    points_m = np.concatenate(paths_m)[:, :2]
+    return float(np.nanmax(np.nanmax(points_m, axis=0) - np.nanmin(points_m, axis=0)))
+
+
+def plot_path(
+    axes: Axes, points_m: np.ndarray, role: str, width_pt: float, style: str = "-"
+) -> None:
+    """A path (T, 2 or 3) [m]; NaN leaves a gap."""
+    axes.plot(
+        points_m[:, 0],
+        points_m[:, 1],
+        color=COLOURS[role],
+        linewidth=width_pt,
+        linestyle=style,
+        zorder=3,
+    )
+
+
+def plot_camera(
+    axes: Axes, world_from_cam: np.ndarray, role: str, width_pt: float, tick_m: float
+) -> None:
+    """A camera's path with strokes along its optical axis, which shrink as it looks up or down."""
+    centres_m = world_from_cam[:, :2, 3]
+    plot_path(axes, centres_m, role, width_pt)
+    known = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
+    if not len(known):
+        return
+    rows = known[np.linspace(0, len(known) - 1, min(VIEW_TICKS, len(known))).round().astype(int)]
+    ends_m = centres_m[rows] + tick_m * world_from_cam[rows, :2, 2]
+    strokes = np.stack([centres_m[rows], ends_m], axis=1)
+    axes.add_collection(
+        LineCollection(
+            list(strokes),
+            colors=COLOURS[role],
+            linewidths=0.6 * width_pt,
+            capstyle="round",
+            zorder=3,
+        )
+    )
+
+
+def mark_start(
+    axes: Axes, points_m: np.ndarray, role: str, name: str, away_from_m: np.ndarray | None
+) -> None:
+    """A dot where a path starts, and its name on the side that has room."""
+    known = np.flatnonzero(np.isfinite(points_m).all(axis=1))
+    if not len(known):
+        return
+    start = points_m[known[0], :2]
+    axes.plot(*start, "o", color=COLOURS[role], markersize=6, zorder=5)
+    other = points_m[known].mean(axis=0) if away_from_m is None else np.nanmean(away_from_m, axis=0)
+    _label(axes, name, start, role, start - other[:2])
+
+
+def _label(axes: Axes, text: str, point_m: np.ndarray, role: str, away: np.ndarray) -> None:
+    """Text beside a point, on the side that `away` points to if there is room."""
+    label = axes.annotate(
+        text,
+        (point_m[0], point_m[1]),
+        textcoords="offset points",
+        xytext=(0, 0),
+        color=COLOURS[role],
+        gid=_LABEL,
+        zorder=6,
+    )
+    # Where it stands must not move the axes: it is chosen by them.
+    label.set_in_layout(False)
+    _put(label, float(np.arctan2(away[1], away[0])) if away.any() else np.pi / 2)
+
+
+def _put(label: Annotation, angle_rad: float) -> None:
+    """Move a label to a side of its point."""
+    x, y = np.cos(angle_rad), np.sin(angle_rad)
+    label.xyann = (LABEL_PT * x, LABEL_PT * y)
+    label.set_horizontalalignment("left" if x > 0.4 else "right" if x < -0.4 else "center")
+    label.set_verticalalignment("bottom" if y > 0.4 else "top" if y < -0.4 else "center")
+
+
+def _place_labels(plot: Figure) -> None:
+    """Turn each label round its point until it stands inside its axes and on no other text."""
+    texts = [text for text in plot.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    labels = [text for text in texts if isinstance(text, Annotation) and text.get_gid() == _LABEL]
+    if not labels:
+        return
+    plot.draw_without_rendering()
+    taken = [text.get_window_extent() for text in texts if text not in labels]
+    for label in labels:
+        assert label.axes is not None
+        room = label.axes.get_window_extent()
+        first = float(np.arctan2(label.xyann[1], label.xyann[0]))
+        for turn in (0, 1, -1, 2, -2, 3, -3, 4):
+            _put(label, first + turn * np.pi / 4)
+            if _is_free(label.get_window_extent(), room, taken):
+                break
+        else:
+            _put(label, first)
+        taken.append(label.get_window_extent())
+
+
+def _is_free(box: Bbox, room: Bbox, taken: Sequence[Bbox]) -> bool:
+    inside = room.x0 <= box.x0 and room.y0 <= box.y0 and box.x1 <= room.x1 and box.y1 <= room.y1
+    return inside and not box.count_overlaps(list(taken))
+
+
+def finish_view(axes: Axes) -> float:
+    """Equal axes in metres, with room for the labels, on a square grid; gives its spacing [m]."""
+    axes.margins(0.14)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.autoscale_view()
+    spacing_m = next((s for s in (0.2, 0.5, 1.0, 2.0) if _span_m(axes) < 10 * s), 5.0)
+    axes.xaxis.set_major_locator(MultipleLocator(spacing_m))
+    axes.yaxis.set_major_locator(MultipleLocator(spacing_m))
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    quiet(axes)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return spacing_m
+
+
+def _span_m(axes: Axes) -> float:
+    return max(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))

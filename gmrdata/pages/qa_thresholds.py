@@ -1,0 +1,175 @@
+"""The figures behind a verdict, each against its threshold, and those behind the camera's class."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from gmrdata.pages.html import Cell, Table
+from gmrdata.pages.qa_data import Found
+from gmrdata.pages.report_data import NO_FIGURE
+from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
+from gmrdata.threedpw.recipe import ThreedpwRecipe
+from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
+from gmrdata.world.frame_checks import angles_deg, relative_moves, window_differences
+from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
+
+
+class Row(NamedTuple):
+    """One figure, as plain text."""
+
+    name: str
+    """What it is, with its unit."""
+    value: str
+    """The figure."""
+    threshold: str
+    """Its threshold."""
+    met: bool | None
+    """Whether it keeps to it; None where nothing can be said."""
+
+
+def threshold_table(rows: Iterable[Row], heading: str, caption: str) -> Table:
+    """Figures beside their thresholds, which `heading` names."""
+    cells = [(row.name, Cell(row.value, met=row.met), row.threshold) for row in rows]
+    return Table(("figure", "value", heading), cells, caption)
+
+
+def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
+    """What the sequence as a whole was judged by."""
+    pseudo_gt, record = recipe.of_sequence(found.name).pseudo_gt, found.record
+    config = pseudo_gt.verdict
+    cuts_share = registered = error_px = None
+    if (cameras := found.cameras) is not None:
+        cuts_share = len(cameras.cuts_after_frames) / max(1, cameras.frames - 1)
+        registered, error_px = cameras.registered_share, cameras.mean_reprojection_px
+    return [
+        _share("images with a camera", registered, config.min_registered_share),
+        _row("mean reprojection error [px]", error_px, config.max_reprojection_px),
+        _row("steps to another place [%]", cuts_share, config.max_cuts_share, percent=True),
+        *_scale_rows(record, pseudo_gt),
+        *_kept_rows(found, config),
+        focal_row(None if found.people is None else found.people.focal, recipe.intrinsics),
+    ]
+
+
+def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[Row]:
+    """What the scale was judged by; nothing is asked where none enters."""
+    share = apart = None
+    if record is not None and record.scale is not None and record.scale_sigma is not None:
+        share, apart = record.scale_sigma / record.scale, record.scale_disagreement
+    most = config.verdict.max_scale_sigma_share
+    row = _row("standard error of the scale [%]", share, most, percent=True)
+    if row.met is False and record is not None and not record.scale_matters:
+        said = f"{row.threshold}, or ≤ {config.scale.slow_m_per_s:g} m/s of the camera's speed"
+        row = row._replace(threshold=said, met=True)
+    name = "largest difference of two cues [standard errors]"
+    return [row, _row(name, apart, config.verdict.max_cue_disagreement)]
+
+
+def frame_rows(found: Found, config: VerdictConfig) -> list[Row]:
+    """What single frames were judged by: the worst of all frames, and how many are beyond."""
+    world_from_cam = found.world_from_cam
+    if world_from_cam is None:
+        return []
+    fps_hz = next(iter(found.clips.values())).motion.fps_hz
+    moves = relative_moves(world_from_cam, 1)
+    speed_m_per_s = fps_hz * np.linalg.norm(moves[:, :3, 3], axis=1)
+    inliers = np.array([] if found.cameras is None else found.cameras.inliers_per_frame, float)
+    rows = [
+        _worst("fewest inliers", inliers, config.min_inliers, least=True),
+        _worst("fastest camera [m/s]", speed_m_per_s, config.max_speed_m_per_s),
+        _worst("fastest turn [°/s]", fps_hz * angles_deg(moves), config.max_turn_deg_per_s),
+    ]
+    if found.dataset_camera is None:
+        return rows
+    step = max(1, round(config.window_s * fps_hz))
+    apart_deg, apart_m = window_differences(world_from_cam, found.dataset_camera, step)
+    span = f"over {config.window_s:g} s, difference from the data set’s camera"
+    return [
+        *rows,
+        _worst(f"turn {span} [°]", apart_deg, config.max_window_deg),
+        _worst(f"way {span} [m]", apart_m, config.max_window_m),
+    ]
+
+
+def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Row]:
+    """What the camera's class was decided on; they are borders, so none is met or missed."""
+    line_m, circle_m = figures.line_rms_m, figures.circle_rms_m
+    share = circle_m / line_m if circle_m is not None and line_m else None
+    return [
+        _border("largest distance of two places [m]", figures.extent_m,
+                f"travels from {config.travel_m:g}; static up to {config.static_m:g}"),
+        _border("largest difference of two orientations [°]", figures.turn_deg,
+                f"in place, pans above {config.pan_deg:g}, static up to {config.static_deg:g}; "
+                f"travelling, turns above {config.turn_deg:g}"),
+        _border("bend of the way [°]", figures.bend_deg,
+                f"circular from {config.bend_deg:g}"),
+        _border("circle’s residuals over a line’s", share,
+                f"circular up to {config.bend_share:g}"),
+        Row("the person is inside the circle",
+            "yes" if figures.goes_round else "no",
+            "circular only if so", None),
+        _border("length of the way [m]", figures.path_m, ""),
+        _border("median distance to the person [m]", figures.distance_m, ""),
+    ]  # fmt: skip
+
+
+def _kept_rows(found: Found, config: VerdictConfig) -> list[Row]:
+    rows = []
+    for person, reasons in enumerate(found.reasons if found.is_solved else ()):
+        vouched = len(reasons)
+        if person < len(found.doubts):
+            vouched = sum(not doubt for doubt in found.doubts[person])
+        share = sum(not reason for reason in reasons) / max(1, vouched)
+        name = f"the data set’s {vouched} valid frames of person {person} that are left"
+        rows.append(_share(name, share, config.min_kept_share))
+    return rows
+
+
+def focal_row(focal: FocalEstimate | None, config: IntrinsicsConfig) -> Row:
+    """What the 2D keypoints say of the focal length."""
+    said = f"1 ± {config.max_focal_deviation:g}, beyond it by {config.sigmas:g} standard errors"
+    name = "focal length that the 2D keypoints ask for, over the given one"
+    if focal is None:
+        return Row(name, NO_FIGURE, said, None)
+    factor, sigma = focal.factor, focal.sigma
+    beyond = abs(factor - 1.0) - config.max_focal_deviation
+    return Row(name, f"{factor:.3f} ± {sigma:.3f}", said, not beyond > config.sigmas * sigma)
+
+
+def _row(
+    name: str,
+    value: float | None,
+    threshold: float,
+    *,
+    least: bool = False,
+    percent: bool = False,
+    digits: str = ".3g",
+    note: str = "",
+) -> Row:
+    """A figure that must be at most (or at least) its threshold."""
+    unit = 100 if percent else 1
+    said = f"{'≥' if least else '≤'} {unit * threshold:g}"
+    if value is None:
+        return Row(name, NO_FIGURE, said, None)
+    met = value >= threshold if least else value <= threshold
+    return Row(name, f"{unit * value:{digits}}{note}", said, met)
+
+
+def _share(name: str, value: float | None, least: float) -> Row:
+    return _row(f"{name} [%]", value, least, least=True, percent=True, digits=".1f")
+
+
+def _worst(name: str, values: np.ndarray, threshold: float, *, least: bool = False) -> Row:
+    """The largest of a figure, or the least, and how many are beyond the threshold."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return _row(name, None, threshold, least=least)
+    beyond = int((known < threshold if least else known > threshold).sum())
+    worst = float(known.min() if least else known.max())
+    return _row(name, worst, threshold, least=least, note=f" ({beyond} beyond)" if beyond else "")
+
+
+def _border(name: str, value: float | None, borders: str) -> Row:
+    return Row(name, NO_FIGURE if value is None else f"{value:.3g}", borders, None)
