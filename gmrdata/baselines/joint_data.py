@@ -23,6 +23,7 @@ from gmrdata.values.body import N_LOCAL
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadFeatures, BadManifest, BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
+from gmrdata.values.motion import whole_ratio
 
 KEY = "features"
 N_LOCAL_VALUES = N_LOCAL * 9
@@ -85,9 +86,8 @@ def rows_per_frame(clip: Clip, fps_hz: float) -> int:
     Raises:
         BadMotionFile: the clip's rate is no whole multiple.
     """
-    ratio = clip.motion.fps_hz / fps_hz
-    step = round(ratio)
-    if step < 1 or abs(ratio - step) > 1e-6 * ratio:
+    step = whole_ratio(clip.motion.fps_hz, fps_hz)
+    if step is None:
         raise BadMotionFile(
             f"clip {clip.id}: {clip.motion.fps_hz:g} fps is no whole multiple of {fps_hz:g} fps,"
             " and image features can't be resampled. Set fps_hz in the recipe"

@@ -17,7 +17,7 @@ from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, whole_ratio
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,20 +181,19 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Run]:
     """
     check_finite(clip)
     ratio = clip.motion.fps_hz / fps_hz
-    step = round(ratio)
-    is_whole = abs(ratio - step) < 1e-6 * ratio
+    step = whole_ratio(clip.motion.fps_hz, fps_hz)
     if ratio < 1 - 1e-3:
         raise BadMotionFile(
             f"clip {clip.id}: {clip.motion.fps_hz:g} fps is lower than {fps_hz:g} fps, so frames"
             " would have to be made up. Use a source of a higher rate"
         )
-    n_phases = (step if is_whole else max(1, int(ratio))) if all_phases else 1
+    n_phases = (step or max(1, int(ratio))) if all_phases else 1
     runs = []
     for start, stop in valid_runs(clip.valid):
         for phase in range(n_phases):
             if stop - start - phase < MIN_FRAMES:
                 continue
-            if is_whole:
+            if step is not None:
                 motion = clip.motion.take(slice(start + phase, stop, step), fps_hz)
             else:
                 motion = resample(clip.motion.take(slice(start + phase, stop)), fps_hz)

@@ -14,7 +14,7 @@ import numpy as np
 from gmrdata.gmr.runs import Run, UsableClip, runs_at
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, whole_ratio
 from gmrdata.values.motion_deltas import accumulate
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def file_clip(
     if not runs:
         return None
     world_hz = predicted.motion.fps_hz
-    if protocol_fps_hz is not None and _whole_ratio(world_hz, protocol_fps_hz) is not None:
+    if protocol_fps_hz is not None and whole_ratio(world_hz, protocol_fps_hz) is not None:
         world_hz = protocol_fps_hz
     world = _paired(true, predicted, world_hz, all_phases=False)
     return PredictedClip(one.clip.id, one.camera_motion, runs, (world,), int(missing.size))
@@ -171,7 +171,7 @@ def _check(path: Path, predicted: Clip, true: Clip) -> None:
 
 def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
     """How many true rows there are for one row of the prediction."""
-    step = _whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz)
+    step = whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz)
     if step is None:
         raise BadMotionFile(
             f"{path}: {predicted.motion.fps_hz:g} fps, but the truth's {true.motion.fps_hz:g} fps "
@@ -184,13 +184,6 @@ def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
             f"{predicted.motion.fps_hz:g} fps. Give one row for each row of the clip"
         )
     return step
-
-
-def _whole_ratio(higher_hz: float, lower_hz: float) -> int | None:
-    """Frames of the higher rate for one of the lower; None where that is no whole number."""
-    ratio = higher_hz / lower_hz
-    whole = round(ratio)
-    return whole if whole >= 1 and abs(ratio - whole) <= 1e-6 * ratio else None
 
 
 def _at_rate(true: Clip, step: int) -> Clip:

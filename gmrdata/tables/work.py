@@ -25,7 +25,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.tables.plan import Given, Scoring, Training, scored_manifest
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, whole_ratio
 from gmrdata.values.motion_deltas import accumulate
 from gmrdata.values.records import Config
 
@@ -89,12 +89,12 @@ def infer_poses(
 
 
 def _step(motion: Motion, fps_hz: float, clip_id: str) -> int:
-    ratio = motion.fps_hz / fps_hz
-    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+    step = whole_ratio(motion.fps_hz, fps_hz)
+    if step is None:
         raise BadMotionFile(
             f"clip {clip_id}: {motion.fps_hz:g} fps is no multiple of the network's {fps_hz:g}"
         )
-    return round(ratio)
+    return step
 
 
 def _moved(

@@ -51,3 +51,10 @@ class Motion:
     def rotmats(self) -> np.ndarray:
         """(T, 24, 3, 3) the root's rotation, then the local ones."""
         return np.concatenate([self.root_rotmats[:, None], self.local_rotmats], axis=1)
+
+
+def whole_ratio(higher_hz: float, lower_hz: float) -> int | None:
+    """Frames of the higher rate for one of the lower; None where that is no whole number."""
+    ratio = higher_hz / lower_hz
+    whole = round(ratio)
+    return whole if whole >= 1 and abs(ratio - whole) <= 1e-6 * ratio else None
