@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.score import ProtocolName, WorldMetric, world_metrics
+from gmrdata.score import ProtocolName, WorldMetric
+from gmrdata.score import world_metrics as metrics
 from gmrdata.score.records import Protocol
-from gmrdata.score.world_metrics import Rows
+from gmrdata.score.world_metrics import Points, Rotmats, Rows, Samples, pooled
 from gmrdata.values.body import JOINT, N_JOINTS
+from gmrdata.values.shapes import Float
 
 _WHAM_NOTES = (
     "Released code joins the frames on both sides of a gap; here no velocity, jitter, sliding or "
@@ -156,14 +158,14 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
 
 @dataclass(frozen=True, eq=False)
 class WorldBody:
-    """What protocols look at of a body over T frames in one world."""
+    """What protocols look at of a body over time in one world."""
 
-    root_rotmats: np.ndarray
-    """(T, 3, 3) world_from_root."""
-    joints_m: np.ndarray
-    """(T, 24, 3) SMPL's joints, the pelvis first [m]."""
-    feet_m: np.ndarray
-    """(T, F, 3) points of the feet [m]."""
+    root_rotmats: Rotmats
+    """world_from_root."""
+    joints_m: Float[np.ndarray, "frames 24 3"]
+    """SMPL's joints, the pelvis first [m]."""
+    feet_m: Points
+    """Points of the feet [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,91 +173,82 @@ class WorldPair:
     """A prediction in a world of its own, and the truth of the same frames."""
 
     predicted: WorldBody
+    """The prediction."""
     true: WorldBody
+    """The truth."""
     runs: tuple[Rows, ...]
-    """Rows (start, stop) between the gaps; together they are all T frames."""
+    """Rows between the gaps; together they are all frames."""
     fps_hz: float
     """Frame rate [Hz]."""
 
 
-def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[WorldMetric, np.ndarray]:
-    """Samples of each of a protocol's metrics: (n,) by metric, (0,) where there are none."""
-    return {metric: _VALUES[metric](protocol, pair) for metric in protocol.metrics}
+def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[WorldMetric, Samples]:
+    """Samples of each of a protocol's metrics; empty where there are none."""
+    return {metric: _sampled(protocol, metric, pair) for metric in protocol.metrics}
 
 
-def _w(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    return _segments(protocol, pair, protocol.first_frames)
-
-
-def _wa(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    return _segments(protocol, pair, None)
-
-
-def _segments(protocol: Protocol, pair: WorldPair, first_frames: int | None) -> np.ndarray:
-    joints = list(protocol.joints)
-    errors_mm = world_metrics.segment_errors_mm(
-        pair.predicted.joints_m[:, joints],
-        pair.true.joints_m[:, joints],
-        world_metrics.segments_of(
-            len(pair.true.joints_m), protocol.segment_frames, protocol.remainder
-        ),
-        first_frames=first_frames,
-        scale=protocol.scale,
-    )
+def _sampled(protocol: Protocol, metric: WorldMetric, pair: WorldPair) -> Samples:
+    """The values themselves, or their means where each segment or each clip counts once."""
+    parts = _VALUES[metric](protocol, pair)
+    values = pooled(parts)
     if protocol.sample == "segment":
-        return np.array([segment_mm.mean() for segment_mm in errors_mm])
-    return _sampled(protocol, np.concatenate([np.zeros(0), *errors_mm]))
-
-
-def _rte(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    errors = world_metrics.root_errors_percent(
-        pair.predicted.joints_m[:, 0], pair.true.joints_m[:, 0], pair.runs
-    )
-    return _sampled(protocol, errors)
-
-
-def _roe(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    errors_deg = world_metrics.root_orientation_errors_deg(
-        pair.predicted.root_rotmats, pair.true.root_rotmats
-    )
-    return _sampled(protocol, errors_deg)
-
-
-def _erve(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    errors = world_metrics.root_velocity_errors_mm_per_frame(
-        pair.predicted.root_rotmats,
-        pair.predicted.joints_m[:, 0],
-        pair.true.root_rotmats,
-        pair.true.joints_m[:, 0],
-        pair.runs,
-    )
-    return _sampled(protocol, errors)
-
-
-def _jitter(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    joints_m = pair.predicted.joints_m
-    if not protocol.jitter_of_path:
-        joints_m = joints_m - joints_m[:, :1]
-    joints_m = joints_m.copy()
-    joints_m[:, list(protocol.zeroed_joints)] = 0.0
-    return _sampled(protocol, world_metrics.jitter_10m_per_s3(joints_m, pair.fps_hz, pair.runs))
-
-
-def _foot_sliding(protocol: Protocol, pair: WorldPair) -> np.ndarray:
-    slid_mm = world_metrics.foot_sliding_mm(
-        pair.predicted.feet_m, pair.true.feet_m, pair.runs, protocol.contact_m
-    )
-    return _sampled(protocol, slid_mm)
-
-
-def _sampled(protocol: Protocol, values: np.ndarray) -> np.ndarray:
-    """The values themselves, or their mean where each clip counts once."""
+        return np.array([part.mean() for part in parts])
     if protocol.sample == "clip" and len(values):
         return np.array([values.mean()])
     return values
 
 
-_VALUES: dict[WorldMetric, Callable[[Protocol, WorldPair], np.ndarray]] = {
+def _segments(protocol: Protocol, pair: WorldPair, first_frames: int | None) -> list[Samples]:
+    joints = list(protocol.joints)
+    n_frames = len(pair.true.joints_m)
+    return metrics.segment_errors_mm(
+        pair.predicted.joints_m[:, joints],
+        pair.true.joints_m[:, joints],
+        metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder),
+        first_frames=first_frames,
+        scale=protocol.scale,
+    )
+
+
+def _w(protocol: Protocol, pair: WorldPair) -> list[Samples]:
+    return _segments(protocol, pair, protocol.first_frames)
+
+
+def _wa(protocol: Protocol, pair: WorldPair) -> list[Samples]:
+    return _segments(protocol, pair, None)
+
+
+def _rte(_: Protocol, pair: WorldPair) -> list[Samples]:
+    roots_m = pair.predicted.joints_m[:, 0], pair.true.joints_m[:, 0]
+    return [metrics.root_errors_percent(*roots_m, pair.runs)]
+
+
+def _roe(_: Protocol, pair: WorldPair) -> list[Samples]:
+    rotmats = pair.predicted.root_rotmats, pair.true.root_rotmats
+    return [metrics.root_orientation_errors_deg(*rotmats)]
+
+
+def _erve(_: Protocol, pair: WorldPair) -> list[Samples]:
+    predicted, true = (
+        (one.root_rotmats, one.joints_m[:, 0]) for one in (pair.predicted, pair.true)
+    )
+    return [metrics.root_velocity_errors_mm_per_frame(*predicted, *true, pair.runs)]
+
+
+def _jitter(protocol: Protocol, pair: WorldPair) -> list[Samples]:
+    joints_m = pair.predicted.joints_m.copy()
+    if not protocol.jitter_of_path:
+        joints_m -= joints_m[:, :1].copy()
+    joints_m[:, list(protocol.zeroed_joints)] = 0.0
+    return [metrics.jitter_10m_per_s3(joints_m, pair.fps_hz, pair.runs)]
+
+
+def _foot_sliding(protocol: Protocol, pair: WorldPair) -> list[Samples]:
+    feet_m = pair.predicted.feet_m, pair.true.feet_m
+    return [metrics.foot_sliding_mm(*feet_m, pair.runs, protocol.contact_m)]
+
+
+_VALUES: dict[WorldMetric, Callable[[Protocol, WorldPair], list[Samples]]] = {
     "w_mpjpe_mm": _w,
     "wa_mpjpe_mm": _wa,
     "rte_percent": _rte,
@@ -264,3 +257,4 @@ _VALUES: dict[WorldMetric, Callable[[Protocol, WorldPair], np.ndarray]] = {
     "jitter_10m_per_s3": _jitter,
     "foot_sliding_mm": _foot_sliding,
 }
+"""Samples of a metric, segment by segment where it has segments."""
