@@ -8,11 +8,8 @@ components of what the ten leave of it become six more directions, and its membe
 of stature and weight, are kept as the people to draw from.  The package's code is under
 Apache-2.0 and its assets are MakeHuman's under CC0: renders and arrays of this body are free.
 
-Posing a body of another rest pose into SMPL's T-pose, so that one local pose fits both.
-
 SMPL's T-pose: arms level and straight to the sides, palms down, legs straight down, feet forward.
-
-Anny's Mixamo rig on the SMPL tree: which bone is which joint, and the skinning weights.
+Posing bodies into it makes one local pose fit both.
 """
 
 import shutil
@@ -21,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -37,6 +34,7 @@ from gmrdata.values.body import (
     BodyModel,
 )
 from gmrdata.values.errors import BadBodyFile
+from gmrdata.values.joint_names import MIXAMO
 
 if TYPE_CHECKING:
     from anny import Anny
@@ -44,191 +42,12 @@ if TYPE_CHECKING:
 
 LEFT, UP, FRONT = np.eye(3)
 """The body's own directions in SMPL's axes."""
-
-
-@dataclass(frozen=True, eq=False)
-class RestPose:
-    """Rest joints of N shapes of a body whose rest pose is not SMPL's; SMPL's axes, metres."""
-
-    joints_m: np.ndarray
-    """(N, 24, 3)."""
-    index_knuckles_m: np.ndarray
-    """(N, 2, 3) base of the index finger, left and right hand."""
-    little_knuckles_m: np.ndarray
-    """(N, 2, 3) base of the little finger, left and right hand."""
-
-    def symmetric(self) -> "RestPose":
-        """The mean of the body and its mirror image: a rig's own asymmetry is an artefact."""
-        flip = np.array([-1.0, 1.0, 1.0])
-
-        def mean(points_m: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
-            halved: np.ndarray = (points_m + mirrored * flip) / 2
-            return halved
-
-        return RestPose(
-            mean(self.joints_m, self.joints_m[:, list(MIRRORED)]),
-            mean(self.index_knuckles_m, self.index_knuckles_m[:, ::-1]),
-            mean(self.little_knuckles_m, self.little_knuckles_m[:, ::-1]),
-        )
-
-
-def t_posed(
-    rest: RestPose, vertices_m: np.ndarray, skin_weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joints and vertices in the T-pose, with the pelvis at the origin.
-
-    Args:
-        vertices_m: (N, V, 3) rest vertices, same axes [m].
-
-    Returns:
-        (N, 24, 3) joints and (N, V, 3) vertices [m].
-    """
-    rotmats = t_pose_rotmats(rest)
-    joints_m = np.zeros_like(rest.joints_m)
-    for joint in range(1, N_JOINTS):
-        bone_m = rest.joints_m[:, joint] - rest.joints_m[:, PARENTS[joint]]
-        turned_m = np.einsum("nab,nb->na", rotmats[:, PARENTS[joint]], bone_m)
-        joints_m[:, joint] = joints_m[:, PARENTS[joint]] + turned_m
-    offsets_m = joints_m - np.einsum("njab,njb->nja", rotmats, rest.joints_m)
-    posed_m = np.empty_like(vertices_m)
-    for n in range(len(vertices_m)):
-        blended = np.tensordot(skin_weights, rotmats[n], axes=1)
-        posed_m[n] = np.einsum("vab,vb->va", blended, vertices_m[n]) + skin_weights @ offsets_m[n]
-    return joints_m, posed_m
-
-
-def t_pose_rotmats(rest: RestPose) -> np.ndarray:
-    """Rotation of each joint's body part from the rest pose to the T-pose, (N, 24, 3, 3).
-
-    The rest pose must have bent elbows and legs that are not vertical already, as an A-pose has.
-    """
-    rotmats = np.tile(np.eye(3), (len(rest.joints_m), N_JOINTS, 1, 1))
-    for side, outward in (("left", LEFT), ("right", -LEFT)):
-
-        def bone(start: str, end: str, side: str = side) -> np.ndarray:
-            difference_m: np.ndarray = (
-                rest.joints_m[:, JOINT[f"{side}_{end}"]]
-                - rest.joints_m[:, JOINT[f"{side}_{start}"]]
-            )
-            return difference_m
-
-        def turn(joint: str, rotmat: np.ndarray, side: str = side) -> None:
-            rotmats[:, JOINT[f"{side}_{joint}"]] = rotmat
-
-        # A straight arm bends at the elbow to the front, which fixes its twist.
-        upper_arm, forearm = bone("shoulder", "elbow"), bone("elbow", "wrist")
-        hinge, t_hinge = np.cross(upper_arm, forearm), np.cross(outward, FRONT)
-        turn("shoulder", _turn_pair(upper_arm, hinge, outward, t_hinge))
-        turn("elbow", _turn_pair(forearm, hinge, outward, t_hinge))
-        hand = 0 if side == "left" else 1
-        across = rest.index_knuckles_m[:, hand] - rest.little_knuckles_m[:, hand]
-        for joint in ("wrist", "hand"):
-            turn(joint, _turn_pair(bone("wrist", "hand"), across, outward, FRONT))
-        turn("hip", _turn_shortest(bone("hip", "knee"), -UP))
-        turn("knee", _turn_shortest(bone("knee", "ankle"), -UP))
-        # The sole stays as level as it was: a foot only turns about the vertical.
-        level = bone("ankle", "foot") * (1.0, 0.0, 1.0)
-        for joint in ("ankle", "foot"):
-            turn(joint, _turn_pair(level, UP, FRONT, UP))
-    return rotmats
-
-
-def _turn_pair(
-    first: np.ndarray, second: np.ndarray, t_first: np.ndarray, t_second: np.ndarray
-) -> np.ndarray:
-    """Rotations (N, 3, 3) that turn `first` to `t_first` and `second` towards `t_second`."""
-    turned: np.ndarray = _frame(t_first, t_second) @ np.swapaxes(_frame(first, second), -1, -2)
-    return turned
-
-
-def _frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    z = _unit(np.cross(first, second))
-    x = np.broadcast_to(_unit(first), z.shape)
-    return np.stack([x, np.cross(z, x), z], axis=-1)
-
-
-def _turn_shortest(first: np.ndarray, t_first: np.ndarray) -> np.ndarray:
-    """Rotations (N, 3, 3) about the axis square to both directions."""
-    axis = np.cross(first, t_first)
-    return _turn_pair(first, np.cross(axis, first), t_first, np.cross(axis, t_first))
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    normed: np.ndarray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return normed
-
-
 TOE_BEND_M = 0.04
 """Length of the foot over which a bend of the toes spreads, its middle at the foot joint."""
 
-_MIDDLE_BONES = {
-    "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2",
-    "neck": "Neck", "head": "Head",
-}  # fmt: skip
-_SIDE_BONES = {
-    "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase", "collar": "Shoulder",
-    "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand", "hand": "HandMiddle1",
-}  # fmt: skip
 _FINGERS = ("Index", "Middle", "Ring", "Pinky")
-
-
-def mixamo_bone(joint: str) -> str:
-    """Name of the Mixamo bone whose head is a joint of the SMPL tree, as anny writes it."""
-    if joint in _MIDDLE_BONES:
-        return f"mixamorig:{_MIDDLE_BONES[joint]}"
-    side, name = joint.split("_")
-    return f"mixamorig:{side.capitalize()}{_SIDE_BONES[name]}"
-
-
-def merged_weights(anny: "Anny") -> np.ndarray:
-    """(V, 24) weights: those of bones outside the tree go to their nearest ancestor inside it.
-
-    Four fingers go to the hand's joint as in SMPL, not to the wrist, or a turned hand would leave
-    all but the middle finger behind.  Left and right get their mean, since the rig's differ.
-
-    Raises:
-        BadBodyFile: anny's mesh is not its own mirror image.
-    """
-    joint_of_bone: list[int] = []
-    mapped = {mixamo_bone(joint): number for joint, number in JOINT.items()}
-    for label, parent in zip(anny.bone_labels, anny.bone_parents, strict=True):
-        if label.endswith(tuple(f"Hand{finger}1" for finger in _FINGERS)):
-            joint_of_bone.append(JOINT["left_hand" if ":Left" in label else "right_hand"])
-        else:
-            joint_of_bone.append(mapped[label] if label in mapped else joint_of_bone[parent])
-    merge = np.zeros((len(joint_of_bone), len(JOINT_NAMES)))
-    merge[np.arange(len(joint_of_bone)), joint_of_bone] = 1.0
-    weights = anny.dense_vertex_bone_weights.numpy() @ merge
-    twins = _twins(anny.template_vertices.numpy())
-    even: np.ndarray = weights + weights[twins][:, list(MIRRORED)]
-    return even / even.sum(axis=1, keepdims=True)
-
-
-def part_toes(weights: np.ndarray, vertices_m: np.ndarray, joints_m: np.ndarray) -> None:
-    """Let the toes bend at the foot joint, changing `weights` (V, 24) in place.
-
-    The Mixamo rig shares most of the toes half and half between foot and toes, so that they would
-    follow a bend by half.
-    """
-    for side in ("left", "right"):
-        ankle, foot = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
-        both = weights[:, ankle] + weights[:, foot]
-        ahead = (vertices_m[:, 2] - joints_m[foot, 2]) / TOE_BEND_M + 0.5
-        weights[:, foot] = both * np.clip(ahead, 0.0, 1.0)
-        weights[:, ankle] = both - weights[:, foot]
-
-
-def _twins(vertices_m: np.ndarray) -> np.ndarray:
-    """Index of each vertex's mirror image; x is to the side in Anny's axes as in SMPL's."""
-    apart_m, twins = cKDTree(vertices_m).query(vertices_m * (-1.0, 1.0, 1.0))
-    if apart_m.max() > 1e-4:
-        raise BadBodyFile(
-            f"anny {metadata.version('anny')}: its mesh is not symmetric; "
-            "install the version that constraints.txt names"
-        )
-    return np.asarray(twins)
-
-
+BONES = {joint: f"mixamorig:{bone}" for bone, joint in MIXAMO.items()}
+"""Bone of anny's Mixamo rig whose head is a joint of the SMPL tree."""
 BUILDER_VERSION = 4
 """Goes into the cached file's name; raise it with every change of what is built."""
 
@@ -306,6 +125,165 @@ def build_anny(work_dir: Path) -> BodyModel:
         adult_shapes=coefficients(points_m[people], mean_m, dirs_m).round(5) + 0.0,
         adult_phenotypes=phenotypes[people].round(5) + 0.0,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class RestPose:
+    """Rest joints of N shapes of a body whose rest pose is not SMPL's; SMPL's axes, metres."""
+
+    joints_m: np.ndarray
+    """(N, 24, 3)."""
+    index_knuckles_m: np.ndarray
+    """(N, 2, 3) base of the index finger, left and right hand."""
+    little_knuckles_m: np.ndarray
+    """(N, 2, 3) base of the little finger, left and right hand."""
+
+    def symmetric(self) -> "RestPose":
+        """The mean of the body and its mirror image: a rig's own asymmetry is an artefact."""
+        flip = np.array([-1.0, 1.0, 1.0])
+
+        def mean(points_m: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
+            halved: np.ndarray = (points_m + mirrored * flip) / 2
+            return halved
+
+        return RestPose(
+            mean(self.joints_m, self.joints_m[:, list(MIRRORED)]),
+            mean(self.index_knuckles_m, self.index_knuckles_m[:, ::-1]),
+            mean(self.little_knuckles_m, self.little_knuckles_m[:, ::-1]),
+        )
+
+
+def t_posed(
+    rest: RestPose, vertices_m: np.ndarray, skin_weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joints (N, 24, 3) and vertices (N, V, 3) in the T-pose, the pelvis at the origin [m].
+
+    Args:
+        vertices_m: (N, V, 3) rest vertices, same axes [m].
+        skin_weights: (V, 24).
+    """
+    rotmats = t_pose_rotmats(rest)
+    joints_m = np.zeros_like(rest.joints_m)
+    for joint in range(1, N_JOINTS):
+        bone_m = rest.joints_m[:, joint] - rest.joints_m[:, PARENTS[joint]]
+        turned_m = np.einsum("nab,nb->na", rotmats[:, PARENTS[joint]], bone_m)
+        joints_m[:, joint] = joints_m[:, PARENTS[joint]] + turned_m
+    offsets_m = joints_m - np.einsum("njab,njb->nja", rotmats, rest.joints_m)
+    posed_m = np.empty_like(vertices_m)
+    for n in range(len(vertices_m)):
+        blended = np.tensordot(skin_weights, rotmats[n], axes=1)
+        posed_m[n] = np.einsum("vab,vb->va", blended, vertices_m[n]) + skin_weights @ offsets_m[n]
+    return joints_m, posed_m
+
+
+def t_pose_rotmats(rest: RestPose) -> np.ndarray:
+    """Rotation of each joint's body part from the rest pose to the T-pose, (N, 24, 3, 3).
+
+    The rest pose must have bent elbows and legs that are not vertical already, as an A-pose has.
+    """
+    rotmats = np.tile(np.eye(3), (len(rest.joints_m), N_JOINTS, 1, 1))
+    for side, outward in (("left", LEFT), ("right", -LEFT)):
+
+        def bone(start: str, end: str, side: str = side) -> np.ndarray:
+            difference_m: np.ndarray = (
+                rest.joints_m[:, JOINT[f"{side}_{end}"]]
+                - rest.joints_m[:, JOINT[f"{side}_{start}"]]
+            )
+            return difference_m
+
+        def turn(joint: str, rotmat: np.ndarray, side: str = side) -> None:
+            rotmats[:, JOINT[f"{side}_{joint}"]] = rotmat
+
+        # A straight arm bends at the elbow to the front, which fixes its twist.
+        upper_arm, forearm = bone("shoulder", "elbow"), bone("elbow", "wrist")
+        hinge, t_hinge = np.cross(upper_arm, forearm), np.cross(outward, FRONT)
+        turn("shoulder", _turn_pair(upper_arm, hinge, outward, t_hinge))
+        turn("elbow", _turn_pair(forearm, hinge, outward, t_hinge))
+        hand = 0 if side == "left" else 1
+        across = rest.index_knuckles_m[:, hand] - rest.little_knuckles_m[:, hand]
+        for joint in ("wrist", "hand"):
+            turn(joint, _turn_pair(bone("wrist", "hand"), across, outward, FRONT))
+        turn("hip", _turn_shortest(bone("hip", "knee"), -UP))
+        turn("knee", _turn_shortest(bone("knee", "ankle"), -UP))
+        # The sole stays as level as it was: a foot only turns about the vertical.
+        level = bone("ankle", "foot") * (1.0, 0.0, 1.0)
+        for joint in ("ankle", "foot"):
+            turn(joint, _turn_pair(level, UP, FRONT, UP))
+    return rotmats
+
+
+def _turn_pair(
+    first: np.ndarray, second: np.ndarray, t_first: np.ndarray, t_second: np.ndarray
+) -> np.ndarray:
+    """Rotations (N, 3, 3) that turn `first` to `t_first` and `second` towards `t_second`."""
+    turned: np.ndarray = _frame(t_first, t_second) @ np.swapaxes(_frame(first, second), -1, -2)
+    return turned
+
+
+def _frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    z = _unit(np.cross(first, second))
+    x = np.broadcast_to(_unit(first), z.shape)
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def _turn_shortest(first: np.ndarray, t_first: np.ndarray) -> np.ndarray:
+    """Rotations (N, 3, 3) about the axis square to both directions."""
+    axis = np.cross(first, t_first)
+    return _turn_pair(first, np.cross(axis, first), t_first, np.cross(axis, t_first))
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    normed: np.ndarray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return normed
+
+
+def merged_weights(anny: "Anny") -> np.ndarray:
+    """(V, 24) weights: those of bones outside the tree go to their nearest ancestor inside it.
+
+    Four fingers go to the hand's joint as in SMPL, not to the wrist, or a turned hand would leave
+    all but the middle finger behind.  Left and right get their mean, since the rig's differ.
+
+    Raises:
+        BadBodyFile: anny's mesh is not its own mirror image.
+    """
+    joint_of_bone: list[int] = []
+    mapped = {BONES[joint]: number for joint, number in JOINT.items()}
+    for label, parent in zip(anny.bone_labels, anny.bone_parents, strict=True):
+        if label.endswith(tuple(f"Hand{finger}1" for finger in _FINGERS)):
+            joint_of_bone.append(JOINT["left_hand" if ":Left" in label else "right_hand"])
+        else:
+            joint_of_bone.append(mapped[label] if label in mapped else joint_of_bone[parent])
+    merge = np.zeros((len(joint_of_bone), len(JOINT_NAMES)))
+    merge[np.arange(len(joint_of_bone)), joint_of_bone] = 1.0
+    weights = anny.dense_vertex_bone_weights.numpy() @ merge
+    twins = _twins(anny.template_vertices.numpy())
+    even: np.ndarray = weights + weights[twins][:, list(MIRRORED)]
+    return even / even.sum(axis=1, keepdims=True)
+
+
+def part_toes(weights: np.ndarray, vertices_m: np.ndarray, joints_m: np.ndarray) -> None:
+    """Let the toes bend at the foot joint, changing `weights` (V, 24) in place.
+
+    The Mixamo rig shares most of the toes half and half between foot and toes, so that they would
+    follow a bend by half.
+    """
+    for side in ("left", "right"):
+        ankle, foot = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
+        both = weights[:, ankle] + weights[:, foot]
+        ahead = (vertices_m[:, 2] - joints_m[foot, 2]) / TOE_BEND_M + 0.5
+        weights[:, foot] = both * np.clip(ahead, 0.0, 1.0)
+        weights[:, ankle] = both - weights[:, foot]
+
+
+def _twins(vertices_m: np.ndarray) -> np.ndarray:
+    """Index of each vertex's mirror image; x is to the side in Anny's axes as in SMPL's."""
+    apart_m, twins = cKDTree(vertices_m).query(vertices_m * (-1.0, 1.0, 1.0))
+    if apart_m.max() > 1e-4:
+        raise BadBodyFile(
+            f"anny {metadata.version('anny')}: its mesh is not symmetric; "
+            "install the version that constraints.txt names"
+        )
+    return np.asarray(twins)
 
 
 def quantised(lengths_m: np.ndarray) -> np.ndarray:
@@ -387,36 +365,41 @@ def _read_anny() -> "Anny":
 
 def _adults(anny: "Anny") -> "dict[str, Tensor]":
     """Phenotypes (N,) of random adults from Anny's distribution, fitted to WHO's heights."""
-    import torch
-    from anny.shape_distribution import SimpleShapeDistribution
-
-    ages_years = torch.distributions.Uniform(*torch.tensor(AGES_YEARS, dtype=anny.dtype))
-    # The distribution draws from torch's global generator, which is put back as it was.
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(SEED)
-        _, phenotypes = SimpleShapeDistribution(
-            anny, morphological_age_distribution=ages_years
-        ).sample(N_ADULTS)
-    return dict(phenotypes)
+    with _seeded(SEED):
+        return _sampled(anny)
 
 
 def _crowd(anny: "Anny") -> "dict[str, Tensor]":
     """Phenotypes (N,) of adults of whom most are clearly male or female, and some are old."""
     import torch
+
+    beta = torch.full((2,), CROWD_GENDER_BETA, dtype=anny.dtype)
+    with _seeded(CROWD_SEED):
+        phenotypes = _sampled(anny, gender_distribution=torch.distributions.Beta(*beta))
+        low, high = CROWD_AGES
+        ages = low + (high - low) * torch.rand(N_ADULTS, dtype=anny.dtype)
+    return phenotypes | {"age": ages}
+
+
+@contextmanager
+def _seeded(seed: int) -> Iterator[None]:
+    """Anny samples from torch's global generator, which is put back as it was."""
+    import torch
+
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        yield
+
+
+def _sampled(anny: "Anny", **distributions: object) -> "dict[str, Tensor]":
+    import torch
     from anny.shape_distribution import SimpleShapeDistribution
 
     ages_years = torch.distributions.Uniform(*torch.tensor(AGES_YEARS, dtype=anny.dtype))
-    beta = torch.full((2,), CROWD_GENDER_BETA, dtype=anny.dtype)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(CROWD_SEED)
-        _, phenotypes = SimpleShapeDistribution(
-            anny,
-            morphological_age_distribution=ages_years,
-            gender_distribution=torch.distributions.Beta(*beta),
-        ).sample(N_ADULTS)
-        low, high = CROWD_AGES
-        ages = low + (high - low) * torch.rand(N_ADULTS, dtype=anny.dtype)
-    return dict(phenotypes) | {"age": ages}
+    people = SimpleShapeDistribution(
+        anny, morphological_age_distribution=ages_years, **distributions
+    )
+    return dict(people.sample(N_ADULTS)[1])
 
 
 def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[RestPose, np.ndarray]:
@@ -424,11 +407,11 @@ def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[RestPose, np.n
     import torch
 
     with torch.no_grad():
-        rest: dict[str, Any] = anny(phenotype_kwargs=phenotypes)
+        rest = anny(phenotype_kwargs=phenotypes)
     heads_m = _smpl_axes(rest["rest_bone_heads"].numpy())
     bones = {label: heads_m[:, n] for n, label in enumerate(anny.bone_labels)}
     try:
-        joints_m = np.stack([bones[mixamo_bone(joint)] for joint in JOINT_NAMES], axis=1)
+        joints_m = np.stack([bones[BONES[joint]] for joint in JOINT_NAMES], axis=1)
         index, little = (
             np.stack([bones[f"mixamorig:{s}Hand{f}1"] for s in ("Left", "Right")], axis=1)
             for f in ("Index", "Pinky")

@@ -4,9 +4,7 @@
 
 `person_id` is STAF's track, -1 where nothing tracks.  x and y are in pixels of the image; OpenPose
 adds half a pixel to the peaks of its maps, so (0, 0) is the outer corner of the first pixel, as
-everywhere here.
-
-2D keypoints in OpenPose's COCO order, as a detector would see the 24 joints of a body.
+everywhere here.  And keypoints in OpenPose's COCO order, as a detector would see a body's joints.
 """
 
 from dataclasses import dataclass
@@ -35,58 +33,10 @@ OPENPOSE_JOINTS = {
 
 FEWEST_JOINTS = 6
 """With fewer joints 3DPW gives no keypoints at all."""
-
-
-class KeypointConfig(Config):
-    """How well the joints are detected."""
-
-    noise_px: float = 2.0
-    """Standard deviation of x and of y [px]."""
-    confidence: tuple[float, float] = (0.6, 0.95)
-    """Confidence of a joint that is seen is drawn from this range; 3DPW's are like that."""
-
-
-def detected_keypoints(
-    joints_world_m: np.ndarray, camera: CameraPath, config: KeypointConfig, rng: np.random.Generator
-) -> np.ndarray:
-    """Keypoints of a person: joints inside the image with noise, all others zero.
-
-    Occlusion is not looked at: OpenPose guesses hidden joints too.
-
-    Args:
-        joints_world_m: (N, 24, 3) joints in the world [m].
-
-    Returns:
-        (N, 18, 3): x [px], y [px], confidence.
-
-    Raises:
-        ValueError: not 24 joints, or as many frames as the camera has.
-    """
-    if joints_world_m.shape != (camera.n_frames, N_JOINTS, 3):
-        raise ValueError(f"joints {joints_world_m.shape} for {camera.n_frames} cameras")
-    rows = list(OPENPOSE_JOINTS)
-    joints_m = joints_world_m[:, list(OPENPOSE_JOINTS.values())]
-    points_px = project_cam(apply(invert(camera.world_from_cam), joints_m), camera.intrinsics_px)
-    points_px = points_px + rng.normal(0.0, config.noise_px, points_px.shape)
-    confidence = rng.uniform(*config.confidence, points_px.shape[:2])
-    seen = ((points_px >= 0) & (points_px < (camera.width_px, camera.height_px))).all(axis=-1)
-    seen &= (seen.sum(axis=1) >= FEWEST_JOINTS)[:, None]
-    keypoints = np.zeros((camera.n_frames, N_KEYPOINTS, 3))
-    keypoints[:, rows, :2] = np.where(seen[..., None], points_px, 0.0)
-    keypoints[:, rows, 2] = np.where(seen, confidence, 0.0)
-    return keypoints
-
-
 LAYOUTS = {25: "BODY_25 of OpenPose", 21: "BODY_21A of STAF"}
 """Number of keypoints -> layout.  Both begin with the same 15."""
 
-PAIRS = {
-    1: JOINT["neck"],
-    2: JOINT["right_shoulder"], 3: JOINT["right_elbow"], 4: JOINT["right_wrist"],
-    5: JOINT["left_shoulder"], 6: JOINT["left_elbow"], 7: JOINT["left_wrist"],
-    9: JOINT["right_hip"], 10: JOINT["right_knee"], 11: JOINT["right_ankle"],
-    12: JOINT["left_hip"], 13: JOINT["left_knee"], 14: JOINT["left_ankle"],
-}  # fmt: skip
+PAIRS = {point + (point > 7): joint for point, joint in OPENPOSE_JOINTS.items()}
 """Keypoint of both layouts -> SMPL joint.
 
 Left out, since SMPL has no joint there: nose (0), eyes and ears (15-18), heels and the tips of the
@@ -176,3 +126,43 @@ def _track(path: Path, given: Any) -> int | None:
     if not isinstance(number, int) or isinstance(number, bool):
         raise BadKeypoints(f"{path}: person_id is {given!r}, expected [number]")
     return None if number < 0 else number
+
+
+class KeypointConfig(Config):
+    """How well the joints are detected."""
+
+    noise_px: float = 2.0
+    """Standard deviation of x and of y [px]."""
+    confidence: tuple[float, float] = (0.6, 0.95)
+    """Confidence of a joint that is seen is drawn from this range; 3DPW's are like that."""
+
+
+def detected_keypoints(
+    joints_world_m: np.ndarray, camera: CameraPath, config: KeypointConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """Keypoints of a person: joints inside the image with noise, all others zero.
+
+    Occlusion is not looked at: OpenPose guesses hidden joints too.
+
+    Args:
+        joints_world_m: (N, 24, 3) joints in the world [m].
+
+    Returns:
+        (N, 18, 3): x [px], y [px], confidence.
+
+    Raises:
+        ValueError: not 24 joints, or as many frames as the camera has.
+    """
+    if joints_world_m.shape != (camera.n_frames, N_JOINTS, 3):
+        raise ValueError(f"joints {joints_world_m.shape} for {camera.n_frames} cameras")
+    rows = list(OPENPOSE_JOINTS)
+    joints_m = joints_world_m[:, list(OPENPOSE_JOINTS.values())]
+    points_px = project_cam(apply(invert(camera.world_from_cam), joints_m), camera.intrinsics_px)
+    points_px = points_px + rng.normal(0.0, config.noise_px, points_px.shape)
+    confidence = rng.uniform(*config.confidence, points_px.shape[:2])
+    seen = ((points_px >= 0) & (points_px < (camera.width_px, camera.height_px))).all(axis=-1)
+    seen &= (seen.sum(axis=1) >= FEWEST_JOINTS)[:, None]
+    keypoints = np.zeros((camera.n_frames, N_KEYPOINTS, 3))
+    keypoints[:, rows, :2] = np.where(seen[..., None], points_px, 0.0)
+    keypoints[:, rows, 2] = np.where(seen, confidence, 0.0)
+    return keypoints

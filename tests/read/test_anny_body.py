@@ -10,7 +10,7 @@ import torch
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.anny import build_anny, mixamo_bone, principal_directions, quantised
+from gmrdata.read.anny import BONES, build_anny, principal_directions, quantised
 from gmrdata.read.bodies import anny_file, save_body
 from gmrdata.values.body import JOINT, JOINT_NAMES, MIRRORED, BodyModel
 from gmrdata.values.skinning_torch import posed_joints, posed_vertices
@@ -159,11 +159,11 @@ def test_renders_may_be_passed_on(anny: BodyModel) -> None:
 
 
 def test_each_joint_has_its_own_mixamo_bone() -> None:
-    bones = [mixamo_bone(joint) for joint in JOINT_NAMES]
+    bones = [BONES[joint] for joint in JOINT_NAMES]
     assert len(set(bones)) == 24
-    assert mixamo_bone("spine3") == "mixamorig:Spine2"
-    assert mixamo_bone("left_shoulder") == "mixamorig:LeftArm"
-    assert mixamo_bone("right_hand") == "mixamorig:RightHandMiddle1"
+    assert BONES["spine3"] == "mixamorig:Spine2"
+    assert BONES["left_shoulder"] == "mixamorig:LeftArm"
+    assert BONES["right_hand"] == "mixamorig:RightHandMiddle1"
 
 
 def test_principal_directions_find_what_bodies_were_made_of() -> None:
