@@ -1,0 +1,50 @@
+"""Records beside motions: each key is required, and older files are named with the remedy."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gmrdata.motion.cmu import RECORD, Fetched, FetchedFile, plan
+from gmrdata.motion.emdb import EmdbAbout
+from gmrdata.read.download import FetchConfig, PartNote
+from gmrdata.values.errors import BadRecord
+from gmrdata.values.records import Record
+
+RECORDS: list[Record] = [
+    EmdbAbout(emdb1=True, emdb2=False, reasons=["", "good_frames_mask is False"]),
+    Fetched(files={"02.asf": FetchedFile(url="http://a/02.asf", size_bytes=3, sha256="ab")}),
+    PartNote(url="http://a/02.asf", validator='"x"', size=None),
+]
+KEYS = [(record, key) for record in RECORDS for key in type(record).model_fields]
+
+
+@pytest.mark.parametrize(
+    ("record", "key"), KEYS, ids=[f"{type(record).__name__}-{key}" for record, key in KEYS]
+)
+def test_each_key_is_required(record: Record, key: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    record.write(path)
+    assert type(record).read(path) == record
+    values = json.loads(path.read_text())
+    del values[key]
+    path.write_text(json.dumps(values))
+    with pytest.raises(BadRecord, match=rf"a\.json: has no .*`{key}`.*--redo"):
+        type(record).read(path)
+
+
+@pytest.mark.parametrize("key", ["url", "size_bytes", "sha256"])
+def test_each_key_of_a_fetched_file_is_required(key: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    RECORDS[1].write(path)
+    values = json.loads(path.read_text())
+    del values["files"]["02.asf"][key]
+    path.write_text(json.dumps(values))
+    with pytest.raises(BadRecord, match=rf"a\.json: has no .*{key}`"):
+        Fetched.read(path)
+
+
+def test_a_list_of_fetched_files_without_a_tag_is_refused(tmp_path: Path) -> None:
+    (tmp_path / RECORD).write_text('{"files": {}}')
+    with pytest.raises(BadRecord, match=r"fetched\.json: has no `format`.*--redo"):
+        plan(["02_03"], tmp_path, FetchConfig())
