@@ -1,8 +1,9 @@
 """Errors of a prediction of one clip, and of zero motion beside it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from gmrdata.score import METHODS, METRICS, Method, Metric, WorldMetric
 from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_run
 from gmrdata.score.protocols import WorldBody, WorldPair, protocol_values
 from gmrdata.score.records import Protocol
+from gmrdata.score.world_metrics import pooled
 from gmrdata.values import motion_metrics as metrics
 from gmrdata.values.body import BodyModel, sole_vertices, with_vertices
 from gmrdata.values.motion import Motion
@@ -84,32 +86,23 @@ def clip_errors(
     """
     runs = [_run_errors(run, body, predicted_body) for run in clip.runs]
     errors = {
-        method: {
-            metric: np.concatenate([run[method].errors[metric] for run in runs])
-            for metric in METRICS
-        }
+        method: {m: np.concatenate([run[method].errors[m] for run in runs]) for m in METRICS}
         for method in METHODS
     }
     longest = max(runs, key=lambda run: len(run["predicted"].over_time_mm))
-    over_time_mm = {method: longest[method].over_time_mm for method in METHODS}
-    found = ClipErrors(
+    with_protocol = None if protocol is None else (protocol, body, predicted_body or body)
+    return ClipErrors(
         clip.clip_id,
         clip.camera_motion,
         errors,
-        over_time_mm=over_time_mm,
+        over_time_mm={method: longest[method].over_time_mm for method in METHODS},
+        protocol={} if with_protocol is None else _protocol(clip.worlds, *with_protocol),
+        protocol_fps_hz=None if protocol is None else clip.worlds[0][0].true.fps_hz,
         dropped_frames=clip.dropped_frames,
     )
-    if protocol is None:
-        return found
-    return replace(
-        found,
-        protocol=_protocol(clip.worlds, protocol, body, predicted_body),
-        protocol_fps_hz=clip.worlds[0][0].true.fps_hz,
-    )
 
 
-@dataclass(frozen=True, eq=False)
-class _RunErrors:
+class _RunErrors(NamedTuple):
     errors: dict[Metric, np.ndarray]
     over_time_mm: np.ndarray
 
@@ -134,32 +127,21 @@ def _against(true: Motion, predicted: Motion, vertices: VertexErrors) -> _RunErr
 
 
 def _protocol(
-    worlds: Sequence[World],
-    protocol: Protocol,
-    body: BodyModel,
-    predicted_body: BodyModel | None,
+    worlds: Sequence[World], protocol: Protocol, body: BodyModel, predicted_body: BodyModel
 ) -> dict[Method, dict[WorldMetric, np.ndarray]]:
     with_feet = "foot_sliding_mm" in protocol.metrics
     found: dict[Method, list[dict[WorldMetric, np.ndarray]]] = {method: [] for method in METHODS}
     for world in worlds:
         true = _world_body(body, [run.true for run in world], with_feet)
-        edges = np.cumsum([0, *(run.true.n_frames for run in world)]).tolist()
-        rows = tuple(pairwise(edges))
+        predicted = _world_body(predicted_body, [run.predicted for run in world], with_feet)
         still = [still_run(run, world[0].true).predicted for run in world]
-        bodies: dict[Method, WorldBody] = {
-            "predicted": _world_body(
-                predicted_body or body, [run.predicted for run in world], with_feet
-            ),
-            "zero": _world_body(body, still, with_feet),
-        }
-        for method, predicted in bodies.items():
-            pair = WorldPair(predicted, true, rows, world[0].true.fps_hz)
+        zero = _world_body(body, still, with_feet)
+        edges = np.cumsum([0, *(run.true.n_frames for run in world)]).tolist()
+        for method, one in zip(METHODS, (predicted, zero), strict=True):
+            pair = WorldPair(one, true, tuple(pairwise(edges)), world[0].true.fps_hz)
             found[method].append(protocol_values(protocol, pair))
     return {
-        method: {
-            metric: np.concatenate([np.zeros(0), *(values[metric] for values in parts)])
-            for metric in protocol.metrics
-        }
+        method: {metric: pooled([one[metric] for one in parts]) for metric in protocol.metrics}
         for method, parts in found.items()
     }
 
@@ -169,12 +151,12 @@ def _world_body(body: BodyModel, motions: Sequence[Motion], with_feet: bool) -> 
     return WorldBody(
         np.concatenate([motion.root_rotmats for motion in motions]),
         np.concatenate([motion_joints_m(body, motion) for motion in motions]),
-        np.concatenate(
-            [
-                np.zeros((motion.n_frames, 0, 3))
-                if feet is None
-                else motion_vertices_m(feet, motion).astype(np.float64)
-                for motion in motions
-            ]
-        ),
+        np.concatenate([_feet_m(feet, motion) for motion in motions]),
     )
+
+
+def _feet_m(feet: BodyModel | None, motion: Motion) -> np.ndarray:
+    """(T, F, 3) points of the feet [m], none without `feet`."""
+    if feet is None:
+        return np.zeros((motion.n_frames, 0, 3))
+    return motion_vertices_m(feet, motion).astype(np.float64)

@@ -1,9 +1,4 @@
-"""Predictions from a folder of clip files, whatever made them.
-
-A prediction beside its truth: what is scored, whoever predicted it.
-
-Predictions of a trained network for a clip.
-"""
+"""Predictions beside their truth, whoever predicted: a trained network, or files in a folder."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmrdata.gmr.runs import Run, UsableClip, runs_at
+from gmrdata.gmr.runs import UsableClip, runs_at
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.motion import Motion, whole_ratio
@@ -73,32 +68,21 @@ def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> Pre
     Each run of valid frames is a sequence, and a world, of its own: motions are accumulated
     (eqs. 3-4) from the run's true first pose.
 
-    Args:
-        gmr: The network.
-        one: The clip.
-        all_phases: As for `runs_at`.
-
     Raises:
         BadMotionFile: as `runs_at` does.
     """
-    runs = tuple(
-        _predicted(gmr, run) for run in runs_at(one.clip, gmr.fps_hz, all_phases=all_phases)
-    )
-    if not runs:
-        return None
-    worlds = tuple((run,) for run in runs)
-    return PredictedClip(one.clip.id, one.camera_motion, runs, worlds)
-
-
-def _predicted(gmr: "TrainedGmr", run: Run) -> PredictedRun:
     from gmrdata.gmr.predict import predict_deltas
 
-    true = run.motion
-    delta_rotmats, delta_m = predict_deltas(gmr, true.local_rotmats)
-    root_rotmats, pelvis_m = accumulate(
-        delta_rotmats, delta_m, true.root_rotmats[0], true.pelvis_m[0]
-    )
-    return PredictedRun(true, replace(true, root_rotmats=root_rotmats, pelvis_m=pelvis_m))
+    runs = []
+    for run in runs_at(one.clip, gmr.fps_hz, all_phases=all_phases):
+        true = run.motion
+        found = predict_deltas(gmr, true.local_rotmats)
+        root_rotmats, pelvis_m = accumulate(*found, true.root_rotmats[0], true.pelvis_m[0])
+        predicted = replace(true, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
+        runs.append(PredictedRun(true, predicted))
+    if not runs:
+        return None
+    return PredictedClip(one.clip.id, one.camera_motion, tuple(runs), tuple((run,) for run in runs))
 
 
 def file_clip(
@@ -133,8 +117,36 @@ def file_clip(
     path = folder / f"{one.clip.id}.npz"
     predicted = load_clip(path)
     _check(path, predicted, one.clip)
-    step = _rows_per_frame(path, predicted, one.clip)
-    true = _at_rate(one.clip, step)
+    true = _at_rate(one.clip, _rows_per_frame(path, predicted, one.clip))
+    true, predicted, n_missing = _with_both(path, true, predicted, drop_missing=drop_missing)
+    runs = _paired(true, predicted, fps_hz, all_phases=all_phases)
+    if not runs:
+        return None
+    world_hz = predicted.motion.fps_hz
+    if protocol_fps_hz is not None and whole_ratio(world_hz, protocol_fps_hz) is not None:
+        world_hz = protocol_fps_hz
+    world = _paired(true, predicted, world_hz, all_phases=False)
+    return PredictedClip(one.clip.id, one.camera_motion, runs, (world,), n_missing)
+
+
+def every_row(valid: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows 0, step, 2 step, ..., and which of them are valid.
+
+    One is valid where all rows since the one before are, so that no step between two valid rows
+    hides a gap.
+
+    Args:
+        valid: (T,) bool.
+        step: Rows from one to the next.
+    """
+    rows = np.arange(0, len(valid), step)
+    return rows, np.array([valid[max(0, row - step + 1) : row + 1].all() for row in rows])
+
+
+def _with_both(
+    path: Path, true: Clip, predicted: Clip, *, drop_missing: bool
+) -> tuple[Clip, Clip, int]:
+    """Both on the rows that both have, and how many valid rows have no prediction."""
     has = np.zeros(true.motion.n_frames, bool)
     has[: predicted.motion.n_frames] = predicted.valid[: len(has)]
     missing = np.flatnonzero(true.valid & ~has)
@@ -145,17 +157,9 @@ def file_clip(
         )
     n = min(true.motion.n_frames, predicted.motion.n_frames)
     valid = (true.valid & has)[:n]
-    true = _first_rows(true, one.clip.id, valid)
     # By its path, so that what is said of it names the file.
-    predicted = _first_rows(predicted, str(path), valid)
-    runs = _paired(true, predicted, fps_hz, all_phases=all_phases)
-    if not runs:
-        return None
-    world_hz = predicted.motion.fps_hz
-    if protocol_fps_hz is not None and whole_ratio(world_hz, protocol_fps_hz) is not None:
-        world_hz = protocol_fps_hz
-    world = _paired(true, predicted, world_hz, all_phases=False)
-    return PredictedClip(one.clip.id, one.camera_motion, runs, (world,), int(missing.size))
+    parts = (_first_rows(true, true.id, valid), _first_rows(predicted, str(path), valid))
+    return *parts, int(missing.size)
 
 
 def _check(path: Path, predicted: Clip, true: Clip) -> None:
@@ -187,12 +191,9 @@ def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
 
 
 def _at_rate(true: Clip, step: int) -> Clip:
-    """Every `step`-th row; valid where all rows since the one before are, so that no step between
-    two valid rows hides a gap."""
     if step == 1:
         return true
-    rows = np.arange(0, true.motion.n_frames, step)
-    valid = np.array([true.valid[max(0, row - step + 1) : row + 1].all() for row in rows])
+    rows, valid = every_row(true.valid, step)
     motion = true.motion.take(slice(0, None, step), true.motion.fps_hz / step)
     return replace(true, motion=motion, valid=valid, image_numbers=rows, camera=None)
 
@@ -206,12 +207,8 @@ def _first_rows(clip: Clip, name: str, valid: np.ndarray) -> Clip:
 def _paired(
     true: Clip, predicted: Clip, fps_hz: float, *, all_phases: bool
 ) -> tuple[PredictedRun, ...]:
-    pairs = zip(
-        runs_at(true, fps_hz, all_phases=all_phases),
-        runs_at(predicted, fps_hz, all_phases=all_phases),
-        strict=True,
-    )
-    return tuple(PredictedRun(true.motion, predicted.motion) for true, predicted in pairs)
+    runs = (runs_at(clip, fps_hz, all_phases=all_phases) for clip in (true, predicted))
+    return tuple(PredictedRun(a.motion, b.motion) for a, b in zip(*runs, strict=True))
 
 
 def missing_file(folder: Path, clip_id: str) -> str | None:

@@ -168,14 +168,7 @@ def score_clips(
     protocol: ProtocolName | None = None,
     predicted_body: BodyModel | None = None,
 ) -> tuple[list[ClipErrors], dict[str, str]]:
-    """Errors of each clip.
-
-    Args:
-        predict: Gives a clip's prediction, or the reason why there is none.
-        body: The clips' body.
-        clips: What to score.
-        protocol: What to measure beside OME, TME and VME.
-        predicted_body: The predictions' body; None for the clips' own.
+    """Errors of each clip; `predicted_body` is the predictions', None for the clips' own.
 
     Returns:
         Errors of those clips that have a prediction, and the reason by id of those that have none.
