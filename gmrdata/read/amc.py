@@ -1,4 +1,4 @@
-"""Reader of Acclaim AMC motions on their ASF skeleton: CMU's own form of its motions.
+"""Reader of Acclaim AMC motions on their ASF skeleton, CMU's own form (mocap.cs.cmu.edu).
 
 Each bone has an `axis` rotation C, in which its degrees of freedom are measured.  With M the
 rotation by the AMC's angles, applied about fixed axes in the listed order, the bone turns relative
@@ -21,6 +21,8 @@ from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import is_cmu
 
 INCH_M = 0.0254
+_BONE_NAME = re.compile(r"^[ \t]*([A-Za-z_]\S*)", re.MULTILINE)
+_FRAME_NUMBER = re.compile(r"[0-9]+")
 
 Section = list[tuple[int, list[str]]]
 """Lines of a section as (line number, words)."""
@@ -166,9 +168,8 @@ def _read_bones(section: Section, degrees: bool, path: Path) -> dict[str, _Bone]
         elif not key.startswith("("):
             block[key] = (line, words[1:])
     if block is not None:
-        raise BadMotionFile(
-            f"{path}: the last bone of :bonedata has no 'end'; the file is truncated"
-        )
+        what = "the last bone of :bonedata has no 'end'; the file is truncated"
+        raise BadMotionFile(f"{path}: {what}")
     return bones
 
 
@@ -182,9 +183,8 @@ def _read_bone(
     line, dof = block.get("dof", (end_line, []))
     channels = [word.lower() for word in dof]
     if not set(channels) <= {"rx", "ry", "rz"} or len(set(channels)) != len(channels):
-        raise bad_line(
-            path, line, f"dof {' '.join(dof)[:40]!r}: only rx, ry and rz, once each, can be read"
-        )
+        what = f"dof {' '.join(dof)[:40]!r}: only rx, ry and rz, once each, can be read"
+        raise bad_line(path, line, what)
     line, words = block["direction"]
     direction = np.array(parse_floats(words, path, line))
     size = float(np.linalg.norm(direction))
@@ -210,9 +210,8 @@ def _read_tree(
         parent = names.index(words[0])
         for name in words[1:]:
             if name not in bones or name in names:
-                raise bad_line(
-                    path, line, f"bone {name[:40]} is not in :bonedata, or has two parents"
-                )
+                what = f"bone {name[:40]} is not in :bonedata, or has two parents"
+                raise bad_line(path, line, what)
             names.append(name)
             parents.append(parent)
     lost = sorted(set(bones) - set(names))
@@ -221,17 +220,12 @@ def _read_tree(
     return tuple(names), tuple(parents)
 
 
-_BONE_NAME = re.compile(r"^[ \t]*([A-Za-z_]\S*)", re.MULTILINE)
-_FRAME_NUMBER = re.compile(r"[0-9]+")
-
-
 @dataclass(frozen=True)
 class _Layout:
     """How the numbers of a frame lie, as its first occurrence in the AMC shows it."""
 
-    bones: tuple[str, ...]
     columns: dict[str, slice]
-    """Where a bone's numbers stand in a frame's row; the frame's number is column 0."""
+    """Where each bone's numbers stand in a frame's row; the frame's number is column 0."""
     n_columns: int
 
 
@@ -291,18 +285,11 @@ def find_asf(amc_path: Path) -> Path:
         MissingInput: the AMC is not there, or no skeleton is, or several are and none has its name.
     """
     subject = amc_path.stem.rpartition("_")[0]
-    named = [
-        amc_path.with_name(stem + suffix)
-        for stem in (amc_path.stem, subject)
-        if stem
-        for suffix in (".asf", ".ASF")
-    ]
-    for candidate in named:
-        if candidate.is_file():
-            return candidate
-    others = [p for p in sorted(amc_path.parent.glob("*")) if p.suffix.lower() == ".asf"]
-    if len(others) == 1:
-        return others[0]
+    found = sorted(p for p in amc_path.parent.glob("*") if p.suffix.lower() == ".asf")
+    there = [path for path in found if path.is_file()]
+    named = [p for stem in (amc_path.stem, subject) for p in there if p.stem == stem]
+    if named or len(there) == 1:
+        return (named or there)[0]
     raise MissingInput(
         f"{amc_path}: its skeleton {subject or amc_path.stem}.asf is not beside it; "
         "put it there or give asf_path"
@@ -336,22 +323,12 @@ def _layout(body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: i
             break
         name = words[0]
         if name not in asf.names or name in columns:
-            raise bad_line(
-                path,
-                line_number,
-                f"bone {name[:40]} is not in {asf_path.name}, or comes "
-                "twice; "
-                "the AMC belongs to another skeleton: give its asf_path",
-            )
+            what = f"bone {name[:40]} is not in {asf_path.name}, or comes twice; the AMC belongs to"
+            raise bad_line(path, line_number, f"{what} another skeleton: give its asf_path")
         due = 6 if name == "root" else len(asf.channels[asf.names.index(name)])
         if len(words) - 1 != due:
-            raise bad_line(
-                path,
-                line_number,
-                f"{len(words) - 1} values for {name}, where {asf_path.name} "
-                "has "
-                f"{due} degrees of freedom; give the asf_path that belongs to this AMC",
-            )
+            what = f"{len(words) - 1} values for {name}, where {asf_path.name} has {due} degrees of"
+            raise bad_line(path, line_number, f"{what} freedom; give this AMC's own asf_path")
         columns[name] = slice(column, column + due)
         column += due
     lost = [n for n, dof in zip(asf.names, asf.channels, strict=True) if dof and n not in columns]
@@ -360,32 +337,25 @@ def _layout(body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: i
             f"{path}: its frames have no {', '.join(lost)}, which {asf_path.name} has; "
             "the file is truncated, or its skeleton is another one: give asf_path"
         )
-    return _Layout(tuple(columns), columns, column)
+    return _Layout(columns, column)
 
 
 def _table(body: list[str], layout: _Layout, path: Path, first_line: int) -> np.ndarray:
     """(T, n_columns): one row per frame."""
     text = "\n".join(body)
     names = _BONE_NAME.findall(text)
-    n_frames, rest = divmod(len(names), len(layout.bones))
+    n_frames = len(names) // len(layout.columns)
     values = parse_block(_BONE_NAME.sub("", text))
-    regular = (
-        values is not None
-        and rest == 0
-        and values.size == n_frames * layout.n_columns
-        and names == list(layout.bones) * n_frames
-    )
-    if not regular or values is None:
+    regular = names == list(layout.columns) * n_frames
+    if values is None or not regular or values.size != n_frames * layout.n_columns:
         _explain(body, layout, path, first_line)
         raise BadMotionFile(f"{path}: the frames are not regular; fetch the file again")
     table = values.reshape(n_frames, layout.n_columns)
     jumps = np.flatnonzero(np.diff(table[:, 0]) != 1.0)
     if jumps.size:
         before, after = table[jumps[0], 0], table[jumps[0] + 1, 0]
-        raise BadMotionFile(
-            f"{path}: frame {after:g} follows frame {before:g}; frames are missing. Split the file "
-            "there, or fetch it again"
-        )
+        what = f"frame {after:g} follows frame {before:g}; frames are missing"
+        raise BadMotionFile(f"{path}: {what}. Split the file there, or fetch it again")
     return table
 
 
@@ -402,11 +372,8 @@ def _explain(body: list[str], layout: _Layout, path: Path, first_line: int) -> N
         if name == "" and not (len(words) == 1 and _FRAME_NUMBER.fullmatch(words[0])):
             raise bad_line(path, line_number, f"{line[:40]!r} where a frame's number is due")
         if name and (words[0] != name or len(words) - 1 != n_values):
-            raise bad_line(
-                path,
-                line_number,
-                f"{line[:40]!r} where {name} with {n_values} values is due; fetch the file again",
-            )
+            what = f"{line[:40]!r} where {name} with {n_values} values is due"
+            raise bad_line(path, line_number, f"{what}; fetch the file again")
         parse_floats(words[1:] if name else words, path, line_number)
         position += 1
     if position % len(due):

@@ -4,12 +4,11 @@ The zero pose is the hierarchy's offsets with all rotations zero.  A joint's rot
 applied in the listed order about the joint's own moving axes (R = R1 R2 R3); its position channels
 replace the offset, which for the root is what exporters write although the 1999 description adds
 them (for a motion that is put on the floor afterwards the two differ by a constant shift).
-
-The first half of a BVH file: joints, offsets and channels.
 """
 
 import re
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +25,9 @@ from gmrdata.read.source_motion import (
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.joint_names import is_cmu
 
+CMU_UNIT_M = 0.0254 / 0.45
+"""CMU's files hold inches times 0.45."""
+CENTIMETRE_M = 0.01
 _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
 
 
@@ -88,17 +90,15 @@ def _read_statement(tree: Hierarchy, statement: str, path: Path, line_number: in
     elif keyword.upper() == "CHANNELS" and here is not None and not tree.channels[here]:
         tree.channels[here] = _read_channel_names(rest.split(), path, line_number)
     elif not (keyword == "HIERARCHY" and not tree.names):
-        raise bad_line(
-            path, line_number, f"{statement[:40]!r} is not expected here; broken hierarchy"
-        )
+        what = f"{statement[:40]!r} is not expected here; broken hierarchy"
+        raise bad_line(path, line_number, what)
 
 
 def _announce_joint(tree: Hierarchy, keyword: str, name: str, path: Path, line_number: int) -> None:
     here = tree.open_blocks[-1] if tree.open_blocks else None
     if (keyword == "ROOT") != (not tree.names) or (keyword == "JOINT" and here is None):
-        raise bad_line(
-            path, line_number, f"{keyword} {name[:40]} is not inside the one ROOT; broken hierarchy"
-        )
+        what = f"{keyword} {name[:40]} is not inside the one ROOT; broken hierarchy"
+        raise bad_line(path, line_number, what)
     if name in tree.names:
         raise bad_line(path, line_number, f"a second joint of the name {name[:40]}")
     tree.announced, tree.brace_due = len(tree.names), True
@@ -126,19 +126,11 @@ def _read_channel_names(words: list[str], path: Path, line_number: int) -> list[
     matches = [_CHANNEL.match(word) for word in words[1:]]
     channels = [(m.group(1).upper(), m.group(2).lower()) for m in matches if m]
     if not words or words[0] != str(len(matches)) or len(channels) != len(matches):
-        raise bad_line(
-            path,
-            line_number,
-            "CHANNELS needs its count and as many names like Xposition, Zrotation",
-        )
+        what = "CHANNELS needs its count and as many names like Xposition, Zrotation"
+        raise bad_line(path, line_number, what)
     if len(set(channels)) != len(channels):
         raise bad_line(path, line_number, "a channel is listed twice")
     return channels
-
-
-CMU_UNIT_M = 0.0254 / 0.45
-"""CMU's files hold inches times 0.45."""
-CENTIMETRE_M = 0.01
 
 
 def read_bvh(
@@ -173,21 +165,13 @@ def read_bvh(
     table = parse_table(lines[table_line:], n_columns, n_frames, path, table_line + 1)
 
     cmu = is_cmu(tree.names)
-    unit_m, unit_note = (
-        (unit_m, "given")
-        if unit_m is not None
-        else (CMU_UNIT_M, "CMU's")
-        if cmu
-        else (CENTIMETRE_M, "centimetres")
-    )
+    unit_note = "given" if unit_m is not None else "CMU's" if cmu else "centimetres"
+    unit_m = unit_m if unit_m is not None else CMU_UNIT_M if cmu else CENTIMETRE_M
     fps_hz, rate_note = _choose_rate(fps_hz, cmu, frame_time, path)
-    notes: tuple[str, ...] = (
-        f"{fps_hz:.7g} Hz ({rate_note})",
-        f"{unit_m:.6g} m per unit ({unit_note})",
-    )
+    notes = (f"{fps_hz:.7g} Hz ({rate_note})", f"{unit_m:.6g} m per unit ({unit_note})")
     rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
     rows, rows_notes = recorded_rows(table, rotation_columns, cmu, drop_rest_frame, path)
-    table, notes = table[rows], notes + rows_notes
+    table = table[rows]
     return SourceMotion(
         names=tuple(tree.names),
         parents=tuple(tree.parents),
@@ -196,7 +180,7 @@ def read_bvh(
         local_rotmats=_local_rotmats(tree, table),
         translations_m=_translations(tree, table) * unit_m,
         fps_hz=fps_hz,
-        notes=notes,
+        notes=notes + rows_notes,
     )
 
 
@@ -219,22 +203,17 @@ def _read_motion_header(
     keys = [lines[i].partition(":") for i in filled]
     if [key.strip().lower() for key, _, _ in keys] != ["frames", "frame time"]:
         raise bad_line(path, start + 1, "'Frames:' and 'Frame Time:' must follow MOTION")
-    count = keys[0][2].strip()
-    if not (count.isascii() and count.isdigit() and len(count) < 9):
-        raise bad_line(path, filled[0] + 1, f"{count[:40]!r} is no number of frames")
-    return int(count), (keys[1][2].strip(), filled[1] + 1), filled[1] + 1
+    number = keys[0][2].strip()
+    if not (number.isascii() and number.isdigit() and len(number) < 9):
+        raise bad_line(path, filled[0] + 1, f"{number[:40]!r} is no number of frames")
+    return int(number), (keys[1][2].strip(), filled[1] + 1), filled[1] + 1
 
 
 def _columns(tree: Hierarchy, kind: str) -> list[list[tuple[str, int]]]:
     """Per joint, the (axis, column in the table) of its channels of one kind."""
-    columns: list[list[tuple[str, int]]] = []
-    column = 0
-    for channels in tree.channels:
-        columns.append(
-            [(axis, column + i) for i, (axis, found) in enumerate(channels) if found == kind]
-        )
-        column += len(channels)
-    return columns
+    column = count()
+    numbered = [[(axis, found, next(column)) for axis, found in names] for names in tree.channels]
+    return [[(axis, n) for axis, found, n in names if found == kind] for names in numbered]
 
 
 def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:

@@ -61,12 +61,8 @@ def parse_floats(words: list[str], path: Path, line_number: int) -> list[float]:
                 path, line_number, f"{word[:40]!r} is not a number; fetch the file again"
             ) from None
         if not abs(value) <= LARGEST_IN_TEXT:
-            raise bad_line(
-                path,
-                line_number,
-                f"{word[:40]} is not a usable number; "
-                "cut the bad frames out of the file or fetch it again",
-            )
+            what = f"{word[:40]} is not a usable number; cut the bad frames out of the file"
+            raise bad_line(path, line_number, f"{what} or fetch it again")
         values.append(value)
     return values
 
@@ -105,12 +101,10 @@ def parse_table(
             continue
         found += 1
         if len(words) != n_columns:
-            raise bad_line(
-                path,
-                line_number,
-                f"{len(words)} numbers where the channels need {n_columns}; "
-                "the file is truncated or edited, fetch it again",
+            what = (
+                f"{len(words)} numbers where the channels need {n_columns}; the file is truncated"
             )
+            raise bad_line(path, line_number, f"{what} or edited, fetch it again")
         parse_floats(words, path, line_number)
     raise BadMotionFile(
         f"{path}: the header promises {n_rows} frames and the file has {found}; "

@@ -1,8 +1,6 @@
 """SourceMotion: a motion on its own skeleton, as the BVH and ASF/AMC readers give it.
 
-Which rows of a motion file were recorded: not an added rest pose, not rows without data.
-
-Frame rates: which number is believed, and why.
+Also which rows of a file were recorded, and which number is believed to be its frame rate.
 """
 
 import re
@@ -149,20 +147,14 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
     except ValueError:
         raise bad_line(path, line_number, f"frame time {text[:40]!r} is not a number") from None
     if not 1 / HIGHEST_HZ <= frame_time_s <= 1 / LOWEST_HZ:
-        raise bad_line(
-            path,
-            line_number,
-            f"a frame time of {text[:40]} s is no rate from {LOWEST_HZ:g} to "
-            f"{HIGHEST_HZ:g} Hz; give the true rate with fps_hz",
-        )
+        what = f"a frame time of {text[:40]} s is no rate from {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
+        raise bad_line(path, line_number, f"{what}; give the true rate with fps_hz")
     mantissa, _, exponent = text.strip().lower().partition("e")
     decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
     # 1/256 lies exactly in the middle of two numbers of 7 digits; what is computed, beside it.
     half_step_s = 0.5 * 10.0**-decimals * (1 + 1e-6)
-    nearest_hz = round(1 / frame_time_s)
-    return (
-        float(nearest_hz) if abs(1 / nearest_hz - frame_time_s) <= half_step_s else 1 / frame_time_s
-    )
+    nearest_hz = float(round(1 / frame_time_s))
+    return nearest_hz if abs(1 / nearest_hz - frame_time_s) <= half_step_s else 1 / frame_time_s
 
 
 def check_rate_hz(fps_hz: float, path: Path) -> float:
@@ -172,9 +164,6 @@ def check_rate_hz(fps_hz: float, path: Path) -> float:
         BadMotionFile: no rate from 1 to 1000 Hz.
     """
     if not LOWEST_HZ <= fps_hz <= HIGHEST_HZ:
-        raise BadMotionFile(
-            f"{path}: a frame rate of {fps_hz:g} Hz is not from {LOWEST_HZ:g} to {HIGHEST_HZ:g} "
-            "Hz; "
-            "give the true rate with fps_hz"
-        )
+        what = f"a frame rate of {fps_hz:g} Hz is not from {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
+        raise BadMotionFile(f"{path}: {what}; give the true rate with fps_hz")
     return float(fps_hz)
