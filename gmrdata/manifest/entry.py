@@ -1,6 +1,6 @@
-"""Make a clip's manifest entry from the files that a stage left.
+"""Make a clip's manifest entry from the files that a stage left, and say what made it.
 
-Records of what made a manifest and its clips, without times and machine paths.
+What made it is said without times and machine paths.
 """
 
 import hashlib
@@ -128,7 +128,7 @@ def clip_entry(
         licence: Terms under which this clip may be passed on.
         source: Where the motion came from.
         id: The clip's id if the caller expects one; the file must agree.
-        images_dir: Folder of images.
+        images_dir: Folder of images; the other folders have a file for each of them.
         masks_dir: Folder of masks.
         depth_dir: Folder of depth images.
         normals_dir: Folder of normal images.

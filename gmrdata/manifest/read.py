@@ -1,13 +1,12 @@
 """Read a manifest, and the clips that it lists.
 
-The JSON Schema of the manifest format, generated from the models.
-
-`python -m gmrdata.manifest.read` writes it to manifests/schema/v1.json of a checkout; a test
-compares the two.
+`python -m gmrdata.manifest.read` writes the JSON Schema of the format, which is generated from the
+models, to manifests/schema/v1.json of a checkout; a test compares the two.
 """
 
 import datetime
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -136,11 +135,8 @@ def _date_text(value: Any) -> str:
 
 def _plain(location: tuple[str | int, ...]) -> tuple[str | int, ...]:
     """A field's path without the union tag that pydantic puts in front."""
-    return (
-        location[1:]
-        if location and location[0] in ("synthetic", "pseudo_gt", "motions", "list")
-        else location
-    )
+    has_tag = location[:1] and location[0] in ("synthetic", "pseudo_gt", "motions", "list")
+    return location[1:] if has_tag else location
 
 
 def _line(location: tuple[str | int, ...], lines: dict[yaml_text.FieldPath, int]) -> int:
@@ -164,7 +160,7 @@ def _field(location: tuple[str | int, ...], data: Any) -> str:
     return text or "manifest"
 
 
-def json_schema() -> dict[str, Any]:
+def json_schema() -> Mapping[str, Any]:
     """JSON Schema (draft 2020-12) of `format: gmrdata/1`.
 
     It can't say everything: that kept and dropped ranges tile a clip, that ids are unique and that

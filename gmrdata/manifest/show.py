@@ -1,8 +1,10 @@
 """Show a manifest as a table, and the difference of two."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
 from rich.markup import escape
 from rich.table import Table
 
@@ -12,12 +14,7 @@ from gmrdata.stage.progress import answers
 
 
 def show_manifest(path: Path) -> None:
-    """Print a table with a row per clip.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadManifest: not a manifest.
-    """
+    """Print `manifest_table`."""
     answers.print(manifest_table(path))
 
 
@@ -92,10 +89,12 @@ def _source(clip: Clip | ListedClip) -> str:
     return f"{clip.source.dataset}: {clip.source.sequence}{person}"
 
 
-def _by_id(manifest: Manifest | ListManifest) -> dict[str, Any]:
-    data: dict[str, Any] = manifest.model_dump(mode="json", exclude_defaults=True)
-    data["clips"] = {f"[{clip.pop('id')}]": clip for clip in data["clips"]}
-    return data
+def _by_id(manifest: Manifest | ListManifest) -> Mapping[str, object]:
+    def fields(part: BaseModel, without: str) -> dict[str, object]:
+        return part.model_dump(mode="json", exclude_defaults=True, exclude={without})
+
+    clips = {f"[{clip.id}]": fields(clip, "id") for clip in manifest.clips}
+    return fields(manifest, "clips") | {"clips": clips}
 
 
 def _differences(a: Any, b: Any, at: str) -> list[str]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -30,18 +29,12 @@ def write_manifest(
 
     Args:
         path: The manifest; the files of its clips lie below its folder.
-        name: Name of the data set.
         version: major.minor.patch.
-        description: What this is, for a reader.
         kind: "synthetic", "pseudo_gt", "motions", or "list" for clips without files.
-        licence: Terms of the data set as a whole.
         clips: What `gmrdata.manifest.entry.clip_entry` made, written in order of id; or, for a
             list, its rows, written in the order given.
         created_by: From `gmrdata.manifest.entry.created_by`; without it, versions alone.
         redo: Replace a manifest of the same name and version but other content.
-
-    Returns:
-        `path`.
 
     Raises:
         BadManifest: a field breaks the format, or the path holds the same version with other
@@ -70,8 +63,7 @@ def write_manifest(
 
 def manifest_text(manifest: Manifest | ListManifest) -> str:
     """YAML of a manifest: keys in the models' order, fields without a value left out."""
-    data: dict[str, Any] = manifest.model_dump(mode="json", exclude_defaults=True)
-    return yaml_text.dump(data)
+    return yaml_text.dump(manifest.model_dump(mode="json", exclude_defaults=True))
 
 
 def _refuse_to_change_a_version(path: Path, manifest: Manifest | ListManifest) -> None:

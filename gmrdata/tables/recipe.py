@@ -18,6 +18,10 @@ from gmrdata.values.records import Config
 Method = Literal["gmr", "vibe_cam", "camera_as_world", "joint"]
 
 
+Settings = dict[str, Any]
+"""Settings of a training, nested as its config is."""
+
+
 class Scale(Config):
     """What all rows of a table have in common at one size."""
 
@@ -27,9 +31,9 @@ class Scale(Config):
     """Seeds of each row's trainings; the paper has one training per row."""
     held_out_subjects: tuple[int | str, ...] = ()
     """People who are scored and not trained on, where no manifest to score is given."""
-    train: dict[str, Any] = Field(default_factory=dict)
+    train: Settings = Field(default_factory=dict)
     """Settings of `TrainConfig`, nested as it is; the paper's where left out."""
-    joint: dict[str, Any] = Field(default_factory=dict)
+    joint: Settings = Field(default_factory=dict)
     """Settings of `JointConfig`, for rows of that method."""
 
 
@@ -38,7 +42,7 @@ class RowAtScale(Config):
 
     name: str | None = None
     """What the row is called then."""
-    train: dict[str, Any] = Field(default_factory=dict)
+    train: Settings = Field(default_factory=dict)
     """Settings that stand over the row's."""
 
 
@@ -59,7 +63,7 @@ class Row(Config):
     clips: Literal["all", "moving", "still"] = "all"
     """Which of the scored clips count: all, those whose camera moves, or those whose camera stands
     still, as their twins' does."""
-    train: dict[str, Any] = Field(default_factory=dict)
+    train: Settings = Field(default_factory=dict)
     """Settings that this row varies, of `TrainConfig` or, for method `joint`, `JointConfig`."""
     at: dict[ScaleName, RowAtScale] = Field(default_factory=dict)
     """What is particular to it at one size."""
@@ -168,7 +172,7 @@ def joint_config(recipe: TableRecipe, row: Row, scale: ScaleName, seed: int) -> 
     return JointConfig.model_validate(merged(recipe.scales[scale].joint, own) | {"seed": seed})
 
 
-def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Settings:
     """Nested settings with others laid over them."""
     found = dict(base)
     for key, value in over.items():
@@ -178,6 +182,6 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _settings_of(row: Row, scale: ScaleName) -> dict[str, Any]:
+def _settings_of(row: Row, scale: ScaleName) -> Settings:
     at = row.at.get(scale)
     return row.train if at is None else merged(row.train, at.train)
