@@ -1,6 +1,6 @@
 """Ours and the plain recipe on the same sequences: rows of both, and the table that compares."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from sfm.twins import Twins
 
 from gmrdata.read.threedpw_arrays import read_sequence_file
 from gmrdata.stage.store import stage_seconds
-from gmrdata.twins.pseudo_gt_error import sequence_row
+from gmrdata.twins.pseudo_gt_error import sequence_errors
 from gmrdata.values.clip import load_clip
 from gmrdata.values.people import person_file
 
@@ -47,17 +47,19 @@ def measure_beside(twins: Twins, name: str, made: Regenerated, out_dir: Path) ->
 
 def _ours(twins: Twins, name: str, made: Regenerated) -> dict[str, Any]:
     verdict = made.verdicts[name]
-    return sequence_row(
+    errors = sequence_errors(
         name,
         twins.classes[name],
         made.clips(name),
         true_clips(twins.truth_dir, name),
-        accepted=verdict["accepted"],
+        accepted=verdict.accepted,
         seconds=made.given_seconds(name) + made.own_seconds(name),
-        class_measured=verdict["class"],
-        scale=verdict["scale"],
-        scale_sigma=verdict["scale_sigma"],
-    ) | {"reasons": verdict["reasons"], "own_seconds": round(made.own_seconds(name), 2)}
+        class_measured=verdict.camera_motion,
+        scale=verdict.scale,
+        scale_sigma=verdict.scale_sigma,
+        reasons=verdict.reasons,
+    )
+    return asdict(errors) | {"own_seconds": round(made.own_seconds(name), 2)}
 
 
 def _plain(twins: Twins, name: str, made: Regenerated, out_dir: Path) -> dict[str, Any]:
@@ -73,7 +75,7 @@ def _plain(twins: Twins, name: str, made: Regenerated, out_dir: Path) -> dict[st
     paths = [motions_dir / person_file(number) for number in range(len(given))]
     clips = [load_clip(path) for path in paths if path.is_file()]
     own_s = stage_seconds(sfm_dir) + stage_seconds(motions_dir)
-    return sequence_row(
+    errors = sequence_errors(
         name,
         twins.classes[name],
         clips,
@@ -81,7 +83,8 @@ def _plain(twins: Twins, name: str, made: Regenerated, out_dir: Path) -> dict[st
         # It has no verdict: what has cameras is used.
         accepted=bool(clips),
         seconds=made.given_seconds(name) + own_s,
-    ) | {"own_seconds": round(own_s, 2)}
+    )
+    return asdict(errors) | {"own_seconds": round(own_s, 2)}
 
 
 def table_row(pair: Beside) -> dict[str, Any]:

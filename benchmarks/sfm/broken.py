@@ -42,23 +42,23 @@ def _row(breakage: Breakage, made: Regenerated, files: SequenceFiles) -> dict[st
     verdict, entries = made.verdicts[files.name], made.entries(files.name)
     bad = np.zeros(read_sequence_file(files.pickle_path).n_frames, dtype=bool)
     bad[len(bad) // 2 if breakage.half else 0 :] = True
-    if verdict["accepted"]:
+    if verdict.accepted:
         caught = all(
             _only_bad_dropped(entry, files, number, bad) for number, entry in enumerate(entries)
         )
         reason = _reason_for(entries, bad)
     else:
-        caught, reason = True, "; ".join(verdict["reasons"])
+        caught, reason = True, "; ".join(verdict.reasons)
     reason = reason.replace(f"{files.root}/", "")
     named = [other.id for other in BREAKAGES if other.cause.search(reason)]
     return {
         "id": breakage.id,
         "caught": caught,
-        "how": "bad frames dropped" if verdict["accepted"] else "rejected",
+        "how": "bad frames dropped" if verdict.accepted else "rejected",
         "reason": reason,
         "names_the_cause": breakage.id in named,
         "also_names": [name for name in named if name != breakage.id],
-        "kept_share": verdict["kept_share"],
+        "kept_share": verdict.kept_share,
     }
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from render.timing import run_python
 
@@ -11,8 +10,9 @@ from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.masks.sources import masks_seconds
 from gmrdata.stage.store import stage_seconds
+from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts
 from gmrdata.values.clip import Clip
-from gmrdata.values.files import STAGE_FILE, read_json
+from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.people import person_file
 
 
@@ -33,9 +33,10 @@ class Regenerated:
         return self.root / "pseudo_gt.yaml"
 
     @property
-    def verdicts(self) -> dict[str, dict[str, Any]]:
+    def verdicts(self) -> dict[str, SequenceVerdict]:
         """Each sequence's verdict by name."""
-        return {row["sequence"]: row for row in read_json(self.root / "verdicts.json")}
+        verdicts = Verdicts.read(self.root / "verdicts.json").sequences
+        return {verdict.sequence: verdict for verdict in verdicts}
 
     def entries(self, name: str) -> list[ClipEntry]:
         """The manifest's clips of a sequence, in the order of its people."""

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from render.timing import run_python
 
 from gmrdata.read.threedpw_layout import SequenceFiles, find_sequence
-from gmrdata.values.files import read_json
+from gmrdata.twins.twin_set import TwinSequence, TwinsRecord
 
 
 @dataclass(frozen=True)
@@ -30,16 +29,16 @@ class Twins:
     @property
     def classes(self) -> dict[str, str]:
         """What the camera does, by sequence."""
-        return {row["name"]: row["class_true"] for row in self._rows}
+        return {twin.name: twin.class_true for twin in self._twins}
 
     @property
     def places(self) -> dict[str, str]:
         """Kind of place, by sequence."""
-        return {row["name"]: row["scene"]["kind"] for row in self._rows}
+        return {twin.name: twin.scene.kind for twin in self._twins}
 
     @property
-    def _rows(self) -> list[dict[str, Any]]:
-        return list(read_json(self.truth_dir / "twins.json")["sequences"])
+    def _twins(self) -> tuple[TwinSequence, ...]:
+        return TwinsRecord.read(self.truth_dir / "twins.json").sequences
 
     def files(self, name: str) -> SequenceFiles:
         """A sequence's files."""

@@ -1,13 +1,8 @@
-"""A regenerated twin set against its truth.
-
-Rows of sequences put together: by the camera's true class, and all.
-
-Twins made, regenerated and measured: `floor.json`.
-"""
+"""Twins made, regenerated, and measured against their truth: `floor.json`."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.entry import without_machine_paths
@@ -19,71 +14,95 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import stage_seconds
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import Verdicts, regenerate_set
-from gmrdata.twins.floor_record import Floor, FloorGroup
-from gmrdata.twins.pseudo_gt_error import FPS_HZ, sequence_row
+from gmrdata.twins.floor_record import Floor, FloorGroup, SequenceErrors
+from gmrdata.twins.pseudo_gt_error import FPS_HZ, sequence_errors
 from gmrdata.twins.recipe import TwinRecipe
 from gmrdata.twins.twin_set import TwinTruth, make_twins, read_truth
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadBodyFile, StageFailed
-from gmrdata.values.files import STAGE_FILE, write_json
+from gmrdata.values.files import STAGE_FILE
 
-Row = dict[str, Any]
-
-
-def by_class(rows: Sequence[Row]) -> dict[str, FloorGroup]:
-    """A group for each true class, in alphabetical order."""
-    names = sorted({str(row["class_true"]) for row in rows})
-    return {name: group([row for row in rows if row["class_true"] == name]) for name in names}
+TWINS_FOLDER, REGENERATED_FOLDER, FLOOR_FILE = "twins", "regenerated", "floor.json"
 
 
-def group(rows: Sequence[Row]) -> FloorGroup:
-    """Figures of some sequences.
+class MadeFloor(NamedTuple):
+    """What was measured, and what could not be."""
+
+    path: Path
+    """`floor.json`."""
+    failed: StageFailed | None
+    """Sequences that could not be rendered, or not be read; the others are measured."""
+
+
+def sampled_floor(
+    sampled: TwinRecipe,
+    motions_dir: Path,
+    recipe: ThreedpwRecipe,
+    out_dir: Path,
+    *,
+    run: Run = DEFAULT_RUN,
+) -> MadeFloor:
+    """Render twins to `out_dir/twins`, then as `floor_of_twins`.
 
     Args:
-        rows: At least one, as `gmrdata.twins.pseudo_gt_error.sequence_row` gives them.
+        sampled: The twins' recipe.
+        motions_dir: Folder of the motion files that it names.
+        recipe: The recipe of the pseudo ground truth.
+        out_dir: Output folder.
+
+    Raises:
+        StageFailed: not one twin could be rendered.
+        GmrdataError: as `floor_of_twins` says.
     """
-    accepted = [row for row in rows if row["accepted"]]
-    people = [person for row in accepted for person in row["people"]]
-    scaled = [row for row in accepted if row["scale_error_percent"] is not None]
-    seen = sum(row["frames"] * len(row["people"]) for row in rows)
-    kept = sum(person["kept_frames"] for row in rows for person in row["people"])
-    return FloorGroup(
-        sequences=len(rows),
-        accepted=len(accepted),
-        class_right=sum(row["class_measured"] == row["class_true"] for row in rows),
-        n_motions=sum(person["n_motions"] for person in people),
-        ome_deg=_over_motions(people, "ome_deg"),
-        tme_mm=_over_motions(people, "tme_mm"),
-        vme_mm=_over_motions(people, "vme_mm"),
-        camera_rotation_deg=_mean(row["camera_rotation_deg"] for row in accepted),
-        camera_path_mm=_mean(row["camera_path_mm"] for row in accepted),
-        abs_scale_error_percent=_mean(abs(row["scale_error_percent"]) for row in scaled),
-        scale_stated=len(scaled),
-        scale_within_2sigma=sum(row["scale_within_2sigma"] is True for row in scaled),
-        kept_share=_figure(kept / seen),
-        seconds_per_frame=_figure(
-            sum(row["seconds"] for row in rows) / sum(row["frames"] for row in rows)
-        ),
-    )
+    twins_dir = out_dir / TWINS_FOLDER
+    failed: StageFailed | None = None
+    try:
+        make_twins(sampled, twins_dir, motions_dir=motions_dir, run=run)
+    except StageFailed as error:
+        failed = error
+        if not read_truth(twins_dir).classes:
+            raise
+    made = floor_of_twins(twins_dir, recipe, out_dir, seed=sampled.set.seed, run=run)
+    return made._replace(failed=failed or made.failed)
 
 
-def _over_motions(people: Sequence[Row], key: str) -> float | None:
-    """Mean over all motions of all people."""
-    known = [person for person in people if person[key] is not None]
-    n_motions = sum(person["n_motions"] for person in known)
-    if not n_motions:
-        return None
-    return _figure(sum(person[key] * person["n_motions"] for person in known) / n_motions)
+def floor_of_twins(
+    twins_dir: Path,
+    recipe: ThreedpwRecipe,
+    out_dir: Path,
+    *,
+    seed: int | None = None,
+    run: Run = DEFAULT_RUN,
+) -> MadeFloor:
+    """Regenerate twins to `out_dir/regenerated` and measure them.  A run that was stopped goes on.
 
+    Args:
+        twins_dir: What `gmrdata threedpw twin` made.
+        recipe: The recipe of the pseudo ground truth.
+        out_dir: Output folder.
+        seed: What the twins were sampled by.
 
-def _mean(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return _figure(sum(known) / len(known)) if known else None
+    Returns:
+        Path of `out_dir/floor.json`, in which sequences that failed are listed as rejected.
 
-
-def _figure(value: float) -> float:
-    return float(f"{value:.6g}")
+    Raises:
+        MissingInput: the folder holds no twins, or a sequence has no truth.
+    """
+    twins = read_truth(twins_dir)
+    names = recipe.sequences or tuple(sorted(twins.classes))
+    for name in names:
+        twins.people(name)
+    recipe = recipe.model_copy(update={"sequences": names})
+    regenerated_dir = out_dir / REGENERATED_FOLDER
+    failed: StageFailed | None = None
+    try:
+        regenerate_set(recipe, twins.root, regenerated_dir, run=run)
+    except StageFailed as error:
+        failed = error
+    floor = measure(twins, regenerated_dir, recipe, seed=seed)
+    floor.write(out_dir / FLOOR_FILE)
+    return MadeFloor(out_dir / FLOOR_FILE, failed)
 
 
 def measure(
@@ -95,7 +114,7 @@ def measure(
         twins: The truth.
         regenerated_dir: What `regenerate_set` made of the twins.
         recipe: Its recipe.
-        seed: What the twins were drawn by.
+        seed: What the twins were sampled by.
 
     Raises:
         MissingInput: a sequence has no truth.
@@ -104,11 +123,11 @@ def measure(
     paths = SetPaths(regenerated_dir.resolve())
     bodies = [read_body(paths.body_dir(n) / BODY_FILE) for n in range(len(recipe.bodies))]
     clips = _clips(paths.manifest)
-    rows = []
+    sequences = []
     for verdict in track(Verdicts.read(paths.verdicts).sequences, "measuring"):
         name = verdict.sequence
         truth = twins.people(name)
-        row = sequence_row(
+        one = sequence_errors(
             name,
             twins.classes[name],
             clips.get(name, []),
@@ -119,17 +138,64 @@ def measure(
             class_measured=verdict.camera_motion,
             scale=verdict.scale,
             scale_sigma=verdict.scale_sigma,
+            reasons=verdict.reasons,
         )
-        rows.append(row | {"reasons": verdict.reasons})
+        sequences.append(one)
     return Floor(
-        format="gmrdata-floor/1",
         fps_hz=FPS_HZ,
         seed=seed,
         recipe=without_machine_paths(recipe.model_dump(mode="json", exclude={"workers"})),
-        sequences=tuple(rows),
-        classes=by_class(rows),
-        overall=group(rows),
+        sequences=tuple(sequences),
+        classes=by_class(sequences),
+        overall=group(sequences),
     )
+
+
+def by_class(sequences: Sequence[SequenceErrors]) -> dict[str, FloorGroup]:
+    """A group for each true class, in alphabetical order."""
+    names = sorted({one.class_true for one in sequences})
+    return {name: group([one for one in sequences if one.class_true == name]) for name in names}
+
+
+def group(sequences: Sequence[SequenceErrors]) -> FloorGroup:
+    """Figures of at least one sequence."""
+    accepted = [one for one in sequences if one.accepted]
+    people = [person for one in accepted for person in one.people]
+    scale_errors = [
+        one.scale_error_percent for one in accepted if one.scale_error_percent is not None
+    ]
+    seen = sum(one.frames * len(one.people) for one in sequences)
+    kept = sum(person.kept_frames for one in sequences for person in one.people)
+    return FloorGroup(
+        sequences=len(sequences),
+        accepted=len(accepted),
+        class_right=sum(one.class_measured == one.class_true for one in sequences),
+        n_motions=sum(person.n_motions for person in people),
+        ome_deg=_over_motions((person.ome_deg, person.n_motions) for person in people),
+        tme_mm=_over_motions((person.tme_mm, person.n_motions) for person in people),
+        vme_mm=_over_motions((person.vme_mm, person.n_motions) for person in people),
+        camera_rotation_deg=_mean(one.camera_rotation_deg for one in accepted),
+        camera_path_mm=_mean(one.camera_path_mm for one in accepted),
+        abs_scale_error_percent=_mean(abs(error) for error in scale_errors),
+        scale_stated=len(scale_errors),
+        scale_within_2sigma=sum(one.scale_within_2sigma is True for one in accepted),
+        kept_share=kept / seen,
+        seconds_per_frame=(
+            sum(one.seconds for one in sequences) / sum(one.frames for one in sequences)
+        ),
+    )
+
+
+def _over_motions(errors: Iterable[tuple[float | None, int]]) -> float | None:
+    """Mean over all motions of all people, of (mean over a person's motions, how many)."""
+    known = [(error, n_motions) for error, n_motions in errors if error is not None]
+    n_motions = sum(n for _, n in known)
+    return sum(error * n for error, n in known) / n_motions if n_motions else None
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None
 
 
 def _clips(manifest_path: Path) -> dict[str, list[Clip]]:
@@ -165,85 +231,3 @@ def _body_of(clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:
         f"{clip.id}: of body {clip.motion.body}, which is not among the recipe's "
         f"({', '.join(body.name for body in bodies)}); name it in the recipe's `bodies`"
     )
-
-
-TWINS_FOLDER, REGENERATED_FOLDER, FLOOR_FILE = "twins", "regenerated", "floor.json"
-
-
-class MadeFloor(NamedTuple):
-    """What was measured, and what could not be."""
-
-    path: Path
-    """`floor.json`."""
-    failed: StageFailed | None
-    """Sequences that could not be rendered, or not be read; the others are measured."""
-
-
-def drawn_floor(
-    drawn: TwinRecipe,
-    motions_dir: Path,
-    recipe: ThreedpwRecipe,
-    out_dir: Path,
-    *,
-    run: Run = DEFAULT_RUN,
-) -> MadeFloor:
-    """Render twins to `out_dir/twins`, then as `floor_of_twins`.
-
-    Args:
-        drawn: The twins' recipe.
-        motions_dir: Folder of the motion files that it names.
-        recipe: The recipe of the pseudo ground truth.
-        out_dir: Output folder.
-
-    Raises:
-        StageFailed: not one twin could be rendered.
-        GmrdataError: as `floor_of_twins` says.
-    """
-    twins_dir = out_dir / TWINS_FOLDER
-    failed: StageFailed | None = None
-    try:
-        make_twins(drawn, twins_dir, motions_dir=motions_dir, run=run)
-    except StageFailed as error:
-        failed = error
-        if not read_truth(twins_dir).classes:
-            raise
-    made = floor_of_twins(twins_dir, recipe, out_dir, seed=drawn.set.seed, run=run)
-    return made._replace(failed=failed or made.failed)
-
-
-def floor_of_twins(
-    twins_dir: Path,
-    recipe: ThreedpwRecipe,
-    out_dir: Path,
-    *,
-    seed: int | None = None,
-    run: Run = DEFAULT_RUN,
-) -> MadeFloor:
-    """Regenerate twins to `out_dir/regenerated` and measure them.  A run that was stopped goes on.
-
-    Args:
-        twins_dir: What `gmrdata threedpw twin` made.
-        recipe: The recipe of the pseudo ground truth.
-        out_dir: Output folder.
-        seed: What the twins were drawn by.
-
-    Returns:
-        Path of `out_dir/floor.json`, in which sequences that failed are listed as rejected.
-
-    Raises:
-        MissingInput: the folder holds no twins, or a sequence has no truth.
-    """
-    twins = read_truth(twins_dir)
-    names = recipe.sequences or tuple(sorted(twins.classes))
-    for name in names:
-        twins.people(name)
-    recipe = recipe.model_copy(update={"sequences": names})
-    regenerated_dir = out_dir / REGENERATED_FOLDER
-    failed: StageFailed | None = None
-    try:
-        regenerate_set(recipe, twins.root, regenerated_dir, run=run)
-    except StageFailed as error:
-        failed = error
-    floor = measure(twins, regenerated_dir, recipe, seed=seed)
-    write_json(out_dir / FLOOR_FILE, floor.model_dump(mode="json"))
-    return MadeFloor(out_dir / FLOOR_FILE, failed)

@@ -1,16 +1,72 @@
-"""`floor.json`: how wrong the pseudo ground truth itself is, by class of camera motion.
-
-A floor as the rows of a table.
-"""
+"""`floor.json`: how wrong the pseudo ground truth itself is, by class of camera motion."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import ValidationError
+from pydantic import JsonValue, NonNegativeInt
+from pydantic.dataclasses import dataclass as part
 
-from gmrdata.values.errors import BadRecord
-from gmrdata.values.files import read_json
-from gmrdata.values.records import Config
+from gmrdata.values.camera_motion import MotionClass
+from gmrdata.values.records import PART, Config, Figure, Record
+
+CameraMotion = MotionClass | Literal["none"]
+
+
+@part(frozen=True, config=PART)
+class PersonErrors:
+    """Errors of one recovered person at 10 fps over the kept frames; null for what is not known."""
+
+    id: str
+    """The exact clip's."""
+    kept_frames: NonNegativeInt
+    n_motions: NonNegativeInt
+    """Motions of which the next three are means, in all phases."""
+    ome_deg: Figure | None
+    """Orientation motion error [deg]."""
+    tme_mm: Figure | None
+    """Translation motion error [mm]."""
+    vme_mm: Figure | None
+    """Vertex motion error [mm]; null without a body."""
+    camera_rotation_deg: Figure | None
+    """Camera rotation error [deg]."""
+    camera_path_mm: Figure | None
+    """Camera path error [mm]."""
+    scale_error_percent: Figure | None
+    """By how much the recovered path is too large [%]."""
+
+
+@part(frozen=True, config=PART)
+class SequenceErrors:
+    """A recovered sequence against its truth; null for what is not known.
+
+    Motion and camera errors are those of the person who fares worst.
+    """
+
+    id: str
+    """The sequence."""
+    class_true: str
+    """What its camera does."""
+    class_measured: CameraMotion | None
+    """Class of the recovered path."""
+    accepted: bool
+    """Whether it may be used."""
+    frames: NonNegativeInt
+    """Images."""
+    kept_share: Figure
+    """Share of all people's frames that may be used, 0 to 1."""
+    ome_deg: Figure | None
+    tme_mm: Figure | None
+    vme_mm: Figure | None
+    camera_rotation_deg: Figure | None
+    camera_path_mm: Figure | None
+    scale_error_percent: Figure | None
+    scale_within_2sigma: bool | None
+    """Whether the true scale is within two of the stated standard errors."""
+    seconds: float
+    """Wall time [s]."""
+    people: tuple[PersonErrors, ...]
+    reasons: tuple[str, ...]
+    """Why it was rejected."""
 
 
 class FloorGroup(Config):
@@ -24,41 +80,39 @@ class FloorGroup(Config):
     """Those whose camera was given its true class."""
     n_motions: int
     """Motions of which the next three are means, all people's and all phases'."""
-    ome_deg: float | None
+    ome_deg: Figure | None
     """Orientation motion error [deg]."""
-    tme_mm: float | None
+    tme_mm: Figure | None
     """Translation motion error [mm]."""
-    vme_mm: float | None
+    vme_mm: Figure | None
     """Vertex motion error [mm]."""
-    camera_rotation_deg: float | None
+    camera_rotation_deg: Figure | None
     """Camera rotation error, mean of the sequences [deg]."""
-    camera_path_mm: float | None
+    camera_path_mm: Figure | None
     """Camera path error, mean of the sequences [mm]."""
-    abs_scale_error_percent: float | None
+    abs_scale_error_percent: Figure | None
     """Size of the scale error, mean of the sequences in which scale enters [%]."""
     scale_stated: int
     """Sequences in which scale enters."""
     scale_within_2sigma: int
     """Those of them whose true scale is within two of the stated standard errors."""
-    kept_share: float
+    kept_share: Figure
     """Share of all people's frames that may be used, rejected sequences included, 0 to 1."""
-    seconds_per_frame: float
+    seconds_per_frame: Figure
     """Wall time of all stages per image [s]."""
 
 
-class Floor(Config):
+class Floor(Record):
     """The file."""
 
-    format: Literal["gmrdata-floor/1"]
-    """Name and version of the format."""
+    format: Literal["gmrdata-floor/1"] = "gmrdata-floor/1"
     fps_hz: float
     """Rate of the motions [Hz]."""
     seed: int | None
-    """What the twins were drawn by; None for given ones."""
-    recipe: dict[str, Any]
+    """What the twins were sampled by; null for given ones."""
+    recipe: dict[str, JsonValue]
     """Recipe of the pseudo ground truth."""
-    sequences: tuple[dict[str, Any], ...]
-    """Rows of `gmrdata.twins.pseudo_gt_error.sequence_row`, and the reasons of the verdict."""
+    sequences: tuple[SequenceErrors, ...]
     classes: dict[str, FloorGroup]
     """Groups by the camera's true class."""
     overall: FloorGroup
@@ -66,20 +120,8 @@ class Floor(Config):
 
 
 def read_floor(path: Path) -> Floor:
-    """Read a `floor.json`.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadRecord: it is no floor of this format.
-    """
-    try:
-        return Floor.model_validate(read_json(path))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise BadRecord(
-            f"{path}: {place}: {first['msg']}. Give the floor.json that `gmrdata floor` wrote"
-        ) from None
+    """Read a `floor.json`; errors as `Record.read`."""
+    return Floor.read(path)
 
 
 HEADINGS = (
@@ -114,21 +156,22 @@ def notes(floor: Floor) -> list[str]:
         "a sequence shows the one who fares worst. `all`, of what was accepted: OME, TME, VME over "
         "everyone's motions, camera errors and sizes of scale errors over the sequences."
     ]
-    rejected = [row for row in floor.sequences if not row["accepted"]]
-    return lines + [f"{row['id']}: rejected: {'; '.join(row['reasons'])}" for row in rejected]
+    rejected = [one for one in floor.sequences if not one.accepted]
+    return lines + [f"{one.id}: rejected: {'; '.join(one.reasons)}" for one in rejected]
 
 
-def _sequence(row: dict[str, Any]) -> tuple[str, ...]:
+def _sequence(errors: SequenceErrors) -> tuple[str, ...]:
+    scale = errors.scale_error_percent
     return (
-        row["id"],
-        row["class_true"],
-        row["class_measured"] or "-",
-        ANSWERS[row["accepted"]],
-        *_errors(row),
-        _signed(row["scale_error_percent"]),
-        ANSWERS[row["scale_within_2sigma"]],
-        f"{100 * row['kept_share']:.1f}%",
-        f"{row['seconds'] / row['frames']:.2f}",
+        errors.id,
+        errors.class_true,
+        errors.class_measured or "-",
+        ANSWERS[errors.accepted],
+        *_errors(errors),
+        "-" if scale is None else f"{scale:+.2f}",
+        ANSWERS[errors.scale_within_2sigma],
+        f"{100 * errors.kept_share:.1f}%",
+        f"{errors.seconds / errors.frames:.2f}",
     )
 
 
@@ -138,7 +181,7 @@ def _group(title: str, class_true: str, group: FloorGroup) -> tuple[str, ...]:
         class_true,
         f"{group.class_right}/{group.sequences} right",
         f"{group.accepted}/{group.sequences}",
-        *_errors(group.model_dump()),
+        *_errors(group),
         _text(group.abs_scale_error_percent, 2),
         f"{group.scale_within_2sigma}/{group.scale_stated}" if group.scale_stated else "-",
         f"{100 * group.kept_share:.1f}%",
@@ -146,19 +189,15 @@ def _group(title: str, class_true: str, group: FloorGroup) -> tuple[str, ...]:
     )
 
 
-def _errors(figures: dict[str, Any]) -> tuple[str, ...]:
+def _errors(of: SequenceErrors | FloorGroup) -> tuple[str, ...]:
     return (
-        _text(figures["ome_deg"], 3),
-        _text(figures["tme_mm"], 2),
-        _text(figures["vme_mm"], 2),
-        _text(figures["camera_rotation_deg"], 3),
-        _text(figures["camera_path_mm"], 1),
+        _text(of.ome_deg, 3),
+        _text(of.tme_mm, 2),
+        _text(of.vme_mm, 2),
+        _text(of.camera_rotation_deg, 3),
+        _text(of.camera_path_mm, 1),
     )
 
 
 def _text(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
-
-
-def _signed(value: float | None) -> str:
-    return "-" if value is None else f"{value:+.2f}"

@@ -1,10 +1,8 @@
-"""Draw the recipe of a twin set: other motions, cameras and places for each seed.
+"""The recipe of a twin set by a seed: other motions, cameras and places for each.
 
-What is drawn is planned before it is taken, by the code that the renderer uses: the motion is long
-enough and has its feet on the floor, people stay in view, the class of the camera's motion is
+What is sampled is planned before it is taken, by the code that the renderer uses: the motion is
+long enough and has its feet on the floor, people stay in view, the class of the camera's motion is
 beyond doubt, and there is room for everyone.
-
-The twins that a floor is measured on, drawn by a seed.
 """
 
 import re
@@ -29,7 +27,7 @@ from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 
 BAR_RECIPE = "twins"
-"""Its trials are not drawn."""
+"""Its trials are not sampled."""
 CLASSES: tuple[MotionClass, ...] = get_args(MotionClass)
 PLACES = ("courtyard", "street", "park", "room")
 FILM = Film(duration_s=5.0, fps_hz=30.0, width_px=540, height_px=960, hfov_deg=30.8)
@@ -97,7 +95,7 @@ def twin_recipe(
         own = np.random.default_rng([seed, 1, number])
         company = int(number % COMPANY_EVERY == 1)
         for path in waiting:
-            clip = _draw(f"{kind}_{number:02d}", path, kind, place, company, base, body, own)
+            clip = _sample_clip(f"{kind}_{number:02d}", path, kind, place, company, base, body, own)
             if clip is not None:
                 clips.append(clip)
                 waiting.remove(path)
@@ -116,7 +114,7 @@ def _files(motions_dir: Path) -> list[Path]:
     return [path for path in find_motions(motions_dir) if path.stem not in taken]
 
 
-def _draw(
+def _sample_clip(
     id: str,
     path: Path,
     kind: MotionClass,
@@ -127,7 +125,7 @@ def _draw(
     rng: np.random.Generator,
 ) -> SyntheticClip | None:
     """A sequence with this motion and class of camera, or None if they don't fit each other."""
-    programme = _programme(kind, rng)
+    programme = _sample_programme(kind, rng)
     roomy, scene_seeds = rng.uniform(*ROOMY), rng.integers(2**31, size=PLACE_TRIES)
     extras = {
         "company": company,
@@ -158,7 +156,7 @@ def _draw(
     return None
 
 
-def _programme(kind: MotionClass, rng: np.random.Generator) -> dict[str, Any]:
+def _sample_programme(kind: MotionClass, rng: np.random.Generator) -> dict[str, Any]:
     """A camera of a class, held in the hand unless it is static."""
     view = {"kind": kind, "height_m": round(rng.uniform(1.1, 1.8), 2)}
     held = {
@@ -240,7 +238,7 @@ MIN_FRAMES = 60
 """In less time the class of a camera's motion does not show."""
 
 
-def draw_twins(
+def sample_twins(
     n_sequences: int, seed: int, motions_dir: Path, film: Film, workers: int | None
 ) -> TwinRecipe:
     """The recipe of the twins.
@@ -258,11 +256,11 @@ def draw_twins(
     """
     if seed < 0:
         raise BadRecipe(f"--seed {seed}: give 0 or more")
-    drawn = twin_recipe(n_sequences, seed, motions_dir, film=film)
+    sampled = twin_recipe(n_sequences, seed, motions_dir, film=film)
     if workers is None:
-        return drawn
-    clips = drawn.set.model_copy(update={"workers": workers})
-    return drawn.model_copy(update={"set": clips})
+        return sampled
+    clips = sampled.set.model_copy(update={"workers": workers})
+    return sampled.model_copy(update={"set": clips})
 
 
 def film_of(size: str, n_frames: int) -> Film:

@@ -1,12 +1,14 @@
-"""A twin set: clips rendered, then written as a dataset in 3DPW's layout, the truth beside it.
-
-Read a twin set: the dataset's root, what each sequence is, and its exact people.
-"""
+"""A twin set: clips rendered, then written as a dataset in 3DPW's layout, the truth beside it."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
+
+from pydantic import PositiveInt
+from pydantic.dataclasses import dataclass as part
 
 from gmrdata.film.extras import Extras
+from gmrdata.film.programmes import Programme
 from gmrdata.film.render import EXTRAS_FOLDER
 from gmrdata.film.render_set import render_dir, render_set
 from gmrdata.film.scene import SceneConfig
@@ -21,9 +23,35 @@ from gmrdata.stage.store import run_stage
 from gmrdata.twins.recipe import Split, TwinRecipe
 from gmrdata.twins.twin import TwinConfig, write_twin
 from gmrdata.values.clip import Clip, load_clip
-from gmrdata.values.errors import BadRecord, MissingInput, StageFailed
-from gmrdata.values.files import read_json, remove_orphans, write_json
-from gmrdata.values.records import Config
+from gmrdata.values.errors import MissingInput, StageFailed
+from gmrdata.values.files import remove_orphans
+from gmrdata.values.records import PART, Config, Record
+
+SET_FOLDER, DATASET_FOLDER, TRUTH_FOLDER = "render_set", "3DPW", "truth"
+TWINS_FILE = "twins.json"
+GENDERS = ("female", "male")
+
+
+@part(frozen=True, config=PART)
+class TwinSequence:
+    """What a sequence is."""
+
+    name: str
+    class_true: str
+    """What its camera does."""
+    trial: str
+    """The motion that is seen."""
+    people: PositiveInt
+    """Annotated people."""
+    scene: SceneConfig
+    programme: Programme
+
+
+class TwinsRecord(Record):
+    """`truth/twins.json`."""
+
+    format: Literal["gmrdata-twins/1"] = "gmrdata-twins/1"
+    sequences: tuple[TwinSequence, ...]
 
 
 @dataclass(frozen=True)
@@ -70,21 +98,10 @@ def read_truth(folder: Path) -> TwinTruth:
     path = folder / TRUTH_FOLDER / TWINS_FILE
     if not path.is_file():
         raise MissingInput(f"{path}: no such file; give a folder that `gmrdata threedpw twin` made")
-    record = read_json(path)
-    try:
-        classes = {str(row["name"]): str(row["class_true"]) for row in record["sequences"]}
-    except (KeyError, TypeError):
-        raise BadRecord(
-            f"{path}: not a list of sequences with name and class_true; make the twins again"
-        ) from None
-    for name in classes:
-        require_name(name)
-    return TwinTruth(folder, classes)
-
-
-SET_FOLDER, DATASET_FOLDER, TRUTH_FOLDER = "render_set", "3DPW", "truth"
-TWINS_FILE = "twins.json"
-GENDERS = ("female", "male")
+    sequences = TwinsRecord.read(path).sequences
+    for sequence in sequences:
+        require_name(sequence.name)
+    return TwinTruth(folder, {sequence.name: sequence.class_true for sequence in sequences})
 
 
 class SequenceTwinConfig(Config):
@@ -219,19 +236,17 @@ def _place(recipe: TwinRecipe, clip: SyntheticClip) -> SceneConfig:
 
 
 def _write_index(path: Path, recipe: TwinRecipe, clips: list[SyntheticClip]) -> None:
-    """Write what each sequence is; a file that says the same is left alone."""
-    index = {"sequences": [_about(recipe, clip) for clip in clips]}
-    if not path.is_file() or read_json(path) != index:
-        write_json(path, index)
+    """Write what each sequence is."""
+    TwinsRecord(sequences=tuple(_about(recipe, clip) for clip in clips)).write(path)
 
 
-def _about(recipe: TwinRecipe, clip: SyntheticClip) -> dict[str, object]:
+def _about(recipe: TwinRecipe, clip: SyntheticClip) -> TwinSequence:
     scene = _place(recipe, clip)
-    return {
-        "name": clip.id,
-        "class_true": clip.programme.kind,
-        "trial": clip.trial or f"gait {clip.gait}",
-        "people": 1 + scene.extras.company,
-        "scene": scene.model_dump(mode="json"),
-        "programme": clip.programme.model_dump(mode="json"),
-    }
+    return TwinSequence(
+        name=clip.id,
+        class_true=clip.programme.kind,
+        trial=clip.trial or f"gait {clip.gait}",
+        people=1 + scene.extras.company,
+        scene=scene,
+        programme=clip.programme,
+    )

@@ -10,19 +10,25 @@ from typing import Any
 import pytest
 import yaml
 
+from gmrdata.film.programmes import camera_programme
+from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.read import load_clips
 from gmrdata.read.bodies import read_body
 from gmrdata.twins.floor import floor_of_twins, measure
 from gmrdata.twins.floor_record import read_floor
 from gmrdata.twins.pseudo_gt_error import compare_clips
-from gmrdata.twins.twin_set import read_truth
+from gmrdata.twins.twin_set import TwinSequence, TwinsRecord, read_truth
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadBodyFile, MissingInput
-from gmrdata.values.files import read_json, write_json
 
 pytestmark = pytest.mark.slow
 
 CLASSES = {"arc_00": "circular", "pan_00": "panning"}
+
+
+def twin(name: str, kind: str) -> TwinSequence:
+    programme = camera_programme("static")
+    return TwinSequence(name, kind, "gait walk", 1, SceneConfig(), programme)
 
 
 def write_truth(made: Any, folder: Path, classes: dict[str, str]) -> None:
@@ -31,8 +37,8 @@ def write_truth(made: Any, folder: Path, classes: dict[str, str]) -> None:
         for clip in clips:
             rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
             save_clip(folder / "truth" / f"{clip.id}.npz", clip, rest_pelvis_m)
-    rows = [{"name": name, "class_true": kind} for name, kind in classes.items()]
-    write_json(folder / "truth" / "twins.json", {"sequences": rows})
+    sequences = tuple(twin(name, kind) for name, kind in classes.items())
+    TwinsRecord(sequences=sequences).write(folder / "truth" / "twins.json")
 
 
 @pytest.fixture(scope="module")
@@ -66,17 +72,17 @@ def test_a_dry_run_says_what_is_done(place: Path) -> None:
 
 def test_the_figures_are_those_of_the_manifests_clips(place: Path, filmed_set: Any) -> None:
     floor = read_floor(place / "out" / "floor.json")
-    rows = {row["id"]: row for row in floor.sequences}
-    assert {name: row["class_true"] for name, row in rows.items()} == CLASSES
-    assert {name: row["class_measured"] for name, row in rows.items()} == CLASSES
+    rows = {row.id: row for row in floor.sequences}
+    assert {name: row.class_true for name, row in rows.items()} == CLASSES
+    assert {name: row.class_measured for name, row in rows.items()} == CLASSES
     body = read_body(filmed_set.body_path)
     found = {clip.id: clip for clip in load_clips(place / "out/regenerated/pseudo_gt.yaml")}
     n_motions = weighted_mm = 0.0
     for name, people in filmed_set.truth.items():
-        assert [person["id"] for person in rows[name]["people"]] == [clip.id for clip in people]
+        assert [person.id for person in rows[name]["people"]] == [clip.id for clip in people]
         for true, person in zip(people, rows[name]["people"], strict=True):
             error = compare_clips(found[true.id], true, fps_hz=10.0, body=body)
-            assert error.vme_mm is not None and person["n_motions"] == error.n_motions
+            assert error.vme_mm is not None and person.n_motions == error.n_motions
             for key in ("ome_deg", "tme_mm", "vme_mm", "camera_path_mm"):
                 assert person[key] == pytest.approx(getattr(error, key), rel=1e-5)
             n_motions += error.n_motions
@@ -121,14 +127,14 @@ def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(
         rest_pelvis_m = read_body(filmed_set.body_path).rest_pelvis_m(true.motion.shape)
         save_clip(place / "twins" / "truth" / "torn_00.p0.npz", true, rest_pelvis_m)
     index = place / "twins" / "truth" / "twins.json"
-    rows = [*read_json(index)["sequences"], {"name": "torn_00", "class_true": "panning"}]
-    write_json(index, {"sequences": rows})
+    sequences = (*TwinsRecord.read(index).sequences, twin("torn_00", "panning"))
+    TwinsRecord(sequences=sequences).write(index)
     answer = floor_verb(place)
     assert answer.returncode == 1 and "torn_00" in answer.stderr
     assert "Traceback" not in answer.stderr and "torn_00: rejected: " in answer.stdout
     floor = read_floor(path)
-    torn = next(row for row in floor.sequences if row["id"] == "torn_00")
-    assert (torn["accepted"], torn["class_measured"], torn["tme_mm"]) == (False, "none", None)
+    torn = next(row for row in floor.sequences if row.id == "torn_00")
+    assert (torn.accepted, torn.class_measured, torn.tme_mm) == (False, "none", None)
     was = read_floor_bytes(before, place)
     assert floor.classes["circular"] == was.classes["circular"]
     panning = floor.classes["panning"]

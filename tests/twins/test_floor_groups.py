@@ -7,34 +7,46 @@ from typing import Any
 import pytest
 
 from gmrdata.twins.floor import by_class, group
-from gmrdata.twins.floor_record import HEADINGS, Floor, FloorGroup, floor_rows, notes, read_floor
+from gmrdata.twins.floor_record import (
+    HEADINGS,
+    Floor,
+    FloorGroup,
+    PersonErrors,
+    SequenceErrors,
+    floor_rows,
+    notes,
+    read_floor,
+)
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import write_json
 
 
-def person(errors: float | None, n_motions: int, kept_frames: int) -> dict[str, Any]:
-    return {
-        "id": "p",
-        "n_motions": n_motions,
-        "kept_frames": kept_frames,
-        "ome_deg": errors,
-        "tme_mm": None if errors is None else 10 * errors,
-        "vme_mm": None if errors is None else 20 * errors,
-    }
+def person(errors: float | None, n_motions: int, kept_frames: int) -> PersonErrors:
+    return PersonErrors(
+        id="p",
+        n_motions=n_motions,
+        kept_frames=kept_frames,
+        ome_deg=errors,
+        tme_mm=None if errors is None else 10 * errors,
+        vme_mm=None if errors is None else 20 * errors,
+        camera_rotation_deg=errors,
+        camera_path_mm=errors,
+        scale_error_percent=None,
+    )
 
 
 def row(
-    name: str, people: list[dict[str, Any]], scale_error: float | None = None, **changes: Any
-) -> dict[str, Any]:
-    errors = [one["ome_deg"] for one in people if one["ome_deg"] is not None]
+    name: str, people: list[PersonErrors], scale_error: float | None = None, **changes: Any
+) -> SequenceErrors:
+    errors = [one.ome_deg for one in people if one.ome_deg is not None]
     worst = max(errors, default=None)
-    return {
+    figures: dict[str, Any] = {
         "id": name,
         "class_true": "linear",
         "class_measured": "linear",
         "accepted": True,
         "frames": 50,
-        "kept_share": sum(one["kept_frames"] for one in people) / (50 * len(people)),
+        "kept_share": sum(one.kept_frames for one in people) / (50 * len(people)),
         "ome_deg": worst,
         "tme_mm": None if worst is None else 10 * worst,
         "vme_mm": None if worst is None else 20 * worst,
@@ -43,9 +55,10 @@ def row(
         "scale_error_percent": scale_error,
         "scale_within_2sigma": None if scale_error is None else abs(scale_error) < 1.5,
         "seconds": 25.0,
-        "people": people,
-        "reasons": [],
-    } | changes
+        "people": tuple(people),
+        "reasons": (),
+    }
+    return SequenceErrors(**figures | changes)
 
 
 ROWS = [
@@ -58,7 +71,7 @@ ROWS = [
         class_true="small",
         class_measured="none",
         accepted=False,
-        reasons=["too few points", "cuts"],
+        reasons=("too few points", "cuts"),
     ),
 ]
 
@@ -66,7 +79,6 @@ ROWS = [
 @pytest.fixture
 def floor() -> Floor:
     return Floor(
-        format="gmrdata-floor/1",
         fps_hz=10.0,
         seed=3,
         recipe={"name": "x"},
@@ -118,9 +130,9 @@ def test_the_file_holds_what_was_measured(floor: Floor, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "gmrdata-floor/9"}, "format: "),
-        ({"overall": {}}, "overall.sequences: "),
-        ({"more": 1}, "more: "),
+        ({"format": "gmrdata-floor/9"}, "`format` is 'gmrdata-floor/9'"),
+        ({"overall": {}}, "has no key `overall.sequences`"),
+        ({"more": 1}, "has an unknown key `more`"),
     ],
 )
 def test_another_file_is_refused(

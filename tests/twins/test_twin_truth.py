@@ -19,10 +19,14 @@ def write_index(folder: Path, record: Any) -> None:
     write_json(folder / "truth" / "twins.json", record)
 
 
+def about(name: str, kind: str, people: int) -> dict[str, Any]:
+    seen: dict[str, Any] = {"scene": {"kind": "park"}, "programme": {"kind": "static"}}
+    return {"name": name, "class_true": kind, "people": people, "trial": "gait walk"} | seen
+
+
 def test_people_come_in_order(tmp_path: Path, small_body: BodyModel) -> None:
-    rows = [{"name": "park_00", "class_true": "linear", "people": 2}]
-    rows.append({"name": "park", "class_true": "static", "people": 1})
-    write_index(tmp_path, {"sequences": rows})
+    rows = [about("park_00", "linear", 2), about("park", "static", 1)]
+    write_index(tmp_path, {"format": "gmrdata-twins/1", "sequences": rows})
     motion = make_gait("walk", 0.5, 30.0, small_body, np.random.default_rng(0))
     n = np.arange(motion.n_frames)
     for id in ("park_00.p0", "park_00.p1"):
@@ -40,15 +44,25 @@ def test_people_come_in_order(tmp_path: Path, small_body: BodyModel) -> None:
         twins.people("room_00")
 
 
-@pytest.mark.parametrize("record", [[], {}, {"sequences": [{"name": "a"}]}, {"sequences": [1]}])
-def test_a_broken_index_is_named(tmp_path: Path, record: Any) -> None:
+@pytest.mark.parametrize(
+    ("record", "said"),
+    [
+        ([], "has no `format`"),
+        ({"sequences": [about("a", "linear", 1)]}, "has no `format`.*make it again.*--redo"),
+        ({"format": "gmrdata-twins/1"}, "has no key `sequences`"),
+        ({"format": "gmrdata-twins/1", "sequences": [{"name": "a"}]}, "sequences.0.class_true`"),
+        ({"format": "gmrdata-twins/1", "sequences": [1]}, "`sequences.0` is wrong"),
+    ],
+)
+def test_a_broken_index_is_named(tmp_path: Path, record: Any, said: str) -> None:
     write_index(tmp_path, record)
-    with pytest.raises(BadRecord, match=r"twins\.json: not a list of sequences"):
+    with pytest.raises(BadRecord, match=rf"twins\.json: .*{said}"):
         read_truth(tmp_path)
 
 
 def test_names_lead_nowhere_else(tmp_path: Path) -> None:
-    write_index(tmp_path, {"sequences": [{"name": "../../x", "class_true": "linear"}]})
+    rows = [about("../../x", "linear", 1)]
+    write_index(tmp_path, {"format": "gmrdata-twins/1", "sequences": rows})
     with pytest.raises(BadSequence, match="is no name of a sequence"):
         read_truth(tmp_path)
 
