@@ -1,5 +1,7 @@
 """Fixtures that several tests share."""
 
+import tests.shape_checks  # noqa: F401, I001  First: it checks the modules that are imported after it.
+
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +17,14 @@ from gmrdata.values.body import JOINT, PARENTS, BodyModel
 settings.register_profile("gmrdata", deadline=None)
 settings.load_profile("gmrdata")
 
-pytest_plugins = ("tests.browser", "tests.filming", "tests.required")
+pytest_plugins = (
+    "tests.browser",
+    "tests.filming",
+    "tests.fixtures.inference",
+    "tests.fixtures.motion_files",
+    "tests.fixtures.threedpw_files",
+    "tests.required",
+)
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 SHARED_DATA = REPOSITORY.parent / "shared" / "data"

@@ -17,7 +17,7 @@ from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.flat_runs import RunRows, in_memory
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.runs import MIN_FRAMES, check_finite
-from gmrdata.gmr.windows import TrainingSet, draw_window, stacked
+from gmrdata.gmr.windows import TrainingSet, sample_window, stacked
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.clip import Clip
@@ -158,7 +158,7 @@ def training_runs(pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float) -> Tr
 def make_joint_batch(training_set: TrainingSet, config: JointConfig, step: int) -> JointBatch:
     """The windows of one step: the same for the same recipe and step."""
     rng = np.random.default_rng([config.seed, step])
-    windows = [draw_window(training_set, config.windows, rng) for _ in range(config.batch_size)]
+    windows = [sample_window(training_set, config.windows, rng) for _ in range(config.batch_size)]
     rows, lengths, motions = stacked(windows, config.frames)
     features, local_rotmats = split_rows(rows)
     is_real = np.arange(config.frames) < lengths[:, None]

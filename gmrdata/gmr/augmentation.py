@@ -1,12 +1,10 @@
-"""Left and right exchanged: the mirror augmentation.
+"""Augmentations: left and right exchanged, and random turns of the joints.
 
 A motion is reflected in a vertical plane of the world, x -> -x, and each joint takes over from its
 counterpart on the other side.  In the body's frame, x to its left, that is the same reflection
 M = diag(-1, 1, 1): a local rotation R becomes M R M, and of the motion between frames dR becomes
 M dR M and dT becomes M dT.  The mirrored body is exactly the body's mirror image where its two
 sides are alike.
-
-Random turns of the joints, for the network's input alone: an augmentation.
 """
 
 from dataclasses import replace
@@ -19,6 +17,7 @@ from gmrdata.gmr.config import WindowConfig
 from gmrdata.values.body import MIRRORED
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
+from gmrdata.values.shapes import Float
 
 AXES = np.array([-1.0, 1.0, 1.0])
 """Diagonal of the reflection M, in the world and in the body's frame."""
@@ -49,32 +48,30 @@ def mirror_motion(motion: Motion) -> Motion:
     )
 
 
-def mirror_local(local_rotmats: np.ndarray) -> np.ndarray:
-    """Local rotations of the mirrored pose: (..., 23, 3, 3) -> (..., 23, 3, 3)."""
+def mirror_local(
+    local_rotmats: Float[np.ndarray, "*batch 23 3 3"],
+) -> Float[np.ndarray, "*batch 23 3 3"]:
+    """Local rotations of the mirrored pose."""
     return mirror_rotmats(local_rotmats[..., _LOCAL, :, :])
 
 
-def mirror_rotmats(rotmats: np.ndarray) -> np.ndarray:
-    """M R M, for a root or a motion between frames: (..., 3, 3) -> (..., 3, 3)."""
+def mirror_rotmats(rotmats: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """M R M, for a root or a motion between frames."""
     return rotmats * _SIGNS.astype(rotmats.dtype)
 
 
-def mirror_points_m(points_m: np.ndarray) -> np.ndarray:
-    """M p, for a pelvis or a motion between frames: (..., 3) -> (..., 3) [m]."""
+def mirror_points_m(points_m: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+    """M p, for a pelvis or a motion between frames [m]."""
     return points_m * AXES.astype(points_m.dtype)
 
 
-def turned(local_rotmats: np.ndarray, config: WindowConfig, rng: np.random.Generator) -> np.ndarray:
-    """Local rotations with each joint turned by `pose_noise_deg`.
-
-    Args:
-        local_rotmats: (..., T, 23, 3, 3) parent_from_joint.
-        config: Size of the noise, the time over which it stays alike, and the frame rate.
-        rng: Source of the noise.
-
-    Returns:
-        R exp(n), of the same shape and dtype, with axis-angle vectors n of normal distribution.
-    """
+def turned(
+    local_rotmats: Float[np.ndarray, "*batch frames 23 3 3"],
+    config: WindowConfig,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "*batch frames 23 3 3"]:
+    """Local rotations with each joint turned by `pose_noise_deg`: R exp(n), with axis-angle vectors
+    n of normal distribution."""
     rotvecs_rad = rng.normal(size=local_rotmats.shape[:-1])
     if config.pose_noise_time_s > 0:
         rotvecs_rad = _smoothed(rotvecs_rad, config.pose_noise_time_s * config.fps_hz)

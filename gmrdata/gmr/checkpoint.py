@@ -156,19 +156,7 @@ def save_checkpoint(
     best: Best | None = None,
     average: Gmr | None = None,
 ) -> Path:
-    """Keep a step of a GMR's training.
-
-    Args:
-        run_dir: The run's folder.
-        step: Steps done.
-        model: The network.
-        optimizer: Its optimiser, made over `model.parameters()`.
-        body: Name of the body.
-        fps_hz: Frame rate of the network's input [Hz].
-        processes: How many train it.
-        best: The best weights so far, if there are held-out scores.
-        average: The average of its weights, where the run keeps one.
-    """
+    """Keep a step of a GMR's training; best and averaged weights where the run has such."""
     state = GmrState(
         step=step,
         body=body,
@@ -200,7 +188,7 @@ def save_step(
         state: What the step says of itself.
         model: The network.
         optimizer: An Adam over `model.parameters()`.
-        more: Tensors on the CPU that share no memory, by name, for each further file.
+        more: `writable` tensors by name, for each further file.
     """
     tensors = {
         FILES["trained"]: writable(model.state_dict()),
@@ -312,8 +300,7 @@ def load_weights(folder: Path, model: nn.Module, kind: Weights = "trained") -> N
 def load_optimizer(folder: Path, model: nn.Module, optimizer: torch.optim.Optimizer) -> None:
     """Fill an optimiser that was just made over `model.parameters()`.
 
-    Raises:
-        BadCheckpoint: the file is truncated or missing, or of another model.
+    Errors as in `load_weights`.
     """
     path = folder / OPTIMIZER_FILE
     tensors = _read_tensors(path)

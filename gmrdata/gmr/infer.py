@@ -49,13 +49,8 @@ from gmrdata.write.glb import write_glb
 def predict_at_source_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
     """World motion of a person from the local pose alone, with a row for each of the poses.
 
-    Args:
-        gmr: The network.
-        motion: Local poses at the network's frame rate or above; its root is not looked at.
-
-    Returns:
-        The given local poses with predicted root and pelvis, in a world in which the pelvis stands
-        upright at the origin in the first frame; `upright.stand` finds a better one.
+    They are at the network's frame rate or above; their root is not looked at.  In the predicted
+    world the pelvis stands upright at the origin in the first frame; `stand` finds a better one.
 
     Raises:
         BadMotionFile: less than two frames at the network's rate, NaN poses, or a lower rate.
@@ -112,10 +107,6 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
     """The same motion in a z-up world with the floor at z = 0, as its feet show them.
 
     The person starts above the origin.
-
-    Args:
-        motion: At least two frames, in any world.
-        body: Its body.
     """
     up = up_of_standing_feet(motion, body)
     level_from_world = np.eye(3) if up is None else minimal_rotation(up, UP)
@@ -256,9 +247,6 @@ def infer_world_motion(
         config: The recipe; None for its defaults.
         draw: Adds the pictures, as `gmrdata.pages.inference.draw_motion` does.
         joint_map: For a BVH or AMC with unknown joint names.
-
-    Returns:
-        `out_dir`.
 
     Raises:
         MissingInput: a file is not there.

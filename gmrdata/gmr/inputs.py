@@ -1,18 +1,14 @@
-"""The root's motion as what a standing joint leaves to it.
+"""What the network may be given beside the local rotations, and the joint that stands.
+
+The motion of the root cannot be seen in one local pose, only in how poses follow each other, and
+mostly in the joints that stand on the floor.  With few data it helps to say so.
 
 A foot that stands neither turns nor moves in the world, so the root turns and moves by what the
 foot does in the root's frame.  With A_i the rotation and p_i the place of a joint there,
 dR = A_i A_{i+1}^T (eq. 3 with the joint's rotation in the world unchanged), and given dR,
 dT = p_i - dR p_{i+1} (eqs. 3-4 with its place unchanged).  The second asks only for a point at
-rest, about which the foot may turn; `extra_inputs.motions_if_standing` takes dR for it from the
-same joint, this from the network.
-
-Joints in the root's frame, on a mean skeleton: forward kinematics of what the network sees.
-
-What the network may be given beside the local rotations: functions of them, and of nothing else.
-
-The motion of the root cannot be seen in one local pose, only in how poses follow each other, and
-mostly in the joints that stand on the floor.  With few data it helps to say so.
+rest, about which the foot may turn: the extra input takes dR for it from the same joint, the
+network's output from the network.
 """
 
 from collections.abc import Callable
@@ -23,6 +19,7 @@ from torch import Tensor, nn
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import ExtraInput, Representation
 from gmrdata.values.body import N_LOCAL
+from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import forward_kinematics
 
 REST_JOINTS_M = (
@@ -43,15 +40,10 @@ REST_JOINTS_M = (
 default body, rounded to millimetres.  A person's own shape is no input of the network."""
 
 
-def joints_in_root_frame(local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
-    """Where joints 1 to 23 are, and how they are turned, seen from the root.
-
-    Args:
-        local_rotmats: (..., 23, 3, 3) parent_from_joint.
-
-    Returns:
-        Places (..., 23, 3) [m] and root_from_joint (..., 23, 3, 3), on the mean skeleton.
-    """
+def joints_in_root_frame(
+    local_rotmats: Float[Tensor, "*batch 23 3 3"],
+) -> tuple[Float[Tensor, "*batch 23 3"], Float[Tensor, "*batch 23 3 3"]]:
+    """Places of joints 1 to 23 [m] and root_from_joint, on the mean skeleton."""
     rest_m = torch.tensor(REST_JOINTS_M, dtype=local_rotmats.dtype, device=local_rotmats.device)
     places_m, root_from_joint = forward_kinematics(rest_m, local_rotmats)
     return places_m[..., 1:, :], root_from_joint[..., 1:, :, :]
@@ -61,31 +53,23 @@ SCALE = 10.0
 """Motions at 10 fps are about 0.1 rad and 0.1 m; the network's other numbers are about 1."""
 
 
-def velocities(local_rotmats: Tensor) -> Tensor:
+def velocities(
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+) -> Float[Tensor, "*batch frames 23 3"]:
     """How each joint turns to the next frame: axis-angle of R_i^T R_{i+1}, in `SCALE`-ths [rad].
 
-    Args:
-        local_rotmats: (..., T, 23, 3, 3) parent_from_joint.
-
-    Returns:
-        (..., T, 23, 3); zero in the last frame, which has no next one.
+    Zero in the last frame, which has no next one.
     """
     turns = local_rotmats[..., :-1, :, :, :].transpose(-1, -2) @ local_rotmats[..., 1:, :, :, :]
     return _with_last(SCALE * rotations.log_map(turns))
 
 
-def motions_if_standing(local_rotmats: Tensor) -> Tensor:
+def motions_if_standing(
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+) -> Float[Tensor, "*batch frames 23 6"]:
     """For each joint, the motion that the root would make if this joint stood still.
 
-    With A_i the rotation and p_i the place of a joint in the root's frame, a joint that neither
-    turns nor moves in the world means dR = A_i A_{i+1}^T and dT = p_i - dR p_{i+1}.
-
-    Args:
-        local_rotmats: (..., T, 23, 3, 3) parent_from_joint.
-
-    Returns:
-        (..., T, 23, 6): axis-angle of dR [rad] and dT [m], both times `SCALE`; zero in the last
-        frame, which has no next one.
+    Axis-angle of dR [rad] and dT [m], both times `SCALE`; zero in the last frame.
     """
     joints_m, root_from_joint = joints_in_root_frame(local_rotmats)
     delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[..., 1:, :, :, :].mT
@@ -116,47 +100,46 @@ class StandingShares(nn.Module):
         super().__init__()
         self.logits = nn.Linear(n_features, N_LOCAL + 1)
 
-    def forward(self, features: Tensor) -> Tensor:
-        """Shares of the joints, without that of none: (B, T, n) -> (B, T, 23, 1)."""
+    def forward(
+        self, features: Float[Tensor, "batch frames n"]
+    ) -> Float[Tensor, "batch frames 23 1"]:
+        """Shares of the joints, without that of none."""
         return self.logits(features).softmax(-1)[..., :N_LOCAL, None]
 
 
-def root_turn(shares: Tensor, root_from_joint: Tensor) -> Tensor:
-    """dR (B, T, 3, 3): the mean, as axis-angle, of what each joint leaves; none leaves no turn.
-
-    Args:
-        shares: (B, T, 23, 1).
-        root_from_joint: (B, T, 23, 3, 3).
-    """
+def root_turn(
+    shares: Float[Tensor, "*#batch 23 1"],
+    root_from_joint: Float[Tensor, "*#batch 23 3 3"],
+) -> Float[Tensor, "*batch 3 3"]:
+    """dR: the mean, as axis-angle, of what each joint leaves to the root; none leaves no turn."""
     turns = rotations.log_map(root_from_joint @ _next(root_from_joint).mT)
     return rotations.to_rotmats((shares * turns).sum(-2), "axis-angle")
 
 
-def root_step_m(shares: Tensor, places_m: Tensor, delta_rotmats: Tensor) -> Tensor:
-    """dT (B, T, 3) [m]: the mean of what each joint leaves to the root; none leaves no step.
-
-    Args:
-        shares: (B, T, 23, 1).
-        places_m: (B, T, 23, 3) joints in the root's frame [m].
-        delta_rotmats: (B, T, 3, 3) dR.
-    """
+def root_step_m(
+    shares: Float[Tensor, "*#batch 23 1"],
+    places_m: Float[Tensor, "*#batch 23 3"],
+    delta_rotmats: Float[Tensor, "*#batch 3 3"],
+) -> Float[Tensor, "*batch 3"]:
+    """dT [m]: the mean of what each joint leaves to the root; none leaves no step."""
     return (shares * (places_m - _next(places_m) @ delta_rotmats.mT)).sum(-2)
 
 
-def joints_seen(poses: Tensor, representation: Representation) -> tuple[Tensor, Tensor]:
-    """Joints in the root's frame, from the network's input (B, T, D).
+def joints_seen(
+    poses: Float[Tensor, "batch frames numbers"], representation: Representation
+) -> tuple[Float[Tensor, "batch frames 23 3"], Float[Tensor, "batch frames 23 3 3"]]:
+    """`joints_in_root_frame` of the network's input.
 
     Frames of zeros, which are padding, give values of no meaning, but finite ones.
-
-    Returns:
-        Places (B, T, 23, 3) [m] and root_from_joint (B, T, 23, 3, 3).
     """
     with torch.no_grad():
         return joints_in_root_frame(input_rotmats(poses, representation))
 
 
-def input_rotmats(poses: Tensor, representation: Representation) -> Tensor:
-    """Local rotations (..., 23, 3, 3), which come first in the network's input (..., D)."""
+def input_rotmats(
+    poses: Float[Tensor, "*batch numbers"], representation: Representation
+) -> Float[Tensor, "*batch 23 3 3"]:
+    """Local rotations, which come first in the network's input."""
     local = poses[..., : N_LOCAL * rotations.SIZE[representation]].unflatten(-1, (N_LOCAL, -1))
     return rotations.to_rotmats(local, representation)
 

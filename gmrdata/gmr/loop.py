@@ -191,15 +191,7 @@ def gradient_step(
     config: TrainConfig,
     processes: Processes = ALONE,
 ) -> dict[str, float]:
-    """Fill the gradients of a step; its loss, terms, and the gradient's length before clipping.
-
-    Args:
-        network: The network, compiled or not, whose gradients are averaged over the processes.
-        batch: The windows of all processes.
-        loss_body: The body.
-        config: The recipe.
-        processes: Which of several processes this is.
-    """
+    """`fill_gradients` with eq. 5 of this process's part of the windows of all."""
     counts = counts_of(batch.mask, processes.count)
     part = own_part(batch, processes)
 

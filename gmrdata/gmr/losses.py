@@ -14,14 +14,15 @@ from torch import Tensor
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import LossConfig
 from gmrdata.gmr.vertex_loss import Bodies, vertex_l1_m
+from gmrdata.values.shapes import Bool, Float
 
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Motions of a batch: dR (B, T-1, 3, 3) and dT (B, T-1, 3) [m]."""
+    """Motions of a batch: dR and dT [m]."""
 
-    delta_rotmats: Tensor
-    delta_m: Tensor
+    delta_rotmats: Float[Tensor, "batch motions 3 3"]
+    delta_m: Float[Tensor, "batch motions 3"]
 
     def to(self, device: torch.device | str) -> Self:
         """The same on a device."""
@@ -66,8 +67,8 @@ class Counts:
     """Windows."""
 
 
-def counts_of(mask: Tensor, processes: int = 1) -> Counts:
-    """Counts of a whole step's mask (B, T-1), for each of some processes."""
+def counts_of(mask: Bool[Tensor, "batch motions"], processes: int = 1) -> Counts:
+    """Counts of a whole step's mask, for each of some processes."""
     motions = max(1, int(mask.sum()))
     pairs = max(1, int(_pairs(mask).sum()))
     return Counts(motions / processes, pairs / processes, len(mask) / processes)
@@ -76,7 +77,7 @@ def counts_of(mask: Tensor, processes: int = 1) -> Counts:
 def gmr_loss(
     predicted: Motions,
     true: Motions,
-    mask: Tensor,
+    mask: Bool[Tensor, "batch motions"],
     bodies: Bodies | None,
     config: LossConfig,
     counts: Counts | None = None,
@@ -86,7 +87,7 @@ def gmr_loss(
     Args:
         predicted: The network's motions, the last one already dropped.
         true: The true ones.
-        mask: (B, T-1) bool: motions that count; padding is False.
+        mask: Motions that count; padding is False.
         bodies: The people in the first frame of each motion; None where `config.vertex` is 0.
         config: Weights and readings.
         counts: What means are over, if not over what `mask` has.

@@ -1,7 +1,4 @@
-"""The global motion regressor: local poses in, motion between frames out (the paper's Fig. 4).
-
-What networks share that see a motion in a sequence: how it is read, and how it is put out.
-"""
+"""The global motion regressor: local poses in, motion between frames out (the paper's Fig. 4)."""
 
 from collections.abc import Sequence
 
@@ -14,17 +11,11 @@ from gmrdata.gmr import rotations
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, Representation
 from gmrdata.gmr.inputs import StandingShares, joints_seen, root_step_m, root_turn
 from gmrdata.values.body import N_LOCAL
+from gmrdata.values.shapes import Float, Int
 
 
 def make_encoder(n_inputs: int, hidden: int, layers: int, dropout: float) -> nn.GRU:
-    """Bidirectional GRUs (paper, section 3.3).
-
-    Args:
-        n_inputs: Numbers per frame.
-        hidden: Units per direction.
-        layers: Number of layers.
-        dropout: Share of features dropped between layers in training.
-    """
+    """Bidirectional GRUs (paper, section 3.3) of `hidden` units per direction."""
     return nn.GRU(
         input_size=n_inputs,
         hidden_size=hidden,
@@ -35,14 +26,15 @@ def make_encoder(n_inputs: int, hidden: int, layers: int, dropout: float) -> nn.
     )
 
 
-def encode(encoder: nn.GRU, frames: Tensor, lengths: Tensor | None) -> Tensor:
-    """Features (B, T, 2 * hidden) of sequences (B, T, D).
+def encode(
+    encoder: nn.GRU,
+    frames: Float[Tensor, "batch frames numbers"],
+    lengths: Int[Tensor, " batch"] | None,
+) -> Float[Tensor, "batch frames features"]:
+    """Features of sequences, of both directions.
 
-    Args:
-        encoder: The GRUs.
-        frames: (B, T, D).
-        lengths: (B,) int on the CPU: real frames of each row; the rest is padding, which does not
-            change the other frames' features.  None where all T are real.
+    `lengths`, on the CPU, says how many frames of each row are real; the rest is padding, which
+    does not change the other frames' features.  None where all are real.
     """
     if lengths is None or bool((lengths == frames.shape[1]).all()):
         features: Tensor = encoder(frames)[0]
@@ -55,15 +47,11 @@ def encode(encoder: nn.GRU, frames: Tensor, lengths: Tensor | None) -> Tensor:
 
 
 def motions_of(
-    values: Tensor, representation: Representation, identity: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Motions that a network's last layer stands for: dR (..., 3, 3) and dT (..., 3) [m].
-
-    Args:
-        values: (..., n + 3) numbers of a rotation, and of a translation.
-        representation: That of the rotation.
-        identity: (n,) the identity in it.
-    """
+    values: Float[Tensor, "*batch outputs"],
+    representation: Representation,
+    identity: Float[Tensor, " n"],
+) -> tuple[Float[Tensor, "*batch 3 3"], Float[Tensor, "*batch 3"]]:
+    """dR and dT [m] that a network's last layer stands for: a rotation, and a translation."""
     n_rotation = rotations.SIZE[representation]
     turns = values[..., :n_rotation]
     if representation != "axis-angle":
@@ -92,20 +80,15 @@ class Gmr(nn.Module):
             "identity", torch.tensor(rotations.IDENTITY[config.output]), persistent=False
         )
 
-    def forward(self, poses: Tensor, lengths: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Motions from local poses.
+    def forward(
+        self,
+        poses: Float[Tensor, "batch frames numbers"],
+        lengths: Int[Tensor, " batch"] | None = None,
+    ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
+        """dR and dT [m] from local poses, as `network_input` makes them; `lengths` as in `encode`.
 
         T frames in give T motions out, as in Fig. 4; but T frames have only T-1 motions, so the
         last one leads out of the sequence and callers drop it.
-
-        Args:
-            poses: (B, T, D) local rotations in `config.input`, and `config.extra_inputs`, as
-                `network_input` makes them.
-            lengths: (B,) int on the CPU: real frames of each row; the rest is padding, which does
-                not change the other frames' result.  None where all T are real.
-
-        Returns:
-            dR (B, T, 3, 3) and dT (B, T, 3) [m].
         """
         hidden = encode(self.encoder, poses, lengths)
         features = self.dropout(self.projection(hidden))
@@ -154,9 +137,11 @@ def parameter_count(config: ModelConfig) -> int:
 
 
 def network_input(
-    local_rotmats: Tensor, representation: Representation, extra: Sequence[ExtraInput] = ()
-) -> Tensor:
-    """Local rotations of sequences, (..., T, 23, 3, 3), as network input (..., T, D).
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+    representation: Representation,
+    extra: Sequence[ExtraInput] = (),
+) -> Float[Tensor, "*batch frames numbers"]:
+    """Local rotations of sequences as network input.
 
     Quaternions are continuous in time with w >= 0 in the first frame.  The extra inputs come after
     them, in the order asked for.

@@ -15,6 +15,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.shapes import Float
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,16 +47,10 @@ def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
     return TrainedGmr(model, state.fps_hz, run_dir.name, step)
 
 
-def predict_deltas(gmr: TrainedGmr, local_rotmats: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Motions between the frames of a local pose sequence at the network's frame rate.
-
-    Args:
-        gmr: The network.
-        local_rotmats: (T, 23, 3, 3) parent_from_joint, T >= 2.
-
-    Returns:
-        dR (T-1, 3, 3), orthonormal to float64, and dT (T-1, 3) [m].
-    """
+def predict_deltas(
+    gmr: TrainedGmr, local_rotmats: Float[np.ndarray, "frames 23 3 3"]
+) -> tuple[Float[np.ndarray, "frames-1 3 3"], Float[np.ndarray, "frames-1 3"]]:
+    """dR, orthonormal to float64, and dT [m] between local poses at the network's frame rate."""
     poses = network_input(
         torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64),
         gmr.model.config.input,
@@ -73,8 +68,8 @@ def predict_world_motion(
     gmr: TrainedGmr,
     motion: Motion,
     *,
-    first_root_rotmat: np.ndarray | None = None,
-    first_pelvis_m: np.ndarray | None = None,
+    first_root_rotmat: Float[np.ndarray, "3 3"] | None = None,
+    first_pelvis_m: Float[np.ndarray, "3"] | None = None,
 ) -> Motion:
     """World motion of a person from the local pose alone, by eqs. 3-4 (paper, section 3.6).
 
@@ -84,10 +79,9 @@ def predict_world_motion(
 
     Args:
         gmr: The network.
-        motion: Local poses, at any frame rate of the network's or above; others than the network's
-            are resampled to it, and the result's `source` says so.
-        first_root_rotmat: (3, 3) R_1, world_from_root; the identity if None.
-        first_pelvis_m: (3,) T_1 [m]; the origin if None.
+        motion: Local poses, at the network's frame rate or above, from which they are resampled.
+        first_root_rotmat: R_1, world_from_root; the identity if None.
+        first_pelvis_m: T_1 [m]; the origin if None.
 
     Returns:
         The motion at the network's frame rate, with predicted root and pelvis.

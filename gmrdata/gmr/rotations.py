@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gmrdata.gmr.config import Representation
+from gmrdata.values.shapes import Float
 
 SIZE: dict[Representation, int] = {"quaternion": 4, "axis-angle": 3, "6d": 6}
 """Numbers per rotation."""
@@ -20,8 +21,10 @@ IDENTITY: dict[Representation, tuple[float, ...]] = {
 """The identity rotation in each representation."""
 
 
-def from_rotmats(rotmats: Tensor, representation: Representation) -> Tensor:
-    """Rotation matrices (..., 3, 3) in a representation (..., 3 | 4 | 6).
+def from_rotmats(
+    rotmats: Float[Tensor, "*batch 3 3"], representation: Representation
+) -> Float[Tensor, "*batch numbers"]:
+    """Rotation matrices in a representation, of 3, 4 or 6 numbers.
 
     Quaternions have w >= 0 and axis-angle vectors a length of at most pi; see `continuous_in_time`.
     """
@@ -34,8 +37,10 @@ def from_rotmats(rotmats: Tensor, representation: Representation) -> Tensor:
     return rotmats[..., :, :2].transpose(-1, -2).flatten(-2)
 
 
-def to_rotmats(values: Tensor, representation: Representation) -> Tensor:
-    """Rotation matrices (..., 3, 3) of any numbers (..., 3 | 4 | 6), as a network puts them out.
+def to_rotmats(
+    values: Float[Tensor, "*batch numbers"], representation: Representation
+) -> Float[Tensor, "*batch 3 3"]:
+    """Rotation matrices of any 3, 4 or 6 numbers, as a network puts them out.
 
     Quaternions are normalised and 6D goes through Gram-Schmidt.  Gradients are finite for all
     values but the zero quaternion and dependent 6D columns.
@@ -51,18 +56,20 @@ def to_rotmats(values: Tensor, representation: Representation) -> Tensor:
     return roma.special_gramschmidt(columns, epsilon=torch.finfo(values.dtype).eps)
 
 
-def log_map(rotmats: Tensor) -> Tensor:
-    """Axis-angle vectors (..., 3) [rad] of rotation matrices (..., 3, 3), of length at most pi."""
+def log_map(rotmats: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
+    """Axis-angle vectors of length at most pi [rad]."""
     return from_rotmats(rotmats, "axis-angle")
 
 
-def canonical_sign(quaternions: Tensor) -> Tensor:
-    """Of q and -q, the one with w >= 0: (..., 4) -> (..., 4)."""
+def canonical_sign(quaternions: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
+    """Of q and -q, the one with w >= 0."""
     return torch.where(quaternions[..., :1] < 0, -quaternions, quaternions)
 
 
-def continuous_in_time(quaternions: Tensor) -> Tensor:
-    """Signs that never jump in time, with w >= 0 in the first frame: (..., T, J, 4) -> the same.
+def continuous_in_time(
+    quaternions: Float[Tensor, "*batch frames joints 4"],
+) -> Float[Tensor, "*batch frames joints 4"]:
+    """Signs that never jump in time, with w >= 0 in the first frame.
 
     q and -q are one rotation; a joint that passes 180 degrees would otherwise flip all four
     numbers.

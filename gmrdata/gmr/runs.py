@@ -1,7 +1,4 @@
-"""Clips of a manifest that can be trained on or scored.
-
-Runs of valid frames, and their poses at the network's frame rate.
-"""
+"""Clips of a manifest that can be trained on or scored, and their runs of valid frames."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -173,7 +170,7 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Run]:
         all_phases: Whether each of the clip's frames shall appear, in the runs of its phase.
 
     Returns:
-        Runs of at least two frames; empty where the clip has none.
+        Runs of at least two frames.
 
     Raises:
         BadMotionFile: a valid frame holds NaN or infinite numbers, or the clip's rate is lower than

@@ -25,6 +25,8 @@ from gmrdata.values.errors import TrainingDiverged
 
 Batch = TypeVar("Batch")
 
+Tensors = tuple[Tensor, ...] | list[Tensor]
+
 AHEAD = 2
 """Batches that are ready or being made while a step is computed."""
 
@@ -32,7 +34,9 @@ AHEAD = 2
 class Learner(Protocol[Batch]):
     """What the loop asks of a training.  Steps count from 0."""
 
-    optimizer: torch.optim.Optimizer
+    @property
+    def optimizer(self) -> torch.optim.Optimizer:
+        """Over the weights."""
 
     def batch_of(self, step: int) -> Batch:
         """The batch of a step: of that number alone."""
@@ -145,7 +149,7 @@ def start_average(model: nn.Module, decay: float) -> AveragedModel:
     last steps is less noisy than the last one.
     """
 
-    def update(averages: list[Tensor], values: list[Tensor], n_averaged: Tensor) -> None:
+    def update(averages: Tensors, values: Tensors, n_averaged: Tensor | int) -> None:
         get_ema_multi_avg_fn(decay_at(decay, int(n_averaged) - 1))(averages, values, n_averaged)
 
     average = AveragedModel(model, multi_avg_fn=update)

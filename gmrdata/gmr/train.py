@@ -9,8 +9,6 @@
 A run that was killed, at any moment and however, goes on when it is started again, and ends with
 the weights that it would have had: each step's windows and dropout depend on (seed, step) alone.
 Started by `torchrun`, several processes train one network (gmrdata.gmr.parallel).
-
-A recipe of kind `gmr`: what to train on, how, and what to score.
 """
 
 from collections.abc import Sequence
@@ -77,9 +75,6 @@ class GmrRecipe(Config):
         return [one.weight if isinstance(one, WeightedManifest) else None for one in self.training]
 
 
-__all__ = ["TrainConfig", "train"]
-
-
 def train(
     manifest_paths: Sequence[Path],
     run_dir: Path,
@@ -97,9 +92,6 @@ def train(
         config: The recipe.
         body_path: Body of the clips, as `load_body` takes it; None for the default body.
         held_out_paths: Manifests to score every `eval_every` steps; they don't change the training.
-
-    Returns:
-        `run_dir`.
 
     Raises:
         BadManifest: no clips to train on, of several bodies, or of another body than the given one.

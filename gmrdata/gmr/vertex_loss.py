@@ -16,6 +16,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from gmrdata.values.body import BodyModel, vertex_rows
+from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import joint_transforms
 
 BLOCK_VERTICES = 1024
@@ -67,14 +68,7 @@ class Bodies:
 def make_loss_body(
     body: BodyModel, n_vertices: int | None, device: str, dtype: torch.dtype = torch.float32
 ) -> LossBody:
-    """Sort vertices into blocks.
-
-    Args:
-        body: A body.
-        n_vertices: Vertices to look at, evenly spread over the body's list; None for all.
-        device: "cpu" or "cuda", where the loss will be computed.
-        dtype: The numbers that it will be computed with.
-    """
+    """Sort vertices into blocks: some, evenly spread over the body's list, or for None all."""
     rows = vertex_rows(len(body.template_m), n_vertices)
     n_blocks = 1
     if device == "cpu":
@@ -105,17 +99,12 @@ def _block(body: BodyModel, rows: np.ndarray, device: str, dtype: torch.dtype) -
     )
 
 
-def vertex_l1_m(difference: Tensor, difference_m: Tensor, bodies: Bodies) -> Tensor:
-    """Mean over vertices of eq. 13's L1 distance, per motion.
-
-    Args:
-        difference: (B, T-1, 3, 3) dR - dR*.
-        difference_m: (B, T-1, 3) dT - dT* [m].
-        bodies: The people.
-
-    Returns:
-        (B, T-1) [m].
-    """
+def vertex_l1_m(
+    difference: Float[Tensor, "batch motions 3 3"],
+    difference_m: Float[Tensor, "batch motions 3"],
+    bodies: Bodies,
+) -> Float[Tensor, "batch motions"]:
+    """Mean over vertices of eq. 13's L1 distance per motion [m], of dR - dR* and dT - dT* [m]."""
     sums_m: Tensor = _SummedL1.apply(difference, difference_m, bodies)
     return sums_m / bodies.body.n_vertices
 
@@ -158,19 +147,12 @@ def _chunks(turns: Tensor, block: VertexBlock) -> list[slice]:
 
 
 def _vertices_m(
-    block: VertexBlock, shape: Tensor, local_rotmats: Tensor, transforms: Tensor
-) -> Tensor:
-    """Posed vertices, root at identity and pelvis at the origin.
-
-    Args:
-        block: The block.
-        shape: (b, S).
-        local_rotmats: (b, n, 23, 3, 3).
-        transforms: (b, n, 3, 4, 24) root_from_rest of each joint.
-
-    Returns:
-        (b, n, 3, v) [m].
-    """
+    block: VertexBlock,
+    shape: Float[Tensor, "batch coefficients"],
+    local_rotmats: Float[Tensor, "batch motions 23 3 3"],
+    transforms: Float[Tensor, "batch motions 3 4 24"],
+) -> Float[Tensor, "batch motions 3 vertices"]:
+    """Posed vertices, root at identity and pelvis at the origin [m]."""
     transforms = transforms.index_select(-1, block.joints)
     rest_m = block.template_m + shape @ block.shape_dirs_m.T
     if block.pose_dirs_m is None:

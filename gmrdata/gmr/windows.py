@@ -19,6 +19,7 @@ from gmrdata.gmr.runs import Run, runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
 from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.shapes import Float, Int
 
 
 @dataclass(frozen=True)
@@ -52,14 +53,8 @@ def check_mix(runs: FlatRuns, mix: Mix) -> None:
         )
 
 
-def draw_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.Generator) -> int:
-    """Draw a run by its share of the frames: of all, or of those of a manifest drawn by weight.
-
-    Args:
-        runs: The runs.
-        weights: One per manifest, or None.
-        rng: Advanced by one draw, or two.
-    """
+def sample_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.Generator) -> int:
+    """Sample a run by its share of the frames: of all, or of those of a manifest, by weight."""
     start, stop = 0, int(runs.ends[-1])
     if weights is not None:
         upto = np.cumsum(weights)
@@ -154,11 +149,9 @@ def make_training_set(
         clips: Gone through once and not kept, so they may come from disk one by one.
         representation: Of the network's input.
         config: The frame rate.
-        extra_inputs: What batches shall have beside them; not part of what is computed once.
-        mix: Which clips come from which manifest, and how often windows come from each; None to
-            draw by frames.
-        pack_dir: Folder for the runs' arrays, which are then mapped and not kept in memory; if it
-            is there, it is used as it is.
+        extra_inputs: What batches shall have beside it.
+        mix: Which clips come from which manifest, and how often windows come from each.
+        pack_dir: Folder for the runs' arrays, which are then mapped and not kept in memory.
 
     Raises:
         BadManifest: no clip has two valid frames in a row, a manifest with a weight has none, or
@@ -179,17 +172,15 @@ def make_training_set(
 def make_batch(
     training_set: TrainingSet, config: WindowConfig, batch_size: int, seed: int, step: int
 ) -> Batch:
-    """The windows of one step: the same for the same seed and step, whatever was drawn before.
+    """The windows of one step: the same for the same seed and step, whatever was sampled before.
 
-    A run is chosen by its share of all frames, then a start, both uniformly.  A window that is to
-    be played backwards has its poses reversed and its motions computed from them anew: reversal
-    does not just change signs, since dT is seen from the frame in which the motion begins.
-
-    The network's input is computed once per run and cut with it, unless windows are mirrored or
-    noisy or there are extra inputs: then it is computed from the batch's local rotations.
+    A window that is played backwards has its motions computed anew: reversal does not just change
+    signs, since dT is seen from the frame in which the motion begins.  The network's input is
+    computed once per run and cut with it, unless windows are mirrored or noisy or there are extra
+    inputs: then it is computed from the batch's local rotations.
     """
     rng = np.random.default_rng([seed, step])
-    windows = [draw_window(training_set, config, rng) for _ in range(batch_size)]
+    windows = [sample_window(training_set, config, rng) for _ in range(batch_size)]
     poses, lengths, motions = stacked(windows, config.frames)
     poses = _signed(poses, training_set.representation)
     local_rotmats = _local_rotmats(poses, lengths, training_set.representation)
@@ -207,11 +198,11 @@ def make_batch(
     )
 
 
-def draw_window(
+def sample_window(
     training_set: TrainingSet, config: WindowConfig, rng: np.random.Generator
 ) -> TrainingRun:
     """A window of a run that is chosen by its share of the frames, maybe backwards or mirrored."""
-    run = draw_run(training_set.frames, training_set.weights, rng)
+    run = sample_run(training_set.frames, training_set.weights, rng)
     start = int(rng.integers(max(1, training_set.n_frames(run) - config.frames + 1)))
     backwards = rng.random() < config.reverse_probability
     mirrored = config.mirror_probability > 0 and rng.random() < config.mirror_probability
@@ -234,13 +225,10 @@ def reverse(run: TrainingRun) -> TrainingRun:
     return TrainingRun(run.poses[rows], run.root_rotmats[rows], run.pelvis_m[rows], run.shape)
 
 
-def stacked(windows: Sequence[TrainingRun], frames: int) -> tuple[np.ndarray, np.ndarray, Motions]:
-    """B windows, padded to T frames.
-
-    Returns:
-        Rows (B, T, D) float32, zero in padding; how many of them are real, (B,) int64; and the
-        motions between them, the identity in padding.
-    """
+def stacked(
+    windows: Sequence[TrainingRun], frames: int
+) -> tuple[Float[np.ndarray, "batch frames numbers"], Int[np.ndarray, " batch"], Motions]:
+    """Windows padded with zeros, how many frames of each are real, and the motions between them."""
     size = len(windows)
     lengths = np.array([len(window.poses) for window in windows])
     rows = np.zeros((size, frames, windows[0].poses.shape[1]), np.float32)
@@ -256,8 +244,8 @@ def stacked(windows: Sequence[TrainingRun], frames: int) -> tuple[np.ndarray, np
 
 def _local_rotmats(
     poses: np.ndarray, lengths: np.ndarray, representation: Representation
-) -> np.ndarray:
-    """Local rotations (B, T, 23, 3, 3) of windows as they are cut, (B, T, D).
+) -> Float[np.ndarray, "batch frames 23 3 3"]:
+    """Local rotations of windows as they are cut.
 
     Padding repeats the last real frame, so that what looks at the next frame sees no motion.
     """

@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gmrdata.values.shapes import Float, Int
+
 HANDS = {72: (22, 23), 156: (22, 37), 165: (25, 40)}
 """Where SMPL's two hand joints stand among the joints, by the number of pose values in a frame."""
 
@@ -76,22 +78,22 @@ class BodyModel:
         """Number of shape coefficients."""
         return int(self.shape_dirs_m.shape[2])
 
-    def rest_joints_m(self, shape: np.ndarray) -> np.ndarray:
-        """Rest joints of one shape: (S,) -> (24, 3), rest frame [m]."""
+    def rest_joints_m(self, shape: np.ndarray) -> Float[np.ndarray, "24 3"]:
+        """Rest joints of one shape (S,), rest frame [m]."""
         shape = np.asarray(shape, dtype=np.float64)
         return self.joints_template_m + self.joint_shape_dirs_m @ shape
 
-    def rest_vertices_m(self, shape: np.ndarray) -> np.ndarray:
-        """Rest vertices of one shape: (S,) -> (V, 3), rest frame [m]."""
+    def rest_vertices_m(self, shape: np.ndarray) -> Float[np.ndarray, "vertices 3"]:
+        """Rest vertices of one shape (S,), rest frame [m]."""
         return self.template_m + self.shape_dirs_m @ np.asarray(shape, dtype=np.float64)
 
-    def rest_pelvis_m(self, shape: np.ndarray) -> np.ndarray:
-        """J0(shape), by which SMPL's `trans` differs from the pelvis position: (S,) -> (3,) [m]."""
+    def rest_pelvis_m(self, shape: np.ndarray) -> Float[np.ndarray, "3"]:
+        """J0(shape), by which SMPL's `trans` differs from the pelvis position [m]."""
         return self.rest_joints_m(shape)[0]
 
 
-def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> np.ndarray:
-    """Rows of n vertices, evenly spread over the body's list, ascending: (n,) int.
+def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> Int[np.ndarray, " n"]:
+    """Rows of n vertices, evenly spread over the body's list, ascending.
 
     All of them for None, or where the body has no more than asked for.
     """
@@ -101,29 +103,20 @@ def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> np.ndarray:
 
 
 def sole_vertices(
-    body: BodyModel, rest_vertices_m: np.ndarray, side: str, thickness_m: float
-) -> np.ndarray:
-    """Rows (n,) of the vertices of a foot's sole.
-
-    Args:
-        body: A body of V vertices.
-        rest_vertices_m: (V, 3) its rest vertices [m].
-        side: "left" or "right".
-        thickness_m: How far above the foot's lowest vertex the sole reaches [m].
-    """
+    body: BodyModel,
+    rest_vertices_m: Float[np.ndarray, "vertices 3"],
+    side: str,
+    thickness_m: float,
+) -> Int[np.ndarray, " n"]:
+    """Rows of the vertices of the "left" or "right" sole: so thick, from the foot's lowest one."""
     joints = [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]
     of_foot = np.flatnonzero(body.skin_weights[:, joints].sum(axis=1) > 0.5)
     heights_m = rest_vertices_m[of_foot, 1]
     return of_foot[heights_m < heights_m.min() + thickness_m]
 
 
-def with_vertices(body: BodyModel, rows: np.ndarray) -> BodyModel:
-    """The same body with some of its vertices and no faces; joints and shapes stay as they are.
-
-    Args:
-        body: A body of V vertices.
-        rows: (n,) int indices of the vertices to keep.
-    """
+def with_vertices(body: BodyModel, rows: Int[np.ndarray, " n"]) -> BodyModel:
+    """The same body with some of its vertices and no faces; joints and shapes stay as they are."""
     return replace(
         body,
         template_m=body.template_m[rows],

@@ -12,11 +12,11 @@ import numpy as np
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.shapes import Float
 
 
-def angles_rad(rotmats: np.ndarray) -> np.ndarray:
-    """Rotation angles in [0, pi] of matrices (..., 3, 3), i.e. the length of the log map: (...)
-    [rad].
+def angles_rad(rotmats: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
+    """Rotation angles in [0, pi], i.e. the length of the log map [rad].
 
     From sine and cosine together, so it is as accurate near 0 and pi as between.
     """
@@ -27,34 +27,38 @@ def angles_rad(rotmats: np.ndarray) -> np.ndarray:
     return angles
 
 
-def orientation_errors_deg(predicted_rotmats: np.ndarray, true_rotmats: np.ndarray) -> np.ndarray:
-    """Angle of dR* dR^T per motion: (..., 3, 3) twice -> (...) [deg]."""
+def orientation_errors_deg(
+    predicted_rotmats: Float[np.ndarray, "*n 3 3"], true_rotmats: Float[np.ndarray, "*n 3 3"]
+) -> Float[np.ndarray, "*n"]:
+    """Angle of dR* dR^T per motion [deg]."""
     return np.rad2deg(angles_rad(true_rotmats @ np.swapaxes(predicted_rotmats, -1, -2)))
 
 
-def translation_errors_mm(predicted_m: np.ndarray, true_m: np.ndarray) -> np.ndarray:
-    """Length of dT - dT* per motion: (..., 3) [m] twice -> (...) [mm]."""
+def translation_errors_mm(
+    predicted_m: Float[np.ndarray, "*n 3"], true_m: Float[np.ndarray, "*n 3"]
+) -> Float[np.ndarray, "*n"]:
+    """Length of dT - dT* per motion [mm]."""
     lengths: np.ndarray = np.linalg.norm(predicted_m - true_m, axis=-1) * 1000
     return lengths
 
 
 def vertex_errors_mm(
-    predicted_rotmats: np.ndarray,
-    predicted_m: np.ndarray,
-    true_rotmats: np.ndarray,
-    true_m: np.ndarray,
-    true_vertices_m: np.ndarray,
-    predicted_vertices_m: np.ndarray | None = None,
-) -> np.ndarray:
-    """Mean distance of the vertices of M([dA, L], beta, dT) per motion: (n,) [mm].
+    predicted_rotmats: Float[np.ndarray, "n 3 3"],
+    predicted_m: Float[np.ndarray, "n 3"],
+    true_rotmats: Float[np.ndarray, "n 3 3"],
+    true_m: Float[np.ndarray, "n 3"],
+    true_vertices_m: Float[np.ndarray, "n vertices 3"],
+    predicted_vertices_m: Float[np.ndarray, "n vertices 3"] | None = None,
+) -> Float[np.ndarray, " n"]:
+    """Mean distance of the vertices of M([dA, L], beta, dT) per motion [mm].
 
     Args:
-        predicted_rotmats: (n, 3, 3) dR.
-        predicted_m: (n, 3) dT [m].
-        true_rotmats: (n, 3, 3) dR*.
-        true_m: (n, 3) dT* [m].
-        true_vertices_m: (n, V, 3) true posed body in the first frame of each motion, root at
-            identity, pelvis at the origin [m].
+        predicted_rotmats: dR.
+        predicted_m: dT [m].
+        true_rotmats: dR*.
+        true_m: dT* [m].
+        true_vertices_m: True posed body in the first frame of each motion, root at identity, pelvis
+            at the origin [m].
         predicted_vertices_m: The same of the predicted local pose and shape; None where those are
             the true ones.
     """
@@ -83,23 +87,16 @@ class VertexErrors(NamedTuple):
 
 def posed_vertex_errors_mm(
     body: BodyModel,
-    shape: np.ndarray,
-    local_rotmats: np.ndarray,
-    delta_rotmats: np.ndarray,
-    delta_m: np.ndarray,
-    true_rotmats: np.ndarray,
-    true_m: np.ndarray,
-) -> np.ndarray:
-    """VME of n motions of one body with its true local pose and shape (eq. 17): (n,) [mm].
+    shape: Float[np.ndarray, " coefficients"],
+    local_rotmats: Float[np.ndarray, "n 23 3 3"],
+    delta_rotmats: Float[np.ndarray, "n 3 3"],
+    delta_m: Float[np.ndarray, "n 3"],
+    true_rotmats: Float[np.ndarray, "n 3 3"],
+    true_m: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, " n"]:
+    """VME of n motions of one body with its true local pose and shape (eq. 17) [mm].
 
-    Args:
-        body: The body.
-        shape: Its shape coefficients.
-        local_rotmats: (n, 23, 3, 3) local pose in the first frame of each motion.
-        delta_rotmats: (n, 3, 3) dR.
-        delta_m: (n, 3) dT [m].
-        true_rotmats: (n, 3, 3) dR*.
-        true_m: (n, 3) dT* [m].
+    `local_rotmats` are those of the first frame of each motion.
     """
     errors_mm = [np.zeros(0)]
     for rows in _chunks(len(delta_m), body):

@@ -11,13 +11,16 @@ import numpy as np
 
 from gmrdata.values.body import N_JOINTS, PARENTS, BodyModel
 from gmrdata.values.motion import Motion
+from gmrdata.values.shapes import Float
 
 CHUNK_BYTES = 64 << 20
 """Memory that the transforms of one chunk of frames may take."""
 
 
-def global_rotmats(parents: Sequence[int], local_rotmats: np.ndarray) -> np.ndarray:
-    """world_from_joint rotations of a tree: (T, J, 3, 3) local rotations -> (T, J, 3, 3)."""
+def global_rotmats(
+    parents: Sequence[int], local_rotmats: Float[np.ndarray, "frames joints 3 3"]
+) -> Float[np.ndarray, "frames joints 3 3"]:
+    """world_from_joint rotations of a tree; a parent (-1 for none) comes before its children."""
     rotmats = np.empty(local_rotmats.shape)
     for joint, parent in enumerate(parents):
         local = local_rotmats[:, joint]
@@ -26,17 +29,13 @@ def global_rotmats(parents: Sequence[int], local_rotmats: np.ndarray) -> np.ndar
 
 
 def joint_positions_m(
-    parents: Sequence[int], world_from_joint: np.ndarray, translations_m: np.ndarray
-) -> np.ndarray:
-    """Forward kinematics of a tree (Loper et al. 2015, eq. 4).
+    parents: Sequence[int],
+    world_from_joint: Float[np.ndarray, "frames joints 3 3"],
+    translations_m: Float[np.ndarray, "*frames joints 3"],
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Forward kinematics of a tree (Loper et al. 2015, eq. 4): positions in the world [m].
 
-    Args:
-        parents: (J,) parent of each joint, -1 for the root; a parent comes before its children.
-        world_from_joint: (T, J, 3, 3) global rotations.
-        translations_m: (J, 3) or (T, J, 3) joint positions in their parents' frames [m].
-
-    Returns:
-        (T, J, 3) positions in the world [m].
+    `translations_m` are positions in the parents' frames, of all frames or of each [m].
     """
     positions_m = np.empty(world_from_joint.shape[:-1])
     steps_m = np.broadcast_to(translations_m, positions_m.shape)
@@ -50,18 +49,11 @@ def joint_positions_m(
 
 
 def posed_joints_m(
-    rest_joints_m: np.ndarray, rotmats: np.ndarray, pelvis_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joints of a posed body.
-
-    Args:
-        rest_joints_m: (24, 3) rest joints [m].
-        rotmats: (T, 24, 3, 3) local rotations, the root's first.
-        pelvis_m: (T, 3) pelvis position in the root's frame of reference [m].
-
-    Returns:
-        Joints (T, 24, 3) [m] and frame_from_joint (T, 24, 3, 3).
-    """
+    rest_joints_m: Float[np.ndarray, "24 3"],
+    rotmats: Float[np.ndarray, "frames 24 3 3"],
+    pelvis_m: Float[np.ndarray, "frames 3"],
+) -> tuple[Float[np.ndarray, "frames 24 3"], Float[np.ndarray, "frames 24 3 3"]]:
+    """Joints of a posed body [m], and frame_from_joint; `rotmats` are local, the root's first."""
     bones_m = rest_joints_m - rest_joints_m[[0, *PARENTS[1:]]]
     bones_m = np.tile(bones_m, (len(rotmats), 1, 1))
     bones_m[:, 0] = pelvis_m
@@ -69,8 +61,8 @@ def posed_joints_m(
     return joint_positions_m(PARENTS, frame_from_joint, bones_m), frame_from_joint
 
 
-def motion_joints_m(body: BodyModel, motion: Motion) -> np.ndarray:
-    """Joints of a motion, (T, 24, 3) float64 [m], in the motion's frame.
+def motion_joints_m(body: BodyModel, motion: Motion) -> Float[np.ndarray, "frames 24 3"]:
+    """Joints of a motion [m], in the motion's frame.
 
     Raises:
         ValueError: the motion's shape does not fit the body.
@@ -82,13 +74,13 @@ def motion_joints_m(body: BodyModel, motion: Motion) -> np.ndarray:
 
 def motion_vertices_m(
     body: BodyModel, motion: Motion, rows: np.ndarray | slice | None = None
-) -> np.ndarray:
-    """Vertices of a motion, (n, V, 3) float32 [m], in the motion's frame.
+) -> Float[np.ndarray, "n vertices 3"]:
+    """Vertices of a motion, float32 [m], in the motion's frame.
 
     Args:
-        body: The body.
-        motion: The motion.
-        rows: Which of the motion's T frames: an index array, a bool mask or a slice; None for all.
+        body: The motion's body.
+        motion: T frames.
+        rows: Which of them: an index array, a bool mask or a slice; None for all.
 
     Raises:
         ValueError: the motion's shape does not fit the body.

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from gmrdata.values.body import N_JOINTS, N_LOCAL, PARENTS, BodyModel
+from gmrdata.values.shapes import Float
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,38 +40,25 @@ _TENSORS: WeakKeyDictionary[BodyModel, dict[tuple[torch.dtype, torch.device], _B
 """Tensors of the bodies that are still alive, so that calling the forward pass again is cheap."""
 
 
-def posed_joints(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
-    """Joints of a posed body with the root at identity and the pelvis at the origin.
-
-    Args:
-        body: The body.
-        shape: (..., S) shape coefficients; batch dimensions broadcast against the pose's.
-        local_rotmats: (..., 23, 3, 3) parent_from_joint of joints 1..23.  Its dtype and device are
-            those of the result.
-
-    Returns:
-        Joints (..., 24, 3) [m] in the root's frame, and root_from_joint rotations (..., 24, 3, 3).
-
-    Raises:
-        ValueError: the shape has another number of coefficients than the body, or the pose is not
-            of 23 rotations.
-    """
+def posed_joints(
+    body: BodyModel, shape: Tensor, local_rotmats: Tensor
+) -> tuple[Float[Tensor, "*batch 24 3"], Float[Tensor, "*batch 24 3 3"]]:
+    """Joints [m] and root_from_joint of a posed body; arguments and errors as `posed_vertices`."""
     _check_sizes(body, shape, local_rotmats)
     tensors = _tensors(body, local_rotmats)
     return forward_kinematics(_rest_joints(tensors, shape.to(local_rotmats)), local_rotmats)
 
 
-def posed_vertices(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> Tensor:
-    """Vertices of a posed body with the root at identity and the pelvis at the origin.
+def posed_vertices(
+    body: BodyModel, shape: Tensor, local_rotmats: Tensor
+) -> Float[Tensor, "*batch vertices 3"]:
+    """Vertices of a posed body with the root at identity and the pelvis at the origin [m].
 
     Args:
         body: The body.
         shape: (..., S) shape coefficients; batch dimensions broadcast against the pose's.
         local_rotmats: (..., 23, 3, 3) parent_from_joint of joints 1..23.  Its dtype and device are
             those of the result.
-
-    Returns:
-        (..., V, 3) [m] in the root's frame.
 
     Raises:
         ValueError: the shape has another number of coefficients than the body, or the pose is not
@@ -85,14 +73,13 @@ def posed_vertices(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> Ten
     return _rotate(blended[..., :3], rest_m) + blended[..., 3]
 
 
-def joint_transforms(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> Tensor:
-    """Where each joint takes the points that are bound to it.
+def joint_transforms(
+    body: BodyModel, shape: Tensor, local_rotmats: Tensor
+) -> Float[Tensor, "*batch 24 3 4"]:
+    """root_from_rest: where each joint takes the points that are bound to it [m].
 
     Points of the rest frame with the pelvis at the origin go to the root's frame with the pelvis at
     the origin.  Arguments and errors are those of `posed_vertices`.
-
-    Returns:
-        root_from_rest (..., 24, 3, 4): rotations, and offsets [m] in the last column.
     """
     _check_sizes(body, shape, local_rotmats)
     rest_joints_m = _rest_joints(_tensors(body, local_rotmats), shape.to(local_rotmats))
@@ -103,29 +90,21 @@ def joint_transforms(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> T
     return torch.cat([root_from_joint, offsets_m[..., None]], dim=-1)
 
 
-def place(root_rotmats: Tensor, pelvis_m: Tensor, points: Tensor) -> Tensor:
-    """Points of the root's frame in the frame of the root's pose: R p + T.
-
-    Args:
-        root_rotmats: (..., 3, 3) frame_from_root.
-        pelvis_m: (..., 3) pelvis position in that frame [m].
-        points: (..., N, 3) in the root's frame with the pelvis at the origin [m].
-
-    Returns:
-        (..., N, 3) [m].
-    """
+def place(
+    root_rotmats: Float[Tensor, "*batch 3 3"],
+    pelvis_m: Float[Tensor, "*batch 3"],
+    points: Float[Tensor, "*batch n 3"],
+) -> Float[Tensor, "*batch n 3"]:
+    """Points of the root's frame in the frame of the root's pose: R p + T [m]."""
     return points @ root_rotmats.transpose(-1, -2) + pelvis_m[..., None, :]
 
 
-def forward_kinematics(rest_joints_m: Tensor, local_rotmats: Tensor) -> tuple[Tensor, Tensor]:
-    """Joints with the root at identity and the pelvis at the origin (Loper et al. 2015, eq. 4).
+def forward_kinematics(
+    rest_joints_m: Float[Tensor, "*rest 24 3"], local_rotmats: Float[Tensor, "*poses 23 3 3"]
+) -> tuple[Float[Tensor, "*batch 24 3"], Float[Tensor, "*batch 24 3 3"]]:
+    """Joints [m] and root_from_joint with the root at identity and the pelvis at the origin.
 
-    Args:
-        rest_joints_m: (..., 24, 3) [m].
-        local_rotmats: (..., 23, 3, 3) parent_from_joint; batch dimensions broadcast.
-
-    Returns:
-        Joints (..., 24, 3) [m] in the root's frame, and root_from_joint (..., 24, 3, 3).
+    Loper et al. 2015, eq. 4; batch dimensions broadcast.
     """
     batch = torch.broadcast_shapes(rest_joints_m.shape[:-2], local_rotmats.shape[:-3])
     rest_joints_m = rest_joints_m.expand(*batch, N_JOINTS, 3)

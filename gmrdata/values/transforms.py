@@ -1,11 +1,19 @@
-"""Rigid transforms as 4x4 arrays, named `a_from_b`: they map coordinates in b to a."""
+"""Rigid transforms as 4x4 arrays, named `a_from_b`: they map coordinates in b to a.
+
+And the best ones between two sets of points or orientations.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 
+from gmrdata.values.shapes import Float
 
-def rigid(rotmats: np.ndarray, translations: np.ndarray) -> np.ndarray:
-    """Assemble transforms from rotations (..., 3, 3) and translations (..., 3) into (..., 4, 4)."""
-    rotmats, translations = np.asarray(rotmats), np.asarray(translations)
+
+def rigid(
+    rotmats: Float[np.ndarray, "*a 3 3"], translations: Float[np.ndarray, "*b 3"]
+) -> Float[np.ndarray, "*c 4 4"]:
+    """Assemble transforms; batch dimensions broadcast."""
     batch = np.broadcast_shapes(rotmats.shape[:-2], translations.shape[:-1])
     a_from_b = np.zeros((*batch, 4, 4))
     a_from_b[..., :3, :3] = rotmats
@@ -14,26 +22,75 @@ def rigid(rotmats: np.ndarray, translations: np.ndarray) -> np.ndarray:
     return a_from_b
 
 
-def invert(a_from_b: np.ndarray) -> np.ndarray:
-    """b_from_a of rigid transforms (..., 4, 4), without a general matrix inverse."""
+def invert(a_from_b: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*batch 4 4"]:
+    """b_from_a of rigid transforms, without a general matrix inverse."""
     b_from_a_rotmats = np.swapaxes(a_from_b[..., :3, :3], -1, -2)
     return rigid(
         b_from_a_rotmats, -np.einsum("...ij,...j->...i", b_from_a_rotmats, a_from_b[..., :3, 3])
     )
 
 
-def apply(a_from_b: np.ndarray, points_b: np.ndarray) -> np.ndarray:
-    """Map points (..., N, 3) from b to a by transforms (..., 4, 4) of the same batch shape."""
+def apply(
+    a_from_b: Float[np.ndarray, "*batch 4 4"], points_b: Float[np.ndarray, "*batch n 3"]
+) -> Float[np.ndarray, "*batch n 3"]:
+    """Map points from b to a."""
     return (
         np.einsum("...ij,...nj->...ni", a_from_b[..., :3, :3], points_b)
         + a_from_b[..., None, :3, 3]
     )
 
 
-def slerp(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Rotations (N, J, 3, 3) at a share (N,) of the shortest way from start to end."""
+def slerp(
+    start: Float[np.ndarray, "n joints 3 3"],
+    end: Float[np.ndarray, "n joints 3 3"],
+    share: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, "n joints 3 3"]:
+    """Rotations at a share of the shortest way from start to end."""
     from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
 
     step = Rotation.from_matrix((start.swapaxes(-1, -2) @ end).reshape(-1, 3, 3)).as_rotvec()
     turned = np.repeat(share, start.shape[1])[:, None] * step
     return start @ Rotation.from_rotvec(turned).as_matrix().reshape(start.shape)
+
+
+class Similarity(NamedTuple):
+    """a_from_b of points: p_a = scale * rotmat @ p_b + translation_m."""
+
+    scale: float
+    rotmat: np.ndarray
+    translation_m: np.ndarray
+
+    def apply(self, points_b_m: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Map points from b to a [m]."""
+        mapped: np.ndarray = (
+            self.scale * np.asarray(points_b_m) @ self.rotmat.T + self.translation_m
+        )
+        return mapped
+
+
+def fit_similarity(
+    points_a_m: Float[np.ndarray, "n 3"], points_b_m: Float[np.ndarray, "n 3"], *, scale: bool
+) -> Similarity:
+    """The a_from_b of least squares between paired points (Umeyama 1991, eqs. 40-42).
+
+    Points on a line, or in one place, leave a part of the rotation open; one of the best is given.
+    Where the scale is fitted, and not kept at 1, the points in b are not all in one place.
+    """
+    mean_a, mean_b = points_a_m.mean(0), points_b_m.mean(0)
+    centred_a, centred_b = points_a_m - mean_a, points_b_m - mean_b
+    covariance = centred_a.T @ centred_b / len(points_a_m)
+    rotmat, singular = _nearest_rotation(covariance)
+    factor = float(singular.sum() / centred_b.var(0).sum()) if scale else 1.0
+    return Similarity(factor, rotmat, mean_a - factor * rotmat @ mean_b)
+
+
+def mean_rotation(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Chordal mean (Hartley et al. 2013, section 5.3)."""
+    return _nearest_rotation(rotmats.sum(0))[0]
+
+
+def _nearest_rotation(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rotation nearest to a 3x3 matrix, and its signed singular values."""
+    u, singular, vt = np.linalg.svd(matrix)
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
+    return (u * signs) @ vt, singular * signs

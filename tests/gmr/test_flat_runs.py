@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from gmrdata.gmr.config import Representation, WindowConfig
 from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, RunRows, in_files, in_memory, remove_files
 from gmrdata.gmr.model import network_input
-from gmrdata.gmr.windows import Batch, Mix, draw_run, make_batch, make_training_set
+from gmrdata.gmr.windows import Batch, Mix, make_batch, make_training_set, sample_run
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadRecord
+from gmrdata.values.files import read_json, write_json
 
 PACK = PackRecord(input="quaternion", fps_hz=10.0)
 OTHER_PACK = PackRecord(input="quaternion", fps_hz=20.0)
@@ -124,6 +125,18 @@ def test_a_pack_is_made_once_and_as_a_whole(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_pack_whose_record_lacks_a_key_is_made_anew(tmp_path: Path) -> None:
+    folder = tmp_path / "pack"
+    for n, key in enumerate(("format", "input", "fps_hz"), start=5):
+        in_files(random_runs([3], [0]), folder, PACK)
+        record = read_json(folder / "pack.json")
+        del record[key]
+        write_json(folder / "pack.json", record)
+        assert len(in_files(random_runs([n], [0]), folder, PACK).poses) == n
+        assert read_json(folder / "pack.json")[key] == PACK.model_dump(mode="json")[key]
+        remove_files(folder)
+
+
 def test_memory_is_bounded(tmp_path: Path) -> None:
     """100,000 frames, 37 MB of poses, go through far less memory."""
     tracemalloc.start()
@@ -144,7 +157,7 @@ def test_runs_are_drawn_by_frames_or_by_weight_first() -> None:
 
     def shares(weights: tuple[float, ...] | None) -> np.ndarray:
         rng = np.random.default_rng(0)
-        drawn = [draw_run(runs, weights, rng) for _ in range(20_000)]
+        drawn = [sample_run(runs, weights, rng) for _ in range(20_000)]
         return np.bincount(drawn, minlength=4) / len(drawn)
 
     np.testing.assert_allclose(shares(None), [0.1, 0.3, 0.4, 0.2], atol=0.02)
@@ -157,7 +170,7 @@ def test_without_weights_the_draws_are_those_of_all_frames() -> None:
     for seed in range(50):
         frame = np.random.default_rng(seed).integers(80)
         expected = int(np.searchsorted([10, 40, 80], frame, side="right"))
-        assert draw_run(runs, None, np.random.default_rng(seed)) == expected
+        assert sample_run(runs, None, np.random.default_rng(seed)) == expected
 
 
 @given(
@@ -166,7 +179,7 @@ def test_without_weights_the_draws_are_those_of_all_frames() -> None:
 def test_any_weights_draw_a_run(weights: list[float], seed: int) -> None:
     n = len(weights)
     runs = runs_of([3] * 2 * n, sorted([*range(n), *range(n)]))
-    assert 0 <= draw_run(runs, weights, np.random.default_rng(seed)) < 2 * n
+    assert 0 <= sample_run(runs, weights, np.random.default_rng(seed)) < 2 * n
 
 
 def test_a_weight_without_windows_is_refused(make_clips: Callable[..., list[Clip]]) -> None:

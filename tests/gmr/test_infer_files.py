@@ -45,6 +45,7 @@ from tests.motion.written_files import (
     write_vibe,
     write_wham,
 )
+from tests.record_keys import assert_each_key_is_needed
 
 FILES = ["amass.npz", "body.glb", "clip.npz", "motion.bvh", "path.png"]
 QUICK = InferConfig(fps_hz=30.0, video=False)
@@ -169,7 +170,7 @@ BAD: dict[str, tuple[Callable[[], dict[Any, Any]], float | None, str]] = {
         30.0,
         r"\(9, 66\), not \(T, 72\)",
     ),
-    "NaN": (lambda: {0: _nan_person()}, 30.0, "NaN or infinite numbers in row 3"),
+    "NaN": (lambda: {0: _nan_person()}, 30.0, "pose of person_0 is not finite at frame 3"),
     "slow": (lambda: {0: vibe_person(40)}, 5.0, "5 fps is lower than 10 fps"),
     "no rate": (lambda: {0: vibe_person(40)}, None, "does not say its frame rate"),
 }
@@ -335,3 +336,17 @@ def test_a_body_that_the_file_is_not_of_gets_its_mean_shape(
     infer_world_motion(run_dir, tmp_path / "c.npz", str(tmp_path / "other.npz"), out, config)
     found = load_clip(out / "walk" / "clip.npz").motion
     assert found.body == "other" and not found.shape.any()
+
+
+def test_each_key_of_the_record_is_needed(tmp_path: Path) -> None:
+    one = stage.InferredMotion(
+        frames=3, fps_hz=30.0, first_frame=1, last_frame=3, filled_frames=0, path_m=0.5, source="s"
+    )
+    record = stage.InferRecord(
+        poses="a.pkl",
+        body="anny",
+        model=stage.NetworkUsed(run="run", step=1, fps_hz=10.0),
+        motions={"person_0": one},
+        left_out={"person_1": "too short"},
+    )
+    assert_each_key_is_needed(record, tmp_path / "infer.json", ("motions", "left_out"))

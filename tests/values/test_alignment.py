@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.values.alignment import fit_similarity, mean_rotation
+from gmrdata.values.transforms import fit_similarity, mean_rotation
 
 seeds = st.integers(0, 2**31 - 1)
 
