@@ -308,7 +308,7 @@ def _put(label: Annotation, angle_rad: float) -> None:
 
 
 def _place_labels(plot: Figure) -> None:
-    """Turn each label round its point until it stands inside its axes and on no other text."""
+    """Turn each label round its point to where it covers no text and as little as can be."""
     texts = [text for text in plot.findobj(Text) if text.get_visible() and text.get_text().strip()]
     labels = [text for text in texts if isinstance(text, Annotation) and text.get_gid() == _LABEL]
     if not labels:
@@ -316,26 +316,29 @@ def _place_labels(plot: Figure) -> None:
     plot.draw_without_rendering()
     taken = [text.get_window_extent() for text in texts if text not in labels]
     for label in labels:
-        assert label.axes is not None
-        room = label.axes.get_window_extent()
         first = float(np.arctan2(label.xyann[1], label.xyann[0]))
-        for turn in (0, 1, -1, 2, -2, 3, -3, 4):
-            _put(label, first + turn * np.pi / 4)
-            if _is_free(label.get_window_extent(), room, taken):
-                break
-        else:
-            _put(label, first)
+        sides = [first + turn * np.pi / 4 for turn in (0, 1, -1, 2, -2, 3, -3, 4)]
+        _put(label, min(sides, key=lambda side: _covered(label, side, taken)))
         taken.append(label.get_window_extent())
 
 
-def _is_free(box: Bbox, room: Bbox, taken: Sequence[Bbox]) -> bool:
-    inside = room.x0 <= box.x0 and room.y0 <= box.y0 and box.x1 <= room.x1 and box.y1 <= room.y1
-    return inside and not box.count_overlaps(list(taken))
+def _covered(label: Annotation, angle_rad: float, taken: Sequence[Bbox]) -> tuple[int, bool, int]:
+    """Texts that a label covers on a side, whether it leaves its axes, and points of paths."""
+    _put(label, angle_rad)
+    axes, box = label.axes, label.get_window_extent()
+    assert axes is not None
+    room = axes.get_window_extent()
+    leaves = not (room.contains(box.x0, box.y0) and room.contains(box.x1, box.y1))
+    paths = [np.asarray(line.get_xydata()) for line in axes.get_lines()]
+    paths += [path.vertices for lines in axes.collections for path in lines.get_paths()]
+    points = axes.transData.transform(np.concatenate(paths))
+    inside = ((points >= box.min) & (points <= box.max)).all(axis=1)
+    return box.count_overlaps(list(taken)), leaves, int(inside.sum())
 
 
 def finish_view(axes: Axes) -> float:
     """Equal axes in metres, with room for the labels, on a square grid; gives its spacing [m]."""
-    axes.margins(0.14)
+    axes.margins(0.2)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     spacing_m = next((s for s in (0.2, 0.5, 1.0, 2.0) if _span_m(axes) < 10 * s), 5.0)

@@ -20,7 +20,7 @@ from gmrdata.pages.plots import (
     quiet,
 )
 from gmrdata.pages.qa_data import Aligned, Found, Kind
-from gmrdata.world.frame_checks import window_differences
+from gmrdata.world.judge import window_differences
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
 
 PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45

@@ -11,7 +11,7 @@ from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
-from gmrdata.world.frame_checks import angles_deg, relative_moves, window_differences
+from gmrdata.world.judge import angles_deg, relative_moves, window_differences
 from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 

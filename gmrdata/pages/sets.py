@@ -14,14 +14,12 @@ from gmrdata.film.render import (
     RenderConfig,
     RenderJob,
     find_renderer,
-    render_inputs,
     run_blender,
-    with_full_paths,
 )
 from gmrdata.film.render_outputs import IN_FRAME
-from gmrdata.film.render_set import frame_warnings, layouts_of, render_dir, require_takes
+from gmrdata.film.render_set import frame_warnings, render_dir, require_takes
 from gmrdata.film.scene import SceneConfig
-from gmrdata.film.set_plan import SyntheticRecipe, render_config
+from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.film.set_takes import plan_takes, select
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality
@@ -205,28 +203,20 @@ def preview_set(
         StageFailed: some clips can't be filmed or drawn; the others are on the page.
     """
     selection = select(recipe, motions_dir)
-    require_takes(recipe, selection, motions_dir)
+    require_takes(selection, motions_dir)
     out_dir = out_dir.resolve() / PREVIEW_FOLDER
     anew = Run(redo=True)
     body_path = keep_body(recipe.body, out_dir / "body", run=anew)
-    planned = plan_takes(recipe, selection, body_path, out_dir / "plan", run=anew)
+    planned = plan_takes(selection, body_path, out_dir / "plan", run=anew)
     engine = _choose_engine()
-    renders = {take.id: render_config(recipe, take.clip) for take in selection.takes}
-    layouts = layouts_of(selection.takes, planned.paths)
     jobs = [
         Job(
             id,
             preview_clip,
-            {
-                "clip_path": path,
-                "body_path": body_path,
-                "out_dir": out_dir / "clips" / id,
-                "config": PreviewConfig(render=renders[id], engine=engine),
-                "layout_paths": tuple(layouts.get(id, ())),
-            },
+            {"job": planned.render_job(id, out_dir / "clips" / id), "engine": engine},
             retries=RETRIES,
         )
-        for id, path in planned.paths.items()
+        for id in planned.paths
     ]
     failures_dir = out_dir / "failed"
     with worker_pool(run, recipe.workers) as client:
@@ -256,51 +246,31 @@ def _write_preview(
     return out_dir / "index.html"
 
 
-def preview_clip(
-    clip_path: Path,
-    body_path: Path,
-    out_dir: Path,
-    config: PreviewConfig,
-    *,
-    layout_paths: Sequence[Path] = (),
-) -> Path:
+def preview_clip(job: RenderJob, engine: PreviewEngine) -> Path:
     """Stage: `contact.jpg` and `paths.png` of a planned clip, made anew when anything changed.
-
-    Args:
-        clip_path: The planned clip.
-        body_path: Its body.
-        layout_paths: Clips that share its place, as for `render_clip`.
 
     Raises:
         RenderFailed: Blender ended without its result.
     """
+    config = PreviewConfig(render=job.config, engine=engine)
+    cycles = job.config.model_copy(update={"engine": "cycles", "device": "cpu"})
 
     def work(partial_dir: Path) -> None:
-        clip = load_clip(clip_path)
-        render = RenderJob(
-            clip_path=clip_path.resolve(),
-            body_path=body_path.resolve(),
-            out_dir=partial_dir.resolve(),
-            config=with_full_paths(config.render).model_copy(
-                update={"engine": "cycles", "device": "cpu"}
-            ),
-            layout_paths=tuple(path.resolve() for path in layout_paths),
-        )
-        job = PreviewJob(
-            render=render,
+        clip = load_clip(job.clip_path)
+        preview = PreviewJob(
+            render=job.model_copy(update={"out_dir": partial_dir, "config": cycles}),
             rows=tuple(spaced(clip.motion.n_frames, config.n_frames)),
             percent=min(100, max(1, round(100 * PREVIEW_WIDTH_PX / camera_of(clip).width_px))),
             engine=config.engine,
         )
-        run_blender(job, partial_dir, lambda _: None, module="blender.preview")
+        run_blender(preview, partial_dir, lambda _: None, module="blender.preview")
         pictures = sorted((partial_dir / "frames").glob("*.jpg"))
         tiles = [read_image(path, cv2.IMREAD_COLOR) for path in pictures]
         write_bytes(partial_dir / CONTACT_FILE, jpeg(tile_sheet(tiles, PREVIEW_COLUMNS)))
         write_bytes(partial_dir / PATHS_FILE, paths_picture(clip))
         shutil.rmtree(partial_dir / "frames")
 
-    inputs = render_inputs(clip_path, body_path, config.render, layout_paths)
-    return run_stage("preview", out_dir, config, inputs, work, run=Run(redo=True))
+    return run_stage("preview", job.out_dir, config, job.inputs, work, run=Run(redo=True))
 
 
 def _choose_engine() -> PreviewEngine:

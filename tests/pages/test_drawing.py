@@ -2,18 +2,27 @@
 
 import re
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from scipy.spatial.transform import Rotation
 
 from gmrdata.pages import frames as overlay
 from gmrdata.pages.frames import frame_tiles, tile_sheet
-from gmrdata.pages.overview import write_overview
-from gmrdata.pages.plots import COLOURS, aligned_paths, plot_predicted_view, plot_top_view, svg
+from gmrdata.pages.overview import DPI, overview_plot, write_overview
+from gmrdata.pages.plots import (
+    COLOURS,
+    aligned_paths,
+    drawn,
+    plot_predicted_view,
+    plot_top_view,
+    svg,
+)
 from gmrdata.pages.report_data import ReportData
 from gmrdata.twins.pseudo_gt_error import compare_clips, error_series, paired_rows
 from gmrdata.values import transforms
@@ -238,6 +247,17 @@ def test_ids_of_a_drawing_hang_on_its_name_alone_and_its_texts_stay_whole() -> N
     assert set(used) == set(ids)
     assert ">0.012345 m<" in drawn
     assert not re.search(r' d="[^"]*\.[0-9]{3}', drawn)
+
+
+def test_texts_of_the_overview_stand_clear_of_each_other(report: ReportData) -> None:
+    draw, size_in = overview_plot(report, 5)
+    plot = drawn(draw, *size_in, DPI)
+    plot.draw_without_rendering()
+    texts = [text for text in plot.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    assert sum(text.get_text() == "camera" for text in texts) == 3
+    for one, other in combinations(texts, 2):
+        boxes = one.get_window_extent(), other.get_window_extent()
+        assert not boxes[0].overlaps(boxes[1]), (one.get_text(), other.get_text())
 
 
 def test_overview_is_reproducible_and_wide(report: ReportData, tmp_path: Path) -> None:

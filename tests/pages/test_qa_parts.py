@@ -21,7 +21,7 @@ from gmrdata.pages.qa_data import (
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.values import transforms
-from gmrdata.world.frame_checks import window_differences
+from gmrdata.world.judge import window_differences
 from tests.pages.html_pages import Page
 
 HOSTILE = (
