@@ -15,14 +15,14 @@ from gmrdata.baselines.predictions import (
     first_pose,
     manifest_subjects,
     predicted,
+    roots_of_runs,
     write_predictions,
 )
-from gmrdata.motion.resample import valid_runs
+from gmrdata.score.predictions import every_row
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadFeatures
-from gmrdata.values.motion_deltas import accumulate
 from gmrdata.values.records import Config
 
 if TYPE_CHECKING:
@@ -82,8 +82,6 @@ def predict_joint(
 def seen_in_features(model: "JointModel", subject: Subject, features: np.ndarray) -> Prediction:
     """What the network sees of a subject, every run of valid frames a sequence of its own.
 
-    A run begins where the one before it ended, since nothing is known of the gap.
-
     Args:
         model: The network, in evaluation mode.
         subject: The subject; its shape is kept, its motion is not looked at but for the first pose.
@@ -96,17 +94,14 @@ def seen_in_features(model: "JointModel", subject: Subject, features: np.ndarray
 
     clip = subject.clip
     step = rows_per_frame(clip, model.config.fps_hz)
-    rows = np.arange(0, clip.motion.n_frames, step)
-    # No step between two frames of a run may hide a row that is not valid.
-    valid = np.array([clip.valid[max(0, row - step + 1) : row + 1].all() for row in rows])
+    rows, valid = every_row(clip.valid, step)
     local_rotmats = np.full((len(rows), N_LOCAL, 3, 3), np.nan)
-    root_rotmats, pelvis_m = np.full((len(rows), 3, 3), np.nan), np.full((len(rows), 3), np.nan)
-    root_rotmat, place_m = first_pose(clip)
-    for start, stop in valid_runs(valid):
-        now = slice(start, stop)
-        local_rotmats[now], delta_rotmats, delta_m = _seen(model, features[rows[now]])
-        root_rotmats[now], pelvis_m[now] = accumulate(delta_rotmats, delta_m, root_rotmat, place_m)
-        root_rotmat, place_m = root_rotmats[stop - 1], pelvis_m[stop - 1]
+
+    def motions_of(run: slice) -> tuple[np.ndarray, np.ndarray]:
+        local_rotmats[run], delta_rotmats, delta_m = _seen(model, features[rows[run]])
+        return delta_rotmats, delta_m
+
+    root_rotmats, pelvis_m = roots_of_runs(valid, first_pose(clip), motions_of)
     motion = replace(
         clip.motion,
         local_rotmats=local_rotmats,

@@ -6,7 +6,7 @@ out/predictions.json            method, clips with their figures, clips left out
 out/stage.json                  recipe, inputs, versions
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -14,10 +14,12 @@ from typing import Literal
 import numpy as np
 
 from gmrdata.gmr.runs import usable_files
+from gmrdata.motion.resample import valid_runs
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, StageFailed
 from gmrdata.values.files import read_npz, resolve_inside
 from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import accumulate
 from gmrdata.values.records import Config, Record
 
 
@@ -67,6 +69,28 @@ def first_pose(clip: Clip) -> tuple[np.ndarray, np.ndarray]:
             " valid, or make the clip again"
         )
     return root_rotmat, pelvis_m
+
+
+def roots_of_runs(
+    valid: np.ndarray,
+    start: tuple[np.ndarray, np.ndarray],
+    motions_of: Callable[[slice], tuple[np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (T, 3, 3) and pelves (T, 3) [m] of the rows that are valid; NaN elsewhere.
+
+    A run begins where the one before it ended, since nothing is known of the gap.
+
+    Args:
+        valid: (T,) bool.
+        start: Root rotation and pelvis of the first row that is valid.
+        motions_of: dR (n-1, 3, 3) and dT (n-1, 3) [m] of a run of n rows.
+    """
+    root_rotmats, pelvis_m = np.full((len(valid), 3, 3), np.nan), np.full((len(valid), 3), np.nan)
+    for first, stop in valid_runs(valid):
+        rows = slice(first, stop)
+        root_rotmats[rows], pelvis_m[rows] = accumulate(*motions_of(rows), *start)
+        start = root_rotmats[stop - 1], pelvis_m[stop - 1]
+    return root_rotmats, pelvis_m
 
 
 FOLDER = "predictions"

@@ -28,7 +28,7 @@ Out = Annotated[
 
 def baseline_zero(manifest: Manifest, out: Out, redo: Redo = False) -> None:
     """Zero motion: everybody stays in the pose of the first frame."""
-    from gmrdata.baselines.zero import predict_zero
+    from gmrdata.baselines.constant import predict_zero
 
     answer(predict_zero(manifest, out, run=Run(redo=redo)))
 
@@ -46,7 +46,7 @@ def baseline_mean(
         training: Manifests whose motions are averaged.
         fps_hz: Frame rate at which motions are averaged [Hz].
     """
-    from gmrdata.baselines.mean import MeanConfig, predict_mean
+    from gmrdata.baselines.constant import MeanConfig, predict_mean
 
     need(training, "a manifest to average: --training")
     answer(predict_mean(manifest, training, out, MeanConfig(fps_hz=fps_hz), run=Run(redo=redo)))

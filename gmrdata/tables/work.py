@@ -1,6 +1,6 @@
-"""GMR on another network's local poses, for the paper's rows "Ours" (Tables 5 and 6).
+"""One training and one score of a table, as jobs for workers.  A finished folder is kept.
 
-One training and one score of a table, as jobs for workers.  A finished folder is kept.
+For the paper's rows "Ours" (Tables 5 and 6), GMR sees another network's local poses.
 """
 
 from dataclasses import replace
@@ -12,21 +12,25 @@ from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.baselines.predictions import (
     NetworkFigures,
     NetworkPredictions,
+    Prediction,
+    Subject,
     first_pose,
     manifest_subjects,
     predicted,
+    roots_of_runs,
     write_predictions,
 )
 from gmrdata.baselines.vibe_cam import load_poses
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_deltas
-from gmrdata.motion.resample import valid_runs
+from gmrdata.score.predictions import every_row
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.tables.plan import Given, Scoring, Training, scored_manifest
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion, whole_ratio
-from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.motion import whole_ratio
 from gmrdata.values.records import Config
 
 
@@ -74,57 +78,42 @@ def infer_poses(
         found = []
         for one in subjects:
             seen = load_poses(poses_dir / f"{one.clip.id}.npz", one.clip, body)
-            step = _step(seen.motion, gmr.fps_hz, one.clip.id)
-            usable = one.clip.valid & seen.valid
-            rows = np.arange(0, seen.motion.n_frames, step)
-            # No step between two frames may hide a row that is not valid.
-            valid = np.array([usable[max(0, row - step + 1) : row + 1].all() for row in rows])
-            motion = _moved(gmr, seen.motion, rows, valid, first_pose(one.clip))
-            rest_m = body.rest_pelvis_m(motion.shape)
-            found.append(predicted(one, motion, valid, step=step, rest_pelvis_m=rest_m))
+            found.append(_moved(gmr, one, seen, body))
         figures = NetworkFigures(run=run_dir.name)
         write_predictions(partial_dir, "gmr", found, left_out, NetworkPredictions, figures)
 
     return run_stage("gmr-on-poses", out_dir, InferPosesConfig(), inputs, work, run=run)
 
 
-def _step(motion: Motion, fps_hz: float, clip_id: str) -> int:
-    step = whole_ratio(motion.fps_hz, fps_hz)
+def _moved(gmr: TrainedGmr, subject: Subject, seen: Clip, body: BodyModel) -> Prediction:
+    """The poses with the world motion that the network sees in them."""
+    motion = seen.motion
+    step = whole_ratio(motion.fps_hz, gmr.fps_hz)
     if step is None:
         raise BadMotionFile(
-            f"clip {clip_id}: {motion.fps_hz:g} fps is no multiple of the network's {fps_hz:g}"
+            f"clip {subject.clip.id}: {motion.fps_hz:g} fps is no multiple of the network's "
+            f"{gmr.fps_hz:g}"
         )
-    return step
+    rows, valid = every_row(subject.clip.valid & seen.valid, step)
+    local_rotmats = motion.local_rotmats[rows]
 
+    def motions_of(run: slice) -> tuple[np.ndarray, np.ndarray]:
+        if run.stop - run.start == 1:
+            return np.zeros((0, 3, 3)), np.zeros((0, 3))
+        return predict_deltas(gmr, local_rotmats[run])
 
-def _moved(
-    gmr: TrainedGmr,
-    motion: Motion,
-    rows: np.ndarray,
-    valid: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
-) -> Motion:
-    """The world motion of the rows that are valid; a run begins where the one before it ended."""
-    root_rotmats = np.full((len(rows), 3, 3), np.nan)
-    pelvis_m = np.full((len(rows), 3), np.nan)
-    root_rotmat, place_m = start
-    for first, stop in valid_runs(valid):
-        now = slice(first, stop)
-        if stop - first == 1:
-            root_rotmats[first], pelvis_m[first] = root_rotmat, place_m
-            continue
-        delta_rotmats, delta_m = predict_deltas(gmr, motion.local_rotmats[rows[now]])
-        root_rotmats[now], pelvis_m[now] = accumulate(delta_rotmats, delta_m, root_rotmat, place_m)
-        root_rotmat, place_m = root_rotmats[stop - 1], pelvis_m[stop - 1]
-    return replace(
+    root_rotmats, pelvis_m = roots_of_runs(valid, first_pose(subject.clip), motions_of)
+    moved = replace(
         motion,
-        local_rotmats=motion.local_rotmats[rows],
+        local_rotmats=local_rotmats,
         root_rotmats=root_rotmats,
         pelvis_m=pelvis_m,
         fps_hz=gmr.fps_hz,
         frame="world",
         source=f"GMR on local poses of: {motion.source}",
     )
+    rest_m = body.rest_pelvis_m(motion.shape)
+    return predicted(subject, moved, valid, step=step, rest_pelvis_m=rest_m)
 
 
 def train_one(training: Training, given: Given, out_dir: Path, run: Run) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gmrdata.baselines.camera_as_world import CameraPredictions
-from gmrdata.baselines.mean import MeanPredictions
+from gmrdata.baselines.constant import MeanPredictions
 from gmrdata.baselines.predictions import NetworkPredictions, Predictions
 from gmrdata.baselines.vibe_cam import VibeCamPredictions
 from tests.record_keys import assert_each_key_is_needed

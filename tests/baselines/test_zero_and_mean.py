@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.baselines.mean import MeanConfig, mean_motion, moving_as, predict_mean
+from gmrdata.baselines.constant import (
+    MeanConfig,
+    mean_motion,
+    moving_as,
+    predict_mean,
+    predict_zero,
+)
 from gmrdata.baselines.predictions import Subject
-from gmrdata.baselines.zero import predict_zero
 from gmrdata.cli import main
 from gmrdata.gmr.runs import runs_at
 from gmrdata.manifest.current import Quality

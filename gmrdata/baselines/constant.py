@@ -1,4 +1,4 @@
-"""Stage: everybody moves as people do on average."""
+"""Stages that look at nothing: nobody moves, and everybody moves as people do on average."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +25,45 @@ from gmrdata.values.errors import BadManifest
 from gmrdata.values.motion_deltas import accumulate, deltas
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import rigid
+
+
+class ZeroConfig(Config):
+    """No motion at all; there is nothing to choose."""
+
+
+def predict_zero(manifest_path: Path, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
+    """Predict that everybody stays in the pose of the first valid frame, local pose as it is.
+
+    Errors as of `manifest_subjects` and `first_pose`.
+    """
+
+    def work(partial_dir: Path) -> None:
+        subjects, skipped = manifest_subjects(manifest_path)
+        write_predictions(partial_dir, "zero", [at_rest(one) for one in subjects], skipped)
+
+    inputs = {"manifest": manifest_path}
+    return run_stage("baseline-zero", out_dir, ZeroConfig(), inputs, work, run=run)
+
+
+def at_rest(subject: Subject) -> Prediction:
+    """A subject that stays where it is."""
+    root_rotmat, pelvis_m = first_pose(subject.clip)
+    n = subject.clip.motion.n_frames
+    roots = np.tile(root_rotmat, (n, 1, 1)), np.tile(pelvis_m, (n, 1))
+    return _moving(subject, *roots, "zero motion")
+
+
+def _moving(
+    subject: Subject, root_rotmats: np.ndarray, pelvis_m: np.ndarray, what: str
+) -> Prediction:
+    moving = replace(
+        subject.clip.motion,
+        root_rotmats=root_rotmats,
+        pelvis_m=pelvis_m,
+        frame="world",
+        source=f"{what}, local pose of: {subject.clip.motion.source}",
+    )
+    return predicted(subject, moving, subject.clip.valid)
 
 
 class MeanConfig(Config):
@@ -77,14 +116,7 @@ def predict_mean(
 ) -> Path:
     """Predict the mean motion of training clips for every clip, local pose as it is.
 
-    Args:
-        manifest_path: The clips.
-        training_paths: Manifests whose clips are averaged.
-        out_dir: Folder to make; see `gmrdata.baselines.predictions`.  The record has the mean.
-        config: The recipe; None for its defaults.
-
-    Returns:
-        `out_dir`.
+    The record has the mean.  `training_paths` are manifests whose clips are averaged.
 
     Raises:
         BadManifest: no training clip has a motion at that rate, or one is not in the world frame.
@@ -159,14 +191,7 @@ def moving_as(mean: MeanMotion, subject: Subject) -> Prediction:
         root_rotmat,
         place_m,
     )
-    moving = replace(
-        motion,
-        root_rotmats=root_rotmats,
-        pelvis_m=pelvis_m,
-        frame="world",
-        source=f"mean motion, local pose of: {motion.source}",
-    )
-    return predicted(subject, moving, subject.clip.valid)
+    return _moving(subject, root_rotmats, pelvis_m, "mean motion")
 
 
 def _power(a_from_b: np.ndarray, exponent: float) -> np.ndarray:
