@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.motion.ground import put_on_floor
+from gmrdata.motion.ground import world_motion
 from gmrdata.motion.rest_pose import leg_length_m
 from gmrdata.read.numbers import finite_numbers
 from gmrdata.read.source_motion import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
-from gmrdata.values.body import HANDS, N_JOINTS, BodyModel, gender_of
+from gmrdata.values.body import HANDS, N_JOINTS, BodyModel
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
@@ -81,22 +81,9 @@ def read_amass(
     scale = leg_length_m(body.rest_joints_m(shape)) / source_leg_m
     rotmats = _rotmats(poses)
     pelvis_m = (trans + source_pelvis_m) * scale
-    root_rotmats, tilt_deg = rotmats[:, 0], 0.0
-    if ground:
-        root_rotmats, pelvis_m, tilt_deg = put_on_floor(body, shape, rotmats, pelvis_m, rate_hz)
     shape_note = "betas of the file" if kept else "betas of the file not used"
-    return Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=root_rotmats,
-        pelvis_m=pelvis_m,
-        shape=shape,
-        fps_hz=rate_hz,
-        body=body.name,
-        gender=gender_of(body),
-        frame="world",
-        source=f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {shape_note}, path x {scale:.4f}, "
-        f"floor levelled by {tilt_deg:.1f} deg",
-    )
+    source = f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {shape_note}, path x {scale:.4f}"
+    return world_motion(body, shape, rotmats, pelvis_m, rate_hz, source, ground=ground)
 
 
 def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -68,10 +68,8 @@ def read_motion(
     elif suffix == ".amc":
         source = read_amc(path, asf_path=asf_path, fps_hz=fps_hz, unit_m=unit_m)
     else:
-        raise BadMotionFile(
-            f"{path}: no known motion format; a motion is a .bvh, an .amc with its .asf, or an "
-            "AMASS .npz"
-        )
+        known = "a .bvh, an .amc with its .asf, or an AMASS .npz"
+        raise BadMotionFile(f"{path}: no known motion format; a motion is {known}")
     joints = find_joints(source.names, joint_map, path)
     upright = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else None
     return retarget(

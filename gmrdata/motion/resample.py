@@ -83,10 +83,8 @@ def slice_motion(motion: Motion, start: int, stop: int) -> Motion:
         BadRecipe: not 0 <= start < stop <= T.
     """
     if not 0 <= start < stop <= motion.n_frames:
-        raise BadRecipe(
-            f"{motion.source}: frames {start} to {stop} are not in a motion of {motion.n_frames} "
-            "frames"
-        )
+        what = f"frames {start} to {stop} are not in a motion of {motion.n_frames} frames"
+        raise BadRecipe(f"{motion.source}: {what}")
     return motion.take(slice(start, stop))
 
 

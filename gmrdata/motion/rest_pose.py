@@ -7,17 +7,14 @@ import numpy as np
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS
 from gmrdata.values.errors import BadMotionFile
 
+_LEG, _ARM = (("hip", "knee"), ("knee", "ankle")), (("shoulder", "elbow"), ("elbow", "wrist"))
 LIMBS = tuple(
     (JOINT[f"{side}_{start}"], JOINT[f"{side}_{end}"])
     for side in ("left", "right")
-    for start, end in (
-        ("hip", "knee"),
-        ("knee", "ankle"),
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-    )
+    for start, end in (*_LEG, *_ARM)
 )
 """(joint, end) of the eight bones whose directions retargeting keeps exactly."""
+_LEGS = (*LIMBS[:2], *LIMBS[4:6])
 
 SHORTEST_LEG_M, LONGEST_LEG_M = 0.3, 1.5
 """Hip-knee-ankle of a small child and more than that of the tallest person."""
@@ -36,16 +33,8 @@ def smpl_joints_m(rest_joints_m: np.ndarray, joints: Mapping[int, int]) -> np.nd
 
 def leg_length_m(rest_joints_m: np.ndarray) -> float:
     """Hip-knee-ankle length, mean of both sides: (24, 3) rest joints -> metres."""
-    return float(
-        sum(
-            np.linalg.norm(
-                rest_joints_m[JOINT[f"{side}_{end}"]] - rest_joints_m[JOINT[f"{side}_{start}"]]
-            )
-            for side in ("left", "right")
-            for start, end in (("hip", "knee"), ("knee", "ankle"))
-        )
-        / 2
-    )
+    bones_m = [rest_joints_m[end] - rest_joints_m[start] for start, end in _LEGS]
+    return float(sum(np.linalg.norm(bone_m) for bone_m in bones_m) / 2)
 
 
 def check_size(rest_joints_m: np.ndarray, name: str) -> None:
@@ -58,9 +47,8 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
     if not SHORTEST_LEG_M <= leg_m <= LONGEST_LEG_M:
         raise BadMotionFile(
             f"{name}: in the present unit the legs are {leg_m:.4g} m long, so the unit is wrong; "
-            "give "
-            "the file's metres per unit with unit_m (0.01 centimetres, 1 metres, 0.0254 inches, "
-            "0.056444 CMU)"
+            "give the file's metres per unit with unit_m (0.01 centimetres, 1 metres, 0.0254 "
+            "inches, 0.056444 CMU)"
         )
     for start, end in LIMBS:
         if np.linalg.norm(rest_joints_m[end] - rest_joints_m[start]) < SHORTEST_LIMB_M:
@@ -82,19 +70,13 @@ def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
         BadMotionFile: the zero pose is no standing person along the coordinate axes.
     """
 
-    def middle(part: str) -> np.ndarray:
-        return np.asarray(
-            rest_joints_m[[JOINT[f"left_{part}"], JOINT[f"right_{part}"]]].mean(axis=0)
-        )
+    def both(part: str) -> np.ndarray:
+        return np.asarray(rest_joints_m[[JOINT[f"left_{part}"], JOINT[f"right_{part}"]]])
 
-    def across(part: str) -> np.ndarray:
-        return np.asarray(
-            rest_joints_m[JOINT[f"left_{part}"]] - rest_joints_m[JOINT[f"right_{part}"]]
-        )
-
-    trunk, legs = middle("shoulder") - middle("hip"), middle("ankle") - middle("hip")
+    hips_m, hip_m = both("hip"), both("hip").mean(axis=0)
+    trunk, legs = both("shoulder").mean(axis=0) - hip_m, both("ankle").mean(axis=0) - hip_m
     up, up_tilt_deg = _nearest_axis(trunk)
-    left, left_tilt_deg = _nearest_axis(across("hip"))
+    left, left_tilt_deg = _nearest_axis(hips_m[0] - hips_m[1])
     legs_deg = _angle_deg(-legs, up)
     if max(up_tilt_deg, left_tilt_deg, legs_deg) > LARGEST_TILT_DEG or abs(up @ left) > 0.5:
         raise BadMotionFile(

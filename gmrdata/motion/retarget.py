@@ -18,7 +18,7 @@ with a constant C_j that turns the body's rest pose into the source's zero pose 
   that only tells how high the ankle sits.  What pitch a flat foot has is read from the frames in
   which a foot stands still (CMU's subjects differ by up to 15 degrees); without such frames the
   zero pose is flat.
-- neck, head: CMU's zero pose looks up; its known pitch (`joint_maps.CMU_UPRIGHT_PITCH_DEG`) is
+- neck, head: CMU's zero pose looks up; its known pitch (`joint_names.CMU_UPRIGHT_PITCH_DEG`) is
   undone.
 - pelvis, spine, collars, wrists, hands: none.  Both rest poses hold them upright, palms down.
 
@@ -37,7 +37,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.motion.ground import foot_corrections, put_on_floor
+from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections, world_motion
 from gmrdata.motion.rest_pose import (
     check_size,
     leg_length_m,
@@ -46,12 +46,11 @@ from gmrdata.motion.rest_pose import (
     source_from_rest_axes,
 )
 from gmrdata.read.source_motion import SourceMotion
-from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel, gender_of
+from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
 
 _HIPS = (JOINT["left_hip"], JOINT["right_hip"])
-_FEET = tuple(JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot"))
 
 
 def retarget(
@@ -68,7 +67,7 @@ def retarget(
 
     Args:
         source: The motion on its own skeleton.
-        joints: `{SMPL joint: source joint}`, as `joint_maps.find_joints` gives it.
+        joints: `{SMPL joint: source joint}`, as `joint_names.find_joints` gives it.
         shape: (S,) shape coefficients of the body; without them its mean shape.
         upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while
             the person stands upright and looks ahead [deg], where that is not the zero pose.
@@ -91,50 +90,26 @@ def retarget(
     world_from_joint = global_rotmats(source.parents, source.local_rotmats)
     source_m = joint_positions_m(source.parents, world_from_joint, source.translations_m)
     turned = {j: axes.T @ world_from_joint[:, s] @ axes for j, s in joints.items()}
-    paths_m = {j: source_m[:, joints[j]] @ axes for j in (*_HIPS, *_FEET) if j in joints}
+    paths_m = {j: source_m[:, joints[j]] @ axes for j in (*_HIPS, *FOOT_JOINTS) if j in joints}
 
+    toe_tips_m = _toe_tips_m(source, joints) @ axes
     feet, flat_pitch_deg = foot_corrections(
-        source_rest_m,
-        _toe_tips_m(source, joints) @ axes,
-        body_rest_m,
-        turned,
-        paths_m,
-        source.fps_hz,
+        source_rest_m, toe_tips_m, body_rest_m, turned, paths_m, source.fps_hz
     )
-    corrections = (
-        limb_corrections(source_rest_m, body_rest_m)
-        | feet
-        | {
-            JOINT[joint]: Rotation.from_euler("x", -pitch_deg, degrees=True).as_matrix()
-            for joint, pitch_deg in (upright_pitch_deg or {}).items()
-        }
-    )
+    upright = {
+        JOINT[joint]: Rotation.from_euler("x", -pitch_deg, degrees=True).as_matrix()
+        for joint, pitch_deg in (upright_pitch_deg or {}).items()
+    }
+    corrections = limb_corrections(source_rest_m, body_rest_m) | feet | upright
     local_rotmats = _local_rotmats(turned, corrections, source.n_frames)
     scale = leg_length_m(body_rest_m) / leg_length_m(source_rest_m)
     middle_m = scale * sum(paths_m[hip] for hip in _HIPS) / len(_HIPS) @ WORLD_FROM_REST.T
     middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
     pelvis_m = middle_m - local_rotmats[:, 0] @ middle_from_pelvis_m
-    root_rotmats, tilt_deg = local_rotmats[:, 0], 0.0
-    if ground:
-        root_rotmats, pelvis_m, tilt_deg = put_on_floor(
-            body, shape, local_rotmats, pelvis_m, source.fps_hz
-        )
-    notes = [
-        *source.notes,
-        f"path x {scale:.4f}",
-        f"flat foot at {flat_pitch_deg:+.1f} deg",
-        f"floor levelled by {tilt_deg:.1f} deg",
-    ]
-    return Motion(
-        local_rotmats=local_rotmats[:, 1:],
-        root_rotmats=root_rotmats,
-        pelvis_m=pelvis_m,
-        shape=shape,
-        fps_hz=source.fps_hz,
-        body=body.name,
-        gender=gender_of(body),
-        frame="world",
-        source=f"{name}: {', '.join(notes)}",
+    notes = [*source.notes, f"path x {scale:.4f}", f"flat foot at {flat_pitch_deg:+.1f} deg"]
+    made_from = f"{name}: {', '.join(notes)}"
+    return world_motion(
+        body, shape, local_rotmats, pelvis_m, source.fps_hz, made_from, ground=ground
     )
 
 

@@ -1,9 +1,4 @@
-"""The compact file of a BodyModel: one .npz of plain arrays, float32.
-
-Loading a body by name or by file.
-
-Keep the body that a data set uses beside its clips.
-"""
+"""Bodies by name or file: gmrdata's compact .npz of float32 arrays, SMPL's models, the default."""
 
 import os
 from dataclasses import fields
@@ -21,16 +16,16 @@ from gmrdata.values.records import Config
 
 FORMAT = "gmrdata-body/1"
 """Value of the key `format`."""
-
+BODY_FILE = "body.npz"
+SMPL_SOURCE = (
+    "SMPL is free for research after registering at https://smpl.is.tue.mpg.de "
+    "and accepting its licence"
+)
 _OPTIONAL = ("pose_dirs_m", "adult_shapes", "adult_phenotypes")
 
 
 def save_body(path: Path, body: BodyModel) -> None:
-    """Write a body, as a whole or not at all.  The same body gives the same bytes.
-
-    Args:
-        body: The body; its arrays are stored as float32 and int32.
-    """
+    """Write a body as float32 and int32 arrays; the same body gives the same bytes."""
     arrays = {"format": np.array(FORMAT)}
     for field in fields(BodyModel):
         value = getattr(body, field.name)
@@ -51,12 +46,11 @@ def read_body(path: Path) -> BodyModel:
     arrays = read_plain_npz(path)
     if str(arrays.get("format")) != FORMAT:
         raise BadBodyFile(f"{path}: not a body file of gmrdata (its format is not {FORMAT!r})")
-    values: dict[str, Any] = {}
-    for field in fields(BodyModel):
-        if field.name not in arrays and field.name not in _OPTIONAL:
-            raise BadBodyFile(f"{path}: the array {field.name} is missing")
-        values[field.name] = _in_memory(arrays.get(field.name))
-    body = BodyModel(**values)
+    names = [field.name for field in fields(BodyModel)]
+    for name in names:
+        if name not in arrays and name not in _OPTIONAL:
+            raise BadBodyFile(f"{path}: the array {name} is missing")
+    body = BodyModel(**{name: _in_memory(arrays.get(name)) for name in names})
     check_body(path, body)
     return body
 
@@ -118,12 +112,6 @@ def _in_memory(array: np.ndarray | None) -> Any:
     return array.astype(np.int64 if array.dtype.kind in "iu" else np.float64)
 
 
-SMPL_SOURCE = (
-    "SMPL is free for research after registering at https://smpl.is.tue.mpg.de "
-    "and accepting its licence"
-)
-
-
 def load_body(spec: str) -> BodyModel:
     """Load a body.
 
@@ -181,9 +169,6 @@ def cache_dir() -> Path:
     return (Path(root) if root else Path.home() / ".cache") / "gmrdata"
 
 
-BODY_FILE = "body.npz"
-
-
 class BodyConfig(Config):
     """Which body."""
 
@@ -192,16 +177,11 @@ class BodyConfig(Config):
 
 
 def keep_body(spec: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
-    """Stage: write a body to `out_dir/body.npz`.
-
-    Returns:
-        Path of the file.
-    """
-    is_file = Path(spec).is_file()
+    """Stage: write a body to `out_dir/body.npz`, beside the clips that use it; gives its path."""
 
     def work(partial_dir: Path) -> None:
         save_body(partial_dir / BODY_FILE, load_body(spec))
 
     config = BodyConfig(body=Path(spec).name)
-    inputs = {"file": Path(spec)} if is_file else {}
+    inputs = {"file": Path(spec)} if Path(spec).is_file() else {}
     return run_stage("body", out_dir, config, inputs, work, run=run) / BODY_FILE

@@ -149,7 +149,7 @@ def read_bvh(
         unit_m: Metres per unit.  Without it, CMU files are 0.056444 m per unit, all others
             centimetres.
         drop_rest_frame: Whether frame 0 is an added rest pose to leave out, as in cgspeed's CMU
-            files; None looks for itself (see `recorded`).
+            files; None looks for itself (see `recorded_rows`).
 
     Raises:
         MissingInput: there is no such file.

@@ -53,9 +53,8 @@ def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
     paths.sort(key=lambda path: (image_number(path), path.name))
     if len(paths) < 2:
         but = f" but {len(left_out)} left out" if left_out else ""
-        raise BadFrames(
-            f"{folder}: {len(paths)} image(s){but}; at least 2 frames (.jpg or .png) needed"
-        )
+        what = f"{len(paths)} image(s){but}; at least 2 frames (.jpg or .png) needed"
+        raise BadFrames(f"{folder}: {what}")
     _require_one_each(folder, [image_number(path) for path in paths], left_out)
     return paths
 

@@ -1,5 +1,4 @@
-"""Reading pickles of plain data (SMPL's models, 3DPW's sequences, estimators' outputs) without
-running them.
+"""Reading pickles of plain data (SMPL, 3DPW, estimators' outputs) without running them.
 
 A pickle is a program that may import and call.  Here an import only yields an inert `_Import`, and
 a call only a record of what was to be called; records become arrays after the program has ended.
@@ -7,8 +6,6 @@ So whatever a file holds, none of its imports is made and none of its calls is r
 
 joblib.dump's files are read as well: pickles, compressed or not, in which the bytes of each array
 stand outside of the program (`pickle_records.array_that_follows`).  joblib itself is not needed.
-
-The bytes of a file that may be compressed as joblib.dump does it: its first bytes tell.
 """
 
 import bz2

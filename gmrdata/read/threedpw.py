@@ -85,11 +85,10 @@ class Sequence3DPW:
 
 
 def read_sequence(root: Path, name: str) -> Sequence3DPW:
-    """Read a sequence by name from whichever split it is in.
+    """Read a sequence by a name like `courtyard_arguing_00` from whichever split it is in.
 
     Args:
         root: The folder that holds `imageFiles` and `sequenceFiles`.
-        name: Name of the sequence, e.g. `courtyard_arguing_00`.
 
     Raises:
         MissingInput: the sequence, or its folder of images, is not there.

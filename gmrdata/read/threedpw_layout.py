@@ -48,9 +48,6 @@ def find_sequences(root: Path) -> list[SequenceFiles]:
 
     Other folders beside the three splits (some tools make one called `all`) are left alone.
 
-    Args:
-        root: The folder that holds `imageFiles` and `sequenceFiles`.
-
     Raises:
         MissingInput: the root, or every split, is not there, or the splits are empty.
         BadSequence: a split's folder is a link out of the root.
@@ -76,11 +73,7 @@ def find_sequences(root: Path) -> list[SequenceFiles]:
 
 
 def find_sequence(root: Path, name: str) -> SequenceFiles:
-    """One sequence by name, in whichever split it is.
-
-    Args:
-        root: The folder that holds `imageFiles` and `sequenceFiles`.
-        name: Name of the sequence, e.g. `courtyard_arguing_00`.
+    """One sequence by a name like `courtyard_arguing_00`, in whichever split it is.
 
     Raises:
         MissingInput: there is no such sequence.
