@@ -3,10 +3,6 @@
 With `camera` "ignored" this is what a pose estimator in the camera's frame gives: right where the
 camera stands still, and wrong by its motion where it moves.  With the true or a recovered camera
 applied it is the reference that knows the camera (eqs. 6-8 of the paper).
-
-A moving camera's picture of a person, read as if the camera stood still.
-
-Cameras that structure from motion found for clips, in metres, on the clips' rows.
 """
 
 from dataclasses import dataclass, replace
@@ -177,9 +173,6 @@ def predict_camera_as_world(
         config: The recipe; None for its defaults.
         cameras_dir: For recovered cameras: `<clip id>/` of each clip, as `gmrdata sfm` makes it.
 
-    Returns:
-        `out_dir`.
-
     Raises:
         MissingInput: recovered cameras are asked for, and are not there.
         BadMotionFile: recovered cameras are of other images, or up to an unknown scale.
@@ -199,12 +192,7 @@ def predict_camera_as_world(
             inputs |= found.inputs(clip_id)
 
     def work(partial_dir: Path) -> None:
-        if config.camera == "recovered":
-            predictions = [in_recovered_world(one, files[one.clip.id]) for one in seen]
-        elif config.camera == "true":
-            predictions = [in_true_world(one) for one in seen]
-        else:
-            predictions = [in_camera_world(one) for one in seen]
+        predictions = [_prediction(one, config.camera, files.get(one.clip.id)) for one in seen]
         figures = CameraFigures(camera=config.camera)
         write_predictions(
             partial_dir, "camera_as_world", predictions, left_out, CameraPredictions, figures
@@ -213,30 +201,17 @@ def predict_camera_as_world(
     return run_stage("baseline-camera-as-world", out_dir, config, inputs, work, run=run)
 
 
-def in_camera_world(subject: Subject) -> Prediction:
-    """A subject in the camera's frame, taken as the world."""
+def _prediction(subject: Subject, camera: WhichCamera, files: CameraFiles | None) -> Prediction:
     seen, valid = seen_motion(subject.clip)
-    source = f"camera frame taken as world: {seen.source}"
-    return predicted(subject, replace(as_if_still(seen), source=source), valid)
-
-
-def in_true_world(subject: Subject) -> Prediction:
-    """A subject in the camera's frame, brought into the world by the clip's own camera."""
-    camera = camera_of(subject.clip)
-    return _in_world(subject, camera.world_from_cam, camera.has_camera, "true")
-
-
-def in_recovered_world(subject: Subject, files: CameraFiles) -> Prediction:
-    """A subject in the camera's frame, brought into the world by a recovered camera."""
-    world_from_cam, known = recovered_cameras(subject.clip, files)
-    return _in_world(subject, world_from_cam, known, "recovered")
-
-
-def _in_world(
-    subject: Subject, world_from_cam: np.ndarray, known: np.ndarray, which: str
-) -> Prediction:
-    seen, valid = seen_motion(subject.clip)
-    source = f"camera frame with the {which} camera applied: {seen.source}"
+    if camera == "ignored":
+        source = f"camera frame taken as world: {seen.source}"
+        return predicted(subject, replace(as_if_still(seen), source=source), valid)
+    if files is None:
+        path = camera_of(subject.clip)
+        world_from_cam, known = path.world_from_cam, path.has_camera
+    else:
+        world_from_cam, known = recovered_cameras(subject.clip, files)
+    source = f"camera frame with the {camera} camera applied: {seen.source}"
     world = replace(motion_in_world(seen, world_from_cam), source=source)
     return predicted(subject, world, valid & known)
 

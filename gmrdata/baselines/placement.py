@@ -3,8 +3,6 @@
 The closed form is the global alignment of DeepCap (Habermann et al. 2020): the translation that
 brings the 3D joints nearest to the rays of their 2D joints, weighted by confidence.  From there, or
 from the frame before, Gauss-Newton steps minimise the reprojection error itself, robustly.
-
-A person placed before the camera, row by row.
 """
 
 from dataclasses import dataclass, replace

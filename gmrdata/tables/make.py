@@ -1,20 +1,17 @@
-"""Make one of the paper's tables: train what it needs, score it, and lay it beside the paper's.
-
-A manifest of the clips that manifests' held-out subjects move in, to score.
-
-out/clips/<clip id>.npz   copies of the clips, without images
-out/manifest.yaml
-"""
+"""Make one of the paper's tables: train what it needs, score it, and lay it beside the paper's."""
 
 import statistics
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from gmrdata.gmr.config import DataConfig
-from gmrdata.gmr.runs import usable_files
+from gmrdata.gmr.runs import ClipFile, usable_files
 from gmrdata.gmr.split import split_manifests
+from gmrdata.manifest.current import Clip
 from gmrdata.manifest.entry import clip_entry
+from gmrdata.manifest.read import rows_in
 from gmrdata.manifest.write import write_manifest
 from gmrdata.score import METRICS, Method, Metric
 from gmrdata.score.records import PaperMetrics, Scores
@@ -41,15 +38,10 @@ from gmrdata.values.files import read_npz, resolve_inside, write_npz
 def held_out_set(
     manifest_paths: Sequence[Path], config: DataConfig, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Write the clips of the held-out subjects as a set of its own.
+    """Write the clips of the held-out subjects as a set of its own; gives its `manifest.yaml`.
 
-    Args:
-        manifest_paths: The manifests.
-        config: Who is held out.
-        out_dir: Folder to make.
-
-    Returns:
-        Path of `manifest.yaml`.
+    out/clips/<clip id>.npz   copies of the clips, without images
+    out/manifest.yaml
 
     Raises:
         BadRecipe: nobody is held out, or no clip is of a held-out subject.
@@ -60,27 +52,9 @@ def held_out_set(
 
     def work(partial_dir: Path) -> None:
         files = split_manifests(manifest_paths, config).held_out
-        ids = [file.entry.id for file in files]
-        if len(set(ids)) < len(ids):
-            twice = sorted({id for id in ids if ids.count(id) > 1})
+        often = Counter(file.entry.id for file in files)
+        if twice := sorted(id for id, n in often.items() if n > 1):
             raise BadManifest(f"held-out clips of one id in two manifests: {', '.join(twice)}")
-        entries = []
-        for file in files:
-            entry = file.entry
-            arrays = read_npz(resolve_inside(file.manifest_path.parent, entry.arrays.path))
-            path = resolve_inside(partial_dir, f"clips/{entry.id}.npz")
-            # The arrays as they are: written anew, rotations would be rounded.
-            write_npz(path, arrays | {"valid": file.load().valid})
-            entries.append(
-                clip_entry(
-                    partial_dir,
-                    clip_path=path,
-                    id=entry.id,
-                    camera_motion=entry.camera_motion,
-                    licence=entry.licence,
-                    source=entry.source,
-                )
-            )
         write_manifest(
             partial_dir / "manifest.yaml",
             name="held_out",
@@ -88,11 +62,28 @@ def held_out_set(
             description=f"Clips of {', '.join(map(str, config.held_out_subjects))}, to score.",
             kind="motions",
             licence="as stated by each clip",
-            clips=entries,
+            clips=[_copied(file, partial_dir) for file in files],
         )
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     return run_stage("held-out", out_dir, config, inputs, work, run=run) / "manifest.yaml"
+
+
+def _copied(file: ClipFile, folder: Path) -> Clip:
+    entry = file.entry
+    arrays = read_npz(resolve_inside(file.manifest_path.parent, entry.arrays.path))
+    path = resolve_inside(folder, f"clips/{entry.id}.npz")
+    # The arrays as they are: written anew, rotations would be rounded.
+    kept = rows_in(entry.kept, entry.n_frames)
+    write_npz(path, arrays | {"valid": arrays["valid"] & kept})
+    return clip_entry(
+        folder,
+        clip_path=path,
+        id=entry.id,
+        camera_motion=entry.camera_motion,
+        licence=entry.licence,
+        source=entry.source,
+    )
 
 
 def make_table(
@@ -110,11 +101,8 @@ def make_table(
         recipe: The table.
         scale: The size.
         given: What it is made from.
-        out_dir: Gets runs/, scores/, and `table<N>.json`, `.csv` and `.md`.
+        out_dir: Gets runs/, scores/, and `table<N>.json` (which is returned), `.csv` and `.md`.
         seeds: In place of the recipe's.
-
-    Returns:
-        Path of `table<N>.json`.
 
     Raises:
         MissingInput: no row can be made of what is given; says what each of them lacks.
@@ -160,13 +148,7 @@ def _run(what: str, jobs: Mapping[Path, Job], failures_dir: Path, run: Run) -> d
 
 
 def lacking_text(recipe: TableRecipe, plan: Plan, *, all_of_it: bool = True) -> str:
-    """What rows of a table lack.
-
-    Args:
-        recipe: The table.
-        plan: What can be made of it.
-        all_of_it: Whether that is nothing.
-    """
+    """What rows of a table lack; `all_of_it`: whether nothing can be made of it."""
     listed = "\n".join(f"  {name}: {'; '.join(what)}" for name, what in plan.lacking.items())
     which = "no row" if all_of_it else "not every row"
     return f"table {recipe.table}: {which} can be made of what is given. What is missing:\n{listed}"

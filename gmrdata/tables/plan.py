@@ -1,12 +1,8 @@
-"""Which trainings and scores a table takes, and in which folders they lie.
+"""Which trainings and scores a table takes of what is given, in which folders, and how long.
 
 out/runs/<row>/seed_<n>          a training run (gmrdata.gmr.train)
 out/predictions/<row>/seed_<n>   what a row that isn't GMR on true poses predicts
-out/scores/<row>/seed_<n>        its scores (gmrdata.evaluate)
-
-What a table is made from, as the command line gives it, and what a row of it lacks.
-
-What a table's trainings would take, without any of them.
+out/scores/<row>/seed_<n>        its scores (gmrdata.score)
 """
 
 import re
@@ -115,13 +111,7 @@ class Plan:
 def plan_table(
     recipe: TableRecipe, scale: ScaleName, given: Given, seeds: Sequence[int] = ()
 ) -> Plan:
-    """List the trainings and scores of a table.
-
-    Args:
-        recipe: The table.
-        scale: The size.
-        given: What it is made from.
-        seeds: In place of the recipe's.
+    """List the trainings and scores of a table; `seeds` stand in place of the recipe's.
 
     Raises:
         BadRecipe: the table has no such scale.

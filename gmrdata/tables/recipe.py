@@ -145,14 +145,7 @@ def train_config(
     seed: int,
     held_out_subjects: tuple[int | str, ...],
 ) -> TrainConfig:
-    """The training of a row's network.
-
-    Args:
-        recipe: The table.
-        row: The row, or one that uses the network of another.
-        scale: The size.
-        seed: The training's seed.
-        held_out_subjects: Who is not trained on.
+    """The training of a row's network, which may be that of another row.
 
     Raises:
         ValidationError: of pydantic: settings that do not exist or fit.

@@ -49,16 +49,14 @@ def infer_poses(
 ) -> Path:
     """Predict world motions from given local poses; their orientations are not looked at.
 
+    Clips that are written are at the network's frame rate, and have the given poses and shape.
+
     Args:
         run_dir: A finished training run.
         manifest_path: The clips.
         poses_dir: `<clip id>.npz` for each clip, as `gmrdata.baselines.vibe_cam` takes them.
-        out_dir: Folder to make; see `gmrdata.baselines.predictions`.  Clips are at the network's
-            frame rate, and have the given poses and shape.
+        out_dir: Folder to make; see `gmrdata.baselines.predictions`.
         body_path: Body of the poses; None for the default body.
-
-    Returns:
-        `out_dir`.
 
     Raises:
         MissingInput: a clip has no poses.
