@@ -1,7 +1,8 @@
 """Masks of several sources as one, checked frame by frame."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,13 +13,23 @@ from gmrdata.stage.jobs import in_threads
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.files import read_json, write_json
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, Figure, Record, figure
 
-Shares = dict[str, dict[str, float]]
-"""Masked share of each frame's picture, by frame and source."""
 RECORD_FILE = "masks.json"
 NAMED_FRAMES = 5
+
+
+class MasksRecord(Record):
+    """`masks.json`."""
+
+    format: Literal["gmrdata-masks/1"] = "gmrdata-masks/1"
+    sources: tuple[str, ...]
+    masked_share: dict[str, dict[str, Figure]]
+    """Masked share of each frame's picture, by frame, then by source and "united"."""
+    covered: tuple[str, ...]
+    """Frames with more than `max_masked_share` masked."""
+    unmasked: tuple[str, ...]
+    """Frames with nothing masked."""
 
 
 class UnionConfig(Config):
@@ -65,14 +76,14 @@ def unite_masks(
             return by_source | {"united": _share(united)}
 
         stems = [image.stem for image in images]
-        shares: Shares = dict(zip(stems, in_threads(unite, images), strict=True))
-        record = {
-            "sources": list(source_dirs),
-            "masked_share": shares,
-            "covered": _where(shares, lambda share: share > config.max_masked_share),
-            "unmasked": _where(shares, lambda share: share == 0.0),
-        }
-        write_json(partial / RECORD_FILE, record)
+        shares = dict(zip(stems, in_threads(unite, images), strict=True))
+        united = {stem: figure(by_source["united"]) for stem, by_source in shares.items()}
+        MasksRecord(
+            sources=tuple(source_dirs),
+            masked_share=shares,
+            covered=tuple(stem for stem, s in united.items() if s > config.max_masked_share),
+            unmasked=tuple(stem for stem, share in united.items() if share == 0.0),
+        ).write(partial / RECORD_FILE)
 
     inputs = {"images": images_dir} | {f"masks {name}": path for name, path in source_dirs.items()}
     made = run_stage("masks", out_dir, config, inputs, work, run=run)
@@ -89,34 +100,29 @@ def _dynamic(mask: np.ndarray) -> np.ndarray:
 
 
 def _share(mask: np.ndarray) -> float:
-    """Share of a picture that is masked, to six digits."""
+    """Share of a picture that is masked."""
     import cv2
 
-    return float(f"{cv2.countNonZero(mask) / mask.size:.6g}")
-
-
-def _where(shares: Shares, holds: Callable[[float], bool]) -> list[str]:
-    return [stem for stem, by_source in shares.items() if holds(by_source["united"])]
+    return cv2.countNonZero(mask) / mask.size
 
 
 def _report(masks_dir: Path, config: UnionConfig) -> None:
     """Name the frames that a person should look at; none of this need be wrong."""
-    record = read_json(masks_dir / RECORD_FILE)
-    shares = record["masked_share"]
-    if record["covered"]:
+    record = MasksRecord.read(masks_dir / RECORD_FILE)
+    if record.covered:
         _say(
             f"{masks_dir}: more than {config.max_masked_share:.0%} of the picture is masked in "
-            f"{_named(record['covered'])}. Look at these masks: such frames may get no camera"
+            f"{_named(record.covered)}. Look at these masks: such frames may get no camera"
         )
-    if record["unmasked"]:
+    if record.unmasked:
         _say(
-            f"{masks_dir}: nothing is masked in {_named(record['unmasked'])} "
-            f"({len(record['unmasked'])} of {len(shares)}). If somebody is to be seen there, "
-            "lower the score that the detector asks for, or unite it with another source"
+            f"{masks_dir}: nothing is masked in {_named(record.unmasked)} "
+            f"({len(record.unmasked)} of {len(record.masked_share)}). If somebody is to be seen "
+            "there, lower the score that the detector asks for, or unite it with another source"
         )
 
 
-def _named(stems: list[str]) -> str:
+def _named(stems: tuple[str, ...]) -> str:
     more = len(stems) - NAMED_FRAMES
     return f"frame {', '.join(stems[:NAMED_FRAMES])}" + (f" and {more} more" if more > 0 else "")
 
