@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Literal, TypeVar
 
 import torch
-from pydantic import BaseModel, Field
+from pydantic import Field, ValidationError
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
@@ -79,14 +79,9 @@ class GmrState(StepState):
     """What scored best so far; null where nothing was scored."""
 
 
-class _FirstGmrState(GmrState):
-    """The first version left out what did not apply."""
-
-    format: Literal["gmrdata-gmr/1"] = "gmrdata-gmr/1"  # type: ignore[assignment]
-    processes: int = 1
-    averaged: bool = False
-    best: BestScore | None = None
-
+_FIRST_FORMAT = "gmrdata-gmr/1"
+_FIRST_LEFT_OUT = {"processes": 1, "averaged": False, "best": None}
+"""What the first version did not write where it did not apply."""
 
 State = TypeVar("State", bound=StepState)
 
@@ -219,12 +214,14 @@ def read_state(folder: Path) -> GmrState:
     Raises:
         BadCheckpoint: it is missing, not JSON, of another format, or lacks a key.
     """
+    path = folder / STATE_FILE
     try:
-        value = read_json(folder / STATE_FILE)
-    except (MissingInput, BadRecord) as error:
-        raise BadCheckpoint(f"{error}. Train again") from None
-    is_first = isinstance(value, dict) and value.get("format") == _FirstGmrState.tag()
-    return read_step_state(folder, _FirstGmrState if is_first else GmrState)
+        value = read_json(path)
+        if isinstance(value, dict) and value.get("format") == _FIRST_FORMAT:
+            return GmrState.model_validate(_FIRST_LEFT_OUT | value | {"format": GmrState.tag()})
+    except (MissingInput, BadRecord, ValidationError) as error:
+        raise BadCheckpoint(f"{path}: unreadable ({error}). Train again") from None
+    return read_step_state(folder, GmrState)
 
 
 def read_step_state(folder: Path, kind: type[State]) -> State:
@@ -233,27 +230,10 @@ def read_step_state(folder: Path, kind: type[State]) -> State:
     Raises:
         BadCheckpoint: it is missing, not JSON, of another format, or lacks a key.
     """
-    path = folder / STATE_FILE
     try:
-        state = kind.read(path)
+        return kind.read(folder / STATE_FILE)
     except (MissingInput, BadRecord) as error:
         raise BadCheckpoint(f"{error}. Give a run made by gmrdata, or train again") from None
-    left_out = [] if kind is _FirstGmrState else _left_out(state)
-    if left_out:
-        raise BadCheckpoint(f"{path}: has no key `{left_out[0]}`. Train again")
-    return state
-
-
-def _left_out(model: BaseModel) -> list[str]:
-    """Settings that a file does not state: their defaults may be others today."""
-    names = []
-    for name in type(model).model_fields:
-        value = getattr(model, name)
-        if name not in model.model_fields_set:
-            names.append(name)
-        elif isinstance(value, BaseModel):
-            names += [f"{name}.{inner}" for inner in _left_out(value)]
-    return names
 
 
 def read_model(folder: Path, which: Which = "latest") -> Gmr:
