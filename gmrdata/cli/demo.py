@@ -11,7 +11,8 @@ from gmrdata.cli.demo_figures import show
 from gmrdata.cli.demo_manifests import write_manifests
 from gmrdata.cli.demo_motions import MotionFiles, choose_files, make_motions
 from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
-from gmrdata.film.render_jobs import render_clips
+from gmrdata.film.render import RenderJob
+from gmrdata.film.render_set import render_clips
 from gmrdata.gmr.train import train
 from gmrdata.pages.scores import write_scores_page
 from gmrdata.read.bodies import keep_body, load_body, read_body
@@ -102,16 +103,16 @@ def _choose_files(
 
 
 def _render(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> None:
-    planned = {clip.id: paths.clip(clip.id).planned for clip in recipe.clips}
-    render_clips(
-        planned,
-        paths.body,
-        paths.all_renders_dir,
-        recipe.render,
-        client,
-        paths.failures_dir,
-        run=run,
-    )
+    jobs = {
+        clip.id: RenderJob(
+            clip_path=paths.clip(clip.id).planned,
+            body_path=paths.body,
+            out_dir=paths.all_renders_dir / clip.id,
+            config=recipe.render,
+        )
+        for clip in recipe.clips
+    }
+    render_clips(jobs, client, paths.failures_dir, run=run)
 
 
 def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> None:

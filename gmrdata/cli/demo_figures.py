@@ -88,17 +88,14 @@ def _data_source(paths: DemoPaths) -> str:
 def _seconds(paths: DemoPaths, recipe: DemoRecipe) -> dict[str, float]:
     """Wall time per stage [s]; the clips run side by side, so theirs is the longest."""
 
-    def longest(folders: list[Path]) -> float:
-        return max(stage_seconds(folder) for folder in folders)
-
     clips = [paths.clip(clip.id) for clip in recipe.clips]
     return {
         "body": stage_seconds(paths.body_dir),
         "motions": stage_seconds(paths.motions_dir),
-        "render": longest([clip.render_dir for clip in clips]),
+        "render": max(stage_seconds(clip.render_dir) for clip in clips),
         "masks": max(masks_seconds(clip.masks_dir) for clip in clips),
-        "cameras": longest([clip.sfm_dir for clip in clips]),
-        "world motion": longest([clip.pseudo_gt_dir for clip in clips]),
+        "cameras": max(stage_seconds(clip.sfm_dir) for clip in clips),
+        "world motion": max(stage_seconds(clip.pseudo_gt_dir) for clip in clips),
         "train": stage_seconds(paths.gmr_dir),
         "score": sum(stage_seconds(paths.scores_dir(n)) for n in ("synthetic", "pseudo_gt")),
     }

@@ -29,28 +29,22 @@ LEAST_TRAVEL_M = 0.5
 
 
 class MotionsConfig(Config):
-    """What decides the motions."""
+    """What decides the motions: parts of the recipe, and the files to film."""
 
     seed: int
-    """Seed of the gait and of the cameras."""
     clips: tuple[DemoClip, ...]
-    """The clips to film."""
     film: Film
-    """What they share."""
     training: Training
-    """The training set."""
     filmed: tuple[str, ...]
-    """Names of the motion files to film, one for each clip; empty for the embedded gait."""
+    """Names of the files, one for each clip; empty for the embedded gait."""
 
 
 @dataclass(frozen=True)
 class MotionFiles:
-    """Motion files that a person gave, by their use."""
+    """Motion files that a person gave: one for each clip to film, and the rest to train on."""
 
     filmed: tuple[Path, ...] = ()
-    """One for each clip; empty for the embedded gait."""
     training: tuple[Path, ...] = ()
-    """The rest, to train on."""
 
 
 def choose_files(
@@ -61,7 +55,7 @@ def choose_files(
     Args:
         folder: Folder of BVH, ASF/AMC or AMASS files.
         trials: File names without suffix, one for each clip; empty to choose.
-        recipe: Says how many clips there are.
+        recipe: The demo's.
         body: The body that the motions are retargeted to.
 
     Raises:
@@ -83,6 +77,20 @@ def choose_files(
     return MotionFiles(filmed, others[: recipe.training.max_files])
 
 
+def _named(files: list[Path], trial: str, folder: Path) -> Path:
+    for path in files:
+        if path.stem == trial:
+            return path
+    raise MissingInput(f"{folder}: no motion file named {trial} (.bvh, .amc or .npz)")
+
+
+def _fits(motion: Motion, film: Film) -> bool:
+    n_frames = min(motion.n_frames, round(film.duration_s * motion.fps_hz))
+    path = motion.pelvis_m[:n_frames, :2]
+    extent_m = float(np.ptp(path, axis=0).max())
+    return n_frames >= SHORTEST_S * motion.fps_hz and LEAST_TRAVEL_M <= extent_m <= WIDEST_M
+
+
 def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, run: Run) -> Path:
     """Stage: the planned clips (motion and camera) and the training clips.
 
@@ -101,14 +109,14 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
         body = read_body(paths.body)
         for index, spec in enumerate(recipe.clips):
             rng = np.random.default_rng([config.seed, index])
-            path = files.filmed[index] if files.filmed else None
-            motion = _filmed_motion(spec, config, path, body, rng)
-            clip = plan_clip(spec.id, motion, spec.programme, config.film, rng)
-            save_clip(
-                out_dir / paths.clip(spec.id).planned.relative_to(paths.motions_dir),
-                clip,
-                body.rest_pelvis_m(motion.shape),
-            )
+            if files.filmed:
+                motion = read_motion(files.filmed[index], body)
+            else:
+                motion = make_gait(spec.gait, config.film.duration_s, 30.0, body, rng)
+            filmed = film_motion(motion, config.film)
+            clip = plan_clip(spec.id, filmed, spec.programme, config.film, rng)
+            target = out_dir / paths.clip(spec.id).planned.relative_to(paths.motions_dir)
+            save_clip(target, clip, body.rest_pelvis_m(filmed.shape))
         for clip in _training_clips(config, files, body):
             target = out_dir / paths.training_dir.name / f"{clip.id}.npz"
             save_clip(target, clip, body.rest_pelvis_m(clip.motion.shape))
@@ -117,18 +125,6 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
     for path in (*files.filmed, *files.training):
         inputs |= {f"file {file.name}": file for file in input_files(path).values()}
     return run_stage("motions", paths.motions_dir, config, inputs, work, run=run)
-
-
-def _filmed_motion(
-    clip: DemoClip,
-    config: MotionsConfig,
-    path: Path | None,
-    body: BodyModel,
-    rng: np.random.Generator,
-) -> Motion:
-    if path is not None:
-        return film_motion(read_motion(path, body), config.film)
-    return film_motion(make_gait(clip.gait, config.film.duration_s, 30.0, body, rng), config.film)
 
 
 def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) -> list[Clip]:
@@ -153,17 +149,3 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
 def _training_clip(clip_id: str, motion: Motion) -> Clip:
     n = motion.n_frames
     return Clip(clip_id, motion, np.ones(n, dtype=bool), np.full(n, -1), None)
-
-
-def _named(files: list[Path], trial: str, folder: Path) -> Path:
-    for path in files:
-        if path.stem == trial:
-            return path
-    raise MissingInput(f"{folder}: no motion file named {trial} (.bvh, .amc or .npz)")
-
-
-def _fits(motion: Motion, film: Film) -> bool:
-    n_frames = min(motion.n_frames, round(film.duration_s * motion.fps_hz))
-    path = motion.pelvis_m[:n_frames, :2]
-    extent_m = float(np.ptp(path, axis=0).max())
-    return n_frames >= SHORTEST_S * motion.fps_hz and LEAST_TRAVEL_M <= extent_m <= WIDEST_M

@@ -16,6 +16,7 @@ from gmrdata.cli.options import (
     Redo,
     body_path,
     need,
+    read_recipe,
 )
 from gmrdata.gmr.config import Which
 from gmrdata.score import ProtocolName
@@ -47,10 +48,9 @@ def train(
     """
     from gmrdata.gmr.train import GmrRecipe
     from gmrdata.gmr.train import train as train_gmr
-    from gmrdata.stage.recipes import find_recipe, load_recipe
 
     need(manifests, "a manifest file")
-    config = load_recipe(find_recipe(recipe), GmrRecipe).train
+    config = read_recipe(recipe, GmrRecipe).train
     path, run = body_path(body), Run(redo=redo)
     answer(train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run))
 

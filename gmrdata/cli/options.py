@@ -1,7 +1,7 @@
 """Flags that several verbs have, each described once, and what they stand for."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
@@ -12,6 +12,9 @@ from gmrdata.values.people import PersonFiles
 
 if TYPE_CHECKING:
     from gmrdata.film.set_plan import SyntheticRecipe
+    from gmrdata.values.records import Config
+
+AnyRecipe = TypeVar("AnyRecipe", bound="Config")
 
 Redo = Annotated[bool, arg(help="Throw away and make anew what other settings or inputs made.")]
 
@@ -68,6 +71,13 @@ POSES = arg(help="Folder with <clip id>.npz: poses in the camera's frame, withou
 KEYPOINTS = arg(help="Folder with <clip id>/ of OpenPose's or STAF's JSON, one file per frame.")
 FEATURES = arg(help="Folder with <clip id>.npz that hold image `features` (T, D), row by row.")
 BootstrapSeed = Annotated[int, arg(help="Seed of the bootstrap intervals.")]
+
+
+def read_recipe(name: str, model: type[AnyRecipe]) -> AnyRecipe:
+    """The recipe that a RecipeName stands for."""
+    from gmrdata.stage.recipes import find_recipe, load_recipe
+
+    return load_recipe(find_recipe(name), model)
 
 
 def need(values: tuple[Any, ...], what: str) -> None:

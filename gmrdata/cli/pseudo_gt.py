@@ -6,13 +6,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
 from gmrdata.cli.answers import answer, print_table, then
-from gmrdata.cli.options import DryRun, Motions, Probe, RecipeName, RunFlags, show_dry_run
+from gmrdata.cli.options import (
+    DryRun,
+    Motions,
+    Probe,
+    RecipeName,
+    RunFlags,
+    read_recipe,
+    show_dry_run,
+)
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import MissingInput
 
 if TYPE_CHECKING:
     from gmrdata.threedpw.recipe import ThreedpwRecipe
-    from gmrdata.twins.floor import MadeFloor
     from gmrdata.twins.recipe import TwinRecipe
 
 Root = Annotated[Path, arg(help="3DPW's folder, which holds imageFiles and sequenceFiles.")]
@@ -39,11 +46,10 @@ def threedpw_regenerate(
         sequences: Names of sequences; all when left out.
     """
     from gmrdata.pages.qa import write_set_pages
-    from gmrdata.stage.recipes import find_recipe, load_recipe
     from gmrdata.threedpw import regenerate as stage
     from gmrdata.threedpw.recipe import ThreedpwRecipe
 
-    loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
+    loaded = read_recipe(recipe, ThreedpwRecipe)
     if sequences:
         loaded = loaded.model_copy(update={"sequences": sequences})
     if dry_run:
@@ -115,12 +121,11 @@ def threedpw_twin(
         out: Output folder: 3DPW/ (the dataset), truth/ (exact clips, twins.json), render_set/. A
             run that was stopped goes on at the next missing frame.
     """
-    from gmrdata.pages.synthetic import write_set_pages
-    from gmrdata.stage.recipes import find_recipe, load_recipe
+    from gmrdata.pages.sets import write_set_pages
     from gmrdata.twins.recipe import TwinRecipe
     from gmrdata.twins.twin_set import SET_FOLDER, make_twins
 
-    loaded = load_recipe(find_recipe(recipe), TwinRecipe)
+    loaded = read_recipe(recipe, TwinRecipe)
     if dry_run:
         show_dry_run(loaded.set, out / SET_FOLDER, motions, run.workers, probe)
         return
@@ -168,65 +173,50 @@ def floor(
         size: Images of sampled twins: small (540x960), full (1080x1920), or like 180x320 [px].
         frames: Frames of each sampled twin, at 30 fps; at least 60.
     """
-    from gmrdata.stage.recipes import find_recipe, load_recipe
     from gmrdata.threedpw import regenerate as regeneration
     from gmrdata.threedpw.recipe import ThreedpwRecipe
     from gmrdata.twins.floor import REGENERATED_FOLDER, TWINS_FOLDER
-    from gmrdata.twins.sampling import draw_twins, film_of
+    from gmrdata.twins.sampling import film_of, sample_twins
     from gmrdata.twins.twin_set import SET_FOLDER, read_truth
 
-    loaded = load_recipe(find_recipe(recipe), ThreedpwRecipe)
+    loaded = read_recipe(recipe, ThreedpwRecipe)
     if twins is not None and dry_run:
         plan = regeneration.plan(loaded, read_truth(twins).root, out / REGENERATED_FOLDER)
         print_table(regeneration.HEADINGS, plan)
     elif twins is not None:
-        _show_floor(_floor_of_twins(twins, loaded, out, run))
+        _measure_floor(twins, loaded, out, run)
     elif motions is None:
         raise MissingInput("nothing to measure on. Name --motions to sample twins, or --twins")
     else:
-        sampled = draw_twins(sequences, seed, motions, film_of(size, frames), run.workers)
+        sampled = sample_twins(sequences, seed, motions, film_of(size, frames), run.workers)
         if dry_run:
             set_dir = out / TWINS_FOLDER / SET_FOLDER
             show_dry_run(sampled.set, set_dir, motions, run.workers, probe)
         else:
-            _show_floor(_floor_of_sampled(sampled, motions, loaded, out, run))
+            _measure_floor((sampled, motions), loaded, out, run)
 
 
-def _floor_of_twins(twins: Path, recipe: "ThreedpwRecipe", out: Path, run: Run) -> "MadeFloor":
-    """The floor of twins that are there, with the pages of what was regenerated."""
-    from gmrdata.pages.qa import write_set_pages
-    from gmrdata.twins.floor import REGENERATED_FOLDER, floor_of_twins
-    from gmrdata.twins.twin_set import read_truth
-
-    regenerated = out / REGENERATED_FOLDER
-    with then(lambda: write_set_pages(recipe, read_truth(twins).root, regenerated)):
-        return floor_of_twins(twins, recipe, out, run=run)
-
-
-def _floor_of_sampled(
-    sampled: "TwinRecipe", motions: Path, recipe: "ThreedpwRecipe", out: Path, run: Run
-) -> "MadeFloor":
-    """The floor of sampled twins, with the pages of both sets."""
+def _measure_floor(
+    twins: "Path | tuple[TwinRecipe, Path]", recipe: "ThreedpwRecipe", out: Path, run: Run
+) -> None:
+    """Measure on twins that are there, or on sampled ones (their recipe and motions); print it."""
     from gmrdata.pages.qa import write_set_pages as write_regenerated
-    from gmrdata.pages.synthetic import write_set_pages as write_rendered
-    from gmrdata.twins.floor import REGENERATED_FOLDER, TWINS_FOLDER, drawn_floor
+    from gmrdata.pages.sets import write_set_pages as write_rendered
+    from gmrdata.twins import floor_record
+    from gmrdata.twins.floor import REGENERATED_FOLDER, TWINS_FOLDER, floor_of_twins, sampled_floor
     from gmrdata.twins.twin_set import SET_FOLDER, read_truth
 
-    twins, regenerated = out / TWINS_FOLDER, out / REGENERATED_FOLDER
-    with (
-        then(lambda: write_regenerated(recipe, read_truth(twins).root, regenerated)),
-        then(lambda: write_rendered(sampled.set, twins / SET_FOLDER)),
-    ):
-        return drawn_floor(sampled, motions, recipe, out, run=run)
-
-
-def _show_floor(made: "MadeFloor") -> None:
-    """Print a floor; raises StageFailed if some sequences failed."""
-    from gmrdata.twins.floor_record import HEADINGS, floor_rows, notes, read_floor
-
-    measured = read_floor(made.path)
-    print_table(HEADINGS, floor_rows(measured))
-    for line in notes(measured):
+    folder = twins if isinstance(twins, Path) else out / TWINS_FOLDER
+    with then(lambda: write_regenerated(recipe, read_truth(folder).root, out / REGENERATED_FOLDER)):
+        if isinstance(twins, Path):
+            made = floor_of_twins(twins, recipe, out, run=run)
+        else:
+            sampled, motions = twins
+            with then(lambda: write_rendered(sampled.set, folder / SET_FOLDER)):
+                made = sampled_floor(sampled, motions, recipe, out, run=run)
+    measured = floor_record.read_floor(made.path)
+    print_table(floor_record.HEADINGS, floor_record.floor_rows(measured))
+    for line in floor_record.notes(measured):
         answer(line)
     answer(made.path)
     if made.failed is not None:

@@ -19,6 +19,7 @@ from gmrdata.cli.options import (
     RecipeName,
     RunFlags,
     body_path,
+    read_recipe,
 )
 from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import threedpw_regenerate, threedpw_twin
@@ -50,9 +51,8 @@ def demo(
     """
     from gmrdata.cli.demo import plan, run_demo
     from gmrdata.cli.demo_recipe import DemoRecipe
-    from gmrdata.stage.recipes import find_recipe, load_recipe
 
-    loaded = load_recipe(find_recipe(recipe), DemoRecipe)
+    loaded = read_recipe(recipe, DemoRecipe)
     if dry_run:
         print_table(("stage", "state"), plan(loaded, out))
     else:

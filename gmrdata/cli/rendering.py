@@ -5,7 +5,15 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from gmrdata.cli.answers import answer, then
-from gmrdata.cli.options import DryRun, Motions, Probe, RecipeName, RunFlags, show_dry_run
+from gmrdata.cli.options import (
+    DryRun,
+    Motions,
+    Probe,
+    RecipeName,
+    RunFlags,
+    read_recipe,
+    show_dry_run,
+)
 
 
 def render(
@@ -27,9 +35,8 @@ def render(
     from gmrdata.film.render_set import render_set
     from gmrdata.film.set_plan import SyntheticRecipe
     from gmrdata.pages.sets import preview_set, write_set_pages
-    from gmrdata.stage.recipes import find_recipe, load_recipe
 
-    loaded = load_recipe(find_recipe(recipe), SyntheticRecipe)
+    loaded = read_recipe(recipe, SyntheticRecipe)
     if dry_run:
         show_dry_run(loaded, out, motions, run.workers, probe)
     elif preview:
