@@ -1,33 +1,40 @@
-"""Two runs scored on the same clips: difference, interval, and whether it could be chance.
+"""Bootstrap intervals of means over clips, and whether two runs differ by more than chance.
 
-Bootstrap intervals of means over clips (Efron 1979; the percentile interval).
+Intervals are percentile intervals (Efron 1979).  They are those of `scipy.stats.bootstrap` for the
+same draws, which a test holds.  It is not used, because all figures of a score share their draws
+here: for 37 clips and 2000 resamples a curve of 100 frames takes it 0.9 s in place of 0.05 s, a
+pooled mean 20 ms in place of 11.  It also has no interval where a resample draws only clips without
+a figure.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from gmrdata.score import Interval
+from gmrdata.values.shapes import Float
+
 LEVEL = 0.95
 """Share of the resampled figures that an interval holds."""
+Counts = Float[np.ndarray, "resamples clips"]
+PerClip = Float[np.ndarray, " clips"]
 
-Interval = tuple[float, float]
 
-
-def resampled_counts(n_clips: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each clip is drawn in each resample: (resamples, n_clips) float64."""
+def resampled_counts(n_clips: int, resamples: int, rng: np.random.Generator) -> Counts:
+    """How often each clip is drawn in each resample."""
     drawn = rng.integers(0, n_clips, (resamples, n_clips))
     counts = np.zeros((resamples, n_clips))
     np.add.at(counts, (np.arange(resamples)[:, None], drawn), 1.0)
     return counts
 
 
-def ratio_interval(sums: np.ndarray, weights: np.ndarray, counts: np.ndarray) -> Interval | None:
+def ratio_interval(sums: PerClip, weights: PerClip, counts: Counts) -> Interval | None:
     """Interval of sum(sums) / sum(weights) where clips are drawn with replacement.
 
     Args:
-        sums: (n,) what each clip adds above the line.
-        weights: (n,) what it adds below it; 0 for a clip without a figure.
-        counts: (resamples, n) as `resampled_counts` gives them.
+        sums: What each clip adds above the line.
+        weights: What it adds below it; 0 for a clip without a figure.
+        counts: As `resampled_counts` gives them.
 
     Returns:
         Its ends, or None for fewer than two clips with a figure, of which nothing can be said.
@@ -40,16 +47,10 @@ def ratio_interval(sums: np.ndarray, weights: np.ndarray, counts: np.ndarray) ->
     return float(low), float(high)
 
 
-def mean_intervals(values: np.ndarray, counts: np.ndarray) -> np.ndarray | None:
-    """Intervals of the means of several columns at once.
-
-    Args:
-        values: (n, K) figures of each clip.
-        counts: (resamples, n) as `resampled_counts` gives them.
-
-    Returns:
-        (2, K) lower and upper ends, or None for fewer than two clips.
-    """
+def mean_intervals(
+    values: Float[np.ndarray, "clips columns"], counts: Counts
+) -> Float[np.ndarray, "2 columns"] | None:
+    """Lower and upper ends for the means of several columns; None for fewer than two clips."""
     if len(values) < 2:
         return None
     return _ends(counts @ values / len(values))
@@ -76,17 +77,17 @@ class PairedDifference:
 
 
 def paired_difference(
-    first: np.ndarray,
-    other: np.ndarray,
+    first: PerClip,
+    other: PerClip,
     resamples: int,
     permutations: int,
     rng: np.random.Generator,
 ) -> PairedDifference:
-    """Compare two runs clip by clip.
+    """Compare two runs clip by clip, on one clip or more.
 
     Args:
-        first: (n,) figures of the first run, n >= 1.
-        other: (n,) figures of the other run, same clips.
+        first: Figures of the first run.
+        other: Figures of the other run, same clips.
         resamples: How often clips are drawn for the interval.
         permutations: How many permutations are drawn at most; all 2^n of them are used where
             they are no more than that, and p is exact.

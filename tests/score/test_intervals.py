@@ -41,6 +41,8 @@ def test_interval_of_a_pooled_mean_is_scipys() -> None:
         vectorized=True,
         rng=np.random.default_rng(0),
     ).confidence_interval
+    found = ratio_interval(sums, weights, resampled_counts(9, RESAMPLES, np.random.default_rng(0)))
+    assert found == pytest.approx(tuple(oracle), rel=1e-9)
     found = ratio_interval(sums, weights, resampled_counts(9, 20_000, np.random.default_rng(1)))
     assert found == pytest.approx(tuple(oracle), rel=0.1)
 
