@@ -41,6 +41,9 @@ def test_wheel_carries_every_resource(wheel: Path) -> None:
     assert "gmrdata/published/schema/v1.json" in wanted
     assert wanted - carried == set()
     assert "blender/__main__.py" in carried
+    templates = [file.name for file in (REPOSITORY / "gmrdata/pages/templates").iterdir()]
+    assert {f"gmrdata/pages/templates/{name}" for name in templates} - carried == set()
+    assert "style.css" in templates and "report.html.j2" in templates
 
 
 def test_installed_package_finds_its_resources(wheel: Path, tmp_path: Path) -> None:
