@@ -1,6 +1,5 @@
 """Trials of the CMU motion capture database, fetched file by file, complete or not at all."""
 
-import re
 import shlex
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,6 +13,7 @@ from gmrdata.manifest.current import ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.amc import read_amc, read_asf
 from gmrdata.read.download import FetchConfig, download, drop_part, part_of
+from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import resources
 from gmrdata.stage.progress import console, progress_bar
 from gmrdata.stage.store import locked
@@ -23,12 +23,6 @@ from gmrdata.values.records import Config, Record
 
 RECORD = "fetched.json"
 SUMS = "SHA256SUMS"
-_TRIAL = re.compile(r"[0-9]{2,3}_[0-9]{2}")
-
-
-def is_trial(name: str) -> bool:
-    """Whether a name is one of CMU's trials, `subject_trial`, like 02_03 or 143_18."""
-    return _TRIAL.fullmatch(name) is not None
 
 
 def check_trials(names: Iterable[str]) -> tuple[str, ...]:

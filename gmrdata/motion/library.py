@@ -19,6 +19,7 @@ from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.files import find_motions, input_files, read_motion
 from gmrdata.read.bodies import keep_body, load_body
+from gmrdata.read.source_motion import is_trial
 from gmrdata.stage.jobs import Job, Outcome, record_failures, try_jobs, worker_pool
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -54,8 +55,7 @@ def gait_source(name: str) -> Source:
 
 def file_source(stem: str) -> Source:
     """A motion file, known as CMU's by a name like 02_03."""
-    is_cmu = re.fullmatch(r"\d{2,3}_\d{2}", stem) is not None
-    return Source(dataset="CMU" if is_cmu else "file", sequence=stem)
+    return Source(dataset="CMU" if is_trial(stem) else "file", sequence=stem)
 
 
 def motion_source(path: Path, tail: PurePosixPath) -> Source:

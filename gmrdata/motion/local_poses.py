@@ -2,7 +2,7 @@
 
 A world motion from the poses of an estimator, in three lines (they are run in a test):
 
-    from gmrdata.gmr.infer import load_gmr, predict_world_motion
+    from gmrdata.gmr.predict import load_gmr, predict_world_motion
     from gmrdata.motion.local_poses import read_local_poses
     world = predict_world_motion(load_gmr("run"), read_local_poses("poses.pkl", 30)[0].motion)
 

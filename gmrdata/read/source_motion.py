@@ -122,6 +122,11 @@ CMU_TRIAL = re.compile(r"^(\d{2,3})_(\d{2})(?:_|$)")
 LOWEST_HZ, HIGHEST_HZ = 1.0, 1000.0
 
 
+def is_trial(name: str) -> bool:
+    """Whether a name is one of CMU's trials, `subject_trial`, like 02_03 or 143_18."""
+    return re.fullmatch(r"[0-9]{2,3}_[0-9]{2}", name) is not None
+
+
 def cmu_subject(path: Path) -> int | None:
     """Subject number in a file name like CMU's `02_03.amc` or `62_11_poses.npz`, else None."""
     match = CMU_TRIAL.match(path.stem)
