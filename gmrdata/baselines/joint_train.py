@@ -33,9 +33,8 @@ from gmrdata.gmr.checkpoint import (
 )
 from gmrdata.gmr.losses import gmr_loss
 from gmrdata.gmr.parallel import check_device
-from gmrdata.gmr.run_log import Log
 from gmrdata.gmr.runs import check_clips_fit, usable_clips
-from gmrdata.gmr.steps import derived_seed, fill_gradients, is_due, run_steps, torch_settings
+from gmrdata.gmr.steps import Log, derived_seed, fill_gradients, is_due, run_steps, torch_settings
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.gmr.windows import TrainingSet
 from gmrdata.stage.run import DEFAULT_RUN, Run

@@ -27,9 +27,9 @@ from gmrdata.gmr.losses import Counts, LossTerms, Motions, counts_of, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaging, check_device, own_part
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
-from gmrdata.gmr.run_log import Log
 from gmrdata.gmr.runs import Run, fitting_clips, runs_at
 from gmrdata.gmr.steps import (
+    Log,
     derived_seed,
     fill_gradients,
     is_due,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.gmr.run_log import run_log
+from gmrdata.gmr.steps import run_log
 from gmrdata.values.errors import MissingExtra
 
 
