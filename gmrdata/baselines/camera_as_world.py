@@ -168,9 +168,6 @@ def predict_camera_as_world(
     Clips that no camera sees are left out and named.
 
     Args:
-        manifest_path: The clips.
-        out_dir: Folder to make; see `gmrdata.baselines.predictions`.
-        config: The recipe; None for its defaults.
         cameras_dir: For recovered cameras: `<clip id>/` of each clip, as `gmrdata sfm` makes it.
 
     Raises:

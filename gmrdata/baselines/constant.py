@@ -145,7 +145,6 @@ def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanMotion:
 
     Args:
         clips: Clips in the world frame, at `fps_hz` or above.
-        fps_hz: The frame rate [Hz].
 
     Raises:
         BadManifest: there is no motion, or a clip is not in the world frame.

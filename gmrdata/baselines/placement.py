@@ -45,7 +45,6 @@ def place(
         joints_m: (24, 3) joints from the pelvis, in the camera's axes [m].
         points: (24, 3) x [px], y [px], confidence of the same joints.
         intrinsics_px: (3, 3) calibration matrix [px].
-        config: The recipe.
         previous_m: (3,) where the pelvis was in the frame before [m], a second place to start from.
     """
     from scipy.optimize import least_squares
@@ -150,8 +149,6 @@ def place_person(
         posed: The person in the camera's frame, but for the translation.
         found: The keypoints of the same rows.
         intrinsics_px: (3, 3) calibration matrix [px].
-        body: The person's body.
-        config: The recipe.
     """
     joints_m, has_pose = _posed_joints(posed, body)
     pelvis_m = np.full((len(joints_m), 3), np.nan)

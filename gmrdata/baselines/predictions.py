@@ -123,7 +123,6 @@ class Predictions(Record):
     """A `predictions.json`; methods with figures of their own have a class of their own."""
 
     format: Literal["gmrdata-predictions/1"] = "gmrdata-predictions/1"
-    """Name and version of the format."""
     method: str
     """Name of the baseline."""
     figures: MethodFigures
@@ -164,13 +163,11 @@ def predicted(
     """A prediction for a subject.
 
     Args:
-        subject: Whose motion is predicted.
         motion: The prediction, `frame` "world", with the subject's rows 0, step, 2 step, ...
         valid: (T,) bool: rows that are predicted.
         step: The subject's rows for one of the prediction.
         rest_pelvis_m: (3,) J0 of the predicted body and shape [m]; None where those are the
             subject's.
-        figures: See `Prediction`.
     """
     clip = Clip(subject.clip.id, motion, valid, subject.clip.image_numbers[::step], camera=None)
     rest_m = subject.rest_pelvis_m if rest_pelvis_m is None else rest_pelvis_m
@@ -188,9 +185,6 @@ def write_predictions(
     """Write a baseline's folder.
 
     Args:
-        folder: The stage's folder.
-        method: The baseline's name.
-        predictions: What it predicts.
         left_out: Reason by id of the clips for which it predicts nothing.
         record: Class of its `predictions.json`.
         figures: What that says of the method; None for nothing.

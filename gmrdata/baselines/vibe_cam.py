@@ -88,13 +88,11 @@ def predict_vibe_cam(
     Of the manifest's clips, only the intrinsics, the image size and the images' numbers are used.
 
     Args:
-        manifest_path: The clips.
         poses_dir: `<clip id>.npz` for each clip: a clip's file with `frame` "camera" and the rows
             of the manifest's clip, whose `trans` is not looked at.
         keypoints_dir: `<clip id>/` for each clip: OpenPose's or STAF's JSON, one file per frame.
         out_dir: Folder to make; see `gmrdata.baselines.predictions`.  The record says of each clip
             which rows have no prediction and why.
-        config: The recipe; None for its defaults.
         body_path: Body of the poses, as `load_body` takes it; None for the default body.
 
     Returns:

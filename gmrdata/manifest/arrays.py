@@ -49,9 +49,7 @@ def unmatched_rows(
 
     Args:
         field: "images" or "masks".
-        clip: The loaded clip.
         rows: (T,) bool: rows that need a file, if they have an image number.
-        names: Paths in the listing.
     """
     numbers = {number_in_name(name) for name in names}
     wanted = {int(number) for number in clip.image_numbers[rows] if number >= 0}

@@ -123,24 +123,13 @@ def clip_entry(
 
     Args:
         root: The manifest's folder; everything lies below it.
-        clip_path: The clip's .npz.
-        camera_motion: Class of the camera's motion; "none" without a camera.
         licence: Terms under which this clip may be passed on.
-        source: Where the motion came from.
         id: The clip's id if the caller expects one; the file must agree.
         images_dir: Folder of images; the other folders have a file for each of them.
-        masks_dir: Folder of masks.
-        depth_dir: Folder of depth images.
-        normals_dir: Folder of normal images.
-        flow_dir: Folder of flow images.
-        instances_dir: Folder of instance images.
-        joints_path: The file of joints.
-        video_path: The images as a video.
         extras_paths: The extras' files, in the order of their instance numbers from 2 on.
         character_path: The residual of the character that is seen.
         dropped_reason: Why rows are not valid: one reason, or T reasons; a row with a reason of its
             own is dropped, valid in the file or not.
-        quality: How far the clip can be trusted.
         recipe: What made the clip, from `gmrdata.manifest.entry.stage_recipe`.
 
     Raises:

@@ -20,9 +20,6 @@ def read_fitting_floor(path: Path, manifest_path: Path, kind: str, fps_hz: float
     """A floor for the scores of a manifest.
 
     Args:
-        path: A `floor.json`.
-        manifest_path: The manifest that is scored.
-        kind: Its kind.
         fps_hz: Rate of the scored motions [Hz].
 
     Raises:
@@ -53,10 +50,6 @@ def beside_floor(scores: Summary, floor: Floor) -> Summary:
 
     A row's floor is that of its class of camera motion; where the floor has none, that of all.
     Types of motion have none: the floor does not know them.
-
-    Args:
-        scores: What `gmrdata.score.summary.summarise` gave.
-        floor: What `read_fitting_floor` gave.
     """
     clips = tuple(_beside(clip, clip.camera_motion, floor) for clip in scores.clips)
     classes = {name: _beside(row, name, floor) for name, row in scores.camera_motion.items()}

@@ -47,9 +47,7 @@ class ClipErrors:
     """Errors of one clip by method, "predicted" or "zero"."""
 
     clip_id: str
-    """The clip."""
     camera_motion: str
-    """Class of its camera's motion."""
     errors: dict[Method, dict[Metric, np.ndarray]]
     """OME, TME and VME per motion: (n,) by method and metric."""
     motion_type: str | None = None
@@ -62,7 +60,6 @@ class ClipErrors:
     protocol_fps_hz: float | None = None
     """Rate of the protocol's frames [Hz]; None without a protocol."""
     dropped_frames: int = 0
-    """Valid frames without a prediction."""
 
     @property
     def n_motions(self) -> int:
@@ -80,7 +77,6 @@ def clip_errors(
 
     Args:
         clip: The prediction, with at least one run.
-        body: The true person's body.
         protocol: What to measure beside OME, TME and VME.
         predicted_body: The predicted person's body, with the same mesh; None for the true one.
     """

@@ -40,14 +40,12 @@ class CompareConfig(Config):
     permutations: int = Field(default=9999, ge=99)
     """Permutations of a test at most."""
     seed: int = Field(default=0, ge=0)
-    """What both are drawn by."""
 
 
 class ComparedRun(Config):
     """One run in one metric."""
 
     run: str
-    """Its name."""
     n_clips: int
     """Clips in which all runs have a figure."""
     mean_of_clips: float | None
@@ -64,7 +62,6 @@ class Comparison(Record):
     """A `comparison.json`."""
 
     format: Literal["gmrdata-comparison/2"] = "gmrdata-comparison/2"
-    """Name and version of the format."""
     runs: tuple[str, ...]
     """Names of the runs; the others are compared with the first."""
     fps_hz: float
@@ -74,7 +71,6 @@ class Comparison(Record):
     resamples: int
     """How often clips were drawn for an interval."""
     clips: tuple[str, ...]
-    """Clips that all runs have."""
     left_out: dict[str, tuple[str, ...]]
     """Clips that only some have, by run."""
     metrics: dict[str, tuple[ComparedRun, ...]]
@@ -105,7 +101,6 @@ def compare_scores(
     Args:
         paths: `scores.json` of each run, two or more.
         out_dir: Gets `comparison.json`, `comparison.csv` and `comparison.md`.
-        config: The recipe; None for its defaults.
 
     Returns:
         Path of `comparison.json`.

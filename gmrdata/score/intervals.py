@@ -86,12 +86,9 @@ def paired_difference(
     """Compare two runs clip by clip, on one clip or more.
 
     Args:
-        first: Figures of the first run.
-        other: Figures of the other run, same clips.
         resamples: How often clips are drawn for the interval.
         permutations: How many permutations are drawn at most; all 2^n of them are used where
             they are no more than that, and p is exact.
-        rng: Draws clips and permutations.
     """
     differences = other - first
     n = len(differences)

@@ -35,7 +35,6 @@ class PredictedClip:
     """A clip's predictions."""
 
     clip_id: str
-    """The clip."""
     camera_motion: str
     """Class of its camera's motion; "none" without a camera."""
     runs: tuple[PredictedRun, ...]
@@ -50,7 +49,6 @@ def still_run(run: PredictedRun, first: Motion | None = None) -> PredictedRun:
     """The same run with zero motion: the body stays at the true first root and pelvis.
 
     Args:
-        run: The run.
         first: The motion in whose first frame it stays; None for the run's own.
     """
     where, n = run.true if first is None else first, run.true.n_frames
@@ -100,12 +98,9 @@ def file_clip(
     the truth's row i, or row k i where the truth's rate is k times the prediction's.
 
     Args:
-        folder: The folder of clip files.
-        one: The true clip.
         fps_hz: Rate of OME, TME and VME [Hz].
         protocol_fps_hz: Rate of a protocol's figures [Hz], which is taken where the prediction's is
             a multiple of it; the prediction's own otherwise.
-        all_phases: As for `runs_at`.
         drop_missing: Whether true frames without a prediction are dropped and counted; they are an
             error otherwise.
 
@@ -137,7 +132,6 @@ def every_row(valid: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
 
     Args:
         valid: (T,) bool.
-        step: Rows from one to the next.
     """
     rows = np.arange(0, len(valid), step)
     return rows, np.array([valid[max(0, row - step + 1) : row + 1].all() for row in rows])

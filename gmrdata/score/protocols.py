@@ -173,9 +173,7 @@ class WorldPair:
     """A prediction in a world of its own, and the truth of the same frames."""
 
     predicted: WorldBody
-    """The prediction."""
     true: WorldBody
-    """The truth."""
     runs: tuple[Rows, ...]
     """Rows between the gaps; together they are all frames."""
     fps_hz: float

@@ -61,7 +61,6 @@ class Row(Config):
     """What rows of clips and of groups have in common."""
 
     n_motions: int
-    """Motions that were scored."""
     protocol: ByMethod[WorldFigures] | None
     """A protocol's figures; None without one."""
     floor: RowFloor | None
@@ -91,13 +90,11 @@ class ClipScore(Row):
     """One clip."""
 
     id: str
-    """Its id."""
     camera_motion: str
     """Class of its camera's motion; "none" without a camera."""
     motion_type: str | None
     """What the person does, where that is on record."""
     dropped_frames: int
-    """Valid frames without a prediction."""
     predicted: PaperMetrics[float]
     """Means over its motions."""
     zero: PaperMetrics[float]
@@ -113,7 +110,6 @@ class GroupScore(Row):
     """Several clips.  Intervals are of 95 %, by bootstrap over clips; None for fewer than two."""
 
     n_clips: int
-    """Clips."""
     pooled_over_motions: ByMethod[PaperMetrics[float]]
     """Means over all motions."""
     pooled_interval95: ByMethod[PaperMetrics[Interval | None]]
@@ -140,7 +136,6 @@ class Curve(Config):
     """Vertex error in each frame, mean over clips."""
 
     vertex_mm: tuple[float, ...]
-    """The error [mm]."""
     interval95_mm: tuple[tuple[float, ...], tuple[float, ...]] | None
     """Lower and upper ends of its 95 % interval [mm]; None for a single clip."""
 
@@ -158,9 +153,7 @@ class Protocol(Config):
     """What is measured beside OME, TME and VME, and how."""
 
     name: ProtocolName
-    """Its name on the command line."""
     metrics: tuple[WorldMetric, ...]
-    """What it measures."""
     source: str
     """Repository and files that it follows."""
     notes: tuple[str, ...]
@@ -196,13 +189,10 @@ class ScoredNetwork(Config):
     """The network that predicted."""
 
     kind: Literal["network"]
-    """That it is one."""
     run: str
-    """Name of its training run."""
     step: int
     """Training step of its weights."""
     which: Literal["latest", "best"]
-    """Which weights they are."""
     network: dict[str, JsonValue]
     """Its settings, as `ModelConfig` names them."""
 
@@ -211,33 +201,26 @@ class ScoredFiles(Config):
     """The folder that predictions were read from."""
 
     kind: Literal["files"]
-    """That it is one."""
     predictions: str
-    """Its name."""
 
 
 class Bootstrap(Config):
     """How intervals were drawn."""
 
     resamples: int
-    """How often clips were drawn."""
     seed: int
-    """What they were drawn by."""
 
 
 class Summary(Config):
     """Scores per clip, per class of camera motion, per type of motion and overall."""
 
     clips: tuple[ClipScore, ...]
-    """Each clip."""
     camera_motion: dict[str, GroupScore]
     """Clips of each class of camera motion."""
     motion_type: dict[str, GroupScore]
     """Clips of each type of motion that is on record."""
     overall: GroupScore
-    """All clips."""
     over_time: OverTime
-    """Their vertex error over time."""
     statements: tuple[str, ...]
     """Which scores are below the floor, as sentences."""
 
@@ -261,19 +244,15 @@ class Scores(Summary, Record):
     """What `scores.json` holds: the figures of each clip and of groups of clips."""
 
     format: Literal["gmrdata-scores/3"] = "gmrdata-scores/3"
-    """Name and version of the format."""
     name: str
-    """What was scored."""
     model: ScoredNetwork | ScoredFiles = Field(discriminator="kind")
     """Where the predictions come from."""
     fps_hz: float
     """Rate of OME, TME and VME [Hz]."""
     body: str
-    """The clips' body."""
     protocol: Protocol | None
     """What was measured besides; None for nothing."""
     bootstrap: Bootstrap
-    """How intervals were drawn."""
     skipped: dict[str, str]
     """Why clips were left out, by id."""
     dropped_frames: int

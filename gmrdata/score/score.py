@@ -49,7 +49,6 @@ class ScoreConfig(Config):
     resamples: int = Field(default=2000, ge=100)
     """How often clips are drawn for a bootstrap interval."""
     seed: int = Field(default=0, ge=0)
-    """What they are drawn by."""
 
 
 def score_manifest(
@@ -70,7 +69,6 @@ def score_manifest(
 
     Args:
         run_dir: A finished training run.
-        manifest_path: The clips.
         body_path: Their body, as `load_body` takes it; None for the default body.
         out_dir: Gets `scores.json`, `scores.csv` and `scores.md`.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
@@ -118,33 +116,21 @@ def score_predictions(
 ) -> Path:
     """Score predicted world motions, whatever made them, by the same code as a network's.
 
+    What is not said here is as for `score_manifest`.
+
     Args:
         predictions_dir: `<clip id>.npz` for each clip, as `save_clip` writes it, each
             in a world of its own; row i is the clip's row i, or row k i where the clip's rate is k
             times the prediction's.  Its local pose and shape count in VME and in a protocol.
-        manifest_path: The true clips.
-        body_path: Their body, as `load_body` takes it; None for the default body.
-        out_dir: As for `score_manifest`.
         predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
-        floor_path: As for `score_manifest`.
-
-    Returns:
-        Path of `scores.json`.
 
     Raises:
-        MissingInput: a file is not there.
-        BadManifest: as for `score_manifest`.
         BadMotionFile: a prediction is missing or lacks frames, and may not be dropped; or it is
             broken, of another clip or body, or in the camera's frame.
         BadBodyFile: the two bodies have different meshes.
-        BadRecord: the floor is broken, or of another frame rate.
     """
     config = config or ScoreConfig()
-    optional = {
-        "body": body_path,
-        "predictions_body": predictions_body_path,
-        "floor": floor_path,
-    }
+    optional = {"body": body_path, "floor": floor_path, "predictions_body": predictions_body_path}
 
     def work(partial_dir: Path) -> None:
         name, predict = _name_of(predictions_dir), from_folder(predictions_dir, config)

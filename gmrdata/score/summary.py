@@ -33,9 +33,7 @@ def summarise(
 
     Args:
         scored: The clips, at least one.
-        fps_hz: Rate of their motions [Hz].
         resamples: How often the clips are drawn for an interval.
-        rng: Draws them.
     """
 
     @cache

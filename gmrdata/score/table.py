@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from gmrdata.score import METHODS, METRICS, Interval
 from gmrdata.score.records import (
@@ -30,13 +30,10 @@ class MetricWords(NamedTuple):
     """What a metric is called."""
 
     title: str
-    """Its short name."""
     unit: str
-    """Its unit."""
     digits: int
     """Decimals that are shown."""
     meaning: str
-    """What it says, in a sentence."""
 
 
 METRIC_WORDS: dict[str, MetricWords] = {
@@ -97,26 +94,21 @@ def interval_text(metric: str, ends: Interval | None) -> str:
 
 
 class ScoreRow(NamedTuple):
-    """A row of the table."""
+    """A row of the table: a clip by its id, or a group by its name."""
 
-    kind: str
-    """"clip", "camera_motion", "motion_type" or "overall"."""
+    kind: Literal["clip", "camera_motion", "motion_type", "overall"]
     name: str
-    """The clip's id or the group's name."""
     row: Row
-    """Its figures."""
 
 
 def rows_of(scores: Scores) -> Iterator[ScoreRow]:
     """Each clip, each class of camera motion, each type of motion, then all."""
     for clip in scores.clips:
         yield ScoreRow("clip", clip.id, clip)
-    for kind, groups in (
-        ("camera_motion", scores.camera_motion),
-        ("motion_type", scores.motion_type),
-    ):
-        for name, group in groups.items():
-            yield ScoreRow(kind, name, group)
+    for name, group in scores.camera_motion.items():
+        yield ScoreRow("camera_motion", name, group)
+    for name, group in scores.motion_type.items():
+        yield ScoreRow("motion_type", name, group)
     yield ScoreRow("overall", "all", scores.overall)
 
 
@@ -271,13 +263,7 @@ def _of_protocol(scores: Scores) -> list[str]:
 
 
 def write_table_files(path: Path, rows: Iterable[Sequence[Cell]], text: str) -> None:
-    """Write a table beside its JSON file: `<name>.csv` and `<name>.md`.
-
-    Args:
-        path: The JSON file.
-        rows: Headings and rows of the CSV file.
-        text: The Markdown.
-    """
+    """Write a table's `<name>.csv` and `<name>.md` beside its `<name>.json`, which is `path`."""
     write_text(path.with_suffix(".csv"), csv_text(rows))
     write_text(path.with_suffix(".md"), text)
 
@@ -293,7 +279,6 @@ def markdown(title: str, lead: str, tables: Mapping[str, Table], lines: Iterable
     """A page of Markdown: tables by their heading, and what must be known as a list.
 
     Args:
-        title: The page's title.
         lead: A sentence below it; empty for none.
         tables: By heading; empty for a table without one.
         lines: Sentences below the tables.

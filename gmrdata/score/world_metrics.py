@@ -28,8 +28,6 @@ def segments_of(n_frames: int, length: int, remainder: Remainder) -> list[Rows]:
     """Cut frames into segments of one length.
 
     Args:
-        n_frames: Frames.
-        length: Frames per segment.
         remainder: "own_segment": the frames left over are a shorter segment.
             "joined_but_last_frame": they belong to the last full segment, but for the very last
             frame; nothing up to `length` frames has a segment, and where none are left over the
@@ -61,7 +59,6 @@ def segment_errors_mm(
     Args:
         predicted_joints_m: In the prediction's world [m].
         true_joints_m: In the true world [m].
-        segments: Their rows.
         first_frames: Frames at the start of a segment whose joints the alignment fits (W-MPJPE);
             None for all of them (WA-MPJPE).
         scale: Whether the alignment fits the scale as well (which hides an error of it).

@@ -17,11 +17,9 @@ class OverSeeds(Config):
     """One error over a row's seeds."""
 
     mean: float
-    """Mean over seeds."""
     spread: float | None
     """Standard deviation over seeds; None for a single one."""
     by_seed: tuple[float, ...]
-    """Each of them."""
 
 
 class TableRow(Config):
@@ -38,7 +36,6 @@ class TableRow(Config):
     paper: PaperMetrics[float | None]
     """The paper's figures; None where it has none."""
     seeds: tuple[int, ...]
-    """Seeds of its trainings."""
     settings: dict[str, JsonValue] | None
     """Settings of its trainings but the seed; None without any."""
     ours: PaperMetrics[OverSeeds] | None
@@ -58,13 +55,10 @@ class TableData(Config):
     """What was trained and scored on."""
 
     paper: str
-    """By the paper."""
     training: tuple[TrainingSet, ...]
-    """Manifests here."""
     left_out: dict[str, int]
     """Their clips that were not trained on, by reason."""
     scored: str
-    """What was scored here."""
     held_out_subjects: tuple[int | str, ...]
     """People who were not trained on."""
 
@@ -73,13 +67,9 @@ class TableRecord(Record):
     """A `table<N>.json`."""
 
     format: Literal["gmrdata-table/2"] = "gmrdata-table/2"
-    """Name and version of the format."""
     table: int
-    """The paper's number."""
     title: str
-    """What it shows."""
     scale: str
-    """The size of the trainings."""
     note: str
     """What a reader must know of that size."""
     data: TableData

@@ -98,9 +98,6 @@ def make_table(
     """Train and score each row that the given files allow; what is made already is kept.
 
     Args:
-        recipe: The table.
-        scale: The size.
-        given: What it is made from.
         out_dir: Gets runs/, scores/, and `table<N>.json` (which is returned), `.csv` and `.md`.
         seeds: In place of the recipe's.
 

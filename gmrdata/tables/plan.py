@@ -81,7 +81,6 @@ class Training:
     id: str
     """Its folder below runs/."""
     config: TrainConfig | JointConfig
-    """Its recipe."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,6 @@ def planned_runs(
     after a first one; the loss and the data come on top.
 
     Args:
-        plan: The table's.
         out_dir: Where runs that are made lie.
         workers: How many trainings run at a time.
 

@@ -80,11 +80,8 @@ class TableRecipe(Config):
     """One of the paper's tables."""
 
     recipe: Literal["table"]
-    """Kind of recipe."""
     table: int = Field(ge=1)
-    """The paper's number."""
     title: str
-    """What the table shows."""
     paper_data: str
     """What the paper trained and scored on."""
     scales: dict[ScaleName, Scale]

@@ -53,9 +53,7 @@ def infer_poses(
 
     Args:
         run_dir: A finished training run.
-        manifest_path: The clips.
         poses_dir: `<clip id>.npz` for each clip, as `gmrdata.baselines.vibe_cam` takes them.
-        out_dir: Folder to make; see `gmrdata.baselines.predictions`.
         body_path: Body of the poses; None for the default body.
 
     Raises:
