@@ -19,7 +19,7 @@ from blender.visibility import visible_joints
 from gmrdata.film.character import CHARACTER_FILE, save_character
 from gmrdata.film.extras import save_extras
 from gmrdata.film.render import EXTRAS_FOLDER, FRAME_LINE, RenderJob, frame_files
-from gmrdata.film.render_outputs import project_joints, save_clearance, save_joints
+from gmrdata.film.render_outputs import CLEARANCE_FILE, project_joints, save_joints
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
@@ -90,7 +90,7 @@ def _check_clearance(clip_scene: ClipScene, clip: Clip, out_dir: Path) -> None:
     still = [o for o in clip_scene.scene.objects if o.type == "MESH" and o.name not in moving]
     clearance = measure_clearance(still, clip_scene.camera.centres_world_m, clip.motion.pelvis_m)
     if clearance is not None:
-        save_clearance(out_dir, clearance)
+        clearance.write(out_dir / CLEARANCE_FILE)
 
 
 def add_mask_output(scene: Any, work_dir: Path) -> None:

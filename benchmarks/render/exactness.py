@@ -9,8 +9,8 @@ from render.clips import PROGRAMMES, walk_clip
 from render.scale import Scale
 from render.timing import run_python
 
-from gmrdata.film.render import RenderConfig
-from gmrdata.film.render_jobs import render_clips
+from gmrdata.film.render import RenderConfig, RenderJob
+from gmrdata.film.render_set import render_clips
 from gmrdata.film.scene import SceneConfig
 from gmrdata.read.bodies import read_body
 from gmrdata.stage.jobs import worker_pool
@@ -42,8 +42,14 @@ def measure_exactness(root: Path, body_path: Path, scale: Scale) -> list[dict[st
             )
             sizes[clip_id] = (name, size_px)
     config = RenderConfig(scene=SceneConfig(kind="room", seed=1), blend=True)
+    jobs = {
+        id: RenderJob(
+            clip_path=path, body_path=body_path, out_dir=root / "render" / id, config=config
+        )
+        for id, path in clips.items()
+    }
     with worker_pool(Run(workers=2)) as client:
-        render_clips(clips, body_path, root / "render", config, client, root / "failed")
+        render_clips(jobs, client, root / "failed")
     body, rows = read_body(body_path), []
     for clip_id, (name, size_px) in sizes.items():
         folder = root / "render" / clip_id

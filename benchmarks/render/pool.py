@@ -8,7 +8,8 @@ from render.clips import PROGRAMMES, walk_clip
 from render.overhead import CONFIG
 from render.scale import Scale
 
-from gmrdata.film.render_jobs import render_clips
+from gmrdata.film.render import RenderJob
+from gmrdata.film.render_set import render_clips
 from gmrdata.stage.jobs import worker_pool
 from gmrdata.stage.run import Run
 from gmrdata.values.files import sha256_of_path
@@ -33,8 +34,16 @@ def measure_workers(root: Path, body_path: Path, scale: Scale) -> dict[str, Any]
     for count in (1, 2):
         start_s = time.perf_counter()
         with worker_pool(Run(workers=count)) as client:
-            out_dir = root / f"by_{count}"
-            render_clips(clips, body_path, out_dir, CONFIG, client, root / "failed")
+            jobs = {
+                id: RenderJob(
+                    clip_path=path,
+                    body_path=body_path,
+                    out_dir=root / f"by_{count}" / id,
+                    config=CONFIG,
+                )
+                for id, path in clips.items()
+            }
+            render_clips(jobs, client, root / "failed")
         wall_s[count] = time.perf_counter() - start_s
     return {
         "clips": scale.pool_clips,

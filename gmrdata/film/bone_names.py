@@ -1,7 +1,8 @@
 """Which bone of a rigged character stands for which joint of the SMPL tree."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
@@ -12,8 +13,6 @@ SMPL = {name: name for name in JOINT_NAMES} | {
     re.sub("^left", "l", re.sub("^right", "r", name)): name for name in JOINT_NAMES
 }
 """`left_hip` as in SMPL's papers and `L_Hip` as in its FBX files."""
-
-
 _PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|[mf]_avg_|def-)")
 _SUFFIX = re.compile(r"[._]\d+$")
 
@@ -70,16 +69,13 @@ def find_bones(
     joint_map: Mapping[str, str] | None,
     path: Path,
 ) -> dict[int, int]:
-    """Which bone drives with which joint.
+    """`{index of the SMPL joint: index of the bone}`: which bone drives with which joint.
 
     Args:
         names: The bones' names.  A namespace (`mixamorig:`), `DEF-`, and a number that a converter
             put behind each name (`mixamorig:Hips_01`) are overlooked, and so are capitals.
         parents: Index of each bone's parent, -1 for none.
         joint_map: `{bone: SMPL joint}` with exact names, or None for the known namings.
-
-    Returns:
-        `{index of the SMPL joint: index of the bone}`.
 
     Raises:
         BadCharacter: a joint that is needed has no bone, the map is wrong for this file, or the
@@ -104,13 +100,14 @@ def joint_of_bone(bones: Mapping[int, int], parents: Sequence[int]) -> list[int]
     Bones above and beside the pelvis move with the pelvis (0).
     """
     own = {bone: joint for joint, bone in bones.items()}
-    joints = []
-    for bone in range(len(parents)):
-        above = bone
-        while above >= 0 and above not in own:
-            above = parents[above]
-        joints.append(own.get(above, 0))
-    return joints
+    return [own.get(_nearest(bone, parents, own), 0) for bone in range(len(parents))]
+
+
+def _nearest(number: int, parents: Sequence[int], wanted: Container[int]) -> int:
+    """A bone or joint, or the nearest one above it, that is wanted; -1 where none is."""
+    while number >= 0 and number not in wanted:
+        number = parents[number]
+    return number
 
 
 def _by_name(names: Sequence[str]) -> dict[str, int]:
@@ -137,14 +134,14 @@ def _by_map(names: Sequence[str], joint_map: Mapping[str, str], path: Path) -> d
             f"{path}: joint_map names the bones {', '.join(unknown)}, which it does not have. "
             f"Its bones are {', '.join(names)}"
         )
-    wrong = sorted(set(joint_map.values()) - JOINT.keys())
+    joints = Counter(joint_map.values())
+    wrong = sorted(joints.keys() - JOINT.keys())
     if wrong:
         raise BadCharacter(
             f"{path}: joint_map speaks of the joints {', '.join(wrong)}; there are "
             f"{', '.join(JOINT)}"
         )
-    said = list(joint_map.values())
-    twice = sorted({joint for joint in said if said.count(joint) > 1})
+    twice = sorted(joint for joint, count in joints.items() if count > 1)
     if twice:
         raise BadCharacter(f"{path}: joint_map gives {', '.join(twice)} more than one bone")
     return {joint: names.index(name) for name, joint in joint_map.items()}
@@ -156,12 +153,8 @@ def _check_tree(
     """See that each joint's bone hangs on the bone of the joint above."""
     own = {bone: joint for joint, bone in bones.items()}
     for joint, bone in bones.items():
-        wanted = PARENTS[joint]
-        while wanted >= 0 and wanted not in bones:
-            wanted = PARENTS[wanted]
-        above = parents[bone]
-        while above >= 0 and above not in own:
-            above = parents[above]
+        wanted = _nearest(PARENTS[joint], PARENTS, bones)
+        above = _nearest(parents[bone], parents, own)
         if own.get(above, -1) != wanted:
             upper = names[bones[wanted]] if wanted >= 0 else "no other joint's bone"
             raise BadCharacter(

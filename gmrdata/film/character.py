@@ -20,26 +20,24 @@ from urllib.parse import unquote
 import numpy as np
 from pydantic import Field
 
+from gmrdata.film.render_outputs import T, TruthShapes, read_truth
 from gmrdata.motion.rest_pose import LIMBS
 from gmrdata.values.body import N_JOINTS
-from gmrdata.values.errors import BadCharacter, BadMotionFile, MissingInput
-from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.errors import BadCharacter, MissingInput
+from gmrdata.values.files import write_npz
 from gmrdata.values.records import Config
 
 SUFFIXES = (".glb", ".gltf", ".fbx")
 _GLB_HEADER = struct.Struct("<4sII")
 _CHUNK_HEADER = struct.Struct("<I4s")
 _FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX")
-
-
 CHARACTER_FILE = "character.npz"
 
 
 def linked_files(path: Path) -> dict[str, Path]:
     """Files that a character's file names, buffers and pictures, by the name that it gives them.
 
-    Returns:
-        Paths, all inside the file's folder.  None for FBX, whose pictures must be inside the file.
+    All are inside the file's folder.  None for FBX, whose pictures must be inside the file.
 
     Raises:
         MissingInput: the file, or one that it names, is not there.
@@ -97,14 +95,10 @@ def _json_chunk(path: Path, data: bytes) -> bytes:
 
 def _uris(value: Any) -> Iterator[str]:
     """Every text under a key `uri`, at any depth."""
-    if isinstance(value, dict):
-        for key, item in value.items():
-            if key == "uri" and isinstance(item, str):
-                yield item
-            else:
-                yield from _uris(item)
-    elif isinstance(value, list):
-        for item in value:
+    if isinstance(value, dict) and isinstance(value.get("uri"), str):
+        yield value["uri"]
+    if isinstance(value, dict | list):
+        for item in value.values() if isinstance(value, dict) else value:
             yield from _uris(item)
 
 
@@ -152,12 +146,7 @@ class Character(Config):
 
     @property
     def inputs(self) -> dict[str, Path]:
-        """Files that the pictures depend on, by name.
-
-        Raises:
-            MissingInput: a file is not there.
-            BadCharacter: the file is cut off, not of its kind, or names files outside its folder.
-        """
+        """Files that the pictures depend on, by name; errors as of `linked_files`."""
         linked = linked_files(self.path)
         return {"character": self.path} | {f"character/{name}": linked[name] for name in linked}
 
@@ -181,45 +170,21 @@ class CharacterRecord:
 
 def save_character(path: Path, record: CharacterRecord) -> None:
     """Write `character.npz`; FORMAT.md describes it."""
-    write_npz(
-        path,
-        {
-            "joints_world_m": record.joints_world_m,
-            "residual_m": record.residual_m,
-            "in_frame": record.in_frame,
-            "bones": np.array(record.bones),
-            "scale": record.scale,
-        },
-    )
+    write_npz(path, vars(record) | {"bones": np.array(record.bones)})
 
 
 def load_character(path: Path) -> CharacterRecord:
-    """Read a file by `save_character`.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: not readable, or its arrays do not fit together.
-    """
-    arrays = read_npz(path)
-    n_frames = len(np.atleast_1d(arrays.get("in_frame", ())))
-    wanted: dict[str, tuple[str, tuple[int, ...]]] = {
-        "joints_world_m": ("f", (n_frames, N_JOINTS, 3)),
-        "residual_m": ("f", (n_frames, N_JOINTS, 3)),
-        "in_frame": ("b", (n_frames,)),
+    """Read a file by `save_character`; errors as of `read_truth`."""
+    shapes: TruthShapes = {
+        "joints_world_m": ("f", (T, N_JOINTS, 3)),
+        "residual_m": ("f", (T, N_JOINTS, 3)),
+        "in_frame": ("b", (T,)),
         "bones": ("U", (N_JOINTS,)),
         "scale": ("f", ()),
     }
-    for key, (kind, shape) in wanted.items():
-        found = arrays.get(key)
-        if found is None or found.dtype.kind != kind or found.shape != shape:
-            raise BadMotionFile(f"{path}: no array {key!r} of shape {shape}; render it again")
-    return CharacterRecord(
-        arrays["joints_world_m"],
-        arrays["residual_m"],
-        arrays["in_frame"],
-        tuple(str(name) for name in arrays["bones"]),
-        float(arrays["scale"]),
-    )
+    joints_m, residual_m, in_frame, bones, scale = read_truth(path, shapes, frames_of="in_frame")
+    names = tuple(str(name) for name in bones)
+    return CharacterRecord(joints_m, residual_m, in_frame, names, float(scale))
 
 
 def residual_figures(record: CharacterRecord) -> dict[str, float]:

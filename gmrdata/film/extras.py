@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.film.cars import CAR_SIZE_M, Drive, drive_past
-from gmrdata.film.walkers import Shot, shot_of
+from gmrdata.film.walkers import Shot, keep_company, pass_by, shot_of
+from gmrdata.motion.gait import make_gait, sample_shape
 from gmrdata.motion.resample import resample, slice_motion
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -17,6 +18,8 @@ from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 
+STRAIGHT_S = 8.0
+"""For longer, a passer-by walks in a figure of eight, so that the place needn't be so large [s]."""
 EXTRAS_STREAM = 1000
 """Spawn key of the extras' random numbers: apart from those of the place, its meshes and the
 person, so that extras leave these as they are."""
@@ -80,11 +83,8 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
     """Plan all extras of a place.
 
     Those of one kind don't depend on how many more of their kind are asked for; passers-by make way
-    for company, and cars for both.
-
-    Args:
-        extras: The recipe.
-        clips: The clips that are filmed there; the first one's camera is the one to be crossed.
+    for company, and cars for both.  Of the clips that are filmed there the first one's camera is
+    the one to be crossed.
 
     Raises:
         BadRecipe: there is no room for someone, or a motion is too short.
@@ -93,8 +93,6 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
     """
     if not extras.names:
         return Cast((), ())
-    from gmrdata.film.walkers import keep_company, pass_by, passing_gait
-
     shot = shot_of(clips)
     kinds = np.random.SeedSequence(seed, spawn_key=(EXTRAS_STREAM,)).spawn(3)
     walkers: list[Motion] = []
@@ -102,15 +100,11 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
         walkers.append(keep_company(f"company_{n + 1}", shot, walkers, body, own))
     for n, own in enumerate(kinds[1].spawn(extras.passers_by)):
         rng = np.random.default_rng(own)
-        if extras.motions:
-            file = extras.motions[int(rng.integers(len(extras.motions)))]
-            motion = recorded(file, shot, body, rng)
-        else:
-            motion = passing_gait(shot, body, rng)
+        motion = _passing_motion(extras.motions, shot, body, rng)
         walkers.append(pass_by(f"passer_by_{n + 1}", motion, shot, walkers, rng))
     cars: list[Drive] = []
+    paths_m = [walker.pelvis_m for walker in walkers]
     for n, own in enumerate(kinds[2].spawn(extras.cars)):
-        paths_m = [walker.pelvis_m for walker in walkers]
         cars.append(drive_past(f"car_{n + 1}", shot, paths_m, cars, np.random.default_rng(own)))
     return Cast(tuple(walkers), tuple(cars))
 
@@ -121,15 +115,16 @@ def looks_of(name: str, seed: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
-def recorded(path: Path, shot: Shot, body: BodyModel, rng: np.random.Generator) -> Motion:
-    """A piece of a motion file as long as the shot, at its frame rate, on a build that is drawn.
-
-    Raises:
-        BadRecipe: the motion is shorter than the shot.
-    """
+def _passing_motion(
+    files: Sequence[Path], shot: Shot, body: BodyModel, rng: np.random.Generator
+) -> Motion:
+    """As long as the shot, at its rate, on a build of its own: a piece of a file, or a gait."""
+    if not files:
+        kind = "walk" if shot.duration_s <= STRAIGHT_S else "figure_eight"
+        return make_gait(kind, shot.duration_s, shot.fps_hz, body, rng)
     from gmrdata.motion.files import read_motion
-    from gmrdata.motion.gait import sample_shape
 
+    path = files[int(rng.integers(len(files)))]
     whole = resample(read_motion(path, body, shape=sample_shape(body, rng)), shot.fps_hz)
     if whole.n_frames < shot.n_frames:
         raise BadRecipe(
@@ -143,14 +138,9 @@ def recorded(path: Path, shot: Shot, body: BodyModel, rng: np.random.Generator) 
 def save_extras(
     folder: Path, names: tuple[str, ...], cast: Cast, filmed: Clip, body: BodyModel
 ) -> None:
-    """Write `<name>.npz` for each extra into a folder, which is made if there are any.
+    """Write `<name>.npz` for each of `Extras.names` into a folder, which is made if there are any.
 
-    A person's file is a clip, with the filmed clip's camera, that `load_clip` reads.
-
-    Args:
-        names: `Extras.names`.
-        cast: The extras.
-        filmed: The rendered clip; the extras' first rows are its.
+    A person's file is a clip, with the filmed clip's rows and camera, that `load_clip` reads.
     """
     if names:
         folder.mkdir(exist_ok=True)
@@ -173,12 +163,7 @@ def load_car(path: Path) -> tuple[np.ndarray, np.ndarray]:
         BadMotionFile: it holds something else.
     """
     arrays = read_npz(path)
-    world_from_car, size_m = arrays.get("world_from_car"), arrays.get("size_m")
-    if (
-        world_from_car is None
-        or size_m is None
-        or world_from_car.shape[1:] != (4, 4)
-        or size_m.shape != (3,)
-    ):
+    world_from_car, size_m = (arrays.get(key, np.empty(0)) for key in ("world_from_car", "size_m"))
+    if world_from_car.shape[1:] != (4, 4) or size_m.shape != (3,):
         raise BadMotionFile(f"{path}: not a car's file; render the clip again")
     return world_from_car, size_m

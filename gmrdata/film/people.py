@@ -41,19 +41,15 @@ class PersonConfig(Config):
 
 
 def sample_person(body: BodyModel, rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
-    """Draw someone: (S,) shape coefficients.
+    """Someone's (S,) shape coefficients; a spread of 0 gives the mean person, 1 all sorts.
 
     The default body's people are adults of Anny's distribution (`adult_shapes`), in which the six
     phenotypes go together as they do there: independent coefficients would give a strong man's
     shoulders to a tired woman's hips.  Other bodies get normal coefficients within two deviations.
-
-    Args:
-        rng: The same state gives the same person.
-        spread: How far from the mean: 1 is the distribution itself, 0 always the mean person.
     """
     if body.adult_shapes is None:
-        drawn = rng.normal(0.0, 1.0, body.n_shape)
-        shape = np.clip(drawn, -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT)
+        normal = rng.normal(0.0, 1.0, body.n_shape)
+        shape = np.clip(normal, -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT)
     else:
         adult = body.adult_shapes[int(rng.integers(len(body.adult_shapes)))]
         shape = adult + rng.normal(0.0, JITTER, body.n_shape)

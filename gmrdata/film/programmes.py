@@ -139,21 +139,18 @@ def camera_path(
     hfov_deg: float,
     rng: np.random.Generator,
 ) -> CameraPath:
-    """The camera of a programme for one subject.
+    """The camera of a programme for one subject, in each of its T frames.
 
     Args:
         pelvis_world_m: (T, 3) pelvis path of the subject, z-up world with the ground at z = 0 [m].
         rng: Chooses what the recipe leaves open: side, azimuth, the drift of a held camera.
-
-    Returns:
-        CameraPath of T frames, each with a camera.
 
     Raises:
         BadMotionFile: the path is empty or not finite.
         BadRecipe: no distance keeps the subject in frame.
     """
     pelvis = np.asarray(pelvis_world_m, dtype=np.float64)
-    if pelvis.ndim != 2 or pelvis.shape[1] != 3 or not len(pelvis) or not np.isfinite(pelvis).all():
+    if pelvis.shape != (len(pelvis), 3) or not len(pelvis) or not np.isfinite(pelvis).all():
         raise BadMotionFile(
             f"the subject's path must be (T, 3) finite numbers, this one is {pelvis.shape}"
         )

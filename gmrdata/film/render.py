@@ -6,11 +6,11 @@ Which of Blender's renderers can run on this machine is found out before any fra
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TextIO
 
 from pydantic import Field, model_validator
 
@@ -31,14 +31,11 @@ PROBE_TIMEOUT_S = 600
 PACKAGES_DIR = Path(__file__).resolve().parents[2]
 """Where the packages `gmrdata` and `blender` are, side by side in a checkout and in a wheel."""
 NAMES = {"cycles": "Cycles", "eevee": "EEVEE", "workbench": "Workbench"}
-
-
 FRAME_LINE = "gmrdata-frame"
 """What the Blender process prints, with the frame's number, when a frame and its mask are there."""
 FOLDERS = ("depth", "normals", "flow", "instances")
 """Folders that a recipe can ask for, with one file for each frame."""
 EXTRAS_FOLDER = "extras"
-"""Folder of the extras' truth, one file each."""
 LOG_FILE = "blender.log"
 LOG_LINES = 12
 KEEP_MEMORY = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(1 << 32)}
@@ -54,10 +51,6 @@ def find_renderer(engine: str, device: str) -> str:
 
     Cycles on the CPU runs wherever Blender does.  Anything else is tried with a few pixels in a
     process of its own, which costs the start of Blender, once for each process that asks.
-
-    Args:
-        engine: "cycles", "eevee" or "workbench".
-        device: "cpu" or "gpu", for Cycles.
 
     Raises:
         EngineMissing: it can't run here; the message says why and what can be done.
@@ -84,20 +77,22 @@ def find_renderer(engine: str, device: str) -> str:
     found = [line.removeprefix(RENDERER_LINE).strip() for line in lines if RENDERER_LINE in line]
     if answer.returncode == 0 and found:
         return f"{NAMES[engine]} on {found[-1]}"
-    raise EngineMissing(_why(engine, answer.returncode, answer.stderr.splitlines()))
-
-
-def _why(engine: str, exit_code: int, lines: list[str]) -> str:
-    said = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    if said:
-        return said[-1]
+    lines = answer.stderr.splitlines()
+    error, end = _error_and_end(lines, answer.returncode)
     last = lines[-1].strip() if lines else "it said nothing"
-    ended = f"signal {-exit_code}" if exit_code < 0 else f"exit code {exit_code}"
-    return (
-        f"engine: {engine}: {NAMES[engine]} can't run here, for it draws with OpenGL 4.3 through "
-        f"EGL, and Blender's trial ended with {ended} ({last}). Take `engine: cycles`, or install "
-        "a GPU's driver or Mesa (libegl1, libgl1, libegl-mesa0)"
+    raise EngineMissing(
+        error
+        or f"engine: {engine}: {NAMES[engine]} can't run here, for it draws with OpenGL 4.3 "
+        f"through EGL, and Blender's trial ended with {end} ({last}). Take `engine: cycles`, or "
+        "install a GPU's driver or Mesa (libegl1, libgl1, libegl-mesa0)"
     )
+
+
+def _error_and_end(lines: list[str], exit_code: int) -> tuple[str | None, str]:
+    """The error that Blender's process reported in our words, if it did, and how it ended."""
+    said = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
+    end = f"signal {-exit_code}" if exit_code < 0 else f"exit code {exit_code}"
+    return (said[-1] if said and exit_code == 1 else None), end
 
 
 class RenderConfig(Config):
@@ -161,18 +156,25 @@ class RenderJob(Config):
     out_dir: Path
     """Folder to fill; frames that are there already are kept."""
     config: RenderConfig
-    """How to render."""
     threads: int = Field(default=1, ge=1)
     """Processor threads; the pictures don't depend on it."""
     layout_paths: tuple[Path, ...] = ()
     """Clips that share one place, which is laid out for the paths of all; none: for this clip."""
+
+    @property
+    def inputs(self) -> dict[str, Path]:
+        """Files that the pictures depend on, by role."""
+        config = self.config
+        inputs = {"clip": self.clip_path, "body": self.body_path}
+        for part in (config.scene, config.person, config.character):
+            inputs |= {} if part is None else part.inputs
+        return inputs | {f"layout{number}": path for number, path in enumerate(self.layout_paths)}
 
 
 class PreviewJob(Config):
     """The job file of `python -m blender.preview`."""
 
     render: RenderJob
-    """The clip and its place."""
     rows: tuple[int, ...]
     """Frames to draw."""
     percent: int = Field(ge=1, le=100)
@@ -195,19 +197,15 @@ def frame_files(out_dir: Path, config: RenderConfig, row: int, n_frames: int) ->
 
 def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Any]:
     """What a recipe adds to a finished folder, as keywords of `manifest.entry.clip_entry`."""
-    folders = {
-        f"{name}_dir": out_dir / name
-        for name in FOLDERS
-        if getattr(config, name) and (out_dir / name).is_dir()  # one frame alone has no flow
+    files = {"joints": "joints.npz", "video": "video.mp4", "character": CHARACTER_FILE}
+    outputs: dict[str, Any] = {
+        f"{name}_path": out_dir / file for name, file in files.items() if getattr(config, name)
     }
-    files = {
-        "joints_path": ("joints", "joints.npz"),
-        "video_path": ("video", "video.mp4"),
-        "character_path": ("character", CHARACTER_FILE),
-    }
-    singles = {key: out_dir / file for key, (name, file) in files.items() if getattr(config, name)}
+    for name in FOLDERS:
+        if getattr(config, name) and (out_dir / name).is_dir():  # one frame alone has no flow
+            outputs[f"{name}_dir"] = out_dir / name
     extras = [out_dir / EXTRAS_FOLDER / f"{name}.npz" for name in config.scene.extras.names]
-    return folders | singles | {"extras_paths": extras}
+    return outputs | {"extras_paths": extras}
 
 
 def render_clip(
@@ -225,17 +223,13 @@ def render_clip(
 
     `clip.npz` holds the motion and the camera as Blender really used it.  A killed run goes on at
     the next missing frame.  The recipe can ask for more: joints, depth, normals, flow, a video.
-    With a character there is `character.npz`, its residual against the truth.
+    With a character there is `character.npz`, its residual against the truth.  Returns `out_dir`.
 
     Args:
         clip_path: Clip .npz with frame "world" and a camera for each frame.
-        threads: Processor threads for Blender; the pictures don't depend on it.
         layout_paths: Clips that share one place (a clip and its twin), each given the same list;
             the place is laid out for the paths of all of them, and lit for the first.
         on_frame: Called with each finished frame's number, instead of a progress bar.
-
-    Returns:
-        `out_dir`.
 
     Raises:
         MissingInput: the clip or the body is not there.
@@ -244,48 +238,37 @@ def render_clip(
         RenderFailed: Blender ended without its result, or can't use the character; the message has
             the reason or the end of its log.
     """
+    job = RenderJob(
+        clip_path=clip_path,
+        body_path=body_path,
+        out_dir=out_dir,
+        config=config,
+        threads=threads,
+        layout_paths=tuple(layout_paths),
+    )
 
     def work(partial_dir: Path) -> dict[str, str]:
         renderer = find_renderer(config.engine, config.device)
-        job = RenderJob(
-            clip_path=clip_path.resolve(),
-            body_path=body_path.resolve(),
-            out_dir=partial_dir.resolve(),
-            config=with_full_paths(config),
-            threads=threads,
-            layout_paths=tuple(path.resolve() for path in layout_paths),
-        )
-        with ExitStack() as stack:
-            tell = on_frame
-            if tell is None:
-                from gmrdata.stage.progress import progress_bar
-
-                bar = stack.enter_context(progress_bar())
-                n_frames = load_clip(clip_path).motion.n_frames
-                task = bar.add_task(f"rendering {out_dir.name}", total=n_frames)
-
-                def tell(_: int) -> None:
-                    bar.advance(task)
-
-            run_blender(job, partial_dir, tell)
+        motion = load_clip(clip_path).motion
+        bar = nullcontext(on_frame) if on_frame else _frame_bar(out_dir.name, motion.n_frames)
+        with bar as tell:
+            run_blender(job.model_copy(update={"out_dir": partial_dir}), partial_dir, tell)
         if config.video:
             frames = sorted((partial_dir / "frames").glob(f"*.{config.image_format}"))
-            fps_hz = load_clip(clip_path).motion.fps_hz
-            write_video_of(frames, partial_dir / "video.mp4", fps_hz)
+            write_video_of(frames, partial_dir / "video.mp4", motion.fps_hz)
         return {"renderer": renderer}
 
-    inputs = render_inputs(clip_path, body_path, config, layout_paths)
-    return run_stage("render", out_dir, config, inputs, work, resumable=True, run=run)
+    return run_stage("render", out_dir, config, job.inputs, work, resumable=True, run=run)
 
 
-def render_inputs(
-    clip_path: Path, body_path: Path, config: RenderConfig, layout_paths: Sequence[Path]
-) -> dict[str, Path]:
-    """Files that a clip's pictures depend on, by role; arguments as for `render_clip`."""
-    inputs = {"clip": clip_path, "body": body_path} | config.scene.inputs | config.person.inputs
-    if config.character is not None:
-        inputs |= config.character.inputs
-    return inputs | {f"layout{number}": path for number, path in enumerate(layout_paths)}
+@contextmanager
+def _frame_bar(name: str, n_frames: int) -> Iterator[Callable[[int], None]]:
+    """A progress bar, and what moves it on by a frame."""
+    from gmrdata.stage.progress import progress_bar
+
+    with progress_bar() as bar:
+        task = bar.add_task(f"rendering {name}", total=n_frames)
+        yield lambda _: bar.advance(task)
 
 
 def with_full_paths(value: Any) -> Any:
@@ -307,52 +290,48 @@ def run_blender(
     *,
     module: str = "blender",
 ) -> None:
-    """Run the Blender process on a job, its chatter in a log that only stays when it fails.
+    """Run a module of Blender's side on a job.
 
-    Args:
-        job: The job file's content.
-        partial_dir: Gets the job file and the log.
-        on_frame: Called with each finished frame's number.
-        module: What reads the job file.
+    The job file is in `partial_dir`, beside a log that only stays when the process fails.
 
     Raises:
         RenderFailed: Blender ended without its result; the message has the end of its log.
     """
     job_path, log_path = partial_dir / "job.json", partial_dir / LOG_FILE
-    write_json(job_path, job.model_dump(mode="json"))
+    write_json(job_path, with_full_paths(job).model_dump(mode="json"))
     command = [sys.executable, "-m", module, str(job_path), "--parent", str(os.getpid())]
     with log_path.open("w", encoding="utf-8") as log:
-        process = subprocess.Popen(
-            command,
-            env=os.environ | KEEP_MEMORY,
-            cwd=PACKAGES_DIR,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-        )
-        try:
-            assert process.stdout is not None
-            for line in process.stdout:
-                if line.startswith(FRAME_LINE):
-                    on_frame(int(line.split()[1]))
-                else:
-                    log.write(line)
-            exit_code = process.wait()
-        finally:
-            process.kill()
-            process.wait()
+        exit_code = _run_and_listen(command, log, on_frame)
     if exit_code:
-        raise RenderFailed(_what_happened(log_path, exit_code))
+        lines = log_path.read_text(encoding="utf-8").splitlines()
+        error, end = _error_and_end(lines, exit_code)
+        tail = "\n".join(lines[-LOG_LINES:]) or "(it said nothing)"
+        raise RenderFailed(
+            error or f"Blender ended with {end}; run again to go on. The end of {log_path}:\n{tail}"
+        )
     job_path.unlink()
     log_path.unlink()
 
 
-def _what_happened(log_path: Path, exit_code: int) -> str:
-    lines = log_path.read_text(encoding="utf-8").splitlines()
-    said = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    if said and exit_code == 1:
-        return said[-1]
-    tail = "\n".join(lines[-LOG_LINES:]) or "(it said nothing)"
-    ended = f"signal {-exit_code}" if exit_code < 0 else f"exit code {exit_code}"
-    return f"Blender ended with {ended}; run again to go on. The end of {log_path}:\n{tail}"
+def _run_and_listen(command: list[str], log: TextIO, on_frame: Callable[[int], None]) -> int:
+    """Run the process to its end, or end it with this one; its chatter goes to the log."""
+    process = subprocess.Popen(
+        command,
+        env=os.environ | KEEP_MEMORY,
+        cwd=PACKAGES_DIR,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+    )
+    try:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line.startswith(FRAME_LINE):
+                on_frame(int(line.split()[1]))
+            else:
+                log.write(line)
+        return process.wait()
+    finally:
+        process.kill()
+        process.wait()

@@ -3,22 +3,23 @@
 Depth, normals, flow and instances are PNG, which every image library reads as it is:
 `cv2.imread(path, cv2.IMREAD_UNCHANGED)` gives the stored numbers, colours in the order blue, green,
 red.  The flow's form is that of KITTI's 2015 benchmark (http://www.cvlibs.net/datasets/kitti).
+A reader raises BadFrames for a file that is not there or is another kind of picture.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from gmrdata.values.body import N_JOINTS, BodyModel
 from gmrdata.values.camera import in_frame, project_cam
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import BadFrames, BadMotionFile, BadRecord
-from gmrdata.values.files import atomic_path, read_json, read_npz, write_json, write_npz
-from gmrdata.values.records import Config
+from gmrdata.values.errors import BadFrames, BadMotionFile
+from gmrdata.values.files import atomic_path, read_npz, write_npz
+from gmrdata.values.records import Record
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
 
@@ -31,6 +32,17 @@ CLEARANCE_FILE = "clearance.json"
 IN_FRAME = "in_frame_share"
 """The manifest's figure: share of a clip's frames with the whole person in frame."""
 CHUNK_FRAMES = 64
+T = -1
+"""Stands for the number of frames in `TruthShapes`."""
+TruthShapes = Mapping[str, tuple[str, tuple[int, ...]]]
+JOINT_ARRAYS: TruthShapes = {
+    "joints_world_m": ("f", (T, N_JOINTS, 3)),
+    "joints_camera_m": ("f", (T, N_JOINTS, 3)),
+    "joints_px": ("f", (T, N_JOINTS, 2)),
+    "in_frame": ("b", (T, N_JOINTS)),
+    "visible": ("b", (T, N_JOINTS)),
+}
+"""The fields of `Joints2d`, as they are called in its file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,40 +78,33 @@ def project_joints(clip: Clip, body: BodyModel) -> Joints2d:
 
 def save_joints(path: Path, joints: Joints2d) -> None:
     """Write `joints.npz`; FORMAT.md describes it."""
-    write_npz(
-        path,
-        {
-            "joints_world_m": joints.world_m,
-            "joints_camera_m": joints.camera_m,
-            "joints_px": joints.image_px,
-            "in_frame": joints.in_frame,
-            "visible": joints.visible,
-        },
-    )
+    write_npz(path, dict(zip(JOINT_ARRAYS, vars(joints).values(), strict=True)))
 
 
 def load_joints(path: Path) -> Joints2d:
-    """Read a file by `save_joints`.
+    """Read a file by `save_joints`; errors as of `read_truth`."""
+    return Joints2d(*read_truth(path, JOINT_ARRAYS, frames_of="joints_px"))
+
+
+def read_truth(path: Path, shapes: TruthShapes, frames_of: str) -> list[np.ndarray]:
+    """The arrays of a file of truth, in the order of `shapes`.
+
+    Args:
+        shapes: Kind (numpy's letter) and shape by name.
+        frames_of: The array whose first axis tells the number of frames.
 
     Raises:
         MissingInput: there is no such file.
         BadMotionFile: not readable, or its arrays do not fit together.
     """
     arrays = read_npz(path)
-    n_frames = len(arrays.get("joints_px", ()))
-    keys = {
-        "joints_world_m": ("f", (3,)),
-        "joints_camera_m": ("f", (3,)),
-        "joints_px": ("f", (2,)),
-        "in_frame": ("b", ()),
-        "visible": ("b", ()),
-    }
-    for key, (kind, last) in keys.items():
+    n_frames = len(np.atleast_1d(arrays.get(frames_of, ())))
+    for key, (kind, shape) in shapes.items():
         found = arrays.get(key)
-        wanted = (n_frames, N_JOINTS, *last)
+        wanted = tuple(n_frames if length == T else length for length in shape)
         if found is None or found.dtype.kind != kind or found.shape != wanted:
             raise BadMotionFile(f"{path}: no array {key!r} of shape {wanted}; render it again")
-    return Joints2d(*(arrays[key] for key in keys))
+    return [arrays[key] for key in shapes]
 
 
 def write_depth(path: Path, depth_m: np.ndarray) -> None:
@@ -108,16 +113,11 @@ def write_depth(path: Path, depth_m: np.ndarray) -> None:
     0 stands for no surface (NaN, infinite) and for one farther than 65.535 m.
     """
     near = np.nan_to_num(depth_m, nan=np.inf) < FARTHEST_M
-    depth_mm = np.where(near, np.where(near, depth_m, 0.0) * MM_PER_M, 0.0)
-    _write(path, np.rint(depth_mm))
+    _write(path, np.rint(np.where(near, depth_m, 0.0) * MM_PER_M))
 
 
 def read_depth(path: Path) -> np.ndarray:
-    """(H, W) float64 depths [m] of a file by `write_depth`; infinite where it has none.
-
-    Raises:
-        BadFrames: not there, or no such file.
-    """
+    """(H, W) float64 depths [m] of a file by `write_depth`; infinite where it has none."""
     stored = _read(path, 2)
     return np.where(stored > 0, stored / MM_PER_M, np.inf)
 
@@ -133,11 +133,7 @@ def write_normals(path: Path, normals: np.ndarray) -> None:
 
 
 def read_normals(path: Path) -> np.ndarray:
-    """(H, W, 3) float64 normals of a file by `write_normals`; zeros where it has none.
-
-    Raises:
-        BadFrames: not there, or no such file.
-    """
+    """(H, W, 3) float64 normals of a file by `write_normals`; zeros where it has none."""
     stored = _read(path, 3)[..., ::-1]
     return np.where((stored > 0).any(axis=-1, keepdims=True), stored / _MOST * 2 - 1, 0.0)
 
@@ -156,11 +152,7 @@ def write_flow(path: Path, flow_px: np.ndarray) -> None:
 
 
 def read_flow(path: Path) -> np.ndarray:
-    """(H, W, 2) float64 flow [px] of a file by `write_flow`; NaN where it has none.
-
-    Raises:
-        BadFrames: not there, or no such file.
-    """
+    """(H, W, 2) float64 flow [px] of a file by `write_flow`; NaN where it has none."""
     stored = _read(path, 3)
     flow_px = (stored[..., :0:-1] - FLOW_ZERO) / FLOW_STEPS_PER_PX
     return np.where(stored[..., :1] > 0, flow_px, np.nan)
@@ -172,17 +164,8 @@ def write_instances(path: Path, instances: np.ndarray) -> None:
 
 
 def read_instances(path: Path) -> np.ndarray:
-    """(H, W) uint8 numbers of a file by `write_instances`.
-
-    Raises:
-        BadFrames: not there, or no such file.
-    """
-    import cv2
-
-    stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
-    if stored is None or stored.dtype != np.uint8 or stored.ndim != 2:
-        raise BadFrames(f"{path}: missing, or not such an 8-bit PNG; render this frame again")
-    return stored
+    """(H, W) uint8 numbers of a file by `write_instances`."""
+    return _read(path, 2, np.uint8)
 
 
 def _write(path: Path, pixels: np.ndarray, kind: type[np.integer] = np.uint16) -> None:
@@ -193,18 +176,20 @@ def _write(path: Path, pixels: np.ndarray, kind: type[np.integer] = np.uint16) -
         temporary.write_bytes(encoded.tobytes())
 
 
-def _read(path: Path, n_dimensions: int) -> np.ndarray:
+def _read(path: Path, n_dimensions: int, kind: type[np.integer] = np.uint16) -> np.ndarray:
     import cv2
 
     stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
-    if stored is None or stored.dtype != np.uint16 or stored.ndim != n_dimensions:
-        raise BadFrames(f"{path}: missing, or not such a 16-bit PNG; render this frame again")
-    return stored.astype(np.float64)
+    if stored is None or stored.dtype != kind or stored.ndim != n_dimensions:
+        bits = 8 * np.dtype(kind).itemsize
+        raise BadFrames(f"{path}: missing, or no such PNG of {bits}-bit; render this frame again")
+    return stored.astype(np.float64) if kind is np.uint16 else stored
 
 
-class Clearance(Config):
+class Clearance(Record):
     """Measured in Blender against the surfaces of everything that doesn't move, but the ground."""
 
+    format: Literal["gmrdata-clearance/1"] = "gmrdata-clearance/1"
     camera_m: float = Field(gt=0)
     """Smallest distance of the camera's place to a surface [m]."""
     person_m: float = Field(gt=0)
@@ -222,11 +207,6 @@ class Clearance(Config):
         }
 
 
-def save_clearance(folder: Path, clearance: Clearance) -> None:
-    """Write `clearance.json`."""
-    write_json(folder / CLEARANCE_FILE, clearance.model_dump())
-
-
 def clearance_figures(folder: Path) -> Mapping[str, float]:
     """The figures of a rendered clip; none for a clip with nothing round it.
 
@@ -234,13 +214,7 @@ def clearance_figures(folder: Path) -> Mapping[str, float]:
         BadRecord: the file is not a clearance.
     """
     path = folder / CLEARANCE_FILE
-    if not path.is_file():
-        return {}
-    record: Any = read_json(path)
-    try:
-        return Clearance.model_validate(record).figures
-    except ValidationError as error:
-        raise BadRecord(f"{path}: {error.errors()[0]['msg']}; render the clip again") from None
+    return Clearance.read(path).figures if path.is_file() else {}
 
 
 def whole_person_share(clip: Clip, body: BodyModel) -> float:
@@ -250,13 +224,9 @@ def whole_person_share(clip: Clip, body: BodyModel) -> float:
         BadMotionFile: the clip has no camera.
     """
     camera = camera_of(clip)
+    n_frames = clip.motion.n_frames
     seen = [
-        in_frame(
-            camera.at_rows(rows),
-            motion_vertices_m(body, clip.motion, rows=rows),
-        )
-        for rows in np.array_split(
-            np.arange(clip.motion.n_frames), -(-clip.motion.n_frames // CHUNK_FRAMES)
-        )
+        in_frame(camera.at_rows(rows), motion_vertices_m(body, clip.motion, rows=rows))
+        for rows in np.array_split(np.arange(n_frames), -(-n_frames // CHUNK_FRAMES))
     ]
     return float(np.concatenate(seen).mean())

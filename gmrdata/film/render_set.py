@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from gmrdata.film.character import CHARACTER_FILE, load_character, residual_figures
-from gmrdata.film.render import optional_outputs
-from gmrdata.film.render_jobs import try_render_clips
+from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
-from gmrdata.film.set_plan import SyntheticRecipe, render_config
+from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.film.set_takes import Selection, Take, plan_takes, select
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality
@@ -16,7 +16,15 @@ from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.cmu import fetch_command
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import keep_body, read_body
-from gmrdata.stage.jobs import raise_failures, record_failures, worker_pool
+from gmrdata.stage.jobs import (
+    Job,
+    Outcome,
+    count_files,
+    raise_failures,
+    record_failures,
+    try_jobs,
+    worker_pool,
+)
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.body import BodyModel
@@ -24,10 +32,44 @@ from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import remove_orphans, write_text
 
+DESCRIPTION = "rendering frames"
+RETRIES = 1
+"""How often a crashed Blender process is started again."""
 
-def _how_to_get(missing: Sequence[str], motions_dir: Path | None) -> str:
-    command = fetch_command(missing, motions_dir)
-    return "" if command is None else f". To get what is missing:\n  {command}"
+
+def render_clips(
+    jobs: Mapping[str, RenderJob], client: Any, failures_dir: Path, *, run: Run = DEFAULT_RUN
+) -> None:
+    """Render each clip as `try_render_clips` does, for callers that need them all.
+
+    Raises:
+        StageFailed: some clips failed; the others are done.
+    """
+    outcome = try_render_clips(jobs, client, failures_dir, run=run)
+    raise_failures(DESCRIPTION, outcome.reasons, len(jobs), failures_dir)
+
+
+def try_render_clips(
+    jobs: Mapping[str, RenderJob], client: Any, failures_dir: Path, *, run: Run = DEFAULT_RUN
+) -> Outcome:
+    """Render each clip, given by id, in a worker of its own; reasons of failures are kept.
+
+    One progress bar shows the frames of all.  A Blender process that ends without its result is
+    started once more, at the next missing frame.
+    """
+    calls = [
+        Job(clip_id, render_clip, dict(job) | {"run": run}, retries=RETRIES)
+        for clip_id, job in jobs.items()
+    ]
+    folders = [job.out_dir for job in jobs.values()]
+    return try_jobs(
+        DESCRIPTION,
+        calls,
+        client,
+        failures_dir,
+        units_total=sum(load_clip(job.clip_path).motion.n_frames for job in jobs.values()),
+        units_done=lambda: count_files(folders, "masks/[0-9]*.png"),
+    )
 
 
 def render_set(
@@ -41,49 +83,52 @@ def render_set(
 
     Beside the manifest stands `warnings.txt` where a clip deserves one.  A clip that can't be
     planned or rendered leaves its reason in `failed/<id>.txt` and the others go on; a manifest
-    without some of its clips has "incomplete" in its version.
-
-    Returns:
-        Path of the manifest.
+    without some of its clips has "incomplete" in its version.  Returns the manifest's path.
 
     Raises:
         MissingInput: not one clip of the recipe can be rendered.
         StageFailed: some clips failed; the others are done and the manifest lists them.
     """
     selection = select(recipe, motions_dir)
-    require_takes(recipe, selection, motions_dir)
+    require_takes(selection, motions_dir)
     out_dir = out_dir.resolve()
     failures_dir = out_dir / "failed"
     for folder in (out_dir, failures_dir, *out_dir.glob("listings/**/")):
         remove_orphans(folder)
     body_path = keep_body(recipe.body, out_dir / "body", run=run)
-    reasons = _render(recipe, selection, out_dir, body_path, failures_dir, run)
+    planned = plan_takes(selection, body_path, out_dir / "plan", run=run)
+    record_failures(failures_dir, planned.reasons, ())
+    reasons = dict(planned.reasons)
+    if planned.paths:
+        jobs = {id: planned.render_job(id, render_dir(out_dir, id)) for id in planned.paths}
+        with worker_pool(run, recipe.workers) as client:
+            reasons |= try_render_clips(jobs, client, failures_dir, run=run).reasons
     done = [take for take in selection.takes if take.id not in reasons]
-    manifest_path = out_dir / "synthetic.yaml"
     if done:
-        _list(recipe, done, out_dir, read_body(body_path), bool(reasons), run)
+        body = read_body(body_path)
+        entries = [_entry(out_dir, take, body, planned.configs[take.id]) for take in done]
+        _write_manifest(recipe, entries, out_dir, body, run, incomplete=bool(reasons))
+        _write_warnings(out_dir / "warnings.txt", entries, recipe.min_in_frame_share)
     raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
-    return manifest_path
+    return out_dir / "synthetic.yaml"
 
 
-def require_takes(recipe: SyntheticRecipe, selection: Selection, motions_dir: Path | None) -> None:
-    """Say which motions are missing.
+def require_takes(selection: Selection, motions_dir: Path | None) -> None:
+    """Say which motions are missing, and how to get them.
 
     Raises:
         MissingInput: not one clip of the recipe has its motion.
     """
+    command = fetch_command(selection.missing, motions_dir)
+    how = "" if command is None else f". To get what is missing:\n  {command}"
     if not selection.takes:
         raise MissingInput(
-            f"recipe {recipe.name}: none of its trials found. Give their folder with --motions"
-            + _how_to_get(selection.missing, motions_dir)
+            f"recipe {selection.recipe.name}: none of its trials found. Give their folder with "
+            f"--motions{how}"
         )
     if selection.missing:
-        console.print(
-            f"no motion file for {', '.join(selection.missing)}: left out"
-            + _how_to_get(selection.missing, motions_dir),
-            markup=False,
-            soft_wrap=True,
-        )
+        missing = ", ".join(selection.missing)
+        console.print(f"no motion file for {missing}: left out{how}", markup=False, soft_wrap=True)
 
 
 def render_dir(out_dir: Path, clip_id: str) -> Path:
@@ -91,57 +136,22 @@ def render_dir(out_dir: Path, clip_id: str) -> Path:
     return out_dir / "render" / clip_id
 
 
-def _render(
+def _write_manifest(
     recipe: SyntheticRecipe,
-    selection: Selection,
-    out_dir: Path,
-    body_path: Path,
-    failures_dir: Path,
-    run: Run,
-) -> Mapping[str, str]:
-    """Plan and render; gives the reason of each clip that failed, by id."""
-    planned = plan_takes(recipe, selection, body_path, out_dir / "plan", run=run)
-    record_failures(failures_dir, planned.reasons, ())
-    if not planned.paths:
-        return planned.reasons
-    with worker_pool(run, recipe.workers) as client:
-        outcome = try_render_clips(
-            planned.paths,
-            body_path,
-            out_dir / "render",
-            {take.id: render_config(recipe, take.clip) for take in selection.takes},
-            client,
-            failures_dir,
-            layouts=layouts_of(selection.takes, planned.paths),
-            run=run,
-        )
-    return {**planned.reasons, **outcome.reasons}
-
-
-def layouts_of(takes: Sequence[Take], paths: Mapping[str, Path]) -> dict[str, list[Path]]:
-    """By id of a clip or its twin: the planned paths of both, which share one place (Table 6)."""
-    sharing: dict[str, list[Path]] = {}
-    for take in takes:
-        if take.id in paths:
-            sharing.setdefault(take.clip.id, []).append(paths[take.id])
-    together = {take.id: sharing.get(take.clip.id, []) for take in takes}
-    return {id: shared for id, shared in together.items() if len(shared) > 1}
-
-
-def _list(
-    recipe: SyntheticRecipe,
-    takes: Sequence[Take],
+    entries: Sequence[ClipEntry],
     out_dir: Path,
     body: BodyModel,
-    incomplete: bool,
     run: Run,
+    *,
+    incomplete: bool,
 ) -> None:
-    """Write the manifest and the warnings of what was rendered."""
-    entries = [_entry(out_dir, take, body, recipe) for take in takes]
+    version = recipe.version
+    if incomplete:
+        version += f"{'.' if '-' in version else '-'}incomplete"
     write_manifest(
         out_dir / "synthetic.yaml",
         name=recipe.name,
-        version=_incomplete(recipe.version) if incomplete else recipe.version,
+        version=version,
         kind="synthetic",
         description="Rendered clips with exact cameras and exact world motions.",
         licence=f"clips as stated by each; body: {body.licence}",
@@ -151,17 +161,16 @@ def _list(
         ),
         redo=run.redo or incomplete,
     )
-    warnings = frame_warnings(entries, recipe.min_in_frame_share)
+
+
+def _write_warnings(path: Path, entries: Sequence[ClipEntry], min_share: float) -> None:
+    warnings = frame_warnings(entries, min_share)
     for line in warnings.values():
         console.print(f"warning: {line}", style="yellow", markup=False)
     if warnings:
-        write_text(out_dir / "warnings.txt", "".join(f"{line}\n" for line in warnings.values()))
+        write_text(path, "".join(f"{line}\n" for line in warnings.values()))
     else:
-        (out_dir / "warnings.txt").unlink(missing_ok=True)
-
-
-def _incomplete(version: str) -> str:
-    return f"{version}{'.' if '-' in version else '-'}incomplete"
+        path.unlink(missing_ok=True)
 
 
 def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, str]:
@@ -175,11 +184,10 @@ def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, 
     }
 
 
-def _entry(out_dir: Path, take: Take, body: BodyModel, recipe: SyntheticRecipe) -> ClipEntry:
+def _entry(out_dir: Path, take: Take, body: BodyModel, config: RenderConfig) -> ClipEntry:
     folder = render_dir(out_dir, take.id)
     clip = take.clip
     source = file_source(clip.trial) if clip.trial else gait_source(clip.gait or "")
-    config = render_config(recipe, clip)
     licence = licence_of(source)
     if config.character is None:
         figures = {IN_FRAME: whole_person_share(load_clip(folder / "clip.npz"), body)}

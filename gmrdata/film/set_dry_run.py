@@ -11,12 +11,12 @@ import numpy as np
 
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.render_set import render_dir
-from gmrdata.film.set_plan import SyntheticRecipe, render_config
+from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.film.set_takes import plan_takes, select
 from gmrdata.motion.resample import slice_motion
 from gmrdata.read.bodies import keep_body, read_body
 from gmrdata.stage.jobs import count_files
-from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 
 PROBE_FRAMES = 2
 """The first frame pays for the scene, the second is what a frame costs."""
@@ -40,15 +40,13 @@ class DryRun:
     """What a run would do."""
 
     rows: Sequence[Sequence[str]]
-    """A table with `HEADINGS`."""
+    """Under `HEADINGS`."""
     clips: int
     """Clips that can be filmed."""
     clips_to_do: int
-    """Those of them that aren't done."""
     frames: int
     """Frames of all clips that can be filmed."""
     frames_to_do: int
-    """Frames that aren't there."""
     workers: int
     """Workers that have a clip to render."""
     probe: Probe | None
@@ -59,10 +57,8 @@ class DryRun:
         """Estimate of the wall time when each worker has a core of its own [s]."""
         if self.probe is None:
             return None
-        cpu_s = (
-            self.clips_to_do * self.probe.clip_cpu_s + self.frames_to_do * self.probe.frame_cpu_s
-        )
-        return cpu_s / self.workers
+        clips_s = self.clips_to_do * self.probe.clip_cpu_s
+        return (clips_s + self.frames_to_do * self.probe.frame_cpu_s) / self.workers
 
     @property
     def size_bytes(self) -> float | None:
@@ -75,41 +71,36 @@ def dry_run(
 ) -> DryRun:
     """Plan every clip in a temporary folder and, for a probe, render two frames of one there.
 
-    Nothing is written below `out_dir`.
-
-    Args:
-        out_dir: Where the set would be; what is done there counts as done.
-        probe: Render two frames of the first clip that isn't done.
+    Nothing is written below `out_dir`, and what is done there counts as done.
 
     Raises:
         RenderFailed: the probe can't be rendered.
     """
     selection = select(recipe, motions_dir)
-    with tempfile.TemporaryDirectory(prefix="gmrdata-") as folder:
-        body_path = keep_body(recipe.body, Path(folder) / "body")
-        planned = plan_takes(recipe, selection, body_path, Path(folder) / "plan")
+    with tempfile.TemporaryDirectory(prefix="gmrdata-") as name:
+        folder = Path(name)
+        body_path = keep_body(recipe.body, folder / "body")
+        planned = plan_takes(selection, body_path, folder / "plan")
         clips = {id: load_clip(path) for id, path in planned.paths.items()}
         todo = [id for id in clips if not render_dir(out_dir, id).is_dir()]
         measured = None
         if probe and todo:
-            take = next(take for take in selection.takes if take.id == todo[0])
-            config = render_config(recipe, take.clip)
-            measured = probe_clip(clips[take.id], body_path, config, Path(folder) / "probe")
-    rows: list[Sequence[str]] = []
-    for take in selection.takes:
-        done = "to do" if take.id in todo else "done"
-        clip = clips.get(take.id)
-        rows.append(
-            (
-                take.id,
-                take.clip.trial or f"gait {take.clip.gait}",
-                take.camera_motion,
-                "" if clip is None else str(clip.motion.n_frames),
-                done if clip is not None else f"can't be filmed: {planned.reasons[take.id]}",
-            )
-        )
-    rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
+            config = planned.configs[todo[0]]
+            measured = probe_clip(clips[todo[0]], body_path, config, folder / "probe")
+    states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, "to do")
+    states |= {id: f"can't be filmed: {reason}" for id, reason in planned.reasons.items()}
     frames = {id: clip.motion.n_frames for id, clip in clips.items()}
+    rows: list[Sequence[str]] = [
+        (
+            take.id,
+            take.clip.trial or f"gait {take.clip.gait}",
+            take.camera_motion,
+            str(frames.get(take.id, "")),
+            states[take.id],
+        )
+        for take in selection.takes
+    ]
+    rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
     there = count_files([render_dir(out_dir, id) for id in todo], "masks/[0-9]*.png")
     return DryRun(
         rows=rows,
@@ -123,18 +114,20 @@ def dry_run(
 
 
 def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) -> Probe:
-    """Render two frames from the middle of a clip and measure them.
-
-    Args:
-        folder: Where to; the caller removes it.
+    """Render two frames from the middle of a clip to a folder and measure them.
 
     Raises:
         RenderFailed: Blender ended without its result.
     """
-    piece = _slice(clip, clip.motion.n_frames // 2, PROBE_FRAMES)
+    start = clip.motion.n_frames // 2
+    rows = np.arange(start, min(start + PROBE_FRAMES, clip.motion.n_frames))
+    motion = slice_motion(clip.motion, start, start + len(rows))
+    piece = Clip(
+        clip.id, motion, clip.valid[rows], np.arange(len(rows)), camera_of(clip).at_rows(rows)
+    )
     clip_path = folder / "slice.npz"
-    save_clip(clip_path, piece, read_body(body_path).rest_pelvis_m(clip.motion.shape))
     told_s: list[float] = []
+    save_clip(clip_path, piece, read_body(body_path).rest_pelvis_m(motion.shape))
     before_cpu_s, start_s = _children_cpu_s(), time.monotonic()
     made = render_clip(
         clip_path,
@@ -148,11 +141,8 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
     frame_s = (told_s[-1] - told_s[0]) / (len(told_s) - 1) if len(told_s) > 1 else wall_s
     frame_cpu_s = cpu_s * frame_s / wall_s
     size_bytes = sum(path.stat().st_size for path in made.glob("*/*") if path.is_file())
-    return Probe(
-        frame_cpu_s=frame_cpu_s,
-        clip_cpu_s=max(0.0, cpu_s - piece.motion.n_frames * frame_cpu_s),
-        frame_bytes=size_bytes / piece.motion.n_frames,
-    )
+    clip_cpu_s = max(0.0, cpu_s - len(rows) * frame_cpu_s)
+    return Probe(frame_cpu_s, clip_cpu_s, size_bytes / len(rows))
 
 
 def summary_lines(plan: DryRun) -> list[str]:
@@ -170,17 +160,6 @@ def summary_lines(plan: DryRun) -> list[str]:
             f"processor time, {plan.probe.frame_bytes / 1e3:.0f} kB a frame)"
         )
     return lines
-
-
-def _slice(clip: Clip, start: int, count: int) -> Clip:
-    rows = np.arange(start, min(start + count, clip.motion.n_frames))
-    return Clip(
-        id=clip.id,
-        motion=slice_motion(clip.motion, int(rows[0]), int(rows[-1]) + 1),
-        valid=clip.valid[rows],
-        image_numbers=np.arange(len(rows)),
-        camera=None if clip.camera is None else clip.camera.at_rows(rows),
-    )
 
 
 def _children_cpu_s() -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gmrdata.film.character import Character
-from gmrdata.film.people import PersonConfig, sample_person
+from gmrdata.film.people import sample_person
 from gmrdata.film.programmes import Programme, static_twin
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.scene import SceneConfig
@@ -25,7 +25,6 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 
 PLANNED_FILE = "clip.npz"
@@ -116,45 +115,42 @@ def clip_rng(
 def render_config(recipe: SyntheticRecipe, clip: SyntheticClip) -> RenderConfig:
     """How a clip, or its twin, is rendered: the set's recipe with the clip's place and looks."""
     config = recipe.render
+    person = config.person
+    if recipe.people.vary and person.seed is None:
+        seed = int(clip_rng(recipe.seed, clip.id, "looks").integers(2**31))
+        person = person.model_copy(update={"seed": seed})
     return config.model_copy(
         update={
-            "scene": _scene(recipe, clip),
-            "person": _person(recipe, clip, config.person),
+            "scene": clip.scene or _scene(recipe, clip.id),
+            "person": person,
             "character": clip.character or config.character,
         }
     )
 
 
-def _scene(recipe: SyntheticRecipe, clip: SyntheticClip) -> SceneConfig:
-    if clip.scene is not None:
-        return clip.scene
+def _scene(recipe: SyntheticRecipe, clip_id: str) -> SceneConfig:
     if not recipe.scenes:
         return recipe.render.scene
-    rng = clip_rng(recipe.seed, clip.id, "place")
+    rng = clip_rng(recipe.seed, clip_id, "place")
     scene = recipe.scenes[int(rng.integers(len(recipe.scenes)))]
     if "seed" in scene.model_fields_set:
         return scene
     return scene.model_copy(update={"seed": int(rng.integers(2**31))})
 
 
-def _person(recipe: SyntheticRecipe, clip: SyntheticClip, person: PersonConfig) -> PersonConfig:
-    if not recipe.people.vary or person.seed is not None:
-        return person
-    seed = int(clip_rng(recipe.seed, clip.id, "looks").integers(2**31))
-    return person.model_copy(update={"seed": seed})
-
-
 class PlanConfig(Config):
     """What decides one planned clip."""
 
     seed: int
-    """Seed of the person, the gait and the camera."""
     clip: SyntheticClip
-    """The clip."""
     film: Film
-    """What the set's clips share."""
     people: PeopleConfig
-    """Who is filmed."""
+
+
+class TwinConfig(Config):
+    """What decides a planned twin beside the clip that it is the twin of."""
+
+    id: str
 
 
 def make_plan(
@@ -166,20 +162,14 @@ def make_plan(
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Stage: the planned clip.
+    """Stage: the planned clip, of a motion file or (None) an embedded gait; gives its path.
 
-    Args:
-        clip: The clip; its random choices hang on the set's seed and its id alone.
-        motion_path: The motion file; None for an embedded gait.
-
-    Returns:
-        Path of the clip file.
+    Its random choices hang on the set's seed and its id alone.
     """
 
     def work(partial_dir: Path) -> None:
         body = read_body(body_path)
-        planned = planned_clip(clip, recipe, motion_path, body)
-        save_clip(partial_dir / PLANNED_FILE, planned, body.rest_pelvis_m(planned.motion.shape))
+        _save(partial_dir, planned_clip(clip, recipe, motion_path, body), body)
 
     # The place doesn't matter to the plan: another one must not make it stale.
     config = PlanConfig(
@@ -194,41 +184,10 @@ def make_plan(
     return run_stage("plan", out_dir, config, inputs, work, run=run) / PLANNED_FILE
 
 
-def planned_clip(
-    clip: SyntheticClip, recipe: SyntheticRecipe, motion_path: Path | None, body: BodyModel
-) -> Clip:
-    """A clip's motion and camera; arguments as for `make_plan`.
-
-    Raises:
-        BadMotionFile: the motion can't be read, or is too short.
-        BadRecipe: no distance keeps the person in frame, or the body has no such shape.
-    """
-    film = _film(clip, recipe)
-    shape = _shape(clip, recipe, body)
-    rng = clip_rng(recipe.seed, clip.id, "motion")
-    motion = film_motion(_motion(clip, film, motion_path, body, shape, rng), film)
-    return plan_clip(clip.id, motion, clip.programme, film, rng)
-
-
-class TwinConfig(Config):
-    """What decides a planned twin beside the clip that it is the twin of."""
-
-    id: str
-    """The twin's id."""
-
-
 def make_twin(
-    twin_id: str,
-    planned_path: Path,
-    body_path: Path,
-    out_dir: Path,
-    *,
-    run: Run = DEFAULT_RUN,
+    twin_id: str, planned_path: Path, body_path: Path, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Stage: a planned clip once more, with the motion of its camera off.
-
-    Returns:
-        Path of the clip file.
+    """Stage: a planned clip once more, with the motion of its camera off; gives its path.
 
     Raises:
         BadRecipe: no static camera keeps the subject in frame.
@@ -237,33 +196,40 @@ def make_twin(
     def work(partial_dir: Path) -> None:
         clip = load_clip(planned_path)
         camera = static_twin(camera_of(clip), clip.motion.pelvis_m)
-        rest_pelvis_m = read_body(body_path).rest_pelvis_m(clip.motion.shape)
-        save_clip(
-            partial_dir / PLANNED_FILE, replace(clip, id=twin_id, camera=camera), rest_pelvis_m
-        )
+        _save(partial_dir, replace(clip, id=twin_id, camera=camera), read_body(body_path))
 
     inputs = {"clip": planned_path, "body": body_path}
     config = TwinConfig(id=twin_id)
     return run_stage("twin", out_dir, config, inputs, work, run=run) / PLANNED_FILE
 
 
+def _save(partial_dir: Path, clip: Clip, body: BodyModel) -> None:
+    save_clip(partial_dir / PLANNED_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
+
+
+def planned_clip(
+    clip: SyntheticClip, recipe: SyntheticRecipe, motion_path: Path | None, body: BodyModel
+) -> Clip:
+    """A clip's motion and camera.
+
+    Raises:
+        BadMotionFile: the motion can't be read, or is too short.
+        BadRecipe: no distance keeps the person in frame, or the body has no such shape.
+    """
+    film = _film(clip, recipe)
+    shape = _shape(clip, recipe, body)
+    rng = clip_rng(recipe.seed, clip.id, "motion")
+    if motion_path is not None:
+        motion = read_motion(motion_path, body, shape=shape)
+    else:
+        motion = make_gait(clip.gait or "", film.duration_s, 30.0, body, rng, shape=shape)
+    return plan_clip(clip.id, film_motion(motion, film), clip.programme, film, rng)
+
+
 def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:
     if clip.duration_s is None:
         return recipe.film
     return recipe.film.model_copy(update={"duration_s": clip.duration_s})
-
-
-def _motion(
-    clip: SyntheticClip,
-    film: Film,
-    motion_path: Path | None,
-    body: BodyModel,
-    shape: np.ndarray | None,
-    rng: np.random.Generator,
-) -> Motion:
-    if motion_path is not None:
-        return read_motion(motion_path, body, shape=shape)
-    return make_gait(clip.gait or "", film.duration_s, 30.0, body, rng, shape=shape)
 
 
 def _shape(clip: SyntheticClip, recipe: SyntheticRecipe, body: BodyModel) -> np.ndarray | None:

@@ -36,10 +36,8 @@ class Film(Config):
 
 def frame_rate_hz(duration_s: float, film: Film) -> float:
     """The recipe's rate, or the highest multiple of 10 fps within `film.max_frames`."""
-    if film.fps_hz is not None:
-        return film.fps_hz
-    fitting = [rate for rate in RATES_HZ if duration_s * rate <= film.max_frames]
-    return fitting[0] if fitting else RATES_HZ[-1]
+    fitting = (rate for rate in RATES_HZ if duration_s * rate <= film.max_frames)
+    return film.fps_hz or next(fitting, RATES_HZ[-1])
 
 
 def film_motion(motion: Motion, film: Film) -> Motion:
@@ -62,27 +60,11 @@ def film_motion(motion: Motion, film: Film) -> Motion:
 
 
 def plan_clip(
-    clip_id: str,
-    motion: Motion,
-    programme: Programme,
-    film: Film,
-    rng: np.random.Generator,
+    clip_id: str, motion: Motion, programme: Programme, film: Film, rng: np.random.Generator
 ) -> Clip:
-    """A motion with the camera that is to film it.
-
-    Args:
-        film: What the clips of the set share.
-        rng: Chooses what the programme leaves open.
-    """
-    camera = camera_path(
-        programme,
-        motion.pelvis_m,
-        motion.fps_hz,
-        film.width_px,
-        film.height_px,
-        film.hfov_deg,
-        rng,
-    )
+    """A motion with the camera that is to film it; `rng` chooses what the programme leaves open."""
+    lens = film.width_px, film.height_px, film.hfov_deg
+    camera = camera_path(programme, motion.pelvis_m, motion.fps_hz, *lens, rng)
     # Nanometres and nanoradians: once in many runs a last bit of the path differed, and a clip's
     # bytes count in the recipe of everything that is made of it.
     camera = replace(camera, world_from_cam=np.round(camera.world_from_cam, 9) + 0.0)

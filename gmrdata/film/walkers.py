@@ -30,8 +30,6 @@ COMPANY_SEEN = 0.8
 PASSER_BY_SEEN = (0.15, 1.0)
 """Least share of the frames with a passer-by in the image, or this many seconds if that is less."""
 BEHIND_M = 2.5
-STRAIGHT_S = 8.0
-"""For longer, a passer-by walks in a figure of eight, so that the place needn't be so large [s]."""
 STANDS_M_PER_S = 0.3
 """A subject that gets away from its start more slowly has no direction that company could take."""
 RUN_M_PER_S = 2.0
@@ -140,12 +138,6 @@ def facing_rad(motion: Motion, row: int) -> float:
     """Angle on the ground, from x to y, in which the body faces in a frame [rad]."""
     ahead = motion.root_rotmats[row] @ (0.0, 0.0, 1.0)
     return float(np.arctan2(ahead[1], ahead[0]))
-
-
-def passing_gait(shot: Shot, body: BodyModel, rng: np.random.Generator) -> Motion:
-    """An embedded gait as long as the shot, on a body of its own."""
-    kind = "walk" if shot.duration_s <= STRAIGHT_S else "figure_eight"
-    return make_gait(kind, shot.duration_s, shot.fps_hz, body, rng)
 
 
 def pass_by(

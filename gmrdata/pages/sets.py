@@ -195,9 +195,6 @@ def preview_set(
 
     Nothing else below `out_dir` is read or written.  A clip whose plan changed is drawn again.
 
-    Returns:
-        Path of the page.
-
     Raises:
         MissingInput: not one clip of the recipe can be filmed.
         StageFailed: some clips can't be filmed or drawn; the others are on the page.
@@ -231,11 +228,10 @@ def preview_set(
 def _write_preview(
     out_dir: Path, recipe: SyntheticRecipe, ids: Sequence[str], motions: Mapping[str, str]
 ) -> Path:
-    captions = ((CONTACT_FILE, "Evenly spaced frames."), (PATHS_FILE, "Paths."))
     sections = [
         ClipSection(
             id, f"clips/{id}", f"{id}, {motions[id]}", (),
-            [(name, id, caption) for name, caption in captions],
+            ((CONTACT_FILE, id, "Evenly spaced frames."), (PATHS_FILE, id, "Paths.")),
         )
         for id in ids
     ]  # fmt: skip

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from gmrdata.film.render_outputs import Clearance, clearance_figures, save_clearance
+from gmrdata.film.render_outputs import Clearance, clearance_figures
 from gmrdata.values.errors import BadRecord
+from gmrdata.values.files import read_json, write_json
 
 # A box fills x 4 to 6, y -1 to 1, z 0 to 2; a wall 2 cm thick stands at y = 3, x -1 to 1, z 0 to 2.
 PERSON = [[0.0, 0.0, 1.0], [0.5, 0.0, 1.0]]
@@ -81,12 +82,22 @@ def test_a_path_through_a_thing_is_an_error(
 
 def test_the_figures_come_back_from_the_file(tmp_path: Path) -> None:
     assert clearance_figures(tmp_path) == {}
-    save_clearance(tmp_path, Clearance(camera_m=1.25, person_m=0.8, sight_share=0.75))
+    path = tmp_path / "clearance.json"
+    Clearance(camera_m=1.25, person_m=0.8, sight_share=0.75).write(path)
     assert clearance_figures(tmp_path) == {
         "camera_clearance_m": 1.25,
         "person_clearance_m": 0.8,
         "clear_sight_share": 0.75,
     }
-    (tmp_path / "clearance.json").write_text('{"camera_m": -1, "person_m": 1, "sight_share": 1}')
-    with pytest.raises(BadRecord, match="greater than 0; render the clip again"):
+    write_json(path, read_json(path) | {"camera_m": -1})
+    with pytest.raises(BadRecord, match=r"json: `camera_m` .*greater than 0; make it again"):
+        clearance_figures(tmp_path)
+
+
+@pytest.mark.parametrize("key", ["format", "camera_m", "person_m", "sight_share"])
+def test_a_missing_key_is_an_error(tmp_path: Path, key: str) -> None:
+    path = tmp_path / "clearance.json"
+    Clearance(camera_m=1.25, person_m=0.8, sight_share=0.75).write(path)
+    write_json(path, {k: value for k, value in read_json(path).items() if k != key})
+    with pytest.raises(BadRecord, match=rf"clearance\.json: has no (key )?`{key}`.*--redo"):
         clearance_figures(tmp_path)

@@ -29,7 +29,8 @@ def test_the_target_is_in_the_middle_and_the_horizon_level(seed: int) -> None:
 
 
 def test_what_is_higher_in_the_world_is_higher_in_the_picture() -> None:
-    world_from_cam = rigid(look_at(np.array([0.0, -4, 1]), np.array([0.0, 0, 1])), [0.0, -4, 1])
+    centre_m = np.array([0.0, -4, 1])
+    world_from_cam = rigid(look_at(centre_m, np.array([0.0, 0, 1])), centre_m)
     points_m = np.array([[0.0, 0, 1.5], [0.5, 0, 1.0]])
     above_px, right_px = project(world_from_cam, points_m, intrinsics_from_fov(60, 640, 360))
     assert above_px[1] < 180 and right_px[0] > 320

@@ -36,7 +36,7 @@ def body_path(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -
 
 
 def plan(recipe: SyntheticRecipe, body_path: Path, folder: Path) -> Planned:
-    planned = plan_takes(recipe, select(recipe, None), body_path, folder)
+    planned = plan_takes(select(recipe, None), body_path, folder)
     assert not planned.reasons
     return planned
 
@@ -74,7 +74,7 @@ def test_another_seed_gives_other_people_and_places() -> None:
 def test_a_twin_has_the_person_and_the_place_of_its_clip(body_path: Path, tmp_path: Path) -> None:
     recipe = recipe_of(("walk",), camera_off=True)
     selection = select(recipe, None)
-    planned = plan_takes(recipe, selection, body_path, tmp_path)
+    planned = plan_takes(selection, body_path, tmp_path)
     clip, twin = selection.takes
     assert (clip.id, twin.id) == ("walk", "walk_off")
     of_clip, of_twin = (load_clip(planned.paths[take.id]).motion for take in selection.takes)
@@ -107,7 +107,7 @@ def test_what_a_clip_says_itself_counts(body_path: Path, tmp_path: Path) -> None
     planned = plan(recipe, body_path, tmp_path)
     np.testing.assert_array_equal(load_clip(planned.paths["walk"]).motion.shape, np.full(10, 0.5))
     wrong = recipe_of(clips=[clip | {"shape": [1.0, 2.0]}])
-    reasons = plan_takes(wrong, select(wrong, None), body_path, tmp_path / "wrong").reasons
+    reasons = plan_takes(select(wrong, None), body_path, tmp_path / "wrong").reasons
     assert "takes a shape of 10 finite numbers" in reasons["walk"]
 
 
