@@ -361,7 +361,8 @@ def _body_points_m(clip: Clip, rows: np.ndarray) -> np.ndarray:
     """Pelvis, and the points half a metre from it along the body's axes: (4 * rows, 3) [m]."""
     axes_m = BODY_AXIS_M * np.concatenate([np.zeros((1, 3)), np.eye(3)])
     world_from_root = transforms.rigid(clip.motion.root_rotmats[rows], clip.motion.pelvis_m[rows])
-    return transforms.apply(world_from_root, axes_m).reshape(-1, 3)
+    points_root_m = np.broadcast_to(axes_m, (len(rows), *axes_m.shape))
+    return transforms.apply(world_from_root, points_root_m).reshape(-1, 3)
 
 
 def _paired_cameras(

@@ -19,6 +19,7 @@ from gmrdata.twins.floor_record import (
 )
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import write_json
+from tests.record_keys import assert_each_key_is_needed
 
 
 def person(errors: float | None, n_motions: int, kept_frames: int) -> PersonErrors:
@@ -147,6 +148,10 @@ def test_another_file_is_refused(
         read_floor(path)
     with pytest.raises(MissingInput):
         read_floor(tmp_path / "no.json")
+
+
+def test_each_key_of_the_file_is_needed(floor: Floor, tmp_path: Path) -> None:
+    assert_each_key_is_needed(floor, tmp_path / "floor.json", ("recipe", "classes"))
 
 
 def test_the_table(floor: Floor) -> None:

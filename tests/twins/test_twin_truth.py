@@ -6,12 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gmrdata.film.programmes import camera_programme
+from gmrdata.film.scene import SceneConfig
 from gmrdata.motion.gait import make_gait
-from gmrdata.twins.twin_set import read_truth
+from gmrdata.twins.twin_set import TwinSequence, TwinsRecord, read_truth
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadRecord, BadSequence, MissingInput
 from gmrdata.values.files import write_json
+from tests.record_keys import assert_each_key_is_needed
 
 
 def write_index(folder: Path, record: Any) -> None:
@@ -70,3 +73,13 @@ def test_names_lead_nowhere_else(tmp_path: Path) -> None:
 def test_a_folder_without_index_is_no_twin_set(tmp_path: Path) -> None:
     with pytest.raises(MissingInput, match="give a folder that `gmrdata threedpw twin` made"):
         read_truth(tmp_path)
+
+
+def test_each_key_of_the_index_is_needed(tmp_path: Path) -> None:
+    sequence = TwinSequence(
+        "park_00", "static", "gait walk", 1, SceneConfig(), camera_programme("static")
+    )
+    record = TwinsRecord(sequences=(sequence,))
+    # Scene and programme are parts of a recipe, with its defaults.
+    free = ("sequences.0.scene", "sequences.0.scene.extras", "sequences.0.programme")
+    assert_each_key_is_needed(record, tmp_path / "twins.json", free)

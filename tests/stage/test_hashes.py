@@ -1,0 +1,133 @@
+"""Inputs that are as they were are not read again; any that may not be are."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gmrdata.stage import store
+from gmrdata.stage.run import Run
+from gmrdata.stage.store import NotMade, run_stage
+from gmrdata.values.errors import StaleOutput
+from gmrdata.values.files import sha256_of_file
+from gmrdata.values.records import Config
+
+Stage = Callable[..., Path]
+
+
+@pytest.fixture
+def hashed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the files that are hashed; those just written count as old ones."""
+    names: list[str] = []
+
+    def counted(path: Path) -> str:
+        names.append(path.name)
+        return sha256_of_file(path)
+
+    monkeypatch.setattr(store, "sha256_of_file", counted)
+    monkeypatch.setattr(store, "FRESH_NS", -(10**12))
+    monkeypatch.setattr(store, "_HASHED", {})
+    return names
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> Path:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for number in range(3):
+        (folder / f"{number}.jpg").write_bytes(b"%d" % number)
+    return folder
+
+
+def stage(frames: Path, name: str = "out", **run: bool) -> Path:
+    out_dir = frames.with_name(name)
+    return run_stage("test", out_dir, Config(), {"frames": frames}, lambda _: None, run=Run(**run))
+
+
+def forget() -> None:
+    """As a new process."""
+    store._HASHED.clear()
+
+
+def test_each_file_is_hashed_once_by_all_stages_of_a_process(
+    frames: Path, hashed: list[str]
+) -> None:
+    for name in ("people", "masks", "sfm", "people"):
+        stage(frames, name)
+    assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
+
+
+def test_the_next_process_hashes_nothing(frames: Path, hashed: list[str]) -> None:
+    stage(frames)
+    forget()
+    hashed.clear()
+    stage(frames)
+    assert hashed == []
+
+
+def test_redo_believes_no_earlier_process(frames: Path, hashed: list[str]) -> None:
+    stage(frames)
+    forget()
+    hashed.clear()
+    stage(frames, redo=True)
+    assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
+
+
+def test_a_change_of_the_same_size_and_time_is_noticed(frames: Path, hashed: list[str]) -> None:
+    """Anybody can set a file's time, but not the system's own."""
+    stage(frames)
+    before = (frames / "1.jpg").stat()
+    (frames / "1.jpg").write_bytes(b"9")
+    os.utime(frames / "1.jpg", ns=(before.st_atime_ns, before.st_mtime_ns))
+    hashed.clear()
+    with pytest.raises(StaleOutput, match=r"inputs\.frames"):
+        stage(frames)
+    assert hashed == ["1.jpg"]
+
+
+def test_a_file_that_was_just_written_is_hashed_again(
+    frames: Path, hashed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second write within the clock's grain would leave no trace."""
+    monkeypatch.setattr(store, "FRESH_NS", 10**12)
+    stage(frames)
+    stage(frames)
+    assert hashed == 2 * ["0.jpg", "1.jpg", "2.jpg"]
+
+
+def test_a_copy_elsewhere_is_hashed_and_remembered(frames: Path, hashed: list[str]) -> None:
+    stage(frames)
+    for path in frames.iterdir():
+        path.with_suffix(".new").write_bytes(path.read_bytes())
+        path.with_suffix(".new").replace(path)
+    hashed.clear()
+    forget()
+    stage(frames)
+    forget()
+    stage(frames)
+    assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"format": "gmrdata-inputs/1", "files": {"a": 1}}'])
+def test_a_broken_memory_costs_only_time(frames: Path, hashed: list[str], content: str) -> None:
+    stage(frames)
+    forget()
+    hashed.clear()
+    frames.with_name(".out.inputs").write_text(content)
+    stage(frames)
+    assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
+
+
+def test_a_look_makes_nothing(frames: Path, hashed: list[str]) -> None:
+    with pytest.raises(NotMade):
+        stage(frames, only_look=True)
+    assert [path.name for path in frames.parent.iterdir()] == ["frames"]
+    assert hashed == []
+    stage(frames)
+    assert stage(frames, only_look=True) == frames.with_name("out")
+    (frames / "3.jpg").write_bytes(b"3")
+    with pytest.raises(StaleOutput):
+        stage(frames, only_look=True)
+    with pytest.raises(NotMade):
+        stage(frames, only_look=True, redo=True)
