@@ -17,7 +17,14 @@ from gmrdata.manifest.arrays import (
 )
 from gmrdata.manifest.current import Clip, FileRecord, FolderRecord, ListManifest, Manifest
 from gmrdata.manifest.entry import recipe_sha256
-from gmrdata.manifest.listing import BAR_FROM, ListedFile, files_below, read_listing
+from gmrdata.manifest.listing import (
+    BAR_FROM,
+    ListedFile,
+    files_below,
+    files_of,
+    folders_of,
+    read_listing,
+)
 from gmrdata.manifest.read import join_problems, read_manifest, rows_in
 from gmrdata.stage.progress import progress_bar
 from gmrdata.values.clip import load_clip
@@ -62,7 +69,7 @@ class _Work:
 def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
     """A progress bar over all files if they are many; gives the function that counts one."""
     n_files = sum(
-        1 + len(_files(clip)) + sum(part.count + 1 for part in _folders(clip).values())
+        1 + len(files_of(clip)) + sum(part.count + 1 for part in folders_of(clip).values())
         for clip in manifest.clips
     )
     if n_files <= BAR_FROM:
@@ -73,28 +80,10 @@ def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
         yield lambda: bar.advance(task)
 
 
-def _folders(clip: Clip) -> dict[str, FolderRecord]:
-    records = {
-        "images": clip.images,
-        "masks": clip.masks,
-        "depth": clip.depth,
-        "normals": clip.normals,
-        "flow": clip.flow,
-        "instances": clip.instances,
-    }
-    return {field: record for field, record in records.items() if record is not None}
-
-
-def _files(clip: Clip) -> dict[str, FileRecord]:
-    records = {"joints": clip.joints, "video": clip.video, "character": clip.character}
-    extras = {f"extras[{n}].arrays": extra.arrays for n, extra in enumerate(clip.extras)}
-    return {field: record for field, record in records.items() if record is not None} | extras
-
-
 def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
     """One line per problem, field first."""
     names: dict[str, list[str]] = {}
-    for field, record in _folders(entry).items():
+    for field, record in folders_of(entry).items():
         files, problems = _listing(work, field, record)
         names[field] = [file.path for file in files]
         yield from problems
@@ -103,7 +92,7 @@ def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
     for field in [name for name in names if name != "images"]:
         if names.get("images") and names[field]:
             yield from stray_problems(field, names["images"], names[field])
-    for field, file in _files(entry).items():
+    for field, file in files_of(entry).items():
         yield from _file_problems(work, field, file)
     yield from _arrays_problems(work, entry, names)
     recipe = entry.recipe

@@ -19,13 +19,14 @@ from gmrdata.manifest.current import (
     CreatedBy,
     DroppedRange,
     Extra,
+    FileRecord,
     FolderRecord,
     FrameRange,
     Quality,
     Recipe,
     Source,
 )
-from gmrdata.manifest.listing import file_record, folder_record, relative_to_root
+from gmrdata.manifest.listing import FILES, FOLDERS, file_record, folder_record, relative_to_root
 from gmrdata.stage.store import StageRecord, package_versions
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadManifest
@@ -160,23 +161,23 @@ def clip_entry(
         )
     except ValidationError as error:
         raise BadManifest(f"{clip_path}: clip {clip.id} can't be listed: {error}") from None
+    folders = (images_dir, masks_dir, depth_dir, normals_dir, flow_dir, instances_dir)
+    files = (joints_path, video_path, character_path)
+    extras = (file_record(root, path) for path in extras_paths)
     return entry.model_copy(
         update={
-            "images": _folder(root, images_dir),
-            "masks": _folder(root, masks_dir),
-            "depth": _folder(root, depth_dir),
-            "normals": _folder(root, normals_dir),
-            "flow": _folder(root, flow_dir),
-            "instances": _folder(root, instances_dir),
-            "extras": tuple(
-                Extra(instance=number, arrays=file_record(root, path))
-                for number, path in enumerate(extras_paths, start=2)
-            ),
-            "joints": None if joints_path is None else file_record(root, joints_path),
-            "video": None if video_path is None else file_record(root, video_path),
-            "character": None if character_path is None else file_record(root, character_path),
+            **{key: _folder(root, path) for key, path in zip(FOLDERS, folders, strict=True)},
+            **{
+                key: path and file_record(root, path)
+                for key, path in zip(FILES, files, strict=True)
+            },
+            "extras": tuple(Extra(instance=i, arrays=file) for i, file in enumerate(extras, 2)),
         }
     )
+
+
+def _file(root: Path, path: Path | None) -> FileRecord | None:
+    return None if path is None else file_record(root, path)
 
 
 def _folder(root: Path, folder: Path | None) -> FolderRecord | None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmrdata.manifest.current import FileRecord, FolderRecord
+from gmrdata.manifest.current import Clip, FileRecord, FolderRecord
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import BadManifest, MissingInput
 from gmrdata.values.files import (
@@ -26,6 +26,21 @@ RECORDS = (STAGE_FILE, "masks.json")
 """Files at the top of a folder that are about the folder, and no part of what it holds."""
 BAR_FROM = 200
 """Folders with more files than this show a progress bar."""
+
+
+FOLDERS = ("images", "masks", "depth", "normals", "flow", "instances")
+FILES = ("joints", "video", "character")
+
+
+def folders_of(clip: Clip) -> dict[str, FolderRecord]:
+    """A clip's folders by field."""
+    return {field: found for field in FOLDERS if (found := getattr(clip, field)) is not None}
+
+
+def files_of(clip: Clip) -> dict[str, FileRecord]:
+    """A clip's files besides its arrays, by field."""
+    found = {field: found for field in FILES if (found := getattr(clip, field)) is not None}
+    return found | {f"extras[{n}].arrays": extra.arrays for n, extra in enumerate(clip.extras)}
 
 
 @dataclass(frozen=True)

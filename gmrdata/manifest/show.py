@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
+from gmrdata.manifest.listing import files_of, folders_of
 from gmrdata.manifest.read import read_manifest
 from gmrdata.stage.progress import answers
 
@@ -78,10 +79,8 @@ def _caption(manifest: Manifest | ListManifest) -> str:
 
 
 def _size_bytes(clip: Clip) -> int:
-    folders = (clip.images, clip.masks, clip.depth, clip.normals, clip.flow, clip.instances)
-    files = (clip.joints, clip.video, *(extra.arrays for extra in clip.extras))
-    parts = (*folders, *files)
-    return clip.arrays.size_bytes + sum(part.size_bytes for part in parts if part is not None)
+    parts = (clip.arrays, *folders_of(clip).values(), *files_of(clip).values())
+    return sum(part.size_bytes for part in parts)
 
 
 def _source(clip: Clip | ListedClip) -> str:
