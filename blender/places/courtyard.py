@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from blender.places.layout import Yard, darken_contacts, surroundings
+from blender.places.layout import Yard, surroundings, yard_of
 from blender.places.props import crates, drum, houses_round, pillar, planter, scatter, tree
 from blender.textures.ground import paving, sky
 
@@ -15,15 +15,7 @@ GROUND_PX = 2048
 def courtyard(
     subject_world_m: np.ndarray, camera_world_m: np.ndarray, rng: np.random.Generator
 ) -> Yard:
-    """A yard between houses, with crates, drums, pillars, bushes and trees.
-
-    Nothing stands within about a metre of the subject or the camera, or between them.
-
-    Args:
-        subject_world_m: (T, 3) pelvis path [m].
-        camera_world_m: (T, 3) optical centres [m].
-        rng: Chooses everything else.
-    """
+    """A yard between houses, with crates, drums, pillars, bushes and trees."""
     subject, camera = subject_world_m[:, :2], camera_world_m[:, :2]
     centre, half = surroundings(subject, camera, WALL_MARGIN_M, SMALLEST_HALF_SIDE_M)
     houses = houses_round(centre, half, (4.6, 8.2), rng)
@@ -32,5 +24,4 @@ def courtyard(
     things = (*houses, *props)
     side_m = float(2 * half.max() + 3.0)
     ground = paving(GROUND_PX, side_m, rng)
-    darken_contacts(ground, things, centre, side_m)
-    return Yard(centre, side_m, ground, things, sky(1024, 512, rng))
+    return yard_of(centre, side_m, ground, things, sky(1024, 512, rng))

@@ -2,8 +2,13 @@
 """Plain data of what stands where, and the room that the subject and the camera keep.
 
 Meshes of the solids as arrays: vertices, quads, and picture coordinates per corner.
+
+Each kind of place is a function of the subject's pelvis (T, 3) and of the camera's centres (T, 3)
+[m], and of a generator that chooses everything else.  In its `Yard` nothing stands within about a
+metre of the subject or the camera, or between them.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -58,13 +63,9 @@ def main_colours(yard: Yard) -> np.ndarray:
 def surroundings(
     subject_m: np.ndarray, camera_m: np.ndarray, margin_m: float, smallest_half_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Centre (2,) and half sides (2,) of a rectangle with a margin round both paths [m].
+    """Centre (2,) and half sides (2,) of a rectangle with a margin round both paths (T, 2) [m].
 
-    Args:
-        subject_m: (T, 2) [m].
-        camera_m: (T, 2) [m].
-        margin_m: Between the paths and the rectangle's sides [m].
-        smallest_half_m: Half sides are at least this [m].
+    Half sides are at least `smallest_half_m`.
     """
     everywhere = np.concatenate([subject_m, camera_m])
     low, high = everywhere.min(axis=0) - margin_m, everywhere.max(axis=0) + margin_m
@@ -74,14 +75,7 @@ def surroundings(
 def is_free(
     place_m: np.ndarray, radius_m: float, subject_m: np.ndarray, camera_m: np.ndarray
 ) -> bool:
-    """Whether a disc on the ground keeps clear of both paths and of all lines of sight.
-
-    Args:
-        place_m: (2,) centre of the disc [m].
-        radius_m: Its radius [m].
-        subject_m: (T, 2) [m].
-        camera_m: (T, 2) [m].
-    """
+    """Whether a disc on the ground keeps clear of both paths (T, 2) and of all lines of sight."""
     if np.linalg.norm(subject_m - place_m, axis=1).min() < radius_m + SUBJECT_CLEARANCE_M:
         return False
     if np.linalg.norm(camera_m - place_m, axis=1).min() < radius_m + CAMERA_CLEARANCE_M:
@@ -97,12 +91,7 @@ def with_ways(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Paths (N, 3) of subject and camera to lay a place out for, with the ways of others [m].
 
-    A way counts as both: things keep clear of it, but may stand in the line of sight to it.
-
-    Args:
-        subject_m: (T, 3) [m].
-        camera_m: (T, 3) [m].
-        ways_m: (W, 3) points that extras come by [m].
+    A way (W, 3) counts as both: things keep clear of it, but may stand in the line of sight to it.
     """
     return np.concatenate([subject_m, ways_m]), np.concatenate([camera_m, ways_m])
 
@@ -110,6 +99,62 @@ def with_ways(
 def direction(angle_rad: float) -> np.ndarray:
     """Unit vector (2,) at an angle from x to y."""
     return np.array([np.cos(angle_rad), np.sin(angle_rad)])
+
+
+def upright(
+    solid: Literal["box", "cylinder"],
+    place: np.ndarray,
+    size_m: tuple[float, float, float],
+    yaw_rad: float,
+    picture: np.ndarray,
+    *,
+    round_each_face: bool = True,
+) -> Thing:
+    """A thing that stands on the ground at a place (2,).
+
+    Its picture goes once round each face, or once over its front at its own size.
+    """
+    picture_m = None if round_each_face else (size_m[0], size_m[2])
+    centre_m = np.array([*place, size_m[2] / 2])
+    return Thing(solid, centre_m, np.array(size_m), yaw_rad, picture, picture_m)
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One of the four sides of a rectangle."""
+
+    yaw_rad: float
+    """Turn of something that stands along it [rad]."""
+    middle_m: np.ndarray
+    """(2,) the rectangle's middle [m]."""
+    half_length_m: float
+    depth_m: float
+    """From the rectangle's middle to the side [m]."""
+
+    def at(self, along_m: float, out_m: float) -> np.ndarray:
+        """Place (2,) so far along the side from its middle, and out from the rectangle's [m]."""
+        along, out = direction(self.yaw_rad), direction(self.yaw_rad - np.pi / 2)
+        return self.middle_m + along * along_m + out * out_m
+
+
+def four_sides(centre: np.ndarray, half: np.ndarray) -> Iterator[Side]:
+    """The sides of a rectangle of centre (2,) and half sides (2,) [m]."""
+    for number in range(4):
+        length_m, depth_m = half if number % 2 == 0 else half[::-1]
+        yield Side(number * np.pi / 2, centre, float(length_m), float(depth_m))
+
+
+def yard_of(
+    centre: np.ndarray,
+    side_m: float,
+    ground: np.ndarray,
+    things: tuple[Thing, ...],
+    sky: np.ndarray | None,
+    lamp_m: np.ndarray | None = None,
+) -> Yard:
+    """A yard; the picture of its ground gets the things' shadows."""
+    darken_contacts(ground, things, centre, side_m)
+    return Yard(centre, side_m, ground, things, sky, lamp_m)
 
 
 def darken_contacts(

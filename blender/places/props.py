@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from blender.places.layout import Thing, direction, is_free
+from blender.places.layout import Thing, direction, four_sides, is_free, upright
 from blender.textures.fronts import facade, posters
 from blender.textures.ground import bark
 from blender.textures.props import barrel, foliage, planks
@@ -23,34 +23,20 @@ def houses_round(
 ) -> list[Thing]:
     """Houses of different width, height and depth along the four sides of a rectangle.
 
-    Args:
-        centre: (2,) middle of the rectangle [m].
-        half: (2,) half sides; no front stands nearer [m].
-        heights_m: Lowest and highest house [m].
-        rng: Chooses.
+    No front stands nearer than the half sides (2,) [m]; `heights_m`: lowest and highest house.
     """
     houses = []
-    for side in range(4):
-        yaw_rad = side * np.pi / 2
-        along, out = direction(yaw_rad), direction(yaw_rad - np.pi / 2)
-        length, depth = (half[0], half[1]) if side % 2 == 0 else (half[1], half[0])
-        end = float(length) + CORNER_M
+    for side in four_sides(centre, half):
+        end = side.half_length_m + CORNER_M
         start = -end
         while start < end - 0.3:
             width_m = float(min(rng.uniform(2.8, 4.8), end - start))
             height_m = float(rng.uniform(*heights_m))
             step_m = float(rng.uniform(0.0, 0.7))
-            middle = centre + along * (start + width_m / 2) + out * (depth + step_m + 1.0)
-            houses.append(
-                Thing(
-                    "box",
-                    np.array([*middle, height_m / 2]),
-                    np.array([width_m, 2.0, height_m]),
-                    yaw_rad,
-                    facade(width_m, height_m, WALL_PX_PER_M, rng),
-                    (width_m, height_m),
-                )
-            )
+            place = side.at(start + width_m / 2, side.depth_m + step_m + 1.0)
+            size_m = (width_m, 2.0, height_m)
+            front = facade(width_m, height_m, WALL_PX_PER_M, rng)
+            houses.append(upright("box", place, size_m, side.yaw_rad, front, round_each_face=False))
             start += width_m
     return houses
 
@@ -120,22 +106,16 @@ def drum(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> list[T
     """A painted drum."""
     width_m, height_m = min(1.4 * radius_m, 0.62), float(rng.uniform(0.8, 1.0))
     picture = barrel(px(np.pi * width_m), px(height_m), rng)
-    centre, size = np.array([*place, height_m / 2]), np.array([width_m, width_m, height_m])
-    return [Thing("cylinder", centre, size, rng.uniform(0, np.pi), picture, None)]
+    size_m = (width_m, width_m, height_m)
+    return [upright("cylinder", place, size_m, rng.uniform(0, np.pi), picture)]
 
 
 def pillar(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> list[Thing]:
     """An advertising pillar with a cap."""
     width_m, height_m = 1.3 * radius_m, float(rng.uniform(2.2, 3.0))
     picture = posters(px(np.pi * width_m), px(height_m), rng)
-    body = Thing(
-        "cylinder",
-        np.array([*place, height_m / 2]),
-        np.array([width_m, width_m, height_m]),
-        rng.uniform(0, np.pi),
-        picture,
-        None,
-    )
+    size_m = (width_m, width_m, height_m)
+    body = upright("cylinder", place, size_m, rng.uniform(0, np.pi), picture)
     cap_m = np.array([width_m * 1.25, width_m * 1.25, 0.22])
     cap = barrel(px(np.pi * width_m), 64, rng)
     return [body, Thing("cylinder", np.array([*place, height_m + 0.11]), cap_m, 0.0, cap, None)]
@@ -145,14 +125,8 @@ def planter(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> lis
     """A wooden tub with a bush."""
     width_m, height_m = 1.35 * radius_m, float(rng.uniform(0.4, 0.6))
     yaw_rad = rng.uniform(0, np.pi)
-    box = Thing(
-        "box",
-        np.array([*place, height_m / 2]),
-        np.array([width_m, width_m, height_m]),
-        yaw_rad,
-        planks(px(width_m), px(height_m), rng),
-        None,
-    )
+    wood = planks(px(width_m), px(height_m), rng)
+    box = upright("box", place, (width_m, width_m, height_m), yaw_rad, wood)
     bush_m = np.array([1.2 * width_m, 1.2 * width_m, rng.uniform(0.7, 1.1)])
     centre = np.array([*place, height_m + 0.35 * bush_m[2]])
     return [box, Thing("blob", centre, bush_m, yaw_rad, foliage(256, rng), None)]
@@ -162,16 +136,7 @@ def tree(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> list[T
     """A small tree."""
     trunk_m = float(rng.uniform(2.0, 2.6))
     bark = planks(96, 384, rng)[:, :, :] * 0.6
-    parts = [
-        Thing(
-            "cylinder",
-            np.array([*place, trunk_m / 2]),
-            np.array([0.2, 0.2, trunk_m]),
-            0.0,
-            bark,
-            None,
-        )
-    ]
+    parts = [upright("cylinder", place, (0.2, 0.2, trunk_m), 0.0, bark)]
     for _ in range(3):
         size = rng.uniform(1.0, 1.7) * np.array([1.0, 1.0, 0.8])
         centre = np.array([*place, trunk_m + 0.3]) + rng.normal(0, 0.32, 3)
@@ -183,8 +148,7 @@ def tree(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> list[T
 def tall_tree(place: np.ndarray, radius_m: float, rng: np.random.Generator) -> list[Thing]:
     """A tree whose crown stays on its disc below twice a person's height."""
     trunk_m, width_m = float(rng.uniform(2.6, 3.6)), 0.3 * radius_m
-    trunk = np.array([width_m, width_m, trunk_m])
-    parts = [Thing("cylinder", np.array([*place, trunk_m / 2]), trunk, 0.0, bark(rng), None)]
+    parts = [upright("cylinder", place, (width_m, width_m, trunk_m), 0.0, bark(rng))]
     for _ in range(5):
         size_m = rng.uniform(1.0, 1.5) * radius_m * np.array([1.0, 1.0, 0.8])
         centre_m = np.array([*place, trunk_m + 0.5]) + rng.normal(0, 1, 3) * radius_m * [

@@ -6,25 +6,26 @@ Furniture, from boxes and cylinders.
 
 import numpy as np
 
-from blender.places.layout import Thing, Yard, darken_contacts, direction, is_free, surroundings
+from blender.places.layout import (
+    Thing,
+    Yard,
+    direction,
+    four_sides,
+    is_free,
+    surroundings,
+    upright,
+    yard_of,
+)
 from blender.places.props import px, scatter
 from blender.textures.indoors import board, books, ceiling, cloth, floor, wall
 from blender.textures.props import barrel, foliage
 
 
 def shelf(place: np.ndarray, width_m: float, yaw_rad: float, rng: np.random.Generator) -> Thing:
-    """A shelf full of books.
-
-    Args:
-        place: (2,) middle of its foot [m].
-        width_m: Width [m]; it is 0.34 m deep.
-        yaw_rad: Turn from standing along x [rad].
-        rng: Chooses height and books.
-    """
+    """A shelf full of books, 0.34 m deep, at a place (2,), turned from standing along x."""
     height_m = float(rng.uniform(1.1, 2.1))
     picture = books(px(width_m), px(height_m), rng)
-    size_m = np.array([width_m, 0.34, height_m])
-    return Thing("box", np.array([*place, height_m / 2]), size_m, yaw_rad, picture, None)
+    return upright("box", place, (width_m, 0.34, height_m), yaw_rad, picture)
 
 
 def _box(
@@ -104,15 +105,7 @@ SHELF_M = 1.3
 
 
 def room(subject_world_m: np.ndarray, camera_world_m: np.ndarray, rng: np.random.Generator) -> Yard:
-    """Walls with pictures, shelves and furniture along them, parquet and carpets.
-
-    Nothing stands within about a metre of the subject or the camera, or between them.
-
-    Args:
-        subject_world_m: (T, 3) pelvis path [m].
-        camera_world_m: (T, 3) optical centres [m].
-        rng: Chooses everything else.
-    """
+    """Walls with pictures, shelves and furniture along them, parquet and carpets."""
     paths = subject_world_m[:, :2], camera_world_m[:, :2]
     centre, half = surroundings(*paths, WALL_MARGIN_M, SMALLEST_HALF_SIDE_M)
     top_m = max(subject_world_m[:, 2].max(), camera_world_m[:, 2].max()) + HEADROOM_M
@@ -134,31 +127,20 @@ def room(subject_world_m: np.ndarray, camera_world_m: np.ndarray, rng: np.random
         *furniture,
     )
     ground = floor(FLOOR_PX, side_m, _carpets(side_m, rng), rng)
-    darken_contacts(ground, things, centre, side_m)
     lamp_m = np.array([*centre, height_m - 0.45])
-    return Yard(centre, side_m, ground, things, None, lamp_m)
+    return yard_of(centre, side_m, ground, things, None, lamp_m)
 
 
 def _walls(
     centre: np.ndarray, half: np.ndarray, height_m: float, rng: np.random.Generator
 ) -> list[Thing]:
     walls = []
-    for side in range(4):
-        yaw_rad = side * np.pi / 2
-        out = direction(yaw_rad - np.pi / 2)
-        length_m, depth_m = half if side % 2 == 0 else half[::-1]
-        width_m = float(2 * length_m + 2 * WALL_THICK_M)
-        place = centre + out * (depth_m + WALL_THICK_M / 2)
-        walls.append(
-            Thing(
-                "box",
-                np.array([*place, height_m / 2]),
-                np.array([width_m, WALL_THICK_M, height_m]),
-                yaw_rad,
-                wall(width_m, height_m, WALL_PX_PER_M, rng),
-                (width_m, height_m),
-            )
-        )
+    for side in four_sides(centre, half):
+        width_m = 2 * side.half_length_m + 2 * WALL_THICK_M
+        place = side.at(0.0, side.depth_m + WALL_THICK_M / 2)
+        size_m = (width_m, WALL_THICK_M, height_m)
+        picture = wall(width_m, height_m, WALL_PX_PER_M, rng)
+        walls.append(upright("box", place, size_m, side.yaw_rad, picture, round_each_face=False))
     return walls
 
 
@@ -170,14 +152,12 @@ def _shelves(
 ) -> list[Thing]:
     """Shelves with their backs to the walls, with gaps for the pictures."""
     shelves = []
-    for side in range(4):
-        yaw_rad = side * np.pi / 2
-        along, out = direction(yaw_rad), direction(yaw_rad - np.pi / 2)
-        length_m, depth_m = half if side % 2 == 0 else half[::-1]
-        for s in np.arange(-length_m + 1.4, length_m - 1.2, SHELF_M + 0.15):
-            place = centre + along * s + out * (depth_m - 0.19)
+    for side in four_sides(centre, half):
+        ends_m = -side.half_length_m + 1.4, side.half_length_m - 1.2
+        for along_m in np.arange(*ends_m, SHELF_M + 0.15):
+            place = side.at(along_m, side.depth_m - 0.19)
             if rng.random() < 0.4 and is_free(place, SHELF_M / 2 + 0.05, *paths):
-                shelves.append(shelf(place, SHELF_M, yaw_rad, rng))
+                shelves.append(shelf(place, SHELF_M, side.yaw_rad, rng))
     return shelves
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 
 from blender.places.car import car_things
-from blender.places.layout import Thing, Yard, darken_contacts, direction, is_free, surroundings
+from blender.places.layout import Thing, Yard, direction, is_free, surroundings, yard_of
 from blender.places.props import crates, drum, houses_round, lamp, pillar, planter, scatter
 from blender.textures.ground import sky
 from blender.textures.road import road
@@ -19,15 +19,7 @@ CAR_STEP_M = 5.2
 def street(
     subject_world_m: np.ndarray, camera_world_m: np.ndarray, rng: np.random.Generator
 ) -> Yard:
-    """A street along the longer side of what the subject and the camera cover.
-
-    Nothing stands within about a metre of the subject or the camera, or between them.
-
-    Args:
-        subject_world_m: (T, 3) pelvis path [m].
-        camera_world_m: (T, 3) optical centres [m].
-        rng: Chooses everything else.
-    """
+    """A street along the longer side of what the subject and the camera cover."""
     paths = subject_world_m[:, :2], camera_world_m[:, :2]
     centre, half = surroundings(*paths, WALL_MARGIN_M, SMALLEST_HALF_SIDE_M)
     along = int(half[1] > half[0])
@@ -47,8 +39,7 @@ def street(
     things = (*houses, *cars, *props)
     side_m = float(2 * half.max() + 3.0)
     ground = np.ascontiguousarray(np.rot90(road(GROUND_PX, side_m, road_m, rng), along))
-    darken_contacts(ground, things, centre, side_m)
-    return Yard(centre, side_m, ground, things, sky(1024, 512, rng))
+    return yard_of(centre, side_m, ground, things, sky(1024, 512, rng))
 
 
 def _pavement(

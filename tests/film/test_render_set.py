@@ -17,7 +17,7 @@ from gmrdata.film.set_takes import select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
-from gmrdata.pages.synthetic import write_set_pages
+from gmrdata.pages.sets import write_set_pages
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOutput
 
