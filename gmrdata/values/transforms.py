@@ -31,9 +31,9 @@ def invert(a_from_b: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*bat
 
 
 def apply(
-    a_from_b: Float[np.ndarray, "*batch 4 4"], points_b: Float[np.ndarray, "*batch n 3"]
-) -> Float[np.ndarray, "*batch n 3"]:
-    """Map points from b to a."""
+    a_from_b: Float[np.ndarray, "*#batch 4 4"], points_b: Float[np.ndarray, "*#batch n 3"]
+) -> Float[np.ndarray, "*#batch n 3"]:
+    """Map points from b to a; one set of points may go through many transforms."""
     return (
         np.einsum("...ij,...nj->...ni", a_from_b[..., :3, :3], points_b)
         + a_from_b[..., None, :3, 3]
