@@ -108,8 +108,8 @@ class StandingShares(nn.Module):
 
 
 def root_turn(
-    shares: Float[Tensor, "*#batch 23 1"],
-    root_from_joint: Float[Tensor, "*#batch 23 3 3"],
+    shares: Float[Tensor, "*#batch joints 1"],
+    root_from_joint: Float[Tensor, "*#batch joints 3 3"],
 ) -> Float[Tensor, "*batch 3 3"]:
     """dR: the mean, as axis-angle, of what each joint leaves to the root; none leaves no turn."""
     turns = rotations.log_map(root_from_joint @ _next(root_from_joint).mT)
@@ -117,8 +117,8 @@ def root_turn(
 
 
 def root_step_m(
-    shares: Float[Tensor, "*#batch 23 1"],
-    places_m: Float[Tensor, "*#batch 23 3"],
+    shares: Float[Tensor, "*#batch joints 1"],
+    places_m: Float[Tensor, "*#batch joints 3"],
     delta_rotmats: Float[Tensor, "*#batch 3 3"],
 ) -> Float[Tensor, "*batch 3"]:
     """dT [m]: the mean of what each joint leaves to the root; none leaves no step."""
