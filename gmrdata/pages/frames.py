@@ -32,6 +32,8 @@ TINT_BGR = (60, 60, 235)
 TINT_ALPHA = 0.35
 BODY_ALPHA = 0.8
 LINE_PX = 2
+TOWARDS_LIGHT = np.array([-0.35, -0.6, -0.72])
+"""The body is lit from above the camera's left shoulder."""
 GAP_PX = 4
 """Between the frames of a sheet [px]."""
 DRAWING_SCALE = 2
@@ -144,12 +146,17 @@ def mask_sheet(images_dir: Path, masks_dir: Path, config: MaskSheetConfig) -> np
 
 def masked_tile(image: np.ndarray, mask: np.ndarray, width_px: int) -> np.ndarray:
     """A frame (H, W, 3) BGR made small, with its mask (H, W) tinted and outlined."""
-    size_px = (width_px, max(1, round(width_px * image.shape[0] / image.shape[1])))
-    small = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA)
-    masked = cv2.resize(mask, size_px, interpolation=cv2.INTER_NEAREST) > 127
+    small = narrowed(image, width_px)
+    masked = cv2.resize(mask, small.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 127
     tinted = (1 - TINT_ALPHA) * small[masked] + TINT_ALPHA * np.array(TINT_BGR)
     small[masked] = tinted.round().astype(np.uint8)
     return draw_mask_outline(small, masked.astype(np.uint8))
+
+
+def narrowed(image: np.ndarray, width_px: int) -> np.ndarray:
+    """An image (H, W, 3) made `width_px` wide."""
+    size_px = (width_px, max(1, round(width_px * image.shape[0] / image.shape[1])))
+    return np.asarray(cv2.resize(image, size_px, interpolation=cv2.INTER_AREA))
 
 
 def draw_mask_outline(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -207,15 +214,9 @@ def draw_body(
     triangles_m, normals = triangles_m[shown], normals[shown]
     order = np.argsort(-triangles_m[..., 2].mean(axis=1), kind="stable")
     points_px = camera.project_cam(triangles_m[order], intrinsics_px)
-    return _paint(image, points_px, _shades(normals[order]))
-
-
-def _shades(normals: np.ndarray) -> np.ndarray:
-    """(F,) brightness in 0.55..1 of faces lit from above the camera's left shoulder."""
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    towards_light = np.array([-0.35, -0.6, -0.72])
-    lambert = (normals / np.maximum(length, 1e-12)) @ towards_light
-    return np.clip(0.55 + 0.55 * np.clip(lambert, 0.0, 1.0), 0.0, 1.0)
+    lengths = np.linalg.norm(normals[order], axis=1, keepdims=True)
+    lambert = (normals[order] / np.maximum(lengths, 1e-12)) @ TOWARDS_LIGHT
+    return _paint(image, points_px, np.minimum(0.55 + 0.55 * np.clip(lambert, 0.0, 1.0), 1.0))
 
 
 def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> np.ndarray:
@@ -227,10 +228,10 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
     greys = np.round(255 * shades[drawable]).tolist()
     for triangle, grey in zip(corners, greys, strict=True):
         cv2.fillConvexPoly(layer, triangle, (grey,), cv2.LINE_8, 4)
-    cover = cv2.resize(
-        (layer > 0).astype(np.float32), (width, height), interpolation=cv2.INTER_AREA
+    cover, shade = (
+        cv2.resize(part.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+        for part in (layer > 0, layer)
     )
-    shade = cv2.resize(layer.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
     # `shade` is 0 outside the body, so at its edge it is already shade x cover.
     body = shade[..., None] / 255.0 * np.array(BODY_BGR)
     blend = (1 - BODY_ALPHA * cover[..., None]) * image + BODY_ALPHA * body

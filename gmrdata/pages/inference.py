@@ -1,16 +1,14 @@
-"""A picture of a body on a ground grid, drawn with OpenCV: no graphics card, no window.
+"""What a world motion looks like: its path from above, and a video of the body on a ground grid.
 
-Triangles that face the camera are filled from the farthest to the nearest (painter's algorithm),
-each in one shade by the light's angle; a mesh of some ten thousand small ones looks smooth so.
-
-The camera that films a world motion: beside the person, following the smoothed path.
-
-What a world motion looks like: its path from above, and a video of the body on a ground grid.
+The body is drawn with OpenCV: no graphics card, no window.  Triangles that face the camera are
+filled from the farthest to the nearest (painter's algorithm), each in one shade by the light's
+angle; a mesh of some ten thousand small ones looks smooth so.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,13 +16,13 @@ from matplotlib.figure import Figure
 
 from gmrdata.film.camera_moves import look_at, smooth_path
 from gmrdata.gmr.infer import InferConfig
+from gmrdata.pages.frames import write_bytes
 from gmrdata.pages.plots import RECOVERED_WIDTH, finish_view, mark_start, picture, plot_path
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import intrinsics_from_fov, project_cam
 from gmrdata.values.clip import Clip
-from gmrdata.values.files import atomic_path
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.video import write_video
@@ -43,9 +41,6 @@ def film_camera(motion: Motion) -> np.ndarray:
 
     They look at the person across the longest way of the path, from the side that the front of the
     body shows to, and never turn; so whatever turns in the picture is the person.
-
-    Args:
-        motion: In a z-up world with the floor at z = 0.
     """
     targets_m = smooth_path(motion.pelvis_m, motion.fps_hz, FOLLOW_SIGMA_S, lag_s=0.0)
     targets_m[:, 2] = max(0.5, float(np.median(motion.pelvis_m[:, 2])))
@@ -98,35 +93,44 @@ class Film:
     intrinsics_px: np.ndarray
     """(3, 3) calibration matrix of the picture [px]."""
     width_px: int
-    """Picture width [px]."""
     height_px: int
-    """Picture height [px]."""
+
+
+class _View(NamedTuple):
+    """A picture that is drawn into, and who sees it."""
+
+    picture: np.ndarray
+    cam_from_world: np.ndarray
+    intrinsics_px: np.ndarray
+
+    def corners(self, points_cam_m: np.ndarray) -> np.ndarray:
+        """Image points as cv2 takes them: its (0, 0) is the first pixel's centre, ours a corner."""
+        points_px = project_cam(points_cam_m, self.intrinsics_px)
+        far_px = 8.0 * max(self.picture.shape)  # further out cv2's integers would run over
+        bounded = np.clip(np.nan_to_num(points_px, nan=0.0) - 0.5, -far_px, far_px)
+        return np.rint(bounded * (1 << _BITS)).astype(np.int32)
 
 
 def draw_body(
     vertices_m: np.ndarray, faces: np.ndarray, world_from_cam: np.ndarray, film: Film
 ) -> np.ndarray:
-    """The picture.
+    """The picture (height, width, 3) uint8, red first.
 
     Args:
         vertices_m: (V, 3) the body in a z-up world with the floor at z = 0 [m].
         faces: (F, 3) vertex indices, counter-clockwise seen from outside.
         world_from_cam: (4, 4) the camera.
         film: Its lens and size.
-
-    Returns:
-        (height, width, 3) uint8, red first.
     """
-    size = (film.width_px * OVERSAMPLING, film.height_px * OVERSAMPLING)
+    large = (film.height_px * OVERSAMPLING, film.width_px * OVERSAMPLING, 3)
     intrinsics_px = film.intrinsics_px * [[OVERSAMPLING], [OVERSAMPLING], [1.0]]
-    cam_from_world = transforms.invert(world_from_cam)
-    picture = np.empty((size[1], size[0], 3), np.uint8)
+    picture = np.empty(large, np.uint8)
     picture[:] = BACKGROUND.astype(np.uint8)
-    middle_m = vertices_m.mean(axis=0)
-    _draw_grid(picture, middle_m, cam_from_world, intrinsics_px)
+    view = _View(picture, transforms.invert(world_from_cam), intrinsics_px)
     light = _light(world_from_cam)
-    _draw_shadow(picture, vertices_m, faces, light, cam_from_world, intrinsics_px)
-    _draw_mesh(picture, vertices_m, faces, light, cam_from_world, intrinsics_px)
+    _draw_grid(view, vertices_m.mean(axis=0))
+    _draw_shadow(view, vertices_m, faces, light)
+    _draw_mesh(view, vertices_m, faces, light)
     small = (film.width_px, film.height_px)
     return np.asarray(cv2.resize(picture, small, interpolation=cv2.INTER_AREA))
 
@@ -139,9 +143,7 @@ def _light(world_from_cam: np.ndarray) -> np.ndarray:
     return np.asarray(light / np.linalg.norm(light))
 
 
-def _draw_grid(
-    picture: np.ndarray, middle_m: np.ndarray, cam_from_world: np.ndarray, k_px: np.ndarray
-) -> None:
+def _draw_grid(view: _View, middle_m: np.ndarray) -> None:
     """Lines 1 m apart at whole metres, which fade with the distance from the person."""
     near = np.floor(middle_m[:2]).astype(int)
     steps = np.arange(-GRID_REACH, GRID_REACH + 1)
@@ -149,66 +151,44 @@ def _draw_grid(
         for line in steps + near[axis]:
             points_m = np.zeros((len(steps), 3))
             points_m[:, axis], points_m[:, 1 - axis] = line, steps + near[1 - axis]
-            _draw_fading_line(picture, points_m, middle_m, cam_from_world, k_px)
+            _draw_fading_line(view, points_m, middle_m)
 
 
-def _draw_fading_line(
-    picture: np.ndarray,
-    points_m: np.ndarray,
-    middle_m: np.ndarray,
-    cam_from_world: np.ndarray,
-    k_px: np.ndarray,
-) -> None:
-    points_cam_m = transforms.apply(cam_from_world, points_m)
-    corners = _fixed_point(project_cam(points_cam_m, k_px), max(picture.shape))
+def _draw_fading_line(view: _View, points_m: np.ndarray, middle_m: np.ndarray) -> None:
+    points_cam_m = transforms.apply(view.cam_from_world, points_m)
+    corners = view.corners(points_cam_m)
     ahead = points_cam_m[:, 2] > NEAREST_M
     centres_m = (points_m[1:, :2] + points_m[:-1, :2]) / 2
     strength = np.exp(-((np.linalg.norm(centres_m - middle_m[:2], axis=1) / FADE_M) ** 2))
     for i in np.flatnonzero(ahead[1:] & ahead[:-1] & (strength > 0.02)):
         colour = BACKGROUND + strength[i] * (GRID - BACKGROUND)
         start, end = (tuple(map(int, corner)) for corner in corners[i : i + 2])
-        cv2.line(picture, start, end, colour.tolist(), OVERSAMPLING, cv2.LINE_AA, _BITS)
+        cv2.line(view.picture, start, end, colour.tolist(), OVERSAMPLING, cv2.LINE_AA, _BITS)
 
 
-def _draw_shadow(
-    picture: np.ndarray,
-    vertices_m: np.ndarray,
-    faces: np.ndarray,
-    light: np.ndarray,
-    cam_from_world: np.ndarray,
-    k_px: np.ndarray,
-) -> None:
+def _draw_shadow(view: _View, vertices_m: np.ndarray, faces: np.ndarray, light: np.ndarray) -> None:
     """The body's shadow on the floor."""
     fallen_m = vertices_m - vertices_m[:, 2:] / light[2] * light
-    fallen_cam_m = transforms.apply(cam_from_world, fallen_m)
+    fallen_cam_m = transforms.apply(view.cam_from_world, fallen_m)
     lit = faces[_normals(vertices_m, faces) @ light > 0]
     lit = lit[(fallen_cam_m[:, 2] > NEAREST_M)[lit].all(axis=1)]
-    corners = _fixed_point(project_cam(fallen_cam_m, k_px), max(picture.shape))[lit]
-    mask = np.zeros(picture.shape[:2], np.uint8)
-    for triangle in corners:
+    mask = np.zeros(view.picture.shape[:2], np.uint8)
+    for triangle in view.corners(fallen_cam_m)[lit]:
         cv2.fillConvexPoly(mask, triangle, [255], cv2.LINE_8, _BITS)
     soft = cv2.blur(mask, (5 * OVERSAMPLING, 5 * OVERSAMPLING)).astype(np.float32) / 255
-    picture[:] = (picture * (1 - (1 - SHADOW) * soft[..., None])).astype(np.uint8)
+    view.picture[:] = (view.picture * (1 - (1 - SHADOW) * soft[..., None])).astype(np.uint8)
 
 
-def _draw_mesh(
-    picture: np.ndarray,
-    vertices_m: np.ndarray,
-    faces: np.ndarray,
-    light: np.ndarray,
-    cam_from_world: np.ndarray,
-    k_px: np.ndarray,
-) -> None:
-    cam_m = transforms.apply(cam_from_world, vertices_m)
+def _draw_mesh(view: _View, vertices_m: np.ndarray, faces: np.ndarray, light: np.ndarray) -> None:
+    cam_m = transforms.apply(view.cam_from_world, vertices_m)
     corners_m = cam_m[faces]
     faces_camera = (_normals(cam_m, faces) * corners_m[:, 0]).sum(axis=1) < 0
     seen = np.flatnonzero(faces_camera & (corners_m[..., 2] > NEAREST_M).all(axis=1))
     seen = seen[np.argsort(-corners_m[seen, :, 2].mean(axis=1), kind="stable")]
     shade = AMBIENT + (1 - AMBIENT) * np.clip(_normals(vertices_m, faces[seen]) @ light, 0.0, 1.0)
     colours = np.clip(shade[:, None] * SKIN * 1.15, 0, 255).tolist()
-    corners = _fixed_point(project_cam(cam_m, k_px), max(picture.shape))[faces[seen]]
-    for triangle, colour in zip(corners, colours, strict=True):
-        cv2.fillConvexPoly(picture, triangle, colour, cv2.LINE_8, _BITS)
+    for triangle, colour in zip(view.corners(cam_m)[faces[seen]], colours, strict=True):
+        cv2.fillConvexPoly(view.picture, triangle, colour, cv2.LINE_8, _BITS)
 
 
 def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -216,13 +196,6 @@ def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12))
-
-
-def _fixed_point(points_px: np.ndarray, side_px: int) -> np.ndarray:
-    """Image points as cv2 takes them: its (0, 0) is the first pixel's centre, ours its corner."""
-    far_px = 8.0 * side_px  # further out cv2's integers would run over
-    bounded = np.clip(np.nan_to_num(points_px, nan=0.0) - 0.5, -far_px, far_px)
-    return np.rint(bounded * (1 << _BITS)).astype(np.int32)
 
 
 PLOT_IN = 5.0
@@ -248,34 +221,25 @@ def draw_motion(folder: Path, clip: Clip, body: BodyModel, config: InferConfig) 
 
 
 def write_top_view(path: Path, motion: Motion) -> None:
-    """A PNG of the pelvis's path from above, with a metric grid.
+    """A PNG of the pelvis's path from above, in a z-up world, with a metric grid."""
 
-    Args:
-        path: The file.
-        motion: In a z-up world.
-    """
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
+    def draw(plot: Figure) -> None:
+        axes = plot.subplots()
         plot_path(axes, motion.pelvis_m, "gmr", RECOVERED_WIDTH)
         mark_start(axes, motion.pelvis_m, "gmr", "start", None)
         finish_view(axes)
 
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(picture(draw, PLOT_IN, PLOT_IN, dpi=120))
+    write_bytes(path, picture(draw, PLOT_IN, PLOT_IN, dpi=120))
 
 
 def write_body_video(
     path: Path, motion: Motion, body: BodyModel, size_px: tuple[int, int], name: str
 ) -> None:
-    """An mp4 of the body on the ground, in real time.
+    """An mp4 of the body on the ground, in real time; `name` is what the progress bar calls it.
 
     Args:
-        path: The file.
         motion: In a z-up world with the floor at z = 0.
-        body: Its body.
         size_px: Width and height of the pictures.
-        name: What the progress bar calls it.
     """
     step = max(1, int(np.ceil(motion.fps_hz / LARGEST_VIDEO_HZ - 1e-6)))
     rows = np.arange(0, motion.n_frames, step)

@@ -157,8 +157,7 @@ def _inline(document: str, name: str) -> str:
 def plot_top_view(axes: Axes, clip: ClipReport) -> float:
     """True (wide, pale) and recovered (thin) paths of camera and person, in the true world [m].
 
-    Returns:
-        Spacing of the grid [m].
+    Gives the spacing of the grid [m].
     """
     true_m = clip.true.motion.pelvis_m
     pelvis_m, world_from_cam = aligned_paths(clip)
@@ -178,11 +177,7 @@ def plot_top_view(axes: Axes, clip: ClipReport) -> float:
 
 
 def plot_clip_view(axes: Axes, clip: Clip) -> float:
-    """Paths of the camera and the person of one clip alone, in its world [m].
-
-    Returns:
-        Spacing of the grid [m].
-    """
+    """Paths of the camera and the person of one clip alone, in its world [m]; see above."""
     pelvis_m = clip.motion.pelvis_m
     if clip.camera is not None:
         poses = clip.camera.world_from_cam
@@ -199,9 +194,6 @@ def plot_predicted_view(axes: Axes, true: Motion, predicted: Motion) -> float:
 
     A predicted motion is accumulated from its own first frame (eqs. 3-4), so only what comes after
     can differ.
-
-    Returns:
-        Spacing of the grid [m].
     """
     true_from_predicted = transforms.rigid(
         true.root_rotmats[0], true.pelvis_m[0]
@@ -237,14 +229,7 @@ def plot_path(
     axes: Axes, points_m: np.ndarray, role: str, width_pt: float, style: str = "-"
 ) -> None:
     """A path (T, 2 or 3) [m]; NaN leaves a gap."""
-    axes.plot(
-        points_m[:, 0],
-        points_m[:, 1],
-        color=COLOURS[role],
-        linewidth=width_pt,
-        linestyle=style,
-        zorder=3,
-    )
+    axes.plot(*points_m.T[:2], style, color=COLOURS[role], linewidth=width_pt, zorder=3)
 
 
 def plot_camera(
@@ -259,15 +244,8 @@ def plot_camera(
     rows = known[np.linspace(0, len(known) - 1, min(VIEW_TICKS, len(known))).round().astype(int)]
     ends_m = centres_m[rows] + tick_m * world_from_cam[rows, :2, 2]
     strokes = np.stack([centres_m[rows], ends_m], axis=1)
-    axes.add_collection(
-        LineCollection(
-            list(strokes),
-            colors=COLOURS[role],
-            linewidths=0.6 * width_pt,
-            capstyle="round",
-            zorder=3,
-        )
-    )
+    look = {"colors": COLOURS[role], "linewidths": 0.6 * width_pt, "capstyle": "round"}
+    axes.add_collection(LineCollection(list(strokes), zorder=3, **look))
 
 
 def mark_start(
@@ -330,7 +308,7 @@ def _covered(label: Annotation, angle_rad: float, taken: Sequence[Bbox]) -> tupl
     room = axes.get_window_extent()
     leaves = not (room.contains(box.x0, box.y0) and room.contains(box.x1, box.y1))
     paths = [np.asarray(line.get_xydata()) for line in axes.get_lines()]
-    paths += [path.vertices for lines in axes.collections for path in lines.get_paths()]
+    paths += [np.asarray(path.vertices) for c in axes.collections for path in c.get_paths()]
     points = axes.transData.transform(np.concatenate(paths))
     inside = ((points >= box.min) & (points <= box.max)).all(axis=1)
     return box.count_overlaps(list(taken)), leaves, int(inside.sum())

@@ -13,8 +13,9 @@ from urllib.parse import quote
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from gmrdata import __version__
 from gmrdata.cameras.files import CamerasQuality
-from gmrdata.pages.frames import jpeg, spaced
+from gmrdata.pages.frames import jpeg, narrowed, spaced
 from gmrdata.pages.html import Cell, Table, image, render
 from gmrdata.pages.plots import svg
 from gmrdata.pages.qa_data import (
@@ -29,7 +30,6 @@ from gmrdata.pages.qa_data import (
     gather,
     image_numbers,
     kinds_of,
-    narrowed,
     read_tile,
 )
 from gmrdata.pages.qa_plots import (
@@ -67,7 +67,7 @@ JPEG_QUALITY = 80
 def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
     """Write the pages of a set that was regenerated from 3DPW's folder `root`; see `write_pages`.
 
-    Nothing is written where `out_dir` holds no verdicts.
+    Nothing is written where `out_dir` holds no verdicts, or nothing changed since.
     """
     paths = SetPaths(out_dir.resolve())
     if not paths.verdicts.is_file():
@@ -77,7 +77,30 @@ def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
         failure = paths.failures_dir / f"{files.name}.txt"
         if failure.is_file():
             reasons[files.name] = failure.read_text(encoding="utf-8")
+    stamp = paths.pages_dir / ".shown"
+    if stamp.is_file() and stamp.read_text() == _shown(recipe, chosen, reasons, paths):
+        return
     write_pages(Verdicts.read(paths.verdicts).sequences, chosen, reasons, recipe, paths)
+    write_text(stamp, _shown(recipe, chosen, reasons, paths))
+
+
+def _shown(
+    recipe: ThreedpwRecipe,
+    chosen: Sequence[SequenceFiles],
+    reasons: Mapping[str, str],
+    paths: SetPaths,
+) -> str:
+    """Stands for the pages and all that they show: names, sizes and times of files."""
+    there = [path.is_file() for path in (paths.manifest, paths.index_page)]
+    said = f"{__version__} {recipe!r} {sorted(reasons.items())} {there}"
+    digest = hashlib.sha256(said.encode("utf-8", "backslashreplace"))
+    digest.update(paths.verdicts.read_bytes())
+    folders = [files.image_dir for files in chosen]
+    for folder in (paths.pages_dir, paths.root / "sequences", *folders):
+        for path in sorted(folder.rglob("[!.]*")):
+            state = path.stat()
+            digest.update(f"{path} {state.st_size} {state.st_mtime_ns}\n".encode())
+    return digest.hexdigest()
 
 
 def write_pages(
@@ -157,15 +180,15 @@ class _Listed(NamedTuple):
 
 
 def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> _Listed:
-    frames = _read_frames(found, paths)
+    strips = _read_frames(found, paths)
     page = paths.pages_dir / page_name(found.name)
-    _write(page, _sequence_page(found, frames, recipe, paths))
+    _write(page, _sequence_page(found, strips, recipe, paths))
     verdict, scale, sort = found.verdict, NO_FIGURE, -1.0
     if verdict.scale is not None and verdict.scale_sigma is not None:
         sort = verdict.scale_sigma / verdict.scale
         scale = f"{verdict.scale:.4g} ± {100 * sort:.1f} %"
     href = quote(page.relative_to(paths.root).as_posix())
-    thumbnail = _thumbnail(frames)
+    thumbnail = _thumbnail(strips)
     cells = (
         Cell(found.name, href=href, kind="thumbnail", sort=found.name, picture=thumbnail),
         verdict.split,
@@ -189,51 +212,39 @@ def _note(found: Found) -> str:
     return f"{sum(counts.values())} frames dropped, {n} of them: {kind.words}"
 
 
-class _Frames(NamedTuple):
-    """What is shown of a sequence."""
-
-    tiles: Sequence[Tile]
-    """Evenly spaced frames."""
-    dropped: Sequence[tuple[Kind, Tile]]
-    """A frame for each kind of reason, as far as there is room."""
+Strips = list[list[tuple[Kind | None, Tile]]]
+"""Two rows of frames, the second with the kinds of reason for which they are dropped."""
 
 
-def _read_frames(found: Found, paths: SetPaths) -> _Frames:
-    """Some frames of a sequence; of one that could not be read, the images that are there."""
+def _read_frames(found: Found, paths: SetPaths) -> Strips:
+    """Evenly spaced frames, and one for each kind of reason as far as there is room.
+
+    Of a sequence that could not be read, they are of the images that are there.
+    """
     files = found.files
     if files is None or not files.image_dir.is_dir():
-        return _Frames((), ())
+        return [[], []]
     numbers = range(found.n_frames) or image_numbers(files)
-    shown = [numbers[row] for row in spaced(len(numbers), N_TILES)]
-    examples = example_frames(found.reasons, kinds_of(found.reasons)) if found.is_solved else {}
     masks_dir = paths.masks_dir(files.name)
-    return _Frames(
-        [read_tile(files, masks_dir, number) for number in shown],
-        [(kind, read_tile(files, masks_dir, number))
-         for kind, number in list(examples.items())[:N_TILES]],
-    )  # fmt: skip
+    examples = example_frames(found.reasons, kinds_of(found.reasons)) if found.is_solved else {}
+    wanted: list[tuple[Kind | None, int]] = [
+        (None, numbers[row]) for row in spaced(len(numbers), N_TILES)
+    ]
+    return [
+        [(kind, read_tile(files, masks_dir, number)) for kind, number in strip]
+        for strip in (wanted, list(examples.items())[:N_TILES])
+    ]
 
 
-def _thumbnail(frames: _Frames) -> Markup:
-    pictures = [tile.picture for tile in frames.tiles if tile.picture is not None]
+def _thumbnail(strips: Strips) -> Markup:
+    pictures = [tile.picture for _, tile in strips[0] if tile.picture is not None]
     if not pictures:
         return Markup("<i></i>")
     small = narrowed(pictures[len(pictures) // 2], THUMBNAIL_WIDTH_PX)
     return image(jpeg(small, JPEG_QUALITY), "jpeg", "", small.shape[1], small.shape[0])
 
 
-class _Section(NamedTuple):
-    """One section of a page."""
-
-    kind: str
-    """Name of its macro in the template."""
-    given: object
-    """What the macro shows."""
-    problem: str
-    """Why it can't be drawn; empty if it can."""
-
-
-def _sequence_page(found: Found, frames: _Frames, recipe: ThreedpwRecipe, paths: SetPaths) -> str:
+def _sequence_page(found: Found, strips: Strips, recipe: ThreedpwRecipe, paths: SetPaths) -> str:
     """The page as HTML; the same sequence gives the same bytes."""
     makers: dict[str, Callable[[], object]] = {"verdict": lambda: _verdict(found, recipe)}
     if found.reasons:
@@ -246,17 +257,17 @@ def _sequence_page(found: Found, frames: _Frames, recipe: ThreedpwRecipe, paths:
             "camera_class": lambda: _camera_class(found, record, recipe),
             "reconstruction": lambda: _reconstruction(cameras),
         }
-    makers |= {"frames": lambda: _shown_frames(frames), "files": lambda: _files(found, paths)}
-    sections = [_section(kind, make) for kind, make in makers.items()]
+    makers |= {"frames": lambda: _shown_frames(strips), "files": lambda: _files(found, paths)}
+    sections = [(kind, *_made(make)) for kind, make in makers.items()]
     return render("qa_sequence", title=found.name, lead=_lead(found), sections=sections)
 
 
-def _section(kind: str, make: Callable[[], object]) -> _Section:
-    """A section, or why there is none: what is missing must not cost the others."""
+def _made(make: Callable[[], object]) -> tuple[object, str]:
+    """What a section shows, or why there is nothing: what is missing must not cost the others."""
     try:
-        return _Section(kind, make(), "")
+        return make(), ""
     except (GmrdataError, OSError) as error:
-        return _Section(kind, None, str(error))
+        return None, str(error)
 
 
 def _lead(found: Found) -> str:
@@ -429,12 +440,9 @@ def _reconstruction(cameras: CamerasQuality) -> dict[str, object]:
     }
 
 
-def _shown_frames(frames: _Frames) -> dict[str, object]:
+def _shown_frames(strips: Strips) -> list[list[tuple[object, ...]]]:
     """The strips of frames with their masks."""
-    return {
-        "tiles": [(tile, _picture(tile)) for tile in frames.tiles],
-        "dropped": [(kind, tile, _picture(tile)) for kind, tile in frames.dropped],
-    }
+    return [[(kind, tile, _picture(tile)) for kind, tile in strip] for strip in strips]
 
 
 def _picture(tile: Tile) -> Markup | None:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-import cv2
 import numpy as np
 
 from gmrdata.cameras.files import CamerasQuality, load_cameras
@@ -234,10 +233,7 @@ class Kind:
 
 
 def kinds_of(reasons: Sequence[Sequence[str]]) -> dict[str, Kind]:
-    """The kind of each reason that occurs, in the order in which they do.
-
-    `reasons` are those of (P, T) frames, empty where one is kept.
-    """
+    """The kind of each reason of (P, T) frames, in their order; empty where one is kept."""
     found = list(dict.fromkeys(reason for person in reasons for reason in person if reason))
     groups: dict[str, list[str]] = {}
     for reason in found:
@@ -295,10 +291,7 @@ def image_numbers(files: SequenceFiles) -> list[int]:
 
 
 def read_tile(files: SequenceFiles, masks_dir: Path, number: int) -> Tile:
-    """One frame with its mask; a file that can't be read is named, and no error.
-
-    `masks_dir` may be there or not.
-    """
+    """One frame with its mask; a file that can't be read is named, and no error."""
     path = files.image_path(number)
     try:
         # A link could show a file from anywhere on the page.
@@ -314,9 +307,3 @@ def read_tile(files: SequenceFiles, masks_dir: Path, number: int) -> Tile:
         except (GmrdataError, OSError) as error:
             problem = str(error)
     return Tile(number, masked_tile(image, mask, TILE_WIDTH_PX), problem)
-
-
-def narrowed(picture: np.ndarray, width_px: int) -> np.ndarray:
-    """A picture (h, w, 3) made `width_px` wide."""
-    height_px = max(1, round(width_px * picture.shape[0] / picture.shape[1]))
-    return np.asarray(cv2.resize(picture, (width_px, height_px), interpolation=cv2.INTER_AREA))

@@ -2,14 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
 from gmrdata.pages.frames import write_bytes
 from gmrdata.pages.html import Table, render
 from gmrdata.pages.plots import COLOURS, picture, quiet, svg
-from gmrdata.score import Method
 from gmrdata.score.compare import (
     HEADINGS,
     Comparison,
@@ -33,8 +31,7 @@ def write_scores_page(scores_path: Path) -> Path:
     scores = Scores.read(scores_path)
     page = scores_path.with_name("scores.html")
     write_text(page, scores_page(scores))
-    curves = _curves([scores.name], [scores])
-    drawn = picture(lambda plot: plot_over_time(plot, curves), *SIZE_IN)
+    drawn = picture(lambda plot: plot_over_time(plot, [scores.name], [scores]), *SIZE_IN)
     write_bytes(scores_path.with_name("over_time.png"), drawn)
     return page
 
@@ -98,52 +95,24 @@ def comparison_page(comparison: Comparison, records: Sequence[Scores]) -> str:
     )
 
 
-class _Curve(NamedTuple):
-    """One run's mean vertex error over time."""
-
-    name: str
-    times_s: Sequence[float]
-    vertex_mm: Sequence[float]
-    interval95_mm: Sequence[Sequence[float]] | None
-    """Lower and upper ends [mm]; None for a single clip."""
-
-
-def _curve(name: str, scores: Scores, method: Method = "predicted") -> _Curve:
-    curve = scores.over_time.get(method)
-    return _Curve(name, scores.over_time.times_s, curve.vertex_mm, curve.interval95_mm)
-
-
-def _curves(names: Sequence[str], records: Sequence[Scores]) -> list[_Curve]:
-    """Zero motion of the first run, and the predictions of all."""
-    predicted = [_curve(name, scores) for name, scores in zip(names, records, strict=True)]
-    return [_curve("zero motion", records[0], "zero"), *predicted]
-
-
 def _plot(names: Sequence[str], records: Sequence[Scores]) -> str:
-    curves = _curves(names, records)
-    return svg(lambda plot: plot_over_time(plot, curves), *SIZE_IN, "over-time")
+    return svg(lambda plot: plot_over_time(plot, names, records), *SIZE_IN, "over-time")
 
 
-def plot_over_time(plot: Figure, curves: Sequence[_Curve]) -> None:
-    """Curves with their intervals; the first, zero motion's, in grey."""
+def plot_over_time(plot: Figure, names: Sequence[str], records: Sequence[Scores]) -> None:
+    """The runs' curves with their intervals, and in grey zero motion on the first one's clips."""
     axes = plot.subplots()
-    zero, *predicted = curves
-    dashed, grey = (0, (4, 3)), COLOURS["muted"]
-    axes.plot(
-        zero.times_s, zero.vertex_mm, color=grey, linewidth=1.2, linestyle=dashed, label=zero.name
-    )
-    for number, curve in enumerate(predicted):
+    found = records[0].over_time
+    (zero,) = axes.plot(found.times_s, found.zero.vertex_mm, label="zero motion")
+    zero.set(color=COLOURS["muted"], linewidth=1.2, linestyle=(0, (4, 3)))
+    for number, (name, scores) in enumerate(zip(names, records, strict=True)):
+        times_s, curve = scores.over_time.times_s, scores.over_time.predicted
         colour = COLOURS[ROLES[number % len(ROLES)]]
-        style = "-" if number < len(ROLES) else "--"
+        dashes = "-" if number < len(ROLES) else "--"
         if curve.interval95_mm is not None:
-            low, high = curve.interval95_mm
-            axes.fill_between(curve.times_s, low, high, color=colour, alpha=0.16, linewidth=0)
-        axes.plot(
-            curve.times_s, curve.vertex_mm,
-            color=colour, linewidth=1.6, linestyle=style, label=curve.name,
-        )  # fmt: skip
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("vertex error [mm]")
+            axes.fill_between(times_s, *curve.interval95_mm, color=colour, alpha=0.16, linewidth=0)
+        axes.plot(times_s, curve.vertex_mm, dashes, color=colour, linewidth=1.6, label=name)
+    axes.set(xlabel="time [s]", ylabel="vertex error [mm]")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
     axes.legend(frameon=False, loc="upper left")

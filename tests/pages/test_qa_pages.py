@@ -148,7 +148,8 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
         world_from_cam=cameras.path.world_from_cam[left],
         has_camera=cameras.path.has_camera[left],
     )
-    fewer = replace(cameras, path=path, image_numbers=left)
+    between = cameras.interpolated[left]
+    fewer = replace(cameras, path=path, image_numbers=left, interpolated=between)
     save_cameras(paths.sfm_dir("arc_00") / "cameras.npz", fewer)
     quality_path = paths.pseudo_gt_dir("arc_00") / "quality.json"
     record = read_json(quality_path)
