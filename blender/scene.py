@@ -24,11 +24,12 @@ from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import street
 from gmrdata.film.extras import Cast, make_cast
-from gmrdata.film.render import RenderJob
+from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import RenderFailed
+from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
@@ -60,14 +61,9 @@ class ClipScene:
 def build_scene(
     job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath, cache_dir: Path
 ) -> ClipScene:
-    """Build a clip's scene in an empty Blender.
+    """Build the scene of a clip, its body and its camera in an empty Blender.
 
-    Args:
-        job: The job.
-        clip: The clip.
-        body: Its body.
-        wanted: Its camera.
-        cache_dir: Gets the vertex caches, and must stay while Blender renders.
+    `cache_dir` gets the vertex caches, and must stay while Blender renders.
     """
     config, motion = job.config, clip.motion
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -87,37 +83,50 @@ def build_scene(
     sharing = [load_clip(path) for path in job.layout_paths] or [clip]
     cast = make_cast(config.scene.extras, sharing, body, config.scene.seed)
     colours = None
+    light = Light("traced", 0.0)
     if backdrop is None:
         light = Light(config.scene.lit_by, _sun_azimuth_rad(sharing[0]))
         yard = PLACES[config.scene.kind](*with_ways(*_paths_m(sharing), cast.ground_m), yard_rng)
         build_yard(scene, yard, light, config.scene.hdri_path, mesh_rng)
         colours = main_colours(yard)
-    else:
-        light = Light("traced", 0.0)
-        if not backdrop.allow_collisions:
-            joints_m = motion_joints_m(body, motion)
-            require_clear(scene, backdrop.path, joints_m, wanted.centres_world_m)
+    elif not backdrop.allow_collisions:
+        joints_m = motion_joints_m(body, motion)
+        require_clear(scene, backdrop.path, joints_m, wanted.centres_world_m)
+    if config.person.seed is not None:
+        person_rng = np.random.default_rng(config.person.seed)
     figure = None
     if config.character is None:
-        vertices_m, faces_of = motion_vertices_m(body, motion), joint_of_face(body)
-        if config.person.seed is not None:
-            person_rng = np.random.default_rng(config.person.seed)
-        mesh = person_mesh(
-            "person",
-            body,
-            motion.shape,
-            vertices_m[0],
-            light,
-            person_rng,
-            surroundings=colours,
-            texture=config.person.texture,
-        )
+        mesh, vertices_m = _person_mesh(config, body, motion, light, colours, person_rng)
+        faces_of = joint_of_face(body)
     else:
         figure = bring_in("person", config.character, body, motion, light)
         mesh, vertices_m, faces_of = figure.mesh, figure.vertices_m, figure.joint_of_face
     person = add_actor(scene, mesh, vertices_m, cache_dir / "person.pc2", joint_of_face=faces_of)
     extras = add_extras(scene, config.scene, cast, motion.n_frames, body, light, cache_dir)
     return ClipScene(scene, used, person, cast, extras, figure)
+
+
+def _person_mesh(
+    config: RenderConfig,
+    body: BodyModel,
+    motion: Motion,
+    light: Light,
+    surroundings: np.ndarray | None,
+    rng: np.random.Generator,
+) -> tuple[Any, np.ndarray]:
+    """The bpy mesh of the body, dressed, and its vertices (T, V, 3) in the world [m]."""
+    vertices_m = motion_vertices_m(body, motion)
+    mesh = person_mesh(
+        "person",
+        body,
+        motion.shape,
+        vertices_m[0],
+        light,
+        rng,
+        surroundings=surroundings,
+        texture=config.person.texture,
+    )
+    return mesh, vertices_m
 
 
 def save_blend(clip_scene: ClipScene, folder: Path) -> None:
