@@ -170,19 +170,19 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
 def _keep_bodies(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
     """Files of the given bodies by their names, kept beside the clips."""
     given = Path(body)
-    specs = (
+    bodies = (
         [str(path) for path in sorted(given.iterdir()) if path.suffix in (".pkl", ".npz")]
         if given.is_dir()
         else [body]
     )
-    if not specs:
+    if not bodies:
         raise MissingInput(f"{given}: holds no SMPL models (.pkl or .npz)")
     kept: dict[str, Path] = {}
-    for spec in specs:
-        name = load_body(spec).name
+    for each in bodies:
+        name = load_body(each).name
         if name in kept:
             raise BadBodyFile(f"{given}: holds two files of the body {name}. Leave one there")
-        kept[name] = keep_body(spec, out_dir / "body" / name, run=run)
+        kept[name] = keep_body(each, out_dir / "body" / name, run=run)
     return kept
 
 

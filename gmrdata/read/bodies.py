@@ -112,11 +112,11 @@ def _in_memory(array: np.ndarray | None) -> Any:
     return array.astype(np.int64 if array.dtype.kind in "iu" else np.float64)
 
 
-def load_body(spec: str) -> BodyModel:
+def load_body(body: str) -> BodyModel:
     """Load a body.
 
     Args:
-        spec: "anny" for the default body, which is made once per machine (about a minute, with
+        body: "anny" for the default body, which is made once per machine (about a minute, with
             progress) and kept in the user's cache folder; or the path of SMPL's model as `.npz` or
             `.pkl`; or the path of an `.npz` of gmrdata's own.
 
@@ -125,13 +125,13 @@ def load_body(spec: str) -> BodyModel:
         BadBodyFile: the file is broken, or holds something else than a body of 24 joints.
         UnsafePickle: the pickle wants to import something that is not plain data.
     """
-    if spec == "anny":
+    if body == "anny":
         made = anny_file()
         try:
             return read_body(made)
         except BadBodyFile as error:
             raise BadBodyFile(f"{error}. Delete {made}, and it is made again") from None
-    path = Path(spec).expanduser()
+    path = Path(body).expanduser()
     if not path.is_file():
         raise MissingInput(
             f"{path}: no such body file. Give 'anny' for the free default body, or the path of "
@@ -176,12 +176,12 @@ class BodyConfig(Config):
     """"anny", or the file name of a body model."""
 
 
-def keep_body(spec: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
+def keep_body(body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
     """Stage: write a body to `out_dir/body.npz`, beside the clips that use it; gives its path."""
 
     def work(partial_dir: Path) -> None:
-        save_body(partial_dir / BODY_FILE, load_body(spec))
+        save_body(partial_dir / BODY_FILE, load_body(body))
 
-    config = BodyConfig(body=Path(spec).name)
-    inputs = {"file": Path(spec)} if Path(spec).is_file() else {}
+    config = BodyConfig(body=Path(body).name)
+    inputs = {"file": Path(body)} if Path(body).is_file() else {}
     return run_stage("body", out_dir, config, inputs, work, run=run) / BODY_FILE

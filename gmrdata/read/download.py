@@ -273,10 +273,10 @@ def _blocks(answer: http.client.HTTPResponse, url: str, limit_s: float) -> Itera
 def _opener() -> urllib.request.OpenerDirector:
     """An opener without handlers for file, ftp and data addresses."""
     web = urllib.request
+    kinds: tuple[type[web.BaseHandler], ...] = (web.ProxyHandler, web.HTTPHandler, web.HTTPSHandler)
+    kinds += (web.UnknownHandler, _WebOnly, web.HTTPErrorProcessor, web.HTTPDefaultErrorHandler)
     opener = web.OpenerDirector()
-    for kind in (web.ProxyHandler, web.HTTPHandler, web.HTTPSHandler, web.UnknownHandler, _WebOnly):
-        opener.add_handler(kind())
-    for kind in (web.HTTPErrorProcessor, web.HTTPDefaultErrorHandler):
+    for kind in kinds:
         opener.add_handler(kind())
     return opener
 
