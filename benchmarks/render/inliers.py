@@ -8,6 +8,7 @@ from render.clips import MOVING, walk_clip
 from render.scale import Scale
 
 from gmrdata.cameras.files import load_cameras, load_quality
+from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
@@ -64,11 +65,10 @@ def _turning_points(
     rendered: Path, sfm_dir: Path, intrinsics_px: np.ndarray, work_dir: Path
 ) -> np.ndarray:
     """(T,) features of each frame with a match that agrees with the solved rotations."""
-    images, config = list_images(rendered / "frames"), SfmConfig()
+    images = list_images(rendered / "frames")
     work_dir.mkdir()
-    matches = match_frames(
-        images, rendered / "masks", intrinsics_px, check_images(images), work_dir, config
-    )
+    frames = Frames(images, rendered / "masks", intrinsics_px, check_images(images))
+    matches = match_frames(frames, work_dir, SfmConfig())
     rotations = load_cameras(sfm_dir).path.world_from_cam[:, :3, :3]
     found: list[set[int]] = [set() for _ in images]
     for pair in matches.pairs:
@@ -78,7 +78,7 @@ def _turning_points(
         there = np.c_[first_px, np.ones(len(first_px))] @ turn_px.T
         second_px = matches.keypoints_px[pair.second][pair.features[:, 1]]
         residuals_px = np.linalg.norm(there[:, :2] / there[:, 2:] - second_px, axis=1)
-        agree = pair.features[residuals_px < config.rotation_only_inlier_px]
+        agree = pair.features[residuals_px < SfmConfig().rotation_only_inlier_px]
         found[pair.first].update(agree[:, 0].tolist())
         found[pair.second].update(agree[:, 1].tolist())
     return np.array([len(features) for features in found])

@@ -1,12 +1,12 @@
-"""Bundle adjustment over a whole model, with a loss that forgives wrong matches.
-
-pycolmap, imported in the one order that works, and silent.
-"""
+"""pycolmap, imported in the one order that works, and silent; what its callers share."""
 
 from typing import Any
 
 import cv2  # noqa: F401
+import numpy as np
 import pycolmap
+
+from gmrdata.values import transforms
 
 # OpenCV first: with pycolmap loaded before it, cv2.imwrite of a PNG aborts the process, because
 # both wheels carry their own libpng (seen with pycolmap 4.2.1 and OpenCV 4.11).
@@ -15,6 +15,12 @@ import pycolmap
 pycolmap.logging.minloglevel = 3
 
 __all__ = ["pycolmap"]
+
+
+def matrix_of(rigid: Any) -> np.ndarray:
+    """A pycolmap.Rigid3d as a transform (4, 4)."""
+    matrix = np.asarray(rigid.matrix())
+    return transforms.rigid(matrix[:, :3], matrix[:, 3])
 
 
 def adjustment_options(*, free_focal: bool, max_iterations: int, function_tolerance: float) -> Any:

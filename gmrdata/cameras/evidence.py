@@ -51,10 +51,10 @@ def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidenc
         verdict="full" if not fits else "either" if parallax else "rotation_only",
         reason=(
             f"{said} the matches: median residual {median_px} px "
-            f"(limit {config.rotation_only_median_px}), in the worst tenth of the pairs "
-            f"{wide_px} px (limit {config.rotation_only_wide_median_px}), {100 * share:.0f} % of "
-            f"the matches within {config.rotation_only_inlier_px} px "
-            f"(limit {100 * config.rotation_only_share:.0f} %){doubt}"
+            f"(threshold {config.rotation_only_median_px}), in the worst tenth of the pairs "
+            f"{wide_px} px (threshold {config.rotation_only_wide_median_px}), "
+            f"{100 * share:.0f} % of the matches within {config.rotation_only_inlier_px} px "
+            f"(threshold {100 * config.rotation_only_share:.0f} %){doubt}"
         ),
         rotation_only_median_px=median_px,
         rotation_only_wide_median_px=wide_px,
@@ -73,8 +73,8 @@ def explains_better(mapped: Solution | None, turning: RotationOnly, config: SfmC
     if mapped is None or mapped.has_camera.sum() < turning.has_camera.sum():
         return False
     agree = turning.residuals_px < config.rotation_only_inlier_px
-    limit_px = CLEARLY_BETTER * np.median(turning.residuals_px[agree])
-    return bool(np.median(mapped.errors_px) < limit_px)
+    threshold_px = CLEARLY_BETTER * np.median(turning.residuals_px[agree])
+    return bool(np.median(mapped.errors_px) < threshold_px)
 
 
 def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:

@@ -29,7 +29,7 @@ QUALITY_FILE = "quality.json"
 Geometry = Literal["full", "rotation_only", "static"]
 """What the camera does: six degrees of freedom up to scale; turn about a fixed centre; nothing."""
 Mapper = Literal["global", "incremental", "small_parallax", "rotation_only"]
-"""What found the cameras; "small_parallax" is the incremental mapper with lower limits."""
+"""What found the cameras; "small_parallax" is the incremental mapper with lower thresholds."""
 
 
 @part(frozen=True, config=PART)

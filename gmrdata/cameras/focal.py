@@ -1,13 +1,10 @@
-"""The focal length that a pure rotation would choose.
-
-Two frames of a turning camera are related by K R K^-1, so the overlap of turned frames holds the
-focal length (Hartley 1994): Gauss-Newton with Cauchy weights on all orientations and its logarithm.
-
-Whether the background fits the intrinsics: the focal length that it would choose itself.
+"""Whether the background fits the intrinsics: the focal length that it would choose itself.
 
 A reconstruction with fixed intrinsics is adjusted once more with the focal length free, on a copy.
 Where the camera moves enough the background holds the focal length firmly; where it doesn't, the
-standard error says so.  Nothing of the result but this figure is used.
+standard error says so.  Of a camera that only turns, two frames are related by K R K^-1, so their
+overlap holds it (Hartley 1994): Gauss-Newton with Cauchy weights on all orientations and its
+logarithm.  Nothing of either result but this figure is used.
 """
 
 from dataclasses import dataclass
@@ -20,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import adjustment_options, pycolmap, whole_problem
 from gmrdata.cameras.matches import Matches
-from gmrdata.cameras.rotation_only import CAUCHY_SCALE_PX, RotationOnly
+from gmrdata.cameras.rotation_only import CAUCHY_SCALE_PX, RotationOnly, slopes_by_turns
 
 MAX_FREED_ITERATIONS = 200
 NOISE_FLOOR_PX = 0.05
@@ -43,9 +40,6 @@ class FreedFocal:
 
 def freed_focal(model: Any) -> FreedFocal | None:
     """Adjust a copy of a COLMAP reconstruction with its focal length free.
-
-    Args:
-        model: A `pycolmap.Reconstruction` with one pinhole camera; stays as it is.
 
     Returns:
         None where there is nothing to adjust, or the adjustment fails.
@@ -106,13 +100,7 @@ from 2 to 40 degrees: the factor is off by up to 5 such errors where the hand dr
 def turning_focal(
     turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray
 ) -> FreedFocal | None:
-    """Refine orientations and focal length together; None where the matches don't hold it.
-
-    Args:
-        turning: The rotations that were found with the focal length fixed.
-        matches: The matches that they were found from.
-        intrinsics_px: (3, 3) calibration matrix [px].
-    """
+    """Refine orientations and focal length together; None where the matches don't hold it."""
     frames, first, second = _gather(turning, matches, intrinsics_px)
     if len(frames) == 0:
         return None
@@ -176,16 +164,11 @@ def _linearised(
     rays = np.c_[first / factor, np.ones(len(first))]
     second_from_first = np.swapaxes(rotmats[frames[:, 1]], 1, 2) @ rotmats[frames[:, 0]]
     seen = np.einsum("mij,mj->mi", second_from_first, rays)
-    depth = np.maximum(seen[:, 2:], 1e-3)
-    image_px = factor * focal_px * seen[:, :2] / depth
-    projection = np.zeros((len(seen), 2, 3))
-    projection[:, 0, 0], projection[:, 1, 1] = (factor * focal_px / depth).T
-    projection[:, :, 2] = -image_px / depth
-    by_first = -projection @ second_from_first @ _cross(rays)
-    by_second = projection @ _cross(seen)
+    image_px = factor * focal_px * seen[:, :2] / np.maximum(seen[:, 2:], 1e-3)
+    projection, by_turns = slopes_by_turns(rays, seen, second_from_first, factor * focal_px)
     narrower = np.c_[-rays[:, :2], np.zeros(len(rays))]
     by_log = image_px + np.einsum("mki,mij,mj->mk", projection, second_from_first, narrower)
-    values = np.concatenate([by_first, by_second, by_log[:, :, None]], axis=2)
+    values = np.concatenate([by_turns, by_log[:, :, None]], axis=2)
     n_unknowns = 3 * len(rotmats) + 1
     turns = (3 * frames[:, :, None] + np.arange(3)).reshape(-1, 6)
     columns = np.c_[turns, np.full(len(turns), n_unknowns - 1)]
@@ -196,8 +179,3 @@ def _linearised(
     )
     shape = (2 * len(seen), n_unknowns)
     return image_px - focal_px * second, csc_array(coo_array((values.ravel(), where), shape))
-
-
-def _cross(vectors: np.ndarray) -> np.ndarray:
-    """Matrices (M, 3, 3) of the cross product from the left."""
-    return -np.cross(vectors[:, None], np.eye(3))

@@ -1,16 +1,16 @@
 """Cameras with six degrees of freedom: COLMAP's mappers, then a robust bundle adjustment."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import adjustment_options, pycolmap, whole_problem
+from gmrdata.cameras.colmap import adjustment_options, matrix_of, pycolmap, whole_problem
 from gmrdata.cameras.files import Mapper, ModelRecord
 from gmrdata.cameras.focal import freed_focal
-from gmrdata.cameras.matches import Matches
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.matches import DATABASE_FILE, Matches
 from gmrdata.cameras.models import join_models, place_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.solution import SeenPoints, Solution
@@ -24,41 +24,26 @@ degrees find no pair there.  About a hand's 5 cm before a background 5 m away.""
 
 
 def map_frames(
-    database_path: Path,
-    images: list[Path],
-    matches: Matches,
-    intrinsics_px: np.ndarray,
-    config: SfmConfig,
+    frames: Frames, matches: Matches, work_dir: Path, config: SfmConfig
 ) -> Solution | None:
     """Map all frames; None if neither mapper finds a model.
 
     The global mapper goes first.  The incremental one is tried where the global one leaves frames
     out, and is taken if it registers more of them, or as many with more observations.  Models that
     share frames are joined.  Where neither finds a model, the camera may hardly leave its place:
-    the incremental one is run with lower limits for parallax.  A pan has no model even then.
+    the incremental one is run with lower thresholds for parallax.  A pan has no model even then.
 
     Args:
-        database_path: COLMAP's database with verified matches.
-        images: Frames in order.
-        matches: The same matches as arrays.
-        intrinsics_px: (3, 3) calibration matrix [px].
-        config: The recipe.
+        work_dir: Folder with COLMAP's `database.db` of the same matches.
     """
     found: list[Solution] = []
-    runs: dict[Mapper, Callable[..., dict[int, Any]]] = {
-        "global": _run_global,
-        "incremental": _run_incremental,
-        "small_parallax": _run_small_parallax,
-    }
-    for mapper, run in runs.items():
+    mappers: tuple[Mapper, ...] = ("global", "incremental", "small_parallax")
+    for mapper in mappers:
         if found and mapper == "small_parallax":
             break
-        out_dir = database_path.parent / mapper
-        out_dir.mkdir()
-        models = list(run(database_path, images, out_dir, config).values())
-        if models:
+        if models := _run(mapper, frames, work_dir, config):
             whole, records = join_models(models, config.seed)
-            found.append(_finish(whole, mapper, records, images, matches, intrinsics_px, config))
+            found.append(_finish(whole, mapper, records, frames, matches, config))
             if found[-1].has_camera.all():
                 break
     return max(found, key=lambda m: (m.has_camera.sum(), m.inliers.sum()), default=None)
@@ -67,14 +52,7 @@ def map_frames(
 def place_between(
     keys: Solution, key_rows: np.ndarray, matches: Matches, intrinsics_px: np.ndarray
 ) -> Solution:
-    """A reconstruction of K keyframes, with the frames between them placed against its points.
-
-    Args:
-        keys: The reconstruction.
-        key_rows: (K,) rows of the keyframes.
-        matches: Matches of all T frames.
-        intrinsics_px: (3, 3) calibration matrix [px].
-    """
+    """A reconstruction of K keyframes, with the frames between them placed against its points."""
     n = matches.n_frames
     world_from_cam = np.full((n, 4, 4), np.nan)
     inliers = np.zeros(n, dtype=np.int64)
@@ -88,9 +66,23 @@ def place_between(
     )
 
 
-def _run_global(
-    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
-) -> dict[int, Any]:
+def _run(mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig) -> list[Any]:
+    """The models that a mapper finds."""
+    out_dir = work_dir / mapper
+    out_dir.mkdir()
+    files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
+    if mapper == "global":
+        return list(pycolmap.global_mapping(*files, _global_options(config)).values())
+    options = _incremental_options(config)
+    if mapper == "small_parallax":
+        options.mapper.init_min_tri_angle = SMALL_START_DEG
+        options.mapper.filter_min_tri_angle = options.triangulation.min_angle = MIN_PARALLAX_DEG
+        # Half of what else is asked for: small frames between masks have no more.
+        options.mapper.init_min_num_inliers = 50
+    return list(pycolmap.incremental_mapping(*files, options).values())
+
+
+def _global_options(config: SfmConfig) -> Any:
     options = pycolmap.GlobalPipelineOptions()
     options.num_threads = options.mapper.num_threads = 1
     options.random_seed = options.mapper.random_seed = config.seed
@@ -99,25 +91,7 @@ def _run_global(
     options.mapper.bundle_adjustment.refine_extra_params = False
     options.mapper.bundle_adjustment.ceres.use_gpu = False
     options.mapper.global_positioning.use_gpu = False
-    return dict(pycolmap.global_mapping(database_path, images[0].parent, out_dir, options))
-
-
-def _run_incremental(
-    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
-) -> dict[int, Any]:
-    options = _incremental_options(config)
-    return dict(pycolmap.incremental_mapping(database_path, images[0].parent, out_dir, options))
-
-
-def _run_small_parallax(
-    database_path: Path, images: list[Path], out_dir: Path, config: SfmConfig
-) -> dict[int, Any]:
-    options = _incremental_options(config)
-    options.mapper.init_min_tri_angle = SMALL_START_DEG
-    options.mapper.filter_min_tri_angle = options.triangulation.min_angle = MIN_PARALLAX_DEG
-    # Half of what else is asked for: small frames between masks have no more.
-    options.mapper.init_min_num_inliers = 50
-    return dict(pycolmap.incremental_mapping(database_path, images[0].parent, out_dir, options))
+    return options
 
 
 def _incremental_options(config: SfmConfig) -> Any:
@@ -137,17 +111,16 @@ def _finish(
     model: Any,
     mapper: Mapper,
     records: tuple[ModelRecord, ...],
-    images: list[Path],
+    frames: Frames,
     matches: Matches,
-    intrinsics_px: np.ndarray,
     config: SfmConfig,
 ) -> Solution:
     """Refine a model, place the frames that it lacks, and read it out."""
     _adjust(model)
     _drop_outliers(model, config.max_reprojection_px)
     _adjust(model)
-    row_of_name = {image.name: row for row, image in enumerate(images)}
-    n = len(images)
+    row_of_name = {image.name: row for row, image in enumerate(frames.images)}
+    n = len(frames.images)
     world_from_cam = np.full((n, 4, 4), np.nan)
     observations = np.zeros(n, dtype=np.int64)
     errors: list[np.ndarray] = []
@@ -156,7 +129,7 @@ def _finish(
     for image_id in sorted(model.reg_image_ids()):
         image = model.image(image_id)
         row = row_of_name[image.name]
-        cam_from_world = transforms.rigid(*_split(image.cam_from_world().matrix()))
+        cam_from_world = matrix_of(image.cam_from_world())
         world_from_cam[row] = transforms.invert(cam_from_world)
         seen = {
             feature: np.asarray(model.point3D(point.point3D_id).xyz)
@@ -165,11 +138,12 @@ def _finish(
         }
         point_of_feature[row] = seen
         observations[row] = len(seen)
-        errors.append(_errors_px(seen, matches.keypoints_px[row], cam_from_world, intrinsics_px))
+        keypoints_px = matches.keypoints_px[row]
+        errors.append(_errors_px(seen, keypoints_px, cam_from_world, frames.intrinsics_px))
     _forget_weak(world_from_cam, observations, point_of_feature, config.min_frame_points)
     missing = [row for row in range(n) if row not in point_of_feature]
     n_resected = place_frames(
-        missing, world_from_cam, observations, point_of_feature, matches, intrinsics_px
+        missing, world_from_cam, observations, point_of_feature, matches, frames.intrinsics_px
     )
     point_ids = sorted(model.point3D_ids())
     return Solution(
@@ -212,10 +186,6 @@ def _drop_outliers(model: Any, max_error_px: float) -> None:
     model.update_point_3d_errors()
     manager = pycolmap.ObservationManager(model)
     manager.filter_all_points3D(max_error_px, MIN_PARALLAX_DEG)
-
-
-def _split(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.asarray(matrix)[:, :3], np.asarray(matrix)[:, 3]
 
 
 def _errors_px(

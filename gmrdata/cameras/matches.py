@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.masks.folder import find_mask
 from gmrdata.read.frames import read_gray, write_gray
 from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
+DATABASE_FILE = "database.db"
 FEWEST_FEATURES = 8
 """A frame with fewer can't be matched."""
 MIN_FRAMES = 3
@@ -52,70 +53,48 @@ class Matches:
         return len(self.keypoints_px)
 
 
-def match_frames(
-    images: list[Path],
-    masks_dir: Path | None,
-    intrinsics_px: np.ndarray,
-    size_px: tuple[int, int],
-    work_dir: Path,
-    config: SfmConfig,
-) -> Matches:
-    """Find and match features; COLMAP's database stays in `work_dir` for the mappers.
-
-    Args:
-        images: Frames in order, all in one folder.
-        masks_dir: Masks (255 = dynamic), or None to use the whole of every frame.
-        intrinsics_px: (3, 3) calibration matrix [px].
-        size_px: (width, height) of the frames.
-        work_dir: Folder for the database `database.db`.
-        config: The recipe.
+def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:
+    """Find and match features; COLMAP's `database.db` stays in `work_dir` for the mappers.
 
     Raises:
         BadFrames: a mask is missing or of another size.
         NoReconstruction: too few features outside the masks, or no two frames match.
     """
     pycolmap.set_random_seed(config.seed)
-    database_path = work_dir / "database.db"
-    _extract(images, masks_dir, intrinsics_px, size_px, work_dir, config)
+    database_path = work_dir / DATABASE_FILE
+    _extract(frames, work_dir, config)
     _match(database_path, config)
     _sort_pairs(database_path)
-    matches = _read(database_path, images)
-    _require_usable(matches, images, masks_dir)
+    matches = _read(database_path, frames.images)
+    _require_usable(matches, frames)
     return matches
 
 
-def _extract(
-    images: list[Path],
-    masks_dir: Path | None,
-    intrinsics_px: np.ndarray,
-    size_px: tuple[int, int],
-    work_dir: Path,
-    config: SfmConfig,
-) -> None:
+def _extract(frames: Frames, work_dir: Path, config: SfmConfig) -> None:
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = "PINHOLE"
-    reader.camera_params = ",".join(repr(float(v)) for v in pinhole_params(intrinsics_px))
-    if masks_dir is not None:
+    reader.camera_params = ",".join(repr(float(v)) for v in pinhole_params(frames.intrinsics_px))
+    if frames.masks_dir is not None:
         colmap_masks_dir = work_dir / "masks"
         colmap_masks_dir.mkdir()
-        for image in images:
+        for image in frames.images:
             # COLMAP's sense: no features where the mask is 0.
-            mask = read_gray(find_mask(masks_dir, image), size_px)
+            mask = frames.mask(image)
             write_gray(colmap_masks_dir / f"{image.name}.png", 255 * (mask <= 127).astype(np.uint8))
         reader.mask_path = str(colmap_masks_dir)
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = config.threads or own_cores()
-    options.max_image_size = max(size_px)
+    options.max_image_size = max(frames.size_px)
     options.sift.max_num_features = config.max_features
     options.sift.first_octave = config.first_octave
-    database_path, names = work_dir / "database.db", [image.name for image in images]
+    database_path, names = work_dir / DATABASE_FILE, [image.name for image in frames.images]
     single = pycolmap.CameraMode.SINGLE
     # Images get their ids here, in order; threads of the extraction would give them in any.
     pycolmap.Database.open(database_path).close()
-    pycolmap.import_images(database_path, images[0].parent, single, names, reader)
+    pycolmap.import_images(database_path, frames.images[0].parent, single, names, reader)
     pycolmap.extract_features(
         database_path=database_path,
-        image_path=images[0].parent,
+        image_path=frames.images[0].parent,
         image_names=names,
         camera_mode=single,
         reader_options=reader,
@@ -207,28 +186,26 @@ def _read(database_path: Path, images: list[Path]) -> Matches:
     return Matches(keypoints_px, sorted(pairs, key=lambda pair: (pair.first, pair.second)))
 
 
-def _why_featureless(images: list[Path], masks_dir: Path | None) -> str:
+def _why_featureless(frames: Frames) -> str:
     """What keeps the frames from having features, by how much is masked and how bright they are."""
-    if masks_dir is not None:
-        masked = np.mean(
-            [(read_gray(find_mask(masks_dir, image)) > 127).mean() for image in images]
-        )
+    if frames.masks_dir is not None:
+        masked = np.mean([(frames.mask(image) > 127).mean() for image in frames.images])
         if masked > MASKED_SHARE:
             return f"the masks cover {masked:.0%} of the picture; check what made them"
-    brightness = np.median([np.percentile(read_gray(image), 95) for image in images])
+    brightness = np.median([np.percentile(read_gray(image), 95) for image in frames.images])
     if brightness < DARK_GREY:
         return f"the frames are black (grey value {brightness:.0f} of 255); check the images"
     return "the background is textureless; take a sequence that shows more of its surroundings"
 
 
-def _require_usable(matches: Matches, images: list[Path], masks_dir: Path | None) -> None:
+def _require_usable(matches: Matches, frames: Frames) -> None:
     counts = np.array([len(points) for points in matches.keypoints_px])
-    folder = images[0].parent
+    folder = frames.images[0].parent
     if (counts >= FEWEST_FEATURES).sum() < MIN_FRAMES:
-        where = "outside the masks" if masks_dir is not None else "in the frames"
+        where = "outside the masks" if frames.masks_dir is not None else "in the frames"
         raise NoReconstruction(
             f"{folder}: {int(np.median(counts))} features per frame {where}: "
-            f"{_why_featureless(images, masks_dir)}"
+            f"{_why_featureless(frames)}"
         )
     if not matches.pairs:
         raise NoReconstruction(

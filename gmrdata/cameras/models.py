@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.colmap import matrix_of, pycolmap
 from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.matches import Matches, pinhole_params
 from gmrdata.cameras.solution import SeenPoints
 from gmrdata.values import transforms
+from gmrdata.values.camera import project_cam
 
 MIN_PNP_INLIERS = 20
 """Points that a frame must agree with to be placed by them."""
@@ -36,8 +37,6 @@ def place_frames(
         world_from_cam: (T, 4, 4); filled in place.
         observations: (T,) points per frame; filled in place.
         seen: Points of the frames that have a camera; those of placed frames are added.
-        matches: Matches of all T frames.
-        intrinsics_px: (3, 3) calibration matrix [px].
 
     Returns:
         How many frames got a camera.
@@ -56,8 +55,7 @@ def place_frames(
             matches.keypoints_px[row][list(points)], np.array(list(points.values())), camera
         )
         if answer is not None and answer["num_inliers"] >= MIN_PNP_INLIERS:
-            matrix = np.asarray(answer["cam_from_world"].matrix())
-            world_from_cam[row] = transforms.invert(transforms.rigid(matrix[:, :3], matrix[:, 3]))
+            world_from_cam[row] = transforms.invert(matrix_of(answer["cam_from_world"]))
             observations[row] = answer["num_inliers"]
             agree = zip(points.items(), answer["inlier_mask"], strict=True)
             seen[row] = {feature: point for (feature, point), inlier in agree if inlier}
@@ -97,7 +95,6 @@ def join_models(models: list[Any], seed: int) -> tuple[Any, tuple[ModelRecord, .
 
     Args:
         models: One or more of COLMAP's reconstructions from one database.
-        seed: Seed of the robust fit.
 
     Returns:
         The largest model, in its own world, with what was joined to it; and what became of each
@@ -132,7 +129,7 @@ def _similarity(whole: Any, model: Any, seed: int) -> tuple[Any | None, str]:
     if len(ours) < MIN_SHARED_POINTS:
         return None, (
             f"shares {frames} but only {len(ours)} points with the largest "
-            f"(limit {MIN_SHARED_POINTS})"
+            f"(threshold {MIN_SHARED_POINTS})"
         )
     options = pycolmap.RANSACOptions()
     options.random_seed = seed
@@ -146,7 +143,7 @@ def _similarity(whole: Any, model: Any, seed: int) -> tuple[Any | None, str]:
     if not error_px <= MAX_SHARED_ERROR_PX:
         return None, (
             f"its cameras of the {frames} shared with the largest are {error_px:.1f} px off "
-            f"(limit {MAX_SHARED_ERROR_PX:g} px)"
+            f"(threshold {MAX_SHARED_ERROR_PX:g} px)"
         )
     return whole_from_model, f"joined by {frames} and {len(ours)} points, {error_px:.2f} px off"
 
@@ -203,11 +200,8 @@ def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list
 
 def _project(image: Any, points: np.ndarray) -> np.ndarray:
     """Image points (N, 2) [px]; NaN behind the camera."""
-    matrix = np.asarray(image.cam_from_world().matrix())
-    points_cam = transforms.apply(transforms.rigid(matrix[:, :3], matrix[:, 3]), points)
-    points_cam[points_cam[:, 2] <= 0] = np.nan
-    rays = points_cam[:, :2] / points_cam[:, 2:]
-    return rays @ image.camera.calibration_matrix()[:2, :2].T
+    points_cam = transforms.apply(matrix_of(image.cam_from_world()), points)
+    return project_cam(points_cam, np.asarray(image.camera.calibration_matrix()))
 
 
 def _take_over(whole: Any, model: Any) -> None:

@@ -1,12 +1,7 @@
-"""Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits.
-
-Large frames are made smaller first.  A camera is held by hundreds of points, so it gains little
-from more pixels than about a million, while everything takes as many times longer.
-"""
+"""Stage: cameras up to scale from frames, masks and intrinsics, in a geometry that fits."""
 
 import shutil
 from collections.abc import Collection
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,81 +17,15 @@ from gmrdata.cameras.files import (
     save_cameras,
     save_points,
 )
+from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words, reduced
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.solution import (
-    Solution,
-    quality_of,
-    turning_solution,
-    with_short_gaps_filled,
-)
-from gmrdata.cameras.timeline import Timeline, cuts_in_words
-from gmrdata.masks.folder import find_mask
-from gmrdata.read.frames import check_images, image_number, list_images, read_gray
-from gmrdata.stage.jobs import in_threads
+from gmrdata.cameras.solution import Solution, quality_of, turning_solution, with_short_gaps_filled
+from gmrdata.read.frames import check_images, list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecipe, NoReconstruction
 from gmrdata.values.records import Config
-
-FAST_PNG = 1
-"""zlib's level of compression."""
-
-
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """Frames as they are worked on."""
-
-    images: list[Path]
-    """The frames."""
-    masks_dir: Path | None
-    """Masks (255 = dynamic), one per frame."""
-    intrinsics_px: np.ndarray
-    """(3, 3) calibration matrix [px]."""
-    size_px: tuple[int, int]
-    """(width, height)."""
-
-
-def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
-    """Frames whose longer side is at most so long; those that are given if it is so already.
-
-    Args:
-        frames: The frames.
-        longest_px: Longer side [px].
-        out_dir: Folder for smaller ones, in shades of grey, and for their masks.
-
-    Raises:
-        BadFrames: a mask is missing, or it or a frame is broken or of another size.
-    """
-    import cv2
-
-    share = longest_px / max(frames.size_px)
-    if share >= 1:
-        return frames
-    width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
-    masks_dir = None if frames.masks_dir is None else out_dir / "masks"
-    (out_dir / "frames").mkdir(parents=True)
-    if masks_dir is not None:
-        masks_dir.mkdir()
-
-    def reduce_one(image: Path) -> Path:
-        # As PNG it would take 40 times as long to write, and 14 times to read.
-        path = out_dir / "frames" / f"{image.stem}.bmp"
-        gray = read_gray(image, frames.size_px)
-        small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
-        cv2.imwrite(str(path), small)
-        if masks_dir is not None and frames.masks_dir is not None:
-            mask = read_gray(find_mask(frames.masks_dir, image), frames.size_px)
-            # A pixel is dynamic if any part of it is.
-            covered = cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_AREA) > 0
-            fast = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
-            cv2.imwrite(str(masks_dir / f"{image.stem}.png"), 255 * covered.astype(np.uint8), fast)
-        return path
-
-    images = in_threads(reduce_one, frames.images)
-    # Pixel (0, 0) is an outer corner, so pixels scale as lengths do.
-    scaling = np.diag([width_px / frames.size_px[0], height_px / frames.size_px[1], 1.0])
-    return Frames(images, masks_dir, scaling @ frames.intrinsics_px, (width_px, height_px))
 
 
 class _SfmRecipe(Config):
@@ -125,7 +54,6 @@ def reconstruct(
         masks_dir: Masks (255 = dynamic, not used), one per frame; None to use whole frames.
         intrinsics_px: (3, 3) calibration matrix, without skew, kept fixed [px].
         out_dir: Folder to make: `cameras.npz`, `points.npz`, `quality.json`.
-        config: The recipe.
         left_out: Numbers of images that are known to be unusable and get no camera and no row.
 
     Returns:
@@ -155,7 +83,7 @@ def reconstruct(
             raise NoReconstruction(said) from None
         shutil.rmtree(work_dir)
         path = CameraPath(matrix, *size_px, solution.world_from_cam, solution.has_camera)
-        cameras = SfmCameras(path, solution.geometry, _numbers(images), solution.interpolated)
+        cameras = SfmCameras(path, solution.geometry, given.numbers, solution.interpolated)
         save_cameras(partial / CAMERAS_FILE, cameras)
         save_points(partial / POINTS_FILE, solution.points, solution.track_lengths)
         quality.write(partial / QUALITY_FILE)
@@ -184,8 +112,8 @@ def _solve(work_dir: Path, frames: Frames, config: SfmConfig) -> tuple[Solution,
     """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
     from gmrdata.cameras.keyframes import choose_keyframes
 
-    keys = choose_keyframes(frames.images, frames.masks_dir, frames.size_px, config)
-    timeline = Timeline(_numbers(frames.images), keys.cuts)
+    keys = choose_keyframes(frames, config)
+    timeline = Timeline(frames.numbers, keys.cuts)
     try:
         solution, evidence, bent = _solve_keyframes(keys.rows, timeline, work_dir, frames, config)
     except NoReconstruction as error:
@@ -197,11 +125,7 @@ def _solve(work_dir: Path, frames: Frames, config: SfmConfig) -> tuple[Solution,
 
 
 def _solve_keyframes(
-    key_rows: np.ndarray,
-    timeline: Timeline,
-    work_dir: Path,
-    frames: Frames,
-    config: SfmConfig,
+    key_rows: np.ndarray, timeline: Timeline, work_dir: Path, frames: Frames, config: SfmConfig
 ) -> tuple[Solution, Evidence, bool]:
     """Solve keyframes, as a pure rotation where that does, then all frames.
 
@@ -209,16 +133,14 @@ def _solve_keyframes(
         The solution, the evidence for its geometry, and whether a bent model was set aside.
     """
     from gmrdata.cameras.focal import turning_focal
-    from gmrdata.cameras.frames_between import with_frames_between
+    from gmrdata.cameras.keyframes import with_frames_between
     from gmrdata.cameras.mapping import map_frames, place_between
     from gmrdata.cameras.matches import Matches, match_frames
     from gmrdata.cameras.rotation_only import RotationOnly, solve_rotation_only
     from gmrdata.cameras.smoothing import refine_mapped, refine_turning
 
-    images, masks_dir = frames.images, frames.masks_dir
-    intrinsics_px, size_px = frames.intrinsics_px, frames.size_px
-    key_images = [images[row] for row in key_rows]
-    matches = match_frames(key_images, masks_dir, intrinsics_px, size_px, work_dir, config)
+    keys, intrinsics_px = frames.of(key_rows), frames.intrinsics_px
+    matches = match_frames(keys, work_dir, config)
 
     def turn(of: Matches) -> RotationOnly:
         rng = np.random.default_rng(config.seed)
@@ -228,9 +150,9 @@ def _solve_keyframes(
     evidence = weigh(turning, matches, config)
     mapped = None
     if evidence.verdict != "rotation_only":
-        mapped = map_frames(work_dir / "database.db", key_images, matches, intrinsics_px, config)
+        mapped = map_frames(keys, matches, work_dir, config)
     bent = mapped is not None and is_bent(mapped, turning, config)
-    everything = with_frames_between(matches, key_rows, images, masks_dir, size_px, config)
+    everything = with_frames_between(matches, key_rows, frames, config)
     if (
         evidence.verdict == "rotation_only"
         or bent
@@ -242,13 +164,9 @@ def _solve_keyframes(
         return turning_solution(refined, smoothing, focal, focal_px, config), evidence, bent
     if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
-            f"{images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
+            f"{frames.images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
             "could build a model; the parallax may be too small, the intrinsics wrong or the "
             "background moving"
         )
     placed = place_between(mapped, key_rows, everything, intrinsics_px)
     return refine_mapped(placed, everything, intrinsics_px, timeline, config), evidence, bent
-
-
-def _numbers(images: list[Path]) -> np.ndarray:
-    return np.array([image_number(image) for image in images])

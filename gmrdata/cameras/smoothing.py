@@ -1,14 +1,10 @@
 """All frames refined together, with a prior on the camera's acceleration.
 
-Each camera is held by what its image says (`information`), and the second differences of place and
-orientation are taken to be normally distributed about zero.  Their standard deviation is that of
-the recipe or the acceleration that the path itself keeps to, whichever is larger.  So the prior
-doesn't bend a path that shakes: a shake that is A wide, where the noise of a camera is s, makes up
-the standard deviation itself and loses a share of (s/A)^2, at whatever frequency.
-
-How firmly its image points hold each camera: information matrices with fixed points.
-
-The frames of either geometry refined together, by `smoothing`.
+Each camera is held by what its image says (`camera_information`), and the second differences of
+place and orientation are taken to be normally distributed about zero.  Their standard deviation is
+that of the recipe or the acceleration that the path itself keeps to, whichever is larger.  So the
+prior doesn't bend a path that shakes: a shake that is A wide, where the noise of a camera is s,
+makes up the standard deviation itself and loses a share of (s/A)^2, at whatever frequency.
 """
 
 from __future__ import annotations
@@ -23,8 +19,8 @@ from scipy.sparse.linalg import splu, spsolve
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.files import NOT_SMOOTHED, Smoothing, SmoothPlace, SmoothTurn
+from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.timeline import Timeline
 from gmrdata.values import transforms
 
 if TYPE_CHECKING:
@@ -56,7 +52,6 @@ def camera_information(
         world_from_cam: (T, 4, 4); NaN where there is no camera.
         seen_px: By row of a frame with a camera: (N, 2) image points [px].
         seen_points: By the same rows: the points (N, 3) behind them.
-        intrinsics_px: (3, 3) calibration matrix [px].
 
     Returns:
         (6T, 6T) block-diagonal J^T W J and (6T,) slope J^T W r, both over the variance of the
@@ -157,8 +152,6 @@ def second_differences(
     """The threes of frames that follow each other without a long gap or a cut between them.
 
     Args:
-        has_camera: (T,) bool.
-        timeline: Of the T frames.
         max_gap_frames: Frames in a gap between frames with a camera at most.
         stride: From one of the three to the next, in frames with a camera.
     """
@@ -188,9 +181,7 @@ def smooth_cameras(
         information: (kT, kT) matrix H: k = 6 by turn and step in the world's axes as
             `camera_information` has them, or k = 3 by turn alone.
         slope: (kT,) g.
-        timeline: Of the T frames.
         place_unit: Median distance of the background [unit of length].
-        config: The recipe.
 
     Returns:
         World_from_cam (T, 4, 4), and the figures; none where the frames are too few.

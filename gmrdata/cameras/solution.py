@@ -18,8 +18,8 @@ from gmrdata.cameras.files import (
     ModelRecord,
     Smoothing,
 )
+from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.timeline import Timeline
 from gmrdata.values import transforms
 from gmrdata.values.camera import fill_gaps
 
@@ -108,7 +108,6 @@ def fill_short_gaps(
 
     Args:
         world_from_cam: (T, 4, 4); NaN where there is no camera.
-        timeline: Of the T frames.
         max_gap_frames: Frames in a gap at most, left-out images among them.
 
     Returns:

@@ -54,10 +54,6 @@ def silhouette_masks(
 
     Args:
         people: Clips in the camera frame, with intrinsics and image numbers, and their bodies.
-        images_dir: The frames.
-        out_dir: Folder to make.
-        config: The recipe.
-        left_out: Numbers of images that are known to be unusable and get no mask.
 
     Raises:
         BadFrames: an image has no row in a clip, or the sizes differ.

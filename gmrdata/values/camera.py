@@ -1,7 +1,4 @@
-"""CameraPath and the pinhole projection.
-
-Is the subject in the picture?
-"""
+"""CameraPath, gaps in one, the pinhole projection, and whether the subject is in the picture."""
 
 from dataclasses import dataclass, replace
 

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile, BadRecord
@@ -97,7 +97,7 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
     """
     motion = clip.motion
     rotmats = motion.rotmats
-    arrays: dict[str, Any] = {
+    arrays: dict[str, ArrayLike] = {
         "format": CLIP_FORMAT,
         "poses": _rotvecs(rotmats).reshape(motion.n_frames, 72),
         "trans": np.asarray(motion.pelvis_m - rest_pelvis_m, dtype=np.float64),

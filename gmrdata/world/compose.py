@@ -1,9 +1,8 @@
-"""A world that stands upright: z up, the ground at z = 0, as far as the person tells.
+"""Eqs. 6-8 of the paper, from the camera's frame to the world's and back; and a world upright.
 
-Eqs. 6-8 of the paper: from the camera's frame to the world's, and back.
-
-The body's translation is the pelvis throughout.  With SMPL's `trans` in its place eq. 8 is wrong
-by (R_col,i+1 - R_col,i) J0 per frame: 11.8 mm at 10 fps for a camera that tilts at 30 degrees/s.
+The levelled world has z up and the ground at z = 0, as far as the person tells.  The body's
+translation is the pelvis throughout.  With SMPL's `trans` in its place eq. 8 is wrong by
+(R_col,i+1 - R_col,i) J0 per frame: 11.8 mm at 10 fps for a camera that tilts at 30 degrees/s.
 """
 
 from dataclasses import replace

@@ -35,9 +35,7 @@ def ground_contact_scale(
         points: (N, 3) background points, in the cameras' unit.
         feet_cam_m: (T, 2, K, 3) points of both feet, camera frame [m].
         up_cam: (T, 3) the person's own up direction, camera frame.
-        fps_hz: Frame rate [Hz].
         rough_scale: Metres per unit, right to some tens of percent.
-        config: The recipe.
     """
     rotmats, centres = camera_path.world_from_cam[:, :3, :3], camera_path.centres_world_m
     soles_m = np.einsum("tij,tfkj->tfki", rotmats, feet_cam_m[:, :, SOLE_POINTS])

@@ -1,10 +1,8 @@
-"""Scale from planted feet.
+"""Points of the feet that touch the ground, when they stand still, and the scale that they tell.
 
 The body is metric and known in the camera's frame, so its feet are at R p + s t in the world, which
 is linear in the scale s.  A planted foot stands still: at the true s many foot points do, at others
 none.
-
-Points of the feet that touch the ground, and when they stand still.
 """
 
 import numpy as np
@@ -25,10 +23,6 @@ SOLE_THICKNESS_M = 0.02
 
 def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
     """Points of both feet, in the motion's frame of reference.
-
-    Args:
-        body: The motion's body.
-        motion: T frames.
 
     Returns:
         (T, 2, 5, 3) [m]: left and right; ankle joint, foot joint (ball of the foot), and the
@@ -83,10 +77,7 @@ def planted_feet_scale(
     answer to "every planted point stays at its stance's mean", with Cauchy weights, iterated.
 
     Args:
-        camera_path: T cameras up to scale.
         feet_cam_m: (T, 2, K, 3) points of both feet, camera frame [m].
-        fps_hz: Frame rate [Hz].
-        config: The recipe.
 
     Raises:
         NoReconstruction: no foot stands still at any scale, or the camera hardly moves.
@@ -156,11 +147,7 @@ def _stances(
 
 
 def _stance_terms(
-    points_m: np.ndarray,
-    centres: np.ndarray,
-    still: np.ndarray,
-    scale: float,
-    config: ScaleConfig,
+    points_m: np.ndarray, centres: np.ndarray, still: np.ndarray, scale: float, config: ScaleConfig
 ) -> tuple[float, float, float, float]:
     """Sums of A.B, B.B, squared residual and weight over one stance.
 

@@ -14,7 +14,7 @@ from gmrdata.cameras.files import (
     load_points,
     load_quality,
 )
-from gmrdata.cameras.timeline import cuts_in_words
+from gmrdata.cameras.frames import cuts_in_words
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
@@ -52,7 +52,6 @@ def make_pseudo_gt(
         sfm_dir: Folder that `gmrdata.cameras.reconstruct.reconstruct` made.
         people: The people, all with the same rows.
         out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
-        config: The recipe.
         dataset_camera_path: The data set's own camera, as `save_dataset_camera` writes it; right
             over short times.
         doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
@@ -154,8 +153,6 @@ def compose_clips(
         path: Cameras of these frames, up to scale.
         geometry: What the reconstruction found the camera to do.
         points: (N, 3) its background points, in the cameras' unit.
-        bodies: Each person's body.
-        config: The recipe.
         dataset_camera: (T, 4, 4) the data set's own metric cameras, or None.
 
     Raises:

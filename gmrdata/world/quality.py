@@ -63,9 +63,7 @@ def quality_of(
     Args:
         clips: Each person in the world, before frames were dropped.
         verdicts: What was decided of each.
-        estimate: The metric scale.
         cameras: The reconstruction's figures.
-        config: The recipe.
     """
     camera_motion, figures = camera_class(clips, config)
     return PseudoGtQuality(

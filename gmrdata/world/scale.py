@@ -35,8 +35,6 @@ def short_windows_scale(
     Args:
         camera_path: T cameras up to scale; NaN where unknown.
         dataset_camera: (T, 4, 4) metric world_from_cam of the same frames; NaN where unknown.
-        fps_hz: Frame rate [Hz].
-        config: The recipe.
 
     Returns:
         None where fewer than five windows are known, or the camera doesn't travel.
@@ -118,7 +116,6 @@ def estimate_scale(
     Args:
         people: One or more people, all seen by one camera over the same T frames.
         geometry: Only "full" has a scale to be found.
-        config: The recipe.
         points: (N, 3) background points in the cameras' unit, for the cue of the ground.
         dataset_camera: (T, 4, 4) metric world_from_cam of the data set, right over short times;
             NaN where unknown.

@@ -43,11 +43,8 @@ def regenerate_sequence(
         frames: Folder of numbered images, or a video file.
         people: Clips whose motion is in the camera's frame, and their bodies; the intrinsics of the
             first are kept.
-        out_dir: The output folder.
-        config: The recipe of all stages.
         dataset_camera_path: The data set's own cameras; see `make_pseudo_gt`.
         doubts_path: What speaks against the data set's own frames; see `make_pseudo_gt`.
-        left_out: Numbers of images that can't be used.
 
     Returns:
         The folder of the pseudo ground truth.

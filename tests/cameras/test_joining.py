@@ -9,6 +9,7 @@ import pytest
 
 from gmrdata.cameras import mapping
 from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import match_frames
 from gmrdata.cameras.models import join_models
 from gmrdata.cameras.recipe import SfmConfig
@@ -25,9 +26,8 @@ def filmed_parts(film: Callable[[str, int], Any], tmp_path_factory: pytest.TempP
     filmed = film("dolly", N_FRAMES)
     work_dir = tmp_path_factory.mktemp("parts")
     images = list_images(filmed.images_dir)
-    matches = match_frames(
-        images, filmed.masks_dir, filmed.intrinsics_px, (320, 180), work_dir, SMALL
-    )
+    frames = Frames(images, filmed.masks_dir, filmed.intrinsics_px, (320, 180))
+    matches = match_frames(frames, work_dir, SMALL)
 
     def part(rows: Sequence[int]) -> Any:
         options = pycolmap.IncrementalPipelineOptions()
@@ -46,7 +46,7 @@ def filmed_parts(film: Callable[[str, int], Any], tmp_path_factory: pytest.TempP
         assert model.num_reg_images() == len(rows)
         return model
 
-    return filmed, images, matches, work_dir, part
+    return filmed, frames, matches, part
 
 
 def centres_of(model: Any) -> tuple[list[int], np.ndarray]:
@@ -124,12 +124,13 @@ def test_a_bent_model_is_dropped_with_the_reason(filmed_parts: Any) -> None:
 def test_the_mapper_joins_and_adjusts(
     filmed_parts: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    filmed, images, matches, _, part = filmed_parts
+    filmed, frames, matches, part = filmed_parts
     models = {0: part(range(9)), 1: part(range(6, N_FRAMES))}
-    monkeypatch.setattr(mapping, "_run_global", lambda *_: {})
-    monkeypatch.setattr(mapping, "_run_incremental", lambda *_: models)
+    monkeypatch.setattr(
+        mapping, "_run", lambda name, *_: [] if name == "global" else list(models.values())
+    )
     mapped = [
-        mapping.map_frames(folder / "database.db", images, matches, filmed.intrinsics_px, SMALL)
+        mapping.map_frames(frames, matches, folder, SMALL)
         for folder in (tmp_path / "a", tmp_path / "b")
         if folder.mkdir() is None
     ]

@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import load_cameras, load_quality
-from gmrdata.cameras.frames_between import FOLLOWED, with_frames_between
-from gmrdata.cameras.keyframes import choose_keyframes, follow, is_free
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.keyframes import (
+    FOLLOWED,
+    choose_keyframes,
+    follow,
+    is_free,
+    with_frames_between,
+)
 from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
@@ -43,6 +49,10 @@ def frames_of(folder: Path, pictures: list[np.ndarray]) -> list[Path]:
     return paths
 
 
+def given(images: list[Path], masks_dir: Path | None = None) -> Frames:
+    return Frames(images, masks_dir, np.eye(3), SIZE_PX)
+
+
 def test_points_are_followed_to_a_tenth_of_a_pixel() -> None:
     image = texture(0)
     points_px = np.stack(np.meshgrid(np.arange(40.0, 200, 20), np.arange(40.0, 120, 20)), -1)
@@ -72,19 +82,19 @@ def test_keyframes_come_as_fast_as_the_background_moves(tmp_path: Path) -> None:
     image, step = texture(0), 4.0
     frames = frames_of(tmp_path / "frames", [shifted(image, step * row) for row in range(25)])
     config = SfmConfig(keyframe_step=11.5 / 240, keyframe_gap=100, min_keyframes=2)
-    keys = choose_keyframes(frames, None, SIZE_PX, config)
+    keys = choose_keyframes(given(frames), config)
     assert keys.rows.tolist() == [*range(0, 24, 3), 24]
     assert keys.survived.min() > 0.8 and not len(keys.cuts)
-    every = choose_keyframes(frames, None, SIZE_PX, SfmConfig(keyframe_step=0))
+    every = choose_keyframes(given(frames), SfmConfig(keyframe_step=0))
     assert every.rows.tolist() == list(range(25))
     still = frames_of(tmp_path / "still", [shifted(image, 0)] * 12)
     config = SfmConfig(keyframe_gap=5, min_keyframes=2)
-    assert choose_keyframes(still, None, SIZE_PX, config).rows.tolist() == [0, 5, 10, 11]
+    assert choose_keyframes(given(still), config).rows.tolist() == [0, 5, 10, 11]
     # A slow or short sequence would leave the mappers with a pair or two.
     more = SfmConfig(keyframe_gap=100, min_keyframes=6)
-    assert choose_keyframes(still, None, SIZE_PX, more).rows.tolist() == [0, 2, 4, 7, 9, 11]
+    assert choose_keyframes(given(still), more).rows.tolist() == [0, 2, 4, 7, 9, 11]
     more = SfmConfig(keyframe_gap=100, min_keyframes=50)
-    assert choose_keyframes(still, None, SIZE_PX, more).rows.tolist() == list(range(12))
+    assert choose_keyframes(given(still), more).rows.tolist() == list(range(12))
 
 
 def test_masked_parts_do_not_count(tmp_path: Path) -> None:
@@ -98,11 +108,11 @@ def test_masked_parts_do_not_count(tmp_path: Path) -> None:
     frames = frames_of(tmp_path / "frames", pictures)
     frames_of(tmp_path / "masks", [mask] * 6)
     config = SfmConfig(keyframe_step=0.02, keyframe_gap=100, min_keyframes=2)
-    assert choose_keyframes(frames, tmp_path / "masks", SIZE_PX, config).rows.tolist() == [0, 5]
-    assert len(choose_keyframes(frames, None, SIZE_PX, config).rows) > 2
+    assert choose_keyframes(given(frames, tmp_path / "masks"), config).rows.tolist() == [0, 5]
+    assert len(choose_keyframes(given(frames), config).rows) > 2
     (tmp_path / "masks" / "00003.png").unlink()
     with pytest.raises(BadFrames, match="00003"):
-        choose_keyframes(frames, tmp_path / "masks", SIZE_PX, config)
+        choose_keyframes(given(frames, tmp_path / "masks"), config)
 
 
 def test_a_cut_and_black_frames_are_noticed(tmp_path: Path) -> None:
@@ -110,7 +120,7 @@ def test_a_cut_and_black_frames_are_noticed(tmp_path: Path) -> None:
     pictures += [shifted(texture(1), row) for row in range(4)]
     pictures += [np.zeros(SIZE_PX[::-1], np.uint8)] * 3
     frames = frames_of(tmp_path / "frames", pictures)
-    keys = choose_keyframes(frames, None, SIZE_PX, SfmConfig(keyframe_gap=100, min_keyframes=2))
+    keys = choose_keyframes(given(frames), SfmConfig(keyframe_gap=100, min_keyframes=2))
     assert keys.cuts.tolist() == [3, 7]
     assert {0, 4, 8, 10} <= set(keys.rows.tolist())
 
@@ -125,7 +135,7 @@ def test_features_are_followed_into_the_frames_between(tmp_path: Path) -> None:
     same = np.stack([np.arange(n - 1)] * 2, axis=1)
     keys = Matches([points_px, points_px - [10.0, 0]], [PairMatches(0, 1, same, "CALIBRATED")])
     config = SfmConfig(followed_points=20)
-    all_frames = with_frames_between(keys, np.array([0, 4]), frames, None, SIZE_PX, config)
+    all_frames = with_frames_between(keys, np.array([0, 4]), given(frames), config)
     assert all_frames.n_frames == 5
     rows = [(pair.first, pair.second, pair.configuration) for pair in all_frames.pairs]
     between = [(0, row, FOLLOWED) for row in (1, 2, 3)] + [(row, 4, FOLLOWED) for row in (1, 2, 3)]

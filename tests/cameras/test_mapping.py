@@ -10,6 +10,8 @@ import pytest
 
 from gmrdata.cameras import mapping
 from gmrdata.cameras.evidence import explains_better
+from gmrdata.cameras.files import Mapper
+from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import match_frames
 from gmrdata.cameras.models import join_models
 from gmrdata.cameras.recipe import SfmConfig
@@ -28,10 +30,8 @@ def arc(film: Callable[[str, int], Any], tmp_path_factory: pytest.TempPathFactor
     filmed = film("arc", 10)
     work_dir = tmp_path_factory.mktemp("arc_work")
     images = list_images(filmed.images_dir)
-    matches = match_frames(
-        images, filmed.masks_dir, filmed.intrinsics_px, (320, 180), work_dir, SMALL
-    )
-    return filmed, images, matches, work_dir
+    frames = Frames(images, filmed.masks_dir, filmed.intrinsics_px, (320, 180))
+    return filmed, frames, match_frames(frames, work_dir, SMALL), work_dir
 
 
 def relative_angles_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -42,15 +42,12 @@ def relative_angles_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
-    filmed, images, matches, work_dir = arc
-    for name, run in (
-        ("g", mapping._run_global),
-        ("i", mapping._run_incremental),
-    ):
-        (work_dir / name).mkdir()
-        models = run(work_dir / "database.db", images, work_dir / name, SMALL)
-        whole, records = join_models(list(models.values()), SMALL.seed)
-        mapped = mapping._finish(whole, name, records, images, matches, filmed.intrinsics_px, SMALL)
+    filmed, frames, matches, work_dir = arc
+    mappers: tuple[Mapper, ...] = ("global", "incremental")
+    for name in mappers:
+        models = mapping._run(name, frames, work_dir, SMALL)
+        whole, records = join_models(models, SMALL.seed)
+        mapped = mapping._finish(whole, name, records, frames, matches, SMALL)
         assert mapped.has_camera.all()
         assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
         assert mapped.errors_px.max() < 3.0 and np.median(mapped.errors_px) < 0.5
@@ -59,26 +56,25 @@ def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
 def test_the_incremental_mapper_steps_in_where_the_global_one_leaves_frames_out(
     arc: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    filmed, images, matches, work_dir = arc
-    monkeypatch.setattr(mapping, "_run_global", lambda *_: {})
+    _, frames, matches, work_dir = arc
+    run = mapping._run
+    monkeypatch.setattr(
+        mapping, "_run", lambda mapper, *rest: [] if mapper == "global" else run(mapper, *rest)
+    )
     fresh_dir = work_dir / "fallback"
     fresh_dir.mkdir()
     (fresh_dir / "database.db").write_bytes((work_dir / "database.db").read_bytes())
-    mapped = mapping.map_frames(
-        fresh_dir / "database.db", images, matches, filmed.intrinsics_px, SMALL
-    )
+    mapped = mapping.map_frames(frames, matches, fresh_dir, SMALL)
     assert mapped is not None and mapped.mapper == "incremental" and mapped.has_camera.all()
 
 
 def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc: Any) -> None:
-    filmed, images, matches, work_dir = arc
+    filmed, frames, matches, work_dir = arc
     turning = solve_rotation_only(matches, filmed.intrinsics_px, 2.0, np.random.default_rng(0))
     fresh_dir = work_dir / "better"
     fresh_dir.mkdir()
     (fresh_dir / "database.db").write_bytes((work_dir / "database.db").read_bytes())
-    mapped = mapping.map_frames(
-        fresh_dir / "database.db", images, matches, filmed.intrinsics_px, SMALL
-    )
+    mapped = mapping.map_frames(frames, matches, fresh_dir, SMALL)
     assert mapped is not None and mapped.mapper == "global"
     assert explains_better(mapped, turning, SMALL)
     assert not explains_better(None, turning, SMALL)
@@ -100,11 +96,9 @@ def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
     cameras = np.array([look_at(c, t) for c, t in zip(centres_m, targets_m, strict=True)])
     filmed = film_cameras(tmp_path / "film", cameras, person_m)
     images = list_images(filmed.images_dir)
-    arguments = (filmed.intrinsics_px, (320, 180), tmp_path, SMALL)
-    matches = match_frames(images, filmed.masks_dir, *arguments)
-    mapped = mapping.map_frames(
-        tmp_path / "database.db", images, matches, filmed.intrinsics_px, SMALL
-    )
+    frames = Frames(images, filmed.masks_dir, filmed.intrinsics_px, (320, 180))
+    matches = match_frames(frames, tmp_path, SMALL)
+    mapped = mapping.map_frames(frames, matches, tmp_path, SMALL)
     if reach_m == 0:
         assert mapped is None or not mapped.has_camera.all()
         return
@@ -133,4 +127,5 @@ def test_a_frame_whose_inside_is_broken_is_named(dolly: Any, tmp_path: Path) -> 
     start = content.index(b"\xff\xdb")
     (folder / "00001.jpg").write_bytes(content[:start] + content[content.index(b"\xff\xc0") :])
     with pytest.raises(BadFrames, match=r"00001\.jpg: cannot be decoded"):
-        match_frames(list_images(folder), None, dolly.intrinsics_px, (320, 180), tmp_path, SMALL)
+        frames = Frames(list_images(folder), None, dolly.intrinsics_px, (320, 180))
+        match_frames(frames, tmp_path, SMALL)

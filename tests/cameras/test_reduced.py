@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import load_cameras, load_quality
+from gmrdata.cameras.frames import Frames, reduced
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.reconstruct import Frames, reconstruct, reduced
+from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import list_images, read_gray
 from gmrdata.values.errors import BadFrames, NoReconstruction
 

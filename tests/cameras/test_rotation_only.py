@@ -108,7 +108,7 @@ import subprocess
 import sys
 
 import numpy as np
-from gmrdata.sfm.rotation_only import solve_rotation_only
+from gmrdata.cameras.rotation_only import solve_rotation_only
 here = runpy.run_path(sys.argv[1])
 matches = here["turning_matches"](here["panning_rotations"](60), 0.5, 0.1, np.random.default_rng(0))
 solution = solve_rotation_only(matches, here["INTRINSICS_PX"], 2.0, np.random.default_rng(1))

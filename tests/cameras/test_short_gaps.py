@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras import models
 from gmrdata.cameras.files import SfmCameras, load_cameras, load_quality, save_cameras
+from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.cameras.solution import fill_short_gaps
-from gmrdata.cameras.timeline import Timeline
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.transforms import fit_similarity

@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.files import NOT_SMOOTHED, load_cameras, load_quality
+from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
@@ -22,7 +23,6 @@ from gmrdata.cameras.smoothing import (
     second_differences,
     smooth_cameras,
 )
-from gmrdata.cameras.timeline import Timeline
 from gmrdata.values import transforms
 from gmrdata.values.camera import project
 from gmrdata.values.transforms import fit_similarity

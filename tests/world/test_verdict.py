@@ -74,7 +74,7 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ),
     ],
 )
-def test_a_sequence_that_misses_a_limit_is_rejected_with_both_figures(
+def test_a_sequence_that_misses_a_threshold_is_rejected_with_both_figures(
     clip: Clip, figures: dict[str, Any], reason: str
 ) -> None:
     verdict = judge(clip, good_quality(N, **figures), ROWS, SCALE, CONFIG)

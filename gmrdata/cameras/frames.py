@@ -1,0 +1,141 @@
+"""Frames as they are worked on: made smaller, read with their masks, and which follow each other.
+
+Large frames are made smaller first.  A camera is held by hundreds of points, so it gains little
+from more pixels than about a million, while everything takes as many times longer.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.masks.folder import find_mask
+from gmrdata.read.frames import image_number, read_gray
+from gmrdata.stage.jobs import in_threads
+
+MASK_MARGIN_PX = 8
+"""Points nearer to a mask see what moves in half of their window."""
+FAST_PNG = 1
+"""zlib's level of compression."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """T frames of one size, their masks and their calibration."""
+
+    images: list[Path]
+    """The frames in order, all in one folder."""
+    masks_dir: Path | None
+    """Masks (255 = dynamic), one per frame; None to use the whole of every frame."""
+    intrinsics_px: np.ndarray
+    """(3, 3) calibration matrix [px]."""
+    size_px: tuple[int, int]
+    """(width, height)."""
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(T,) the images' numbers."""
+        return np.array([image_number(image) for image in self.images])
+
+    def of(self, rows: np.ndarray) -> "Frames":
+        """Some of the frames."""
+        return replace(self, images=[self.images[row] for row in rows])
+
+    def mask(self, image: Path) -> np.ndarray:
+        """A frame's mask (h, w) uint8.
+
+        Raises:
+            BadFrames: it is missing or of another size.
+        """
+        if self.masks_dir is None:
+            return np.zeros(self.size_px[::-1], dtype=np.uint8)
+        return read_gray(find_mask(self.masks_dir, image), self.size_px)
+
+    def read(self, image: Path, shrink: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """A frame (h, w) uint8, and where its background can be followed, (h, w) bool.
+
+        Args:
+            shrink: Size of what is returned, as a share.
+
+        Raises:
+            BadFrames: the frame or its mask is missing or of another size.
+        """
+        import cv2
+
+        gray, masked = read_gray(image, self.size_px), self.mask(image)
+        if shrink < 1:
+            gray = cv2.resize(gray, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
+            masked = cv2.resize(masked, gray.shape[::-1], interpolation=cv2.INTER_AREA)
+        around = np.ones((2 * MASK_MARGIN_PX + 1,) * 2, np.uint8)
+        return gray, cv2.dilate((masked > 0).astype(np.uint8), around) == 0
+
+
+def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
+    """Frames whose longer side is at most so long; those that are given if it is so already.
+
+    Args:
+        out_dir: Folder for smaller ones, in shades of grey, and for their masks.
+
+    Raises:
+        BadFrames: a mask is missing, or it or a frame is broken or of another size.
+    """
+    import cv2
+
+    share = longest_px / max(frames.size_px)
+    if share >= 1:
+        return frames
+    width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
+    masks_dir = None if frames.masks_dir is None else out_dir / "masks"
+    for folder in (out_dir / "frames", masks_dir):
+        if folder is not None:
+            folder.mkdir(parents=True)
+
+    def reduce_one(image: Path) -> Path:
+        # As PNG it would take 40 times as long to write, and 14 times to read.
+        path = out_dir / "frames" / f"{image.stem}.bmp"
+        gray = read_gray(image, frames.size_px)
+        small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(path), small)
+        if masks_dir is not None:
+            # A pixel is dynamic if any part of it is.
+            mask = frames.mask(image)
+            covered = cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_AREA) > 0
+            fast = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
+            cv2.imwrite(str(masks_dir / f"{image.stem}.png"), 255 * covered.astype(np.uint8), fast)
+        return path
+
+    images = in_threads(reduce_one, frames.images)
+    # Pixel (0, 0) is an outer corner, so pixels scale as lengths do.
+    scaling = np.diag([width_px / frames.size_px[0], height_px / frames.size_px[1], 1.0])
+    return Frames(images, masks_dir, scaling @ frames.intrinsics_px, (width_px, height_px))
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """When the T frames were taken, as far as their names and pictures tell."""
+
+    image_numbers: np.ndarray
+    """(T,) ascending; the numbers of left-out images are missing among them."""
+    cuts: np.ndarray
+    """(C,) rows t after which the picture changes to another place."""
+
+    def near(self, rows: np.ndarray, max_gap_frames: int) -> np.ndarray:
+        """(R-1,) bool: neighbours of R rows in order with no cut and no long gap between them."""
+        short = np.diff(self.image_numbers[rows]) <= max_gap_frames + 1
+        cuts_before = np.searchsorted(np.sort(self.cuts), rows)
+        return np.asarray(short & (np.diff(cuts_before) == 0))
+
+
+def cuts_in_words(cuts_after_frames: Sequence[int] | np.ndarray) -> str:
+    """The end of a message about a failure; empty where the picture never changes to another place.
+
+    Args:
+        cuts_after_frames: Rows after which it does.
+    """
+    if len(cuts_after_frames) == 0:
+        return ""
+    return (
+        f"; the picture changes to another place {len(cuts_after_frames)} times, first after frame "
+        f"{cuts_after_frames[0]}: cut the sequence there, or put its images in order"
+    )
