@@ -8,7 +8,14 @@ from pydantic import BaseModel
 from rich.markup import escape
 from rich.table import Table
 
-from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
+from gmrdata.manifest.current import (
+    Clip,
+    FileRecord,
+    FolderRecord,
+    ListedClip,
+    ListManifest,
+    Manifest,
+)
 from gmrdata.manifest.listing import files_of, folders_of
 from gmrdata.manifest.read import read_manifest
 from gmrdata.stage.progress import answers
@@ -79,8 +86,8 @@ def _caption(manifest: Manifest | ListManifest) -> str:
 
 
 def _size_bytes(clip: Clip) -> int:
-    parts = (clip.arrays, *folders_of(clip).values(), *files_of(clip).values())
-    return sum(part.size_bytes for part in parts)
+    parts: list[FileRecord | FolderRecord] = [clip.arrays, *files_of(clip).values()]
+    return sum(part.size_bytes for part in (*parts, *folders_of(clip).values()))
 
 
 def _source(clip: Clip | ListedClip) -> str:
