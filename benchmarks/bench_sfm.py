@@ -99,7 +99,7 @@ def good_and_other(sfm: Session) -> tuple[str, str]:
     """An accepted sequence with a moving camera, and one of another place."""
     twins, verdicts = sfm.twins, sfm.made.verdicts
     moving = [name for name in sorted(twins.classes) if twins.classes[name] in MOVING]
-    good = next((name for name in moving if verdicts[name]["accepted"]), moving[0])
+    good = next((name for name in moving if verdicts[name].accepted), moving[0])
     places = twins.places
     return good, next(name for name in sorted(places) if places[name] != places[good])
 

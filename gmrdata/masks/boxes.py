@@ -1,15 +1,12 @@
-"""Boxes linked over time, so that an object missed in one frame is masked there all the same.
+"""Boxes, linked over time: an object that is missed in one frame is masked there all the same.
 
 A link joins a box to the last box of the track that it overlaps most, best pairs first; classes
 don't matter, for a detector wavers between dog and horse but not between something and nothing.
 A track is kept if its best box is sure enough; its weak boxes then count too (the idea of Zhang et
 al., "ByteTrack", 2022).  Frames that a kept track skips get a box halfway, in proportion to time.
-
-Boxes round objects in one picture, and the masks that they fill.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -33,7 +30,7 @@ class Detections:
         return len(self.scores)
 
 
-def detections_as_json(found: Detections) -> list[dict[str, Any]]:
+def detections_as_json(found: Detections) -> list[dict[str, object]]:
     """Plain numbers: boxes to 0.01 px, scores to 0.0001."""
     return [
         {
@@ -47,7 +44,7 @@ def detections_as_json(found: Detections) -> list[dict[str, Any]]:
     ]
 
 
-def detections_from_json(records: list[dict[str, Any]]) -> Detections:
+def detections_from_json(records: list[dict[str, object]]) -> Detections:
     """The inverse of `detections_as_json`."""
     return Detections(
         np.array([record["box_px"] for record in records], dtype=np.float64).reshape(-1, 4),
@@ -142,7 +139,6 @@ def track(frames: list[Detections], min_score: float, config: TrackConfig) -> li
     Args:
         frames: Detections of each frame, weak ones too.
         min_score: A track is kept if one of its boxes has this score or more.
-        config: The recipe.
     """
     rows: list[list[int]] = [[] for _ in frames]
     filled: list[list[np.ndarray]] = [[] for _ in frames]

@@ -37,10 +37,6 @@ def folder_masks(
 
     Args:
         masks_dir: Masks named `<image stem>.png` or `<image file name>.png`.
-        images_dir: The frames.
-        out_dir: Folder to make.
-        config: The recipe.
-        left_out: Numbers of images that are known to be unusable and get no mask.
 
     Raises:
         MissingInput: there is no such folder.

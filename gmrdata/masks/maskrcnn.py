@@ -82,10 +82,6 @@ def maskrcnn_masks(
     Args:
         weights_path: The network's state dict as torch.save wrote it; None to let torchvision
             fetch its own (COCO_V1).
-        images_dir: The frames.
-        out_dir: Folder to make.
-        config: The recipe.
-        left_out: Numbers of images that are known to be unusable and get no mask.
 
     Raises:
         MissingExtra: torchvision is not installed, or doesn't fit torch.
@@ -115,7 +111,6 @@ def instances_of(output: Mapping[str, np.ndarray], config: MaskRcnnConfig) -> In
     Args:
         output: `boxes` (N, 4) [px], `scores` (N,), `labels` (N,) category numbers of COCO, and
             `masks` (N, 1, H, W) probabilities.
-        config: The recipe.
     """
     wanted = class_indices(config.classes)
     index_of_number = {CATEGORY_NUMBERS[index]: index for index in wanted}

@@ -88,10 +88,6 @@ def onnx_masks(
 
     Args:
         model_path: YOLOX on COCO's 80 classes as an ONNX file with raw output.
-        images_dir: The frames.
-        out_dir: Folder to make.
-        config: The recipe.
-        left_out: Numbers of images that are known to be unusable and get no mask.
 
     Raises:
         MissingInput: there is no such model or folder.

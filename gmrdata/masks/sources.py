@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
@@ -88,9 +88,6 @@ def make_masks(
     """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
 
     Args:
-        images_dir: The frames.
-        out_dir: Folder of the union to make.
-        config: The recipe.
         people: Camera-frame clips and their bodies, which silhouettes need.
         left_out: Numbers of images that are known to be unusable and get no mask.
 
@@ -125,9 +122,9 @@ def masks_named(
         MissingInput: "onnx" without a model, or a name that is neither of these nor a folder.
         BadRecipe: a class that COCO lacks, a broken recipe, or an option that nothing uses.
     """
-    chosen: dict[str, Any] = {"classes": classes} if classes else {}
+    chosen: dict[str, object] = {"classes": classes} if classes else {}
     sources: list[MaskSource] = []
-    settings: dict[str, Any] = {}
+    settings: dict[str, object] = {}
     try:
         for name in names:
             if name == "silhouette":
@@ -135,9 +132,9 @@ def masks_named(
             elif name == "onnx":
                 if model is None:
                     raise MissingInput("masks from a detector (onnx) need its file: pass --model")
-                sources.append(OnnxSource(model=model, **chosen))
+                sources.append(OnnxSource.model_validate({"model": model} | chosen))
             elif name == "maskrcnn":
-                sources.append(MaskRcnnSource(weights=weights, **chosen))
+                sources.append(MaskRcnnSource.model_validate({"weights": weights} | chosen))
             elif name.endswith(".yaml"):
                 recipe = load_recipe(find_recipe(name), MasksRecipe)
                 sources += recipe.sources
@@ -147,7 +144,7 @@ def masks_named(
     except ValidationError as error:
         raise BadRecipe("; ".join(found["msg"] for found in error.errors())) from None
     _require_used(names, {"--model": model, "--weights": weights, "--classes": classes})
-    return MasksConfig(sources=tuple(sources), **settings)
+    return MasksConfig.model_validate({"sources": tuple(sources)} | settings)
 
 
 def _folder(name: str) -> Path:

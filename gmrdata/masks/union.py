@@ -52,10 +52,6 @@ def unite_masks(
 
     Args:
         source_dirs: Folders of masks (255 = dynamic) by the name of what made them.
-        images_dir: The frames.
-        out_dir: Folder to make.
-        config: The recipe.
-        left_out: Numbers of images that are known to be unusable and get no mask.
 
     Raises:
         BadFrames: a source has no mask for a frame, or one of another size; the message names it.

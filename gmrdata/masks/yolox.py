@@ -6,10 +6,8 @@ into the upper left corner of the input, and the rest is filled with grey 114; c
 box centre from the cell's corner in cells, logarithms of width and height in cells, the score
 of there being an object, and one score for each class.
 
-The classes of COCO, by the names that detectors trained on it answer with.
-
-Lin et al., "Microsoft COCO: Common Objects in Context" (2014).  The data set has 80 classes, whose
-category numbers run from 1 to 90 with gaps.  YOLOX counts the classes from 0 without gaps;
+Its classes are those of COCO (Lin et al., "Microsoft COCO: Common Objects in Context", 2014): 80,
+whose category numbers run from 1 to 90 with gaps.  YOLOX counts the classes from 0 without gaps;
 torchvision's detectors answer with the category numbers.
 """
 

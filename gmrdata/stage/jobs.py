@@ -1,7 +1,4 @@
-"""Independent jobs on Dask workers: local processes by default, a cluster by its address.
-
-Threads for work that leaves Python's lock alone, such as reading and writing images.
-"""
+"""Independent jobs on Dask workers, local ones by default, and work in threads."""
 
 import os
 import time
@@ -52,7 +49,7 @@ class Job:
     """The clip, for messages and file names."""
     call: Callable[..., Any]
     """A module-level function, so that a worker process can import it."""
-    arguments: dict[str, Any] = field(default_factory=dict)
+    arguments: Mapping[str, Any] = field(default_factory=dict)
     """Keyword arguments of the call."""
     retries: int = 0
     """How often the call is made again after a StageFailed: a process that crashed may not crash
@@ -105,8 +102,6 @@ def try_jobs(
     """Run every job; a job that fails is recorded and the others go on.
 
     Args:
-        description: Label of the progress bar.
-        jobs: What to run.
         client: A Dask client, as `worker_pool` gives it.
         failures_dir: Gets one text file with the reason for each job that failed.
         units_total: Length of the progress bar when it counts something finer than jobs.
@@ -145,7 +140,7 @@ def look_first(jobs: Sequence[Job], failures_dir: Path) -> list[Job]:
     def is_done(job: Job) -> bool:
         run = replace(job.arguments["run"], only_look=True)
         try:
-            job.call(**job.arguments | {"run": run})
+            job.call(**{**job.arguments, "run": run})
         except (NotMade, GmrdataError, OSError):
             return False
         return True

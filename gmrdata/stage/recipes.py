@@ -47,10 +47,6 @@ def recipe_kind(path: Path) -> str:
 def load_recipe(path: Path, model: type[Recipe]) -> Recipe:
     """Read a recipe.
 
-    Args:
-        path: The YAML file.
-        model: What it must be.
-
     Raises:
         MissingInput: no such file.
         BadRecipe: not YAML, or keys and values that the model refuses; the message lists them all.

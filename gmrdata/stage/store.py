@@ -106,9 +106,7 @@ def run_stage(
     complete.  Called again with the same recipe and inputs it does nothing.
 
     Args:
-        name: The stage's name, for the record.
         out_dir: The folder to make.
-        config: The recipe.
         inputs: Files and folders that the result depends on; their hashes are recorded.
         work: Fills the folder that it is given; may return facts for the record that don't decide
             the result, such as the device that was used.
@@ -208,7 +206,7 @@ def _make(
     shutil.rmtree(retired, ignore_errors=True)
 
 
-def _finished(recipe: RecipeRecord, facts: dict[str, Any], seconds: float) -> StageRecord:
+def _finished(recipe: RecipeRecord, facts: dict[str, JsonValue], seconds: float) -> StageRecord:
     return StageRecord(
         **recipe.model_dump(exclude={"format"}),
         facts=facts,

@@ -39,10 +39,7 @@ def camera_clip(
     are not `valid`; those without finite numbers are NaN.
 
     Args:
-        sequence: The sequence.
         person_index: Which person, from 0.
-        bodies: Bodies to choose from; see `fitting_body`.
-        rule: Which frames are valid, see `gmrdata.read.threedpw.ValidRule`.
 
     Returns:
         Clip `<sequence>.p<person>` with `frame` "camera", the sequence's intrinsics and no camera
@@ -98,8 +95,6 @@ def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> Bod
     has joints, the body's pelvis must be at theirs.
 
     Args:
-        person: The person.
-        bodies: Bodies to choose from.
         where: Sequence and person, for the message.
 
     Raises:

@@ -83,12 +83,6 @@ def estimate_focal(
     Linear least squares with Cauchy weights whose scale follows the residuals, so that keypoints of
     a passer-by, or left taken for right, count little.
 
-    Args:
-        sequence: The sequence.
-        bodies: Bodies to choose from; see `gmrdata.threedpw.camera_frame.fitting_body`.
-        config: The recipe.
-        rule: Which frames are valid, see `gmrdata.read.threedpw.ValidRule`.
-
     Raises:
         BadBodyFile: no body fits a person.
     """
@@ -118,7 +112,6 @@ def intrinsics_reason(estimate: FocalEstimate | None, config: IntrinsicsConfig) 
 
     Args:
         estimate: What the keypoints ask for; None: they say nothing.
-        config: The limits.
     """
     if estimate is None:
         return None

@@ -28,10 +28,6 @@ RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "us
 def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
     """A row per sequence under a root.  One that can't be read doesn't stop the others.
 
-    Args:
-        root: The folder that holds `imageFiles` and `sequenceFiles`.
-        rule: Name of a rule for valid frames.
-
     Returns:
         Rows for `HEADINGS`, and how many of them say why a sequence can't be read.
 
@@ -64,11 +60,6 @@ def bad_summary(root: Path, n_bad: int, n_sequences: int) -> BadSequence:
 
 def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
     """Rows for `RANGE_HEADINGS`: the ranges of each person that are not usable, and the rest.
-
-    Args:
-        root: The folder that holds `imageFiles` and `sequenceFiles`.
-        name: Name of the sequence.
-        rule: Name of a rule for valid frames.
 
     Returns:
         The rows, and the sequence's problems.

@@ -1,7 +1,4 @@
-"""What the recipe of a regenerated data set may say.
-
-Where a regenerated data set keeps what: the only place that knows these names.
-"""
+"""What the recipe of a regenerated data set may say, and where such a set keeps what."""
 
 from dataclasses import dataclass
 from pathlib import Path

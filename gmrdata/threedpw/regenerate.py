@@ -91,9 +91,7 @@ def regenerate_set(
     Where nothing is left to make, no worker starts.
 
     Args:
-        recipe: The recipe.
         root: 3DPW's folder, which holds `imageFiles` and `sequenceFiles`.
-        out_dir: The output folder.
 
     Returns:
         Path of the manifest.

@@ -40,9 +40,7 @@ def regenerate_one(
     A sequence without a reconstruction is no failure: its clips say so, row by row.
 
     Args:
-        files: The sequence.
         root: The set's output folder.
-        recipe: The recipe.
         body_paths: The recipe's bodies.
 
     Returns:

@@ -3,14 +3,11 @@
 3DPW's camera-frame bodies are nearly right and its world is not: person and camera drift together
 (GMR paper, S1).  So a drift D(t) turns world_from_cam into D world_from_cam and the person into
 D person, which leaves what the camera sees as it was; small errors of root and joints, and frames
-in which the camera was not aligned, come on top.
+in which the camera was not aligned, come on top.  All of them are band-limited random curves.
 
-Band-limited random curves: sums of slow sine waves, of an exact size over the clip.
-
-Changes of exposure put into images: a phone's camera that never stops metering.
-
-The gain is one factor of the light for a whole frame.  It wanders, and now and then an automatic
-exposure corrects it within a fraction of a second.
+The exposure of the images changes as that of a phone's camera that never stops metering: the gain
+is one factor of the light for a whole frame.  It wanders, and now and then an automatic exposure
+corrects it within a fraction of a second.
 """
 
 from collections.abc import Sequence
@@ -40,11 +37,8 @@ def smooth_noise(
     """Random curves without any part that is faster than a period.
 
     Args:
-        n_frames: Number of frames N.
-        fps_hz: Their rate [Hz].
         shortest_period_s: No wave has a shorter period [s].
         n_channels: Number of independent curves C.
-        rng: Source of periods, phases and amplitudes.
 
     Returns:
         (N, C), each curve a sum of sine waves of standard-normal amplitudes.
@@ -105,14 +99,7 @@ class ExposureConfig(Config):
 def exposure_gains(
     n_frames: int, fps_hz: float, config: ExposureConfig, rng: np.random.Generator
 ) -> np.ndarray:
-    """Gain of each frame (N,), inside `config.gain`.
-
-    Args:
-        n_frames: Number of frames N.
-        fps_hz: Their rate [Hz].
-        config: How exposure changes.
-        rng: Source of the wander and of the corrections.
-    """
+    """Gain of each frame (N,), inside `config.gain`."""
     slow = smooth_noise(n_frames, fps_hz, config.period_s, 1, rng)
     curve = WANDER * with_peak(slow, 1.0)[:, 0]
     times_s = np.arange(n_frames) / fps_hz
@@ -202,8 +189,6 @@ def dataset_side(
 
     Args:
         clips: One clip per person, `frame` "world", all with the same camera.
-        config: The faults.
-        rng: Source of all of them; the same state gives the same bytes.
 
     Returns:
         The clips with one drift common to people and camera, errors of their own in root and
@@ -232,10 +217,8 @@ def drift(
     """A drift that starts at identity and only grows: drifted_from_world (N, 4, 4).
 
     Args:
-        n_frames: Number of frames N.
         pivot_world_m: (3,) the point that only the translation moves [m].
         config: `drift_m` and `drift_deg` are reached at the last frame.
-        rng: Source of sizes, directions and growth.
     """
     offset_m = rng.uniform(*config.drift_m) * _direction(rng)
     tilt = Rotation.from_rotvec(np.deg2rad(rng.uniform(0, DRIFT_TILT_DEG)) * _across(rng))

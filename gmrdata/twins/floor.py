@@ -45,12 +45,6 @@ def sampled_floor(
 ) -> MadeFloor:
     """Render twins to `out_dir/twins`, then as `floor_of_twins`.
 
-    Args:
-        sampled: The twins' recipe.
-        motions_dir: Folder of the motion files that it names.
-        recipe: The recipe of the pseudo ground truth.
-        out_dir: Output folder.
-
     Raises:
         StageFailed: not one twin could be rendered.
         GmrdataError: as `floor_of_twins` says.
@@ -79,8 +73,6 @@ def floor_of_twins(
 
     Args:
         twins_dir: What `gmrdata threedpw twin` made.
-        recipe: The recipe of the pseudo ground truth.
-        out_dir: Output folder.
         seed: What the twins were sampled by.
 
     Returns:
@@ -113,7 +105,6 @@ def measure(
     Args:
         twins: The truth.
         regenerated_dir: What `regenerate_set` made of the twins.
-        recipe: Its recipe.
         seed: What the twins were sampled by.
 
     Raises:

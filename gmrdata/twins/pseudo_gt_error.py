@@ -1,11 +1,5 @@
-"""Error of a pseudo ground truth against the truth, where a rendered clip has both.
-
-Errors of recovered cameras against the true ones of the same frames.
-
-Errors of a recovered clip's motions against those of the true clip, motion by motion.
-
-A recovered sequence against its truth: one row of figures.
-"""
+"""Error of a pseudo ground truth against the truth, where a rendered clip has both:
+its cameras, its motions one by one, and a whole sequence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -106,8 +100,6 @@ def motion_errors(
     """Errors of the motions between frames `step` apart, in all phases, none of them over a gap.
 
     Args:
-        pseudo: What was recovered, in a world of its own.
-        true: What was rendered.
         rows: Rows of `pseudo`, ascending, that may be used.
         true_rows: The rows of `true` that show the same images.
         step: Frames per motion.
@@ -211,8 +203,6 @@ def compare_clips(
     are taken between paired frames that follow each other in both clips, never across a gap.
 
     Args:
-        pseudo: What was recovered, in a world of its own.
-        true: What was rendered.
         fps_hz: Rate at which motions are taken [Hz], of which the clips' rate is a multiple; each
             frame begins one, so all phases count.  None for the clips' own rate.
         body: The true clip's body, for VME.
@@ -397,17 +387,10 @@ def sequence_errors(
     """Figures of one sequence.
 
     Args:
-        name: The sequence.
-        class_true: What its camera does.
         clips: The people as they were recovered, in the order of `truth`; none where nothing was.
-        truth: The exact people.
-        accepted: Whether the sequence may be used.
-        seconds: Wall time [s].
         body: The exact people's body, for VME.
-        class_measured: Class of the recovered path.
         scale: Metres per unit of the recovered path.
         scale_sigma: Its stated standard error, same unit.
-        reasons: Why it was rejected.
 
     Raises:
         StageFailed: the clips and their truth don't belong together.

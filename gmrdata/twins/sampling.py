@@ -8,7 +8,7 @@ beyond doubt, and there is room for everyone.
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classif
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 
+Settings = dict[str, object]
+"""A part of a recipe."""
 BAR_RECIPE = "twins"
 """Its trials are not sampled."""
 CLASSES: tuple[MotionClass, ...] = get_args(MotionClass)
@@ -58,11 +60,9 @@ def twin_recipe(
     all six classes; each fourth sequence has two people.
 
     Args:
-        n_sequences: How many sequences.
         seed: Chooses trials, cameras, places, people and faults.
         motions_dir: Folder of motion files; each is taken once.
         film: Size, lens, frame rate (30) and length of the sequences.
-        name: The set's name.
 
     Raises:
         MissingInput: there is no such folder.
@@ -134,7 +134,12 @@ def _sample_clip(
     }
     overcast = place != "room" and rng.random() < 0.4
     scene = {"kind": place, "extras": extras} | ({"light": "overcast"} if overcast else {})
-    given: dict[str, Any] = {"id": id, "trial": path.stem, "programme": programme, "scene": scene}
+    given: Settings = {
+        "id": id,
+        "trial": path.stem,
+        "programme": programme,
+        "scene": scene,
+    }
     try:
         nearest = planned_clip(SyntheticClip.model_validate(given), base, path, body)
         if not _is_whole(nearest, base.film) or not _has_feet_on_the_floor(nearest, body):
@@ -156,10 +161,10 @@ def _sample_clip(
     return None
 
 
-def _sample_programme(kind: MotionClass, rng: np.random.Generator) -> dict[str, Any]:
+def _sample_programme(kind: MotionClass, rng: np.random.Generator) -> Settings:
     """A camera of a class, held in the hand unless it is static."""
-    view = {"kind": kind, "height_m": round(rng.uniform(1.1, 1.8), 2)}
-    held = {
+    view: Settings = {"kind": kind, "height_m": round(rng.uniform(1.1, 1.8), 2)}
+    held: Settings = {
         "handheld_m": round(rng.uniform(0.005, 0.015), 4),
         "handheld_deg": round(rng.uniform(0.15, 0.3), 3),
     }
@@ -244,9 +249,7 @@ def sample_twins(
     """The recipe of the twins.
 
     Args:
-        n_sequences: How many sequences.
         seed: Chooses motions, cameras, places, people and faults.
-        motions_dir: Folder of motion files.
         film: What `film_of` gave.
         workers: Processes that render; the recipe's number when None.
 

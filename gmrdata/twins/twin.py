@@ -1,7 +1,4 @@
-"""A twin on disk: rendered frames and exact clips as a faulty sequence of 3DPW, the truth aside.
-
-From world-frame Clips of one camera to the arrays of a sequence file.
-"""
+"""A twin on disk: rendered frames and exact clips as a faulty sequence of 3DPW, the truth aside."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -50,7 +47,6 @@ def sequence_arrays(
     result are the clips again.
 
     Args:
-        name: Name of the sequence.
         clips: One clip per person, `frame` "world", 30 Hz, with the same camera for every frame.
             `valid` becomes `campose_valid`.
         body: The body of all clips.
@@ -173,15 +169,12 @@ def write_twin(
     Args:
         root: Root of the dataset to write in.
         split: `train`, `validation` or `test`.
-        name: Name of the sequence.
         clips: Exact world-frame clips at 30 Hz, one per person, with the camera that was rendered.
         frames: The N images in order, .jpg.
         genders: "female" or "male" per person; letters in the file, without effect on the body.
         body: The body of all clips.
         truth_dir: Where the exact clips are kept, as `<name>.p<person>.npz`, and the exposure's
             `gains` (N,), as `<name>.exposure.npz`.
-        config: The faults.
-        rng: Source of all faults and keypoints; the same state gives the same bytes.
         image_dir: Where to write the images; the sequence's own folder when left out.
 
     Returns:

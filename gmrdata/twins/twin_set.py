@@ -132,11 +132,6 @@ def make_twins(
     person, `<name>.exposure.npz`, and `twins.json`, which says of each sequence what it is.  A run
     that was stopped goes on where it was; the same recipe again does nothing.
 
-    Args:
-        recipe: The recipe.
-        out_dir: Output folder.
-        motions_dir: Folder of motion files.
-
     Returns:
         `out_dir/3DPW`, the root of the dataset.
 
@@ -178,8 +173,6 @@ def write_sequence_twin(
     """Stage: one sequence.  Its folder of images comes last, so one that exists is complete.
 
     Args:
-        recipe: The recipe.
-        clip: One of its clips, already rendered below `out_dir/render_set`.
         out_dir: The twin set's folder.
 
     Returns:
