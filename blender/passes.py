@@ -55,16 +55,9 @@ def wants_surface(config: RenderConfig) -> bool:
 def add_surface_output(
     scene: Any, actors: Sequence[Actor], work_dir: Path, config: RenderConfig
 ) -> Any:
-    """Make the compositor tree that writes the passes of a recipe as EXR files.
+    """Make the compositor tree, for `render_surface`, that writes a recipe's passes as EXR files.
 
-    Args:
-        scene: The bpy scene.
-        actors: All that moves; gets the attribute that flow needs, and is numbered from 1.
-        work_dir: Folder for the files.
-        config: The recipe.
-
-    Returns:
-        The tree, for `render_surface`.
+    The actors, all that moves, get the attribute that flow needs, and are numbered from 1.
     """
     layer = scene.view_layers[0]
     layer.use_pass_z, layer.use_pass_normal = True, config.normals
@@ -88,15 +81,20 @@ def add_surface_output(
     wanted = {"depth": True, "normals": config.normals, STEP: config.flow}
     wanted[INSTANCE] = config.instances
     for name in (name for name, is_wanted in wanted.items() if is_wanted):
-        files = tree.nodes.new("CompositorNodeOutputFile")
-        files.directory, files.file_name = str(work_dir), ""
-        files.file_output_items.new(_FILES[name], name)
-        files.save_as_render = False
-        files.format.media_type = "IMAGE"
-        files.format.file_format = "OPEN_EXR"
-        files.format.color_mode, files.format.color_depth = "RGB", "32"
-        tree.links.new(layers.outputs[_SOCKETS[name]], files.inputs[0])
+        _write_pass(tree, layers.outputs[_SOCKETS[name]], name, work_dir)
     return tree
+
+
+def _write_pass(tree: Any, socket: Any, name: str, work_dir: Path) -> None:
+    """Let the compositor write a socket of the render to an EXR file."""
+    files = tree.nodes.new("CompositorNodeOutputFile")
+    files.directory, files.file_name = str(work_dir), ""
+    files.file_output_items.new(_FILES[name], name)
+    files.save_as_render = False
+    files.format.media_type = "IMAGE"
+    files.format.file_format = "OPEN_EXR"
+    files.format.color_mode, files.format.color_depth = "RGB", "32"
+    tree.links.new(socket, files.inputs[0])
 
 
 def set_step(actor: Actor, row: int) -> None:
@@ -118,14 +116,7 @@ def write_surface(
 ) -> None:
     """Render the passes of a frame and write those of its files that come from them.
 
-    Args:
-        scene: The bpy scene, posed for the frame.
-        tree: From `add_surface_output`.
-        work_dir: Folder for Blender's files.
-        config: The recipe.
-        files: The frame's files, from `frame_files`.
-        camera: The camera as Blender uses it.
-        row: The frame.
+    The scene is posed for the frame, and the camera is as Blender uses it.
 
     Raises:
         RenderFailed: Blender wrote a pass not at all, or in another size.
