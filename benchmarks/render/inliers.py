@@ -28,8 +28,8 @@ def measure_inliers(root: Path, body_path: Path, scale: Scale) -> list[dict[str,
         folder = root / f"{place}_{name}"
         folder.mkdir(parents=True)
         walk_clip(folder / "clip.npz", body_path, MOVING[name], scale.sfm_frames, scale.sfm_size_px)
-        jobs.append(Job(folder.name, _render_and_reconstruct, {"folder": folder, "place": place}))
-        jobs[-1].arguments["body_path"] = body_path
+        arguments = {"folder": folder, "place": place, "body_path": body_path}
+        jobs.append(Job(folder.name, _render_and_reconstruct, arguments))
     with worker_pool(Run(workers=2)) as client:
         results = run_jobs("structure from motion", jobs, client, root / "failed")
     return [
