@@ -97,7 +97,7 @@ def _shown(
     digest.update(paths.verdicts.read_bytes())
     folders = [files.image_dir for files in chosen]
     for folder in (paths.pages_dir, paths.root / "sequences", *folders):
-        for path in sorted(folder.rglob("[!.]*")):
+        for path in sorted(file for file in folder.rglob("[!.]*") if file.is_file()):
             state = path.stat()
             digest.update(f"{path} {state.st_size} {state.st_mtime_ns}\n".encode())
     return digest.hexdigest()

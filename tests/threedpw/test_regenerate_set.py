@@ -13,6 +13,7 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.pages.qa import write_set_pages
 from gmrdata.stage.run import Run
+from gmrdata.threedpw import regenerate
 from gmrdata.threedpw.regenerate import plan, regenerate_set
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.clip import load_clip
@@ -63,6 +64,20 @@ def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_set: Path, filmed_
     assert [(made_set / path).read_bytes() for path in written] == contents
     rows = plan(filmed_set.recipe(), filmed_set.root, made_set)
     assert [row[2] for row in rows] == ["done", "done"]
+
+
+def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
+    made_set: Path,
+    filmed_set: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.delattr(regenerate, "worker_pool")
+    pages = {path: path.stat().st_mtime_ns for path in made_set.rglob("*.html")}
+    regenerate_set(filmed_set.recipe(), filmed_set.root, made_set)
+    write_set_pages(filmed_set.recipe(), filmed_set.root, made_set)
+    assert "nothing changed: 2 sequences are as they were made" in capsys.readouterr().err
+    assert pages and {path: path.stat().st_mtime_ns for path in pages} == pages
 
 
 def test_two_workers_make_the_same_bytes(made_set: Path, filmed_set: Any, tmp_path: Path) -> None:
