@@ -20,7 +20,7 @@ from gmrdata.values.errors import MissingInput
 
 if TYPE_CHECKING:
     from gmrdata.threedpw.recipe import ThreedpwRecipe
-    from gmrdata.twins.recipe import TwinRecipe
+    from gmrdata.twins.twin_set import TwinRecipe
 
 Root = Annotated[Path, arg(help="3DPW's folder, which holds imageFiles and sequenceFiles.")]
 Rule = Annotated[
@@ -122,8 +122,7 @@ def threedpw_twin(
             run that was stopped goes on at the next missing frame.
     """
     from gmrdata.pages.sets import write_set_pages
-    from gmrdata.twins.recipe import TwinRecipe
-    from gmrdata.twins.twin_set import SET_FOLDER, make_twins
+    from gmrdata.twins.twin_set import SET_FOLDER, TwinRecipe, make_twins
 
     loaded = read_recipe(recipe, TwinRecipe)
     if dry_run:

@@ -17,7 +17,7 @@ from gmrdata.film.set_plan import (
 from gmrdata.manifest.current import CameraMotion, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import find_motions
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadMotionFile, BadRecipe, StageFailed
 
@@ -88,7 +88,7 @@ def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
 def _listed(name: str | None) -> list[SyntheticClip]:
     if name is None:
         return []
-    published = read_manifest(resources.published_manifest(name))
+    published = read_manifest(recipes.published_manifest(name))
     if not isinstance(published, ListManifest):
         raise BadRecipe(f"published_list: {name} is no list of trials")
     return [

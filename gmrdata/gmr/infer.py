@@ -227,7 +227,7 @@ DrawMotion = Callable[[Path, Clip, BodyModel, InferConfig], None]
 def infer_world_motion(
     run_dir: Path,
     source: Path,
-    body_spec: str,
+    body_name: str,
     out_dir: Path,
     config: InferConfig | None = None,
     *,
@@ -240,7 +240,7 @@ def infer_world_motion(
     Args:
         run_dir: A finished training run.
         source: Local poses, as `gmrdata.motion.local_poses` lists the formats.
-        body_spec: The body that stands for the people, as `load_body` takes it.
+        body_name: The body that stands for the people, as `load_body` takes it.
         out_dir: Gets `infer.json` and a folder for each unbroken run of each person: `clip.npz`,
             `amass.npz`, `motion.bvh`, `body.glb`, and what `draw` adds.  People and runs do not
             share a world: each starts above the origin of its own.
@@ -262,12 +262,12 @@ def infer_world_motion(
     inputs["run"] = run_dir
     if joint_map is not None:
         inputs["joint_map"] = joint_map
-    if body_spec != "anny":
-        inputs["body"] = Path(body_spec)
+    if body_name != "anny":
+        inputs["body"] = Path(body_name)
     if out_dir.is_dir() and is_made("infer", out_dir, config, inputs):
         return out_dir
     # Before anything is written, so that a bad file leaves nothing behind.
-    body = load_body(body_spec)
+    body = load_body(body_name)
     gmr, worlds, left_out = _predict(run_dir, source, body, config, joint_map)
 
     def work(partial_dir: Path) -> None:

@@ -17,7 +17,7 @@ from gmrdata.gmr.windows import Mix
 from gmrdata.manifest.current import ListManifest, Source
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.source_motion import CMU_TRIAL
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.values.errors import BadManifest, BadRecipe
 
 _OTHERS = frozenset({"gmrdata", "3DPW", "Human3.6M", "EMDB"})
@@ -122,7 +122,7 @@ def cmu_trial(source: Source) -> str | None:
 
 
 def _listed(name: str) -> frozenset[tuple[str, str]]:
-    published = read_manifest(resources.published_manifest(name))
+    published = read_manifest(recipes.published_manifest(name))
     if not isinstance(published, ListManifest):
         raise BadRecipe(f"data.never_train_on: {name} is no published list")
     return frozenset(_key(row.source) for row in published.clips)

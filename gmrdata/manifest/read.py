@@ -18,7 +18,7 @@ from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import READS, AnyManifest, FrameRange, ListManifest, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.stage.progress import console
-from gmrdata.stage.resources import schema_v1
+from gmrdata.stage.recipes import schema_v1
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadManifest
 from gmrdata.values.files import resolve_inside, write_json

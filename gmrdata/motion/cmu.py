@@ -14,7 +14,7 @@ from gmrdata.manifest.read import read_manifest
 from gmrdata.read.amc import read_amc, read_asf
 from gmrdata.read.download import FetchConfig, download, drop_part, part_of
 from gmrdata.read.source_motion import is_trial
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.stage.progress import console, progress_bar
 from gmrdata.stage.store import locked
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, FetchFailed
@@ -47,7 +47,7 @@ def listed_trials(name: str) -> tuple[str, ...]:
         MissingInput: there is no such list.
         BadRecipe: it names no CMU trials.
     """
-    published = read_manifest(resources.published_manifest(name))
+    published = read_manifest(recipes.published_manifest(name))
     rows = published.clips if isinstance(published, ListManifest) else ()
     trials = [row.source.sequence for row in rows if row.source.dataset == "CMU"]
     if not trials:

@@ -4,7 +4,7 @@
 
 `person_id` is STAF's track, -1 where nothing tracks.  x and y are in pixels of the image; OpenPose
 adds half a pixel to the peaks of its maps, so (0, 0) is the outer corner of the first pixel, as
-everywhere here.  And keypoints in OpenPose's COCO order, as a detector would see a body's joints.
+everywhere here.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,9 @@ from typing import Any
 import numpy as np
 
 from gmrdata.read.frames import number_in_name
-from gmrdata.read.threedpw_arrays import N_KEYPOINTS
 from gmrdata.values.body import JOINT, N_JOINTS
-from gmrdata.values.camera import CameraPath, project_cam
 from gmrdata.values.errors import BadKeypoints, MissingInput
 from gmrdata.values.files import read_json
-from gmrdata.values.records import Config
-from gmrdata.values.transforms import apply, invert
 
 OPENPOSE_JOINTS = {
     1: JOINT["neck"],
@@ -31,8 +27,6 @@ OPENPOSE_JOINTS = {
 }  # fmt: skip
 """OpenPose's COCO keypoint -> SMPL joint.  Nose, eyes and ears (0, 14-17) are no SMPL joints."""
 
-FEWEST_JOINTS = 6
-"""With fewer joints 3DPW gives no keypoints at all."""
 LAYOUTS = {25: "BODY_25 of OpenPose", 21: "BODY_21A of STAF"}
 """Number of keypoints -> layout.  Both begin with the same 15."""
 
@@ -126,43 +120,3 @@ def _track(path: Path, given: Any) -> int | None:
     if not isinstance(number, int) or isinstance(number, bool):
         raise BadKeypoints(f"{path}: person_id is {given!r}, expected [number]")
     return None if number < 0 else number
-
-
-class KeypointConfig(Config):
-    """How well the joints are detected."""
-
-    noise_px: float = 2.0
-    """Standard deviation of x and of y [px]."""
-    confidence: tuple[float, float] = (0.6, 0.95)
-    """Confidence of a joint that is seen is drawn from this range; 3DPW's are like that."""
-
-
-def detected_keypoints(
-    joints_world_m: np.ndarray, camera: CameraPath, config: KeypointConfig, rng: np.random.Generator
-) -> np.ndarray:
-    """Keypoints of a person: joints inside the image with noise, all others zero.
-
-    Occlusion is not looked at: OpenPose guesses hidden joints too.
-
-    Args:
-        joints_world_m: (N, 24, 3) joints in the world [m].
-
-    Returns:
-        (N, 18, 3): x [px], y [px], confidence.
-
-    Raises:
-        ValueError: not 24 joints, or as many frames as the camera has.
-    """
-    if joints_world_m.shape != (camera.n_frames, N_JOINTS, 3):
-        raise ValueError(f"joints {joints_world_m.shape} for {camera.n_frames} cameras")
-    rows = list(OPENPOSE_JOINTS)
-    joints_m = joints_world_m[:, list(OPENPOSE_JOINTS.values())]
-    points_px = project_cam(apply(invert(camera.world_from_cam), joints_m), camera.intrinsics_px)
-    points_px = points_px + rng.normal(0.0, config.noise_px, points_px.shape)
-    confidence = rng.uniform(*config.confidence, points_px.shape[:2])
-    seen = ((points_px >= 0) & (points_px < (camera.width_px, camera.height_px))).all(axis=-1)
-    seen &= (seen.sum(axis=1) >= FEWEST_JOINTS)[:, None]
-    keypoints = np.zeros((camera.n_frames, N_KEYPOINTS, 3))
-    keypoints[:, rows, :2] = np.where(seen[..., None], points_px, 0.0)
-    keypoints[:, rows, 2] = np.where(seen, confidence, 0.0)
-    return keypoints

@@ -20,7 +20,7 @@ from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.records import Bootstrap, ScoredFiles, ScoredNetwork, Scores
 from gmrdata.score.summary import summarise
 from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -234,8 +234,8 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
 def _published_labels() -> dict[tuple[str, str], str]:
     """Label by data set and sequence."""
     labels: dict[tuple[str, str], str] = {}
-    for name in resources.published_names():
-        published = read_manifest(resources.published_manifest(name))
+    for name in recipes.published_names():
+        published = read_manifest(recipes.published_manifest(name))
         if isinstance(published, ListManifest):
             for row in published.clips:
                 if row.label is not None:

@@ -1,4 +1,9 @@
-"""Recipes: YAML files that say what to make.  Each kind has a model that refuses unknown keys."""
+"""Recipes, YAML files that say what to make, and the other files that travel with the package.
+
+Each kind of recipe has a model that refuses unknown keys.  Recipes, published manifests and the
+manifest schema live in the repository's root folders `pipelines/` and `manifests/`.  Inside the
+package the links `pipelines` and `published` lead there; a wheel carries real folders instead.
+"""
 
 from pathlib import Path
 from typing import TypeVar
@@ -6,11 +11,13 @@ from typing import TypeVar
 import yaml
 from pydantic import ValidationError
 
-from gmrdata.stage import resources
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.records import Config
 
 MAX_BYTES = 1 << 20
+_PACKAGE = Path(__file__).parent.parent
+_PUBLISHED = _PACKAGE / "published"
+_RECIPES = _PACKAGE / "pipelines"
 Recipe = TypeVar("Recipe", bound=Config)
 
 
@@ -24,9 +31,9 @@ def find_recipe(name: str) -> Path:
     if path.is_file():
         return path
     try:
-        return resources.recipe(name.removeprefix("pipelines/"))
+        return recipe_path(name.removeprefix("pipelines/"))
     except MissingInput:
-        known = ", ".join(resources.recipe_names())
+        known = ", ".join(recipe_names())
         raise MissingInput(
             f"{name}: no such recipe file, and gmrdata carries only: {known}"
         ) from None
@@ -73,3 +80,56 @@ def _read(path: Path) -> dict[str, object]:
     if not isinstance(data, dict):
         raise BadRecipe(f"{path}: a recipe is a mapping of keys to values")
     return data
+
+
+def published_manifest(name: str) -> Path:
+    """Path of a manifest that gmrdata publishes, e.g. "paper_table8".
+
+    Raises:
+        MissingInput: gmrdata publishes no manifest of this name.
+    """
+    return _find(_PUBLISHED, name, "published manifest")
+
+
+def published_names() -> list[str]:
+    """Names of the manifests that gmrdata publishes, sorted."""
+    return _names(_PUBLISHED)
+
+
+def recipe_path(name: str) -> Path:
+    """Path of a recipe that gmrdata carries, e.g. "demo" or "paper/table4".
+
+    Raises:
+        MissingInput: gmrdata carries no recipe of this name.
+    """
+    return _find(_RECIPES, name, "recipe")
+
+
+def recipe_names() -> list[str]:
+    """Names of the recipes that gmrdata carries, sorted."""
+    return _names(_RECIPES)
+
+
+def schema_v1() -> Path:
+    """Path of the JSON Schema of `format: gmrdata/1`."""
+    return _PUBLISHED / "schema" / "v1.json"
+
+
+def format_page() -> Path:
+    """Path of FORMAT.md, the whole manifest format on one page."""
+    return _PUBLISHED / "FORMAT.md"
+
+
+def _names(folder: Path) -> list[str]:
+    # rglob would not enter `folder` through a link on every Python, so the link is followed first.
+    real = folder.resolve()
+    return sorted(
+        path.relative_to(real).with_suffix("").as_posix() for path in real.rglob("*.yaml")
+    )
+
+
+def _find(folder: Path, name: str, what: str) -> Path:
+    wanted = name.removesuffix(".yaml")
+    if wanted not in _names(folder):
+        raise MissingInput(f"no {what} {name!r}; there are: {', '.join(_names(folder)) or 'none'}")
+    return folder / f"{wanted}.yaml"

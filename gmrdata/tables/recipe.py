@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError, model_validator
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.score import Metric
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.tables import ScaleName
 from gmrdata.values.errors import BadRecipe
@@ -119,7 +119,7 @@ def load_table(name: str) -> tuple[Path, TableRecipe]:
         BadRecipe: not YAML, or settings that do not exist or fit; names the file and the row.
     """
     carried = f"paper/table{name}"
-    path = resources.recipe(carried) if name.isdecimal() else find_recipe(name)
+    path = recipes.recipe_path(carried) if name.isdecimal() else find_recipe(name)
     recipe = load_recipe(path, TableRecipe)
     for row in recipe.rows:
         for scale, shared in recipe.scales.items():

@@ -9,7 +9,7 @@ from pathlib import Path
 from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import Clip, FrameRange, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.stage.resources import published_manifest
+from gmrdata.stage.recipes import published_manifest
 from gmrdata.values.errors import BadManifest, MissingInput
 from gmrdata.values.files import write_text
 

@@ -17,10 +17,17 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read.openpose import OPENPOSE_JOINTS
+from gmrdata.read.threedpw_arrays import N_KEYPOINTS
+from gmrdata.values.body import N_JOINTS
+from gmrdata.values.camera import CameraPath, project_cam
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadFrames, BadSequence
 from gmrdata.values.records import Config
-from gmrdata.values.transforms import apply, rigid
+from gmrdata.values.transforms import apply, invert, rigid
+
+FEWEST_JOINTS = 6
+"""With fewer joints 3DPW gives no keypoints at all."""
 
 N_WAVES = 4
 LONGEST_SHARE = 4.0
@@ -303,3 +310,43 @@ def _across(rng: np.random.Generator) -> np.ndarray:
 
 def _rotate(rotmats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return np.asarray(np.einsum("nij,nj->ni", rotmats, vectors))
+
+
+class KeypointConfig(Config):
+    """How well the joints are detected."""
+
+    noise_px: float = 2.0
+    """Standard deviation of x and of y [px]."""
+    confidence: tuple[float, float] = (0.6, 0.95)
+    """Confidence of a joint that is seen is drawn from this range; 3DPW's are like that."""
+
+
+def detected_keypoints(
+    joints_world_m: np.ndarray, camera: CameraPath, config: KeypointConfig, rng: np.random.Generator
+) -> np.ndarray:
+    """Keypoints of a person: joints inside the image with noise, all others zero.
+
+    Occlusion is not looked at: OpenPose guesses hidden joints too.
+
+    Args:
+        joints_world_m: (N, 24, 3) joints in the world [m].
+
+    Returns:
+        (N, 18, 3): x [px], y [px], confidence.
+
+    Raises:
+        ValueError: not 24 joints, or as many frames as the camera has.
+    """
+    if joints_world_m.shape != (camera.n_frames, N_JOINTS, 3):
+        raise ValueError(f"joints {joints_world_m.shape} for {camera.n_frames} cameras")
+    rows = list(OPENPOSE_JOINTS)
+    joints_m = joints_world_m[:, list(OPENPOSE_JOINTS.values())]
+    points_px = project_cam(apply(invert(camera.world_from_cam), joints_m), camera.intrinsics_px)
+    points_px = points_px + rng.normal(0.0, config.noise_px, points_px.shape)
+    confidence = rng.uniform(*config.confidence, points_px.shape[:2])
+    seen = ((points_px >= 0) & (points_px < (camera.width_px, camera.height_px))).all(axis=-1)
+    seen &= (seen.sum(axis=1) >= FEWEST_JOINTS)[:, None]
+    keypoints = np.zeros((camera.n_frames, N_KEYPOINTS, 3))
+    keypoints[:, rows, :2] = np.where(seen[..., None], points_px, 0.0)
+    keypoints[:, rows, 2] = np.where(seen, confidence, 0.0)
+    return keypoints

@@ -16,8 +16,7 @@ from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import Verdicts, regenerate_set
 from gmrdata.twins.floor_record import Floor, FloorGroup, SequenceErrors
 from gmrdata.twins.pseudo_gt_error import FPS_HZ, sequence_errors
-from gmrdata.twins.recipe import TwinRecipe
-from gmrdata.twins.twin_set import TwinTruth, make_twins, read_truth
+from gmrdata.twins.twin_set import TwinRecipe, TwinTruth, make_twins, read_truth
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadBodyFile, StageFailed

@@ -19,7 +19,7 @@ from gmrdata.film.shots import Film
 from gmrdata.motion.files import find_motions
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
-from gmrdata.twins.recipe import TwinRecipe
+from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import in_frame_share, person_box
 from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
@@ -28,7 +28,7 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe
 
 Settings = dict[str, object]
 """A part of a recipe."""
-BAR_RECIPE = "twins"
+TUNED_ON_RECIPE = "twins"
 """Its trials are not sampled."""
 CLASSES: tuple[MotionClass, ...] = get_args(MotionClass)
 PLACES = ("courtyard", "street", "park", "room")
@@ -109,8 +109,8 @@ def twin_recipe(
 
 
 def _files(motions_dir: Path) -> list[Path]:
-    bars = load_recipe(find_recipe(BAR_RECIPE), TwinRecipe)
-    taken = {clip.trial for clip in bars.set.clips}
+    tuned_on = load_recipe(find_recipe(TUNED_ON_RECIPE), TwinRecipe)
+    taken = {clip.trial for clip in tuned_on.set.clips}
     return [path for path in find_motions(motions_dir) if path.stem not in taken]
 
 

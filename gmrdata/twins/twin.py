@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.resample import resample
 from gmrdata.read.frames import check_images
-from gmrdata.read.openpose import KeypointConfig, detected_keypoints
 from gmrdata.read.threedpw_arrays import FPS_HZ, IMU_HZ, Person, SequenceArrays
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
 from gmrdata.threedpw.camera_frame import WORLD_FROM_3DPW
@@ -17,7 +16,9 @@ from gmrdata.twins.faults import (
     UNCHANGED,
     ExposureConfig,
     FaultConfig,
+    KeypointConfig,
     dataset_side,
+    detected_keypoints,
     exposed_jpeg,
     exposure_gains,
 )

@@ -1,10 +1,11 @@
 """A twin set: clips rendered, then written as a dataset in 3DPW's layout, the truth beside it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from pydantic import PositiveInt
+from pydantic import Field, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.film.extras import Extras
@@ -12,24 +13,66 @@ from gmrdata.film.programmes import Programme
 from gmrdata.film.render import EXTRAS_FOLDER
 from gmrdata.film.render_set import render_dir, render_set
 from gmrdata.film.scene import SceneConfig
-from gmrdata.film.set_plan import SyntheticClip, clip_rng, render_config
+from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, render_config
 from gmrdata.film.set_takes import select
 from gmrdata.read.bodies import read_body
 from gmrdata.read.frames import list_images
+from gmrdata.read.threedpw_arrays import FPS_HZ
 from gmrdata.read.threedpw_layout import IMAGES_DIR, SEQUENCES_DIR, SPLITS, require_name
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.twins.recipe import Split, TwinRecipe
 from gmrdata.twins.twin import TwinConfig, write_twin
 from gmrdata.values.clip import Clip, load_clip
-from gmrdata.values.errors import MissingInput, StageFailed
+from gmrdata.values.errors import BadSequence, MissingInput, StageFailed
 from gmrdata.values.files import remove_orphans
 from gmrdata.values.records import PART, Config, Record
+
+Split = Literal["train", "validation", "test"]
 
 SET_FOLDER, DATASET_FOLDER, TRUTH_FOLDER = "render_set", "3DPW", "truth"
 TWINS_FILE = "twins.json"
 GENDERS = ("female", "male")
+
+
+class TwinRecipe(Config):
+    """A rendered set, written in 3DPW's layout with 3DPW's faults."""
+
+    recipe: Literal["threedpw_twin"]
+    """Kind of recipe."""
+    set: SyntheticRecipe
+    """What is rendered: a recipe of kind `synthetic`, at 30 fps, as JPEG.  The id of each clip is
+    the sequence's name.  `company` of its place are further annotated people; passers-by and cars
+    are not annotated, as in 3DPW."""
+    twin: TwinConfig = TwinConfig()
+    """How the dataset's side differs from the truth, drawn by the set's seed and the name."""
+    split: Split = "test"
+    """Split of the sequences."""
+    splits: Mapping[str, Split] = Field(default_factory=dict)
+    """Another split for some, by name."""
+
+    @model_validator(mode="after")
+    def _set_fits_the_layout(self) -> "TwinRecipe":
+        if self.set.film.fps_hz != FPS_HZ:
+            raise ValueError(f"set.film.fps_hz: 3DPW has {FPS_HZ:g} frames a second; say so")
+        if self.set.render.image_format != "jpg":
+            raise ValueError("set.render.image_format: 3DPW's images are jpg")
+        if self.set.camera_off or self.set.published_list:
+            raise ValueError("set: name each sequence in `clips`, without camera_off or a list")
+        return self
+
+    @model_validator(mode="after")
+    def _sequences_have_names(self) -> "TwinRecipe":
+        names = [clip.id for clip in self.set.clips]
+        for name in names:
+            try:
+                require_name(name)
+            except BadSequence as error:
+                raise ValueError(f"set.clips: {error}") from None
+        unknown = sorted(self.splits.keys() - set(names))
+        if unknown:
+            raise ValueError(f"splits: no clips {', '.join(unknown)}")
+        return self
 
 
 @part(frozen=True, config=PART)

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from gmrdata.cli import VERBS, baselines, main, manifests, pseudo_gt
-from gmrdata.stage.recipes import find_recipe, recipe_kind
-from gmrdata.stage.resources import recipe_names
+from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
 
 Answer = subprocess.CompletedProcess[str]
 Gmrdata = Callable[..., Answer]

@@ -17,7 +17,7 @@ from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import write_manifest
 from gmrdata.read.bodies import save_body
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
@@ -113,7 +113,7 @@ def test_trials_of_table_8_are_left_out_by_default(make_manifest: Callable[..., 
 
 def test_all_50_rows_of_table_8_are_left_out(make_manifest: Callable[..., Path]) -> None:
     """Each of the 50 trials, in AMASS's form."""
-    rows = read_manifest(resources.published_manifest("paper_table8")).clips
+    rows = read_manifest(recipes.published_manifest("paper_table8")).clips
     trials = sorted({row.source.sequence for row in rows})
     assert len(trials) == 50
     sources = {

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gmrdata.manifest.read import json_schema, load_clips
-from gmrdata.stage.resources import format_page
+from gmrdata.stage.recipes import format_page
 from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import project
 

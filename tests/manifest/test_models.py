@@ -25,7 +25,7 @@ from gmrdata.manifest.current import (
 )
 from gmrdata.manifest.read import json_schema, read_manifest
 from gmrdata.manifest.write import manifest_text
-from gmrdata.stage.resources import schema_v1
+from gmrdata.stage.recipes import schema_v1
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 ids = st.from_regex(r"\A[A-Za-z0-9_][A-Za-z0-9_.-]{0,8}\Z")

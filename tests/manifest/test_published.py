@@ -11,19 +11,19 @@ from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import ListedClip, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import manifest_text
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.values.errors import MissingInput
 
 
 def published(name: str) -> tuple[ListedClip, ...]:
-    manifest = read_manifest(resources.published_manifest(name))
+    manifest = read_manifest(recipes.published_manifest(name))
     assert isinstance(manifest, ListManifest)
     return manifest.clips
 
 
-@pytest.mark.parametrize("name", resources.published_names())
+@pytest.mark.parametrize("name", recipes.published_names())
 def test_published_manifests_are_as_gmrdata_writes_them(name: str) -> None:
-    path = resources.published_manifest(name)
+    path = recipes.published_manifest(name)
     check_manifest(path)
     assert path.read_bytes() == manifest_text(read_manifest(path)).encode()
     assert read_manifest(path).name == name
@@ -87,15 +87,15 @@ def test_trials_are_long_enough(cmu_dir: Path) -> None:
 
 def test_unknown_names_say_what_there_is() -> None:
     with pytest.raises(MissingInput, match=r"'table9'; there are: paper_table7, paper_table8"):
-        resources.published_manifest("table9")
+        recipes.published_manifest("table9")
     with pytest.raises(MissingInput, match="no published manifest"):
-        resources.published_manifest("../../pyproject")
+        recipes.published_manifest("../../pyproject")
     with pytest.raises(MissingInput, match="no recipe 'nothing'"):
-        resources.recipe("nothing")
+        recipes.recipe_path("nothing")
 
 
 def test_resources_are_there() -> None:
-    assert resources.schema_v1().is_file()
-    assert "gmrdata/1" in resources.format_page().read_text()
-    for name in resources.recipe_names():
-        assert resources.recipe(name).is_file()
+    assert recipes.schema_v1().is_file()
+    assert "gmrdata/1" in recipes.format_page().read_text()
+    for name in recipes.recipe_names():
+        assert recipes.recipe_path(name).is_file()

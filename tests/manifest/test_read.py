@@ -8,7 +8,7 @@ import yaml
 
 from gmrdata.manifest import yaml_text
 from gmrdata.manifest.read import load_clips, read_manifest
-from gmrdata.stage.resources import published_manifest
+from gmrdata.stage.recipes import published_manifest
 from gmrdata.values.errors import BadManifest
 
 Edit = Callable[[Callable[[dict], None]], Path]

@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.console import Console
 
 from gmrdata.manifest.show import diff_manifests, manifest_table
-from gmrdata.stage.resources import published_manifest
+from gmrdata.stage.recipes import published_manifest
 
 Edit = Callable[[Callable[[dict], None]], Path]
 

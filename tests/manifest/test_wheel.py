@@ -52,7 +52,7 @@ def test_installed_package_finds_its_resources(wheel: Path, tmp_path: Path) -> N
     zipfile.ZipFile(wheel).extractall(installed)
     empty.mkdir()
     code = (
-        "import gmrdata, pathlib, sys; from gmrdata.stage import resources as r;"
+        "import gmrdata, pathlib, sys; from gmrdata.stage import recipes as r;"
         "assert pathlib.Path(gmrdata.__file__).is_relative_to(sys.argv[1]), gmrdata.__file__;"
         "from gmrdata.manifest.read import read_manifest;"
         "print(len(read_manifest(r.published_manifest('paper_table8')).clips), *r.recipe_names())"

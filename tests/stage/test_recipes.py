@@ -10,11 +10,11 @@ from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.film.set_takes import select
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.masks.sources import MasksRecipe
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_kind
 from gmrdata.tables.recipe import TableRecipe
 from gmrdata.threedpw.recipe import ThreedpwRecipe
-from gmrdata.twins.recipe import TwinRecipe
+from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.errors import BadRecipe, MissingInput
 
 MODELS = {
@@ -28,7 +28,7 @@ MODELS = {
 }
 
 
-@pytest.mark.parametrize("name", resources.recipe_names())
+@pytest.mark.parametrize("name", recipes.recipe_names())
 def test_each_recipe_that_travels_with_gmrdata_loads(name: str) -> None:
     path = find_recipe(name)
     loaded = load_recipe(path, MODELS[recipe_kind(path)])

@@ -14,7 +14,7 @@ from gmrdata.gmr.runs import usable_clips
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.bodies import save_body
 from gmrdata.score.records import PaperMetrics
-from gmrdata.stage import resources
+from gmrdata.stage import recipes
 from gmrdata.stage.run import Run
 from gmrdata.tables.comparison import (
     OverSeeds,
@@ -61,7 +61,7 @@ rows:
 
 
 def test_every_table_of_the_paper_loads_and_its_folders_differ() -> None:
-    names = [name for name in resources.recipe_names() if name.startswith("paper/")]
+    names = [name for name in recipes.recipe_names() if name.startswith("paper/")]
     assert names == [f"paper/table{n}" for n in (1, 10, 2, 3, 4, 5, 6, 9)]
     for name in names:
         _, recipe = load_table(name.removeprefix("paper/table"))

@@ -11,10 +11,10 @@ import pytest
 from gmrdata.motion.gait import make_gait
 from gmrdata.pages.qa import write_set_pages
 from gmrdata.read.bodies import save_body
-from gmrdata.read.openpose import KeypointConfig, detected_keypoints
 from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.threedpw.regenerate import regenerate_set
+from gmrdata.twins.faults import KeypointConfig, detected_keypoints
 from gmrdata.twins.twin import sequence_arrays
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath

@@ -9,7 +9,6 @@ import pytest
 
 from gmrdata.film.programmes import Circular, Linear, Panning, Programme, Small, Static, camera_path
 from gmrdata.motion.gait import make_gait
-from gmrdata.read.openpose import KeypointConfig, detected_keypoints
 from gmrdata.read.threedpw import Sequence3DPW, SequenceImages
 from gmrdata.read.threedpw_arrays import Person, SequenceArrays
 from gmrdata.read.threedpw_layout import SequenceFiles
@@ -19,7 +18,7 @@ from gmrdata.threedpw.intrinsics_check import (
     estimate_focal,
     intrinsics_reason,
 )
-from gmrdata.twins.faults import FaultConfig, dataset_side
+from gmrdata.twins.faults import FaultConfig, KeypointConfig, dataset_side, detected_keypoints
 from gmrdata.twins.twin import sequence_arrays
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gmrdata.read.openpose import FEWEST_JOINTS, KeypointConfig, detected_keypoints
 from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.twins.faults import FEWEST_JOINTS, KeypointConfig, detected_keypoints
 from gmrdata.twins.twin import sequence_arrays
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of

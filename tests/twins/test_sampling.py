@@ -8,8 +8,8 @@ import pytest
 from gmrdata.film.set_plan import planned_clip
 from gmrdata.film.set_takes import select
 from gmrdata.stage.recipes import find_recipe, load_recipe
-from gmrdata.twins.recipe import TwinRecipe
 from gmrdata.twins.sampling import CLASSES, twin_recipe
+from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import in_frame_share, person_box
 from gmrdata.values.camera_motion import MotionClassConfig, classify
