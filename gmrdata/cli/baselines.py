@@ -21,8 +21,7 @@ from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
 Out = Annotated[
-    Path,
-    arg(help="Output folder: predictions/ with a clip file for each clip, predictions.json."),
+    Path, arg(help="Output folder: predictions/ with a clip file for each clip, predictions.json.")
 ]
 
 

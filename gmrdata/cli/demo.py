@@ -39,20 +39,20 @@ def run_demo(
 ) -> Path:
     """Run every stage that isn't done; a run that was killed goes on where it was.
 
+    Gives the path of the report.
+
     Args:
-        recipe: The recipe.
-        out_dir: The output folder.
         motions_dir: Folder of motion files to film and train on; the embedded gait when None.
         trials: Names of the files to film, without suffix; the first that fit when empty.
-
-    Returns:
-        Path of the report.
     """
     paths = DemoPaths(out_dir.resolve())
     _step(1, "body")
     keep_body(recipe.body, paths.body_dir, run=run)
     _step(2, "motions")
-    files = _choose_files(motions_dir, trials, recipe, paths)
+    files = MotionFiles()
+    if motions_dir is not None:
+        files = choose_files(motions_dir, trials, recipe, load_body(str(paths.body)))
+        console.print("  filming " + ", ".join(path.stem for path in files.filmed))
     make_motions(paths, recipe, files, run=run)
     with worker_pool(run, recipe.workers) as client:
         _step(3, "render")
@@ -77,12 +77,8 @@ def plan(recipe: DemoRecipe, out_dir: Path) -> list[tuple[str, str]]:
     paths = DemoPaths(out_dir.resolve())
     stages = [("body", paths.body_dir), ("motions", paths.motions_dir)]
     for id, clip in ((clip.id, paths.clip(clip.id)) for clip in recipe.clips):
-        stages += [
-            (f"render {id}", clip.render_dir),
-            (f"masks {id}", clip.masks_dir),
-            (f"cameras {id}", clip.sfm_dir),
-            (f"world motion {id}", clip.pseudo_gt_dir),
-        ]
+        stages += [(f"render {id}", clip.render_dir), (f"masks {id}", clip.masks_dir)]
+        stages += [(f"cameras {id}", clip.sfm_dir), (f"world motion {id}", clip.pseudo_gt_dir)]
     stages += [("train GMR", paths.gmr_dir)]
     stages += [(f"score on {name}", paths.scores_dir(name)) for name in ("synthetic", "pseudo_gt")]
     return [(name, "done" if folder.is_dir() else "to do") for name, folder in stages]
@@ -90,16 +86,6 @@ def plan(recipe: DemoRecipe, out_dir: Path) -> list[tuple[str, str]]:
 
 def _step(number: int, what: str) -> None:
     console.rule(f"[bold]{number}/8[/bold] {what}", align="left")
-
-
-def _choose_files(
-    motions_dir: Path | None, trials: tuple[str, ...], recipe: DemoRecipe, paths: DemoPaths
-) -> MotionFiles:
-    if motions_dir is None:
-        return MotionFiles()
-    files = choose_files(motions_dir, trials, recipe, load_body(str(paths.body)))
-    console.print("  filming " + ", ".join(path.stem for path in files.filmed))
-    return files
 
 
 def _render(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> None:
@@ -134,11 +120,7 @@ def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> 
 
 
 def regenerate(root: Path, clip_id: str, config: SequenceConfig, run: Run) -> Path:
-    """Frames, intrinsics and camera-frame body of one clip to its world motion.
-
-    Returns:
-        The folder of the pseudo ground truth.
-    """
+    """Frames, intrinsics and camera-frame body of one clip to the folder of its world motion."""
     paths = DemoPaths(root)
     clip = paths.clip(clip_id)
     _remove_truth(paths, clip_id, run)

@@ -14,7 +14,7 @@ from gmrdata.pages.report import write_report
 from gmrdata.pages.report_data import (
     ClipFigures,
     ClipReport,
-    ManifestScore,
+    GmrSummary,
     Quality,
     ReportData,
     RunReport,
@@ -36,12 +36,16 @@ FPS_HZ = 10.0
 
 
 def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
-    """Write summary.json, overview.png and report.html, and print the figures.
-
-    Returns:
-        Path of the report.
-    """
-    report = _report_data(paths, recipe)
+    """Write summary.json, overview.png and report.html, whose path it gives; print the figures."""
+    body, gmr = read_body(paths.body), load_gmr(paths.gmr_dir)
+    metrics = (paths.gmr_dir / "metrics.jsonl").read_text().splitlines()
+    rows = [json.loads(line) for line in metrics]
+    report = ReportData(
+        run=_run_report(paths, recipe),
+        clips=tuple(_clip_report(paths, clip, body, gmr) for clip in recipe.clips),
+        scores={name: _manifest_score(paths, name) for name in ("synthetic", "pseudo_gt")},
+        learning_curve=tuple((row["step"], row["loss"]) for row in rows if "loss" in row),
+    )
     figures = summary(report)
     figures.write(paths.summary)
     write_overview(paths.overview, report)
@@ -49,17 +53,6 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     answers.print(summary_table(figures))
     answers.print(f"\n[bold]{paths.report}[/bold]", soft_wrap=True)
     return paths.report
-
-
-def _report_data(paths: DemoPaths, recipe: DemoRecipe) -> ReportData:
-    body = read_body(paths.body)
-    gmr = load_gmr(paths.gmr_dir)
-    return ReportData(
-        run=_run_report(paths, recipe),
-        clips=tuple(_clip_report(paths, clip, body, gmr) for clip in recipe.clips),
-        scores=tuple(_manifest_score(paths, name) for name in ("synthetic", "pseudo_gt")),
-        learning_curve=_learning_curve(paths.gmr_dir / "metrics.jsonl"),
-    )
 
 
 def _run_report(paths: DemoPaths, recipe: DemoRecipe) -> RunReport:
@@ -87,7 +80,6 @@ def _data_source(paths: DemoPaths) -> str:
 
 def _seconds(paths: DemoPaths, recipe: DemoRecipe) -> dict[str, float]:
     """Wall time per stage [s]; the clips run side by side, so theirs is the longest."""
-
     clips = [paths.clip(clip.id) for clip in recipe.clips]
     return {
         "body": stage_seconds(paths.body_dir),
@@ -147,12 +139,7 @@ def _quality(pseudo_gt_dir: Path) -> Quality:
     )
 
 
-def _manifest_score(paths: DemoPaths, name: str) -> ManifestScore:
+def _manifest_score(paths: DemoPaths, name: str) -> GmrSummary:
     pooled = Scores.read(paths.scores_dir(name) / "scores.json").overall.pooled_over_motions
-    scores = (Score(**errors.by_metric()) for errors in (pooled.predicted, pooled.zero))
-    return ManifestScore(name, *scores)
-
-
-def _learning_curve(path: Path) -> tuple[tuple[int, float], ...]:
-    rows = [json.loads(line) for line in path.read_text().splitlines()]
-    return tuple((row["step"], row["loss"]) for row in rows if "loss" in row)
+    zero_motion = Score(**pooled.zero.by_metric())
+    return GmrSummary(**pooled.predicted.by_metric(), zero_motion=zero_motion)

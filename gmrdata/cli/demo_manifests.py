@@ -22,17 +22,9 @@ def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) ->
     licence = f"clips as stated by each; body: {read_body(paths.body).licence}"
 
     def write(path: Path, kind: str, description: str, clips: Sequence[ClipEntry]) -> None:
-        write_manifest(
-            path,
-            name=f"demo-{path.stem.replace('_', '-')}",
-            version="1.0.0",
-            description=description,
-            kind=kind,
-            licence=licence,
-            clips=clips,
-            created_by=by,
-            redo=True,
-        )
+        about = {"description": description, "kind": kind, "licence": licence, "version": "1.0.0"}
+        name = f"demo-{path.stem.replace('_', '-')}"
+        write_manifest(path, name=name, clips=clips, created_by=by, redo=True, **about)
 
     write(
         paths.training_manifest,
@@ -63,11 +55,7 @@ def _training_entry(paths: DemoPaths, path: Path, files: MotionFiles) -> ClipEnt
     given = {file.stem for file in files.training}
     source = file_source(path.stem) if path.stem in given else gait_source(path.stem)
     return clip_entry(
-        paths.root,
-        clip_path=path,
-        camera_motion="none",
-        licence=licence_of(source),
-        source=source,
+        paths.root, clip_path=path, camera_motion="none", licence=licence_of(source), source=source
     )
 
 

@@ -50,16 +50,9 @@ class MotionFiles:
 def choose_files(
     folder: Path, trials: tuple[str, ...], recipe: DemoRecipe, body: BodyModel
 ) -> MotionFiles:
-    """Pick the files to film: those named, or the first that fit the scene.
+    """Pick the files to film from a folder of BVH, ASF/AMC or AMASS files.
 
-    Args:
-        folder: Folder of BVH, ASF/AMC or AMASS files.
-        trials: File names without suffix, one for each clip; empty to choose.
-        recipe: The demo's.
-        body: The body that the motions are retargeted to.
-
-    Raises:
-        MissingInput: the folder, or a named trial in it, is not there, or too few files fit.
+    They are those of `trials` (names without suffix, one for each clip), or the first that fit.
     """
     files = find_motions(folder)
     n_clips = len(recipe.clips)
@@ -92,11 +85,7 @@ def _fits(motion: Motion, film: Film) -> bool:
 
 
 def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, run: Run) -> Path:
-    """Stage: the planned clips (motion and camera) and the training clips.
-
-    Returns:
-        The stage's folder.
-    """
+    """Stage: the planned clips (motion and camera) and the training clips; gives its folder."""
     config = MotionsConfig(
         seed=recipe.seed,
         clips=recipe.clips,

@@ -184,20 +184,11 @@ def infer(
         draw=draw_motion, joint_map=joint_map, run=Run(redo=redo),
     )  # fmt: skip
     motions = InferRecord.read(made / RECORD_FILE).motions
-    print_table(
-        ("motion", "frames", "of the video", "filled", "rate [Hz]", "path [m]"),
-        [
-            (
-                name,
-                f"{one.frames}",
-                f"{one.first_frame}-{one.last_frame}",
-                f"{one.filled_frames}",
-                f"{one.fps_hz:g}",
-                f"{one.path_m:.2f}",
-            )
-            for name, one in motions.items()
-        ],
-    )
+    rows = []
+    for name, one in motions.items():
+        span, rate, far = f"{one.first_frame}-{one.last_frame}", f"{one.fps_hz:g}", one.path_m
+        rows.append((name, str(one.frames), span, str(one.filled_frames), rate, f"{far:.2f}"))
+    print_table(("motion", "frames", "of the video", "filled", "rate [Hz]", "path [m]"), rows)
     answer(made)
 
 

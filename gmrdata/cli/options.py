@@ -60,8 +60,7 @@ MaskModel = Annotated[
     Path | None, arg(help="ONNX file of the detector: YOLOX on COCO, raw output.")
 ]
 MaskWeights = Annotated[
-    Path | None,
-    arg(help="State dict of Mask R-CNN; torchvision fetches its own when left out."),
+    Path | None, arg(help="State dict of Mask R-CNN; torchvision fetches its own when left out.")
 ]
 MaskClasses = Annotated[
     tuple[str, ...],

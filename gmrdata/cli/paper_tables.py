@@ -6,15 +6,7 @@ from typing import Annotated
 from tyro.conf import Positional, UseAppendAction
 
 from gmrdata.cli.answers import answer, print_table, then
-from gmrdata.cli.options import (
-    FEATURES,
-    KEYPOINTS,
-    POSES,
-    Body,
-    DryRun,
-    RunFlags,
-    body_path,
-)
+from gmrdata.cli.options import FEATURES, KEYPOINTS, POSES, Body, DryRun, RunFlags, body_path
 from gmrdata.tables import ScaleName
 
 

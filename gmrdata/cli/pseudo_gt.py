@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 Root = Annotated[Path, arg(help="3DPW's folder, which holds imageFiles and sequenceFiles.")]
 Rule = Annotated[
-    str,
-    arg(help="Which frames count as valid: campose_valid, 3dpw_eval, glamr, vibe or slahmr."),
+    str, arg(help="Which frames count as valid: campose_valid, 3dpw_eval, glamr, vibe or slahmr.")
 ]
 
 
@@ -175,7 +174,7 @@ def floor(
     from gmrdata.threedpw import regenerate as regeneration
     from gmrdata.threedpw.recipe import ThreedpwRecipe
     from gmrdata.twins.floor import REGENERATED_FOLDER, TWINS_FOLDER
-    from gmrdata.twins.sampling import film_of, sample_twins
+    from gmrdata.twins.sampling import film_of, twin_recipe
     from gmrdata.twins.twin_set import SET_FOLDER, read_truth
 
     loaded = read_recipe(recipe, ThreedpwRecipe)
@@ -187,7 +186,8 @@ def floor(
     elif motions is None:
         raise MissingInput("nothing to measure on. Name --motions to sample twins, or --twins")
     else:
-        sampled = sample_twins(sequences, seed, motions, film_of(size, frames), run.workers)
+        film = film_of(size, frames)
+        sampled = twin_recipe(sequences, seed, motions, film=film, workers=run.workers)
         if dry_run:
             set_dir = out / TWINS_FOLDER / SET_FOLDER
             show_dry_run(sampled.set, set_dir, motions, run.workers, probe)

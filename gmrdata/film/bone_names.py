@@ -17,57 +17,36 @@ _PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|[mf]_avg_|def-)")
 _SUFFIX = re.compile(r"[._]\d+$")
 
 
-def _with_sides(middle: Mapping[str, str], sided: Mapping[str, str]) -> dict[str, str]:
-    """`sided` has names with `{}` for the letter l or r, and joints without their side."""
+_MIDDLE = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+_SIDED = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist", "hand")
+
+
+def _naming(middle: str, sided: str) -> dict[str, str]:
+    """The bones of the joints `_MIDDLE` and, with `{}` for the letter l or r, `_SIDED`."""
     sides = {
-        name.format(letter): f"{side}_{joint}"
-        for side, letter in (("left", "l"), ("right", "r"))
-        for name, joint in sided.items()
+        bone.format(side[0]): f"{side}_{joint}"
+        for side in ("left", "right")
+        for bone, joint in zip(sided.split(), _SIDED, strict=True)
     }
-    return {**middle, **sides}
+    return dict(zip(middle.split(), _MIDDLE, strict=True)) | sides
 
 
-UNREAL = _with_sides(
-    {
-        "pelvis": "pelvis", "spine_01": "spine1", "spine_02": "spine2", "spine_03": "spine3",
-        "neck_01": "neck", "head": "head",
-    },
-    {
-        "thigh_{}": "hip", "calf_{}": "knee", "foot_{}": "ankle", "ball_{}": "foot",
-        "clavicle_{}": "collar", "upperarm_{}": "shoulder", "lowerarm_{}": "elbow",
-        "hand_{}": "wrist", "middle_01_{}": "hand",
-    },
-)  # fmt: skip
+UNREAL = _naming(
+    "pelvis spine_01 spine_02 spine_03 neck_01 head",
+    "thigh_{} calf_{} foot_{} ball_{} clavicle_{} upperarm_{} lowerarm_{} hand_{} middle_01_{}",
+)
 """The mannequin of Unreal Engine."""
-
-RIGIFY = _with_sides(
-    {
-        "spine": "pelvis", "spine.001": "spine1", "spine.002": "spine2", "spine.003": "spine3",
-        "spine.004": "neck", "spine.006": "head",
-    },
-    {
-        "thigh.{}": "hip", "shin.{}": "knee", "foot.{}": "ankle", "toe.{}": "foot",
-        "shoulder.{}": "collar", "upper_arm.{}": "shoulder", "forearm.{}": "elbow",
-        "hand.{}": "wrist", "f_middle.01.{}": "hand",
-    },
-)  # fmt: skip
+RIGIFY = _naming(
+    "spine spine.001 spine.002 spine.003 spine.004 spine.006",
+    "thigh.{} shin.{} foot.{} toe.{} shoulder.{} upper_arm.{} forearm.{} hand.{} f_middle.01.{}",
+)
 """Blender's Rigify: its metarig, and its deforming bones with `DEF-` before the name."""
-
-
-def _in_small_letters(*namings: Mapping[str, str]) -> tuple[dict[str, str], ...]:
-    return tuple({name.casefold(): joint for name, joint in n.items()} for n in namings)
-
-
-CMU_NAMINGS = _in_small_letters(CMU_BVH, CMU_ASF)
-NAMINGS = _in_small_letters(MIXAMO, SMPL, UNREAL, RIGIFY)
-"""`{bone: SMPL joint}`, in small letters."""
+CMU_NAMINGS = (CMU_BVH, CMU_ASF)
+NAMINGS = (MIXAMO, SMPL, UNREAL, RIGIFY)
 
 
 def find_bones(
-    names: Sequence[str],
-    parents: Sequence[int],
-    joint_map: Mapping[str, str] | None,
-    path: Path,
+    names: Sequence[str], parents: Sequence[int], joint_map: Mapping[str, str] | None, path: Path
 ) -> dict[int, int]:
     """`{index of the SMPL joint: index of the bone}`: which bone drives with which joint.
 
@@ -82,8 +61,7 @@ def find_bones(
             bones hang together in another way than the joints.
     """
     found = _by_name(names) if joint_map is None else _by_map(names, joint_map, path)
-    missing = [joint for joint in REQUIRED if joint not in found]
-    if missing:
+    if missing := [joint for joint in REQUIRED if joint not in found]:
         raise BadCharacter(
             f"{path}: no bone is known to be {', '.join(missing)}. Give a joint_map "
             f"{{bone: joint}} in the recipe, such as joint_map: {{{names[0] if names else 'Hips'}: "
@@ -117,32 +95,25 @@ def _by_name(names: Sequence[str]) -> dict[str, int]:
     for plain in (small, [_SUFFIX.sub("", name) for name in small]):
         index = {name: bone for bone, name in reversed(list(enumerate(plain)))}
         for naming in CMU_NAMINGS if is_cmu(names) else NAMINGS:
-            found = {joint: index[name] for name, joint in naming.items() if name in index}
-            if _needed(found) > _needed(best):
-                best = found
+            small_naming = {name.casefold(): joint for name, joint in naming.items()}
+            found = {joint: index[name] for name, joint in small_naming.items() if name in index}
+            best = max(best, found, key=lambda known: sum(joint in known for joint in REQUIRED))
     return best
 
 
-def _needed(found: Mapping[str, int]) -> int:
-    return sum(joint in found for joint in REQUIRED)
-
-
 def _by_map(names: Sequence[str], joint_map: Mapping[str, str], path: Path) -> dict[str, int]:
-    unknown = [name for name in joint_map if name not in names]
-    if unknown:
+    if unknown := [name for name in joint_map if name not in names]:
         raise BadCharacter(
             f"{path}: joint_map names the bones {', '.join(unknown)}, which it does not have. "
             f"Its bones are {', '.join(names)}"
         )
     joints = Counter(joint_map.values())
-    wrong = sorted(joints.keys() - JOINT.keys())
-    if wrong:
+    if wrong := sorted(joints.keys() - JOINT.keys()):
         raise BadCharacter(
             f"{path}: joint_map speaks of the joints {', '.join(wrong)}; there are "
             f"{', '.join(JOINT)}"
         )
-    twice = sorted(joint for joint, count in joints.items() if count > 1)
-    if twice:
+    if twice := sorted(joint for joint, count in joints.items() if count > 1):
         raise BadCharacter(f"{path}: joint_map gives {', '.join(twice)} more than one bone")
     return {joint: names.index(name) for name, joint in joint_map.items()}
 

@@ -10,9 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values.errors import BadRecipe
-from gmrdata.values.transforms import rigid
 
-UP_WORLD = np.array([0.0, 0.0, 1.0])
 FOLLOW_SIGMA_S = 0.35
 """Low-pass on the subject's path: steps bob at about 2 Hz, and an operator doesn't follow those."""
 STANDING_M = 0.5
@@ -27,12 +25,9 @@ def look_at(centres_world_m: np.ndarray, targets_world_m: np.ndarray) -> np.ndar
     """World_from_cam rotations (..., 3, 3) of cameras that look at targets, the horizon level.
 
     Centres and targets are (..., 3) points in the z-up world [m]; axes are OpenCV's.
-
-    Raises:
-        BadRecipe: a target is at the camera, or straight above or below it.
     """
     forward = np.asarray(targets_world_m, dtype=np.float64) - centres_world_m
-    right = np.cross(forward, UP_WORLD)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
     length = np.linalg.norm(forward, axis=-1, keepdims=True)
     level = np.linalg.norm(right, axis=-1, keepdims=True)
     if not np.all(level > 1e-6 * np.maximum(length, 1e-6)):
@@ -45,11 +40,9 @@ def look_at(centres_world_m: np.ndarray, targets_world_m: np.ndarray) -> np.ndar
 
 
 def smooth_path(points_m: np.ndarray, fps_hz: float, sigma_s: float, lag_s: float) -> np.ndarray:
-    """A path (T, 3) [m] as a camera operator follows it: low-pass filtered, and late.
+    """A path (T, 3) [m] as a camera operator follows it: low-pass filtered, and late by `lag_s`.
 
-    Args:
-        sigma_s: Standard deviation of the Gaussian low-pass [s].
-        lag_s: How late the operator is [s]; before the path starts it rests at its first point.
+    The low-pass is Gaussian, of standard deviation `sigma_s`.  The path rests before its start.
     """
     smooth = gaussian_filter1d(points_m, max(sigma_s * fps_hz, 1e-3), axis=0, mode="nearest")
     frames = np.arange(len(points_m))
@@ -139,16 +132,6 @@ def line(
         own_m_per_s = share * subject.speed_m_per_s * float(along @ heading)
         speed_m_per_s = max(own_m_per_s, SLOWEST_M_PER_S)
     return np.asarray(place_m + speed_m_per_s * subject.time_s[:, None] * along)
-
-
-def looking_ahead(subject: SubjectPath, centres_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
-    """Cameras (T, 4, 4) of one orientation: from a place (3,) to the middle of the path."""
-    return rigid(look_at(place_m, subject.centre_m), centres_m)
-
-
-def following(subject: SubjectPath, centres_m: np.ndarray) -> np.ndarray:
-    """Cameras (T, 4, 4) that turn to the subject."""
-    return rigid(look_at(centres_m, subject.target_m), centres_m)
 
 
 def held(

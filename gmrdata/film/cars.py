@@ -83,9 +83,6 @@ def drive_past(
     It is parallel to the longer side of the area that everyone covers: a street runs along that.
     Where nothing can cross, as in a street that is filmed along its length, it passes beside.
     It keeps clear of the extras who walk, paths (T, 3) [m], and of the cars that are there already.
-
-    Raises:
-        BadRecipe: nowhere is room for it.
     """
     walked_m = [path[:, :2] for path in (*shot.subjects_m, *people_m)]
     filmed_m = [camera.centres_world_m[:, :2] for camera in shot.cameras]

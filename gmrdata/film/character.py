@@ -38,10 +38,6 @@ def linked_files(path: Path) -> dict[str, Path]:
     """Files that a character's file names, buffers and pictures, by the name that it gives them.
 
     All are inside the file's folder.  None for FBX, whose pictures must be inside the file.
-
-    Raises:
-        MissingInput: the file, or one that it names, is not there.
-        BadCharacter: it is cut off, not of its kind, or names files outside its folder.
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
@@ -55,8 +51,8 @@ def linked_files(path: Path) -> dict[str, Path]:
             if not file.read(64).startswith(_FBX_STARTS):
                 raise BadCharacter(f"{path}: not an FBX file; export the character again")
         return {}
-    names = {name: None for name in _uris(_gltf_of(path)) if not name.startswith("data:")}
-    return {name: _inside(path, name) for name in names}
+    names = (name for name in _uris(_gltf_of(path)) if not name.startswith("data:"))
+    return {name: _inside(path, name) for name in dict.fromkeys(names)}
 
 
 def _gltf_of(path: Path) -> Any:

@@ -84,12 +84,7 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
 
     Those of one kind don't depend on how many more of their kind are asked for; passers-by make way
     for company, and cars for both.  Of the clips that are filmed there the first one's camera is
-    the one to be crossed.
-
-    Raises:
-        BadRecipe: there is no room for someone, or a motion is too short.
-        BadMotionFile: a motion file is broken.
-        MissingInput: a motion file is not there.
+    the one to be crossed.  BadRecipe: there is no room for someone, or a motion is too short.
     """
     if not extras.names:
         return Cast((), ())
@@ -156,12 +151,7 @@ def save_extras(
 
 
 def load_car(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Transforms `world_from_car` (T, 4, 4) and size (3,) [m] of a car's file.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: it holds something else.
-    """
+    """Transforms `world_from_car` (T, 4, 4) and size (3,) [m] of a car's file."""
     arrays = read_npz(path)
     world_from_car, size_m = (arrays.get(key, np.empty(0)) for key in ("world_from_car", "size_m"))
     if world_from_car.shape[1:] != (4, 4) or size_m.shape != (3,):

@@ -61,32 +61,34 @@ class Circular(Moving):
     """Radius of the circle [m]; None: `distance_m`, or the smallest that frames all."""
 
 
-class Linear(Moving):
+class Travelling(Moving):
     """Along a straight line at constant speed."""
 
-    kind: Literal["linear"] = "linear"
     move: Literal["truck", "dolly"] = "truck"
     """Truck: sideways, beside the subject.  Dolly: along the line of sight, ahead of it."""
     speed_m_per_s: float | None = None
-    """Speed, positive along the subject's walking direction [m/s]; None: that of the subject."""
+    """Speed, positive along the subject's walking direction [m/s]; None: that of the subject, and
+    half of it for `linear_panning`."""
+
+
+class Linear(Travelling):
+    """As fast as the subject."""
+
+    kind: Literal["linear"] = "linear"
     look: Literal["fixed", "subject"] = "fixed"
     """Keep the orientation, or turn to the subject."""
+
+
+class LinearPanning(Travelling):
+    """Along a straight line, slower than the subject, turning to it."""
+
+    kind: Literal["linear_panning"] = "linear_panning"
 
 
 class Panning(Moving):
     """A pure rotation about a fixed point: a tripod head that follows the subject."""
 
     kind: Literal["panning"] = "panning"
-
-
-class LinearPanning(Moving):
-    """Along a straight line, slower than the subject, turning to it."""
-
-    kind: Literal["linear_panning"] = "linear_panning"
-    move: Literal["truck", "dolly"] = "truck"
-    """Truck: sideways.  Dolly: along the line of sight at the middle of the clip."""
-    speed_m_per_s: float | None = None
-    """Speed, positive along the subject's walking direction [m/s]; None: half of the subject's."""
 
 
 class Small(View):
@@ -177,11 +179,7 @@ def _nearest_in_frame(
     kind: str,
     remedy: str,
 ) -> CameraPath:
-    """The first of the cameras at some distances that has the whole subject in frame all the time.
-
-    Raises:
-        BadRecipe: none does; the message names the kind of camera and what else could be done.
-    """
+    """The first of the cameras at some distances with the whole subject in frame all the time."""
     box = person_box(pelvis_m)
     for distance_m in distances_m:
         camera = at(float(distance_m))
@@ -200,18 +198,15 @@ def _world_from_cam(programme: Programme, subject: SubjectPath, distance_m: floa
     )
     if isinstance(programme, Circular):
         place_m, centres_m = _round(programme, subject, distance_m)
-    elif isinstance(programme, Linear | LinearPanning):
+    elif isinstance(programme, Travelling):
         share = 0.5 if isinstance(programme, LinearPanning) else 1.0
         place_m, centres_m = _travel(programme, subject, distance_m, share)
     else:
         azimuth_rad = _beside_rad(programme, subject)
         place_m = moves.station(subject, azimuth_rad, distance_m, programme.height_m)
         centres_m = np.tile(place_m, (len(subject.time_s), 1))
-    steady = (
-        moves.following(subject, centres_m)
-        if follows
-        else moves.looking_ahead(subject, centres_m, place_m)
-    )
+    eyes_m, seen_m = (centres_m, subject.target_m) if follows else (place_m, subject.centre_m)
+    steady = rigid(look_at(eyes_m, seen_m), centres_m)
     if isinstance(programme, Moving):
         return moves.held(subject, steady, programme.handheld_m, programme.handheld_deg)
     if isinstance(programme, Small):
@@ -236,7 +231,7 @@ def _round(
 
 
 def _travel(
-    programme: Linear | LinearPanning, subject: SubjectPath, distance_m: float, share: float
+    programme: Travelling, subject: SubjectPath, distance_m: float, share: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Place (3,) in the middle of the clip and centres (T, 3) of a camera on a straight line."""
     if programme.move == "truck":
@@ -265,9 +260,6 @@ def static_twin(camera: CameraPath, pelvis_world_m: np.ndarray) -> CameraPath:
     It looks at the middle of the subject's path, whose pelvis (T, 3) is given in the world [m].
     Where that doesn't keep the subject in frame for the whole clip, it steps back on the same side,
     at the same height, as far as it must.  Lens and length are those of the moving camera.
-
-    Raises:
-        BadRecipe: the middle frame has no camera, or no place keeps the subject in frame.
     """
     place_m = camera.centres_world_m[camera.n_frames // 2]
     if not np.isfinite(place_m).all():

@@ -36,7 +36,6 @@ FRAME_LINE = "gmrdata-frame"
 FOLDERS = ("depth", "normals", "flow", "instances")
 """Folders that a recipe can ask for, with one file for each frame."""
 EXTRAS_FOLDER = "extras"
-LOG_FILE = "blender.log"
 LOG_LINES = 12
 KEEP_MEMORY = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(1 << 32)}
 """What tells glibc to keep freed memory for the next array: it gives large ones back to the kernel
@@ -51,9 +50,6 @@ def find_renderer(engine: str, device: str) -> str:
 
     Cycles on the CPU runs wherever Blender does.  Anything else is tried with a few pixels in a
     process of its own, which costs the start of Blender, once for each process that asks.
-
-    Raises:
-        EngineMissing: it can't run here; the message says why and what can be done.
     """
     if (engine, device) == ("cycles", "cpu"):
         return "Cycles on the CPU"
@@ -293,11 +289,8 @@ def run_blender(
     """Run a module of Blender's side on a job.
 
     The job file is in `partial_dir`, beside a log that only stays when the process fails.
-
-    Raises:
-        RenderFailed: Blender ended without its result; the message has the end of its log.
     """
-    job_path, log_path = partial_dir / "job.json", partial_dir / LOG_FILE
+    job_path, log_path = partial_dir / "job.json", partial_dir / "blender.log"
     write_json(job_path, with_full_paths(job).model_dump(mode="json"))
     command = [sys.executable, "-m", module, str(job_path), "--parent", str(os.getpid())]
     with log_path.open("w", encoding="utf-8") as log:

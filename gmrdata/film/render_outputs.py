@@ -62,11 +62,7 @@ class Joints2d:
 
 
 def project_joints(clip: Clip, body: BodyModel) -> Joints2d:
-    """Joints of a world-frame clip through its camera; `visible` is `in_frame` here.
-
-    Raises:
-        BadMotionFile: the clip has no camera.
-    """
+    """Joints of a world-frame clip through its camera; `visible` is `in_frame` here."""
     camera = camera_of(clip)
     world_m = motion_joints_m(body, clip.motion)
     camera_m = apply(invert(camera.world_from_cam), world_m)
@@ -87,15 +83,9 @@ def load_joints(path: Path) -> Joints2d:
 
 
 def read_truth(path: Path, shapes: TruthShapes, frames_of: str) -> list[np.ndarray]:
-    """The arrays of a file of truth, in the order of `shapes`.
+    """The arrays of a file of truth, in the order of `shapes`: kind (numpy's letter) and shape.
 
-    Args:
-        shapes: Kind (numpy's letter) and shape by name.
-        frames_of: The array whose first axis tells the number of frames.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: not readable, or its arrays do not fit together.
+    The first axis of the array `frames_of` tells the number of frames.
     """
     arrays = read_npz(path)
     n_frames = len(np.atleast_1d(arrays.get(frames_of, ())))
@@ -208,21 +198,13 @@ class Clearance(Record):
 
 
 def clearance_figures(folder: Path) -> Mapping[str, float]:
-    """The figures of a rendered clip; none for a clip with nothing round it.
-
-    Raises:
-        BadRecord: the file is not a clearance.
-    """
+    """The figures of a rendered clip; none for a clip with nothing round it."""
     path = folder / CLEARANCE_FILE
     return Clearance.read(path).figures if path.is_file() else {}
 
 
 def whole_person_share(clip: Clip, body: BodyModel) -> float:
-    """Share of a clip's frames (0 to 1) in which every vertex of the body is inside the image.
-
-    Raises:
-        BadMotionFile: the clip has no camera.
-    """
+    """Share of a clip's frames (0 to 1) in which every vertex of the body is inside the image."""
     camera = camera_of(clip)
     n_frames = clip.motion.n_frames
     seen = [

@@ -40,11 +40,7 @@ RETRIES = 1
 def render_clips(
     jobs: Mapping[str, RenderJob], client: Any, failures_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> None:
-    """Render each clip as `try_render_clips` does, for callers that need them all.
-
-    Raises:
-        StageFailed: some clips failed; the others are done.
-    """
+    """Render each clip as `try_render_clips` does; StageFailed if some clips failed."""
     outcome = try_render_clips(jobs, client, failures_dir, run=run)
     raise_failures(DESCRIPTION, outcome.reasons, len(jobs), failures_dir)
 
@@ -114,11 +110,7 @@ def render_set(
 
 
 def require_takes(selection: Selection, motions_dir: Path | None) -> None:
-    """Say which motions are missing, and how to get them.
-
-    Raises:
-        MissingInput: not one clip of the recipe has its motion.
-    """
+    """Say which motions are missing, and how to get them; MissingInput if all of them are."""
     command = fetch_command(selection.missing, motions_dir)
     how = "" if command is None else f". To get what is missing:\n  {command}"
     if not selection.takes:
@@ -148,6 +140,7 @@ def _write_manifest(
     version = recipe.version
     if incomplete:
         version += f"{'.' if '-' in version else '-'}incomplete"
+    recorded = recipe.model_dump(mode="json", exclude={"workers"})
     write_manifest(
         out_dir / "synthetic.yaml",
         name=recipe.name,
@@ -156,9 +149,7 @@ def _write_manifest(
         description="Rendered clips with exact cameras and exact world motions.",
         licence=f"clips as stated by each; body: {body.licence}",
         clips=entries,
-        created_by=created_by(
-            recipe.model_dump(mode="json", exclude={"workers"}), {"render": recipe.seed}
-        ),
+        created_by=created_by(recorded, {"render": recipe.seed}),
         redo=run.redo or incomplete,
     )
 

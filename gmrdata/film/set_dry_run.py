@@ -72,9 +72,6 @@ def dry_run(
     """Plan every clip in a temporary folder and, for a probe, render two frames of one there.
 
     Nothing is written below `out_dir`, and what is done there counts as done.
-
-    Raises:
-        RenderFailed: the probe can't be rendered.
     """
     selection = select(recipe, motions_dir)
     with tempfile.TemporaryDirectory(prefix="gmrdata-") as name:
@@ -90,16 +87,11 @@ def dry_run(
     states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, "to do")
     states |= {id: f"can't be filmed: {reason}" for id, reason in planned.reasons.items()}
     frames = {id: clip.motion.n_frames for id, clip in clips.items()}
-    rows: list[Sequence[str]] = [
-        (
-            take.id,
-            take.clip.trial or f"gait {take.clip.gait}",
-            take.camera_motion,
-            str(frames.get(take.id, "")),
-            states[take.id],
-        )
-        for take in selection.takes
-    ]
+    rows = []
+    for take in selection.takes:
+        motion = take.clip.trial or f"gait {take.clip.gait}"
+        count = str(frames.get(take.id, ""))
+        rows.append((take.id, motion, take.camera_motion, count, states[take.id]))
     rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
     there = count_files([render_dir(out_dir, id) for id in todo], "masks/[0-9]*.png")
     return DryRun(
@@ -114,11 +106,7 @@ def dry_run(
 
 
 def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) -> Probe:
-    """Render two frames from the middle of a clip to a folder and measure them.
-
-    Raises:
-        RenderFailed: Blender ended without its result.
-    """
+    """Render two frames from the middle of a clip to a folder and measure them."""
     start = clip.motion.n_frames // 2
     rows = np.arange(start, min(start + PROBE_FRAMES, clip.motion.n_frames))
     motion = slice_motion(clip.motion, start, start + len(rows))
@@ -151,13 +139,12 @@ def summary_lines(plan: DryRun) -> list[str]:
         f"{plan.clips} clips, {plan.frames} frames; to do: {plan.clips_to_do} clips, "
         f"{plan.frames_to_do} frames"
     ]
-    seconds, size_bytes = plan.seconds, plan.size_bytes
-    if plan.probe is not None and seconds is not None and size_bytes is not None:
+    if probe := plan.probe:
         lines.append(
-            f"about {_duration(seconds)} with {plan.workers} workers on as many cores, "
-            f"{size_bytes / 1e6:,.1f} MB (measured on {PROBE_FRAMES} frames: "
-            f"{plan.probe.frame_cpu_s:.2f} s a frame and {plan.probe.clip_cpu_s:.1f} s a clip of "
-            f"processor time, {plan.probe.frame_bytes / 1e3:.0f} kB a frame)"
+            f"about {_duration(plan.seconds or 0.0)} with {plan.workers} workers on as many cores, "
+            f"{(plan.size_bytes or 0.0) / 1e6:,.1f} MB (measured on {PROBE_FRAMES} "
+            f"frames: {probe.frame_cpu_s:.2f} s a frame and {probe.clip_cpu_s:.1f} s a clip of "
+            f"processor time, {probe.frame_bytes / 1e3:.0f} kB a frame)"
         )
     return lines
 

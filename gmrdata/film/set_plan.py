@@ -187,11 +187,7 @@ def make_plan(
 def make_twin(
     twin_id: str, planned_path: Path, body_path: Path, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Stage: a planned clip once more, with the motion of its camera off; gives its path.
-
-    Raises:
-        BadRecipe: no static camera keeps the subject in frame.
-    """
+    """Stage: a planned clip once more, with the motion of its camera off; gives its path."""
 
     def work(partial_dir: Path) -> None:
         clip = load_clip(planned_path)
@@ -210,14 +206,12 @@ def _save(partial_dir: Path, clip: Clip, body: BodyModel) -> None:
 def planned_clip(
     clip: SyntheticClip, recipe: SyntheticRecipe, motion_path: Path | None, body: BodyModel
 ) -> Clip:
-    """A clip's motion and camera.
-
-    Raises:
-        BadMotionFile: the motion can't be read, or is too short.
-        BadRecipe: no distance keeps the person in frame, or the body has no such shape.
-    """
+    """A clip's motion and camera."""
     film = _film(clip, recipe)
-    shape = _shape(clip, recipe, body)
+    shape = None if clip.shape is None else np.array(clip.shape)  # None: as the motion has it
+    if shape is None and recipe.people.vary:
+        person_rng = clip_rng(recipe.seed, clip.id, "person")
+        shape = sample_person(body, person_rng, recipe.people.spread)
     rng = clip_rng(recipe.seed, clip.id, "motion")
     if motion_path is not None:
         motion = read_motion(motion_path, body, shape=shape)
@@ -227,15 +221,5 @@ def planned_clip(
 
 
 def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:
-    if clip.duration_s is None:
-        return recipe.film
-    return recipe.film.model_copy(update={"duration_s": clip.duration_s})
-
-
-def _shape(clip: SyntheticClip, recipe: SyntheticRecipe, body: BodyModel) -> np.ndarray | None:
-    """The person's shape (S,); None: as the motion has it."""
-    if clip.shape is not None:
-        return np.array(clip.shape)
-    if not recipe.people.vary:
-        return None
-    return sample_person(body, clip_rng(recipe.seed, clip.id, "person"), recipe.people.spread)
+    duration_s = clip.duration_s or recipe.film.duration_s
+    return recipe.film.model_copy(update={"duration_s": duration_s})

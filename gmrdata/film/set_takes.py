@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmrdata.film.programmes import Circular, Linear, LinearPanning, Panning, Programme, Small
+from gmrdata.film.programmes import camera_programme
 from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.set_plan import (
     SyntheticClip,
@@ -21,12 +21,9 @@ from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadMotionFile, BadRecipe, StageFailed
 
-PROGRAMMES: dict[str, Programme] = {
-    "circular": Circular(),
-    "linear": Linear(),
-    "linear_panning": LinearPanning(),
-    "panning": Panning(),
-    "small": Small(),
+PROGRAMMES = {
+    kind: camera_programme(kind)
+    for kind in ("circular", "linear", "linear_panning", "panning", "small")
 }
 """What a published list's class of camera motion is rendered with."""
 
@@ -60,11 +57,7 @@ class Selection:
 
 
 def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
-    """Find the motion files of a recipe's clips.
-
-    Raises:
-        BadRecipe: it has no clips, or two of one name.
-    """
+    """Find the motion files of a recipe's clips."""
     wanted = (*_listed(recipe.published_list), *recipe.clips)
     if not wanted:
         raise BadRecipe(f"recipe {recipe.name}: no clips; give `clips` or `published_list`")
@@ -75,8 +68,7 @@ def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
             takes.append(Take(clip.id, clip))
             if recipe.camera_off and clip.programme.kind != "static":
                 takes.append(Take(f"{clip.id}_off", clip, camera_off=True))
-    repeated = sorted(id for id, n in Counter(take.id for take in takes).items() if n > 1)
-    if repeated:
+    if repeated := sorted(id for id, n in Counter(take.id for take in takes).items() if n > 1):
         raise BadRecipe(
             f"clip ids must be unique, but these are repeated: {', '.join(repeated)}; "
             "rename clips (camera_off adds _off to each)"
@@ -135,9 +127,6 @@ def plan_takes(
     """Plan every take in a stage folder of its own below `plans_dir`.
 
     One that can't be filmed is named and the others go on.
-
-    Raises:
-        StaleOutput: a folder was made by another recipe.
     """
     recipe = selection.recipe
     paths: dict[str, Path] = {}

@@ -41,15 +41,10 @@ def frame_rate_hz(duration_s: float, film: Film) -> float:
 
 
 def film_motion(motion: Motion, film: Film) -> Motion:
-    """The part of a motion that is filmed, at its frame rate, with its middle over the origin.
-
-    Raises:
-        BadMotionFile: fewer than five frames are left.
-    """
+    """The part of a motion that is filmed, at its frame rate, with its middle over the origin."""
     duration_s = min(motion.n_frames / motion.fps_hz, film.duration_s)
-    cut = slice_motion(motion, 0, round(duration_s * motion.fps_hz))
     rate_hz = min(frame_rate_hz(duration_s, film), motion.fps_hz)
-    cut = resample(cut, rate_hz)
+    cut = resample(slice_motion(motion, 0, round(duration_s * motion.fps_hz)), rate_hz)
     if cut.n_frames < MIN_FRAMES:
         raise BadMotionFile(
             f"{motion.source}: {duration_s:.2f} s are too short to film. Take a longer trial"

@@ -76,11 +76,7 @@ class Shot:
 
 
 def shot_of(clips: Sequence[Clip]) -> Shot:
-    """The shot of clips with cameras; one that is shorter than the longest rests at its end.
-
-    Raises:
-        BadMotionFile: a clip has no camera.
-    """
+    """The shot of clips with cameras; one that is shorter than the longest rests at its end."""
     n_frames = max(clip.motion.n_frames for clip in clips)
     rows = [np.minimum(np.arange(n_frames), clip.motion.n_frames - 1) for clip in clips]
     pairs = list(zip(clips, rows, strict=True))
@@ -146,9 +142,6 @@ def pass_by(
     """Place a motion so that it crosses the first camera's line of sight to its subject.
 
     The motion has the shot's frames, and `others` are extras that are there already.
-
-    Raises:
-        BadRecipe: nowhere is room for it.
     """
     for _ in range(TRIES):
         row = round(rng.uniform(0.2, 0.8) * (shot.n_frames - 1))
@@ -170,19 +163,12 @@ def no_way(name: str, remedy: str) -> BadRecipe:
 
 
 def keep_company(
-    name: str,
-    shot: Shot,
-    others: Sequence[Motion],
-    body: BodyModel,
-    seed: np.random.SeedSequence,
+    name: str, shot: Shot, others: Sequence[Motion], body: BodyModel, seed: np.random.SeedSequence
 ) -> Motion:
     """A gait beside the first subject, in its direction and at its mean speed.
 
     It goes straight on, so it leaves a subject that turns; beside one that stays, or comes back, it
     steps to and fro.  Of the ways that are clear of everyone and in view, a near one is taken.
-
-    Raises:
-        BadRecipe: nowhere is room for it in view.
     """
     subject_m = shot.subjects_m[0][:, :2]
     way_m = subject_m[-1] - subject_m[0]
@@ -259,5 +245,7 @@ def _is_clear(placed: Motion, shot: Shot, others: Sequence[Motion]) -> bool:
     rooms = [(path_m, PEOPLE_APART_M) for path_m in shot.subjects_m]
     rooms += [(other.pelvis_m, PEOPLE_APART_M) for other in others]
     rooms += [(camera.centres_world_m, FROM_CAMERA_M) for camera in shot.cameras]
-    away_m = [np.linalg.norm((placed.pelvis_m - path_m)[:, :2], axis=1) for path_m, _ in rooms]
-    return all(far_m.min() >= room_m for far_m, (_, room_m) in zip(away_m, rooms, strict=True))
+    return all(
+        np.linalg.norm((placed.pelvis_m - path_m)[:, :2], axis=1).min() >= room_m
+        for path_m, room_m in rooms
+    )
