@@ -8,19 +8,16 @@ from gmrdata.score.records import Row, RowFloor, Summary
 from gmrdata.twins.floor_record import Floor, FloorGroup, read_floor
 from gmrdata.values.errors import BadManifest, BadRecord
 
-UNITS: dict[Metric, tuple[str, str, int]] = {
-    "ome_deg": ("OME", "°", 3),
-    "tme_mm": ("TME", " mm", 2),
-    "vme_mm": ("VME", " mm", 2),
+BELOW: dict[Metric, str] = {
+    "ome_deg": "OME {:.3f}° is below {:.3f}°",
+    "tme_mm": "TME {:.2f} mm is below {:.2f} mm",
+    "vme_mm": "VME {:.2f} mm is below {:.2f} mm",
 }
-"""Name, unit and digits of each metric in a sentence."""
+R = TypeVar("R", bound=Row)
 
 
 def read_fitting_floor(path: Path, manifest_path: Path, kind: str, fps_hz: float) -> Floor:
-    """A floor for the scores of a manifest.
-
-    Args:
-        fps_hz: Rate of the scored motions [Hz].
+    """A floor for the scores of a manifest, whose motions were scored at `fps_hz`.
 
     Raises:
         BadManifest: the manifest is no pseudo ground truth.
@@ -42,9 +39,6 @@ def read_fitting_floor(path: Path, manifest_path: Path, kind: str, fps_hz: float
     return floor
 
 
-R = TypeVar("R", bound=Row)
-
-
 def beside_floor(scores: Summary, floor: Floor) -> Summary:
     """Scores with a floor in each row, and a sentence for each row with a score below it.
 
@@ -54,16 +48,11 @@ def beside_floor(scores: Summary, floor: Floor) -> Summary:
     clips = tuple(_beside(clip, clip.camera_motion, floor) for clip in scores.clips)
     classes = {name: _beside(row, name, floor) for name, row in scores.camera_motion.items()}
     overall = _beside(scores.overall, "all", floor)
-    rows: list[tuple[str, Row]] = [(clip.id, clip) for clip in clips]
-    rows += [(f"all {name}", row) for name, row in classes.items()]
-    rows.append(("all", overall))
-    changes = {
-        "clips": clips,
-        "camera_motion": classes,
-        "overall": overall,
-        "statements": tuple(_statement(name, row) for name, row in rows if row.below_floor),
-    }
-    return scores.model_copy(update=changes)
+    groups = {f"all {name}": row for name, row in classes.items()} | {"all": overall}
+    rows: tuple[tuple[str, Row], ...] = (*((clip.id, clip) for clip in clips), *groups.items())
+    statements = tuple(_statement(name, row) for name, row in rows if row.below_floor)
+    changes = {"clips": clips, "camera_motion": classes, "overall": overall}
+    return scores.model_copy(update=changes | {"statements": statements})
 
 
 def _beside(row: R, camera_motion: str, floor: Floor) -> R:
@@ -77,7 +66,7 @@ def _beside(row: R, camera_motion: str, floor: Floor) -> R:
 
 
 def _errors_of(group: FloorGroup, of: str) -> RowFloor | None:
-    """OME, TME and VME of a group; None where no sequence was accepted."""
+    """None where no sequence was accepted."""
     if group.ome_deg is None or group.tme_mm is None or group.vme_mm is None:
         return None
     return RowFloor(of=of, ome_deg=group.ome_deg, tme_mm=group.tme_mm, vme_mm=group.vme_mm)
@@ -85,11 +74,6 @@ def _errors_of(group: FloorGroup, of: str) -> RowFloor | None:
 
 def _statement(name: str, row: Row) -> str:
     assert row.floor is not None
-    parts = []
-    for metric in row.below_floor:
-        title, unit, digits = UNITS[metric]
-        score, own = row.paper().predicted.get(metric), row.floor.get(metric)
-        parts.append(f"{title} {score:.{digits}f}{unit} is below {own:.{digits}f}{unit}")
-    return (
-        f"{name}: {', '.join(parts)}: not distinguishable from the pseudo ground truth's own error"
-    )
+    score, own = row.paper().predicted, row.floor
+    parts = ", ".join(BELOW[one].format(score.get(one), own.get(one)) for one in row.below_floor)
+    return f"{name}: {parts}: not distinguishable from the pseudo ground truth's own error"

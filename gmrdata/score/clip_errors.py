@@ -1,7 +1,7 @@
 """Errors of a prediction of one clip, and of zero motion beside it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -12,11 +12,14 @@ from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_
 from gmrdata.score.protocols import WorldBody, WorldPair, protocol_values
 from gmrdata.score.records import Protocol
 from gmrdata.score.world_metrics import pooled
-from gmrdata.values import motion_metrics as metrics
 from gmrdata.values.body import BodyModel, sole_vertices, with_vertices
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
-from gmrdata.values.motion_metrics import VertexErrors, run_vertex_errors
+from gmrdata.values.motion_metrics import (
+    orientation_errors_deg,
+    run_vertex_errors,
+    translation_errors_mm,
+)
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 SMPL_VERTICES = 6890
@@ -63,7 +66,6 @@ class ClipErrors:
 
     @property
     def n_motions(self) -> int:
-        """Motions that were scored."""
         return len(self.errors["predicted"]["ome_deg"])
 
 
@@ -73,10 +75,9 @@ def clip_errors(
     protocol: Protocol | None = None,
     predicted_body: BodyModel | None = None,
 ) -> ClipErrors:
-    """Score a prediction of a clip, whatever made it.
+    """Score a prediction of a clip, of one run at least, whatever made it.
 
     Args:
-        clip: The prediction, with at least one run.
         protocol: What to measure beside OME, TME and VME.
         predicted_body: The predicted person's body, with the same mesh; None for the true one.
     """
@@ -86,16 +87,17 @@ def clip_errors(
         for method in METHODS
     }
     longest = max(runs, key=lambda run: len(run["predicted"].over_time_mm))
-    with_protocol = None if protocol is None else (protocol, body, predicted_body or body)
-    return ClipErrors(
+    found = ClipErrors(
         clip.clip_id,
         clip.camera_motion,
         errors,
         over_time_mm={method: longest[method].over_time_mm for method in METHODS},
-        protocol={} if with_protocol is None else _protocol(clip.worlds, *with_protocol),
-        protocol_fps_hz=None if protocol is None else clip.worlds[0][0].true.fps_hz,
         dropped_frames=clip.dropped_frames,
     )
+    if protocol is None:
+        return found
+    values = _protocol(clip.worlds, protocol, body, predicted_body or body)
+    return replace(found, protocol=values, protocol_fps_hz=clip.worlds[0][0].true.fps_hz)
 
 
 class _RunErrors(NamedTuple):
@@ -108,18 +110,17 @@ def _run_errors(
 ) -> dict[Method, _RunErrors]:
     motions = {"predicted": run.predicted, "zero": still_run(run).predicted}
     vertices = run_vertex_errors(body, run.true, motions, predicted_body)
-    return {method: _against(run.true, motions[method], vertices[method]) for method in METHODS}
-
-
-def _against(true: Motion, predicted: Motion, vertices: VertexErrors) -> _RunErrors:
-    delta_rotmats, delta_m = deltas(predicted.root_rotmats, predicted.pelvis_m)
-    true_rotmats, true_m = deltas(true.root_rotmats, true.pelvis_m)
-    errors: dict[Metric, np.ndarray] = {
-        "ome_deg": metrics.orientation_errors_deg(delta_rotmats, true_rotmats),
-        "tme_mm": metrics.translation_errors_mm(delta_m, true_m),
-        "vme_mm": vertices.vme_mm,
-    }
-    return _RunErrors(errors, vertices.over_time_mm)
+    true_rotmats, true_m = deltas(run.true.root_rotmats, run.true.pelvis_m)
+    found = {}
+    for method in METHODS:
+        delta_rotmats, delta_m = deltas(motions[method].root_rotmats, motions[method].pelvis_m)
+        errors: dict[Metric, np.ndarray] = {
+            "ome_deg": orientation_errors_deg(delta_rotmats, true_rotmats),
+            "tme_mm": translation_errors_mm(delta_m, true_m),
+            "vme_mm": vertices[method].vme_mm,
+        }
+        found[method] = _RunErrors(errors, vertices[method].over_time_mm)
+    return found
 
 
 def _protocol(
@@ -143,16 +144,10 @@ def _protocol(
 
 
 def _world_body(body: BodyModel, motions: Sequence[Motion], with_feet: bool) -> WorldBody:
-    feet = with_vertices(body, np.array(foot_vertices(body))) if with_feet else None
-    return WorldBody(
-        np.concatenate([motion.root_rotmats for motion in motions]),
-        np.concatenate([motion_joints_m(body, motion) for motion in motions]),
-        np.concatenate([_feet_m(feet, motion) for motion in motions]),
-    )
-
-
-def _feet_m(feet: BodyModel | None, motion: Motion) -> np.ndarray:
-    """(T, F, 3) points of the feet [m], none without `feet`."""
-    if feet is None:
-        return np.zeros((motion.n_frames, 0, 3))
-    return motion_vertices_m(feet, motion).astype(np.float64)
+    root_rotmats = np.concatenate([motion.root_rotmats for motion in motions])
+    feet_m = np.zeros((len(root_rotmats), 0, 3))
+    if with_feet:
+        feet = with_vertices(body, np.array(foot_vertices(body)))
+        feet_m = np.concatenate([motion_vertices_m(feet, one) for one in motions]).astype(float)
+    joints_m = np.concatenate([motion_joints_m(body, motion) for motion in motions])
+    return WorldBody(root_rotmats, joints_m, feet_m)

@@ -1,7 +1,7 @@
 """Compare several scored runs on the clips that all of them have."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, Self
 
@@ -18,6 +18,7 @@ from gmrdata.score.table import (
     heading,
     interval_text,
     markdown,
+    meanings,
     write_table_files,
 )
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -26,6 +27,9 @@ from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.records import Config, Record
 
 HEADINGS = ("metric", "run", "mean of clips", "difference", "95 % interval", "p", "clips")
+CSV_HEADINGS: list[Cell] = [
+    "metric", "run", "n_clips", "mean_of_clips", "difference", "low", "high", "p_value",
+]  # fmt: skip
 SAME_ZERO = 1e-6
 """Largest difference, in deg or mm, between two scores of zero motion on the same frames."""
 
@@ -100,10 +104,7 @@ def compare_scores(
 
     Args:
         paths: `scores.json` of each run, two or more.
-        out_dir: Gets `comparison.json`, `comparison.csv` and `comparison.md`.
-
-    Returns:
-        Path of `comparison.json`.
+        out_dir: Gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
 
     Raises:
         MissingInput: a file is not there, or there are fewer than two.
@@ -134,9 +135,8 @@ def compare_records(
     common = [id for id in clips[0] if all(id in other for other in clips)]
     _check_comparable(records, paths, clips, common)
     rng = np.random.default_rng(config.seed)
-    protocol = records[0].protocol
-    if any(record.protocol != protocol for record in records):
-        protocol = None
+    first = records[0].protocol
+    protocol = first if all(record.protocol == first for record in records) else None
     of_runs = [[found[id] for id in common] for found in clips]
     return Comparison(
         runs=tuple(names),
@@ -169,19 +169,15 @@ def _compared(
     n_clips = values.shape[1]
     rows = []
     for number, (name, of_run) in enumerate(zip(names, values, strict=True)):
-        found = None
+        mean = float(of_run.mean()) if n_clips else None
+        row = ComparedRun(
+            run=name, n_clips=n_clips, mean_of_clips=mean,
+            difference=None, interval95=None, p_value=None,
+        )  # fmt: skip
         if number and n_clips:
             found = paired_difference(values[0], of_run, config.resamples, config.permutations, rng)
-        rows.append(
-            ComparedRun(
-                run=name,
-                n_clips=n_clips,
-                mean_of_clips=float(of_run.mean()) if n_clips else None,
-                difference=found.difference if found else None,
-                interval95=found.interval95 if found else None,
-                p_value=found.p_value if found else None,
-            )
-        )
+            row = row.model_copy(update=found._asdict())
+        rows.append(row)
     return tuple(rows)
 
 
@@ -224,10 +220,8 @@ def _names(paths: Sequence[Path], records: Sequence[Scores], given: Sequence[str
         )
     names = list(given) or [record.name for record in records]
     if len(set(names)) < len(names):
-        names = [
-            f"{name} ({path.resolve().parent.name})"
-            for name, path in zip(names, paths, strict=True)
-        ]
+        pairs = zip(names, paths, strict=True)
+        names = [f"{name} ({path.resolve().parent.name})" for name, path in pairs]
     often = Counter(names)
     return [
         f"{number}: {name}" if often[name] > 1 else name for number, name in enumerate(names, 1)
@@ -239,47 +233,34 @@ def table_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     return [_cells(metric, row) for metric, row in _rows(comparison)]
 
 
-def csv_rows(comparison: Comparison) -> list[list[Cell]]:
-    """Headings and rows for a program."""
-    head: list[Cell] = [
-        "metric", "run", "n_clips", "mean_of_clips", "difference", "low", "high", "p_value",
-    ]  # fmt: skip
-    return [head, *(_csv_row(metric, row) for metric, row in _rows(comparison))]
-
-
-def _rows(comparison: Comparison) -> Iterator[tuple[str, ComparedRun]]:
-    for metric in METRIC_WORDS:
-        for row in comparison.metrics.get(metric, ()):
-            yield metric, row
+def _rows(comparison: Comparison) -> list[tuple[str, ComparedRun]]:
+    metrics = comparison.metrics
+    return [(metric, row) for metric in METRIC_WORDS for row in metrics.get(metric, ())]
 
 
 def _cells(metric: str, row: ComparedRun) -> tuple[str, ...]:
-    signed = "" if row.difference is None else figure_text(metric, row.difference)
-    if row.difference is not None and row.difference > 0:
-        signed = f"+{signed}"
+    difference, p_value = row.difference, row.p_value
+    sign = "+" if difference is not None and difference > 0 else ""
+    p_text = "" if p_value is None else "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
     return (
         heading(metric),
         row.run,
         figure_text(metric, row.mean_of_clips),
-        signed,
+        "" if difference is None else sign + figure_text(metric, difference),
         interval_text(metric, row.interval95),
-        p_text(row.p_value),
+        p_text,
         str(row.n_clips),
     )
 
 
-def _csv_row(metric: str, row: ComparedRun) -> list[Cell]:
-    low, high = row.interval95 or (None, None)
-    return [
-        metric, row.run, row.n_clips, row.mean_of_clips, row.difference, low, high, row.p_value,
-    ]  # fmt: skip
-
-
-def p_text(p_value: float | None) -> str:
-    """A p-value for a reader."""
-    if p_value is None:
-        return ""
-    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
+def csv_rows(comparison: Comparison) -> list[list[Cell]]:
+    """Headings and rows for a program."""
+    rows = [CSV_HEADINGS]
+    for metric, row in _rows(comparison):
+        ends = row.interval95 or (None, None)
+        figures = (row.n_clips, row.mean_of_clips, row.difference, *ends, row.p_value)
+        rows.append([metric, row.run, *figures])
+    return rows
 
 
 def comparison_markdown(comparison: Comparison) -> str:
@@ -303,21 +284,18 @@ def comparison_lead(comparison: Comparison) -> str:
 
 def comparison_explanations(comparison: Comparison) -> list[str]:
     """What a reader of the figures must know, as sentences."""
-    lines = [
+    metrics = (metric for metric in METRIC_WORDS if metric in comparison.metrics)
+    return [
         "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "
         "smaller error than the first run's.",
         f"Intervals: 95 %, by bootstrap: {comparison.resamples} times clips were drawn with "
         "replacement.",
         "p: two-sided paired permutation test over clips. Values are not corrected for the number "
         "of metrics and runs.",
-    ]
-    lines += [
-        f"{METRIC_WORDS[metric].title}: {METRIC_WORDS[metric].meaning}"
-        for metric in METRIC_WORDS
-        if metric in comparison.metrics
-    ]
-    return lines + [
-        f"Only in some runs, and left out of {name}: {', '.join(ids)}."
-        for name, ids in comparison.left_out.items()
-        if ids
+        *meanings(metrics),
+        *(
+            f"Only in some runs, and left out of {name}: {', '.join(ids)}."
+            for name, ids in comparison.left_out.items()
+            if ids
+        ),
     ]

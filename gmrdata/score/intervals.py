@@ -7,7 +7,7 @@ pooled mean 20 ms in place of 11.  It also has no interval where a resample draw
 a figure.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,13 +31,8 @@ def resampled_counts(n_clips: int, resamples: int, rng: np.random.Generator) -> 
 def ratio_interval(sums: PerClip, weights: PerClip, counts: Counts) -> Interval | None:
     """Interval of sum(sums) / sum(weights) where clips are drawn with replacement.
 
-    Args:
-        sums: What each clip adds above the line.
-        weights: What it adds below it; 0 for a clip without a figure.
-        counts: As `resampled_counts` gives them.
-
-    Returns:
-        Its ends, or None for fewer than two clips with a figure, of which nothing can be said.
+    The weight of a clip without a figure is 0.  Of fewer than two clips with a figure nothing can
+    be said: None.
     """
     if np.count_nonzero(weights) < 2:
         return None
@@ -51,9 +46,7 @@ def mean_intervals(
     values: Float[np.ndarray, "clips columns"], counts: Counts
 ) -> Float[np.ndarray, "2 columns"] | None:
     """Lower and upper ends for the means of several columns; None for fewer than two clips."""
-    if len(values) < 2:
-        return None
-    return _ends(counts @ values / len(values))
+    return _ends(counts @ values / len(values)) if len(values) >= 2 else None
 
 
 def _ends(resampled: np.ndarray) -> np.ndarray:
@@ -61,8 +54,7 @@ def _ends(resampled: np.ndarray) -> np.ndarray:
     return np.asarray(np.quantile(resampled, [tail, 1 - tail], axis=0))
 
 
-@dataclass(frozen=True)
-class PairedDifference:
+class PairedDifference(NamedTuple):
     """How a run differs from the first one in one metric, mean over clips."""
 
     n_clips: int
@@ -86,9 +78,8 @@ def paired_difference(
     """Compare two runs clip by clip, on one clip or more.
 
     Args:
-        resamples: How often clips are drawn for the interval.
-        permutations: How many permutations are drawn at most; all 2^n of them are used where
-            they are no more than that, and p is exact.
+        permutations: How many are drawn at most; all 2^n of them are used where they are no more
+            than that, and p is exact.
     """
     differences = other - first
     n = len(differences)

@@ -21,7 +21,6 @@ class PredictedRun:
     """A person over consecutive frames without a gap: the truth and a prediction of it."""
 
     true: Motion
-    """The truth, in its world."""
     predicted: Motion
     """The same frames at the same rate, in a world of the prediction's own."""
 
@@ -36,7 +35,6 @@ class PredictedClip:
 
     clip_id: str
     camera_motion: str
-    """Class of its camera's motion; "none" without a camera."""
     runs: tuple[PredictedRun, ...]
     """For OME, TME, VME and the vertex error over time, at their rate."""
     worlds: tuple[World, ...]
@@ -46,11 +44,7 @@ class PredictedClip:
 
 
 def still_run(run: PredictedRun, first: Motion | None = None) -> PredictedRun:
-    """The same run with zero motion: the body stays at the true first root and pelvis.
-
-    Args:
-        first: The motion in whose first frame it stays; None for the run's own.
-    """
+    """The same run with zero motion: the body stays where the truth, or `first`, is at first."""
     where, n = run.true if first is None else first, run.true.n_frames
     still = replace(
         run.true,
@@ -65,9 +59,6 @@ def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> Pre
 
     Each run of valid frames is a sequence, and a world, of its own: motions are accumulated
     (eqs. 3-4) from the run's true first pose.
-
-    Raises:
-        BadMotionFile: as `runs_at` does.
     """
     from gmrdata.gmr.predict import predict_deltas
 
@@ -111,7 +102,14 @@ def file_clip(
     """
     path = folder / f"{one.clip.id}.npz"
     predicted = load_clip(path)
-    _check(path, predicted, one.clip)
+    if predicted.id != one.clip.id:
+        raise BadMotionFile(
+            f"{path}: holds clip {predicted.id}. Name each file by the id of its clip"
+        )
+    if predicted.motion.frame != "world":
+        raise BadMotionFile(
+            f"{path}: its motion is in the camera's frame. Give predictions in the world"
+        )
     true = _at_rate(one.clip, _rows_per_frame(path, predicted, one.clip))
     true, predicted, n_missing = _with_both(path, true, predicted, drop_missing=drop_missing)
     runs = _paired(true, predicted, fps_hz, all_phases=all_phases)
@@ -129,9 +127,6 @@ def every_row(valid: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
 
     One is valid where all rows since the one before are, so that no step between two valid rows
     hides a gap.
-
-    Args:
-        valid: (T,) bool.
     """
     rows = np.arange(0, len(valid), step)
     return rows, np.array([valid[max(0, row - step + 1) : row + 1].all() for row in rows])
@@ -156,19 +151,7 @@ def _with_both(
     return *parts, int(missing.size)
 
 
-def _check(path: Path, predicted: Clip, true: Clip) -> None:
-    if predicted.id != true.id:
-        raise BadMotionFile(
-            f"{path}: holds clip {predicted.id}. Name each file by the id of its clip"
-        )
-    if predicted.motion.frame != "world":
-        raise BadMotionFile(
-            f"{path}: its motion is in the camera's frame. Give predictions in the world"
-        )
-
-
 def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
-    """How many true rows there are for one row of the prediction."""
     step = whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz)
     if step is None:
         raise BadMotionFile(
@@ -185,8 +168,6 @@ def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
 
 
 def _at_rate(true: Clip, step: int) -> Clip:
-    if step == 1:
-        return true
     rows, valid = every_row(true.valid, step)
     motion = true.motion.take(slice(0, None, step), true.motion.fps_hz / step)
     return replace(true, motion=motion, valid=valid, image_numbers=rows, camera=None)
@@ -206,11 +187,7 @@ def _paired(
 
 
 def missing_file(folder: Path, clip_id: str) -> str | None:
-    """Why a clip has no prediction at all; None where its file is there.
-
-    Raises:
-        MissingInput: there is no such folder.
-    """
+    """Why a clip has no prediction at all; None where its file is there."""
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of predictions")
     return None if (folder / f"{clip_id}.npz").is_file() else f"no prediction {clip_id}.npz"

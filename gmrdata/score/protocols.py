@@ -6,9 +6,9 @@ least squares (Umeyama 1991), and published figures are of video at 30 fps.  A p
 for one person in one world are samples, of which means are taken.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -65,15 +65,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
         ),
         _protocol(
             name="wham",
-            metrics=(
-                "w_mpjpe_mm",
-                "wa_mpjpe_mm",
-                "rte_percent",
-                "roe_deg",
-                "erve_mm_per_frame",
-                "jitter_10m_per_s3",
-                "foot_sliding_mm",
-            ),
+            metrics=get_args(WorldMetric),
             source="yohanshin/WHAM, lib/eval/eval_utils.py and lib/eval/evaluate_emdb.py",
             notes=(
                 *_WHAM_NOTES,
@@ -182,12 +174,13 @@ class WorldPair:
 
 def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[WorldMetric, Samples]:
     """Samples of each of a protocol's metrics; empty where there are none."""
-    return {metric: _sampled(protocol, metric, pair) for metric in protocol.metrics}
+    return {
+        metric: _sampled(protocol, _parts(protocol, metric, pair)) for metric in protocol.metrics
+    }
 
 
-def _sampled(protocol: Protocol, metric: WorldMetric, pair: WorldPair) -> Samples:
+def _sampled(protocol: Protocol, parts: Sequence[np.ndarray]) -> Samples:
     """The values themselves, or their means where each segment or each clip counts once."""
-    parts = _VALUES[metric](protocol, pair)
     values = pooled(parts)
     if protocol.sample == "segment":
         return np.array([part.mean() for part in parts])
@@ -196,9 +189,32 @@ def _sampled(protocol: Protocol, metric: WorldMetric, pair: WorldPair) -> Sample
     return values
 
 
+def _parts(protocol: Protocol, metric: WorldMetric, pair: WorldPair) -> list[Samples]:
+    """Samples of a metric, segment by segment where it has segments."""
+    predicted, true = pair.predicted, pair.true
+    roots_m = predicted.joints_m[:, 0], true.joints_m[:, 0]
+    rotmats = predicted.root_rotmats, true.root_rotmats
+    match metric:
+        case "w_mpjpe_mm":
+            return _segments(protocol, pair, protocol.first_frames)
+        case "wa_mpjpe_mm":
+            return _segments(protocol, pair, None)
+        case "rte_percent":
+            return [metrics.root_errors_percent(*roots_m, pair.runs)]
+        case "roe_deg":
+            return [metrics.root_orientation_errors_deg(*rotmats)]
+        case "erve_mm_per_frame":
+            of_both = (rotmats[0], roots_m[0], rotmats[1], roots_m[1])
+            return [metrics.root_velocity_errors_mm_per_frame(*of_both, pair.runs)]
+        case "jitter_10m_per_s3":
+            return [metrics.jitter_10m_per_s3(_jittered_m(protocol, pair), pair.fps_hz, pair.runs)]
+        case "foot_sliding_mm":
+            feet_m = predicted.feet_m, true.feet_m
+            return [metrics.foot_sliding_mm(*feet_m, pair.runs, protocol.contact_m)]
+
+
 def _segments(protocol: Protocol, pair: WorldPair, first_frames: int | None) -> list[Samples]:
-    joints = list(protocol.joints)
-    n_frames = len(pair.true.joints_m)
+    joints, n_frames = list(protocol.joints), len(pair.true.joints_m)
     return metrics.segment_errors_mm(
         pair.predicted.joints_m[:, joints],
         pair.true.joints_m[:, joints],
@@ -208,51 +224,9 @@ def _segments(protocol: Protocol, pair: WorldPair, first_frames: int | None) -> 
     )
 
 
-def _w(protocol: Protocol, pair: WorldPair) -> list[Samples]:
-    return _segments(protocol, pair, protocol.first_frames)
-
-
-def _wa(protocol: Protocol, pair: WorldPair) -> list[Samples]:
-    return _segments(protocol, pair, None)
-
-
-def _rte(_: Protocol, pair: WorldPair) -> list[Samples]:
-    roots_m = pair.predicted.joints_m[:, 0], pair.true.joints_m[:, 0]
-    return [metrics.root_errors_percent(*roots_m, pair.runs)]
-
-
-def _roe(_: Protocol, pair: WorldPair) -> list[Samples]:
-    rotmats = pair.predicted.root_rotmats, pair.true.root_rotmats
-    return [metrics.root_orientation_errors_deg(*rotmats)]
-
-
-def _erve(_: Protocol, pair: WorldPair) -> list[Samples]:
-    predicted, true = (
-        (one.root_rotmats, one.joints_m[:, 0]) for one in (pair.predicted, pair.true)
-    )
-    return [metrics.root_velocity_errors_mm_per_frame(*predicted, *true, pair.runs)]
-
-
-def _jitter(protocol: Protocol, pair: WorldPair) -> list[Samples]:
+def _jittered_m(protocol: Protocol, pair: WorldPair) -> Points:
     joints_m = pair.predicted.joints_m.copy()
     if not protocol.jitter_of_path:
         joints_m -= joints_m[:, :1].copy()
     joints_m[:, list(protocol.zeroed_joints)] = 0.0
-    return [metrics.jitter_10m_per_s3(joints_m, pair.fps_hz, pair.runs)]
-
-
-def _foot_sliding(protocol: Protocol, pair: WorldPair) -> list[Samples]:
-    feet_m = pair.predicted.feet_m, pair.true.feet_m
-    return [metrics.foot_sliding_mm(*feet_m, pair.runs, protocol.contact_m)]
-
-
-_VALUES: dict[WorldMetric, Callable[[Protocol, WorldPair], list[Samples]]] = {
-    "w_mpjpe_mm": _w,
-    "wa_mpjpe_mm": _wa,
-    "rte_percent": _rte,
-    "roe_deg": _roe,
-    "erve_mm_per_frame": _erve,
-    "jitter_10m_per_s3": _jitter,
-    "foot_sliding_mm": _foot_sliding,
-}
-"""Samples of a metric, segment by segment where it has segments."""
+    return joints_m

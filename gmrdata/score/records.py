@@ -1,6 +1,6 @@
 """What `scores.json` holds, and the names in it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Generic, Literal, Self, TypeVar
 
 from pydantic import Field, JsonValue, model_validator
@@ -12,34 +12,26 @@ T = TypeVar("T")
 
 
 class ByMethod(Config, Generic[T]):
-    """One value for what was predicted, and one for zero motion."""
+    """One value for what was predicted, and one for a body that neither turns nor moves."""
 
     predicted: T
-    """Of the prediction."""
     zero: T
-    """Of a body that neither turns nor moves."""
 
     def get(self, method: Method) -> T:
-        """The value of a method."""
         return self.predicted if method == "predicted" else self.zero
 
 
 class PaperMetrics(Config, Generic[T]):
-    """One value for each of the paper's errors."""
+    """One value for each of the paper's errors: of orientation, translation and vertex motion."""
 
     ome_deg: T
-    """Of the orientation motion error [deg]."""
     tme_mm: T
-    """Of the translation motion error [mm]."""
     vme_mm: T
-    """Of the vertex motion error [mm]."""
 
     def get(self, metric: Metric) -> T:
-        """The value of an error."""
         return dict(self)[metric]
 
     def by_metric(self) -> dict[str, T]:
-        """All values by name."""
         return {metric: self.get(metric) for metric in METRICS}
 
 
@@ -47,7 +39,6 @@ WorldFigures = dict[str, float | None]
 """A protocol's figures; None for one that no clip has."""
 WorldIntervals = dict[str, Interval | None]
 """Their 95 % intervals."""
-WorldByMethod = ByMethod[WorldFigures] | ByMethod[WorldIntervals]
 
 
 class RowFloor(PaperMetrics[float]):
@@ -81,10 +72,6 @@ class Row(Config):
         """95 % intervals of the figures by metric; none of a single clip."""
         return {}
 
-    def measured_besides(self) -> tuple[WorldByMethod | None, ...]:
-        """What there is of a protocol."""
-        return (self.protocol,)
-
 
 class ClipScore(Row):
     """One clip."""
@@ -113,13 +100,11 @@ class GroupScore(Row):
     pooled_over_motions: ByMethod[PaperMetrics[float]]
     """Means over all motions."""
     pooled_interval95: ByMethod[PaperMetrics[Interval | None]]
-    """Their intervals."""
     mean_of_clips: ByMethod[PaperMetrics[float]]
     """Means of the clips' means."""
     mean_of_clips_interval95: ByMethod[PaperMetrics[Interval | None]]
-    """Their intervals."""
     protocol_interval95: ByMethod[WorldIntervals] | None
-    """Intervals of the protocol's figures; None without a protocol."""
+    """None without a protocol."""
 
     def paper(self) -> ByMethod[PaperMetrics[float]]:
         return self.pooled_over_motions
@@ -127,9 +112,6 @@ class GroupScore(Row):
     def intervals(self, method: Method) -> dict[str, Interval | None]:
         world = {} if self.protocol_interval95 is None else self.protocol_interval95.get(method)
         return {**self.pooled_interval95.get(method).by_metric(), **world}
-
-    def measured_besides(self) -> tuple[WorldByMethod | None, ...]:
-        return (self.protocol, self.protocol_interval95)
 
 
 class Curve(Config):
@@ -144,7 +126,6 @@ class OverTime(ByMethod[Curve]):
     """The vertex error after t seconds (fig. 5)."""
 
     times_s: tuple[float, ...]
-    """Time after the first frame [s]."""
     clips: tuple[str, ...]
     """Ids of the clips that last so long."""
 
@@ -163,7 +144,6 @@ class Protocol(Config):
     segment_frames: int
     """Frames of a segment of W-MPJPE and WA-MPJPE."""
     remainder: Remainder
-    """What becomes of frames after the last full segment."""
     first_frames: int
     """Frames whose joints W-MPJPE aligns."""
     scale: bool
@@ -216,7 +196,6 @@ class Summary(Config):
 
     clips: tuple[ClipScore, ...]
     camera_motion: dict[str, GroupScore]
-    """Clips of each class of camera motion."""
     motion_type: dict[str, GroupScore]
     """Clips of each type of motion that is on record."""
     overall: GroupScore
@@ -224,10 +203,8 @@ class Summary(Config):
     statements: tuple[str, ...]
     """Which scores are below the floor, as sentences."""
 
-    def rows(self) -> tuple[Row, ...]:
-        """Each clip and each group."""
-        groups = (*self.camera_motion.values(), *self.motion_type.values())
-        return (*self.clips, *groups, self.overall)
+    def groups(self) -> tuple[GroupScore, ...]:
+        return (*self.camera_motion.values(), *self.motion_type.values(), self.overall)
 
     @model_validator(mode="after")
     def _has_every_group(self) -> Self:
@@ -260,18 +237,17 @@ class Scores(Summary, Record):
 
     @model_validator(mode="after")
     def _has_the_protocols_figures(self) -> Self:
-        metrics = None if self.protocol is None else set(map(str, self.protocol.metrics))
-        for row in self.rows():
-            for found in row.measured_besides():
-                if (found is None) != (metrics is None):
-                    raise ValueError("`protocol` of a row does not fit that of the file")
-                if found is not None and metrics is not None:
-                    same_names("protocol.predicted", found.predicted, metrics)
-                    same_names("protocol.zero", found.zero, metrics)
+        figures = [row.protocol for row in (*self.clips, *self.groups())]
+        for found in (*figures, *(group.protocol_interval95 for group in self.groups())):
+            if (found is None) != (self.protocol is None):
+                raise ValueError("`protocol` of a row does not fit that of the file")
+            if found is not None and self.protocol is not None:
+                same_names("protocol.predicted", found.predicted, set(self.protocol.metrics))
+                same_names("protocol.zero", found.zero, set(self.protocol.metrics))
         return self
 
 
-def same_names(key: str, found: Mapping[str, object], expected: set[str]) -> None:
+def same_names(key: str, found: Mapping[str, object], expected: Set[str]) -> None:
     """Raise ValueError, for a validator, unless a table by name has the names that it must have."""
     for name in sorted(expected - found.keys()):
         raise ValueError(f"`{key}` has no key `{name}`")

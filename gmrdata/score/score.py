@@ -68,7 +68,6 @@ def score_manifest(
     not valid; each run of valid frames is a sequence of its own for the network.
 
     Args:
-        run_dir: A finished training run.
         body_path: Their body, as `load_body` takes it; None for the default body.
         out_dir: Gets `scores.json`, `scores.csv` and `scores.md`.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
@@ -88,19 +87,18 @@ def score_manifest(
     from gmrdata.gmr.predict import load_gmr
 
     config = config or ScoreConfig()
-    optional = {"body": body_path, "floor": floor_path}
 
-    def work(partial_dir: Path) -> None:
+    def predictor() -> _Predictor:
         gmr = load_gmr(run_dir, config.which)
         network = gmr.model.config.model_dump(mode="json")
         model = ScoredNetwork(
             kind="network", run=gmr.name, step=gmr.step, which=config.which, network=network
         )
-        predictor = _Predictor(gmr.name, model, by_network(gmr, config), gmr.fps_hz)
-        _write(partial_dir, _scores(predictor, manifest_path, optional, config))
+        return _Predictor(gmr.name, model, by_network(gmr, config), gmr.fps_hz)
 
-    inputs = {"run": run_dir, "manifest": manifest_path, **_given(optional)}
-    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
+    optional = {"body": body_path, "floor": floor_path}
+    inputs = {"run": run_dir, "manifest": manifest_path}
+    return _write_scores(out_dir, predictor, inputs, optional, config, run)
 
 
 def score_predictions(
@@ -130,17 +128,16 @@ def score_predictions(
         BadBodyFile: the two bodies have different meshes.
     """
     config = config or ScoreConfig()
+
+    def predictor() -> _Predictor:
+        folder = predictions_dir.resolve()
+        name = folder.parent.name if folder.name == "predictions" else folder.name
+        model = ScoredFiles(kind="files", predictions=name)
+        return _Predictor(name, model, from_folder(predictions_dir, config), config.fps_hz)
+
     optional = {"body": body_path, "floor": floor_path, "predictions_body": predictions_body_path}
-
-    def work(partial_dir: Path) -> None:
-        name, predict = _name_of(predictions_dir), from_folder(predictions_dir, config)
-        predictor = _Predictor(
-            name, ScoredFiles(kind="files", predictions=name), predict, config.fps_hz
-        )
-        _write(partial_dir, _scores(predictor, manifest_path, optional, config))
-
-    inputs = {"predictions": predictions_dir, "manifest": manifest_path, **_given(optional)}
-    return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
+    inputs = {"predictions": predictions_dir, "manifest": manifest_path}
+    return _write_scores(out_dir, predictor, inputs, optional, config, run)
 
 
 Predict = Callable[[UsableClip], PredictedClip | str]
@@ -154,13 +151,10 @@ def score_clips(
     protocol: ProtocolName | None = None,
     predicted_body: BodyModel | None = None,
 ) -> tuple[list[ClipErrors], dict[str, str]]:
-    """Errors of each clip; `predicted_body` is the predictions', None for the clips' own.
+    """Errors of each clip that has a prediction, and the reason by id of each that has none.
 
-    Returns:
-        Errors of those clips that have a prediction, and the reason by id of those that have none.
-
-    Raises:
-        BadMotionFile: a prediction is of another body.
+    Args:
+        predicted_body: The predictions' body; None for the clips' own.
     """
     chosen = None if protocol is None else PROTOCOLS[protocol]
     scored, skipped = [], {}
@@ -189,13 +183,12 @@ def from_folder(folder: Path, config: ScoreConfig) -> Predict:
     protocol_fps_hz = None if config.protocol is None else PROTOCOLS[config.protocol].fps_hz
 
     def predict(one: UsableClip) -> PredictedClip | str:
-        reason = missing_file(folder, one.clip.id)
-        if reason is not None and config.missing == "error":
+        if reason := missing_file(folder, one.clip.id):
+            if config.missing == "drop":
+                return reason
             raise BadMotionFile(
                 f"{folder}: {reason}. Predict this clip too, or pass --missing drop to leave it out"
             )
-        if reason is not None:
-            return reason
         found = file_clip(
             folder,
             one,
@@ -225,14 +218,6 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
     A clip has one only where its source is a sequence that a published list (the paper's Table 8 of
     CMU trials) gives a label; the others are left out.
     """
-    labels = _published_labels()
-    clips = manifest.clips
-    sources = {entry.id: (entry.source.dataset, entry.source.sequence) for entry in clips}
-    return {id: labels[source] for id, source in sources.items() if source in labels}
-
-
-def _published_labels() -> dict[tuple[str, str], str]:
-    """Label by data set and sequence."""
     labels: dict[tuple[str, str], str] = {}
     for name in recipes.published_names():
         published = read_manifest(recipes.published_manifest(name))
@@ -240,7 +225,8 @@ def _published_labels() -> dict[tuple[str, str], str]:
             for row in published.clips:
                 if row.label is not None:
                     labels.setdefault((row.source.dataset, row.source.sequence), row.label)
-    return labels
+    sources = {one.id: (one.source.dataset, one.source.sequence) for one in manifest.clips}
+    return {id: labels[source] for id, source in sources.items() if source in labels}
 
 
 @dataclass(frozen=True)
@@ -251,14 +237,22 @@ class _Predictor:
     fps_hz: float
 
 
-def _name_of(predictions_dir: Path) -> str:
-    """The folder's name, or that of the folder around one that is called just predictions."""
-    folder = predictions_dir.resolve()
-    return folder.parent.name if folder.name == "predictions" else folder.name
+def _write_scores(
+    out_dir: Path,
+    predictor: Callable[[], _Predictor],
+    inputs: Mapping[str, Path],
+    optional: Mapping[str, Path | None],
+    config: ScoreConfig,
+    run: Run,
+) -> Path:
+    def work(partial_dir: Path) -> None:
+        scores = _scores(predictor(), inputs["manifest"], optional, config)
+        path = partial_dir / "scores.json"
+        scores.write(path)
+        write_table_files(path, csv_rows(scores), scores_markdown(scores))
 
-
-def _given(optional: Mapping[str, Path | None]) -> dict[str, Path]:
-    return {key: path for key, path in optional.items() if path is not None}
+    given = {key: path for key, path in optional.items() if path is not None}
+    return run_stage("score", out_dir, config, {**inputs, **given}, work, run=run) / "scores.json"
 
 
 def _scores(
@@ -267,12 +261,9 @@ def _scores(
     optional: Mapping[str, Path | None],
     config: ScoreConfig,
 ) -> Scores:
-    usable = usable_clips(manifest_path)
-    floor = None
-    if optional["floor"] is not None:
-        floor = read_fitting_floor(
-            optional["floor"], manifest_path, usable.manifest.kind, predictor.fps_hz
-        )
+    usable, fps_hz, floor = usable_clips(manifest_path), predictor.fps_hz, None
+    if (path := optional["floor"]) is not None:
+        floor = read_fitting_floor(path, manifest_path, usable.manifest.kind, fps_hz)
     body, predicted_body = _bodies(optional["body"], optional.get("predictions_body"))
     check_clips_fit([one.clip for one in usable.clips], body)
     scored, skipped = score_clips(
@@ -282,27 +273,20 @@ def _scores(
         raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
     types = motion_types(usable.manifest)
     typed = [replace(one, motion_type=types.get(one.clip_id)) for one in scored]
-    rng = np.random.default_rng(config.seed)
-    summary = summarise(typed, predictor.fps_hz, config.resamples, rng)
+    summary = summarise(typed, fps_hz, config.resamples, np.random.default_rng(config.seed))
     if floor is not None:
         summary = beside_floor(summary, floor)
     return Scores(
         **dict(summary),
         name=predictor.name,
         model=predictor.model,
-        fps_hz=predictor.fps_hz,
+        fps_hz=fps_hz,
         body=body.name,
         protocol=None if config.protocol is None else PROTOCOLS[config.protocol],
         bootstrap=Bootstrap(resamples=config.resamples, seed=config.seed),
         skipped=usable.skipped | skipped,
         dropped_frames=sum(one.dropped_frames for one in scored),
     )
-
-
-def _write(folder: Path, scores: Scores) -> None:
-    path = folder / "scores.json"
-    scores.write(path)
-    write_table_files(path, csv_rows(scores), scores_markdown(scores))
 
 
 def _bodies(

@@ -29,12 +29,7 @@ Draws = Callable[[int], np.ndarray]
 def summarise(
     scored: Sequence[ClipErrors], fps_hz: float, resamples: int, rng: np.random.Generator
 ) -> Summary:
-    """Scores per clip, per class, per type and overall.
-
-    Args:
-        scored: The clips, at least one.
-        resamples: How often the clips are drawn for an interval.
-    """
+    """Scores of one clip or more: per clip, per class, per type and overall."""
 
     @cache
     def draws(n_clips: int) -> np.ndarray:
@@ -102,8 +97,7 @@ def _groups(
     """Groups by name, sorted; clips without a name are in none."""
     members: dict[str, list[ClipErrors]] = defaultdict(list)
     for one in scored:
-        name = name_of(one)
-        if name is not None:
+        if (name := name_of(one)) is not None:
             members[name].append(one)
     return {name: _group(members[name], draws) for name in sorted(members)}
 
@@ -116,9 +110,8 @@ def _group(scored: Sequence[ClipErrors], draws: Draws) -> GroupScore:
         return ratio_interval(np.array([part.sum() for part in values]), weights, counts)
 
     def interval_of_means(values: list[np.ndarray]) -> Interval | None:
-        return ratio_interval(
-            np.array([part.mean() for part in values]), np.ones(len(values)), counts
-        )
+        means = np.array([part.mean() for part in values])
+        return ratio_interval(means, np.ones(len(values)), counts)
 
     return GroupScore(
         n_clips=len(scored),

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from gmrdata.score import METHODS, METRICS, Interval
 from gmrdata.score.records import (
@@ -23,12 +23,9 @@ Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
 Cell = str | float | None
 """A cell of a CSV file."""
 ZERO_HEADING = "with no motion at all"
-FLOOR_HEADING = "pseudo ground truth's own"
 
 
 class MetricWords(NamedTuple):
-    """What a metric is called."""
-
     title: str
     unit: str
     digits: int
@@ -81,6 +78,11 @@ def heading(metric: str) -> str:
     return f"{words.title} [{words.unit}]"
 
 
+def meanings(metrics: Iterable[str]) -> list[str]:
+    """A sentence for each metric."""
+    return [f"{METRIC_WORDS[one].title}: {METRIC_WORDS[one].meaning}" for one in metrics]
+
+
 def figure_text(metric: str, value: float | None) -> str:
     """A figure without its unit; a dash where there is none."""
     return "–" if value is None else f"{value:.{METRIC_WORDS[metric].digits}f}"
@@ -88,28 +90,18 @@ def figure_text(metric: str, value: float | None) -> str:
 
 def interval_text(metric: str, ends: Interval | None) -> str:
     """An interval without its unit, like `3.1 to 4.2`; empty where there is none."""
-    if ends is None:
-        return ""
-    return f"{figure_text(metric, ends[0])} to {figure_text(metric, ends[1])}"
+    return "" if ends is None else " to ".join(figure_text(metric, end) for end in ends)
 
 
-class ScoreRow(NamedTuple):
-    """A row of the table: a clip by its id, or a group by its name."""
-
-    kind: Literal["clip", "camera_motion", "motion_type", "overall"]
-    name: str
-    row: Row
-
-
-def rows_of(scores: Scores) -> Iterator[ScoreRow]:
-    """Each clip, each class of camera motion, each type of motion, then all."""
+def rows_of(scores: Scores) -> Iterator[tuple[str, str, Row]]:
+    """Kind, name and row of each clip, class of camera motion, type of motion, then of all."""
     for clip in scores.clips:
-        yield ScoreRow("clip", clip.id, clip)
+        yield "clip", clip.id, clip
     for name, group in scores.camera_motion.items():
-        yield ScoreRow("camera_motion", name, group)
+        yield "camera_motion", name, group
     for name, group in scores.motion_type.items():
-        yield ScoreRow("motion_type", name, group)
-    yield ScoreRow("overall", "all", scores.overall)
+        yield "motion_type", name, group
+    yield "overall", "all", scores.overall
 
 
 def score_rows(scores: Scores) -> Table:
@@ -120,15 +112,12 @@ def score_rows(scores: Scores) -> Table:
     has_floor = scores.overall.floor is not None
     headings = ("clip", "motions", *map(heading, METRICS), ZERO_HEADING)
     rows = []
-    for one in rows_of(scores):
-        cells = (
-            _shown_name(one),
-            str(one.row.n_motions),
-            *_cells(one.row, METRICS),
-            _zero(one.row),
-        )
-        rows.append((*cells, _floor(one.row)) if has_floor else cells)
-    return (*headings, FLOOR_HEADING) if has_floor else headings, rows
+    for kind, name, row in rows_of(scores):
+        cells = (_shown_name(kind, name), str(row.n_motions), *_cells(row, METRICS))
+        cells += (_listed(row.paper().zero),)
+        floor = "" if row.floor is None else f"{_listed(row.floor)} ({row.floor.of})"
+        rows.append((*cells, floor) if has_floor else cells)
+    return (*headings, "pseudo ground truth's own") if has_floor else headings, rows
 
 
 def protocol_rows(scores: Scores) -> Table | None:
@@ -136,7 +125,7 @@ def protocol_rows(scores: Scores) -> Table | None:
     metrics = scores.protocol.metrics if scores.protocol else ()
     if not metrics:
         return None
-    rows = [(_shown_name(one), *_cells(one.row, metrics)) for one in rows_of(scores)]
+    rows = [(_shown_name(kind, name), *_cells(row, metrics)) for kind, name, row in rows_of(scores)]
     zero = scores.overall.figures("zero")
     rows.append((ZERO_HEADING, *(figure_text(metric, zero[metric]) for metric in metrics)))
     return ("clip", *map(heading, metrics)), rows
@@ -151,12 +140,11 @@ def csv_rows(scores: Scores) -> list[list[Cell]]:
             head += [f"{method}_{metric}{end}" for end in ("", "_low", "_high")]
     if scores.overall.floor is not None:
         head += ["floor_of", *(f"floor_{metric}" for metric in METRICS)]
-    return [head, *(_csv_row(one, metrics) for one in rows_of(scores))]
+    return [head, *(_csv_row(*one, metrics) for one in rows_of(scores))]
 
 
-def _csv_row(one: ScoreRow, metrics: Sequence[str]) -> list[Cell]:
-    row = one.row
-    cells: list[Cell] = [one.kind, one.name]
+def _csv_row(kind: str, name: str, row: Row, metrics: Sequence[str]) -> list[Cell]:
+    cells: list[Cell] = [kind, name]
     if isinstance(row, ClipScore):
         cells += [row.camera_motion, row.motion_type, 1]
     elif isinstance(row, GroupScore):
@@ -171,8 +159,8 @@ def _csv_row(one: ScoreRow, metrics: Sequence[str]) -> list[Cell]:
     return cells
 
 
-def _shown_name(one: ScoreRow) -> str:
-    return f"all {one.name}" if one.kind in ("camera_motion", "motion_type") else one.name
+def _shown_name(kind: str, name: str) -> str:
+    return f"all {name}" if kind in ("camera_motion", "motion_type") else name
 
 
 def _cells(row: Row, metrics: Sequence[str]) -> tuple[str, ...]:
@@ -185,16 +173,8 @@ def _cells(row: Row, metrics: Sequence[str]) -> tuple[str, ...]:
     return tuple(cells)
 
 
-def _zero(row: Row) -> str:
-    return _listed(row.paper().zero)
-
-
 def _listed(figures: PaperMetrics[float]) -> str:
     return " / ".join(figure_text(metric, figures.get(metric)) for metric in METRICS)
-
-
-def _floor(row: Row) -> str:
-    return "" if row.floor is None else f"{_listed(row.floor)} ({row.floor.of})"
 
 
 def scores_markdown(scores: Scores) -> str:
@@ -210,35 +190,28 @@ def scores_markdown(scores: Scores) -> str:
 def lead(scores: Scores) -> str:
     """What was scored, in a sentence or two."""
     overall, model = scores.overall, scores.model
-    what = (
+    what = f"{overall.n_motions} motions of {overall.n_clips} clips at {scores.fps_hz:g} fps"
+    how = (
         f"read from files ({model.predictions})"
         if isinstance(model, ScoredFiles)
         else f"predicted by network {model.run} (step {model.step})"
     )
-    text = (
-        f"{overall.n_motions} motions of {overall.n_clips} clips at {scores.fps_hz:g} "
-        f"fps, {what}; body {scores.body}."
-    )
-    if scores.protocol:
-        text += f" Protocol {scores.protocol.name}."
-    return text
+    protocol = f" Protocol {scores.protocol.name}." if scores.protocol else ""
+    return f"{what}, {how}; body {scores.body}.{protocol}"
 
 
 def explanations(scores: Scores) -> list[str]:
     """What a reader of the figures must know, as sentences."""
     lines = [
-        f"{METRIC_WORDS[metric].title}: {METRIC_WORDS[metric].meaning}"
-        for metric in metrics_with(scores.protocol)
-    ]
-    lines += [
+        *meanings(metrics_with(scores.protocol)),
         "Figures are means over all motions, or over all samples of a protocol, of the clips of a "
         "row. In brackets: 95 % bootstrap intervals, for which "
         f"{scores.bootstrap.resamples} times clips were drawn with replacement; a single "
         "clip has none.",
         "Zero motion is a body that neither turns nor moves.",
         "No difference between frames is taken over a gap.",
+        *_of_protocol(scores),
     ]
-    lines += _of_protocol(scores)
     if scores.dropped_frames:
         lines.append(f"{scores.dropped_frames} valid frames had no prediction and are left out.")
     return lines + [f"Left out: {id}: {why}" for id, why in sorted(scores.skipped.items())]
@@ -264,36 +237,20 @@ def _of_protocol(scores: Scores) -> list[str]:
 
 def write_table_files(path: Path, rows: Iterable[Sequence[Cell]], text: str) -> None:
     """Write a table's `<name>.csv` and `<name>.md` beside its `<name>.json`, which is `path`."""
-    write_text(path.with_suffix(".csv"), csv_text(rows))
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(rows)
+    write_text(path.with_suffix(".csv"), stream.getvalue())
     write_text(path.with_suffix(".md"), text)
 
 
-def csv_text(rows: Iterable[Sequence[Cell]]) -> str:
-    """Rows as CSV, quoted where needed; lines end as on Unix, and None is an empty cell."""
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows(rows)
-    return stream.getvalue()
-
-
 def markdown(title: str, lead: str, tables: Mapping[str, Table], lines: Iterable[str]) -> str:
-    """A page of Markdown: tables by their heading, and what must be known as a list.
-
-    Args:
-        lead: A sentence below it; empty for none.
-        tables: By heading; empty for a table without one.
-        lines: Sentences below the tables.
-    """
+    """A page of Markdown: tables by their heading ("" for none), and `lines` as a list."""
     parts = [f"# {title}\n"] + ([f"{lead}\n"] if lead else [])
-    for name, table in tables.items():
+    for name, (headings, rows) in tables.items():
         parts += [f"## {name}\n"] if name else []
-        parts.append(markdown_table(*table))
+        rule = ["---", *("---:" for _ in headings[1:])]
+        parts.append("\n".join(map(_line, [headings, rule, *rows])) + "\n")
     return "\n".join([*parts, *(f"- {line}" for line in lines)]) + "\n"
-
-
-def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table; the first column names the row, the others are aligned to the right."""
-    rule = ["---", *("---:" for _ in headings[1:])]
-    return "\n".join(map(_line, [headings, rule, *rows])) + "\n"
 
 
 def _line(cells: Sequence[str]) -> str:
