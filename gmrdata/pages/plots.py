@@ -134,6 +134,15 @@ def quiet(axes: Axes) -> None:
     axes.tick_params(length=0)
 
 
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """A row of the plot for each name, without lines across."""
+    axes.set_yticks(range(len(names)), names)
+    axes.tick_params(axis="y", labelcolor=COLOURS["ink"])
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
+    quiet(axes)
+
+
 def _inline(document: str, name: str) -> str:
     """The `<svg>` element of an SVG document, without what only a file of its own needs."""
     element = document[document.index("<svg") :]

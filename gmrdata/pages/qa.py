@@ -5,13 +5,10 @@ A page says what was decided of a sequence, and shows what there is to see of it
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
-from typing import NamedTuple
 from urllib.parse import quote
 
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from gmrdata import __version__
 from gmrdata.cameras.files import CamerasQuality
@@ -31,6 +28,7 @@ from gmrdata.pages.qa_data import (
     image_numbers,
     kinds_of,
     read_tile,
+    stretches,
 )
 from gmrdata.pages.qa_plots import (
     PERSON_ROLES,
@@ -110,7 +108,7 @@ def write_pages(
     recipe: ThreedpwRecipe,
     paths: SetPaths,
 ) -> Path:
-    """Write `qa/<sequence>.html` for each of the verdicts, and `index.html`.
+    """Write `qa/<sequence>.html` for each of the verdicts, and `index.html`; gives its path.
 
     A file that is missing, or broken since it was made, costs a picture and not the page.
 
@@ -118,40 +116,34 @@ def write_pages(
         verdicts: Those of `verdicts.json`, in the order of the index.
         chosen: The sequences that were tried; others are not opened.
         reasons: The whole message of each sequence that could not be regenerated, by name.
-        recipe: The set's recipe.
-        paths: Where the set keeps what.
-
-    Returns:
-        Path of the index.
     """
     for folder in (paths.root, paths.pages_dir):
         remove_orphans(folder)
     files_of = {files.name: files for files in chosen}
-    listed = []
+    rows: dict[str, list[Sequence[Cell | str]]] = {"Accepted": [], "Rejected": []}
+    n_frames = 0
     for verdict in track(verdicts, "drawing a page for each sequence", total=len(verdicts)):
         name = verdict.sequence
         found = gather(verdict, reasons.get(name, ""), files_of.get(name), paths)
-        listed.append(_write_page(found, recipe, paths))
+        rows["Accepted" if verdict.accepted else "Rejected"].append(
+            _write_page(found, recipe, paths)
+        )
+        n_frames += found.n_frames
     links = [("pseudo_gt.yaml", "Manifest")] if paths.manifest.is_file() else []
-    n_frames = sum(one.n_frames for one in listed)
-    groups = [
-        (name, [one for one in listed if one.accepted == accepted])
-        for name, accepted in (("Accepted", True), ("Rejected", False))
-    ]
+    caption = "Kept: share of the frames of all people. Scale: metres per unit, ± standard error."
     page = render(
         "qa_index",
         title=f"{recipe.name} {recipe.version}",
         links=[*links, ("verdicts.json", "Verdicts as JSON")],
-        counts=[*((name, len(group)) for name, group in groups), ("Frames", n_frames)],
-        groups=[(name, _listed(group)) for name, group in groups if group],
+        counts=[*((name, len(group)) for name, group in rows.items()), ("Frames", n_frames)],
+        groups=[
+            (name, Table(HEADINGS, group, caption, sortable=True))
+            for name, group in rows.items()
+            if group
+        ],
     )
     _write(paths.index_page, page)
     return paths.index_page
-
-
-def _listed(group: Sequence["_Listed"]) -> Table:
-    caption = "Kept: share of the frames of all people. Scale: metres per unit, ± standard error."
-    return Table(HEADINGS, [one.cells for one in group], caption, sortable=True)
 
 
 def page_name(sequence: str) -> str:
@@ -170,16 +162,8 @@ def _write(path: Path, page: str) -> None:
     write_text(path, page.encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
-class _Listed(NamedTuple):
-    """One sequence of the index."""
-
-    accepted: bool
-    n_frames: int
-    """Number of its frames; 0 if unknown."""
-    cells: Sequence[Cell | str]
-
-
-def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> _Listed:
+def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> tuple[Cell | str, ...]:
+    """Write a sequence's page; gives its row in the index."""
     strips = _read_frames(found, paths)
     page = paths.pages_dir / page_name(found.name)
     _write(page, _sequence_page(found, strips, recipe, paths))
@@ -188,9 +172,8 @@ def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> _Liste
         sort = verdict.scale_sigma / verdict.scale
         scale = f"{verdict.scale:.4g} ± {100 * sort:.1f} %"
     href = quote(page.relative_to(paths.root).as_posix())
-    thumbnail = _thumbnail(strips)
-    cells = (
-        Cell(found.name, href=href, kind="thumbnail", sort=found.name, picture=thumbnail),
+    return (
+        Cell(found.name, href=href, kind="thumbnail", sort=found.name, picture=_thumbnail(strips)),
         verdict.split,
         verdict.camera_motion.replace("_", " + "),
         str(found.n_frames or NO_FIGURE),
@@ -198,7 +181,6 @@ def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> _Liste
         Cell(scale, sort=sort),
         Cell(_note(found), kind="words-cell"),
     )
-    return _Listed(verdict.accepted, found.n_frames, cells)
 
 
 def _note(found: Found) -> str:
@@ -246,7 +228,7 @@ def _thumbnail(strips: Strips) -> Markup:
 
 def _sequence_page(found: Found, strips: Strips, recipe: ThreedpwRecipe, paths: SetPaths) -> str:
     """The page as HTML; the same sequence gives the same bytes."""
-    makers: dict[str, Callable[[], object]] = {"verdict": lambda: _verdict(found, recipe)}
+    makers: dict[str, Callable[[], object]] = {"verdict": lambda: _judged_by(found, recipe)}
     if found.reasons:
         makers["over_time"] = lambda: _over_time(found, recipe)
     record, cameras = found.record, found.cameras
@@ -258,8 +240,12 @@ def _sequence_page(found: Found, strips: Strips, recipe: ThreedpwRecipe, paths: 
             "reconstruction": lambda: _reconstruction(cameras),
         }
     makers |= {"frames": lambda: _shown_frames(strips), "files": lambda: _files(found, paths)}
-    sections = [(kind, *_made(make)) for kind, make in makers.items()]
-    return render("qa_sequence", title=found.name, lead=_lead(found), sections=sections)
+    return render(
+        "qa_sequence",
+        found=found,
+        lead=_lead(found),
+        sections=[(kind, *_made(make)) for kind, make in makers.items()],
+    )
 
 
 def _made(make: Callable[[], object]) -> tuple[object, str]:
@@ -281,47 +267,30 @@ def _lead(found: Found) -> str:
     return ", ".join(parts)
 
 
-def _verdict(found: Found, recipe: ThreedpwRecipe) -> dict[str, object]:
-    """Accepted or rejected, why, and the figures against their thresholds."""
-    people = [
-        (person.accepted, f"Person {number}: {'accepted' if person.accepted else 'rejected'}, "
-         f"{person.kept_frames} of {person.frames} frames ({person.kept_share:.1%}) within the "
-         "thresholds", person.reasons)
-        for number, person in enumerate(found.judged)
-    ]  # fmt: skip
-    config = recipe.of_sequence(found.name).pseudo_gt.verdict
-    tables = [
-        threshold_table(
-            verdict_rows(found, recipe), "threshold", "What the sequence as a whole was judged by."
-        ),
-        threshold_table(
-            frame_rows(found, config),
-            "threshold",
-            "The worst of all frames or steps between them; those beyond a threshold are dropped.",
-        ),
+def _judged_by(found: Found, recipe: ThreedpwRecipe) -> list[Table]:
+    """The figures against their thresholds."""
+    if not found.is_solved:
+        return []
+    frames = frame_rows(found, recipe.of_sequence(found.name).pseudo_gt.verdict)
+    whole = "What the sequence as a whole was judged by."
+    worst = "The worst of all frames or steps between them; those beyond a threshold are dropped."
+    return [
+        threshold_table(verdict_rows(found, recipe), "threshold", whole),
+        threshold_table(frames, "threshold", worst),
     ]
-    return {
-        "people": people or [(False, "Rejected", found.verdict.reasons)],
-        "message": found.message if len(found.message.splitlines()) > 1 else "",
-        "problems": () if found.people is None else found.people.problems,
-        "tables": tables if found.is_solved else (),
-    }
 
 
 def _over_time(found: Found, recipe: ThreedpwRecipe) -> dict[str, object]:
-    """Kept and dropped frames over time, with the figures that decided."""
     config = recipe.of_sequence(found.name).pseudo_gt.verdict
     kinds = kinds_of(found.reasons)
-
-    def draw(plot: Figure) -> None:
-        plot_time(plot, found, kinds, config)
 
     headings = ("person", "frames", "number", "reason")
     ranges = list(_ranges(found))
     return {
-        "plot": svg(draw, 11.0, height_in(found), "time"),
+        "plot": svg(
+            lambda plot: plot_time(plot, found, kinds, config), 11.0, height_in(found), "time"
+        ),
         "legend": list(_legend(found, kinds)),
-        "has_plots": found.world_from_cam is not None,
         "ranges": Table(headings, ranges, "Dropped ranges, as counted from 0 in the sequence."),
         "open": len(ranges) <= OPEN_RANGES,
     }
@@ -343,9 +312,7 @@ def _legend(found: Found, kinds: Mapping[str, Kind]) -> Iterator[tuple[str, str]
 
 def _ranges(found: Found) -> Iterator[tuple[Cell | str, ...]]:
     for person, reasons in enumerate(found.reasons):
-        stop = 0
-        for reason, group in groupby(reasons):
-            start, stop = stop, stop + len(list(group))
+        for reason, start, stop in stretches(reasons):
             if reason:
                 span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
                 words = Cell(reason, kind="words-cell")
@@ -353,7 +320,6 @@ def _ranges(found: Found) -> Iterator[tuple[Cell | str, ...]]:
 
 
 def _from_above(found: Found) -> dict[str, object]:
-    """The camera's and the people's paths, beside the data set's own camera."""
     world_from_cam = found.world_from_cam
     if world_from_cam is None:
         return {"plot": None}
@@ -368,7 +334,6 @@ def _from_above(found: Found) -> dict[str, object]:
 
 
 def _scale(record: PseudoGtQuality) -> dict[str, object]:
-    """The cues of the metric scale and the fused one."""
     scale, sigma, cues = record.scale, record.scale_sigma, record.scale_cues
     if scale is None or sigma is None or not cues:
         return {"plot": None}
@@ -391,28 +356,17 @@ def _scale(record: PseudoGtQuality) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _camera_class(
-    found: Found, record: PseudoGtQuality, recipe: ThreedpwRecipe
-) -> dict[str, object]:
-    """The camera's class and what it was decided on."""
-    config, figures = recipe.of_sequence(found.name).pseudo_gt.motion_class, record
-    rows = (
-        []
-        if figures.camera_motion_figures is None
-        else class_rows(figures.camera_motion_figures, config)
-    )
+def _camera_class(found: Found, record: PseudoGtQuality, recipe: ThreedpwRecipe) -> Table:
+    figures, config = record.camera_motion_figures, recipe.of_sequence(found.name).pseudo_gt
+    rows = [] if figures is None else class_rows(figures, config.motion_class)
     caption = Markup(
         "Of the recovered camera in the frames that have one and a body; see "
         "<code>gmrdata.values.camera_motion</code>."
     )
-    return {
-        "name": record.camera_motion.replace("_", " + "),
-        "table": threshold_table(rows, "borders of the classes", caption),
-    }
+    return threshold_table(rows, "borders of the classes", caption)
 
 
-def _reconstruction(cameras: CamerasQuality) -> dict[str, object]:
-    """Geometry, mapper, models, and the figures of the reconstruction."""
+def _reconstruction(cameras: CamerasQuality) -> list[tuple[str, object]]:
     focal = None
     if cameras.focal_factor is not None:
         focal = f"{cameras.focal_factor:.4g} ± {cameras.focal_sigma:.2g}"
@@ -430,18 +384,10 @@ def _reconstruction(cameras: CamerasQuality) -> dict[str, object]:
         ("Median reprojection error [px]", cameras.median_reprojection_px),
         ("Focal length that the background asks for, over the given one", focal),
     ]
-    return {
-        "rows": [(name, value) for name, value in rows if value is not None],
-        "reason": cameras.evidence.reason,
-        "models": [
-            f"{model.frames} frames, {'kept' if model.kept else 'dropped'}: {model.reason}"
-            for model in cameras.models
-        ],
-    }
+    return [(name, value) for name, value in rows if value is not None]
 
 
 def _shown_frames(strips: Strips) -> list[list[tuple[object, ...]]]:
-    """The strips of frames with their masks."""
     return [[(kind, tile, _picture(tile)) for kind, tile in strip] for strip in strips]
 
 
@@ -464,4 +410,4 @@ def _files(found: Found, paths: SetPaths) -> dict[str, object]:
         message = paths.failures_dir / f"{found.files.name}.txt"
         if message.is_file():
             failure = quote(f"../{message.relative_to(paths.root).as_posix()}")
-    return {"stages": stages, "failure": failure, "missing": found.missing}
+    return {"stages": stages, "failure": failure}

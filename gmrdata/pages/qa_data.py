@@ -6,8 +6,9 @@ set's own camera path in the world that was made.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, groupby, repeat
 from pathlib import Path
 from typing import TypeVar
 
@@ -33,7 +34,9 @@ from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.people import person_file
 from gmrdata.values.transforms import mean_rotation
 from gmrdata.world.dataset import Doubts, load_dataset_camera
+from gmrdata.world.judge import window_differences
 from gmrdata.world.quality import PseudoGtQuality, load_record
+from gmrdata.world.recipe import VerdictConfig
 from gmrdata.world.verdict import PersonVerdict
 
 
@@ -54,16 +57,11 @@ class Aligned:
 def align_dataset_camera(
     world_from_cam: np.ndarray, dataset_camera: np.ndarray, kept: np.ndarray
 ) -> Aligned | None:
-    """Lay the data set's path over ours; None if no kept frame has both.
+    """Lay the data set's path over ours (T, 4, 4) [m], NaN where unknown; None without a frame.
 
-    The rotation is the mean difference in orientation over the kept frames, so it is fixed for a
-    camera that stays in place too; then the paths' middles are laid on each other.  Both are
+    The rotation is the mean difference in orientation over the `kept` frames (T,), so it is fixed
+    for a camera that stays in place too; then the paths' middles are laid on each other.  Both are
     metric, so nothing is scaled.
-
-    Args:
-        world_from_cam: (T, 4, 4) our cameras [m]; NaN where unknown.
-        dataset_camera: (T, 4, 4) the data set's [m]; NaN where unknown.
-        kept: (T,) bool: frames to go by.
     """
     both = (
         kept
@@ -95,15 +93,12 @@ class Found:
     """A sequence of T frames and P people.  What is empty or None was not made, or is gone."""
 
     verdict: SequenceVerdict
-    """What `verdicts.json` says of it."""
     message: str
     """The whole message of a sequence that could not be regenerated; else empty."""
     files: SequenceFiles | None
-    """Where it is; None for one whose name can't be trusted."""
+    """None for one whose name can't be trusted: nothing of it is opened."""
     record: PseudoGtQuality | None
-    """`quality.json` of its pseudo ground truth."""
     people: PeopleRecord | None
-    """`people.json`: what the data set's file says."""
     doubts: tuple[tuple[str, ...], ...]
     """(P, T) why the data set itself doesn't vouch for a frame; empty where it does."""
     reasons: tuple[tuple[str, ...], ...]
@@ -129,17 +124,14 @@ class Found:
 
     @property
     def cameras(self) -> CamerasQuality | None:
-        """The figures of its reconstruction."""
         return None if self.record is None else self.record.cameras
 
     @property
     def judged(self) -> tuple[PersonVerdict, ...]:
-        """What was decided of its people."""
         return () if self.record is None else self.record.people
 
     @property
     def is_solved(self) -> bool:
-        """Whether there is a reconstruction."""
         return self.cameras is not None
 
     @property
@@ -153,6 +145,17 @@ class Found:
         """(T,) bool: frames that are kept for somebody."""
         return np.any([[not reason for reason in person] for person in self.reasons], axis=0)
 
+    @property
+    def fps_hz(self) -> float:
+        return next(iter(self.clips.values())).motion.fps_hz
+
+    def window_differences(self, config: VerdictConfig) -> tuple[np.ndarray, np.ndarray] | None:
+        """Differences in turn [deg] and way [m] from the data set's camera; None without one."""
+        if self.world_from_cam is None or self.dataset_camera is None:
+            return None
+        step = max(1, round(config.window_s * self.fps_hz))
+        return window_differences(self.world_from_cam, self.dataset_camera, step)
+
     def frames_of(self, sfm_rows: Sequence[int]) -> np.ndarray:
         """Frames of some rows of the reconstruction, in order."""
         if self.sfm_rows is None:
@@ -163,14 +166,7 @@ class Found:
 def gather(
     verdict: SequenceVerdict, message: str, files: SequenceFiles | None, paths: SetPaths
 ) -> Found:
-    """Read what there is of one sequence; what can't be read is named in `missing`.
-
-    Args:
-        verdict: What `verdicts.json` says of it.
-        message: Why it could not be regenerated; empty for one that could.
-        files: Where it is; None for one whose name can't be trusted: nothing is opened then.
-        paths: Where the set keeps what.
-    """
+    """Read what there is of one sequence; what can't be read is named in `missing`."""
     missing: list[str] = []
 
     def read(call: Callable[[Path], Read], path: Path) -> Read | None:
@@ -229,7 +225,6 @@ class Kind:
     words: str
     """The reason; "…" for the number in which several differ."""
     colour: str
-    """Its colour."""
 
 
 def kinds_of(reasons: Sequence[Sequence[str]]) -> dict[str, Kind]:
@@ -239,11 +234,19 @@ def kinds_of(reasons: Sequence[Sequence[str]]) -> dict[str, Kind]:
     for reason in found:
         groups.setdefault(re.sub(r"[0-9]+", "…", reason), []).append(reason)
     kinds: dict[str, Kind] = {}
-    for number, (pattern, members) in enumerate(groups.items()):
-        colour = KIND_COLOURS[number] if number < len(KIND_COLOURS) else OTHER_COLOUR
+    colours = chain(KIND_COLOURS, repeat(OTHER_COLOUR))
+    for (pattern, members), colour in zip(groups.items(), colours, strict=False):
         kind = Kind(members[0] if len(members) == 1 else pattern, colour)
         kinds |= dict.fromkeys(members, kind)
     return kinds
+
+
+def stretches(reasons: Sequence[str]) -> Iterator[tuple[str, int, int]]:
+    """Each reason with the first of its frames in a row, and the one after the last."""
+    stop = 0
+    for reason, group in groupby(reasons):
+        start, stop = stop, stop + len(list(group))
+        yield reason, start, stop
 
 
 def counts_of(reasons: Sequence[Sequence[str]], kinds: Mapping[str, Kind]) -> dict[Kind, int]:
@@ -273,7 +276,6 @@ class Tile:
     """One frame of the strip."""
 
     image_number: int
-    """Number in the image's file name: the frame."""
     picture: np.ndarray | None
     """(h, w, 3) BGR, the masked part tinted; None if the image can't be read."""
     problem: str

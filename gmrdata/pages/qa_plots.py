@@ -1,7 +1,6 @@
 """Plots of a sequence: its frames over time, the cues of its scale, and its paths from above."""
 
 from collections.abc import Mapping
-from itertools import groupby
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,12 +14,12 @@ from gmrdata.pages.plots import (
     extent_m,
     finish_view,
     mark_start,
+    name_rows,
     plot_camera,
     plot_path,
     quiet,
 )
-from gmrdata.pages.qa_data import Aligned, Found, Kind
-from gmrdata.world.judge import window_differences
+from gmrdata.pages.qa_data import Aligned, Found, Kind, stretches
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
 
 PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
@@ -28,7 +27,7 @@ PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
 
 
 def height_in(found: Found) -> float:
-    """Height of the figure that `draw_time` wants [inch]."""
+    """Height of the figure that `plot_time` wants [inch]."""
     return AXIS_IN + PERSON_IN * len(found.reasons) + PANEL_IN * n_panels(found)
 
 
@@ -45,16 +44,12 @@ def plot_time(plot: Figure, found: Found, kinds: Mapping[str, Kind], config: Ver
     heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * n]
     column = plot.subplots(1 + n, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     _plot_kept(column[0], found, kinds)
-    world_from_cam = found.world_from_cam
-    if world_from_cam is not None:
+    if found.world_from_cam is not None:
         _plot_inliers(column[1], found, config.min_inliers)
-    if world_from_cam is not None and found.dataset_camera is not None:
-        fps_hz = next(iter(found.clips.values())).motion.fps_hz
-        step = max(1, round(config.window_s * fps_hz))
-        turned_deg, moved_m = window_differences(world_from_cam, found.dataset_camera, step)
+    if (apart := found.window_differences(config)) is not None:
         span = f"over {config.window_s:g} s from the data set’s own camera"
-        _plot_beside(column[2], turned_deg, config.max_window_deg, f"Turn: difference {span} [°]")
-        _plot_beside(column[3], moved_m, config.max_window_m, f"Way: difference {span} [m]")
+        _plot_beside(column[2], apart[0], config.max_window_deg, f"Turn: difference {span} [°]")
+        _plot_beside(column[3], apart[1], config.max_window_m, f"Way: difference {span} [m]")
     for axes in column:
         for cut in found.frames_of(
             () if found.cameras is None else found.cameras.cuts_after_frames
@@ -67,9 +62,7 @@ def plot_time(plot: Figure, found: Found, kinds: Mapping[str, Kind], config: Ver
 def _plot_kept(axes: Axes, found: Found, kinds: Mapping[str, Kind]) -> None:
     accepted = [person.accepted for person in found.judged]
     for person, reasons in enumerate(found.reasons):
-        stop = 0
-        for reason, group in groupby(reasons):
-            start, stop = stop, stop + len(list(group))
+        for reason, start, stop in stretches(reasons):
             good = not reason and person < len(accepted) and accepted[person]
             kept_colour = COLOURS["good" if good else "rule"]
             colour = kinds[reason].colour if reason else kept_colour
@@ -132,30 +125,18 @@ def plot_scale_cues(
 ) -> None:
     """Each cue's difference from the fused scale [%], with one and two standard errors."""
     axes = plot.subplots()
-    share = 100 * sigma / scale
-    for sigmas, alpha in ((2, 0.45), (1, 0.9)):
-        axes.axvspan(
-            -sigmas * share, sigmas * share, color=COLOURS["rule"], alpha=alpha, linewidth=0
-        )
+    share, bar = 100 * sigma / scale, {"markersize": 5.0, "linewidth": 2.0, "capsize": 3.0}
+    for reach, alpha in ((2 * share, 0.45), (share, 0.9)):
+        axes.axvspan(-reach, reach, color=COLOURS["rule"], alpha=alpha, linewidth=0)
     axes.axvline(0, color=COLOURS["muted"], linewidth=1)
     for row, cue in enumerate(cues):
         off, error = 100 * (cue.scale / scale - 1), 100 * cue.sigma / scale
         axes.errorbar(off, row, xerr=2 * error, color=COLOURS["person-pale"], linewidth=2)
-        axes.errorbar(
-            off, row, xerr=error, fmt="o", color=COLOURS["person"], markersize=5, linewidth=2,
-            capsize=3,
-        )  # fmt: skip
-    axes.errorbar(
-        0, len(cues), xerr=share, fmt="D", color=COLOURS["ink"], markersize=5, linewidth=2,
-        capsize=3,
-    )  # fmt: skip
-    axes.set_yticks(range(len(cues) + 1), [*map(cue_words, cues), "fused"])
-    axes.tick_params(axis="y", labelcolor=COLOURS["ink"])
+        axes.errorbar(off, row, xerr=error, fmt="o", color=COLOURS["person"], **bar)
+    axes.errorbar(0, len(cues), xerr=share, fmt="D", color=COLOURS["ink"], **bar)
+    name_rows(axes, [*map(cue_words, cues), "fused"])
     axes.set_ylim(len(cues) + 0.6, -0.6)
     axes.set_xlabel("difference from the fused scale [%]")
-    axes.grid(visible=False, axis="y")
-    axes.spines["left"].set_visible(False)
-    quiet(axes)
 
 
 PERSON_ROLES = ("person", "gmr", "good", "ink")
@@ -182,12 +163,10 @@ def plot_paths(axes: Axes, found: Found, aligned: Aligned | None) -> None:
         plot_path(axes, pelvis_m, role, DROPPED_WIDTH, ":")
         plot_path(axes, np.where(kept, pelvis_m, np.nan), role, RECOVERED_WIDTH)
         mark_start(axes, pelvis_m, role, f"person {person}", None)
-    cuts = found.frames_of(found.cameras.cuts_after_frames)
-    _mark(axes, world_from_cam, cuts, "X", "ink")
-    _mark(axes, world_from_cam, found.frames_of(found.cameras.interpolated), "d", "bad")
+    for marker, role, sfm_rows in (
+        ("X", "ink", found.cameras.cuts_after_frames),
+        ("d", "bad", found.cameras.interpolated),
+    ):
+        places_m = world_from_cam[found.frames_of(sfm_rows), :2, 3]
+        axes.plot(*places_m.T, marker, color=COLOURS[role], markersize=5, zorder=6)
     finish_view(axes)
-
-
-def _mark(axes: Axes, world_from_cam: np.ndarray, rows: np.ndarray, marker: str, role: str) -> None:
-    places_m = world_from_cam[rows, :2, 3]
-    axes.plot(*places_m.T, marker, color=COLOURS[role], markersize=5, zorder=6)

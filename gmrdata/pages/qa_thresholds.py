@@ -11,22 +11,19 @@ from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
-from gmrdata.world.judge import angles_deg, relative_moves, window_differences
+from gmrdata.world.judge import angles_deg, relative_moves
 from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 
 
 class Row(NamedTuple):
-    """One figure, as plain text."""
+    """One figure with its unit, as plain text."""
 
     name: str
-    """What it is, with its unit."""
     value: str
-    """The figure."""
     threshold: str
-    """Its threshold."""
     met: bool | None
-    """Whether it keeps to it; None where nothing can be said."""
+    """Whether it keeps to the threshold; None where nothing can be said."""
 
 
 def threshold_table(rows: Iterable[Row], heading: str, caption: str) -> Table:
@@ -36,7 +33,6 @@ def threshold_table(rows: Iterable[Row], heading: str, caption: str) -> Table:
 
 
 def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
-    """What the sequence as a whole was judged by."""
     pseudo_gt, record = recipe.of_sequence(found.name).pseudo_gt, found.record
     config = pseudo_gt.verdict
     cuts_share = registered = error_px = None
@@ -46,7 +42,7 @@ def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
     return [
         _share("images with a camera", registered, config.min_registered_share),
         _row("mean reprojection error [px]", error_px, config.max_reprojection_px),
-        _row("steps to another place [%]", cuts_share, config.max_cuts_share, percent=True),
+        _row("steps to another place [%]", cuts_share, config.max_cuts_share, unit=100),
         *_scale_rows(record, pseudo_gt),
         *_kept_rows(found, config),
         focal_row(None if found.people is None else found.people.focal, recipe.intrinsics),
@@ -59,7 +55,7 @@ def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[
     if record is not None and record.scale is not None and record.scale_sigma is not None:
         share, apart = record.scale_sigma / record.scale, record.scale_disagreement
     most = config.verdict.max_scale_sigma_share
-    row = _row("standard error of the scale [%]", share, most, percent=True)
+    row = _row("standard error of the scale [%]", share, most, unit=100)
     if row.met is False and record is not None and not record.scale_matters:
         said = f"{row.threshold}, or ≤ {config.scale.slow_m_per_s:g} m/s of the camera's speed"
         row = row._replace(threshold=said, met=True)
@@ -72,7 +68,7 @@ def frame_rows(found: Found, config: VerdictConfig) -> list[Row]:
     world_from_cam = found.world_from_cam
     if world_from_cam is None:
         return []
-    fps_hz = next(iter(found.clips.values())).motion.fps_hz
+    fps_hz = found.fps_hz
     moves = relative_moves(world_from_cam, 1)
     speed_m_per_s = fps_hz * np.linalg.norm(moves[:, :3, 3], axis=1)
     inliers = np.array([] if found.cameras is None else found.cameras.inliers_per_frame, float)
@@ -81,16 +77,11 @@ def frame_rows(found: Found, config: VerdictConfig) -> list[Row]:
         _worst("fastest camera [m/s]", speed_m_per_s, config.max_speed_m_per_s),
         _worst("fastest turn [°/s]", fps_hz * angles_deg(moves), config.max_turn_deg_per_s),
     ]
-    if found.dataset_camera is None:
-        return rows
-    step = max(1, round(config.window_s * fps_hz))
-    apart_deg, apart_m = window_differences(world_from_cam, found.dataset_camera, step)
-    span = f"over {config.window_s:g} s, difference from the data set’s camera"
-    return [
-        *rows,
-        _worst(f"turn {span} [°]", apart_deg, config.max_window_deg),
-        _worst(f"way {span} [m]", apart_m, config.max_window_m),
-    ]
+    if (apart := found.window_differences(config)) is not None:
+        span = f"over {config.window_s:g} s, difference from the data set’s camera"
+        rows.append(_worst(f"turn {span} [°]", apart[0], config.max_window_deg))
+        rows.append(_worst(f"way {span} [m]", apart[1], config.max_window_m))
+    return rows
 
 
 def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Row]:
@@ -128,7 +119,6 @@ def _kept_rows(found: Found, config: VerdictConfig) -> list[Row]:
 
 
 def focal_row(focal: FocalEstimate | None, config: IntrinsicsConfig) -> Row:
-    """What the 2D keypoints say of the focal length."""
     said = f"1 ± {config.max_focal_deviation:g}, beyond it by {config.sigmas:g} standard errors"
     name = "focal length that the 2D keypoints ask for, over the given one"
     if focal is None:
@@ -144,12 +134,11 @@ def _row(
     threshold: float,
     *,
     least: bool = False,
-    percent: bool = False,
+    unit: int = 1,
     digits: str = ".3g",
     note: str = "",
 ) -> Row:
     """A figure that must be at most (or at least) its threshold."""
-    unit = 100 if percent else 1
     said = f"{'≥' if least else '≤'} {unit * threshold:g}"
     if value is None:
         return Row(name, NO_FIGURE, said, None)
@@ -158,7 +147,7 @@ def _row(
 
 
 def _share(name: str, value: float | None, least: float) -> Row:
-    return _row(f"{name} [%]", value, least, least=True, percent=True, digits=".1f")
+    return _row(f"{name} [%]", value, least, least=True, unit=100, digits=".1f")
 
 
 def _worst(name: str, values: np.ndarray, threshold: float, *, least: bool = False) -> Row:

@@ -1,6 +1,7 @@
 """The report of a run: one HTML file that needs nothing beside it, and its plots over time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,12 +13,12 @@ from matplotlib.ticker import MaxNLocator
 
 from gmrdata.pages.frames import BODY_BGR, OUTLINE_BGR, PATH_BGR, ClipTile, frame_tiles, jpeg
 from gmrdata.pages.html import Cell, Table, image, render
-from gmrdata.pages.plots import COLOURS, plot_predicted_view, plot_top_view, quiet, svg
+from gmrdata.pages.plots import COLOURS, name_rows, plot_predicted_view, plot_top_view, quiet, svg
 from gmrdata.pages.report_data import (
     SCALE_NOT_OBSERVABLE,
     THRESHOLDS,
     ClipReport,
-    ManifestScore,
+    GmrSummary,
     ReportData,
     figure_texts,
     score_texts,
@@ -113,7 +114,7 @@ def _clip_row(index: int, clip: ClipReport) -> tuple[Cell | str, ...]:
     )
 
 
-def _score_table(scores: tuple[ManifestScore, ...]) -> Table:
+def _score_table(scores: Mapping[str, GmrSummary]) -> Table:
     headings: list[Cell | str] = ["manifest"]
     for name, unit in (("OME", "[°]"), ("TME", "[mm]"), ("VME", "[mm]")):
         headings += [Cell(name, unit=unit), Cell("zero motion", unit=unit)]
@@ -121,15 +122,12 @@ def _score_table(scores: tuple[ManifestScore, ...]) -> Table:
         "Mean errors per frame-to-frame motion. In grey, the same for zero motion, that is for a "
         "body that neither turns nor moves: a model that learned something stays below it."
     )
-    return Table(headings, [_score_row(score) for score in scores], caption)
-
-
-def _score_row(score: ManifestScore) -> list[Cell | str]:
-    ours, zero = score_texts(score.gmr), score_texts(score.zero_motion)
-    cells: list[Cell | str] = [score.name]
-    for metric in ours:
-        cells += [ours[metric], Cell(zero[metric], kind="beside")]
-    return cells
+    rows: list[list[Cell | str]] = []
+    for name, score in scores.items():
+        ours, zero = score_texts(score), score_texts(score.zero_motion)
+        pairs = ((ours[metric], Cell(zero[metric], kind="beside")) for metric in ours)
+        rows.append([name, *chain.from_iterable(pairs)])
+    return Table(headings, rows, caption)
 
 
 def _scales(report: ReportData) -> Markup | None:
@@ -305,14 +303,10 @@ def plot_scales(plot: Figure, clips: Sequence[ClipReport]) -> None:
             error, row, xerr=sigma, fmt="o", color=colour, markersize=6, linewidth=2, capsize=4
         )
         reach = max(reach, abs(error) + (sigma or 0.0))
-    axes.set_yticks(range(len(clips)), [clip.id for clip in clips])
-    axes.tick_params(axis="y", labelcolor=COLOURS["ink"])
+    name_rows(axes, [clip.id for clip in clips])
     axes.set_ylim(len(clips) - 0.4, -0.6)
     axes.set_xlim(-1.15 * reach, 1.15 * reach)
     axes.set_xlabel("error of the metric scale [%], with ± one sigma of its own estimate")
-    axes.grid(visible=False, axis="y")
-    axes.spines["left"].set_visible(False)
-    quiet(axes)
 
 
 def relative_sigma_percent(clip: ClipReport) -> float | None:

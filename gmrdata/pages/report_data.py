@@ -4,7 +4,7 @@ And the thresholds that pseudo ground truth has to meet, and the figures as text
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -17,8 +17,7 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config, Record
 
 
-@dataclass(frozen=True)
-class ClipFigures:
+class ClipFigures(Config):
     """How far a clip's pseudo ground truth lies from the truth."""
 
     ome_deg: float
@@ -32,9 +31,7 @@ class ClipFigures:
     """Signed error of the metric scale [%]; None where the camera doesn't translate, so that no
     scale enters."""
     frames: int
-    """Frames of the clip."""
     frames_with_camera: int
-    """Frames for which a camera was recovered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,25 +57,19 @@ class ClipReport:
     """One clip: the truth, what was recovered, and the pictures."""
 
     id: str
-    """The clip's name."""
     camera_motion: str
     """The camera programme: "circular", "linear", "panning", ..."""
     true: Clip
-    """World motion and camera, as they were."""
     pseudo: Clip
-    """World motion and metric camera, as they were recovered."""
+    """As it was recovered."""
     true_from_pseudo: np.ndarray
     """(4, 4) rigid: maps the recovered world to the true world [m]."""
     images_dir: Path
-    """The frames."""
     masks_dir: Path | None
     """Masks `<image stem>.png`, 255 = dynamic object; None draws no outline."""
     body: BodyModel
-    """The body of both motions."""
     figures: ClipFigures
-    """Errors of the pseudo clip."""
     quality: Quality
-    """The reconstruction's own record."""
     figures_fps_hz: float | None = None
     """Rate at which the motions of `figures` were taken [Hz], of which the clips' rate is a
     multiple; None for the clips' own rate."""
@@ -102,16 +93,11 @@ class Score(Config):
     """Vertex motion error [mm]."""
 
 
-@dataclass(frozen=True)
-class ManifestScore:
-    """GMR's scores on one manifest, beside those of no motion at all."""
+class GmrSummary(Score):
+    """GMR's errors on one manifest."""
 
-    name: str
-    """The manifest."""
-    gmr: Score
-    """The trained model."""
     zero_motion: Score
-    """The baseline that says that the body neither turns nor moves."""
+    """Those of a body that neither turns nor moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +105,11 @@ class RunReport:
     """How the run was made."""
 
     title: str
-    """The page's title."""
     data_source: str
     """Where the motions came from, in a sentence."""
     seconds: Mapping[str, float]
     """Wall time per stage [s], in the order in which they ran."""
     versions: Mapping[str, str] = field(default_factory=dict)
-    """Version per package."""
     recipe: str = ""
     """The whole recipe, as YAML."""
     limits: tuple[str, ...] = ()
@@ -137,11 +121,10 @@ class ReportData:
     """Everything on the page."""
 
     run: RunReport
-    """How it was made."""
     clips: tuple[ClipReport, ...]
-    """The clips, in the order of the page."""
-    scores: tuple[ManifestScore, ...] = ()
-    """GMR's scores; empty when none was trained."""
+    """In the order of the page."""
+    scores: Mapping[str, GmrSummary] = field(default_factory=dict)
+    """GMR's scores by manifest; empty when none was trained."""
     learning_curve: tuple[tuple[int, float], ...] = ()
     """(step, training loss) pairs."""
 
@@ -153,7 +136,7 @@ SCALE_NOT_OBSERVABLE = "not observable (pan)"
 NO_FIGURE = "–"
 
 
-def verdicts(figures: "ClipFigures | ClipSummary") -> dict[str, bool]:
+def verdicts(figures: ClipFigures) -> dict[str, bool]:
     """Which figures of a clip keep to their thresholds; `frames_with_camera` means every frame."""
     found = {key: getattr(figures, key) for key in THRESHOLDS}
     met = {
@@ -162,7 +145,7 @@ def verdicts(figures: "ClipFigures | ClipSummary") -> dict[str, bool]:
     return met | {"frames_with_camera": figures.frames_with_camera == figures.frames}
 
 
-def figure_texts(figures: "ClipFigures | ClipSummary") -> dict[str, str]:
+def figure_texts(figures: ClipFigures) -> dict[str, str]:
     """A clip's figures as text, without units, by key; `cameras` is "with camera/all frames"."""
     scale, camera_deg = figures.scale_error_percent, figures.camera_rotation_deg
     return {
@@ -170,12 +153,10 @@ def figure_texts(figures: "ClipFigures | ClipSummary") -> dict[str, str]:
         "ome_deg": f"{figures.ome_deg:.3f}",
         "tme_mm": f"{figures.tme_mm:.2f}",
         "camera_rotation_deg": NO_FIGURE if camera_deg is None else f"{camera_deg:.3f}",
-        "scale_error_percent": SCALE_NOT_OBSERVABLE if scale is None else _signed(scale),
+        "scale_error_percent": (
+            SCALE_NOT_OBSERVABLE if scale is None else f"{scale:+.2f}".replace("-", "−")
+        ),
     }
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.2f}".replace("-", "−")
 
 
 def score_texts(score: Score) -> dict[str, str]:
@@ -187,24 +168,13 @@ def score_texts(score: Score) -> dict[str, str]:
     }
 
 
-class ClipSummary(Config):
-    """One clip of a summary: its fields are those of ClipFigures."""
-
+class _ClipName(Config):
     id: str
     camera_motion: str
-    ome_deg: float
-    tme_mm: float
-    camera_rotation_deg: float | None
-    scale_error_percent: float | None
-    frames: int
-    frames_with_camera: int
 
 
-class GmrSummary(Score):
-    """GMR's errors on one manifest."""
-
-    zero_motion: Score
-    """Those of a body that neither turns nor moves."""
+class ClipSummary(ClipFigures, _ClipName):
+    """One clip of a summary."""
 
 
 class Summary(Record):
@@ -220,15 +190,11 @@ class Summary(Record):
 
 
 def summary(report: ReportData) -> Summary:
-    """The report's figures alone."""
     return Summary(
         clips=tuple(
-            ClipSummary(id=clip.id, camera_motion=clip.camera_motion, **asdict(clip.figures))
+            ClipSummary(id=clip.id, camera_motion=clip.camera_motion, **clip.figures.model_dump())
             for clip in report.clips
         ),
-        gmr={
-            score.name: GmrSummary(**score.gmr.model_dump(), zero_motion=score.zero_motion)
-            for score in report.scores
-        },
+        gmr=dict(report.scores),
         seconds={stage: float(seconds) for stage, seconds in report.run.seconds.items()},
     )

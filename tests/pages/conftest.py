@@ -14,7 +14,7 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.pages.report_data import (
     ClipFigures,
     ClipReport,
-    ManifestScore,
+    GmrSummary,
     Quality,
     ReportData,
     RunReport,
@@ -128,7 +128,14 @@ def make_clip(
             images_dir=images_dir,
             masks_dir=masks_dir,
             body=small_body,
-            figures=ClipFigures(0.1234, 4.567, 0.0567, None if pans else -1.234, n, n),
+            figures=ClipFigures(
+                ome_deg=0.1234,
+                tme_mm=4.567,
+                camera_rotation_deg=0.0567,
+                scale_error_percent=None if pans else -1.234,
+                frames=n,
+                frames_with_camera=n,
+            ),
             quality=Quality(
                 geometry="rotation_only" if pans else "full",
                 scale=None if pans else 0.7654,
@@ -147,6 +154,10 @@ def score(ome_deg: float, tme_mm: float, vme_mm: float) -> Score:
     return Score(ome_deg=ome_deg, tme_mm=tme_mm, vme_mm=vme_mm)
 
 
+def with_zero(gmr: Score, zero_motion: Score) -> GmrSummary:
+    return GmrSummary(**gmr.model_dump(), zero_motion=zero_motion)
+
+
 @pytest.fixture(scope="session")
 def report(make_clip: Callable[[str], ClipReport]) -> ReportData:
     """A report on three clips with all of its optional parts."""
@@ -161,9 +172,9 @@ def report(make_clip: Callable[[str], ClipReport]) -> ReportData:
             limits=("The model was trained for half a minute.",),
         ),
         clips=tuple(make_clip(kind) for kind in PROGRAMMES),
-        scores=(
-            ManifestScore("truth", score(3.21, 43.2, 54.3), score(7.65, 120.1, 130.2)),
-            ManifestScore("pseudo-gt", score(3.33, 44.4, 55.5), score(7.77, 121.1, 131.2)),
-        ),
+        scores={
+            "truth": with_zero(score(3.21, 43.2, 54.3), score(7.65, 120.1, 130.2)),
+            "pseudo-gt": with_zero(score(3.33, 44.4, 55.5), score(7.77, 121.1, 131.2)),
+        },
         learning_curve=tuple((step, 2.0 * 0.99**step + 0.01 * (step % 3)) for step in steps),
     )

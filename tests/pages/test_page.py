@@ -129,7 +129,7 @@ def test_values_are_escaped(report: ReportData) -> None:
         report.run, title=evil, data_source=evil, recipe=evil, limits=(evil,),
         seconds={evil: 1.0}, versions={evil: evil},
     )  # fmt: skip
-    scores = (replace(report.scores[0], name=evil),)
+    scores = {evil: report.scores["truth"]}
     html = page(replace(report, run=run, clips=(clip,), scores=scores))
     reader = read(html)
     assert reader.faults == []
@@ -144,7 +144,7 @@ def test_a_missed_threshold_is_said_in_words(report: ReportData) -> None:
         {"ome_deg": 0.51}, {"tme_mm": 15.2}, {"scale_error_percent": -5.1},
         {"frames_with_camera": 11}, {"ome_deg": float("nan")},
     ):  # fmt: skip
-        bad = replace(clip, figures=replace(clip.figures, **worse))
+        bad = replace(clip, figures=clip.figures.model_copy(update=worse))
         summary = read(page(replace(report, clips=(bad,)))).sections["summary"]
         assert "0 of 1 clips meet every threshold" in summary
         assert "✗" in summary
@@ -160,7 +160,9 @@ def test_parts_that_are_missing_leave_no_hole(report: ReportData) -> None:
             clip.quality, scale=None, scale_sigma=None, reprojection_error_px=None, inliers=None,
             notes=(),
         ),
-        figures=replace(clip.figures, scale_error_percent=None, camera_rotation_deg=None),
+        figures=clip.figures.model_copy(
+            update={"scale_error_percent": None, "camera_rotation_deg": None}
+        ),
     )  # fmt: skip
     run = replace(report.run, seconds={}, versions={}, recipe="", limits=())
     html = page(ReportData(run=run, clips=(bare,)))
@@ -189,7 +191,7 @@ def test_frames_without_a_camera_are_named(report: ReportData) -> None:
         valid=~lost,
         camera=replace(camera, world_from_cam=world_from_cam, has_camera=~lost),
     )
-    figures = replace(clip.figures, frames_with_camera=6)
+    figures = clip.figures.model_copy(update={"frames_with_camera": 6})
     html = page(replace(report, clips=(replace(clip, pseudo=pseudo, figures=figures),)))
     assert html.count("· no camera</span>") == 6
     assert "6/12" in html

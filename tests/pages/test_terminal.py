@@ -81,9 +81,20 @@ def test_names_are_not_markup(report: ReportData) -> None:
 
 
 def test_parts_that_are_missing_are_left_out(report: ReportData) -> None:
-    text = printed(summary(replace(report, scores=(), run=replace(report.run, seconds={}))))
+    text = printed(summary(replace(report, scores={}, run=replace(report.run, seconds={}))))
     assert "GMR" not in text
     assert "in all" not in text
+
+
+def figures_of(camera_rotation_deg: float | None, scale_error_percent: float | None) -> ClipFigures:
+    return ClipFigures(
+        ome_deg=0.1,
+        tme_mm=1.0,
+        camera_rotation_deg=camera_rotation_deg,
+        scale_error_percent=scale_error_percent,
+        frames=48,
+        frames_with_camera=48,
+    )
 
 
 @pytest.mark.parametrize(
@@ -98,13 +109,12 @@ def test_parts_that_are_missing_are_left_out(report: ReportData) -> None:
     ],
 )
 def test_thresholds(changed: dict[str, float], missed: set[str]) -> None:
-    figures = replace(ClipFigures(0.1, 1.0, 0.1, 0.0, 48, 48), **changed)
-    met = verdicts(figures)
+    met = verdicts(figures_of(0.1, 0.0).model_copy(update=changed))
     assert {key for key, good in met.items() if not good} == missed
 
 
 def test_a_scale_that_does_not_enter_has_no_verdict() -> None:
-    figures = ClipFigures(0.1, 1.0, None, None, 48, 48)
+    figures = figures_of(None, None)
     assert "scale_error_percent" not in verdicts(figures)
     texts = figure_texts(figures)
     assert texts["scale_error_percent"] == "not observable (pan)"
