@@ -1,6 +1,6 @@
 """Ours and the plain recipe on the same sequences: rows of both, and the table that compares."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ def _ours(twins: Twins, name: str, made: Regenerated) -> dict[str, Any]:
         scale_sigma=verdict.scale_sigma,
         reasons=verdict.reasons,
     )
-    return asdict(errors) | {"own_seconds": round(made.own_seconds(name), 2)}
+    return errors.model_dump() | {"own_seconds": round(made.own_seconds(name), 2)}
 
 
 def _plain(twins: Twins, name: str, made: Regenerated, out_dir: Path) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def _plain(twins: Twins, name: str, made: Regenerated, out_dir: Path) -> dict[st
         accepted=bool(clips),
         seconds=made.given_seconds(name) + own_s,
     )
-    return asdict(errors) | {"own_seconds": round(own_s, 2)}
+    return errors.model_dump() | {"own_seconds": round(own_s, 2)}
 
 
 def table_row(pair: Beside) -> dict[str, Any]:

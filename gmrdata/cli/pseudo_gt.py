@@ -5,16 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
+from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
-from gmrdata.cli.options import (
-    DryRun,
-    Motions,
-    Probe,
-    RecipeName,
-    RunFlags,
-    read_recipe,
-    show_dry_run,
-)
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import MissingInput
 
@@ -31,11 +23,11 @@ Rule = Annotated[
 def threedpw_regenerate(
     root: Root,
     out: Path,
-    recipe: RecipeName = "threedpw",
+    recipe: flags.RecipeName = "threedpw",
     sequences: tuple[str, ...] = (),
     *,
-    run: RunFlags,
-    dry_run: DryRun = False,
+    run: flags.RunFlags,
+    dry_run: flags.DryRun = False,
 ) -> None:
     """World-frame pseudo ground truth of a 3DPW folder, a verdict for each sequence, a manifest.
 
@@ -48,7 +40,7 @@ def threedpw_regenerate(
     from gmrdata.threedpw import regenerate as stage
     from gmrdata.threedpw.recipe import ThreedpwRecipe
 
-    loaded = read_recipe(recipe, ThreedpwRecipe)
+    loaded = flags.read_recipe(recipe, ThreedpwRecipe)
     if sequences:
         loaded = loaded.model_copy(update={"sequences": sequences})
     if dry_run:
@@ -106,13 +98,13 @@ def threedpw_compare(manifest: Positional[Path], out: Path | None = None) -> Non
 
 
 def threedpw_twin(
-    recipe: Positional[RecipeName],
+    recipe: Positional[flags.RecipeName],
     out: Path,
-    motions: Motions = None,
+    motions: flags.Motions = None,
     *,
-    run: RunFlags,
-    dry_run: DryRun = False,
-    probe: Probe = True,
+    run: flags.RunFlags,
+    dry_run: flags.DryRun = False,
+    probe: flags.Probe = True,
 ) -> None:
     """Render sequences with 3DPW's layout and faults, and keep the truth aside.
 
@@ -123,9 +115,9 @@ def threedpw_twin(
     from gmrdata.pages.sets import write_set_pages
     from gmrdata.twins.twin_set import SET_FOLDER, TwinRecipe, make_twins
 
-    loaded = read_recipe(recipe, TwinRecipe)
+    loaded = flags.read_recipe(recipe, TwinRecipe)
     if dry_run:
-        show_dry_run(loaded.set, out / SET_FOLDER, motions, run.workers, probe)
+        flags.show_dry_run(loaded.set, out / SET_FOLDER, motions, run.workers, probe)
         return
     with then(lambda: write_set_pages(loaded.set, out / SET_FOLDER)):
         made = make_twins(loaded, out, motions_dir=motions, run=run)
@@ -148,15 +140,15 @@ def floor(
     out: Path,
     sequences: int = 6,
     seed: int = 0,
-    motions: Motions = None,
+    motions: flags.Motions = None,
     twins: Path | None = None,
-    recipe: RecipeName = "threedpw",
+    recipe: flags.RecipeName = "threedpw",
     size: str = "small",
     frames: int = 150,
     *,
-    run: RunFlags,
-    dry_run: DryRun = False,
-    probe: Probe = True,
+    run: flags.RunFlags,
+    dry_run: flags.DryRun = False,
+    probe: flags.Probe = True,
 ) -> None:
     """How wrong the pseudo ground truth itself is: regenerate twins of 3DPW, and measure them.
 
@@ -177,7 +169,7 @@ def floor(
     from gmrdata.twins.sampling import film_of, twin_recipe
     from gmrdata.twins.twin_set import SET_FOLDER, read_truth
 
-    loaded = read_recipe(recipe, ThreedpwRecipe)
+    loaded = flags.read_recipe(recipe, ThreedpwRecipe)
     if twins is not None and dry_run:
         plan = regeneration.plan(loaded, read_truth(twins).root, out / REGENERATED_FOLDER)
         print_table(regeneration.HEADINGS, plan)
@@ -190,7 +182,7 @@ def floor(
         sampled = twin_recipe(sequences, seed, motions, film=film, workers=run.workers)
         if dry_run:
             set_dir = out / TWINS_FOLDER / SET_FOLDER
-            show_dry_run(sampled.set, set_dir, motions, run.workers, probe)
+            flags.show_dry_run(sampled.set, set_dir, motions, run.workers, probe)
         else:
             _measure_floor((sampled, motions), loaded, out, run)
 

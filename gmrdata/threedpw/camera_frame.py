@@ -6,6 +6,7 @@ and the root rotation R to A R; with the pelvis = trans + J0 it is simply A pelv
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,9 +39,6 @@ def camera_clip(
     3DPW's drift is common to person and camera, so it is not in here.  Frames that can't be used
     are not `valid`; those without finite numbers are NaN.
 
-    Args:
-        person_index: Which person, from 0.
-
     Returns:
         Clip `<sequence>.p<person>` with `frame` "camera", the sequence's intrinsics and no camera
         poses; its image numbers are those of the files, -1 where the image can't be used.
@@ -49,16 +47,9 @@ def camera_clip(
         BadBodyFile: no body fits the person.
     """
     clip, cam_from_world = _in_dataset_world(sequence, person_index, bodies, rule)
-    motion = _moved(clip.motion, cam_from_world, "camera")
-    n_frames = sequence.n_frames
-    camera = CameraPath(
-        sequence.arrays.intrinsics_px,
-        sequence.images.width_px,
-        sequence.images.height_px,
-        np.full((n_frames, 4, 4), np.nan),
-        np.zeros(n_frames, dtype=bool),
-    )
-    return replace(clip, motion=motion, camera=camera)
+    nowhere = np.zeros(sequence.n_frames, dtype=bool)
+    camera = _camera(sequence, np.full((sequence.n_frames, 4, 4), np.nan), nowhere)
+    return replace(clip, motion=_moved(clip.motion, cam_from_world, "camera"), camera=camera)
 
 
 def world_clip(
@@ -75,16 +66,15 @@ def world_clip(
     clip, cam_from_world = _in_dataset_world(sequence, person_index, bodies, rule)
     world_from_cam = np.full((sequence.n_frames, 4, 4), np.nan)
     world_from_cam[clip.valid] = WORLD_FROM_3DPW @ invert(cam_from_world[clip.valid])
-    camera = CameraPath(
-        sequence.arrays.intrinsics_px,
-        sequence.images.width_px,
-        sequence.images.height_px,
-        world_from_cam,
-        clip.valid,
-    )
-    n_frames = sequence.n_frames
-    world_from_3dpw = np.broadcast_to(WORLD_FROM_3DPW, (n_frames, 4, 4))
-    return replace(clip, motion=_moved(clip.motion, world_from_3dpw, "world"), camera=camera)
+    motion = _moved(clip.motion, np.broadcast_to(WORLD_FROM_3DPW, world_from_cam.shape), "world")
+    return replace(clip, motion=motion, camera=_camera(sequence, world_from_cam, clip.valid))
+
+
+def _camera(
+    sequence: Sequence3DPW, world_from_cam: np.ndarray, has_camera: np.ndarray
+) -> CameraPath:
+    size_px = sequence.images.width_px, sequence.images.height_px
+    return CameraPath(sequence.arrays.intrinsics_px, *size_px, world_from_cam, has_camera)
 
 
 def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> BodyModel:
@@ -94,17 +84,11 @@ def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> Bod
     body) the first is taken.  The betas must be as many as the body's, or more, and where the file
     has joints, the body's pelvis must be at theirs.
 
-    Args:
-        where: Sequence and person, for the message.
-
     Raises:
-        BadBodyFile: none fits.
+        BadBodyFile: none fits; the message begins with `where`.
     """
-    fits = [
-        body
-        for body in bodies
-        if body.name == f"smpl-{person.gender}" or not body.name.startswith("smpl-")
-    ]
+    gendered = f"smpl-{person.gender}"
+    fits = [body for body in bodies if body.name == gendered or not body.name.startswith("smpl-")]
     if not fits:
         names = ", ".join(body.name for body in bodies) or "none"
         raise BadBodyFile(
@@ -141,11 +125,9 @@ def _in_dataset_world(
 ) -> tuple[Clip, np.ndarray]:
     """The person in the dataset's y-up world, and cam_from_world; NaN where not usable."""
     person = sequence.arrays.people[person_index]
-    clip_id = f"{sequence.name}.p{person_index}"
     body = fitting_body(person, bodies, f"{sequence.files.pickle_path}: person {person_index}")
-    reasons = unusable_reasons(sequence, person_index, rule)
-    valid = np.array([reason == "" for reason in reasons])
-    has_image = np.array([fault == "" for fault in sequence.images.faults])
+    valid = np.array(unusable_reasons(sequence, person_index, rule)) == ""
+    has_image = np.array(sequence.images.faults) == ""
     rotmats = smpl_rotmats(person.poses_rad)
     pelvis_m = pelvis_3dpw_m(person, body)
     pelvis_m[~usable_rows(person.trans_m)] = np.nan
@@ -162,22 +144,18 @@ def _in_dataset_world(
         f"valid by {rule}",
     )
     image_numbers = np.where(has_image, np.arange(sequence.n_frames), -1)
-    clip = Clip(clip_id, motion, valid, image_numbers, None)
-    return clip, _usable_cameras(sequence.arrays.cam_from_world)
+    clip = Clip(f"{sequence.name}.p{person_index}", motion, valid, image_numbers, None)
+    cam_from_world = sequence.arrays.cam_from_world
+    return clip, np.where(rigid_rows(cam_from_world)[:, None, None], cam_from_world, np.nan)
 
 
-def _usable_cameras(cam_from_world: np.ndarray) -> np.ndarray:
-    usable = rigid_rows(cam_from_world)
-    return np.where(usable[:, None, None], cam_from_world, np.nan)
-
-
-def _moved(motion: Motion, a_from_b: np.ndarray, frame: str) -> Motion:
+def _moved(motion: Motion, a_from_b: np.ndarray, frame: Literal["world", "camera"]) -> Motion:
     with np.errstate(invalid="ignore"):
         return replace(
             motion,
             root_rotmats=a_from_b[:, :3, :3] @ motion.root_rotmats,
             pelvis_m=apply(a_from_b, motion.pelvis_m[:, None])[:, 0],
-            frame="camera" if frame == "camera" else "world",
+            frame=frame,
         )
 
 

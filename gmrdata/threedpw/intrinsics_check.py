@@ -10,7 +10,6 @@ known, and the way that people go counts in full.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
@@ -108,11 +107,7 @@ def estimate_focal(
 
 
 def intrinsics_reason(estimate: FocalEstimate | None, config: IntrinsicsConfig) -> str | None:
-    """Why the intrinsics must be wrong, in words; None where nothing speaks against them.
-
-    Args:
-        estimate: What the keypoints ask for; None: they say nothing.
-    """
+    """Why the intrinsics must be wrong, in words; None where nothing speaks against them."""
     if estimate is None:
         return None
     beyond = abs(estimate.factor - 1.0) - config.max_focal_deviation
@@ -140,12 +135,7 @@ def _observed(
     clip = camera_clip(sequence, person_index, bodies, rule)
     body = fitting_body(person, bodies, str(sequence.files.pickle_path))
     rows = np.flatnonzero(clip.valid)
-    motion = replace(
-        clip.motion,
-        local_rotmats=clip.motion.local_rotmats[rows],
-        root_rotmats=clip.motion.root_rotmats[rows],
-        pelvis_m=clip.motion.pelvis_m[rows],
-    )
+    motion = clip.motion.take(rows)
     joints_m = motion_joints_m(body, motion)[:, list(OPENPOSE_JOINTS.values())]
     points_px = person.poses2d_px[rows][:, list(OPENPOSE_JOINTS)]
     intrinsics_px = sequence.arrays.intrinsics_px
@@ -185,8 +175,7 @@ def _fit(
     """Solution (P,), its covariance (P, P) and the residuals' scale [px].
 
     Args:
-        design: (M, 2, P).
-        measured_px: (M, 2) [px].
+        design: (M, 2, P), for `measured_px` (M, 2).
         prior: (P,) inverse variances about 0.
         rows_as_one: So many rows, one after the other in time, have one error.
     """

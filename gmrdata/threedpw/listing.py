@@ -26,10 +26,7 @@ RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "us
 
 
 def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
-    """A row per sequence under a root.  One that can't be read doesn't stop the others.
-
-    Returns:
-        Rows for `HEADINGS`, and how many of them say why a sequence can't be read.
+    """A row for `HEADINGS` per sequence under a root, and how many say why one can't be read.
 
     Raises:
         MissingInput: no 3DPW folder.
@@ -59,10 +56,9 @@ def bad_summary(root: Path, n_bad: int, n_sequences: int) -> BadSequence:
 
 
 def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
-    """Rows for `RANGE_HEADINGS`: the ranges of each person that are not usable, and the rest.
+    """Rows for `RANGE_HEADINGS`, and the sequence's problems.
 
-    Returns:
-        The rows, and the sequence's problems.
+    The rows are the ranges of each person that are not usable, and the rest.
 
     Raises:
         GmrdataError: as `read_sequence`; or no such rule.
@@ -83,17 +79,12 @@ def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]],
 
 
 def known_rule(rule: str) -> ValidRule:
-    """A rule's name as its type.
-
-    Raises:
-        BadRecipe: there is no such rule.
-    """
-    for known in get_args(ValidRule):
+    """A rule's name as its type; BadRecipe where there is no such rule."""
+    rules: tuple[ValidRule, ...] = get_args(ValidRule)
+    for known in rules:
         if rule == known:
             return known
-    raise BadRecipe(
-        f"no rule {rule!r} for valid frames; there are {', '.join(get_args(ValidRule))}"
-    )
+    raise BadRecipe(f"no rule {rule!r} for valid frames; there are {', '.join(rules)}")
 
 
 def _row(files: SequenceFiles, rule: ValidRule) -> tuple[str, ...]:

@@ -46,7 +46,6 @@ class PeopleRecord(Record):
     bodies: tuple[NonNegativeInt, ...]
     """Each person's body, by its number in the recipe."""
     genders: tuple[str, ...]
-    """Each person's gender."""
     left_out: tuple[int, ...]
     """Numbers of images that can't be used."""
     problems: tuple[str, ...]
@@ -60,9 +59,7 @@ class SequencePeople:
     """A sequence's people on disk, and what else its file says."""
 
     people: tuple[PersonFiles, ...]
-    """Each person."""
     dataset_camera_path: Path
-    """The data set's own camera."""
     doubts_path: Path
     """What speaks against the data set's own frames, and against the sequence as a whole."""
     left_out: tuple[int, ...]
@@ -101,11 +98,7 @@ def make_people(
 
 
 def load_people(people_dir: Path, body_paths: tuple[Path, ...]) -> SequencePeople:
-    """The files that `make_people` left.
-
-    Raises:
-        BadRecord: `people.json` is broken, or of other bodies.
-    """
+    """The files that `make_people` left; BadRecord where `people.json` is of other bodies."""
     record = PeopleRecord.read(people_dir / PEOPLE_FILE)
     if any(body >= len(body_paths) for body in record.bodies):
         raise BadRecord(f"{people_dir / PEOPLE_FILE}: `bodies` names one too many; {MAKE_AGAIN}")

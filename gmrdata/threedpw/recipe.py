@@ -50,14 +50,12 @@ class ThreedpwRecipe(Config):
 
 @dataclass(frozen=True)
 class SetPaths:
-    """The output folder of `gmrdata threedpw`."""
+    """The output folder of `gmrdata threedpw`; the manifest stands in it and points below it."""
 
     root: Path
-    """The folder; the manifest stands in it and points below it."""
 
     @property
     def manifest(self) -> Path:
-        """The manifest."""
         return self.root / "pseudo_gt.yaml"
 
     @property
@@ -72,16 +70,13 @@ class SetPaths:
 
     @property
     def index_page(self) -> Path:
-        """Every sequence at a glance."""
         return self.root / "index.html"
 
     @property
     def pages_dir(self) -> Path:
-        """A page for each sequence."""
         return self.root / "qa"
 
     def body_dir(self, number: int) -> Path:
-        """Stage: a body of the recipe."""
         return self.root / "bodies" / f"body_{number}"
 
     def sequence_dir(self, name: str) -> Path:
@@ -89,15 +84,12 @@ class SetPaths:
         return self.root / "sequences" / name
 
     def people_dir(self, name: str) -> Path:
-        """Stage: the people as the cameras see them."""
         return self.sequence_dir(name) / "people"
 
     def masks_dir(self, name: str) -> Path:
-        """Stage: the masks."""
         return self.sequence_dir(name) / "masks"
 
     def sfm_dir(self, name: str) -> Path:
-        """Stage: the cameras."""
         return self.sequence_dir(name) / "sfm"
 
     def pseudo_gt_dir(self, name: str) -> Path:

@@ -38,7 +38,7 @@ class SequenceVerdict:
 
     sequence: str
     split: str
-    """Its split; empty where it has none or several."""
+    """Empty where it has none or several."""
     accepted: bool
     """Whether one of its people is."""
     reasons: tuple[str, ...]
@@ -50,7 +50,6 @@ class SequenceVerdict:
     scale: Figure | None
     """Metres per unit of the reconstruction; null where it does not enter."""
     scale_sigma: Figure | None
-    """Its standard error."""
 
     @property
     def table_row(self) -> tuple[str, ...]:
@@ -78,11 +77,7 @@ class Verdicts(Record):
 
 
 def regenerate_set(
-    recipe: ThreedpwRecipe,
-    root: Path,
-    out_dir: Path,
-    *,
-    run: Run = DEFAULT_RUN,
+    recipe: ThreedpwRecipe, root: Path, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
     """Make world motions of all sequences, `verdicts.json` and the manifest `pseudo_gt.yaml`.
 
@@ -92,9 +87,6 @@ def regenerate_set(
 
     Args:
         root: 3DPW's folder, which holds `imageFiles` and `sequenceFiles`.
-
-    Returns:
-        Path of the manifest.
 
     Raises:
         MissingInput: no such data set or sequence.
@@ -109,10 +101,11 @@ def regenerate_set(
         for number, body in enumerate(recipe.bodies)
     )
     before = _listing(paths)
-    jobs = [_job(files, paths, recipe, body_paths, run) for files in chosen]
+    common = {"root": paths.root, "recipe": recipe, "body_paths": body_paths, "run": run}
+    jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
     left = look_first(jobs, paths.failures_dir)
     reasons = refused | _regenerate(left, recipe, chosen, paths, run)
-    _list(recipe, chosen, refused, reasons, paths, run)
+    _list(recipe, chosen, reasons, paths, run)
     if not left and _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
@@ -120,11 +113,7 @@ def regenerate_set(
 
 
 def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[str, str]]:
-    """The sequences to regenerate, and by name why others can't be read.
-
-    Raises:
-        MissingInput: no such data set, or a name that isn't there.
-    """
+    """The sequences to regenerate, and by name why others can't be read."""
     found = find_sequences(root)
     splits = splits_of(found)
     if unknown := sorted(set(names) - set(splits)):
@@ -155,23 +144,6 @@ def plan(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> list[tuple[str, .
         done = (folder / "pseudo_gt").is_dir()
         rows.append((files.name, files.split, "done" if done else f"to do: {', '.join(missing)}"))
     return rows + [(repr(name), "-", reason) for name, reason in refused.items()]
-
-
-def _job(
-    files: SequenceFiles,
-    paths: SetPaths,
-    recipe: ThreedpwRecipe,
-    body_paths: tuple[Path, ...],
-    run: Run,
-) -> Job:
-    arguments = {
-        "files": files,
-        "root": paths.root,
-        "recipe": recipe,
-        "body_paths": body_paths,
-        "run": run,
-    }
-    return Job(files.name, regenerate_one, arguments)
 
 
 def _regenerate(
@@ -205,20 +177,15 @@ def _listing(paths: SetPaths) -> list[bytes]:
 def _list(
     recipe: ThreedpwRecipe,
     chosen: Sequence[SequenceFiles],
-    refused: Mapping[str, str],
     reasons: Mapping[str, str],
     paths: SetPaths,
     run: Run,
 ) -> None:
     """Write the verdicts of all sequences, and the manifest of those with files."""
     done = [files for files in chosen if files.name not in reasons]
+    splits = {files.name: files.split for files in chosen}
     verdicts = [_verdict(files, paths) for files in done]
-    verdicts += [
-        _failed(files.name, files.split, reasons[files.name])
-        for files in chosen
-        if files.name in reasons
-    ]
-    verdicts += [_failed(name, "", reason) for name, reason in refused.items()]
+    verdicts += [_failed(name, splits.get(name, ""), why) for name, why in reasons.items()]
     verdicts.sort(key=lambda verdict: verdict.sequence)
     Verdicts(sequences=tuple(verdicts)).write(paths.verdicts)
     if done:
@@ -226,7 +193,6 @@ def _list(
 
 
 def _verdict(files: SequenceFiles, paths: SetPaths) -> SequenceVerdict:
-    """The verdict on a sequence whose stages are done."""
     record = load_record(paths.pseudo_gt_dir(files.name))
     frames = sum(person.frames for person in record.people)
     kept = sum(person.kept_frames for person in record.people if person.accepted)

@@ -35,16 +35,12 @@ def regenerate_one(
     body_paths: tuple[Path, ...],
     run: Run,
 ) -> Path:
-    """Run every stage of one sequence.
+    """Run every stage of one sequence, up to the folder of the pseudo ground truth.
 
     A sequence without a reconstruction is no failure: its clips say so, row by row.
 
     Args:
         root: The set's output folder.
-        body_paths: The recipe's bodies.
-
-    Returns:
-        The folder of the pseudo ground truth.
 
     Raises:
         GmrdataError: the sequence can't be read, or a mask can't be had.
@@ -84,8 +80,6 @@ def make_unsolved(
     """Stage: the people in the camera's frame, every row dropped with its reason.
 
     Args:
-        given: The sequence's people.
-        reason: Why there is no reconstruction.
         out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
         config: The recipe of the stages that were tried.
         inputs: What they were tried on.
@@ -112,10 +106,7 @@ def make_unsolved(
 def sequence_entries(
     files: SequenceFiles, recipe: ThreedpwRecipe, paths: SetPaths
 ) -> list[ClipEntry]:
-    """Manifest entries of a finished sequence, one for each person.
-
-    The images stay where they are, and are not listed.
-    """
+    """Manifest entries of a finished sequence, one for each person.  Images are not listed."""
     folder = paths.pseudo_gt_dir(files.name)
     record = load_record(folder)
     return [

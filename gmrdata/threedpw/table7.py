@@ -40,10 +40,7 @@ def n_shared(a: Iterable[FrameRange], b: Iterable[FrameRange]) -> int:
     )
 
 
-TABLE7 = "paper_table7"
 DATASET = "3DPW"
-NOT_OURS = "not in our manifest"
-NOT_LISTED = "not in Table 7"
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,6 @@ class ComparedRow:
     """A range of Table 7 and one of our clips; at least one of the two."""
 
     sequence: str
-    """Name of the 3DPW sequence."""
     listed: ListedClip | None
     """The row of Table 7; None: it has none of this sequence."""
     clip: Clip | None
@@ -60,6 +56,11 @@ class ComparedRow:
     """Frames of the row that the clip keeps."""
     kept_beyond: int
     """Frames that the clip keeps and that are in no row of Table 7."""
+
+    @property
+    def frames(self) -> FrameRange | None:
+        """What Table 7 lists."""
+        return self.listed and self.listed.frames
 
     @property
     def kept_share(self) -> float | None:
@@ -85,9 +86,9 @@ class ComparedRow:
     def reason(self) -> str:
         """The first reason of the verdict, or why there is nothing to compare."""
         if self.clip is None:
-            return NOT_OURS
+            return "not in our manifest"
         reasons = () if self.clip.quality is None else self.clip.quality.reasons
-        return "; ".join(([] if self.listed else [NOT_LISTED]) + list(reasons[:1]))
+        return "; ".join((() if self.listed else ("not in Table 7",)) + reasons[:1])
 
 
 def compare_with_table7(path: Path) -> list[ComparedRow]:
@@ -105,7 +106,9 @@ def compare_with_table7(path: Path) -> list[ComparedRow]:
         MissingInput: no such file, or no such manifest in the folder.
         BadManifest: not such a manifest, or several in the folder.
     """
-    return compare(_clips_of_3dpw(find_manifest(path)), _table7())
+    table7 = read_manifest(published_manifest("paper_table7"))
+    assert isinstance(table7, ListManifest)
+    return compare(_clips_of_3dpw(find_manifest(path)), table7.clips)
 
 
 def compare(clips: Sequence[Clip], listed: Sequence[ListedClip]) -> list[ComparedRow]:
@@ -115,7 +118,10 @@ def compare(clips: Sequence[Clip], listed: Sequence[ListedClip]) -> list[Compare
         sequence = row.source.sequence
         everything = [other.frames for other in listed if other.source.sequence == sequence]
         ours = [clip for clip in clips if clip.source.sequence == sequence]
-        rows += [_compared(row, clip, everything) for clip in ours]
+        for clip in ours:
+            beyond = n_frames(clip.kept) - n_shared(clip.kept, everything)
+            kept = n_shared(clip.kept, [row.frames])
+            rows.append(ComparedRow(sequence, row, clip, kept, beyond))
         rows += [] if ours else [ComparedRow(sequence, row, None, 0, 0)]
     known = {row.source.sequence for row in listed}
     others = (clip for clip in clips if clip.source.sequence not in known)
@@ -125,12 +131,7 @@ def compare(clips: Sequence[Clip], listed: Sequence[ListedClip]) -> list[Compare
 
 
 def find_manifest(path: Path) -> Path:
-    """The manifest itself, or the only one of kind `pseudo_gt` right in a folder.
-
-    Raises:
-        MissingInput: there is none.
-        BadManifest: there are several.
-    """
+    """The manifest itself, or the only one of kind `pseudo_gt` right in a folder."""
     if not path.is_dir():
         return path
     found = [file for file in sorted(path.glob("*.yaml")) if _kind(file) == "pseudo_gt"]
@@ -142,12 +143,6 @@ def find_manifest(path: Path) -> Path:
     return found[0]
 
 
-def _compared(listed: ListedClip, clip: Clip, everything: list[FrameRange]) -> ComparedRow:
-    beyond = n_frames(clip.kept) - n_shared(clip.kept, everything)
-    kept = n_shared(clip.kept, [listed.frames])
-    return ComparedRow(clip.source.sequence, listed, clip, kept, beyond)
-
-
 def _clips_of_3dpw(path: Path) -> list[Clip]:
     manifest = read_manifest(path)
     if not isinstance(manifest, Manifest) or manifest.kind != "pseudo_gt":
@@ -156,14 +151,6 @@ def _clips_of_3dpw(path: Path) -> list[Clip]:
     if not clips:
         raise BadManifest(f"{path}: holds no clip whose source is {DATASET}")
     return clips
-
-
-def _table7() -> tuple[ListedClip, ...]:
-    path = published_manifest(TABLE7)
-    manifest = read_manifest(path)
-    if not isinstance(manifest, ListManifest):
-        raise BadManifest(f"{path}: is no list")
-    return manifest.clips
 
 
 def _kind(path: Path) -> str | None:
@@ -190,8 +177,9 @@ def table_rows(rows: Iterable[ComparedRow]) -> list[tuple[str, ...]]:
     return [
         (
             row.sequence,
-            _person(row),
-            "-" if row.listed is None else _first_last(row.listed.frames),
+            (row.clip and row.clip.source.person) or "-",
+            # As Table 7 writes it, with the last frame named.
+            f"{frames.start}-{frames.stop - 1}" if (frames := row.frames) else "-",
             "-" if row.listed is None else row.listed.camera_motion,
             "-" if row.clip is None else row.clip.camera_motion,
             "-" if row.kept_share is None else f"{100 * row.kept_share:.1f} %",
@@ -229,15 +217,10 @@ def summary(rows: Sequence[ComparedRow]) -> str:
 
 
 def write_csv(path: Path, rows: Iterable[ComparedRow]) -> Path:
-    """Write the rows under `CSV_HEADINGS`, with shares from 0 to 1 and empty cells where unknown.
-
-    Returns:
-        `path`.
-    """
+    """Write the rows under `CSV_HEADINGS`, shares from 0 to 1, empty cells where unknown."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(CSV_HEADINGS)
-    writer.writerows(_csv_row(row) for row in rows)
+    writer.writerows([CSV_HEADINGS, *map(_csv_row, rows)])
     write_text(path, text.getvalue())
     return path
 
@@ -253,22 +236,12 @@ def _covered(people: Sequence[ComparedRow]) -> int:
     return n_shared(kept, [row.listed.frames for row in people if row.listed is not None])
 
 
-def _person(row: ComparedRow) -> str:
-    return (row.clip.source.person or "-") if row.clip is not None else "-"
-
-
-def _first_last(frames: FrameRange) -> str:
-    """As Table 7 writes it, with the last frame named."""
-    return f"{frames.start}-{frames.stop - 1}"
-
-
 def _csv_row(row: ComparedRow) -> tuple[str | int | float, ...]:
-    frames = None if row.listed is None else row.listed.frames
     return (
         row.sequence,
         "" if row.clip is None else row.clip.source.person or "",
-        "" if frames is None else frames.start,
-        "" if frames is None else frames.stop,
+        "" if row.frames is None else row.frames.start,
+        "" if row.frames is None else row.frames.stop,
         "" if row.listed is None else row.listed.camera_motion,
         "" if row.clip is None else row.clip.camera_motion,
         "" if row.same_class is None else str(row.same_class).lower(),

@@ -12,6 +12,7 @@ corrects it within a fraction of a second.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -41,23 +42,17 @@ def smooth_noise(
     n_channels: int,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Random curves without any part that is faster than a period.
+    """Random curves (N, C) without any part that is faster than `shortest_period_s` [s].
 
-    Args:
-        shortest_period_s: No wave has a shorter period [s].
-        n_channels: Number of independent curves C.
-
-    Returns:
-        (N, C), each curve a sum of sine waves of standard-normal amplitudes.
+    Each of the C independent curves is a sum of sine waves of standard-normal amplitudes.
     """
     times_s = np.arange(n_frames)[:, None, None] / fps_hz
     shape = (n_channels, N_WAVES)
     periods_s = shortest_period_s * np.exp(rng.uniform(0.0, np.log(LONGEST_SHARE), shape))
     phases_rad = rng.uniform(0.0, 2 * np.pi, shape)
     amplitudes = rng.normal(size=shape)
-    return np.asarray(
-        (amplitudes * np.sin(2 * np.pi * times_s / periods_s + phases_rad)).sum(axis=2)
-    )
+    waves = amplitudes * np.sin(2 * np.pi * times_s / periods_s + phases_rad)
+    return np.asarray(waves.sum(axis=2))
 
 
 def with_peak(vectors: np.ndarray, peak: float) -> np.ndarray:
@@ -78,7 +73,18 @@ SMALLEST_SHARE = 0.6
 UNCHANGED = (1.0, 1.0)
 
 
-class ExposureConfig(Config):
+class _Ranges(Config):
+    """Settings of which the pairs are (least, most)."""
+
+    @model_validator(mode="after")
+    def _are_ranges(self) -> Self:
+        for name, value in self:
+            if isinstance(value, tuple) and not 0 <= value[0] <= value[1]:
+                raise ValueError(f"{name} is {value}: give (least, most), neither below 0")
+        return self
+
+
+class ExposureConfig(_Ranges):
     """How the exposure of a twin's images changes.  Ranges are (least, most)."""
 
     gain: tuple[float, float] = (0.7, 1.4)
@@ -94,10 +100,7 @@ class ExposureConfig(Config):
     """Quality of the images, which are encoded once more."""
 
     @model_validator(mode="after")
-    def _ranges(self) -> "ExposureConfig":
-        for name, value in self:
-            if isinstance(value, tuple) and not 0 <= value[0] <= value[1]:
-                raise ValueError(f"{name} is {value}: give (least, most), neither below 0")
+    def _above_zero(self) -> Self:
         if self.gain[0] == 0 or self.step_s[0] == 0:
             raise ValueError("gain and step_s must be above 0")
         return self
@@ -123,11 +126,7 @@ def exposure_gains(
 
 
 def exposed_jpeg(content: bytes, gain: float, jpeg_quality: int) -> bytes:
-    """The JPEG of a frame as if `gain` times the light had come in; what is too bright is white.
-
-    Raises:
-        BadFrames: the bytes are no image.
-    """
+    """The JPEG of a frame as if `gain` times the light had come in; what is too bright is white."""
     import cv2
 
     image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
@@ -157,7 +156,7 @@ LARGEST_WOBBLE = 0.8
 """How unevenly the drift grows; below 1 it never goes back."""
 
 
-class FaultConfig(Config):
+class FaultConfig(_Ranges):
     """Faults of the dataset's side of a twin.  Ranges are (least, most), drawn per clip."""
 
     drift_m: tuple[float, float] = (0.2, 0.8)
@@ -181,25 +180,14 @@ class FaultConfig(Config):
     invalid_error_m: tuple[float, float] = (0.1, 0.3)
     """Error of the pelvis in such a run [m]."""
 
-    @model_validator(mode="after")
-    def _ranges(self) -> "FaultConfig":
-        for name, value in self:
-            if isinstance(value, tuple) and not 0 <= value[0] <= value[1]:
-                raise ValueError(f"{name} is {value}: give (least, most), neither below 0")
-        return self
-
 
 def dataset_side(
     clips: Sequence[Clip], config: FaultConfig, rng: np.random.Generator
 ) -> list[Clip]:
-    """What a faulty dataset says of exact clips.
+    """What a faulty dataset says of exact clips, one per person, all with the same camera.
 
-    Args:
-        clips: One clip per person, `frame` "world", all with the same camera.
-
-    Returns:
-        The clips with one drift common to people and camera, errors of their own in root and
-        joints, and unaligned frames that are not `valid`.
+    One drift is common to people and camera; each clip has errors of its own in root and joints,
+    and unaligned frames that are not `valid`.
 
     Raises:
         BadSequence: a clip is not in the world frame, or has frames without a camera.
@@ -221,14 +209,15 @@ def dataset_side(
 def drift(
     n_frames: int, pivot_world_m: np.ndarray, config: FaultConfig, rng: np.random.Generator
 ) -> np.ndarray:
-    """A drift that starts at identity and only grows: drifted_from_world (N, 4, 4).
+    """drifted_from_world (N, 4, 4): identity at first; grows to `drift_m` and `drift_deg`.
 
-    Args:
-        pivot_world_m: (3,) the point that only the translation moves [m].
-        config: `drift_m` and `drift_deg` are reached at the last frame.
+    Only the translation moves the point `pivot_world_m` (3,) [m].
     """
     offset_m = rng.uniform(*config.drift_m) * _direction(rng)
-    tilt = Rotation.from_rotvec(np.deg2rad(rng.uniform(0, DRIFT_TILT_DEG)) * _across(rng))
+    tilt_rad = np.deg2rad(rng.uniform(0, DRIFT_TILT_DEG))
+    azimuth_rad = rng.uniform(0.0, 2 * np.pi)
+    across = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
+    tilt = Rotation.from_rotvec(tilt_rad * across)
     turn_rad = np.deg2rad(rng.uniform(*config.drift_deg)) * rng.choice([-1.0, 1.0])
     turns = Rotation.from_rotvec(_growth(n_frames, rng)[:, None] * turn_rad * tilt.apply(UP))
     rotmats = turns.as_matrix()
@@ -302,12 +291,6 @@ def _direction(rng: np.random.Generator) -> np.ndarray:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _across(rng: np.random.Generator) -> np.ndarray:
-    """A horizontal direction."""
-    azimuth_rad = rng.uniform(0.0, 2 * np.pi)
-    return np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
-
-
 def _rotate(rotmats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return np.asarray(np.einsum("nij,nj->ni", rotmats, vectors))
 
@@ -324,18 +307,10 @@ class KeypointConfig(Config):
 def detected_keypoints(
     joints_world_m: np.ndarray, camera: CameraPath, config: KeypointConfig, rng: np.random.Generator
 ) -> np.ndarray:
-    """Keypoints of a person: joints inside the image with noise, all others zero.
+    """Keypoints (N, 18, 3) of a person with joints (N, 24, 3) [m]: x [px], y [px], confidence.
 
-    Occlusion is not looked at: OpenPose guesses hidden joints too.
-
-    Args:
-        joints_world_m: (N, 24, 3) joints in the world [m].
-
-    Returns:
-        (N, 18, 3): x [px], y [px], confidence.
-
-    Raises:
-        ValueError: not 24 joints, or as many frames as the camera has.
+    Joints inside the image have noise, all others are zero.  Occlusion is not looked at: OpenPose
+    guesses hidden joints too.
     """
     if joints_world_m.shape != (camera.n_frames, N_JOINTS, 3):
         raise ValueError(f"joints {joints_world_m.shape} for {camera.n_frames} cameras")

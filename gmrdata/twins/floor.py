@@ -29,7 +29,6 @@ class MadeFloor(NamedTuple):
     """What was measured, and what could not be."""
 
     path: Path
-    """`floor.json`."""
     failed: StageFailed | None
     """Sequences that could not be rendered, or not be read; the others are measured."""
 
@@ -46,7 +45,6 @@ def sampled_floor(
 
     Raises:
         StageFailed: not one twin could be rendered.
-        GmrdataError: as `floor_of_twins` says.
     """
     twins_dir = out_dir / TWINS_FOLDER
     failed: StageFailed | None = None
@@ -70,12 +68,11 @@ def floor_of_twins(
 ) -> MadeFloor:
     """Regenerate twins to `out_dir/regenerated` and measure them.  A run that was stopped goes on.
 
+    In `out_dir/floor.json` sequences that failed are listed as rejected.
+
     Args:
         twins_dir: What `gmrdata threedpw twin` made.
         seed: What the twins were sampled by.
-
-    Returns:
-        Path of `out_dir/floor.json`, in which sequences that failed are listed as rejected.
 
     Raises:
         MissingInput: the folder holds no twins, or a sequence has no truth.
@@ -101,11 +98,6 @@ def measure(
 ) -> Floor:
     """Figures of each sequence that `regenerate_set` has a verdict on, of each class, and of all.
 
-    Args:
-        twins: The truth.
-        regenerated_dir: What `regenerate_set` made of the twins.
-        seed: What the twins were sampled by.
-
     Raises:
         MissingInput: a sequence has no truth.
         BadBodyFile: a sequence's body is not among the recipe's.
@@ -117,20 +109,21 @@ def measure(
     for verdict in track(Verdicts.read(paths.verdicts).sequences, "measuring"):
         name = verdict.sequence
         truth = twins.people(name)
-        one = sequence_errors(
-            name,
-            twins.classes[name],
-            clips.get(name, []),
-            truth,
-            accepted=verdict.accepted,
-            seconds=_seconds(paths, name),
-            body=_body_of(truth[0], bodies),
-            class_measured=verdict.camera_motion,
-            scale=verdict.scale,
-            scale_sigma=verdict.scale_sigma,
-            reasons=verdict.reasons,
+        sequences.append(
+            sequence_errors(
+                name,
+                twins.classes[name],
+                clips.get(name, []),
+                truth,
+                accepted=verdict.accepted,
+                seconds=_seconds(paths.sequence_dir(name)),
+                body=_body_of(truth[0], bodies),
+                class_measured=verdict.camera_motion,
+                scale=verdict.scale,
+                scale_sigma=verdict.scale_sigma,
+                reasons=verdict.reasons,
+            )
         )
-        sequences.append(one)
     return Floor(
         fps_hz=FPS_HZ,
         seed=seed,
@@ -151,9 +144,7 @@ def group(sequences: Sequence[SequenceErrors]) -> FloorGroup:
     """Figures of at least one sequence."""
     accepted = [one for one in sequences if one.accepted]
     people = [person for one in accepted for person in one.people]
-    scale_errors = [
-        one.scale_error_percent for one in accepted if one.scale_error_percent is not None
-    ]
+    scale_errors = [e for one in accepted if (e := one.scale_error_percent) is not None]
     seen = sum(one.frames * len(one.people) for one in sequences)
     kept = sum(person.kept_frames for one in sequences for person in one.people)
     return FloorGroup(
@@ -170,9 +161,8 @@ def group(sequences: Sequence[SequenceErrors]) -> FloorGroup:
         scale_stated=len(scale_errors),
         scale_within_2sigma=sum(one.scale_within_2sigma is True for one in accepted),
         kept_share=kept / seen,
-        seconds_per_frame=(
-            sum(one.seconds for one in sequences) / sum(one.frames for one in sequences)
-        ),
+        seconds_per_frame=sum(one.seconds for one in sequences)
+        / sum(one.frames for one in sequences),
     )
 
 
@@ -201,16 +191,11 @@ def _clips(manifest_path: Path) -> dict[str, list[Clip]]:
     return clips
 
 
-def _seconds(paths: SetPaths, name: str) -> float:
-    """Wall time of the stages that were finished [s]."""
-    folder = paths.sequence_dir(name)
-    total = masks_seconds(folder / "masks") if _is_done(folder / "masks") else 0.0
-    stages = [folder / "people", folder / "sfm", folder / "pseudo_gt"]
-    return total + sum(stage_seconds(stage) for stage in stages if _is_done(stage))
-
-
-def _is_done(stage_dir: Path) -> bool:
-    return (stage_dir / STAGE_FILE).is_file()
+def _seconds(folder: Path) -> float:
+    """Wall time of the stages of a sequence that were finished [s]."""
+    masks, *stages = (folder / name for name in ("masks", "people", "sfm", "pseudo_gt"))
+    total = masks_seconds(masks) if (masks / STAGE_FILE).is_file() else 0.0
+    return total + sum(stage_seconds(one) for one in stages if (one / STAGE_FILE).is_file())
 
 
 def _body_of(clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:

@@ -3,47 +3,47 @@
 from pathlib import Path
 from typing import Literal
 
-from pydantic import JsonValue, NonNegativeInt
-from pydantic.dataclasses import dataclass as part
+from pydantic import ConfigDict, JsonValue, NonNegativeInt
 
 from gmrdata.values.camera_motion import MotionClass
-from gmrdata.values.records import PART, Config, Figure, Record
+from gmrdata.values.records import Config, Figure, Record
 
 CameraMotion = MotionClass | Literal["none"]
 
 
-@part(frozen=True, config=PART)
-class PersonErrors:
-    """Errors of one recovered person at 10 fps over the kept frames; null for what is not known."""
+class _Errors(Config):
+    """Errors at 10 fps over the kept frames; null for what is not known."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
+
+    ome_deg: Figure | None
+    """Orientation motion error, mean of the motions [deg]."""
+    tme_mm: Figure | None
+    """Translation motion error, mean of the motions [mm]."""
+    vme_mm: Figure | None
+    """Vertex motion error, mean of the motions [mm]; null without a body."""
+    camera_rotation_deg: Figure | None
+    """Camera rotation error [deg]."""
+    camera_path_mm: Figure | None
+    """Camera path error [mm]."""
+
+
+class PersonErrors(_Errors):
+    """Errors of one recovered person."""
 
     id: str
     """The exact clip's."""
     kept_frames: NonNegativeInt
     n_motions: NonNegativeInt
-    """Motions of which the next three are means, in all phases."""
-    ome_deg: Figure | None
-    """Orientation motion error [deg]."""
-    tme_mm: Figure | None
-    """Translation motion error [mm]."""
-    vme_mm: Figure | None
-    """Vertex motion error [mm]; null without a body."""
-    camera_rotation_deg: Figure | None
-    """Camera rotation error [deg]."""
-    camera_path_mm: Figure | None
-    """Camera path error [mm]."""
+    """Motions, in all phases."""
     scale_error_percent: Figure | None
     """By how much the recovered path is too large [%]."""
 
 
-@part(frozen=True, config=PART)
-class SequenceErrors:
-    """A recovered sequence against its truth; null for what is not known.
-
-    Motion and camera errors are those of the person who fares worst.
-    """
+class SequenceErrors(_Errors):
+    """A recovered sequence against its truth; errors are those of the person who fares worst."""
 
     id: str
-    """The sequence."""
     class_true: str
     """What its camera does."""
     class_measured: CameraMotion | None
@@ -51,14 +51,8 @@ class SequenceErrors:
     accepted: bool
     """Whether it may be used."""
     frames: NonNegativeInt
-    """Images."""
     kept_share: Figure
     """Share of all people's frames that may be used, 0 to 1."""
-    ome_deg: Figure | None
-    tme_mm: Figure | None
-    vme_mm: Figure | None
-    camera_rotation_deg: Figure | None
-    camera_path_mm: Figure | None
     scale_error_percent: Figure | None
     scale_within_2sigma: bool | None
     """Whether the true scale is within two of the stated standard errors."""
@@ -70,7 +64,11 @@ class SequenceErrors:
 
 
 class FloorGroup(Config):
-    """Figures of some sequences.  Errors are of the accepted ones; None where there are none."""
+    """Figures of some sequences.
+
+    Errors are of the accepted ones; null where there are none.  OME, TME and VME are means over all
+    people's motions, errors of cameras over the sequences.
+    """
 
     sequences: int
     """Sequences that were tried."""
@@ -79,17 +77,12 @@ class FloorGroup(Config):
     class_right: int
     """Those whose camera was given its true class."""
     n_motions: int
-    """Motions of which the next three are means, all people's and all phases'."""
+    """All people's motions, in all phases."""
     ome_deg: Figure | None
-    """Orientation motion error [deg]."""
     tme_mm: Figure | None
-    """Translation motion error [mm]."""
     vme_mm: Figure | None
-    """Vertex motion error [mm]."""
     camera_rotation_deg: Figure | None
-    """Camera rotation error, mean of the sequences [deg]."""
     camera_path_mm: Figure | None
-    """Camera path error, mean of the sequences [mm]."""
     abs_scale_error_percent: Figure | None
     """Size of the scale error, mean of the sequences in which scale enters [%]."""
     scale_stated: int
@@ -125,20 +118,9 @@ def read_floor(path: Path) -> Floor:
 
 
 HEADINGS = (
-    "sequence",
-    "class",
-    "measured",
-    "accepted",
-    "OME [deg]",
-    "TME [mm]",
-    "VME [mm]",
-    "camera [deg]",
-    "camera [mm]",
-    "scale [%]",
-    "2 sigma",
-    "kept",
-    "s/frame",
-)
+    "sequence", "class", "measured", "accepted", "OME [deg]", "TME [mm]", "VME [mm]",
+    "camera [deg]", "camera [mm]", "scale [%]", "2 sigma", "kept", "s/frame",
+)  # fmt: skip
 ANSWERS = {None: "-", True: "yes", False: "no"}
 
 

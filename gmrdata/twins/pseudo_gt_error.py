@@ -2,6 +2,7 @@
 its cameras, its motions one by one, and a whole sequence."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -82,11 +83,9 @@ class MotionErrors(NamedTuple):
     """Errors per motion, (n,) each."""
 
     ome_deg: np.ndarray
-    """[deg]."""
     tme_mm: np.ndarray
-    """[mm]."""
     vme_mm: np.ndarray
-    """[mm]; (0,) without a body."""
+    """(0,) without a body."""
 
 
 def motion_errors(
@@ -102,15 +101,13 @@ def motion_errors(
     Args:
         rows: Rows of `pseudo`, ascending, that may be used.
         true_rows: The rows of `true` that show the same images.
-        step: Frames per motion.
         body: The true clip's body, for VME.
 
     Raises:
         NothingToCompare: there is no such motion.
     """
     phases = [
-        _errors_of_neighbours(pseudo, true, rows, true_rows, phase, step, body)
-        for phase in range(step)
+        _errors_of_phase(pseudo, true, rows, true_rows, phase, step, body) for phase in range(step)
     ]
     errors = MotionErrors(*(np.concatenate(parts) for parts in zip(*phases, strict=True)))
     if not len(errors.ome_deg):
@@ -121,7 +118,7 @@ def motion_errors(
     return errors
 
 
-def _errors_of_neighbours(
+def _errors_of_phase(
     pseudo: Clip,
     true: Clip,
     rows: np.ndarray,
@@ -135,11 +132,12 @@ def _errors_of_neighbours(
     rows, true_rows = rows[chosen], true_rows[chosen]
     # Frames in between that are missing on either side would show in one of the three.
     adjacent = (np.diff(rows) == step) & (np.diff(true_rows) == step) & (np.diff(chosen) == step)
-    delta_rotmats, delta_m = _deltas(pseudo, rows, adjacent)
-    true_rotmats, true_m = _deltas(true, true_rows, adjacent)
+    pairs = np.flatnonzero(adjacent)[:, None] + np.arange(2)
+    delta_rotmats, delta_m = _deltas(pseudo, rows[pairs])
+    true_rotmats, true_m = _deltas(true, true_rows[pairs])
     vertex_mm = np.zeros(0)
     if body is not None:
-        poses = true.motion.local_rotmats[true_rows[:-1][adjacent]]
+        poses = true.motion.local_rotmats[true_rows[pairs[:, 0]]]
         vertex_mm = posed_vertex_errors_mm(
             body, true.motion.shape, poses, delta_rotmats, delta_m, true_rotmats, true_m
         )
@@ -150,10 +148,10 @@ def _errors_of_neighbours(
     )
 
 
-def _deltas(clip: Clip, rows: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Those motions between a clip's rows that are chosen."""
-    delta_rotmats, delta_m = deltas(clip.motion.root_rotmats[rows], clip.motion.pelvis_m[rows])
-    return delta_rotmats[chosen], delta_m[chosen]
+def _deltas(clip: Clip, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """dR (n, 3, 3) and dT (n, 3) [m] between pairs (n, 2) of a clip's rows."""
+    rotmats, metres = deltas(clip.motion.root_rotmats[pairs], clip.motion.pelvis_m[pairs])
+    return rotmats[:, 0], metres[:, 0]
 
 
 BODY_AXIS_M = 0.5
@@ -162,7 +160,7 @@ BODY_AXIS_M = 0.5
 
 @dataclass(frozen=True, eq=False)
 class PseudoGtError:
-    """How far a pseudo ground truth is from the truth."""
+    """How far a pseudo ground truth is from the truth; cameras as the functions of these names."""
 
     ome_deg: float
     """Mean orientation motion error at the clip's frame rate (eq. 15) [deg]."""
@@ -174,15 +172,8 @@ class PseudoGtError:
     n_motions: int
     """Motions of which the three are means."""
     camera_rotation_deg: float | None
-    """Mean angle between the cameras' rotations after one best rotation of the pseudo world [deg];
-    None without cameras."""
     camera_path_mm: float | None
-    """Mean distance of the cameras' centres after one best rigid transform of the pseudo world
-    [mm], the scale as it is; None without cameras."""
     scale_error_percent: float | None
-    """By how much the pseudo camera path is too large (> 0) or too small (< 0) in the best
-    similarity fit of its centres [%]; None where the true camera stays within 5 cm, or the pseudo
-    cameras have no positions."""
     trajectory_mm: float
     """Mean distance of the pelvis after `true_from_pseudo` [mm]."""
     frames: int
@@ -190,8 +181,7 @@ class PseudoGtError:
     frames_with_camera: int
     """Those in which both have a camera."""
     true_from_pseudo: np.ndarray
-    """(4, 4) rigid transform between the worlds that fits the bodies' places and orientations
-    best."""
+    """(4, 4) rigid: fits the bodies' places and orientations best."""
 
 
 def compare_clips(
@@ -221,7 +211,7 @@ def compare_clips(
     true_from_pseudo = _align_bodies(pseudo, true, rows, true_rows)
     moved_m = transforms.apply(true_from_pseudo, pseudo.motion.pelvis_m[rows])
     distances_m = np.linalg.norm(moved_m - true.motion.pelvis_m[true_rows], axis=1)
-    pseudo_cameras, true_cameras = _paired_cameras(pseudo, true, rows, true_rows)
+    _, pseudo_cameras, true_cameras = _paired_cameras(pseudo, true, rows, true_rows)
     return PseudoGtError(
         ome_deg=float(errors.ome_deg.mean()),
         tme_mm=float(errors.tme_mm.mean()),
@@ -246,12 +236,11 @@ class ErrorSeries:
     motion_times_s: np.ndarray
     """(n,) middle of each motion [s]; at a lower rate than the clip's they overlap."""
     ome_deg: np.ndarray
-    """(n,) orientation motion error of each motion [deg]."""
+    """(n,) of each motion."""
     tme_mm: np.ndarray
-    """(n,) translation motion error of each motion [mm]."""
+    """(n,) of each motion."""
     camera_rotation_deg: np.ndarray
-    """(T,) angle between the recovered and the true camera, after one best rotation of the
-    recovered world [deg]."""
+    """(T,) after one best rotation of the recovered world."""
 
 
 def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> ErrorSeries:
@@ -270,17 +259,13 @@ def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> Er
     # Every frame of the span must be good: no motion goes over a gap.
     whole = np.lib.stride_tricks.sliding_window_view(good, step + 1).all(axis=1)
     whole &= (np.diff(true_rows[pairs])[:, 0] == step) & (np.diff(rows[pairs])[:, 0] == step)
-    delta_rotmats, delta_m = _pair_deltas(pseudo, rows[pairs])
-    true_rotmats, true_m = _pair_deltas(true, true_rows[pairs])
+    delta_rotmats, delta_m = _deltas(pseudo, rows[pairs])
+    true_rotmats, true_m = _deltas(true, true_rows[pairs])
     times_s = (true_rows - true_rows[0]) / true.motion.fps_hz
     camera_deg = np.full(len(rows), np.nan)
-    if pseudo.camera is not None and true.camera is not None:
-        both = has_camera(pseudo)[rows] & true.camera.has_camera[true_rows]
-        if both.any():
-            camera_deg[both] = camera_angles_deg(
-                pseudo.camera.world_from_cam[rows[both]],
-                true.camera.world_from_cam[true_rows[both]],
-            )
+    both, *cameras = _paired_cameras(pseudo, true, rows, true_rows)
+    if both.any():
+        camera_deg[both] = camera_angles_deg(*cameras)
     return ErrorSeries(
         times_s=times_s,
         motion_times_s=times_s[pairs].mean(axis=1),
@@ -293,12 +278,6 @@ def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> Er
 def has_camera(pseudo: Clip) -> np.ndarray:
     """(T,) bool: frames of a pseudo clip with a valid motion and a camera, if it has any."""
     return pseudo.valid if pseudo.camera is None else pseudo.valid & pseudo.camera.has_camera
-
-
-def _pair_deltas(clip: Clip, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """dR (n, 3, 3) and dT (n, 3) [m] between pairs (n, 2) of a clip's rows."""
-    rotmats, metres = deltas(clip.motion.root_rotmats[pairs], clip.motion.pelvis_m[pairs])
-    return rotmats[:, 0], metres[:, 0]
 
 
 def _check_comparable(pseudo: Clip, true: Clip) -> None:
@@ -339,12 +318,10 @@ def _frames_per_motion(clip: Clip, fps_hz: float) -> int:
 
 
 def _align_bodies(pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray) -> np.ndarray:
-    """Rigid fit of pelvis and body axes, so that it is defined for a person who stands still,
-    too."""
-    similarity = fit_similarity(
-        _body_points_m(true, true_rows), _body_points_m(pseudo, rows), scale=False
-    )
-    return transforms.rigid(similarity.rotmat, similarity.translation_m)
+    """Rigid fit of pelvis and body axes: defined for a person who stands still, too."""
+    points_m = _body_points_m(true, true_rows), _body_points_m(pseudo, rows)
+    fit = fit_similarity(*points_m, scale=False)
+    return transforms.rigid(fit.rotmat, fit.translation_m)
 
 
 def _body_points_m(clip: Clip, rows: np.ndarray) -> np.ndarray:
@@ -357,12 +334,13 @@ def _body_points_m(clip: Clip, rows: np.ndarray) -> np.ndarray:
 
 def _paired_cameras(
     pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """world_from_cam of the frames in which both clips have a camera: (n, 4, 4) each."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which pairs have a camera in both clips, and world_from_cam of those: (n, 4, 4) each."""
     if pseudo.camera is None or true.camera is None:
-        return np.zeros((0, 4, 4)), np.zeros((0, 4, 4))
-    both = pseudo.camera.has_camera[rows] & true.camera.has_camera[true_rows]
-    return pseudo.camera.world_from_cam[rows[both]], true.camera.world_from_cam[true_rows[both]]
+        return np.zeros(len(rows), dtype=bool), np.zeros((0, 4, 4)), np.zeros((0, 4, 4))
+    both = has_camera(pseudo)[rows] & true.camera.has_camera[true_rows]
+    cameras = (pseudo.camera.world_from_cam[rows], true.camera.world_from_cam[true_rows])
+    return both, cameras[0][both], cameras[1][both]
 
 
 FPS_HZ = 10.0
@@ -389,8 +367,7 @@ def sequence_errors(
     Args:
         clips: The people as they were recovered, in the order of `truth`; none where nothing was.
         body: The exact people's body, for VME.
-        scale: Metres per unit of the recovered path.
-        scale_sigma: Its stated standard error, same unit.
+        scale: Metres per unit of the recovered path; `scale_sigma` is its stated standard error.
 
     Raises:
         StageFailed: the clips and their truth don't belong together.
@@ -398,8 +375,7 @@ def sequence_errors(
     n_frames = truth[0].motion.n_frames
     recovered = [*clips, *[None] * (len(truth) - len(clips))]
     people = [_person(clip, true, body) for clip, true in zip(recovered, truth, strict=True)]
-    scale_errors = [person.scale_error_percent for person in people]
-    scale_error = next((error for error in scale_errors if error is not None), None)
+    scale_error = next(iter(_known(people, "scale_error_percent")), None)
     return SequenceErrors(
         id=name,
         class_true=class_true,
@@ -407,7 +383,7 @@ def sequence_errors(
         accepted=accepted,
         frames=n_frames,
         kept_share=sum(person.kept_frames for person in people) / (n_frames * len(truth)),
-        **{key: _largest(people, key) for key in OF_PERSON},
+        **{key: max(_known(people, key), default=None) for key in OF_PERSON},
         scale_error_percent=scale_error,
         scale_within_2sigma=within_2sigma(scale_error, scale, scale_sigma),
         seconds=round(seconds, 2),
@@ -427,25 +403,18 @@ def within_2sigma(
 
 
 def _person(clip: Clip | None, true: Clip, body: BodyModel | None) -> PersonErrors:
-    error = _error_of(clip, true, body)
-    known = (*OF_PERSON, "scale_error_percent")
+    """Errors of one person; none where no two kept frames follow each other."""
+    error = None
+    if clip is not None and clip.motion.frame == "world" and clip.valid.any():
+        with suppress(NothingToCompare):
+            error = compare_clips(clip, true, fps_hz=FPS_HZ, body=body)
     return PersonErrors(
         id=true.id,
         kept_frames=0 if clip is None else int(clip.valid.sum()),
         n_motions=0 if error is None else error.n_motions,
-        **{key: None if error is None else getattr(error, key) for key in known},
+        **{key: getattr(error, key, None) for key in (*OF_PERSON, "scale_error_percent")},
     )
 
 
-def _error_of(clip: Clip | None, true: Clip, body: BodyModel | None) -> PseudoGtError | None:
-    """Errors of one person over the kept frames; None where no two follow each other."""
-    if clip is None or clip.motion.frame != "world" or not clip.valid.any():
-        return None
-    try:
-        return compare_clips(clip, true, fps_hz=FPS_HZ, body=body)
-    except NothingToCompare:
-        return None
-
-
-def _largest(people: Sequence[PersonErrors], key: str) -> float | None:
-    return max((e for person in people if (e := getattr(person, key)) is not None), default=None)
+def _known(people: Sequence[PersonErrors], key: str) -> list[float]:
+    return [error for person in people if (error := getattr(person, key)) is not None]

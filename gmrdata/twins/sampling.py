@@ -20,7 +20,7 @@ from gmrdata.motion.files import find_motions
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.twins.twin_set import TwinRecipe
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import in_frame_share, person_box
 from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
 from gmrdata.values.clip import Clip, camera_of
@@ -28,13 +28,19 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe
 
 Settings = dict[str, object]
 """A part of a recipe."""
-TUNED_ON_RECIPE = "twins"
-"""Its trials are not sampled."""
+TUNED_ON = "twins"
+"""A recipe whose trials are not sampled."""
 CLASSES: tuple[MotionClass, ...] = get_args(MotionClass)
 PLACES = ("courtyard", "street", "park", "room")
 FILM = Film(duration_s=5.0, fps_hz=30.0, width_px=540, height_px=960, hfov_deg=30.8)
 """3DPW's portrait camera at half its size: its K says fx = 1962 px for 1080 px of width."""
-RENDER = {"samples": 5, "shutter": 0.5, "instances": True}
+SET = {
+    "recipe": "synthetic",
+    "name": "floor",
+    "people": {"vary": True},
+    "render": {"samples": 5, "shutter": 0.5, "instances": True},
+    "min_in_frame_share": 0.9,
+}
 ROOMY = (1.05, 1.25)
 """How much farther away than the nearest that frames the person the camera is."""
 FARTHEST_M = 8.0
@@ -52,7 +58,12 @@ PLACE_TRIES = 4
 
 
 def twin_recipe(
-    n_sequences: int, seed: int, motions_dir: Path, *, film: Film = FILM, name: str = "floor"
+    n_sequences: int,
+    seed: int,
+    motions_dir: Path,
+    *,
+    film: Film = FILM,
+    workers: int | None = None,
 ) -> TwinRecipe:
     """A recipe of kind `threedpw_twin`, a function of the arguments and of the motion files alone.
 
@@ -62,28 +73,23 @@ def twin_recipe(
     Args:
         seed: Chooses trials, cameras, places, people and faults.
         motions_dir: Folder of motion files; each is taken once.
-        film: Size, lens, frame rate (30) and length of the sequences.
+        film: Size, lens, frame rate (30) and length of the sequences; see `film_of`.
+        workers: Processes that render; the recipe's default number when None.
 
     Raises:
         MissingInput: there is no such folder.
-        BadRecipe: too few motions are long enough and fit a camera.
+        BadRecipe: the seed is negative, or too few motions are long enough and fit a camera.
     """
+    if seed < 0:
+        raise BadRecipe(f"--seed {seed}: give 0 or more")
     if n_sequences < 1:
         raise BadRecipe(f"{n_sequences} sequences: ask for at least one")
-    base = SyntheticRecipe.model_validate(
-        {
-            "recipe": "synthetic",
-            "name": name,
-            "seed": seed,
-            "people": {"vary": True},
-            "film": film,
-            "render": RENDER,
-            "min_in_frame_share": 0.9,
-        }
-    )
+    given = {"seed": seed, "film": film} | ({} if workers is None else {"workers": workers})
+    base = SyntheticRecipe.model_validate(SET | given)
     body = load_body(base.body)
     rng = np.random.default_rng([seed, 0])
-    files = _files(motions_dir)
+    taken = {clip.trial for clip in load_recipe(find_recipe(TUNED_ON), TwinRecipe).set.clips}
+    files = [path for path in find_motions(motions_dir) if path.stem not in taken]
     waiting = [files[i] for i in rng.permutation(len(files))]
     classes = [CLASSES[i] for i in rng.permutation(len(CLASSES))]
     places = [PLACES[i] for i in rng.permutation(len(PLACES))]
@@ -108,12 +114,6 @@ def twin_recipe(
     return TwinRecipe(recipe="threedpw_twin", set=base.model_copy(update={"clips": tuple(clips)}))
 
 
-def _files(motions_dir: Path) -> list[Path]:
-    tuned_on = load_recipe(find_recipe(TUNED_ON_RECIPE), TwinRecipe)
-    taken = {clip.trial for clip in tuned_on.set.clips}
-    return [path for path in find_motions(motions_dir) if path.stem not in taken]
-
-
 def _sample_clip(
     id: str,
     path: Path,
@@ -134,15 +134,11 @@ def _sample_clip(
     }
     overcast = place != "room" and rng.random() < 0.4
     scene = {"kind": place, "extras": extras} | ({"light": "overcast"} if overcast else {})
-    given: Settings = {
-        "id": id,
-        "trial": path.stem,
-        "programme": programme,
-        "scene": scene,
-    }
+    given: Settings = {"id": id, "trial": path.stem, "programme": programme, "scene": scene}
     try:
         nearest = planned_clip(SyntheticClip.model_validate(given), base, path, body)
-        if not _is_whole(nearest, base.film) or not _has_feet_on_the_floor(nearest, body):
+        is_whole = nearest.motion.n_frames == round(base.film.duration_s * nearest.motion.fps_hz)
+        if not is_whole or not _has_feet_on_the_floor(nearest, body):
             return None
         distance_m = round(roomy * _distance_m(nearest) + FOR_COMPANY_M * company, 2)
         if distance_m > (FARTHEST_IN_ROOM_M if place == "room" else FARTHEST_M):
@@ -189,12 +185,7 @@ def _sample_programme(kind: MotionClass, rng: np.random.Generator) -> Settings:
             return view | held | {"direction": turn, "rate_deg_per_s": rate_deg_per_s}
 
 
-def _is_whole(clip: Clip, film: Film) -> bool:
-    return clip.motion.n_frames == round(film.duration_s * clip.motion.fps_hz)
-
-
 def _has_feet_on_the_floor(clip: Clip, body: BodyModel) -> bool:
-    from gmrdata.values.body import JOINT
     from gmrdata.values.skinning import motion_joints_m
 
     feet = [JOINT["left_foot"], JOINT["right_foot"]]
@@ -238,40 +229,14 @@ def _has_room(scene: SceneConfig, planned: Clip, body: BodyModel) -> bool:
 
 SIZES_PX = {"small": (FILM.width_px, FILM.height_px), "full": (1080, 1920)}
 """Width and height by name: half of 3DPW's portrait camera, and the whole."""
-MIN_SIDE_PX = 64
-MIN_FRAMES = 60
-"""In less time the class of a camera's motion does not show."""
-
-
-def sample_twins(
-    n_sequences: int, seed: int, motions_dir: Path, film: Film, workers: int | None
-) -> TwinRecipe:
-    """The recipe of the twins.
-
-    Args:
-        seed: Chooses motions, cameras, places, people and faults.
-        film: What `film_of` gave.
-        workers: Processes that render; the recipe's number when None.
-
-    Raises:
-        BadRecipe: the seed is negative, or as `twin_recipe` says.
-        MissingInput: there is no such folder.
-    """
-    if seed < 0:
-        raise BadRecipe(f"--seed {seed}: give 0 or more")
-    sampled = twin_recipe(n_sequences, seed, motions_dir, film=film)
-    if workers is None:
-        return sampled
-    clips = sampled.set.model_copy(update={"workers": workers})
-    return sampled.model_copy(update={"set": clips})
+MIN_SIDE_PX, MIN_FRAMES = 64, 60
 
 
 def film_of(size: str, n_frames: int) -> Film:
-    """The twins' film, with 3DPW's horizontal field of view at any size.
+    """The twins' film of `n_frames` at 30 fps, with 3DPW's horizontal field of view at any size.
 
     Args:
         size: "small", "full", or width and height like 180x320 [px].
-        n_frames: Images of each sequence, at 30 fps.
 
     Raises:
         BadRecipe: the size is of another form, or there is too little of it.

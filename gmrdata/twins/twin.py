@@ -50,7 +50,6 @@ def sequence_arrays(
     Args:
         clips: One clip per person, `frame` "world", 30 Hz, with the same camera for every frame.
             `valid` becomes `campose_valid`.
-        body: The body of all clips.
         genders: "female" or "male" per person, which a 3DPW file can't do without.
         poses2d_px: (N, 18, 3) keypoints per person.
 
@@ -93,10 +92,10 @@ def _person(clip: Clip, body: BodyModel, gender: str, poses2d_px: np.ndarray) ->
     from gmrdata.values.skinning import motion_joints_m
 
     motion = clip.motion
-    rest_pelvis_m = body.rest_pelvis_m(motion.shape)
-    poses_60hz_rad, trans_60hz_m = _poses_and_trans(_at_60hz(motion), rest_pelvis_m)
-    joints_m = motion_joints_m(body, motion)
-    n_frames = motion.n_frames
+    poses_60hz_rad, trans_60hz_m = _poses_and_trans(
+        _at_60hz(motion), body.rest_pelvis_m(motion.shape)
+    )
+    to_3dpw = np.broadcast_to(_3DPW_FROM_WORLD, (motion.n_frames, 4, 4))
     return Person(
         poses_rad=poses_60hz_rad[::IMU_ROWS].copy(),
         trans_m=trans_60hz_m[::IMU_ROWS].copy(),
@@ -106,7 +105,7 @@ def _person(clip: Clip, body: BodyModel, gender: str, poses2d_px: np.ndarray) ->
         poses2d_px=poses2d_px,
         poses_60hz_rad=poses_60hz_rad,
         trans_60hz_m=trans_60hz_m,
-        joints_world_m=apply(np.broadcast_to(_3DPW_FROM_WORLD, (n_frames, 4, 4)), joints_m),
+        joints_world_m=apply(to_3dpw, motion_joints_m(body, motion)),
         betas_clothed=np.asarray(motion.shape, dtype=np.float64),
         template_clothed_m=body.rest_vertices_m(motion.shape),
     )
@@ -115,26 +114,13 @@ def _person(clip: Clip, body: BodyModel, gender: str, poses2d_px: np.ndarray) ->
 def _at_60hz(motion: Motion) -> Motion:
     """The motion at the IMUs' rate, 2N rows: the last one holds, as there is nothing after it."""
     between = resample(motion, IMU_HZ)
-    rows = np.minimum(np.arange(IMU_ROWS * motion.n_frames), between.n_frames - 1)
-    return Motion(
-        local_rotmats=between.local_rotmats[rows],
-        root_rotmats=between.root_rotmats[rows],
-        pelvis_m=between.pelvis_m[rows],
-        shape=motion.shape,
-        fps_hz=IMU_HZ,
-        body=motion.body,
-        gender=motion.gender,
-        frame=motion.frame,
-        source=motion.source,
-    )
+    return between.take(np.arange(IMU_ROWS * motion.n_frames).clip(max=between.n_frames - 1))
 
 
 def _poses_and_trans(motion: Motion, rest_pelvis_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(M, 72) axis-angle and (M, 3) `trans` in the y-up world."""
     to_3dpw = _3DPW_FROM_WORLD[:3, :3]
-    rotmats = np.concatenate(
-        [(to_3dpw @ motion.root_rotmats)[:, None], motion.local_rotmats], axis=1
-    )
+    rotmats = replace(motion, root_rotmats=to_3dpw @ motion.root_rotmats).rotmats
     rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
     trans_m = motion.pelvis_m @ to_3dpw.T - rest_pelvis_m
     return rotvecs.reshape(-1, 72), trans_m
@@ -146,9 +132,7 @@ class TwinConfig(Config):
     faults: FaultConfig = FaultConfig()
     """Errors of world, cameras and bodies."""
     keypoints: KeypointConfig = KeypointConfig()
-    """How well the 2D keypoints are detected."""
     exposure: ExposureConfig = ExposureConfig()
-    """How the exposure of the images changes."""
 
 
 def write_twin(
@@ -168,18 +152,12 @@ def write_twin(
     """Write one twin.  The sequence file comes last, so one that exists has all that belongs to it.
 
     Args:
-        root: Root of the dataset to write in.
-        split: `train`, `validation` or `test`.
         clips: Exact world-frame clips at 30 Hz, one per person, with the camera that was rendered.
         frames: The N images in order, .jpg.
         genders: "female" or "male" per person; letters in the file, without effect on the body.
-        body: The body of all clips.
         truth_dir: Where the exact clips are kept, as `<name>.p<person>.npz`, and the exposure's
             `gains` (N,), as `<name>.exposure.npz`.
         image_dir: Where to write the images; the sequence's own folder when left out.
-
-    Returns:
-        Where the sequence is.
 
     Raises:
         BadSequence: the name, the split or the clips do not make a sequence.
@@ -195,7 +173,10 @@ def write_twin(
     write_npz(truth_dir / f"{name}.exposure.npz", {"gains": gains})
     for row, frame in enumerate(frames):
         with atomic_path((image_dir or files.image_dir) / files.image_path(row).name) as temporary:
-            temporary.write_bytes(_image(frame, float(gains[row]), config.exposure))
+            content = frame.read_bytes()
+            if config.exposure.gain != UNCHANGED:
+                content = exposed_jpeg(content, float(gains[row]), config.exposure.jpeg_quality)
+            temporary.write_bytes(content)
     for person, clip in enumerate(clips):
         truth = replace(clip, id=f"{name}.p{person}", image_numbers=np.arange(len(frames)))
         rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
@@ -210,13 +191,6 @@ def _keypoints(
     from gmrdata.values.skinning import motion_joints_m
 
     return detected_keypoints(motion_joints_m(body, clip.motion), camera_of(clip), config, rng)
-
-
-def _image(frame: Path, gain: float, config: ExposureConfig) -> bytes:
-    content = frame.read_bytes()
-    if config.gain == UNCHANGED:
-        return content
-    return exposed_jpeg(content, gain, config.jpeg_quality)
 
 
 def _require_frames(name: str, clip: Clip, frames: Sequence[Path]) -> None:

@@ -8,13 +8,11 @@ from typing import Literal
 from pydantic import Field, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.film.extras import Extras
 from gmrdata.film.programmes import Programme
 from gmrdata.film.render import EXTRAS_FOLDER
 from gmrdata.film.render_set import render_dir, render_set
 from gmrdata.film.scene import SceneConfig
-from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, render_config
-from gmrdata.film.set_takes import select
+from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, render_config, select
 from gmrdata.read.bodies import read_body
 from gmrdata.read.frames import list_images
 from gmrdata.read.threedpw_arrays import FPS_HZ
@@ -47,7 +45,6 @@ class TwinRecipe(Config):
     twin: TwinConfig = TwinConfig()
     """How the dataset's side differs from the truth, drawn by the set's seed and the name."""
     split: Split = "test"
-    """Split of the sequences."""
     splits: Mapping[str, Split] = Field(default_factory=dict)
     """Another split for some, by name."""
 
@@ -83,7 +80,6 @@ class TwinSequence:
     class_true: str
     """What its camera does."""
     trial: str
-    """The motion that is seen."""
     people: PositiveInt
     """Annotated people."""
     scene: SceneConfig
@@ -102,7 +98,6 @@ class TwinTruth:
     """A folder that `gmrdata threedpw twin` made."""
 
     folder: Path
-    """The folder."""
     classes: dict[str, str]
     """What the camera does, by sequence."""
 
@@ -151,32 +146,22 @@ class SequenceTwinConfig(Config):
     """What decides one sequence beside what was rendered."""
 
     name: str
-    """Name of the sequence."""
     split: Split
-    """Its split."""
     seed: int
     """The set's seed; faults hang on it and on the name."""
     people: tuple[str, ...]
     """The clips of the annotated people, below the rendered clip's folder."""
     twin: TwinConfig
-    """The faults."""
 
 
 def make_twins(
-    recipe: TwinRecipe,
-    out_dir: Path,
-    *,
-    motions_dir: Path | None = None,
-    run: Run = DEFAULT_RUN,
+    recipe: TwinRecipe, out_dir: Path, *, motions_dir: Path | None = None, run: Run = DEFAULT_RUN
 ) -> Path:
     """Render a twin set to `out_dir/render_set`, and write it to `out_dir/3DPW`.
 
     The truth is kept in `out_dir/truth`: `<name>.p<person>.npz`, the exact clip of each annotated
     person, `<name>.exposure.npz`, and `twins.json`, which says of each sequence what it is.  A run
     that was stopped goes on where it was; the same recipe again does nothing.
-
-    Returns:
-        `out_dir/3DPW`, the root of the dataset.
 
     Raises:
         MissingInput: not one clip of the recipe can be rendered.
@@ -186,12 +171,7 @@ def make_twins(
     out_dir = out_dir.resolve()
     failed: StageFailed | None = None
     try:
-        render_set(
-            recipe.set,
-            out_dir / SET_FOLDER,
-            motions_dir=motions_dir,
-            run=run,
-        )
+        render_set(recipe.set, out_dir / SET_FOLDER, motions_dir=motions_dir, run=run)
     except StageFailed as error:
         failed = error
     failures_dir = out_dir / SET_FOLDER / "failed"
@@ -204,7 +184,8 @@ def make_twins(
         remove_orphans(folder)
     for clip in track(clips, "writing sequences"):
         write_sequence_twin(recipe, clip, out_dir, run=run)
-    _write_index(out_dir / TRUTH_FOLDER / TWINS_FILE, recipe, clips)
+    about = tuple(_about(clip, render_config(recipe.set, clip).scene) for clip in clips)
+    TwinsRecord(sequences=about).write(out_dir / TRUTH_FOLDER / TWINS_FILE)
     if failed is not None:
         raise failed
     return out_dir / DATASET_FOLDER
@@ -213,13 +194,9 @@ def make_twins(
 def write_sequence_twin(
     recipe: TwinRecipe, clip: SyntheticClip, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Stage: one sequence.  Its folder of images comes last, so one that exists is complete.
+    """Stage: one sequence of the twin set `out_dir`, as its folder of images.
 
-    Args:
-        out_dir: The twin set's folder.
-
-    Returns:
-        The folder of images.
+    The folder comes last, so one that exists is complete.
 
     Raises:
         MissingInput: the clip was not rendered.
@@ -228,11 +205,13 @@ def write_sequence_twin(
     rendered = render_dir(out_dir / SET_FOLDER, clip.id)
     root, truth_dir = out_dir / DATASET_FOLDER, out_dir / TRUTH_FOLDER
     body_path = out_dir / SET_FOLDER / "body" / "body.npz"
+    extras = render_config(recipe.set, clip).scene.extras
+    company = (f"{EXTRAS_FOLDER}/{name}.npz" for name in extras.names[: extras.company])
     config = SequenceTwinConfig(
         name=clip.id,
         split=recipe.splits.get(clip.id, recipe.split),
         seed=recipe.set.seed,
-        people=_annotated(_place(recipe, clip).extras),
+        people=("clip.npz", *company),
         twin=recipe.twin,
     )
     paths = [rendered / file for file in config.people]
@@ -263,21 +242,7 @@ def write_sequence_twin(
     return run_stage("twin", root / IMAGES_DIR / clip.id, config, inputs, work, run=run)
 
 
-def _annotated(extras: Extras) -> tuple[str, ...]:
-    return ("clip.npz", *(f"{EXTRAS_FOLDER}/{name}.npz" for name in extras.names[: extras.company]))
-
-
-def _place(recipe: TwinRecipe, clip: SyntheticClip) -> SceneConfig:
-    return render_config(recipe.set, clip).scene
-
-
-def _write_index(path: Path, recipe: TwinRecipe, clips: list[SyntheticClip]) -> None:
-    """Write what each sequence is."""
-    TwinsRecord(sequences=tuple(_about(recipe, clip) for clip in clips)).write(path)
-
-
-def _about(recipe: TwinRecipe, clip: SyntheticClip) -> TwinSequence:
-    scene = _place(recipe, clip)
+def _about(clip: SyntheticClip, scene: SceneConfig) -> TwinSequence:
     return TwinSequence(
         name=clip.id,
         class_true=clip.programme.kind,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.twins.sampling import FILM, film_of, sample_twins
+from gmrdata.twins.sampling import FILM, film_of, twin_recipe
 from gmrdata.values.errors import BadRecipe
 
 
@@ -31,16 +31,16 @@ def test_too_few_frames_are_refused() -> None:
 
 def test_a_negative_seed_and_no_sequences_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadRecipe, match="--seed -1: give 0 or more"):
-        sample_twins(2, -1, tmp_path, FILM, None)
+        twin_recipe(2, -1, tmp_path)
     with pytest.raises(BadRecipe, match="0 sequences: ask for at least one"):
-        sample_twins(0, 1, tmp_path, FILM, None)
+        twin_recipe(0, 1, tmp_path)
 
 
 @pytest.mark.slow
 def test_the_seed_chooses_and_the_workers_do_not(cmu_dir: Path) -> None:
     film = film_of("180x320", 60)
-    drawn = sample_twins(2, 7, cmu_dir, film, 1)
+    drawn = twin_recipe(2, 7, cmu_dir, film=film, workers=1)
     assert drawn.set.film == film and drawn.set.seed == 7 and drawn.set.workers == 1
-    again = sample_twins(2, 7, cmu_dir, film, 5)
+    again = twin_recipe(2, 7, cmu_dir, film=film, workers=5)
     assert again.set.clips == drawn.set.clips and again.set.workers == 5
-    assert sample_twins(2, 8, cmu_dir, film, 1).set.clips != drawn.set.clips
+    assert twin_recipe(2, 8, cmu_dir, film=film, workers=1).set.clips != drawn.set.clips

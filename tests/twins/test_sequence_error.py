@@ -1,6 +1,6 @@
 """A recovered sequence's row, with errors that were put in."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def test_a_sequence_shows_the_person_who_fares_worst(
     assert (row.class_true, row.class_measured) == ("linear_panning", "linear")
     assert (row.frames, row.kept_share, row.seconds) == (N, 1.0, 12.35)
     assert row.scale_error_percent == pytest.approx(0, abs=1e-9)
-    assert set(asdict(row)) == {
+    assert set(row.model_dump()) == {
         "id", "class_true", "class_measured", "accepted", "frames", "kept_share",
         "ome_deg", "tme_mm", "vme_mm", "camera_rotation_deg", "camera_path_mm",
         "scale_error_percent", "scale_within_2sigma", "seconds", "people", "reasons",
