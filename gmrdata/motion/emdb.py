@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
+from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
 from gmrdata.read.bodies import keep_body, load_body, read_body
 from gmrdata.read.emdb import FPS_HZ, EmdbSequence, find_sequences, read_emdb
@@ -23,7 +24,6 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile, MissingInput
-from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config, Record
 from gmrdata.values.rows import first_reasons
 from gmrdata.values.transforms import apply, invert, rigid
@@ -43,13 +43,10 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
     """The person and the camera in the z-up world.
 
     A frame is valid where EMDB calls it good and pose and camera are finite and rigid; frames
-    without finite numbers are NaN.
+    without finite numbers are NaN.  Image numbers are those of the files, from 0.
 
     Args:
         body: SMPL's body of the sequence's gender, see `body_of`.
-
-    Returns:
-        The clip; its image numbers are those of the files, from 0.
     """
     has_pose, has_camera = _has_pose(sequence), rigid_rows(sequence.cam_from_world)
     shape = sequence.betas[: body.n_shape].copy()
@@ -57,17 +54,9 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
     trans_m = np.where(has_pose[:, None], sequence.trans_m, np.nan)
     world_from_cam = np.full((sequence.n_frames, 4, 4), np.nan)
     world_from_cam[has_camera] = WORLD_FROM_EMDB @ invert(sequence.cam_from_world[has_camera])
-    motion = Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=WORLD_FROM_EMDB[:3, :3] @ rotmats[:, 0],
-        pelvis_m=apply(WORLD_FROM_EMDB, trans_m + body.rest_pelvis_m(shape)),
-        shape=shape,
-        fps_hz=FPS_HZ,
-        body=body.name,
-        gender=sequence.gender,
-        frame="world",
-        source=f"EMDB {sequence.name}",
-    )
+    rotmats[:, 0] = WORLD_FROM_EMDB[:3, :3] @ rotmats[:, 0]
+    pelvis_m = apply(WORLD_FROM_EMDB, trans_m + body.rest_pelvis_m(shape))
+    motion = motion_of(body, shape, rotmats, pelvis_m, FPS_HZ, f"EMDB {sequence.name}")
     size_px = sequence.width_px, sequence.height_px
     camera = CameraPath(sequence.intrinsics_px, *size_px, world_from_cam, has_camera)
     valid = sequence.good & has_pose & has_camera
@@ -118,7 +107,6 @@ class EmdbConfig(Config):
     """What decides a sequence's clip."""
 
     name: str
-    """The sequence."""
 
 
 class EmdbAbout(Record):
@@ -126,9 +114,7 @@ class EmdbAbout(Record):
 
     format: Literal["gmrdata-emdb/1"] = "gmrdata-emdb/1"
     emdb1: bool
-    """Whether it is in EMDB 1."""
     emdb2: bool
-    """Whether it is in EMDB 2."""
     reasons: list[str]
     """(N,) why each frame can't be used; empty where it can."""
 
@@ -157,9 +143,9 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
         folder = _make_sequence(path, body_paths, out_dir, run)
         about = EmdbAbout.read(folder / ABOUT_FILE)
         entry = _entry(folder, about, out_dir)
-        parts = {"emdb": True, "emdb1": about.emdb1, "emdb2": about.emdb2}
-        for name in (name for name, is_in in parts.items() if is_in):
-            entries[name].append(entry)
+        for name, is_in in {"emdb": True, "emdb1": about.emdb1, "emdb2": about.emdb2}.items():
+            if is_in:
+                entries[name].append(entry)
     return tuple(
         write_motions(out_dir, name, name, description, LICENCE, entries[name], run=run)
         for name, description in DESCRIPTIONS.items()
@@ -169,12 +155,9 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
 
 def _keep_bodies(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
     """Files of the given bodies by their names, kept beside the clips."""
-    given = Path(body)
-    bodies = (
-        [str(path) for path in sorted(given.iterdir()) if path.suffix in (".pkl", ".npz")]
-        if given.is_dir()
-        else [body]
-    )
+    given, bodies = Path(body), [body]
+    if given.is_dir():
+        bodies = [str(path) for path in sorted(given.iterdir()) if path.suffix in (".pkl", ".npz")]
     if not bodies:
         raise MissingInput(f"{given}: holds no SMPL models (.pkl or .npz)")
     kept: dict[str, Path] = {}
@@ -194,9 +177,8 @@ def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, ru
         body = body_of(sequence, [read_body(kept) for kept in body_paths.values()])
         clip = sequence_clip(name, sequence, body)
         save_clip(partial_dir / CLIP_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
-        about = EmdbAbout(
-            emdb1=sequence.emdb1, emdb2=sequence.emdb2, reasons=dropped_reasons(sequence)
-        )
+        reasons = dropped_reasons(sequence)
+        about = EmdbAbout(emdb1=sequence.emdb1, emdb2=sequence.emdb2, reasons=reasons)
         about.write(partial_dir / ABOUT_FILE)
 
     inputs = {"sequence": path} | {f"body {key}": kept for key, kept in body_paths.items()}

@@ -6,26 +6,8 @@ exactly, the pelvis rides on two-bone legs, and the arms swing against them, wit
 
 import numpy as np
 
-from gmrdata.motion.gait_body import (
-    lift_pelvis,
-    local_rotations,
-    place_pelvis,
-    pose_trunk,
-    swing_arms,
-)
-from gmrdata.motion.gait_steps import (
-    FIRST_STEP,
-    SIDES,
-    FootPoses,
-    Footsteps,
-    GroundPath,
-    Leg,
-    foot_poses,
-    ground_under_pelvis,
-    plan_footsteps,
-    rest_foot,
-    sample_path,
-)
+from gmrdata.motion.gait_body import pose_body
+from gmrdata.motion.gait_steps import FIRST_STEP, plan_footsteps, sample_path
 from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, sample_style
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadRecipe
@@ -48,10 +30,7 @@ def embedded_motions(
     """A set of motions that goes round all kinds, each of its own build, style and path.
 
     Args:
-        body: The body to move.
         rng: Source of all variety; the same state gives the same bytes.
-        count: How many motions.
-        fps_hz: Frame rate [Hz].
         duration_s: Length of each [s].
 
     Raises:
@@ -76,9 +55,6 @@ def make_gait(
 
     Args:
         kind: One of GAIT_KINDS.
-        duration_s: Length [s].
-        fps_hz: Frame rate [Hz].
-        body: The body to move.
         rng: Source of all variety; the same state gives the same bytes.
         shape: (S,) build of the body, or None to draw one.
 
@@ -102,9 +78,6 @@ def gait_with_contacts(
     Returns:
         The motion, and (T, 2) bool: whether the left and the right foot stand, from touch-down to
         toe-off.  From a sixth of its stance on a foot's ball does not move, to the digit.
-
-    Raises:
-        BadRecipe: as `make_gait`.
     """
     _check(kind, duration_s, fps_hz)
     shape = sample_shape(body, rng) if shape is None else np.asarray(shape, dtype=np.float64)
@@ -113,8 +86,8 @@ def gait_with_contacts(
             f"gait {kind}: body {body.name} takes a shape of {body.n_shape} finite numbers, not "
             f"{shape}; leave it out to draw one"
         )
-    joints_m = body.rest_joints_m(shape)
-    leg_m = float(joints_m[JOINT["left_hip"], 1] - joints_m[JOINT["left_ankle"], 1])
+    heights_m = body.rest_joints_m(shape)[:, 1]
+    leg_m = float(heights_m[JOINT["left_hip"]] - heights_m[JOINT["left_ankle"]])
     style = sample_style(kind, leg_m, rng)
     # The pelvis' height looks ahead and back over half a step: make some frames on either side.
     half_window = int(np.ceil(0.55 / style.cadence_hz * fps_hz))
@@ -127,9 +100,8 @@ def gait_with_contacts(
     n_steps = first_step + float(_steps(np.array(duration_s + pad_s), style))
     path = sample_path(kind, n_steps, style, rng)
     plan = plan_footsteps(path, style, _ground(kind, n_steps, rng), rng)
-    arrays, feet = _assemble(body, shape, path, time_s, steps, plan, style, half_window)
-    inside = slice(pad, pad + n_frames)
-    local, root, pelvis = (array[inside] for array in arrays)
+    arrays = pose_body(body, shape, path, time_s, steps, plan, style, half_window)
+    local, root, pelvis, planted = (array[pad : pad + n_frames] for array in arrays)
     motion = Motion(
         local_rotmats=local,
         root_rotmats=root,
@@ -141,7 +113,7 @@ def gait_with_contacts(
         frame="world",
         source=f"gmrdata gait {kind}, {style.speed_m_s:.2f} m/s, generated, not motion capture",
     )
-    return motion, np.stack([foot.planted[inside] for foot in feet], axis=-1)
+    return motion, planted
 
 
 def sample_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
@@ -155,21 +127,11 @@ def sample_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:
 def _check(kind: str, duration_s: float, fps_hz: float) -> None:
     if kind not in GAIT_KINDS:
         raise BadRecipe(f"gait {kind!r}: no such kind; choose one of {', '.join(GAIT_KINDS)}")
-    if not (np.isfinite(duration_s) and np.isfinite(fps_hz) and duration_s > 0 and fps_hz > 0):
-        raise BadRecipe(
-            f"gait {kind}: {duration_s} s at {fps_hz} frames a second; both must be positive"
-        )
+    asked = f"gait {kind}: {duration_s} s at {fps_hz} frames a second"
+    if not (0 < duration_s < np.inf and 0 < fps_hz < np.inf):
+        raise BadRecipe(f"{asked}; both must be positive")
     if round(duration_s * fps_hz) < 1:
-        raise BadRecipe(
-            f"gait {kind}: {duration_s} s at {fps_hz} frames a second is less than a frame; "
-            "ask for a longer duration"
-        )
-
-
-def _steps(time_s: np.ndarray, style: GaitStyle) -> np.ndarray:
-    """Steps taken by (T,) times; cadence changes slowly by 5 %."""
-    slow = 0.08 * (np.sin(0.6 * time_s + style.wander[1]) - np.sin(style.wander[1]))
-    return style.cadence_hz * (time_s + slow)
+        raise BadRecipe(f"{asked} is less than a frame; ask for a longer duration")
 
 
 def _ground(kind: str, n_steps: float, rng: np.random.Generator) -> np.ndarray:
@@ -181,36 +143,7 @@ def _ground(kind: str, n_steps: float, rng: np.random.Generator) -> np.ndarray:
     return ground_m
 
 
-def _assemble(
-    body: BodyModel,
-    shape: np.ndarray,
-    path: GroundPath,
-    time_s: np.ndarray,
-    steps: np.ndarray,
-    plan: Footsteps,
-    style: GaitStyle,
-    half_window: int,
-) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], list[FootPoses]]:
-    """Local rotations (T, 23, 3, 3), root rotations (T, 3, 3), pelvis (T, 3) [m]; and the feet."""
-    joints_m = body.rest_joints_m(shape)
-
-    def bone(parent: str, child: str) -> np.ndarray:
-        return joints_m[JOINT[child]] - joints_m[JOINT[parent]]
-
-    legs = [
-        Leg(bone(f"{side}_hip", f"{side}_knee"), bone(f"{side}_knee", f"{side}_ankle"))
-        for side in SIDES
-    ]
-    hips_m = np.stack([bone("pelvis", f"{side}_hip") for side in SIDES])
-    feet = [
-        foot_poses(rest_foot(body, shape, side), parity, steps, path, plan, style)
-        for parity, side in enumerate(SIDES)
-    ]
-    reach_m = min(leg.reach_m(style.soft_knee_rad) for leg in legs)
-    trunk = pose_trunk(path, time_s, steps, style)
-    ground_m = ground_under_pelvis(steps, plan)
-    pelvis_m = place_pelvis(path, steps, ground_m, trunk, style, reach_m)
-    pelvis_m = lift_pelvis(pelvis_m, trunk.pelvis, hips_m, feet, reach_m, half_window)
-    local = local_rotations(trunk, legs, hips_m, pelvis_m, feet)
-    swing_arms(local, joints_m, time_s, steps, style)
-    return (local, trunk.pelvis, pelvis_m), feet
+def _steps(time_s: np.ndarray, style: GaitStyle) -> np.ndarray:
+    """Steps taken by (T,) times; cadence changes slowly by 5 %."""
+    slow = 0.08 * (np.sin(0.6 * time_s + style.wander[1]) - np.sin(style.wander[1]))
+    return style.cadence_hz * (time_s + slow)

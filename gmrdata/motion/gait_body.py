@@ -6,28 +6,79 @@ import numpy as np
 from scipy.ndimage import convolve1d, minimum_filter1d
 from scipy.spatial.transform import Rotation
 
-from gmrdata.motion.gait_steps import BEND, SIDES, FootPoses, GroundPath, Leg, turn, upright
+from gmrdata.motion.gait_steps import (
+    BEND,
+    SIDES,
+    FootPoses,
+    Footsteps,
+    GroundPath,
+    Leg,
+    foot_poses,
+    ground_under_pelvis,
+    turn,
+    upright,
+)
 from gmrdata.motion.gait_style import GRAVITY_M_S2, GaitStyle
-from gmrdata.values.body import JOINT, N_LOCAL
+from gmrdata.values.body import JOINT, N_LOCAL, BodyModel
+
+
+def pose_body(
+    body: BodyModel,
+    shape: np.ndarray,
+    path: GroundPath,
+    time_s: np.ndarray,
+    steps: np.ndarray,
+    plan: Footsteps,
+    style: GaitStyle,
+    half_window: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Someone who makes planned steps, at (T,) times and step counts (even: left touch-down).
+
+    Args:
+        half_window: Frames before and after each one over which the pelvis' height is smoothed.
+
+    Returns:
+        Local rotations (T, 23, 3, 3), root rotations (T, 3, 3), pelvis (T, 3) [m], and (T, 2) bool
+        whether the left and the right foot stand.
+    """
+    joints_m = body.rest_joints_m(shape)
+
+    def bone(parent: str, child: str) -> np.ndarray:
+        return joints_m[JOINT[child]] - joints_m[JOINT[parent]]
+
+    legs = [
+        Leg(bone(f"{side}_hip", f"{side}_knee"), bone(f"{side}_knee", f"{side}_ankle"))
+        for side in SIDES
+    ]
+    hips_m = np.stack([bone("pelvis", f"{side}_hip") for side in SIDES])
+    feet = [foot_poses(body, shape, side, steps, path, plan, style) for side in SIDES]
+    reach_m = min(leg.reach_m(style.soft_knee_rad) for leg in legs)
+    trunk = _pose_trunk(path, time_s, steps, style)
+    ground_m = ground_under_pelvis(steps, plan)
+    pelvis_m = _place_pelvis(path, steps, ground_m, trunk, style, reach_m)
+    pelvis_m = _lift_pelvis(pelvis_m, trunk.pelvis, hips_m, feet, reach_m, half_window)
+    local = _local_rotations(trunk, legs, hips_m, pelvis_m, feet)
+    _swing_arms(local, joints_m, time_s, steps, style)
+    return local, trunk.pelvis, pelvis_m, np.stack([foot.planted for foot in feet], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
-class Trunk:
-    """Orientations over T frames, world_from_joint relative to the T-pose."""
+class _Trunk:
+    """Orientations (T, 3, 3) over T frames, world_from_joint relative to the T-pose."""
 
     facing_rad: np.ndarray
     """(T,) direction of travel that the person faces [rad]."""
     pelvis: np.ndarray
-    """(T, 3, 3)."""
     chest: np.ndarray
-    """(T, 3, 3), of spine3."""
+    """Of spine3."""
     head: np.ndarray
-    """(T, 3, 3)."""
     lean_in_rad: np.ndarray
     """(T,) lean to the left, into a left bend [rad]."""
 
 
-def pose_trunk(path: GroundPath, time_s: np.ndarray, steps: np.ndarray, style: GaitStyle) -> Trunk:
+def _pose_trunk(
+    path: GroundPath, time_s: np.ndarray, steps: np.ndarray, style: GaitStyle
+) -> _Trunk:
     """Orient pelvis, chest and head at (T,) times and step counts (even: left touch-down)."""
     s_m = path.s_at(steps)
     facing = path.facing_rad(s_m)
@@ -38,34 +89,26 @@ def pose_trunk(path: GroundPath, time_s: np.ndarray, steps: np.ndarray, style: G
     # Left hip leads at a left touch-down; turning left takes it back, hence the sign.
     yaw, list_ = -style.pelvis_yaw_rad * np.cos(stride), np.sin(stride + 0.15)
     tilt = style.pelvis_tilt_rad + np.radians(1.2) * np.cos(2 * stride + 0.6)
-    pelvis = (
-        level
-        @ turn("y", yaw)
-        @ turn("z", style.pelvis_list_rad * list_ - 0.5 * lean_in)
-        @ turn("x", tilt)
-    )
+    pelvis_roll = style.pelvis_list_rad * list_ - 0.5 * lean_in
+    pelvis = level @ turn("y", yaw) @ turn("z", pelvis_roll) @ turn("x", tilt)
     slow = np.sin(0.45 * time_s + style.wander[3])
     lean = style.lean_rad + np.radians(1.0) * np.cos(2 * stride + 1.0) + np.radians(1.0) * slow
     chest_roll = -0.35 * style.pelvis_list_rad * list_ - lean_in
-    chest = (
-        level
-        @ turn("y", style.chest_yaw_rad * np.cos(np.pi * (steps + 0.5 - style.duty)))
-        @ turn("z", chest_roll)
-        @ turn("x", lean)
-    )
+    chest_yaw = style.chest_yaw_rad * np.cos(np.pi * (steps + 0.5 - style.duty))
+    chest = level @ turn("y", chest_yaw) @ turn("z", chest_roll) @ turn("x", lean)
     ahead_m = 0.35 * style.speed_m_s
     glance = path.facing_rad(s_m + ahead_m) - facing
     glance = glance + np.radians(5.0) * np.sin(0.6 * time_s + style.wander[2])
     nod = np.radians(3.0) + 0.2 * lean + np.radians(2.0) * slow
     head = level @ turn("y", glance) @ turn("z", -0.5 * lean_in) @ turn("x", nod)
-    return Trunk(facing, pelvis, chest, head, lean_in)
+    return _Trunk(facing, pelvis, chest, head, lean_in)
 
 
-def place_pelvis(
+def _place_pelvis(
     path: GroundPath,
     steps: np.ndarray,
     ground_m: np.ndarray,
-    trunk: Trunk,
+    trunk: _Trunk,
     style: GaitStyle,
     hip_height_m: float,
 ) -> np.ndarray:
@@ -82,7 +125,7 @@ def place_pelvis(
     return pelvis
 
 
-def lift_pelvis(
+def _lift_pelvis(
     pelvis_m: np.ndarray,
     pelvis_rotmats: np.ndarray,
     hips_m: np.ndarray,
@@ -107,8 +150,8 @@ def lift_pelvis(
     return pelvis_m + lift[:, None] * np.array([0.0, 0.0, 1.0])
 
 
-def local_rotations(
-    trunk: Trunk, legs: list[Leg], hips_m: np.ndarray, pelvis_m: np.ndarray, feet: list[FootPoses]
+def _local_rotations(
+    trunk: _Trunk, legs: list[Leg], hips_m: np.ndarray, pelvis_m: np.ndarray, feet: list[FootPoses]
 ) -> np.ndarray:
     """Local rotations of spine, neck, head and legs: (T, 23, 3, 3); the arms stay in the T-pose."""
     local = np.broadcast_to(np.eye(3), (len(pelvis_m), N_LOCAL, 3, 3)).copy()
@@ -128,7 +171,7 @@ def local_rotations(
     return local
 
 
-def swing_arms(
+def _swing_arms(
     local: np.ndarray, joints_m: np.ndarray, time_s: np.ndarray, steps: np.ndarray, style: GaitStyle
 ) -> None:
     """Let the arms hang and swing against the legs: writes into `local` (T, 23, 3, 3)."""

@@ -1,8 +1,7 @@
-"""Footsteps and the pose of the feet: exactly planted in stance, a smooth arc in swing.
+"""An embedded motion's path on the ground, the steps along it, and the feet and legs that step.
 
-Two-bone inverse kinematics of a leg with a hinge knee, in closed form.
-
-Where an embedded motion goes: a path on the ground, and the steps along it.
+Feet are exactly planted in stance and on a smooth arc in swing; legs are two bones with a hinge
+knee, whose inverse kinematics has a closed form.
 """
 
 from collections.abc import Callable
@@ -16,6 +15,21 @@ from scipy.special import betainc
 from gmrdata.motion.gait_style import GaitStyle
 from gmrdata.values.body import JOINT, BodyModel, sole_vertices
 
+Curve = Callable[[np.ndarray], np.ndarray]
+FIGURE_EIGHT_RAD = 2.404825557695773
+"""First zero of the Bessel function J0: a heading a*sin(2*pi*s/L) with this a makes an eight."""
+BEND = 0.15
+"""Bends shorten steps by 1 / (1 + BEND * curvature^2): to half where the radius is about 0.4 m."""
+SIDES = ("left", "right")
+SOLE_M = 0.01
+"""Vertices of a foot up to this high above its lowest one are its sole [m]."""
+FIRST_STEP = -4
+"""Number of a clip's first footfall; step 0 is the first touch-down of the left foot."""
+CIRCUMDUCTION_M = 0.02
+"""A swinging foot swerves outwards by this much, past the standing one [m]."""
+SOFT_TOES_RAD = np.radians(20.0)
+"""In swing, toes of a foot that is pitched by less than this straighten out smoothly [rad]."""
+
 
 def turn(axis: str, angle_rad: np.ndarray) -> np.ndarray:
     """Rotations by (...) angles about one rest axis "x", "y" or "z": (..., 3, 3)."""
@@ -26,12 +40,13 @@ def turn(axis: str, angle_rad: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A leg at rest; its knee turns about the rest frame's x axis, flexion moves the heel back."""
+    """A leg at rest: hip to knee (3,) and knee to ankle (3,) [m].
+
+    Its knee turns about the rest frame's x axis, flexion moves the heel back.
+    """
 
     thigh_m: np.ndarray
-    """(3,) hip to knee at rest [m]."""
     shank_m: np.ndarray
-    """(3,) knee to ankle at rest [m]."""
 
     def _hinge(self) -> tuple[float, float, float]:
         """Terms of |thigh + Rx(b) shank|^2 = constant + amplitude * cos(b - straight)."""
@@ -55,14 +70,9 @@ class Leg:
         return straight_rad + np.arccos(np.clip(cosine, -1.0, 1.0))
 
     def solve(self, hip_to_ankle_m: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Thigh orientation and knee rotation that bring the ankle to where it is wanted.
+        """frame_from_thigh and thigh_from_shank (T, 3, 3) for a wanted vector (T, 3) in any frame.
 
-        Args:
-            hip_to_ankle_m: (T, 3) wanted vector [m], any frame.
-            left: (T, 3) direction that the knee's axis should follow as well as it can, same frame.
-
-        Returns:
-            frame_from_thigh (T, 3, 3) and thigh_from_shank (T, 3, 3).
+        The knee's axis follows `left` (T, 3), in the same frame, as well as it can.
         """
         knee = turn("x", self.knee_rad(np.linalg.norm(hip_to_ankle_m, axis=-1)))
         at_rest_m = self.thigh_m + knee @ self.shank_m
@@ -79,29 +89,18 @@ def _frames(along: np.ndarray, hint: np.ndarray) -> np.ndarray:
     return np.stack([first, second, np.cross(first, second)], axis=-1)
 
 
-Curve = Callable[[np.ndarray], np.ndarray]
-
-FIGURE_EIGHT_RAD = 2.404825557695773
-"""First zero of the Bessel function J0: a heading a*sin(2*pi*s/L) with this a makes an eight."""
-
-BEND = 0.15
-"""Bends shorten steps by 1 / (1 + BEND * curvature^2): to half where the radius is about 0.4 m."""
-
-
 @dataclass(frozen=True, eq=False)
 class GroundPath:
-    """A path over the ground by its own length s."""
+    """A path over the ground by its own length s (N,) [m]."""
 
     position_m: Curve
-    """(N,) s [m] -> (N, 2) position on the ground [m]."""
+    """Position on the ground (N, 2) [m]."""
     facing_rad: Curve
-    """(N,) s [m] -> (N,) direction that the person faces, from world x towards world y [rad]."""
+    """Direction that the person faces (N,), from world x towards world y [rad]."""
     curvature_rad_m: Curve
-    """(N,) s [m] -> (N,) change of `facing_rad` per metre [rad/m]."""
-    steps_at: Curve
-    """(N,) s [m] -> (N,) step count that has been reached there."""
+    """Change of `facing_rad` per metre (N,)."""
     s_at: Curve
-    """(N,) step count -> (N,) s [m]; the inverse of `steps_at`."""
+    """(N,) step count -> (N,) s [m] where it is reached."""
 
 
 def sample_path(
@@ -114,7 +113,11 @@ def sample_path(
     s_m = np.linspace(start_m, stop_m, int((stop_m - start_m) / 0.03) + 2)
     facing = CubicSpline(s_m, heading_rad + turned(s_m))
     if kind == "side_step":
-        velocity = _to_and_fro(s_m, heading_rad, rng)
+        # Sideways, and back now and then.
+        period_m = rng.uniform(3.5, 7.0)
+        sideways = np.tanh(3 * np.sin(2 * np.pi * s_m / period_m + rng.uniform(0, 2 * np.pi)))
+        left = np.array([-np.sin(heading_rad), np.cos(heading_rad)])
+        velocity = sideways[:, None] * left
     else:
         velocity = np.stack([np.cos(facing(s_m)), np.sin(facing(s_m))], axis=-1)
     curvature = facing.derivative()
@@ -122,13 +125,11 @@ def sample_path(
     steps = CubicSpline(
         s_m, (1 + BEND * curvature(s_m) ** 2) * pace / style.step_m
     ).antiderivative()
-    steps_at_zero = steps(0.0)
     return GroundPath(
         position_m=CubicSpline(s_m, velocity).antiderivative(),
         facing_rad=facing,
         curvature_rad_m=curvature,
-        steps_at=lambda s: steps(s) - steps_at_zero,
-        s_at=CubicSpline(steps(s_m) - steps_at_zero, s_m),
+        s_at=CubicSpline(steps(s_m) - steps(0.0), s_m),
     )
 
 
@@ -143,7 +144,7 @@ def _heading(kind: str, length_m: float, rng: np.random.Generator) -> Curve:
     if kind == "turn":
         return _turns(length_m, rng)
     if kind == "side_step":
-        return lambda s: np.zeros_like(s)
+        return np.zeros_like
     if kind == "step_up":
         curvature = rng.uniform(-0.03, 0.03)
         return lambda s: curvature * s
@@ -163,22 +164,9 @@ def _turns(length_m: float, rng: np.random.Generator) -> Curve:
         over_m = max(1.2, abs(angle_rad) * rng.uniform(1.0, 1.4))
         turns.append((at_m, over_m, float(angle_rad)))
         at_m += over_m + rng.uniform(0.6, 3.5)
-
-    def heading(s: np.ndarray) -> np.ndarray:
-        total = np.zeros_like(s)
-        for at, over, angle in turns:
-            total = total + angle * ease((s - at) / over)
-        return total
-
-    return heading
-
-
-def _to_and_fro(s_m: np.ndarray, facing_rad: float, rng: np.random.Generator) -> np.ndarray:
-    """Sideways direction of travel, which turns back now and then: (N, 2)."""
-    period_m = rng.uniform(3.5, 7.0)
-    sideways = np.tanh(3 * np.sin(2 * np.pi * s_m / period_m + rng.uniform(0, 2 * np.pi)))
-    left = np.array([-np.sin(facing_rad), np.cos(facing_rad)])
-    return sideways[:, None] * left
+    return lambda s: sum(
+        (angle * ease((s - at) / over) for at, over, angle in turns), np.zeros_like(s)
+    )
 
 
 def ease(u: np.ndarray) -> np.ndarray:
@@ -190,47 +178,19 @@ def ease(u: np.ndarray) -> np.ndarray:
     return u**3 * (10 - 15 * u + 6 * u**2)
 
 
-SIDES = ("left", "right")
-
-SOLE_M = 0.01
-"""Vertices of a foot up to this high above its lowest one are its sole [m]."""
-
-FIRST_STEP = -4
-"""Number of a clip's first footfall; step 0 is the first touch-down of the left foot."""
-
-CIRCUMDUCTION_M = 0.02
-"""A swinging foot swerves outwards by this much, past the standing one [m]."""
-
-SOFT_TOES_RAD = np.radians(20.0)
-"""In swing, toes of a foot that is pitched by less than this straighten out smoothly [rad]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Foot:
-    """A foot at rest, relative to the point on the ground below its ankle; rest axes [m]."""
-
-    ankle_m: np.ndarray
-    """(3,) the ankle joint: (0, height, 0)."""
-    ball_m: np.ndarray
-    """(3,) the foot joint at the ball, about which the foot rolls at push-off."""
-    heel_m: np.ndarray
-    """(3,) rear end of the sole, about which the foot turns after touch-down."""
-
-
 @dataclass(frozen=True, eq=False)
 class Footsteps:
-    """The footfalls of a clip, from FIRST_STEP on; even ones are the left foot's."""
+    """A clip's (N,) footfalls, from FIRST_STEP on; even ones are the left foot's."""
 
     s_m: np.ndarray
-    """(N,) place along the path [m]."""
+    """Place along the path."""
     across_m: np.ndarray
-    """(N,) place of the ankle to the left of the path, as the person faces [m]."""
+    """Place of the ankle to the left of the path, as the person faces."""
     ahead_m: np.ndarray
-    """(N,) place of the ankle to the front [m]."""
+    """Place of the ankle to the front."""
     ground_m: np.ndarray
-    """(N,) height of the ground [m]."""
     yaw_rad: np.ndarray
-    """(N,) direction of the foot, from world x towards world y [rad]."""
+    """Direction of the foot, from world x towards world y."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,13 +198,13 @@ class FootPoses:
     """One foot over T frames, world."""
 
     ankle_m: np.ndarray
-    """(T, 3) ankle joint [m]."""
+    """(T, 3)."""
     rotmats: np.ndarray
     """(T, 3, 3) world_from_foot, relative to the T-pose."""
     toes_rad: np.ndarray
-    """(T,) toes bent up against the foot [rad]."""
+    """(T,) toes bent up against the foot."""
     yaw_rad: np.ndarray
-    """(T,) direction of the foot [rad]."""
+    """(T,)."""
     planted: np.ndarray
     """(T,) bool, from touch-down to toe-off."""
 
@@ -252,14 +212,18 @@ class FootPoses:
 def upright(facing_rad: np.ndarray) -> np.ndarray:
     """world_from_rest (T, 3, 3) of someone upright who faces (T,): columns left, up, front."""
     cos, sin, zero = np.cos(facing_rad), np.sin(facing_rad), np.zeros_like(facing_rad)
-    left = np.stack([-sin, cos, zero], axis=-1)
-    up = np.stack([zero, zero, zero + 1], axis=-1)
-    front = np.stack([cos, sin, zero], axis=-1)
-    return np.stack([left, up, front], axis=-1)
+    columns = ([-sin, cos, zero], [zero, zero, zero + 1], [cos, sin, zero])
+    return np.stack([np.stack(column, axis=-1) for column in columns], axis=-1)
 
 
-def rest_foot(body: BodyModel, shape: np.ndarray, side: str) -> Foot:
-    """Measure a foot of the T-pose: its joints, and its sole from the vertices that follow them."""
+def _rest_foot(
+    body: BodyModel, shape: np.ndarray, side: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ankle joint, foot joint at the ball, and rear end of the sole of the T-pose, each (3,) [m].
+
+    Rest axes, from the point on the ground below the ankle.  The foot turns about the heel after
+    touch-down, and rolls about the ball at push-off.
+    """
     joints_m = body.rest_joints_m(shape)
     ankle, ball = joints_m[JOINT[f"{side}_ankle"]], joints_m[JOINT[f"{side}_foot"]]
     vertices_m = body.rest_vertices_m(shape)
@@ -267,20 +231,15 @@ def rest_foot(body: BodyModel, shape: np.ndarray, side: str) -> Foot:
     ground_m = sole[:, 1].min()
     below = np.array([ankle[0], ground_m, ankle[2]])
     heel = np.array([ankle[0], ground_m, min(sole[:, 2].min(), ankle[2])])
-    return Foot(ankle - below, ball - below, heel - below)
+    return ankle - below, ball - below, heel - below
 
 
 def plan_footsteps(
-    path: GroundPath,
-    style: GaitStyle,
-    ground_m: np.ndarray,
-    rng: np.random.Generator,
+    path: GroundPath, style: GaitStyle, ground_m: np.ndarray, rng: np.random.Generator
 ) -> Footsteps:
     """Put each foot down where the pelvis passes in its stance, on its side of the path.
 
     Args:
-        path: Where the person goes.
-        style: Step spacing and the like.
         ground_m: (N,) height of the ground for each footfall from FIRST_STEP on [m].
         rng: People don't step exactly evenly: draws a centimetre here and there.
     """
@@ -310,30 +269,33 @@ def ground_under_pelvis(steps: np.ndarray, plan: Footsteps) -> np.ndarray:
 
 
 def foot_poses(
-    foot: Foot,
-    parity: int,
+    body: BodyModel,
+    shape: np.ndarray,
+    side: str,
     steps: np.ndarray,
     path: GroundPath,
     plan: Footsteps,
     style: GaitStyle,
 ) -> FootPoses:
-    """Pose one foot at (T,) step counts; parity 0 is the left foot, 1 the right.
+    """Pose the left or the right foot at (T,) step counts.
 
     The foot is a flat sole at a footfall, or on its way between two, that is pitched about a pivot:
     the heel after touch-down, the ball before toe-off, and in the air a point that moves from the
     ball to the heel.
     """
+    ankle_m, ball_m, heel_m = _rest_foot(body, shape, side)
+    parity = SIDES.index(side)
     number = 2 * np.floor((steps - parity) / 2).astype(int) + parity
     since = steps - number
-    stance = style.stance_steps
+    stance = 2 * style.duty
     swing = np.clip((since - stance) / (2 - stance), 0.0, 1.0)
     pitch = _pitch_rad(since, style)
     to_heel = np.where(since < stance / 2, 1.0, ease((swing - 0.35) / 0.65))
-    pivot = foot.ball_m + to_heel[:, None] * (foot.heel_m - foot.ball_m)
+    pivot = ball_m + to_heel[:, None] * (heel_m - ball_m)
     row = number - FIRST_STEP
     yaw = plan.yaw_rad[row] + ease(swing) * (plan.yaw_rad[row + 2] - plan.yaw_rad[row])
     level, tilted = upright(yaw), turn("x", -pitch)
-    ankle = pivot + np.einsum("tij,tj->ti", tilted, foot.ankle_m - pivot)
+    ankle = pivot + np.einsum("tij,tj->ti", tilted, ankle_m - pivot)
     # Toes stay level while the foot rolls over the ball.
     toes = np.maximum(-pitch, 0.0)
     toes *= np.where(swing > 0, ease(toes / SOFT_TOES_RAD), 1.0)
@@ -354,7 +316,9 @@ def _below_ankle(
 
     It follows the path's bends, as a straight line would lead the outer foot through the inner leg.
     """
-    share = _swing_share(swing, style)
+    # Share of the way to the next footfall: at rest at both ends, fastest after half time.  A foot
+    # that came to rest sooner would be too far ahead of the hip for the leg to reach.
+    share = betainc(2.2 + style.late, 2.2, swing)
     arc = 16 * swing**2 * (1 - swing) ** 2
 
     def between(values: np.ndarray) -> np.ndarray:
@@ -374,7 +338,7 @@ def _below_ankle(
 
 def _pitch_rad(since: np.ndarray, style: GaitStyle) -> np.ndarray:
     """Toes-up pitch of the foot at (T,) steps since its touch-down, in stance and swing [rad]."""
-    stance = style.stance_steps
+    stance = 2 * style.duty
     flat_from, flat_to = 0.17 * stance, 0.55 * stance
     steepest = stance + 0.16 * (2 - stance)
     highest = 2 - 0.12 * (2 - stance)
@@ -384,11 +348,3 @@ def _pitch_rad(since: np.ndarray, style: GaitStyle) -> np.ndarray:
     recovering = (toe_off + strike) * ease((since - steepest) / (highest - steepest))
     settling = -strike * ease((since - highest) / (flat_from + 2 - highest))
     return landing + rolling + recovering + settling
-
-
-def _swing_share(swing: np.ndarray, style: GaitStyle) -> np.ndarray:
-    """Share of the way to the next footfall: at rest at both ends, fastest after half time.
-
-    A foot that came to rest sooner would be too far ahead of the hip for the leg to reach.
-    """
-    return betainc(2.2 + style.late, 2.2, swing)

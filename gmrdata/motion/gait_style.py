@@ -22,12 +22,16 @@ GRAVITY_M_S2 = 9.81
 
 @dataclass(frozen=True)
 class GaitStyle:
-    """One person's way to move; amplitudes are half of peak to peak."""
+    """One person's way to move; amplitudes are half of peak to peak.
+
+    The chest turns against the pelvis and leans forwards, as the pelvis tilts, by so much on
+    average; of the arms, `mean` and `swing` are those of the shoulders' flexion.
+    """
 
     step_m: float
     """Distance between successive footfalls along the path [m]."""
     cadence_hz: float
-    """Steps per second [Hz]."""
+    """Of steps."""
     duty: float
     """Share of a stride (two steps) that a foot stands; below 0.5 there is flight."""
     spacing_m: float
@@ -53,37 +57,26 @@ class GaitStyle:
     pelvis_list_rad: float
     """Drop of the swing side [rad]."""
     pelvis_tilt_rad: float
-    """Mean forward tilt of the pelvis [rad]."""
     chest_yaw_rad: float
-    """Chest turn against the pelvis [rad]."""
     lean_rad: float
-    """Forward lean of the chest [rad]."""
     arm_swing_rad: float
-    """Shoulder flexion amplitude [rad]."""
     arm_mean_rad: float
-    """Mean shoulder flexion [rad]."""
     arm_out_rad: float
     """Upper arms away from the body [rad]."""
     arm_in_rad: float
     """Upper arms turned inwards about their own axis, which brings the hands to the front [rad]."""
     elbow_rad: float
-    """Mean elbow flexion [rad]."""
     elbow_swing_rad: float
     """Elbow flexion amplitude; most bent when the arm is in front [rad]."""
     soft_knee_rad: float
     """The knee stays bent by at least this much [rad]."""
-    wander: tuple[float, float, float, float]
-    """Phases of the slow changes of pace, step length, gaze and posture [rad]."""
+    wander: tuple[float, ...]
+    """Four phases of the slow changes of pace, step length, gaze and posture [rad]."""
 
     @property
     def speed_m_s(self) -> float:
         """Mean speed on a straight path [m/s]."""
         return self.step_m * self.cadence_hz
-
-    @property
-    def stance_steps(self) -> float:
-        """Duration of one stance in steps."""
-        return 2 * self.duty
 
 
 def sample_style(kind: str, leg_m: float, rng: np.random.Generator) -> GaitStyle:
@@ -99,46 +92,39 @@ def sample_style(kind: str, leg_m: float, rng: np.random.Generator) -> GaitStyle
 def _walk(
     speed_range_m_s: tuple[float, float], leg_m: float, rng: np.random.Generator
 ) -> GaitStyle:
-    def deg(low: float, high: float) -> float:
-        return float(np.radians(rng.uniform(low, high)))
-
     speed_m_s = rng.uniform(*speed_range_m_s)
-    step_m = np.sqrt(WALK_RATIO_M_S * speed_m_s) * rng.uniform(0.92, 1.04)
-    step_m = min(step_m, 0.88 * leg_m)
+    step_m = min(np.sqrt(WALK_RATIO_M_S * speed_m_s) * rng.uniform(0.92, 1.04), 0.88 * leg_m)
     vigour = speed_m_s / 1.25
     return GaitStyle(
         step_m=float(step_m),
         cadence_hz=float(speed_m_s / step_m),
-        duty=float(rng.uniform(0.59, 0.615)),
-        spacing_m=float(rng.uniform(0.11, 0.16)),
+        duty=rng.uniform(0.59, 0.615),
+        spacing_m=rng.uniform(0.11, 0.16),
         lag_steps=0.16,
-        toe_out_rad=deg(1, 9),
-        strike_rad=deg(14, 20),
-        toe_off_rad=deg(58, 66),
-        clearance_m=float(rng.uniform(0.03, 0.05)),
+        toe_out_rad=_rad(rng, 1, 9),
+        strike_rad=_rad(rng, 14, 20),
+        toe_off_rad=_rad(rng, 58, 66),
+        clearance_m=rng.uniform(0.03, 0.05),
         late=0.3,
         bob_m=float(0.042 * step_m**2 * rng.uniform(0.85, 1.15)),
-        sway_m=float(rng.uniform(0.016, 0.028)),
-        pelvis_yaw_rad=vigour * deg(3, 6),
-        pelvis_list_rad=deg(2.5, 5),
-        pelvis_tilt_rad=deg(0, 6),
-        chest_yaw_rad=vigour * deg(3, 6),
-        lean_rad=deg(0, 5),
-        arm_swing_rad=vigour * deg(13, 24),
-        arm_mean_rad=deg(-4, 4),
-        arm_out_rad=deg(10, 16),
-        arm_in_rad=deg(8, 25),
-        elbow_rad=deg(14, 26),
-        elbow_swing_rad=vigour * deg(4, 10),
-        soft_knee_rad=deg(4, 8),
-        wander=_phases(rng),
+        sway_m=rng.uniform(0.016, 0.028),
+        pelvis_yaw_rad=vigour * _rad(rng, 3, 6),
+        pelvis_list_rad=_rad(rng, 2.5, 5),
+        pelvis_tilt_rad=_rad(rng, 0, 6),
+        chest_yaw_rad=vigour * _rad(rng, 3, 6),
+        lean_rad=_rad(rng, 0, 5),
+        arm_swing_rad=vigour * _rad(rng, 13, 24),
+        arm_mean_rad=_rad(rng, -4, 4),
+        arm_out_rad=_rad(rng, 10, 16),
+        arm_in_rad=_rad(rng, 8, 25),
+        elbow_rad=_rad(rng, 14, 26),
+        elbow_swing_rad=vigour * _rad(rng, 4, 10),
+        soft_knee_rad=_rad(rng, 4, 8),
+        wander=tuple(rng.uniform(0, 2 * np.pi, 4)),
     )
 
 
 def _run(leg_m: float, rng: np.random.Generator) -> GaitStyle:
-    def deg(low: float, high: float) -> float:
-        return float(np.radians(rng.uniform(low, high)))
-
     walk = _walk((1.25, 1.55), leg_m, rng)
     speed_m_s = rng.uniform(2.4, 3.6)
     cadence_hz = max((2.35 + 0.12 * speed_m_s) * rng.uniform(0.97, 1.05), speed_m_s / (1.5 * leg_m))
@@ -148,55 +134,51 @@ def _run(leg_m: float, rng: np.random.Generator) -> GaitStyle:
         walk,
         step_m=float(speed_m_s / cadence_hz),
         cadence_hz=float(cadence_hz),
-        duty=float(rng.uniform(0.32, 0.36)),
-        spacing_m=float(rng.uniform(0.08, 0.12)),
+        duty=rng.uniform(0.32, 0.36),
+        spacing_m=rng.uniform(0.08, 0.12),
         lag_steps=0.14,
-        strike_rad=deg(0, 8),
-        toe_off_rad=deg(68, 82),
+        strike_rad=_rad(rng, 0, 8),
+        toe_off_rad=_rad(rng, 68, 82),
         clearance_m=float((0.05 + 0.06 * speed_m_s) * rng.uniform(0.85, 1.15)),
         late=0.1,
         bob_m=float(-fall_m * rng.uniform(0.9, 1.0)),
-        sway_m=float(rng.uniform(0.006, 0.012)),
-        pelvis_yaw_rad=deg(4, 8),
-        pelvis_tilt_rad=deg(6, 12),
-        lean_rad=deg(7, 13),
-        arm_swing_rad=deg(26, 38),
-        arm_mean_rad=deg(-14, -6),
-        arm_out_rad=deg(18, 26),
-        arm_in_rad=deg(15, 30),
-        elbow_rad=deg(78, 95),
-        elbow_swing_rad=deg(5, 12),
-        soft_knee_rad=deg(8, 13),
+        sway_m=rng.uniform(0.006, 0.012),
+        pelvis_yaw_rad=_rad(rng, 4, 8),
+        pelvis_tilt_rad=_rad(rng, 6, 12),
+        lean_rad=_rad(rng, 7, 13),
+        arm_swing_rad=_rad(rng, 26, 38),
+        arm_mean_rad=_rad(rng, -14, -6),
+        arm_out_rad=_rad(rng, 18, 26),
+        arm_in_rad=_rad(rng, 15, 30),
+        elbow_rad=_rad(rng, 78, 95),
+        elbow_swing_rad=_rad(rng, 5, 12),
+        soft_knee_rad=_rad(rng, 8, 13),
     )
 
 
 def _side_step(leg_m: float, rng: np.random.Generator) -> GaitStyle:
-    def deg(low: float, high: float) -> float:
-        return float(np.radians(rng.uniform(low, high)))
-
     walk = _walk((0.9, 1.1), leg_m, rng)
     spacing_m = leg_m * rng.uniform(0.42, 0.52)
     return replace(
         walk,
         # Feet close to within spacing - step when the trailing one catches up; they don't touch.
         step_m=float(spacing_m - rng.uniform(0.13, 0.17)),
-        cadence_hz=float(rng.uniform(1.6, 2.1)),
+        cadence_hz=rng.uniform(1.6, 2.1),
         spacing_m=float(spacing_m),
         lag_steps=0.0,
         strike_rad=0.0,
-        toe_off_rad=deg(14, 24),
-        clearance_m=float(rng.uniform(0.05, 0.08)),
-        bob_m=float(rng.uniform(0.005, 0.012)),
-        sway_m=float(rng.uniform(0.01, 0.02)),
-        pelvis_yaw_rad=deg(0, 2),
-        chest_yaw_rad=deg(0, 2),
-        arm_swing_rad=deg(2, 7),
-        arm_out_rad=deg(12, 20),
-        elbow_rad=deg(18, 45),
-        soft_knee_rad=deg(10, 22),
+        toe_off_rad=_rad(rng, 14, 24),
+        clearance_m=rng.uniform(0.05, 0.08),
+        bob_m=rng.uniform(0.005, 0.012),
+        sway_m=rng.uniform(0.01, 0.02),
+        pelvis_yaw_rad=_rad(rng, 0, 2),
+        chest_yaw_rad=_rad(rng, 0, 2),
+        arm_swing_rad=_rad(rng, 2, 7),
+        arm_out_rad=_rad(rng, 12, 20),
+        elbow_rad=_rad(rng, 18, 45),
+        soft_knee_rad=_rad(rng, 10, 22),
     )
 
 
-def _phases(rng: np.random.Generator) -> tuple[float, float, float, float]:
-    first, second, third, fourth = rng.uniform(0, 2 * np.pi, 4)
-    return float(first), float(second), float(third), float(fourth)
+def _rad(rng: np.random.Generator, low_deg: float, high_deg: float) -> float:
+    return float(np.radians(rng.uniform(low_deg, high_deg)))

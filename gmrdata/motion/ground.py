@@ -7,6 +7,7 @@ left alone.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -45,6 +46,28 @@ LARGEST_RESIDUAL_M = 0.025
 """Standing feet are on one plane if 80 % of them are nearer to it than this."""
 
 
+def motion_of(
+    body: BodyModel,
+    shape: np.ndarray,
+    rotmats: np.ndarray,
+    pelvis_m: np.ndarray,
+    fps_hz: float,
+    source: str,
+) -> Motion:
+    """A motion in the z-up world from rotations (T, 24, 3, 3), the root's first, and a path [m]."""
+    return Motion(
+        local_rotmats=rotmats[:, 1:],
+        root_rotmats=rotmats[:, 0],
+        pelvis_m=pelvis_m,
+        shape=shape,
+        fps_hz=fps_hz,
+        body=body.name,
+        gender=gender_of(body),
+        frame="world",
+        source=source,
+    )
+
+
 def world_motion(
     body: BodyModel,
     shape: np.ndarray,
@@ -55,27 +78,13 @@ def world_motion(
     *,
     ground: bool,
 ) -> Motion:
-    """A motion of a body in the z-up world, on the floor where `ground` says so.
-
-    Args:
-        rotmats: (T, 24, 3, 3) local rotations, the root's in the world first.
-        pelvis_m: (T, 3) [m].
-        source: What the motion was made from; how far the floor was tilted is added.
-    """
+    """The same, on the floor where `ground` says so; `source` gets the tilt that was taken away."""
     root_rotmats, tilt_deg = rotmats[:, 0], 0.0
     if ground:
         root_rotmats, pelvis_m, tilt_deg = put_on_floor(body, shape, rotmats, pelvis_m, fps_hz)
-    return Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=root_rotmats,
-        pelvis_m=pelvis_m,
-        shape=shape,
-        fps_hz=fps_hz,
-        body=body.name,
-        gender=gender_of(body),
-        frame="world",
-        source=f"{source}, floor levelled by {tilt_deg:.1f} deg",
-    )
+    source = f"{source}, floor levelled by {tilt_deg:.1f} deg"
+    motion = motion_of(body, shape, rotmats, pelvis_m, fps_hz, source)
+    return replace(motion, root_rotmats=root_rotmats)
 
 
 def put_on_floor(
@@ -91,7 +100,10 @@ def put_on_floor(
         Root rotations (T, 3, 3), pelvis path (T, 3) [m], and the tilt that was taken away [deg].
     """
     soles_m = sole_points_m(body, shape, rotmats, pelvis_m)
-    standing_m = _standing_points_m(soles_m, fps_hz)
+    # The lowest point of the lower foot in each frame in which it stands still.
+    rows, lowest = np.arange(len(soles_m)), soles_m[:, :, 2].argmin(axis=1)
+    speeds = np.linalg.norm(np.gradient(soles_m, axis=0)[rows, lowest], axis=1) * fps_hz
+    standing_m = soles_m[rows, lowest][speeds < PLANTED_M_PER_S]
     level_from_world = _level_rotation(standing_m)
     heights_m = (standing_m @ level_from_world.T)[:, 2]
     if not len(heights_m):
@@ -145,14 +157,6 @@ def sole_points_m(
     )
 
 
-def _standing_points_m(soles_m: np.ndarray, fps_hz: float) -> np.ndarray:
-    """Lowest point of the lower foot in each frame in which it stands still: (N, 3) [m]."""
-    rows = np.arange(len(soles_m))
-    lowest = soles_m[:, :, 2].argmin(axis=1)
-    speeds = np.linalg.norm(np.gradient(soles_m, axis=0)[rows, lowest], axis=1) * fps_hz
-    return np.asarray(soles_m[rows, lowest][speeds < PLANTED_M_PER_S])
-
-
 def _level_rotation(points_m: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) that makes the plane of standing points (N, 3) level, or identity."""
     if len(points_m) < 3:
@@ -182,14 +186,13 @@ def _sole_vertices_m(body: BodyModel, shape: np.ndarray) -> dict[int, np.ndarray
     soles = {}
     for joint in FOOT_JOINTS:
         part = vertices_m[carrier == joint]
-        if len(part):
-            edges = np.linspace(part[:, 2].min(), part[:, 2].max(), SOLE_STRIPS + 1)
-            strip = np.searchsorted(edges[1:-1], part[:, 2])
-            soles[joint] = np.concatenate(
-                [_lowest_on_each_side(part[strip == n]) for n in np.unique(strip)]
-            )
-        else:
+        if not len(part):
             soles[joint] = body.rest_joints_m(shape)[[joint]]
+            continue
+        edges = np.linspace(part[:, 2].min(), part[:, 2].max(), SOLE_STRIPS + 1)
+        strip = np.searchsorted(edges[1:-1], part[:, 2])
+        strips = [part[strip == n] for n in np.unique(strip)]
+        soles[joint] = np.concatenate([_lowest_on_each_side(points) for points in strips])
     return soles
 
 
@@ -291,7 +294,9 @@ def _planted_pitch_deg(
     for side in SIDES:
         ankle, foot, joint = (JOINT[f"{side}_{p}"] for p in ("ankle", "foot", part))
         if ankle in positions_m and foot in positions_m:
-            still = _is_slow(positions_m[ankle], fps_hz) & _is_slow(positions_m[foot], fps_hz)
+            paths_m = np.stack([positions_m[ankle], positions_m[foot]])
+            speeds = np.linalg.norm(np.gradient(paths_m, axis=1), axis=-1) * fps_hz
+            still = (speeds < PLANTED_M_PER_S).all(axis=0)
             toes_up = (rotations[joint][still] @ flat[side][:, 2])[:, 1]
             pitches.append(np.rad2deg(np.arcsin(np.clip(toes_up, -1.0, 1.0))))
     found = np.concatenate(pitches) if pitches else np.empty(0)
@@ -300,10 +305,3 @@ def _planted_pitch_deg(
     lower, median, upper = np.percentile(found, [25, 50, 75])
     flat_feet = upper - lower <= LARGEST_SPREAD_DEG and abs(median) <= LARGEST_PITCH_DEG
     return float(median) if flat_feet else 0.0
-
-
-def _is_slow(path_m: np.ndarray, fps_hz: float) -> np.ndarray:
-    """(T,) bool: frames in which a point (T, 3) hardly moves."""
-    return np.asarray(
-        np.linalg.norm(np.gradient(path_m, axis=0), axis=1) * fps_hz < PLANTED_M_PER_S
-    )

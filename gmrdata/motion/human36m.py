@@ -8,21 +8,10 @@ import numpy as np
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
+from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
+from gmrdata.read import human36m as files
 from gmrdata.read.bodies import keep_body, read_body
-from gmrdata.read.human36m import (
-    ACTIONS,
-    SIZES_PX,
-    TEST_SUBJECTS,
-    TRAINING_SUBJECTS,
-    VIDEO_HZ,
-    FixedCamera,
-    Take,
-    find_cameras,
-    find_subjects,
-    read_cameras,
-    read_takes,
-)
 from gmrdata.read.numbers import smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -31,14 +20,13 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadBodyFile, BadSequence
-from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 
 LICENCE = "Human3.6M's licence (academic use; not to be passed on)"
 
 
 def take_clip(
-    subject: int, take: Take, camera_number: int, camera: FixedCamera, body: BodyModel
+    subject: int, take: files.Take, camera_number: int, camera: files.FixedCamera, body: BodyModel
 ) -> Clip:
     """A take at the rate of its frames: 10 Hz where, as published, each fifth frame was fitted.
 
@@ -55,13 +43,13 @@ def take_clip(
     Raises:
         BadBodyFile: the body isn't SMPL's neutral one.
     """
-    clip_id = clip_name(subject, take)
+    clip_id = f"S{subject}.{files.ACTIONS[take.action]}.{take.subaction}"
     if body.name != "smpl-neutral" or body.n_shape > take.shapes.shape[1]:
         raise BadBodyFile(
             f"{clip_id}: the betas are of SMPL's neutral body with {take.shapes.shape[1]}"
             f" coefficients, given: {body.name} with {body.n_shape}. Give --body SMPL_NEUTRAL.pkl"
         )
-    step = _step(take.frames)
+    step = _most_common(np.diff(take.frames)) if len(take.frames) > 1 else 1
     on_grid = take.frames % step == _most_common(take.frames % step)
     numbers = np.arange(take.frames[on_grid][0], take.frames[on_grid][-1] + 1, step)
     n_rows = len(numbers)
@@ -76,33 +64,19 @@ def take_clip(
         rotmats[rows] = smpl_rotmats(take.poses_rad[usable])
         rest_pelvis_m = body.joints_template_m[0] + shapes @ body.joint_shape_dirs_m[0].T
         pelvis_m[rows] = take.trans_m[usable] + rest_pelvis_m
-    motion = Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
-        pelvis_m=pelvis_m,
-        shape=shapes.mean(axis=0) if len(rows) else np.zeros(body.n_shape),
-        fps_hz=VIDEO_HZ / step,
-        body=body.name,
-        gender="neutral",
-        frame="world",
-        source=f"Human3.6M S{subject} {ACTIONS[take.action]} {take.subaction}: each"
+    source = (
+        f"Human3.6M S{subject} {files.ACTIONS[take.action]} {take.subaction}: each"
         f" {step}. frame of the 50 Hz video, {n_rows - len(rows)} of {n_rows} without parameters,"
-        f" {int((~on_grid).sum())} between them left out, camera {camera_number}",
+        f" {int((~on_grid).sum())} between them left out, camera {camera_number}"
     )
+    shape = shapes.mean(axis=0) if len(rows) else np.zeros(body.n_shape)
+    motion = motion_of(body, shape, rotmats, pelvis_m, files.VIDEO_HZ / step, source)
     world_from_cam = np.tile(camera.world_from_cam, (n_rows, 1, 1))
     has_camera = np.ones(n_rows, dtype=bool)
-    path = CameraPath(camera.intrinsics_px, *SIZES_PX[camera_number], world_from_cam, has_camera)
+    path = CameraPath(
+        camera.intrinsics_px, *files.SIZES_PX[camera_number], world_from_cam, has_camera
+    )
     return Clip(clip_id, motion, valid, numbers + 1, path)
-
-
-def clip_name(subject: int, take: Take) -> str:
-    """`S9.Directions.1`."""
-    return f"S{subject}.{ACTIONS[take.action]}.{take.subaction}"
-
-
-def _step(frames: np.ndarray) -> int:
-    """Most common distance of neighbouring frames; 1 for a single frame."""
-    return _most_common(np.diff(frames)) if len(frames) > 1 else 1
 
 
 def _most_common(values: np.ndarray) -> int:
@@ -113,7 +87,6 @@ class Human36mConfig(Config):
     """What decides a subject's clips."""
 
     subject: int
-    """Number of the subject."""
     camera: int = 4
     """Number of the camera that the clips have, 1 to 4.  The motion is the same in each; 4 is the
     frontal one (60457274), which HMR and SPIN test on."""
@@ -137,30 +110,43 @@ def make_human36m(
         BadBodyFile: not SMPL's neutral body.
     """
     out_dir = out_dir.resolve()
-    parameter_paths = find_subjects(root)
+    parameter_paths = files.find_subjects(root)
     body_path = keep_body(body, out_dir / "body", run=run)
     made = []
-    for name, subjects in (("train", TRAINING_SUBJECTS), ("test", TEST_SUBJECTS)):
+    for name, subjects in (("train", files.TRAINING_SUBJECTS), ("test", files.TEST_SUBJECTS)):
         there = [subject for subject in subjects if subject in parameter_paths]
         entries = [
             entry
             for subject in track(there, f"reading Human3.6M's {name} subjects")
             for entry in _entries(parameter_paths[subject], subject, body_path, out_dir, run)
         ]
-        if not entries:
-            continue
-        description = f"Human3.6M's {name} subjects in the world, with one fixed camera."
-        full_name, recipe = f"human36m_{name}", {"subjects": there}
-        made.append(
-            write_motions(out_dir, name, full_name, description, LICENCE, entries, recipe, run=run)
-        )
+        if entries:
+            about = f"Human3.6M's {name} subjects in the world, with one fixed camera."
+            head = (out_dir, name, f"human36m_{name}", about, LICENCE)
+            made.append(write_motions(*head, entries, {"subjects": there}, run=run))
     return tuple(made)
 
 
 def _entries(
     parameter_path: Path, subject: int, body_path: Path, out_dir: Path, run: Run
 ) -> Iterator[ClipEntry]:
-    folder = _make_subject(parameter_path, subject, body_path, out_dir, run)
+    config = Human36mConfig(subject=subject)
+    camera_path = files.find_cameras(parameter_path, subject)
+
+    def work(partial_dir: Path) -> None:
+        body = read_body(body_path)
+        cameras = files.read_cameras(camera_path)
+        if config.camera not in cameras:
+            known = ", ".join(map(str, files.SIZES_PX))
+            raise BadSequence(f"{camera_path}: has no camera {config.camera} of {known}")
+        for take in files.read_takes(parameter_path):
+            clip = take_clip(subject, take, config.camera, cameras[config.camera], body)
+            rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
+            save_clip(partial_dir / f"{clip.id}.npz", clip, rest_pelvis_m)
+
+    inputs = {"parameters": parameter_path, "cameras": camera_path, "body": body_path}
+    clips_dir = out_dir / "clips" / f"S{subject}"
+    folder = run_stage("human36m", clips_dir, config, inputs, work, run=run)
     for path in sorted(folder.glob("*.npz")):
         yield clip_entry(
             out_dir,
@@ -171,25 +157,3 @@ def _entries(
             dropped_reason="no finite SMPL parameters in the file",
             recipe=stage_recipe(folder),
         )
-
-
-def _make_subject(
-    parameter_path: Path, subject: int, body_path: Path, out_dir: Path, run: Run
-) -> Path:
-    config = Human36mConfig(subject=subject)
-    camera_path = find_cameras(parameter_path, subject)
-
-    def work(partial_dir: Path) -> None:
-        body = read_body(body_path)
-        cameras = read_cameras(camera_path)
-        if config.camera not in cameras:
-            raise BadSequence(
-                f"{camera_path}: has no camera {config.camera} of {', '.join(map(str, SIZES_PX))}"
-            )
-        for take in read_takes(parameter_path):
-            clip = take_clip(subject, take, config.camera, cameras[config.camera], body)
-            rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
-            save_clip(partial_dir / f"{clip.id}.npz", clip, rest_pelvis_m)
-
-    inputs = {"parameters": parameter_path, "cameras": camera_path, "body": body_path}
-    return run_stage("human36m", out_dir / "clips" / f"S{subject}", config, inputs, work, run=run)
