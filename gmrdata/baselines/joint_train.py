@@ -109,7 +109,7 @@ def fit_joint(
     check_device(config.device)
     with torch_settings(config.device, config.threads, derived_seed(config.seed, 0)):
         learner = _JointLearner(training_set, body, run_dir, config)
-        run_steps(learner, config, run_dir, learner.done)
+        run_steps(learner, config, run_dir)
     return learner.model
 
 

@@ -19,21 +19,15 @@ from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
 from gmrdata.values.shapes import Float
 
-AXES = np.array([-1.0, 1.0, 1.0])
-"""Diagonal of the reflection M, in the world and in the body's frame."""
-
-_SIGNS = np.outer(AXES, AXES)
-"""M R M multiplies each entry of R by one of these."""
-
-_LOCAL = np.array(MIRRORED[1:]) - 1
-"""Row of the counterpart among the 23 local rotations."""
+AXES = np.array([-1.0, 1.0, 1.0])  # diagonal of the reflection M
+_SIGNS = np.outer(AXES, AXES)  # M R M multiplies each entry of R by one of these
+_LOCAL = np.array(MIRRORED[1:]) - 1  # row of the counterpart among the 23 local rotations
 
 
 def mirror_motion(motion: Motion) -> Motion:
     """The motion with left and right exchanged, in the world.
 
-    Raises:
-        BadMotionFile: the motion is in the camera's frame, whose image would be mirrored too.
+    One in the camera's frame is refused, since its image would be mirrored too.
     """
     if motion.frame != "world":
         raise BadMotionFile(
@@ -87,9 +81,6 @@ def _smoothed(noise: np.ndarray, sigma_frames: float) -> np.ndarray:
     The window's end is followed by its beginning, so that all frames have the same variance: the
     sum of the squared weights, which is what a single 1 becomes.
     """
-    n_frames = noise.shape[-3]
-    single = np.zeros(n_frames)
-    single[0] = 1.0
-    weights = gaussian_filter1d(single, sigma_frames, mode="wrap")
+    weights = gaussian_filter1d(np.eye(1, noise.shape[-3])[0], sigma_frames, mode="wrap")
     smooth = gaussian_filter1d(noise, sigma_frames, axis=-3, mode="wrap")
     return np.asarray(smooth / np.sqrt((weights**2).sum()))

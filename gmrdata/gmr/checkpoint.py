@@ -28,18 +28,8 @@ from gmrdata.values.files import read_json, write_json, write_text
 from gmrdata.values.records import Config, Record
 
 STATE_FILE = "state.json"
-OPTIMIZER_FILE = "optimizer.safetensors"
-
-Weights = Literal["trained", "average", "best"]
-"""What a checkpoint keeps: what training goes on from, its average, and the best network."""
-
-FILES: dict[Weights, str] = {
-    "trained": "model.safetensors",
-    "average": "average.safetensors",
-    "best": "best.safetensors",
-}
-"""Files of weights."""
-
+Weights = Literal["model", "average", "best"]
+"""What training goes on from, its average, and the best network: the names of their files."""
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
 
@@ -49,18 +39,14 @@ class StepState(Record):
     step: int = Field(ge=0)
     """Steps done."""
     body: str
-    """Name of the body that the network is trained on."""
 
 
 class BestScore(Config):
-    """The lowest score on held-out clips so far."""
+    """The lowest score on held-out clips so far: after which step, which score, and its value."""
 
     step: int
-    """Steps done then."""
     score: str
-    """Which score."""
     value: float
-    """Its value."""
 
 
 class GmrState(StepState):
@@ -68,7 +54,6 @@ class GmrState(StepState):
 
     format: Literal["gmrdata-gmr/2"] = "gmrdata-gmr/2"
     model: ModelConfig
-    """The network's settings."""
     fps_hz: float = Field(gt=0)
     """Frame rate that it is trained at [Hz]."""
     processes: int
@@ -76,24 +61,19 @@ class GmrState(StepState):
     averaged: bool
     """Whether there are averaged weights, which are then the network."""
     best: BestScore | None
-    """What scored best so far; null where nothing was scored."""
 
 
 _FIRST_FORMAT = "gmrdata-gmr/1"
-_FIRST_LEFT_OUT = {"processes": 1, "averaged": False, "best": None}
-"""What the first version did not write where it did not apply."""
-
+_FIRST_LEFT_OUT = {"processes": 1, "averaged": False, "best": None}  # where it did not apply
 State = TypeVar("State", bound=StepState)
 
 
 @dataclass(frozen=True, eq=False)
 class Best:
-    """The weights that scored best on held-out clips so far."""
+    """The weights that scored best on held-out clips so far, by name, on the CPU."""
 
     score: BestScore
-    """When, and how well."""
     weights: dict[str, Tensor]
-    """By name, on the CPU."""
 
 
 def best_of(best: Best | None, step: int, score: str, value: float, model: Gmr) -> Best | None:
@@ -107,16 +87,11 @@ def best_of(best: Best | None, step: int, score: str, value: float, model: Gmr) 
 
 
 def checkpoint_dir(run_dir: Path, step: int) -> Path:
-    """Where the checkpoint of a step lies."""
     return run_dir / "checkpoints" / f"step_{step:08d}"
 
 
 def latest_checkpoint(run_dir: Path) -> Path | None:
-    """The checkpoint that the pointer names, or None where there is none yet.
-
-    Raises:
-        BadCheckpoint: the pointer names a folder that is not there.
-    """
+    """The checkpoint that the pointer names, or None where there is none yet."""
     pointer = run_dir / "checkpoints" / "latest"
     if not pointer.is_file():
         return None
@@ -127,12 +102,7 @@ def latest_checkpoint(run_dir: Path) -> Path | None:
 
 
 def trained_checkpoint(run_dir: Path) -> Path:
-    """The latest checkpoint of a run that has one.
-
-    Raises:
-        MissingInput: there is none.
-        BadCheckpoint: the pointer names a folder that is not there.
-    """
+    """The latest checkpoint of a run; MissingInput where there is none."""
     folder = latest_checkpoint(run_dir)
     if folder is None:
         raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a finished run")
@@ -161,9 +131,9 @@ def save_checkpoint(
         averaged=average is not None,
         best=None if best is None else best.score,
     )
-    more = {} if average is None else {FILES["average"]: writable(average.state_dict())}
+    more = {} if average is None else {"average": writable(average.state_dict())}
     if best is not None:
-        more[FILES["best"]] = best.weights
+        more["best"] = best.weights
     return save_step(run_dir, state, model, optimizer, more)
 
 
@@ -176,25 +146,19 @@ def save_step(
 ) -> Path:
     """Write a step's files, point `latest` to them, and drop older ones.
 
-    A process that is killed at any moment leaves the former folder or this one.
-
-    Args:
-        run_dir: The run's folder.
-        state: What the step says of itself.
-        model: The network.
-        optimizer: An Adam over `model.parameters()`.
-        more: `writable` tensors by name, for each further file.
+    A process that is killed at any moment leaves the former folder or this one.  `optimizer` is an
+    Adam over `model.parameters()`, and `more` has `writable` tensors by name for further files.
     """
-    tensors = {
-        FILES["trained"]: writable(model.state_dict()),
-        OPTIMIZER_FILE: _optimizer_tensors(model, optimizer),
+    tensors: dict[str, dict[str, Tensor]] = {
+        "model": writable(model.state_dict()),
+        "optimizer": _optimizer_tensors(model, optimizer),
     }
     folder = checkpoint_dir(run_dir, state.step)
     temporary = folder.with_name(f".{folder.name}.tmp")
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir(parents=True)
     for name, values in (tensors | dict(more or {})).items():
-        save_file(values, temporary / name)
+        save_file(values, temporary / f"{name}.safetensors")
     write_json(temporary / STATE_FILE, state.model_dump(mode="json"))
     for file in temporary.iterdir():
         _fsync(file)
@@ -209,11 +173,7 @@ def save_step(
 
 
 def read_state(folder: Path) -> GmrState:
-    """The `state.json` of a GMR's checkpoint.
-
-    Raises:
-        BadCheckpoint: it is missing, not JSON, of another format, or lacks a key.
-    """
+    """The `state.json` of a GMR's checkpoint, of the first version too."""
     path = folder / STATE_FILE
     try:
         value = read_json(path)
@@ -225,11 +185,7 @@ def read_state(folder: Path) -> GmrState:
 
 
 def read_step_state(folder: Path, kind: type[State]) -> State:
-    """A kept step's `state.json`, with every setting of the network.
-
-    Raises:
-        BadCheckpoint: it is missing, not JSON, of another format, or lacks a key.
-    """
+    """A kept step's `state.json`; BadCheckpoint where it lacks a key or is no such file."""
     try:
         return kind.read(folder / STATE_FILE)
     except (MissingInput, BadRecord) as error:
@@ -237,12 +193,7 @@ def read_step_state(folder: Path, kind: type[State]) -> State:
 
 
 def read_model(folder: Path, which: Which = "latest") -> Gmr:
-    """The network of a checkpoint, with averaged weights where the run keeps such.
-
-    Raises:
-        BadCheckpoint: files are truncated, missing, or of another model; or the best weights are
-            asked for and were not kept.
-    """
+    """The network of a checkpoint, with averaged weights where the run keeps such."""
     state = read_state(folder)
     model = Gmr(state.model)
     if which == "best" and state.best is None:
@@ -250,45 +201,30 @@ def read_model(folder: Path, which: Which = "latest") -> Gmr:
             f"{folder}: no best weights, since none were scored while training. Use the latest,"
             " or train with held-out manifests"
         )
-    latest: Weights = "average" if state.averaged else "trained"
+    latest: Weights = "average" if state.averaged else "model"
     load_weights(folder, model, "best" if which == "best" else latest)
     return model
 
 
 def read_best(folder: Path) -> Best | None:
-    """The best weights up to a checkpoint; None where nothing was scored.
-
-    Raises:
-        BadCheckpoint: a file is truncated or missing.
-    """
+    """The best weights up to a checkpoint; None where nothing was scored."""
     score = read_state(folder).best
-    return None if score is None else Best(score, _read_tensors(folder / FILES["best"]))
+    return None if score is None else Best(score, _read_tensors(folder, "best"))
 
 
-def load_weights(folder: Path, model: nn.Module, kind: Weights = "trained") -> None:
-    """Fill a network with a checkpoint's weights.
-
-    Raises:
-        BadCheckpoint: the file is truncated or missing, or of another model.
-    """
-    path = folder / FILES[kind]
-    tensors = _read_tensors(path)
-    _check_names(path, tensors, {name: t.shape for name, t in model.state_dict().items()})
-    model.load_state_dict(tensors)
+def load_weights(folder: Path, model: nn.Module, kind: Weights = "model") -> None:
+    """Fill a network with a checkpoint's weights; BadCheckpoint where they are of another one."""
+    shapes = {name: tensor.shape for name, tensor in model.state_dict().items()}
+    model.load_state_dict(_read_tensors(folder, kind, shapes))
 
 
 def load_optimizer(folder: Path, model: nn.Module, optimizer: torch.optim.Optimizer) -> None:
-    """Fill an optimiser that was just made over `model.parameters()`.
-
-    Errors as in `load_weights`.
-    """
-    path = folder / OPTIMIZER_FILE
-    tensors = _read_tensors(path)
+    """Fill an optimiser that was just made over `model.parameters()`; errors as `load_weights`."""
     shapes = {}
     for name, parameter in model.named_parameters():
         shapes[f"{name}.step"] = torch.Size(())
         shapes |= {f"{name}.{key}": parameter.shape for key in _MOMENTS}
-    _check_names(path, tensors, shapes)
+    tensors = _read_tensors(folder, "optimizer", shapes)
     state = {
         i: {key: tensors[f"{name}.{key}"] for key in ("step", *_MOMENTS)}
         for i, (name, _) in enumerate(model.named_parameters())
@@ -303,34 +239,28 @@ def writable(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def _optimizer_tensors(model: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """State of an Adam over `model.parameters()`, by the names of these."""
     state = optimizer.state_dict()["state"]
+    names = enumerate(name for name, _ in model.named_parameters())
     return writable(
-        {
-            f"{name}.{key}": value
-            for i, (name, _) in enumerate(model.named_parameters())
-            for key, value in state[i].items()
-        }
+        {f"{name}.{key}": value for i, name in names for key, value in state[i].items()}
     )
 
 
-def _read_tensors(path: Path) -> dict[str, Tensor]:
+def _read_tensors(
+    folder: Path, name: str, shapes: dict[str, torch.Size] | None = None
+) -> dict[str, Tensor]:
+    """The tensors of a file, of the names and shapes that are given if any are."""
+    path = folder / f"{name}.safetensors"
     try:
         tensors: dict[str, Tensor] = load_file(path)
     except (SafetensorError, OSError) as error:
         raise BadCheckpoint(
             f"{path}: truncated, missing or not safetensors ({error}). Train again"
         ) from None
-    return tensors
-
-
-def _check_names(path: Path, tensors: dict[str, Tensor], shapes: dict[str, torch.Size]) -> None:
     found = {name: tensor.shape for name, tensor in tensors.items()}
-    if found == shapes:
-        return
-    differing = sorted(
-        name for name in found.keys() | shapes.keys() if found.get(name) != shapes.get(name)
-    )
+    if shapes is None or found == shapes:
+        return tensors
+    differing = sorted({name for name, _ in found.items() ^ shapes.items()})
     raise BadCheckpoint(
         f"{path}: of another model; differing tensors: {', '.join(differing[:5])}"
         f"{' ...' if len(differing) > 5 else ''}. Use the run's own settings, or train again"

@@ -8,15 +8,12 @@ from gmrdata.values.records import Config
 
 Representation = Literal["quaternion", "axis-angle", "6d"]
 """How a rotation is given to the network, or by it."""
-
 ExtraInput = Literal["velocity", "standing"]
 """What the network may be given beside the local rotations, of which it is a function
 (gmrdata.gmr.inputs)."""
-
 MotionSource = Literal["regressed", "standing_joint"]
 """Where dR or dT comes from: from the last layer, the paper's way, or from the joint that stands
 and the last layer (gmrdata.gmr.inputs)."""
-
 Which = Literal["latest", "best"]
 """The network after a run's last step so far, or what scored best on held-out clips up to it."""
 
@@ -52,16 +49,12 @@ class ModelConfig(Config):
 
 
 class LossConfig(Config):
-    """Weights and readings of eq. 5."""
+    """Eq. 5: its weights w_ori, w_trans, w_vertex and w_smooth, and readings of it."""
 
     orientation: float = Field(default=1.0, ge=0.0)
-    """w_ori."""
     translation: float = Field(default=1.0, ge=0.0)
-    """w_trans."""
     vertex: float = Field(default=1.0, ge=0.0)
-    """w_vertex."""
     smoothness: float = Field(default=1e-2, ge=0.0)
-    """w_smooth."""
     orientation_loss: Literal["chordal", "angular", "axis-angle"] = "chordal"
     """Eq. 10, 9 or 11.  The paper ends with chordal (its Table 2)."""
     reduction: Literal["mean", "sum"] = "mean"
@@ -134,13 +127,9 @@ class TrainConfig(StepsConfig):
     """A training run; the defaults are the paper's (section 4.1) where it states one."""
 
     model: ModelConfig = ModelConfig()
-    """The network."""
     loss: LossConfig = LossConfig()
-    """The loss."""
     windows: WindowConfig = WindowConfig()
-    """The training windows."""
     data: DataConfig = DataConfig()
-    """The clips that they are cut from."""
     schedule: Literal["constant", "cosine"] = "constant"
     """Step size over time: constant (the paper states no schedule), or down to 0 along a cosine."""
     warmup_steps: int = Field(default=0, ge=0)

@@ -9,7 +9,7 @@ a batch is made.
 import io
 import shutil
 from collections.abc import Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -25,13 +25,11 @@ PACK_FILE = "pack.json"
 
 
 class PackRecord(Record):
-    """What decides the content of a set's files."""
+    """What decides the content of a set's files: of the network's input."""
 
     format: Literal["gmrdata-pack/1"] = "gmrdata-pack/1"
     input: Representation
-    """Of the network's input."""
     fps_hz: float
-    """Frame rate [Hz]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,32 +38,24 @@ class RunRows:
 
     part: int
     """Which of several manifests it comes from, from 0; parts come one after the other."""
-    poses: np.ndarray
-    """(n, D) network input."""
-    root_rotmats: np.ndarray
-    """(n, 3, 3) frame_from_root."""
-    pelvis_m: np.ndarray
-    """(n, 3) [m]."""
-    shape: np.ndarray
-    """(S,)."""
+    poses: np.ndarray  # (n, D) network input
+    root_rotmats: np.ndarray  # (n, 3, 3) frame_from_root
+    pelvis_m: np.ndarray  # (n, 3) [m]
+    shape: np.ndarray  # (S,)
 
 
 @dataclass(frozen=True, eq=False)
 class FlatRuns:
     """N frames of R runs; run i has the frames `ends[i - 1]` to `ends[i]`."""
 
-    poses: np.ndarray
-    """(N, D) float32 network input."""
+    poses: np.ndarray  # (N, D) float32 network input
     root_rotmats: np.ndarray
     """(N, 3, 3) float64 frame_from_root: differences of neighbouring frames are taken of it."""
     pelvis_m: np.ndarray
     """(N, 3) float64 [m], likewise: 300 m from the origin float32 would be 0.03 mm off."""
-    shapes: np.ndarray
-    """(R, S) float32."""
-    parts: np.ndarray
-    """(R,) int64 which manifest each run comes from, ascending."""
-    ends: np.ndarray
-    """(R,) int64 frames up to and including each run."""
+    shapes: np.ndarray  # (R, S) float32
+    parts: np.ndarray  # (R,) int64 which manifest each run comes from, ascending
+    ends: np.ndarray  # (R,) int64 frames up to and including each run
 
     def rows(self, run: int) -> slice:
         """The frames of a run."""
@@ -73,7 +63,6 @@ class FlatRuns:
 
 
 _FRAME_ARRAYS = {"poses": np.float32, "root_rotmats": np.float64, "pelvis_m": np.float64}
-_RUN_ARRAYS = {"shapes": np.float32, "parts": np.int64, "ends": np.int64}
 
 
 def in_memory(runs: Iterable[RunRows]) -> FlatRuns:
@@ -83,25 +72,22 @@ def in_memory(runs: Iterable[RunRows]) -> FlatRuns:
         name: np.concatenate([getattr(run, name) for run in kept]).astype(dtype, copy=False)
         for name, dtype in _FRAME_ARRAYS.items()
     }
-    return FlatRuns(**frames, **_of_runs(kept))
+    return FlatRuns(**frames, **_of_runs(kept, [len(run.poses) for run in kept]))
 
 
 def in_files(runs: Iterable[RunRows], folder: Path, about: PackRecord) -> FlatRuns:
     """Lay runs end to end in one .npy per quantity, or find them there; mapped into memory.
 
-    Processes that ask at once write once.  A folder that exists is complete.
-
-    Args:
-        runs: The runs, gone through once and not kept; there must be one at least.
-        folder: The folder to make.
-        about: What decides the content; a folder of something else is made anew.
-
-    Raises:
-        BadRecord: an array in the folder is broken.
+    Processes that ask at once write once.  A folder that exists is complete; one of something else
+    than `about` is made anew.  The runs are gone through once and not kept; there must be one at
+    least.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with locked(folder.with_name(f".{folder.name}.lock")):
-        if not _is_packed(folder, about):
+        found = None
+        with suppress(MissingInput, BadRecord):
+            found = PackRecord.read(folder / PACK_FILE)
+        if found != about:
             partial = folder.with_name(folder.name + ".partial")
             for old in (partial, folder):
                 shutil.rmtree(old, ignore_errors=True)
@@ -112,13 +98,6 @@ def in_files(runs: Iterable[RunRows], folder: Path, about: PackRecord) -> FlatRu
     return _mapped(folder)
 
 
-def _is_packed(folder: Path, about: PackRecord) -> bool:
-    try:
-        return PackRecord.read(folder / PACK_FILE) == about
-    except (MissingInput, BadRecord):
-        return False
-
-
 def remove_files(folder: Path) -> None:
     """Remove what `in_files` made."""
     shutil.rmtree(folder, ignore_errors=True)
@@ -126,8 +105,8 @@ def remove_files(folder: Path) -> None:
 
 
 def _write(runs: Iterable[RunRows], folder: Path) -> None:
-    # Rows of runs without their frames, which are many.
-    kept: list[RunRows] = []
+    none = np.zeros((0,))
+    kept: list[RunRows] = []  # without their frames, which are many
     lengths: list[int] = []
     row_shapes: dict[str, tuple[int, ...]] = {}
     with ExitStack() as stack:
@@ -141,7 +120,6 @@ def _write(runs: Iterable[RunRows], folder: Path) -> None:
                     row_shapes[name] = rows.shape[1:]
                     stream.write(_header(name, (0, *rows.shape[1:])))
                 stream.write(rows.data)
-            none = np.zeros((0,))
             kept.append(RunRows(run.part, none, none, none, run.shape))
             lengths.append(len(run.poses))
         for name, stream in streams.items():
@@ -154,32 +132,27 @@ def _write(runs: Iterable[RunRows], folder: Path) -> None:
 def _header(name: str, shape: tuple[int, ...]) -> bytes:
     """Header of a .npy: of the same length for any number of rows, since numpy leaves room."""
     header = io.BytesIO()
-    descr = np.lib.format.dtype_to_descr(np.dtype(_FRAME_ARRAYS[name]))
+    descr = np.dtype(_FRAME_ARRAYS[name]).str
     about = {"descr": descr, "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(header, about)
     return header.getvalue()
 
 
-def _of_runs(runs: list[RunRows], lengths: list[int] | None = None) -> dict[str, np.ndarray]:
-    if lengths is None:
-        lengths = [len(run.poses) for run in runs]
-    values = {
-        "shapes": np.stack([run.shape for run in runs]),
-        "parts": np.array([run.part for run in runs]),
-        "ends": np.cumsum(lengths),
+def _of_runs(runs: list[RunRows], lengths: list[int]) -> dict[str, np.ndarray]:
+    return {
+        "shapes": np.stack([run.shape for run in runs]).astype(np.float32),
+        "parts": np.array([run.part for run in runs], np.int64),
+        "ends": np.cumsum(lengths, dtype=np.int64),
     }
-    return {name: values[name].astype(dtype) for name, dtype in _RUN_ARRAYS.items()}
 
 
 def _mapped(folder: Path) -> FlatRuns:
     try:
         frames = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FRAME_ARRAYS}
-        runs = {name: np.load(folder / f"{name}.npy") for name in _RUN_ARRAYS}
+        runs = {name: np.load(folder / f"{name}.npy") for name in ("shapes", "parts", "ends")}
     except (OSError, ValueError) as error:
         raise BadRecord(f"{folder}: broken ({error}). Remove it, and it is made again") from None
     lengths = {len(values) for values in frames.values()} | {int(runs["ends"][-1])}
     if len(lengths) > 1:
-        raise BadRecord(
-            f"{folder}: its arrays do not fit together. Remove it, and it is made again"
-        )
+        raise BadRecord(f"{folder}: its arrays don't fit together. Remove it, and it is made again")
     return FlatRuns(**frames, **runs)

@@ -25,7 +25,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import Which
-from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion, without_root
 from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
@@ -56,7 +56,7 @@ def predict_at_source_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
         BadMotionFile: less than two frames at the network's rate, NaN poses, or a lower rate.
     """
     n = motion.n_frames
-    poses = replace(motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3)))
+    poses = without_root(motion)
     seen = predict_world_motion(gmr, poses, first_root_rotmat=WORLD_FROM_REST)
     # Only the root is wanted at the source's rate, so the joints need no interpolation.
     back = resample(replace(seen, local_rotmats=seen.local_rotmats[:, :0]), motion.fps_hz)
@@ -81,10 +81,10 @@ def _rest_of_the_way(gmr: TrainedGmr, poses: Motion, seen: Motion, n_missing: in
     late = predict_world_motion(
         gmr, resample(poses, gmr.fps_hz, start_s=max(0.0, end_s - n_steps / gmr.fps_hz))
     )
-    last_step = transforms.rigid(late.root_rotmats[-2:], late.pelvis_m[-2:])
+    start, end = transforms.rigid(late.root_rotmats[-2:], late.pelvis_m[-2:])
     frames = np.arange(poses.n_frames - n_missing, poses.n_frames)
     times_s = np.array([(seen.n_frames - 1) / gmr.fps_hz, *(frames / poses.fps_hz)])
-    late_from_root = _between(last_step[0], last_step[1], 1.0 - (end_s - times_s) * gmr.fps_hz)
+    late_from_root = _between(start, end, 1.0 - (end_s - times_s) * gmr.fps_hz)
     joint = transforms.rigid(seen.root_rotmats[-1], seen.pelvis_m[-1])
     world_from_late = joint @ transforms.invert(late_from_root[0])
     return np.asarray(world_from_late @ late_from_root[1:])
@@ -109,15 +109,13 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
     The person starts above the origin.
     """
     up = up_of_standing_feet(motion, body)
-    level_from_world = np.eye(3) if up is None else minimal_rotation(up, UP)
-    root_rotmats = level_from_world @ motion.root_rotmats
+    level_from_world, how = np.eye(3), "no foot stands still; up from the first pelvis"
+    if up is not None:
+        level_from_world, how = minimal_rotation(up, UP), "up from standing feet"
+    levelled = replace(motion, root_rotmats=level_from_world @ motion.root_rotmats)
     pelvis_m = motion.pelvis_m @ level_from_world.T
-    levelled = replace(motion, root_rotmats=root_rotmats)
     root_rotmats, pelvis_m, _ = put_on_floor(
         body, motion.shape, levelled.rotmats, pelvis_m, motion.fps_hz
-    )
-    how = (
-        "no foot stands still; up from the first pelvis" if up is None else "up from standing feet"
     )
     return replace(
         motion,
@@ -161,14 +159,11 @@ RECORD_FILE = "infer.json"
 
 
 class NetworkUsed(Config):
-    """Which network predicted."""
+    """Which network predicted: its run's folder, training steps behind its weights, frame rate."""
 
     run: str
-    """Name of its run's folder."""
     step: int
-    """Training steps behind its weights."""
     fps_hz: float
-    """Its frame rate [Hz]."""
 
 
 class InferredMotion(Config):
@@ -184,7 +179,6 @@ class InferredMotion(Config):
     path_m: float
     """Length of the pelvis's path over the ground [m]."""
     source: str
-    """Where it comes from, for a person to read."""
 
 
 class InferRecord(Record):
@@ -194,7 +188,6 @@ class InferRecord(Record):
     poses: str
     """Name of the file of poses."""
     body: str
-    """Name of the body."""
     model: NetworkUsed
     motions: dict[str, InferredMotion]
     """By folder."""
@@ -220,6 +213,7 @@ class InferConfig(Config):
     """Height of the video [px]."""
 
 
+DEFAULT_CONFIG = InferConfig()
 DrawMotion = Callable[[Path, Clip, BodyModel, InferConfig], None]
 """Adds pictures of a world motion to its folder; keeps those that are there."""
 
@@ -229,7 +223,7 @@ def infer_world_motion(
     source: Path,
     body_name: str,
     out_dir: Path,
-    config: InferConfig | None = None,
+    config: InferConfig = DEFAULT_CONFIG,
     *,
     draw: DrawMotion,
     joint_map: Path | None = None,
@@ -244,7 +238,6 @@ def infer_world_motion(
         out_dir: Gets `infer.json` and a folder for each unbroken run of each person: `clip.npz`,
             `amass.npz`, `motion.bvh`, `body.glb`, and what `draw` adds.  People and runs do not
             share a world: each starts above the origin of its own.
-        config: The recipe; None for its defaults.
         draw: Adds the pictures, as `gmrdata.pages.inference.draw_motion` does.
         joint_map: For a BVH or AMC with unknown joint names.
 
@@ -257,7 +250,6 @@ def infer_world_motion(
     """
     from gmrdata.read.bodies import load_body
 
-    config = config or InferConfig()
     inputs = {f"poses_{role}": path for role, path in input_files(source).items()}
     inputs["run"] = run_dir
     if joint_map is not None:
@@ -270,8 +262,16 @@ def infer_world_motion(
     body = load_body(body_name)
     gmr, worlds, left_out = _predict(run_dir, source, body, config, joint_map)
 
+    record = InferRecord(
+        poses=source.name,
+        body=body.name,
+        model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
+        motions={name: _described(clip) for name, clip in worlds.items()},
+        left_out=left_out,
+    )
+
     def work(partial_dir: Path) -> None:
-        _record(gmr, source, body, worlds, left_out).write(partial_dir / RECORD_FILE)
+        record.write(partial_dir / RECORD_FILE)
         for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
             _write_files(partial_dir / name, world, body)
         for name, world in worlds.items():
@@ -313,40 +313,18 @@ def _too_short(motion: Motion, fps_hz: float) -> str:
     steps = (motion.n_frames - 1) / motion.fps_hz * fps_hz
     if motion.n_frames >= MIN_FRAMES and (steps > 1 - ON_A_SAMPLE or motion.fps_hz < fps_hz):
         return ""
-    return (
-        f"{motion.n_frames} frame{'' if motion.n_frames == 1 else 's'} at {motion.fps_hz:g} fps:"
-        f" less than two at {fps_hz:g} fps"
-    )
+    frames = "1 frame" if motion.n_frames == 1 else f"{motion.n_frames} frames"
+    return f"{frames} at {motion.fps_hz:g} fps: less than two at {fps_hz:g} fps"
 
 
 def _write_files(folder: Path, clip: Clip, body: BodyModel) -> None:
     """All but the pictures; each file is written as a whole, so what is there is kept."""
-    motion = clip.motion
-    writers: dict[str, Callable[[Path], None]] = {
-        CLIP_FILE: lambda path: save_clip(path, clip, body.rest_pelvis_m(motion.shape)),
-        AMASS_FILE: lambda path: write_amass(path, motion, body),
-        BVH_FILE: lambda path: write_bvh(path, motion, body),
-        GLB_FILE: lambda path: write_glb(path, motion, body),
-    }
+    if not (folder / CLIP_FILE).exists():
+        save_clip(folder / CLIP_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
+    writers = {AMASS_FILE: write_amass, BVH_FILE: write_bvh, GLB_FILE: write_glb}
     for file_name, write in writers.items():
         if not (folder / file_name).exists():
-            write(folder / file_name)
-
-
-def _record(
-    gmr: TrainedGmr,
-    source: Path,
-    body: BodyModel,
-    worlds: dict[str, Clip],
-    left_out: dict[str, str],
-) -> InferRecord:
-    return InferRecord(
-        poses=source.name,
-        body=body.name,
-        model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
-        motions={name: _described(clip) for name, clip in worlds.items()},
-        left_out=left_out,
-    )
+            write(folder / file_name, clip.motion, body)
 
 
 def _described(clip: Clip) -> InferredMotion:

@@ -23,18 +23,14 @@ from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import forward_kinematics
 
 REST_JOINTS_M = (
-    (0.000, 0.000, 0.000), (0.112, -0.045, -0.008),
-    (-0.112, -0.045, -0.008), (0.000, 0.105, 0.006),
-    (0.112, -0.423, -0.008), (-0.112, -0.423, -0.008),
-    (0.000, 0.208, -0.003), (0.112, -0.856, -0.008),
-    (-0.112, -0.856, -0.008), (0.000, 0.328, -0.036),
-    (0.112, -0.905, 0.139), (-0.112, -0.905, 0.139),
-    (0.000, 0.511, 0.001), (0.062, 0.478, 0.008),
-    (-0.062, 0.478, 0.008), (0.000, 0.561, 0.013),
-    (0.175, 0.414, 0.012), (-0.175, 0.414, 0.012),
-    (0.433, 0.414, 0.012), (-0.433, 0.414, 0.012),
-    (0.663, 0.414, 0.012), (-0.663, 0.414, 0.012),
-    (0.768, 0.414, 0.012), (-0.768, 0.414, 0.012),
+    (0.000, 0.000, 0.000), (0.112, -0.045, -0.008), (-0.112, -0.045, -0.008),
+    (0.000, 0.105, 0.006), (0.112, -0.423, -0.008), (-0.112, -0.423, -0.008),
+    (0.000, 0.208, -0.003), (0.112, -0.856, -0.008), (-0.112, -0.856, -0.008),
+    (0.000, 0.328, -0.036), (0.112, -0.905, 0.139), (-0.112, -0.905, 0.139),
+    (0.000, 0.511, 0.001), (0.062, 0.478, 0.008), (-0.062, 0.478, 0.008),
+    (0.000, 0.561, 0.013), (0.175, 0.414, 0.012), (-0.175, 0.414, 0.012),
+    (0.433, 0.414, 0.012), (-0.433, 0.414, 0.012), (0.663, 0.414, 0.012),
+    (-0.663, 0.414, 0.012), (0.768, 0.414, 0.012), (-0.768, 0.414, 0.012),
 )  # fmt: skip
 """(24, 3) joints of an average adult in SMPL's T-pose, pelvis at the origin [m]: those of the
 default body, rounded to millimetres.  A person's own shape is no input of the network."""
@@ -56,10 +52,7 @@ SCALE = 10.0
 def velocities(
     local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
 ) -> Float[Tensor, "*batch frames 23 3"]:
-    """How each joint turns to the next frame: axis-angle of R_i^T R_{i+1}, in `SCALE`-ths [rad].
-
-    Zero in the last frame, which has no next one.
-    """
+    """How each joint turns to the next frame: axis-angle of R_i^T R_{i+1}, in `SCALE`-ths [rad]."""
     turns = local_rotmats[..., :-1, :, :, :].transpose(-1, -2) @ local_rotmats[..., 1:, :, :, :]
     return _with_last(SCALE * rotations.log_map(turns))
 
@@ -69,7 +62,7 @@ def motions_if_standing(
 ) -> Float[Tensor, "*batch frames 23 6"]:
     """For each joint, the motion that the root would make if this joint stood still.
 
-    Axis-angle of dR [rad] and dT [m], both times `SCALE`; zero in the last frame.
+    Axis-angle of dR [rad] and dT [m], both times `SCALE`.
     """
     joints_m, root_from_joint = joints_in_root_frame(local_rotmats)
     delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[..., 1:, :, :, :].mT
@@ -78,18 +71,15 @@ def motions_if_standing(
     return _with_last(SCALE * torch.cat([rotations.log_map(delta_rotmats), delta_m], dim=-1))
 
 
+Make = Callable[[Tensor], Tensor]
 SIZE: dict[ExtraInput, int] = {"velocity": 3, "standing": 6}
 """Numbers per joint."""
-
-MAKE: dict[ExtraInput, Callable[[Tensor], Tensor]] = {
-    "velocity": velocities,
-    "standing": motions_if_standing,
-}
+MAKE: dict[ExtraInput, Make] = {"velocity": velocities, "standing": motions_if_standing}
 """Functions from (..., T, 23, 3, 3) to (..., T, 23, `SIZE`)."""
 
 
 def _with_last(values: Tensor) -> Tensor:
-    """A frame of zeros after the last one: (..., T-1, 23, n) -> (..., T, 23, n)."""
+    """Zeros after the last frame, which has no next one: (..., T-1, 23, n) -> (..., T, 23, n)."""
     return torch.cat([values, torch.zeros_like(values[..., :1, :, :])], dim=-3)
 
 

@@ -60,22 +60,21 @@ def fit(
 ) -> Gmr:
     """Train a network: goes on from the folder's latest checkpoint, or begins.
 
+    Errors as in `gmrdata.gmr.train.train`.
+
     Args:
         clips: What to train on.
         body: Their body.
         run_dir: Gets `checkpoints`, `metrics.jsonl` and, if wanted, `tensorboard`.
         config: The recipe.
         held_out: What to score now and then.
-        mix: Which clips come from which manifest, and how often windows come from each.
+        mix: Which clips come from which manifest.
         pack_dir: Folder for the training frames, used as it is if it is there, and removed when the
             training is done; None to keep them in memory.
         processes: Which of several processes this is.
 
     Returns:
         The network, with averaged weights if the recipe averages them.
-
-    Raises:
-        GmrdataError: as `gmrdata.gmr.train.train`.
     """
     check_device(config.device)
     training_set = make_training_set(
@@ -89,8 +88,7 @@ def fit(
     scored_runs = held_out_runs(held_out, body, config.windows.fps_hz)
     with torch_settings(config.device, config.threads, derived_seed(config.seed, 0)):
         learner = _GmrLearner(training_set, scored_runs, body, run_dir, config, processes)
-        done, tensorboard = learner.done, config.tensorboard
-        run_steps(learner, config, run_dir, done, processes=processes, tensorboard=tensorboard)
+        run_steps(learner, config, run_dir, processes, tensorboard=config.tensorboard)
     if pack_dir is not None and processes.is_first:
         remove_files(pack_dir)
     return learner.used
@@ -136,31 +134,28 @@ class _GmrLearner:
         return learning_rate_at(self._config, step)
 
     def after(self, done: int, log: Log) -> None:
-        config = self._config
+        config, fps_hz = self._config, self._config.windows.fps_hz
         if self.average is not None:
             self.average.update_parameters(self.model)
         if not self._processes.is_first:
             return
         if self._scored_runs and is_due(done, config.eval_every, config):
-            scores = held_out_scores(self.used, self._scored_runs, config.windows.fps_hz)
+            scores = held_out_scores(self.used, self._scored_runs, fps_hz)
             name = config.best_by
             self.best = best_of(self.best, done, name, scores[name], self.used)
             log({"step": done} | scores)
         if is_due(done, config.checkpoint_every, config):
-            self._save(done)
-
-    def _save(self, done: int) -> None:
-        save_checkpoint(
-            self._run_dir,
-            done,
-            self.model,
-            self.optimizer,
-            body=self._loss_body.body.name,
-            fps_hz=self._config.windows.fps_hz,
-            processes=self._processes.count,
-            best=self.best,
-            average=None if self.average is None else self.used,
-        )
+            save_checkpoint(
+                self._run_dir,
+                done,
+                self.model,
+                self.optimizer,
+                body=self._loss_body.body.name,
+                fps_hz=fps_hz,
+                processes=self._processes.count,
+                best=self.best,
+                average=None if self.average is None else self.used,
+            )
 
     def _resume(self) -> int:
         """Load the latest checkpoint, if any: the number of steps done."""
@@ -192,8 +187,7 @@ def gradient_step(
     processes: Processes = ALONE,
 ) -> dict[str, float]:
     """`fill_gradients` with eq. 5 of this process's part of the windows of all."""
-    counts = counts_of(batch.mask, processes.count)
-    part = own_part(batch, processes)
+    counts, part = counts_of(batch.mask, processes.count), own_part(batch, processes)
 
     def terms() -> dict[str, torch.Tensor]:
         return batch_loss(network, part, loss_body, config, counts).by_name()
@@ -236,12 +230,7 @@ def learning_rate_at(config: TrainConfig, step: int) -> float:
 
 
 def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list[Run]:
-    """What to score: the runs of valid frames of the held-out clips, first phase.
-
-    Raises:
-        BadManifest: there are clips, but none with two valid frames in a row, or not of this body.
-        BadMotionFile: a clip holds NaN, or has a lower frame rate.
-    """
+    """What to score: the runs of valid frames of the held-out clips, first phase."""
     if not clips:
         return []
     fitting = fitting_clips(clips, body)
@@ -255,11 +244,7 @@ def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list
 
 
 def held_out_scores(model: Gmr, runs: Sequence[Run], fps_hz: float) -> dict[str, float]:
-    """OME and TME over all motions of the runs (eqs. 15, 16), with true local poses.
-
-    Returns:
-        `held_out_ome_deg` and `held_out_tme_mm`.
-    """
+    """OME and TME over all motions of the runs (eqs. 15, 16), with true local poses."""
     gmr = TrainedGmr(model.eval(), fps_hz, "(in training)", 0)
     angles_deg, lengths_mm = [], []
     for run in runs:
@@ -274,11 +259,7 @@ def held_out_scores(model: Gmr, runs: Sequence[Run], fps_hz: float) -> dict[str,
 
 
 def _compiled(model: Gmr, config: TrainConfig) -> nn.Module:
-    """The network, made by `torch.compile` if the recipe says so; the weights stay the model's.
-
-    Raises:
-        StageFailed: there is no compiler.
-    """
+    """The network, made by `torch.compile` if the recipe says so; the weights stay the model's."""
     if not config.compile:
         return model
     compiler = os.environ.get("CXX", "g++")

@@ -25,8 +25,10 @@ class Motions:
     delta_m: Float[Tensor, "batch motions 3"]
 
     def to(self, device: torch.device | str) -> Self:
-        """The same on a device."""
         return type(self)(self.delta_rotmats.to(device), self.delta_m.to(device))
+
+    def __getitem__(self, windows: slice) -> Self:
+        return type(self)(self.delta_rotmats[windows], self.delta_m[windows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +43,7 @@ class LossTerms:
 
     def by_name(self) -> dict[str, Tensor]:
         """As they are logged."""
-        return {
-            "loss": self.total,
-            "orientation": self.orientation,
-            "translation": self.translation,
-            "vertex": self.vertex,
-            "smoothness": self.smoothness,
-        }
+        return {"loss" if name == "total" else name: term for name, term in vars(self).items()}
 
 
 @dataclass(frozen=True)
@@ -59,12 +55,9 @@ class Counts:
     gradients, then is the mean over the step.
     """
 
-    motions: float
-    """Motions between real frames."""
-    pairs: float
-    """Adjacent two of them."""
+    motions: float  # between real frames
+    pairs: float  # adjacent two of them
     windows: float
-    """Windows."""
 
 
 def counts_of(mask: Bool[Tensor, "batch motions"], processes: int = 1) -> Counts:
@@ -92,11 +85,12 @@ def gmr_loss(
         config: Weights and readings.
         counts: What means are over, if not over what `mask` has.
     """
-    if counts is None:
-        counts = counts_of(mask)
+    counts = counts or counts_of(mask)
     orientation = _orientation(predicted.delta_rotmats, true.delta_rotmats, config.orientation_loss)
     translation = (predicted.delta_m - true.delta_m).square().sum(-1)
-    smoothness = _smoothness(predicted.delta_rotmats)
+    # Eq. 14 per pair of adjacent motions: (B, T-1, 3, 3) -> (B, T-2).
+    changes = predicted.delta_rotmats[:, 1:] - predicted.delta_rotmats[:, :-1]
+    smoothness = changes.square().sum((-1, -2))
     mean = config.reduction == "mean"
     motions = counts.motions if mean else counts.windows
     terms = {
@@ -124,11 +118,6 @@ def _orientation(predicted: Tensor, true: Tensor, kind: str) -> Tensor:
     if kind == "angular":
         return rotations.log_map(predicted @ true.transpose(-1, -2)).square().sum(-1)
     return (rotations.log_map(predicted) - rotations.log_map(true)).square().sum(-1)
-
-
-def _smoothness(rotmats: Tensor) -> Tensor:
-    """Eq. 14 per pair of adjacent motions: (B, T-1, 3, 3) -> (B, T-2)."""
-    return (rotmats[:, 1:] - rotmats[:, :-1]).square().sum((-1, -2))
 
 
 def _pairs(mask: Tensor) -> Tensor:

@@ -90,8 +90,7 @@ class Gmr(nn.Module):
         T frames in give T motions out, as in Fig. 4; but T frames have only T-1 motions, so the
         last one leads out of the sequence and callers drop it.
         """
-        hidden = encode(self.encoder, poses, lengths)
-        features = self.dropout(self.projection(hidden))
+        features = self.dropout(self.projection(encode(self.encoder, poses, lengths)))
         # bfloat16's 8 bits are enough for features, not for the motion itself.
         with torch.autocast(features.device.type, enabled=False):
             features = features.to(self.regression.weight.dtype)

@@ -8,14 +8,13 @@ same weights at all times.  The first process alone writes.  All must see the sa
 
 import atexit
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import timedelta
 
 import torch
 import torch.distributed as dist
 from torch import nn
 
-from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.windows import Batch
 from gmrdata.values.errors import StageFailed
 
@@ -28,9 +27,7 @@ class Processes:
     """Which process this is, of how many."""
 
     rank: int = 0
-    """From 0."""
     count: int = 1
-    """How many there are."""
 
     @property
     def is_first(self) -> bool:
@@ -39,25 +36,16 @@ class Processes:
 
 
 ALONE = Processes()
-"""A training in one process."""
 
 
 def check_device(device: str) -> None:
-    """Refuse to begin without the device.
-
-    Raises:
-        StageFailed: a GPU is asked for, and there is none.
-    """
+    """Refuse to begin without the device."""
     if device == "cuda" and not torch.cuda.is_available():
         raise StageFailed("no GPU here that torch can use. Train with device: cpu")
 
 
 def join_processes(device: str) -> Processes:
-    """Join the others that `torchrun` started, until this process ends; `ALONE` without it.
-
-    Raises:
-        StageFailed: a GPU is asked for, and there is none.
-    """
+    """Join the others that `torchrun` started, until this process ends; `ALONE` without it."""
     check_device(device)
     if not dist.is_torchelastic_launched():
         return ALONE
@@ -101,11 +89,4 @@ def own_part(batch: Batch, processes: Processes) -> Batch:
         return batch
     size = len(batch.poses) // processes.count
     rows = slice(processes.rank * size, (processes.rank + 1) * size)
-    return Batch(
-        poses=batch.poses[rows],
-        lengths=batch.lengths[rows],
-        mask=batch.mask[rows],
-        motions=Motions(batch.motions.delta_rotmats[rows], batch.motions.delta_m[rows]),
-        local_rotmats=batch.local_rotmats[rows],
-        shape=batch.shape[rows],
-    )
+    return Batch(*(getattr(batch, field.name)[rows] for field in fields(batch)))

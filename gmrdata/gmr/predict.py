@@ -20,10 +20,9 @@ from gmrdata.values.shapes import Float
 
 @dataclass(frozen=True, eq=False)
 class TrainedGmr:
-    """A network with what it takes to use it."""
+    """A network in evaluation mode, with what it takes to use it."""
 
     model: Gmr
-    """The network, in evaluation mode."""
     fps_hz: float
     """Frame rate that it was trained at [Hz]."""
     name: str
@@ -105,13 +104,16 @@ def predict_world_motion(
     )
 
 
-def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
-    """The motion at the network's rate; roots, which may be absent, are set to the identity."""
+def without_root(motion: Motion) -> Motion:
+    """The same local poses, with the root at the identity and the pelvis at the origin."""
     n = motion.n_frames
-    rootless = replace(
-        motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3))
-    )
-    clip = Clip(motion.source, rootless, np.ones(n, bool), np.full(n, -1), None)
+    return replace(motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3)))
+
+
+def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
+    """The motion at the network's rate, without its roots, which may be absent."""
+    n = motion.n_frames
+    clip = Clip(motion.source, without_root(motion), np.ones(n, bool), np.full(n, -1), None)
     runs = runs_at(clip, gmr.fps_hz, all_phases=False)
     if not runs:
         raise BadMotionFile(

@@ -12,13 +12,11 @@ from gmrdata.values.shapes import Float
 
 SIZE: dict[Representation, int] = {"quaternion": 4, "axis-angle": 3, "6d": 6}
 """Numbers per rotation."""
-
 IDENTITY: dict[Representation, tuple[float, ...]] = {
     "quaternion": (1.0, 0.0, 0.0, 0.0),
     "axis-angle": (0.0, 0.0, 0.0),
     "6d": (1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
 }
-"""The identity rotation in each representation."""
 
 
 def from_rotmats(

@@ -19,24 +19,19 @@ from gmrdata.values.motion import Motion, whole_ratio
 
 @dataclass(frozen=True, eq=False)
 class UsableClip:
-    """A clip with what the manifest says of its camera."""
+    """A clip with the class of its camera's motion: "none" without a camera."""
 
     clip: Clip
-    """The clip."""
     camera_motion: str
-    """Class of the camera's motion; "none" without a camera."""
 
 
 @dataclass(frozen=True, eq=False)
 class UsableClips:
-    """What a manifest offers."""
+    """Clips that a manifest vouches for, and the reason by id for those that it does not."""
 
     clips: tuple[UsableClip, ...]
-    """Clips that the manifest vouches for."""
     skipped: dict[str, str]
-    """Reason by id of those that it does not."""
     manifest: Manifest
-    """The manifest."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +39,7 @@ class ClipFile:
     """A clip that the manifest vouches for, still on disk."""
 
     manifest_path: Path
-    """The manifest."""
     entry: ClipEntry
-    """What it says of the clip."""
 
     def load(self) -> Clip:
         """Read the clip; errors as in `usable_clips`."""
@@ -80,7 +73,7 @@ def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str]]:
         MissingInput: the manifest is not there.
         BadManifest: the manifest is broken, or only a list.
     """
-    return _sorted_out(path, _with_files(path))
+    return _sorted_out(path)[:2]
 
 
 def usable_clips(path: Path) -> UsableClips:
@@ -91,35 +84,26 @@ def usable_clips(path: Path) -> UsableClips:
         BadManifest: the manifest is broken, or only a list.
         BadMotionFile: a clip's file is broken.
     """
-    manifest = _with_files(path)
-    files, skipped = _sorted_out(path, manifest)
+    files, skipped, manifest = _sorted_out(path)
     clips = tuple(UsableClip(file.load(), file.entry.camera_motion) for file in files)
     return UsableClips(clips, skipped, manifest)
 
 
-def _with_files(path: Path) -> Manifest:
+def _sorted_out(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
         raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")
-    return manifest
-
-
-def _sorted_out(path: Path, manifest: Manifest) -> tuple[list[ClipFile], dict[str, str]]:
     files, skipped = [], {}
     for entry in manifest.clips:
         if entry.quality is not None and entry.quality.verdict == "rejected":
             skipped[entry.id] = "rejected: " + "; ".join(entry.quality.reasons)
         else:
             files.append(ClipFile(path, entry))
-    return files, skipped
+    return files, skipped, manifest
 
 
 def check_clips_fit(clips: Iterable[Clip], body: BodyModel) -> None:
-    """Refuse clips of another body, or that are not in the world.
-
-    Raises:
-        BadManifest: there is such a clip, or no clip at all.
-    """
+    """Refuse, with a BadManifest, clips of another body or not in the world, or no clip at all."""
     for _ in fitting_clips(clips, body):
         pass
 
@@ -153,24 +137,15 @@ class Run:
     """Consecutive valid frames of one clip, at the frame rate that was asked for."""
 
     clip_id: str
-    """The clip that it comes from."""
     motion: Motion
-    """The person, without gaps."""
 
 
 def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Run]:
     """Runs of a clip's valid frames at a frame rate; none of them crosses a gap.
 
     Where the clip's rate is k times the asked one, every k-th frame is taken as it is; all k phases
-    of that, or the one that begins with the run's first frame.  Other ratios are resampled.
-
-    Args:
-        clip: The clip, at `fps_hz` or a higher rate.
-        fps_hz: The frame rate to have [Hz].
-        all_phases: Whether each of the clip's frames shall appear, in the runs of its phase.
-
-    Returns:
-        Runs of at least two frames.
+    of that, or the one that begins with the run's first frame.  Other ratios are resampled.  Runs
+    have at least two frames.
 
     Raises:
         BadMotionFile: a valid frame holds NaN or infinite numbers, or the clip's rate is lower than
@@ -200,11 +175,7 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Run]:
 
 
 def check_finite(clip: Clip) -> None:
-    """Refuse NaN and infinities in valid frames.
-
-    Raises:
-        BadMotionFile: there are such numbers; the message names the clip and the first frame.
-    """
+    """Refuse NaN and infinities in valid frames, with a BadMotionFile."""
     motion = clip.motion
     finite = np.isfinite(motion.local_rotmats).all((1, 2, 3))
     finite &= np.isfinite(motion.root_rotmats).all((1, 2)) & np.isfinite(motion.pelvis_m).all(1)

@@ -20,22 +20,18 @@ from gmrdata.read.source_motion import CMU_TRIAL
 from gmrdata.stage import recipes
 from gmrdata.values.errors import BadManifest, BadRecipe
 
+# Data sets whose sequences are no CMU trials, whatever they are called.
 _OTHERS = frozenset({"gmrdata", "3DPW", "Human3.6M", "EMDB"})
-"""Data sets whose sequences are no CMU trials, whatever they are called."""
 
 
 @dataclass(frozen=True)
 class Split:
     """The clips of all manifests."""
 
-    training: tuple[ClipFile, ...]
-    """To train on, manifest by manifest."""
-    held_out: tuple[ClipFile, ...]
-    """Those of the held-out subjects, to score."""
-    left_out: dict[str, int]
-    """How many clips are not trained on, by the reason."""
-    mix: Mix
-    """How the training clips belong to the manifests."""
+    training: tuple[ClipFile, ...]  # manifest by manifest
+    held_out: tuple[ClipFile, ...]  # of the held-out subjects, to score
+    left_out: dict[str, int]  # how many clips are not trained on, by the reason
+    mix: Mix  # how the training clips belong to the manifests
 
     @property
     def statement(self) -> str:
@@ -48,10 +44,6 @@ class Split:
 
 def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split:
     """Choose the clips of manifests.
-
-    Args:
-        manifest_paths: The manifests.
-        config: Subjects to hold out, lists never to train on, weights.
 
     Raises:
         MissingInput: a manifest is not there, or no list of a name is published.
@@ -85,11 +77,8 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
     missing = [name for key, name in wanted.items() if key not in found]
     if missing:
         raise BadRecipe(f"data.held_out_subjects: no clip is of {', '.join(missing)}")
-    mix = Mix(
-        tuple(len(part) for part in training),
-        config.weights,
-        tuple(path.name for path in manifest_paths),
-    )
+    names = tuple(path.name for path in manifest_paths)
+    mix = Mix(tuple(map(len, training)), config.weights, names)
     flat = tuple(file for part in training for file in part)
     split = Split(flat, tuple(held_out), dict(left_out), mix)
     if not flat:

@@ -9,7 +9,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -29,48 +29,39 @@ Log = Callable[[Mapping[str, float]], None]
 """Takes a line: `step`, and numbers by name."""
 
 Batch = TypeVar("Batch")
-
 Tensors = tuple[Tensor, ...] | list[Tensor]
-
 AHEAD = 2
 """Batches that are ready or being made while a step is computed."""
 
 
 class Learner(Protocol[Batch]):
-    """What the loop asks of a training.  Steps count from 0."""
+    """What the loop asks of a training, which begins with `done` steps.  Steps count from 0.
+
+    `batch_of` depends on the step's number alone.  `gradients` fills them and gives the step's
+    figures, `loss` and `gradient_norm` among them.  `rate_at` is the optimiser's step size, and
+    `after` averages, scores and keeps.
+    """
+
+    done: int
 
     @property
-    def optimizer(self) -> torch.optim.Optimizer:
-        """Over the weights."""
-
-    def batch_of(self, step: int) -> Batch:
-        """The batch of a step: of that number alone."""
-
-    def gradients(self, batch: Batch) -> dict[str, float]:
-        """Fill the gradients; the figures of the step, `loss` and `gradient_norm` among them."""
-
-    def rate_at(self, step: int) -> float:
-        """The optimiser's step size."""
-
-    def after(self, done: int, log: Log) -> None:
-        """What is to do after `done` steps: average, score, keep."""
+    def optimizer(self) -> torch.optim.Optimizer: ...
+    def batch_of(self, step: int) -> Batch: ...
+    def gradients(self, batch: Batch) -> dict[str, float]: ...
+    def rate_at(self, step: int) -> float: ...
+    def after(self, done: int, log: Log) -> None: ...
 
 
 def run_steps(
     learner: Learner[Batch],
     config: StepsConfig,
     run_dir: Path,
-    done: int,
-    *,
     processes: Processes = ALONE,
+    *,
     tensorboard: bool = False,
 ) -> None:
-    """Train from `done` steps on; within `torch_settings`.
-
-    Raises:
-        TrainingDiverged: the loss became infinite or NaN.
-    """
-    log_dir = run_dir if processes.is_first else None
+    """Train; within `torch_settings`."""
+    log_dir, done = run_dir if processes.is_first else None, learner.done
     with (
         progress_bar(shown=processes.is_first) as bar,
         run_log(log_dir, done, tensorboard) as log,
@@ -101,10 +92,10 @@ def fill_gradients(
     longest: float | None,
     processes: Processes = ALONE,
 ) -> dict[str, float]:
-    """Fill the gradients of a step.
+    """Fill the gradients of a step: the mean over the processes.
 
     Args:
-        network: The network, whose gradients are averaged over the processes.
+        network: The network.
         terms: Computes `loss`, which is minimised, and other scalars to log.
         longest: Length to which the gradient is clipped; None for no limit.
         processes: Which of several processes this is.
@@ -139,10 +130,7 @@ def torch_settings(device: str, threads: int, seed: int) -> Iterator[None]:
 
 
 def derived_seed(seed: int, counter: int, rank: int = 0) -> int:
-    """A run's seed for its weights (counter 0) or a step (from 1), and for a process of several.
-
-    Seeding every step anew lets a run that was stopped go on with the same dropout.
-    """
+    """A run's seed for its weights (counter 0) or a step (from 1), and for a process of several."""
     numbers = [seed, counter, rank] if rank else [seed, counter]
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
@@ -169,11 +157,7 @@ def decay_at(decay: float, step: int) -> float:
 
 
 def check_finite(values: Mapping[str, float], run_dir: Path, step: int) -> None:
-    """Refuse a step, counted from 1, whose figures are not all finite.
-
-    Raises:
-        TrainingDiverged: one is infinite or NaN; the message names the last checkpoint.
-    """
+    """Refuse a step, counted from 1, whose figures are not all finite."""
     if all(math.isfinite(value) for value in values.values()):
         return
     kept = latest_checkpoint(run_dir)
@@ -207,36 +191,26 @@ def prefetched(make: Callable[[int], Batch], steps: Iterable[int]) -> Iterator[t
 
 @contextmanager
 def run_log(run_dir: Path | None, done: int, tensorboard: bool) -> Iterator[Log]:
-    """Go on with a run's log after some steps; what it has of later ones is cut off.
+    """Go on with a run's log after `done` steps; what it has of later ones is cut off.
 
-    Args:
-        run_dir: The run folder; gets `metrics.jsonl`, and the folder `tensorboard`.  None for a
-            process that is to say nothing.
-        done: Steps done.
-        tensorboard: Whether to write event files, which hold times of day.
-
-    Raises:
-        MissingExtra: tensorboard is wanted, and not installed.
+    The folder gets `metrics.jsonl` and, if wanted, `tensorboard`: event files, which hold times of
+    day.  It is None for a process that is to say nothing.
     """
     if run_dir is None:
         yield lambda _: None
         return
     path = run_dir / "metrics.jsonl"
     _cut(path, done)
-    writer = _event_writer(run_dir, done) if tensorboard else None
+    with closing(_event_writer(run_dir, done)) if tensorboard else nullcontext() as writer:
 
-    def log(values: Mapping[str, float]) -> None:
-        with path.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(values) + "\n")
-        if writer is not None:
-            for name in values.keys() - {"step"}:
-                writer.add_scalar(name, values[name], values["step"])
+        def log(values: Mapping[str, float]) -> None:
+            with path.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(values) + "\n")
+            if writer is not None:
+                for name in values.keys() - {"step"}:
+                    writer.add_scalar(name, values[name], values["step"])
 
-    try:
         yield log
-    finally:
-        if writer is not None:
-            writer.close()
 
 
 def _cut(path: Path, done: int) -> None:

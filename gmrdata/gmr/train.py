@@ -27,7 +27,7 @@ class WeightedManifest(Config):
     """A manifest to train on, and how often."""
 
     manifest: Path
-    """The manifest, relative to the recipe's folder."""
+    """Relative to the recipe's folder."""
     weight: float | None = Field(default=None, gt=0.0)
     """Share of the windows that come from it, up to a factor; None for its share of all frames."""
 
@@ -122,10 +122,9 @@ def train(
             console.print(split.statement, markup=False, soft_wrap=True)
         scored = [file for path in held_out_paths for file in usable_files(path)[0]]
         scored += split.held_out
-        body = load_body("anny" if body_path is None else str(body_path))
         fit(
             LazyClips(split.training),
-            body,
+            load_body("anny" if body_path is None else str(body_path)),
             partial_dir,
             config,
             held_out=LazyClips(scored),
@@ -161,10 +160,6 @@ def machine(device: str) -> dict[str, str]:
 
     import torch
 
-    record = {
-        "machine": platform.machine(),
-        "cpu_capability": torch.backends.cpu.get_cpu_capability(),
-    }
-    if device == "cuda":
-        record["gpu"] = torch.cuda.get_device_name()
-    return record
+    capability = torch.backends.cpu.get_cpu_capability()
+    gpu = {"gpu": torch.cuda.get_device_name()} if device == "cuda" else {}
+    return {"machine": platform.machine(), "cpu_capability": capability} | gpu

@@ -29,28 +29,21 @@ CHUNK_BYTES = {"cpu": 2 << 20, "cuda": 512 << 20}
 class VertexBlock:
     """Vertices that few joints move, with coordinates before vertices: all x, all y, all z."""
 
-    joints: Tensor
-    """(J,) int64: the joints that move any of the v vertices."""
-    weights: Tensor
-    """(J, v) share of each joint in each vertex."""
-    template_m: Tensor
-    """(3 v,) rest vertices of the mean shape, seen from the pelvis [m]."""
-    shape_dirs_m: Tensor
-    """(3 v, S) their offset for one unit of each shape coefficient [m]."""
+    joints: Tensor  # (J,) int64: those that move any of the v vertices
+    weights: Tensor  # (J, v) share of each joint in each vertex
+    template_m: Tensor  # (3 v,) rest vertices of the mean shape, seen from the pelvis [m]
+    shape_dirs_m: Tensor  # (3 v, S) their offset for one unit of each shape coefficient [m]
     pose_dirs_m: Tensor | None
     """(3 v, 207) their offset per entry of (local rotation - identity) [m], if the body has it."""
 
 
 @dataclass(frozen=True, eq=False)
 class LossBody:
-    """A body, made ready for the loss."""
+    """A body, and blocks of the `n_vertices` vertices that the loss looks at."""
 
     body: BodyModel
-    """The whole body."""
     n_vertices: int
-    """Vertices that the loss looks at."""
     blocks: tuple[VertexBlock, ...]
-    """These vertices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +51,8 @@ class Bodies:
     """The people of a batch, in the first frame of each motion."""
 
     body: LossBody
-    """Their body."""
-    shape: Tensor
-    """(B, S) shape coefficients."""
-    local_rotmats: Tensor
-    """(B, T-1, 23, 3, 3) parent_from_joint."""
+    shape: Tensor  # (B, S) coefficients
+    local_rotmats: Tensor  # (B, T-1, 23, 3, 3) parent_from_joint
 
 
 def make_loss_body(

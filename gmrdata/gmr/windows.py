@@ -15,9 +15,10 @@ from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, RunRows, in_files, in_me
 from gmrdata.gmr.inputs import input_rotmats
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.model import network_input
-from gmrdata.gmr.runs import Run, runs_at
+from gmrdata.gmr.runs import runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
+from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.shapes import Float, Int
 
@@ -32,25 +33,6 @@ class Mix:
     """Share of the windows from each manifest, up to a factor; None for its share of all frames."""
     names: tuple[str, ...] = ()
     """Names of the manifests, for messages."""
-
-    def part_of_each(self) -> np.ndarray:
-        """(sum of sizes,) which manifest each clip comes from."""
-        return np.repeat(np.arange(len(self.sizes)), self.sizes)
-
-
-def check_mix(runs: FlatRuns, mix: Mix) -> None:
-    """Refuse a weight for a manifest that gives no window.
-
-    Raises:
-        BadManifest: there is one.
-    """
-    if mix.weights is None:
-        return
-    for part in set(range(len(mix.sizes))) - set(runs.parts.tolist()):
-        name = mix.names[part] if mix.names else f"number {part}"
-        raise BadManifest(
-            f"manifest {name} has a weight, but no clip of it gives a window. Leave it out"
-        )
 
 
 def sample_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.Generator) -> int:
@@ -70,24 +52,19 @@ def sample_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.G
 class TrainingRun:
     """Frames that follow each other: a whole run, or a window of it."""
 
-    poses: np.ndarray
-    """(n, D) float32 network input without extra inputs."""
-    root_rotmats: np.ndarray
-    """(n, 3, 3) frame_from_root."""
-    pelvis_m: np.ndarray
-    """(n, 3) [m]."""
-    shape: np.ndarray
-    """(S,) float32."""
+    poses: np.ndarray  # (n, D) float32 network input without extra inputs
+    root_rotmats: np.ndarray  # (n, 3, 3) frame_from_root
+    pelvis_m: np.ndarray  # (n, 3) [m]
+    shape: np.ndarray  # (S,) float32
     mirrored: bool = False
     """Whether left and right are exchanged: in the root's motion already, not yet in `poses`."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """All runs, in memory or in mapped files."""
+    """All runs end to end, in memory or in mapped files."""
 
     frames: FlatRuns
-    """The runs, end to end."""
     representation: Representation
     """Of `poses`."""
     extra_inputs: tuple[ExtraInput, ...] = ()
@@ -100,19 +77,14 @@ class TrainingSet:
         """Every run as a whole."""
         return tuple(self.window(run, slice(None)) for run in range(len(self.frames.ends)))
 
-    def n_frames(self, run: int) -> int:
-        """Frames of a run."""
-        rows = self.frames.rows(run)
-        return rows.stop - rows.start
-
     def window(self, run: int, rows: slice) -> TrainingRun:
         """Some frames of a run, as arrays of their own."""
         frames, of_run = self.frames, self.frames.rows(run)
         return TrainingRun(
-            poses=np.array(frames.poses[of_run][rows]),
-            root_rotmats=np.array(frames.root_rotmats[of_run][rows]),
-            pelvis_m=np.array(frames.pelvis_m[of_run][rows]),
-            shape=frames.shapes[run],
+            np.array(frames.poses[of_run][rows]),
+            np.array(frames.root_rotmats[of_run][rows]),
+            np.array(frames.pelvis_m[of_run][rows]),
+            frames.shapes[run],
         )
 
 
@@ -120,18 +92,12 @@ class TrainingSet:
 class Batch:
     """B windows of T frames as tensors."""
 
-    poses: Tensor
-    """(B, T, D) network input; zero in padding."""
-    lengths: Tensor
-    """(B,) int64 on the CPU: real frames."""
-    mask: Tensor
-    """(B, T-1) bool: motions between real frames."""
-    motions: Motions
-    """True motions; the identity in padding."""
-    local_rotmats: Tensor
-    """(B, T, 23, 3, 3); those of the last real frame in padding."""
-    shape: Tensor
-    """(B, S)."""
+    poses: Tensor  # (B, T, D) network input; zero in padding
+    lengths: Tensor  # (B,) int64 on the CPU: real frames
+    mask: Tensor  # (B, T-1) bool: motions between real frames
+    motions: Motions  # true ones; the identity in padding
+    local_rotmats: Tensor  # (B, T, 23, 3, 3); those of the last real frame in padding
+    shape: Tensor  # (B, S)
 
 
 def make_training_set(
@@ -145,28 +111,25 @@ def make_training_set(
 ) -> TrainingSet:
     """Cut clips into runs at the network's frame rate, all phases, and compute their inputs once.
 
-    Args:
-        clips: Gone through once and not kept, so they may come from disk one by one.
-        representation: Of the network's input.
-        config: The frame rate.
-        extra_inputs: What batches shall have beside it.
-        mix: Which clips come from which manifest, and how often windows come from each.
-        pack_dir: Folder for the runs' arrays, which are then mapped and not kept in memory.
+    The clips are gone through once and not kept, so they may come from disk one by one.  With
+    `pack_dir`, the runs' arrays are files in that folder, mapped and not kept in memory.
 
     Raises:
         BadManifest: no clip has two valid frames in a row, a manifest with a weight has none, or
             the clips are of different bodies.
         BadMotionFile: a clip has NaN in a valid frame, or too low a frame rate.
     """
-    rows = _run_rows(clips, representation, config, mix)
-    if pack_dir is None:
-        frames = in_memory(rows)
-    else:
-        frames = in_files(rows, pack_dir, PackRecord(input=representation, fps_hz=config.fps_hz))
-    if mix is not None:
-        check_mix(frames, mix)
-    weights = None if mix is None else mix.weights
-    return TrainingSet(frames, representation, extra_inputs, weights)
+    rows = _run_rows(clips, representation, config.fps_hz, mix)
+    about = PackRecord(input=representation, fps_hz=config.fps_hz)
+    frames = in_memory(rows) if pack_dir is None else in_files(rows, pack_dir, about)
+    if mix is None or mix.weights is None:
+        return TrainingSet(frames, representation, extra_inputs)
+    for part in set(range(len(mix.sizes))) - set(frames.parts.tolist()):
+        name = mix.names[part] if mix.names else f"number {part}"
+        raise BadManifest(
+            f"manifest {name} has a weight, but no clip of it gives a window. Leave it out"
+        )
+    return TrainingSet(frames, representation, extra_inputs, mix.weights)
 
 
 def make_batch(
@@ -183,7 +146,9 @@ def make_batch(
     windows = [sample_window(training_set, config, rng) for _ in range(batch_size)]
     poses, lengths, motions = stacked(windows, config.frames)
     poses = _signed(poses, training_set.representation)
-    local_rotmats = _local_rotmats(poses, lengths, training_set.representation)
+    local_rotmats = input_rotmats(torch.from_numpy(poses), training_set.representation).numpy()
+    # What looks at the next frame sees no motion in padding.
+    local_rotmats = _padded(local_rotmats, lengths)
     mirrored = np.array([window.mirrored for window in windows])
     local_rotmats[mirrored] = mirror_local(local_rotmats[mirrored])
     if config.mirror_probability > 0 or config.pose_noise_deg > 0 or training_set.extra_inputs:
@@ -203,7 +168,8 @@ def sample_window(
 ) -> TrainingRun:
     """A window of a run that is chosen by its share of the frames, maybe backwards or mirrored."""
     run = sample_run(training_set.frames, training_set.weights, rng)
-    start = int(rng.integers(max(1, training_set.n_frames(run) - config.frames + 1)))
+    of_run = training_set.frames.rows(run)
+    start = int(rng.integers(max(1, of_run.stop - of_run.start - config.frames + 1)))
     backwards = rng.random() < config.reverse_probability
     mirrored = config.mirror_probability > 0 and rng.random() < config.mirror_probability
     window = training_set.window(run, slice(start, start + config.frames))
@@ -221,8 +187,7 @@ def sample_window(
 
 def reverse(run: TrainingRun) -> TrainingRun:
     """The same frames in the opposite order."""
-    rows = slice(None, None, -1)
-    return TrainingRun(run.poses[rows], run.root_rotmats[rows], run.pelvis_m[rows], run.shape)
+    return TrainingRun(run.poses[::-1], run.root_rotmats[::-1], run.pelvis_m[::-1], run.shape)
 
 
 def stacked(
@@ -236,20 +201,9 @@ def stacked(
     delta_m = np.zeros((size, frames - 1, 3), np.float32)
     for row, (n, window) in enumerate(zip(lengths, windows, strict=True)):
         rows[row, :n] = window.poses
-        delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = deltas(
-            window.root_rotmats, window.pelvis_m
-        )
+        motions = deltas(window.root_rotmats, window.pelvis_m)
+        delta_rotmats[row, : n - 1], delta_m[row, : n - 1] = motions
     return rows, lengths, Motions(torch.from_numpy(delta_rotmats), torch.from_numpy(delta_m))
-
-
-def _local_rotmats(
-    poses: np.ndarray, lengths: np.ndarray, representation: Representation
-) -> Float[np.ndarray, "batch frames 23 3 3"]:
-    """Local rotations of windows as they are cut.
-
-    Padding repeats the last real frame, so that what looks at the next frame sees no motion.
-    """
-    return _padded(input_rotmats(torch.from_numpy(poses), representation).numpy(), lengths)
 
 
 def _padded(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -285,10 +239,10 @@ def _signed(poses: np.ndarray, representation: Representation) -> np.ndarray:
 
 
 def _run_rows(
-    clips: Iterable[Clip], representation: Representation, config: WindowConfig, mix: Mix | None
+    clips: Iterable[Clip], representation: Representation, fps_hz: float, mix: Mix | None
 ) -> Iterator[RunRows]:
     """The runs of the clips, one after the other."""
-    parts = None if mix is None else mix.part_of_each()
+    parts = None if mix is None else np.repeat(np.arange(len(mix.sizes)), mix.sizes)
     body, n_clips, n_runs = "", 0, 0
     for n_clips, clip in enumerate(clips, start=1):
         body = body or clip.motion.body
@@ -297,23 +251,18 @@ def _run_rows(
                 f"training clips are of different bodies ({body}, {clip.motion.body}), whose"
                 " shapes do not mix. Train on the clips of one body"
             )
-        for run in runs_at(clip, config.fps_hz, all_phases=True):
+        for run in runs_at(clip, fps_hz, all_phases=True):
             n_runs += 1
-            yield _one_run(run, 0 if parts is None else int(parts[n_clips - 1]), representation)
+            part = 0 if parts is None else int(parts[n_clips - 1])
+            yield _one_run(run.motion, part, representation)
     if not n_runs:
         raise BadManifest(
             f"none of the {n_clips} training clips has two valid frames in a row at"
-            f" {config.fps_hz:g} fps. Give manifests with longer clips"
+            f" {fps_hz:g} fps. Give manifests with longer clips"
         )
 
 
-def _one_run(run: Run, part: int, representation: Representation) -> RunRows:
-    motion = run.motion
+def _one_run(motion: Motion, part: int, representation: Representation) -> RunRows:
     local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
-    return RunRows(
-        part=part,
-        poses=network_input(local_rotmats, representation).float().numpy(),
-        root_rotmats=motion.root_rotmats,
-        pelvis_m=motion.pelvis_m,
-        shape=motion.shape,
-    )
+    poses = network_input(local_rotmats, representation).float().numpy()
+    return RunRows(part, poses, motion.root_rotmats, motion.pelvis_m, motion.shape)
