@@ -6,6 +6,7 @@ translation is the pelvis throughout.  With SMPL's `trans` in its place eq. 8 is
 """
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -16,48 +17,21 @@ from gmrdata.values.motion import Motion
 def motion_in_world(seen: Motion, world_from_cam: np.ndarray, scale: float = 1.0) -> Motion:
     """The person in the world: R_w = R_col R_c and T_w = R_col T_c + s T_col (eqs. 7 and 8).
 
-    Args:
-        seen: T frames, `frame` "camera".
-        world_from_cam: (T, 4, 4) cameras, metric up to `scale`.
-        scale: Metres per unit of the cameras' translations.
-
-    Returns:
-        The motion with `frame` "world".
+    `scale` is metres per unit of the cameras' (T, 4, 4) translations.
 
     Raises:
         ValueError: the motion is not in the camera frame, or the frame counts differ.
     """
-    _require(seen, "camera", world_from_cam)
-    metric = metric_cameras(world_from_cam, scale)
-    return replace(
-        seen,
-        root_rotmats=metric[:, :3, :3] @ seen.root_rotmats,
-        pelvis_m=transforms.apply(metric, seen.pelvis_m[:, None])[:, 0],
-        frame="world",
-    )
+    return _moved(seen, metric_cameras(world_from_cam, scale), "camera", "world")
 
 
 def motion_in_camera(motion: Motion, world_from_cam: np.ndarray) -> Motion:
     """The person as each camera sees it: the inverse of `motion_in_world` for metric cameras.
 
-    Args:
-        motion: T frames, `frame` "world".
-        world_from_cam: (T, 4, 4) metric cameras.
-
-    Returns:
-        The motion with `frame` "camera".
-
     Raises:
         ValueError: the motion is not in the world frame, or the frame counts differ.
     """
-    _require(motion, "world", world_from_cam)
-    cam_from_world = transforms.invert(world_from_cam)
-    return replace(
-        motion,
-        root_rotmats=cam_from_world[:, :3, :3] @ motion.root_rotmats,
-        pelvis_m=transforms.apply(cam_from_world, motion.pelvis_m[:, None])[:, 0],
-        frame="camera",
-    )
+    return _moved(motion, transforms.invert(world_from_cam), "world", "camera")
 
 
 def metric_cameras(world_from_cam: np.ndarray, scale: float) -> np.ndarray:
@@ -65,11 +39,17 @@ def metric_cameras(world_from_cam: np.ndarray, scale: float) -> np.ndarray:
     return transforms.rigid(world_from_cam[:, :3, :3], scale * world_from_cam[:, :3, 3])
 
 
-def _require(motion: Motion, frame: str, world_from_cam: np.ndarray) -> None:
-    if motion.frame != frame:
-        raise ValueError(f"the motion is in the {motion.frame} frame, expected the {frame} frame")
-    if len(world_from_cam) != motion.n_frames:
-        raise ValueError(f"{motion.n_frames} frames of motion, {len(world_from_cam)} cameras")
+def _moved(motion: Motion, b_from_a: np.ndarray, a: str, b: Literal["world", "camera"]) -> Motion:
+    if motion.frame != a:
+        raise ValueError(f"the motion is in the {motion.frame} frame, expected the {a} frame")
+    if len(b_from_a) != motion.n_frames:
+        raise ValueError(f"{motion.n_frames} frames of motion, {len(b_from_a)} cameras")
+    return replace(
+        motion,
+        root_rotmats=b_from_a[:, :3, :3] @ motion.root_rotmats,
+        pelvis_m=transforms.apply(b_from_a, motion.pelvis_m[:, None])[:, 0],
+        frame=b,
+    )
 
 
 FEET_SIGMA_M = 0.02
@@ -86,7 +66,7 @@ def level_from_world(
     planted_m: np.ndarray,
     first_viewing_direction: np.ndarray,
 ) -> np.ndarray:
-    """Transform from the reconstruction's metric world to a levelled one.
+    """Transform (4, 4) from the reconstruction's metric world to a levelled one.
 
     Up is the mean of the body's own up direction (y of the root).  Where planted feet tell more
     than that, they correct it: a plane is fitted to them with the body's up as prior knowledge, so
@@ -98,9 +78,6 @@ def level_from_world(
         pelvis_m: (N, 3) pelvis of the same frames [m].
         planted_m: (M, 3) sole points while they stand still [m]; M may be 0.
         first_viewing_direction: (3,) z axis of the first camera, in the world.
-
-    Returns:
-        (4, 4) level_from_world.
     """
     mean_up = root_rotmats[:, :, 1].mean(axis=0)
     up = ground_normal(planted_m, mean_up / np.linalg.norm(mean_up))

@@ -28,13 +28,7 @@ def save_dataset_camera(path: Path, world_from_cam: np.ndarray) -> None:
 
 
 def load_dataset_camera(path: Path) -> np.ndarray:
-    """Read cameras (T, 4, 4) [m], NaN where unknown.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: truncated.
-        BadRecord: something else.
-    """
+    """Read cameras (T, 4, 4) [m], NaN where unknown."""
     arrays = read_arrays(path, DATASET_CAMERA_FORMAT, _SHAPES)
     check_shapes(path, arrays, _SHAPES)
     return arrays["world_from_cam"]

@@ -113,7 +113,8 @@ def _fit_plane(
         np.minimum(np.abs(points @ normal - offset), tolerance).sum()
         for normal, offset in zip(normals, offsets, strict=True)
     ]
-    normal, offset = normals[int(np.argmin(costs))], offsets[int(np.argmin(costs))]
+    best = int(np.argmin(costs))
+    normal, offset = normals[best], offsets[best]
     for _ in range(20):
         residual = points @ normal - offset
         weights = 1.0 / (1.0 + (residual / tolerance) ** 2) ** 2
@@ -125,9 +126,5 @@ def _fit_plane(
     on = np.abs(points @ normal - offset) < 2 * tolerance
     if normal @ up < np.cos(LARGEST_TILT_RAD) or not on.any():
         return None
-    return (
-        normal,
-        offset,
-        int(on.sum()),
-        float(np.sqrt(np.mean((points[on] @ normal - offset) ** 2))),
-    )
+    rms = float(np.sqrt(np.mean((points[on] @ normal - offset) ** 2)))
+    return normal, offset, int(on.sum()), rms

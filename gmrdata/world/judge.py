@@ -5,8 +5,7 @@ figures come from records without defaults: one that is missing is an error befo
 judged.
 """
 
-from collections.abc import Sequence
-from itertools import groupby
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cameras.files import CamerasQuality
 from gmrdata.values import transforms
 from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.rows import first_reasons, text_runs
 from gmrdata.world.recipe import VerdictConfig
 from gmrdata.world.scale import ScaleEstimate
 from gmrdata.world.verdict import Verdict, dropped_ranges
@@ -37,18 +37,15 @@ def judge(
 
     Args:
         clip: The pseudo ground truth: T frames, world frame, with its cameras.
-        quality: The reconstruction's figures.
         sfm_rows: (T,) row of the reconstruction for each frame; -1 for a frame without an image.
         unusable: T texts: why the data set itself doesn't vouch for a frame; empty where it does.
         doubts: Why the data set's sequence can't be used at all.
         dataset_camera: (T, 4, 4) metric world_from_cam of the data set; NaN where unknown.
     """
-    reasons = frame_reasons(
-        clip, quality, sfm_rows, config, unusable=unusable, dataset_camera=dataset_camera
-    )
+    own = [""] * len(clip.valid) if unusable is None else unusable
+    reasons = frame_reasons(clip, quality, sfm_rows, config, own, dataset_camera)
     reasons = without_short_runs(reasons, round(config.min_run_s * clip.motion.fps_hz))
-    vouched = sum(not reason for reason in unusable) if unusable is not None else len(reasons)
-    kept_share = sum(not reason for reason in reasons) / max(1, vouched)
+    kept_share = sum(not reason for reason in reasons) / max(1, list(own).count(""))
     jump_share = float(np.mean(jumps(clip, config))) if len(reasons) > 1 else 0.0
     failed = [
         *doubts,
@@ -61,72 +58,56 @@ def judge(
 
 def _sequence_reasons(
     quality: CamerasQuality, jump_share: float, kept_share: float, config: VerdictConfig
-) -> list[str]:
-    registered, error_px = quality.registered_share, quality.mean_reprojection_px
+) -> Iterator[str]:
+    registered, fewest = quality.registered_share, config.min_registered_share
+    if registered < fewest:
+        known = _without_camera(quality)
+        yield f"{registered:.0%} of the images have a camera, fewer than {fewest:.0%}{known}"
+    error_px, most_px = quality.mean_reprojection_px, config.max_reprojection_px
+    if error_px > most_px:
+        yield f"the mean reprojection error is {error_px:.2f} px, more than {most_px:g} px"
     cuts = len(quality.cuts_after_frames)
-    cuts_share = cuts / max(1, quality.frames - 1)
-    checks = [
-        (
-            registered < config.min_registered_share,
-            f"{registered:.0%} of the images have a camera, fewer than "
-            f"{config.min_registered_share:.0%}{_without_camera(quality)}",
-        ),
-        (
-            error_px > config.max_reprojection_px,
-            f"the mean reprojection error is {error_px:.2f} px, more than "
-            f"{config.max_reprojection_px:g} px",
-        ),
-        (
-            cuts_share > config.max_cuts_share,
+    if cuts / max(1, quality.frames - 1) > config.max_cuts_share:
+        yield (
             f"the picture changes to another place {cuts} times: images out of order, black, or "
-            "of several takes",
-        ),
-        (
-            jump_share > config.max_cuts_share,
+            "of several takes"
+        )
+    if jump_share > config.max_cuts_share:
+        yield (
             f"the camera jumps at {jump_share:.0%} of the steps between images: images out of "
-            "order, or missing",
-        ),
-        (
-            kept_share < config.min_kept_share,
+            "order, or missing"
+        )
+    if kept_share < config.min_kept_share:
+        yield (
             f"{kept_share:.0%} of the data set's valid frames can be used, fewer than "
-            f"{config.min_kept_share:.0%}",
-        ),
-    ]
-    return [reason for fails, reason in checks if fails]
+            f"{config.min_kept_share:.0%}"
+        )
 
 
-def _focal_reasons(quality: CamerasQuality, config: VerdictConfig) -> list[str]:
+def _focal_reasons(quality: CamerasQuality, config: VerdictConfig) -> Iterator[str]:
     factor, sigma = quality.focal_factor, quality.focal_sigma
     # Both are null where the background holds no focal length: then nothing was measured against
     # the given one, and the reprojection error alone speaks of it.  One null is no record.
     if factor is None or sigma is None:
-        return []
-    if abs(factor - 1.0) - config.max_focal_deviation <= config.focal_sigmas * sigma:
-        return []
-    return [
-        f"the background asks for a focal length {factor:.2f} times the given one "
-        f"(standard error {sigma:.2f}, at most {config.max_focal_deviation:.0%} off is right)"
-    ]
+        return
+    if abs(factor - 1.0) - config.max_focal_deviation > config.focal_sigmas * sigma:
+        yield (
+            f"the background asks for a focal length {factor:.2f} times the given one "
+            f"(standard error {sigma:.2f}, at most {config.max_focal_deviation:.0%} off is right)"
+        )
 
 
-def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> list[str]:
+def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[str]:
     # No scale: it does not enter, since the camera stays in place.  Where it enters and no cue
     # tells it, there is no pseudo ground truth to be judged.
     if estimate.scale is None or estimate.sigma is None:
-        return []
-    share, apart = estimate.sigma / estimate.scale, estimate.disagreement
-    reasons = []
-    if estimate.matters and share > config.max_scale_sigma_share:
-        reasons.append(
-            f"the metric scale is uncertain by {share:.1%}, more than "
-            f"{config.max_scale_sigma_share:.1%}"
-        )
-    if apart is not None and apart > config.max_cue_disagreement:
-        reasons.append(
-            f"two cues of the scale are {apart:.1f} standard errors apart, more than "
-            f"{config.max_cue_disagreement:g}"
-        )
-    return reasons
+        return
+    share, most = estimate.sigma / estimate.scale, config.max_scale_sigma_share
+    if estimate.matters and share > most:
+        yield f"the metric scale is uncertain by {share:.1%}, more than {most:.1%}"
+    apart, furthest = estimate.disagreement or 0.0, config.max_cue_disagreement
+    if apart > furthest:
+        yield f"two cues of the scale are {apart:.1f} standard errors apart, more than {furthest:g}"
 
 
 def _without_camera(quality: CamerasQuality) -> str:
@@ -142,30 +123,33 @@ def frame_reasons(
     quality: CamerasQuality,
     sfm_rows: np.ndarray,
     config: VerdictConfig,
-    *,
-    unusable: Sequence[str] | None,
+    unusable: Sequence[str],
     dataset_camera: np.ndarray | None,
 ) -> list[str]:
     """Why each of the T frames must not be used; empty where it may.  Arguments as in `judge`."""
-    camera, fps_hz = camera_of(clip), clip.motion.fps_hz
-    n = camera.n_frames
-    reasons = list(unusable) if unusable is not None else [""] * n
-    _mark(reasons, sfm_rows < 0, "it has no image")
-    _mark(reasons, _behind_cut(quality, sfm_rows, camera.has_camera), ANOTHER_PLACE)
-    featureless = np.isin(sfm_rows, quality.featureless)
-    _mark(reasons, ~camera.has_camera & featureless, NOTHING_SEEN)
-    _mark(reasons, ~camera.has_camera, "no camera was found")
-    _mark(reasons, ~clip.valid, "the body is not known")
-    inliers = np.array(quality.inliers_per_frame)[sfm_rows]
-    # An interpolated camera has none of its own; it is marked, and held by its neighbours.
-    few = (inliers < config.min_inliers) & ~np.isin(sfm_rows, quality.interpolated)
-    _mark(reasons, few, f"fewer than {config.min_inliers} inliers")
-    _mark(reasons, _both_sides(jumps(clip, config), 1, n), "the camera jumps")
+    camera = camera_of(clip)
+    n, has_camera = camera.n_frames, camera.has_camera
+    enough = np.array(quality.inliers_per_frame)[sfm_rows] >= config.min_inliers
+    tests = [
+        (sfm_rows >= 0, "it has no image"),
+        (~_behind_cut(quality, sfm_rows, has_camera), ANOTHER_PLACE),
+        (has_camera | ~np.isin(sfm_rows, quality.featureless), NOTHING_SEEN),
+        (has_camera, "no camera was found"),
+        (clip.valid, "the body is not known"),
+        # An interpolated camera has none of its own; it is marked, and held by its neighbours.
+        (
+            enough | np.isin(sfm_rows, quality.interpolated),
+            f"fewer than {config.min_inliers} inliers",
+        ),
+        (~_both_sides(jumps(clip, config), 1, n), "the camera jumps"),
+    ]
     if dataset_camera is not None:
-        step = max(1, round(config.window_s * fps_hz))
-        off = _disagrees(camera.world_from_cam, dataset_camera, step, config)
-        _mark(reasons, _both_sides(off, step, n), "the camera moves otherwise than the data set's")
-    return reasons
+        step = max(1, round(config.window_s * clip.motion.fps_hz))
+        apart_deg, apart_m = window_differences(camera.world_from_cam, dataset_camera, step)
+        # A comparison with NaN is False: what is unknown doesn't disagree.
+        off = (apart_deg > config.max_window_deg) | (apart_m > config.max_window_m)
+        tests.append((~_both_sides(off, step, n), "the camera moves otherwise than the data set's"))
+    return first_reasons(unusable, tests)
 
 
 def jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
@@ -187,15 +171,6 @@ def _behind_cut(
     return ~np.isin(stretch, placed) & (len(cuts) > 0)
 
 
-def _disagrees(
-    world_from_cam: np.ndarray, dataset_camera: np.ndarray, step: int, config: VerdictConfig
-) -> np.ndarray:
-    """(T - step,) bool: windows in which the two cameras move differently."""
-    apart_deg, apart_m = window_differences(world_from_cam, dataset_camera, step)
-    # A comparison with NaN is False: what is unknown doesn't disagree.
-    return (apart_deg > config.max_window_deg) | (apart_m > config.max_window_m)
-
-
 def _both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:
     """(n,) bool: frames at either end of a marked step."""
     first, last = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
@@ -203,19 +178,14 @@ def _both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:
     return first | last
 
 
-def _mark(reasons: list[str], bad: np.ndarray, reason: str) -> None:
-    for row in np.flatnonzero(bad):
-        reasons[row] = reasons[row] or reason
-
-
 def without_short_runs(reasons: list[str], min_run: int) -> list[str]:
     """The reasons, with one more for runs of fewer usable frames than `min_run`."""
-    result: list[str] = []
-    for kept, group in groupby(reasons, key=lambda reason: not reason):
-        run = list(group)
-        short = kept and len(run) < min_run and len(run) < len(reasons)
-        result += [f"only {len(run)} usable frames in a row"] * len(run) if short else run
-    return result
+    n = len(reasons)
+    for start, stop, reason in text_runs(reasons):
+        if not reason and stop - start < min(min_run, n):
+            short = f"only {stop - start} usable frames in a row"
+            reasons = [*reasons[:start], *[short] * (stop - start), *reasons[stop:]]
+    return reasons
 
 
 def relative_moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
@@ -235,11 +205,10 @@ def angles_deg(moves: np.ndarray) -> np.ndarray:
 def window_differences(
     world_from_cam: np.ndarray, dataset_camera: np.ndarray, step: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How differently two cameras (T, 4, 4) move over `step` frames.
+    """How differently two cameras (T, 4, 4) move over `step` frames; NaN where one is unknown.
 
     Returns:
-        Difference of the rotations (T - step,) [degrees], and of the displacements (T - step,) [m];
-        NaN where either camera is unknown.
+        Difference of the rotations (T - step,) [degrees], and of the displacements (T - step,) [m].
     """
     ours, theirs = relative_moves(world_from_cam, step), relative_moves(dataset_camera, step)
     apart_m = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)

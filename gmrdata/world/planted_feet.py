@@ -22,11 +22,9 @@ SOLE_THICKNESS_M = 0.02
 
 
 def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
-    """Points of both feet, in the motion's frame of reference.
+    """Points of both feet (T, 2, 5, 3), in the motion's frame of reference [m].
 
-    Returns:
-        (T, 2, 5, 3) [m]: left and right; ankle joint, foot joint (ball of the foot), and the
-        sole's heel, ball and toe vertices.
+    Left and right; ankle joint, foot joint (ball), and the sole's heel, ball and toe vertices.
     """
     from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
@@ -41,14 +39,9 @@ def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
 
 
 def standing(points_world_m: np.ndarray, slip_m: float) -> np.ndarray:
-    """Which points stand still.
+    """(T, ...) bool: points (T, ..., 3) that move less than `slip_m` to or from their next frame.
 
-    Args:
-        points_world_m: (T, ..., 3) points [m]; NaN where unknown.
-        slip_m: Distance between neighbouring frames up to which a point counts as still [m].
-
-    Returns:
-        (T, ...) bool: the point moved less to the next frame, or since the one before.
+    Unknown points are NaN, and don't stand.
     """
     still = np.linalg.norm(np.diff(points_world_m, axis=0), axis=-1) < slip_m
     result = np.zeros(points_world_m.shape[:-1], dtype=bool)
@@ -120,10 +113,8 @@ def _search(turned_m: np.ndarray, centres: np.ndarray, slip_m: float, config: Sc
         raise NoReconstruction("scale: the camera hardly moves, so its path has no scale")
     low, high = np.percentile(candidates, [1, 99])
     grid = np.geomspace(low / 3, high * 3, config.grid_steps)
-    costs = []
-    for scale in grid:
-        least = ((steps_m + scale * moves[:, None]) ** 2).sum(axis=2).min(axis=1)
-        costs.append(np.minimum(least, slip_m**2).sum())
+    least = (((steps_m + s * moves[:, None]) ** 2).sum(axis=2).min(axis=1) for s in grid)
+    costs = [np.minimum(each, slip_m**2).sum() for each in least]
     return float(grid[int(np.argmin(costs))])
 
 
@@ -139,35 +130,36 @@ def _stances(
     stances = []
     for foot in range(turned_m.shape[1]):
         down = still[:, foot].any(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], down, [False]]).astype(int)))
-        for start, stop in edges.reshape(-1, 2):
+        for start, stop in _runs(down):
             rows = slice(start, stop + 1)
             stances.append((turned_m[rows, foot], centres[rows], still[start:stop, foot]))
     return stances
 
 
+def _runs(marks: np.ndarray) -> np.ndarray:
+    """(R, 2) start and stop of the runs of True."""
+    return np.flatnonzero(np.diff(np.r_[False, marks, False].astype(int))).reshape(-1, 2)
+
+
 def _stance_terms(
     points_m: np.ndarray, centres: np.ndarray, still: np.ndarray, scale: float, config: ScaleConfig
-) -> tuple[float, float, float, float]:
-    """Sums of A.B, B.B, squared residual and weight over one stance.
+) -> np.ndarray:
+    """(4,) sums of A.B, B.B, squared residual and weight over one stance.
 
     A and B are points and centres less their means over each run in which the point stands still;
     the residual of a planted point is A + s B.
     """
-    ab = bb = rr = ww = 0.0
+    sums = np.zeros(4)
     for k in range(points_m.shape[1]):
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], still[:, k], [False]]).astype(int)))
-        for start, stop in edges.reshape(-1, 2):
+        for start, stop in _runs(still[:, k]):
             rows = slice(start, stop + 1)
             a = points_m[rows, k] - points_m[rows, k].mean(axis=0)
             b = centres[rows] - centres[rows].mean(axis=0)
             squares = ((a + scale * b) ** 2).sum(axis=1)
             weight = 1.0 / (1.0 + squares / config.residual_m**2)
-            ab += float(weight @ (a * b).sum(axis=1))
-            bb += float(weight @ (b * b).sum(axis=1))
-            rr += float(weight @ squares)
-            ww += float(weight.sum())
-    return ab, bb, rr, ww
+            products = (a * b).sum(axis=1), (b * b).sum(axis=1), squares
+            sums += [*(weight @ each for each in products), weight.sum()]
+    return sums
 
 
 def _standard_error(terms: np.ndarray, scale: float) -> float:

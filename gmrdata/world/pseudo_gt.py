@@ -56,9 +56,6 @@ def make_pseudo_gt(
             over short times.
         doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
 
-    Returns:
-        `out_dir`.
-
     Raises:
         BadMotionFile: a clip is not in the camera frame, or has other rows than the first.
         BadRecord: a record is broken, of another version, or of another number of frames.
@@ -68,68 +65,58 @@ def make_pseudo_gt(
     def work(partial: Path) -> None:
         from gmrdata.read.bodies import load_body
 
-        clips = [_camera_clip(person.clip_path) for person in people]
-        for clip, person in zip(clips, people, strict=True):
-            if not np.array_equal(clip.image_numbers, clips[0].image_numbers):
-                raise BadMotionFile(f"{person.clip_path}: has other rows than {clips[0].id}")
+        clips = _camera_clips(people)
         bodies = [load_body(str(person.body_path)) for person in people]
         cameras, quality = load_cameras(sfm_dir), load_quality(sfm_dir)
         if quality.frames != len(cameras.image_numbers):
             raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
         rows = rows_of_numbers(cameras.image_numbers, clips[0].image_numbers)
         dataset_camera = _dataset_camera(dataset_camera_path, len(rows))
+        path, points = _camera_path(cameras, rows), load_points(sfm_dir)
         try:
             world_clips, estimate = compose_clips(
-                clips,
-                _camera_path(cameras, rows),
-                cameras.geometry,
-                load_points(sfm_dir),
-                bodies,
-                config,
-                dataset_camera=dataset_camera,
+                clips, path, cameras.geometry, points, bodies, config, dataset_camera
             )
         except NoReconstruction as error:
             raise NoReconstruction(f"{error}{cuts_in_words(quality.cuts_after_frames)}") from None
         doubts = _doubts(doubts_path, len(people), len(rows))
         verdicts: list[Verdict] = []
-        for number, clip in enumerate(world_clips):
+        for clip, body, unusable in zip(world_clips, bodies, doubts.frames, strict=True):
             verdict = judge(
                 clip,
                 quality,
                 rows,
                 estimate,
                 config.verdict,
-                unusable=None if doubts is None else doubts.frames[number],
-                doubts=() if doubts is None else doubts.sequence,
+                unusable=unusable,
+                doubts=doubts.sequence,
                 dataset_camera=dataset_camera,
             )
             if config.override is not None:
                 verdict = overridden(verdict, config.override, ~clip.valid)
-            verdicts.append(verdict)
-            rest_pelvis_m = bodies[number].rest_pelvis_m(clip.motion.shape)
             kept = replace(clip, valid=clip.valid & verdict.kept)
-            save_clip(partial / person_file(number), kept, rest_pelvis_m)
+            rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
+            save_clip(partial / person_file(len(verdicts)), kept, rest_pelvis_m)
+            verdicts.append(verdict)
         record = quality_of(world_clips, verdicts, estimate, quality, config)
         record.write(partial / QUALITY_FILE)
 
     inputs = {"sfm": sfm_dir} | stage_inputs(people)
-    inputs |= {} if dataset_camera_path is None else {"dataset_camera": dataset_camera_path}
-    inputs |= {} if doubts_path is None else {"doubts": doubts_path}
+    optional = {"dataset_camera": dataset_camera_path, "doubts": doubts_path}
+    inputs |= {name: path for name, path in optional.items() if path is not None}
     return run_stage("pseudo_gt", out_dir, config, inputs, work, run=run)
 
 
 def _dataset_camera(path: Path | None, n_frames: int) -> np.ndarray | None:
-    if path is None:
-        return None
-    world_from_cam = load_dataset_camera(path)
-    if len(world_from_cam) != n_frames:
+    world_from_cam = None if path is None else load_dataset_camera(path)
+    if world_from_cam is not None and len(world_from_cam) != n_frames:
         raise BadRecord(f"{path}: {len(world_from_cam)} cameras for {n_frames} frames")
     return world_from_cam
 
 
-def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts | None:
+def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:
     if path is None:
-        return None
+        return Doubts(frames=n_people * (n_frames * ("",),), sequence=())
     doubts = Doubts.read(path)
     if [len(frames) for frames in doubts.frames] != n_people * [n_frames]:
         raise BadRecord(f"{path}: `frames` is not of {n_people} people and {n_frames} frames")
@@ -143,20 +130,12 @@ def compose_clips(
     points: np.ndarray,
     bodies: Sequence[BodyModel],
     config: PseudoGtConfig,
-    *,
-    dataset_camera: np.ndarray | None = None,
+    dataset_camera: np.ndarray | None,
 ) -> tuple[list[Clip], ScaleEstimate]:
     """The clips in one metric, level world, and the scale that made it metric.
 
-    Args:
-        camera_clips: Each person over the same T frames, in the camera frame.
-        path: Cameras of these frames, up to scale.
-        geometry: What the reconstruction found the camera to do.
-        points: (N, 3) its background points, in the cameras' unit.
-        dataset_camera: (T, 4, 4) the data set's own metric cameras, or None.
-
-    Raises:
-        NoReconstruction: nobody has two frames with pose and camera, or no scale can be found.
+    Clips, the path up to scale and `dataset_camera` (T, 4, 4) are of the same T frames; `points`
+    (N, 3) are the background's, in the path's unit.
     """
     usable = [path.has_camera & clip.valid for clip in camera_clips]
     if max(rows.sum() for rows in usable) < 2:
@@ -183,11 +162,14 @@ def compose_clips(
     return clips, estimate
 
 
-def _camera_clip(path: Path) -> Clip:
-    clip = load_clip(path)
-    if clip.motion.frame != "camera":
-        raise BadMotionFile(f"{path}: the motion is not in the camera frame")
-    return clip
+def _camera_clips(people: Sequence[PersonFiles]) -> list[Clip]:
+    clips = [load_clip(person.clip_path) for person in people]
+    for clip, person in zip(clips, people, strict=True):
+        if clip.motion.frame != "camera":
+            raise BadMotionFile(f"{person.clip_path}: the motion is not in the camera frame")
+        if not np.array_equal(clip.image_numbers, clips[0].image_numbers):
+            raise BadMotionFile(f"{person.clip_path}: has other rows than {clips[0].id}")
+    return clips
 
 
 def _camera_path(cameras: SfmCameras, rows: np.ndarray) -> CameraPath:

@@ -43,10 +43,8 @@ class PseudoGtQuality(Record):
     def _is_consistent(self) -> Self:
         if (self.scale is None) != (self.scale_sigma is None):
             raise ValueError("of scale and scale_sigma only one is null")
-        unsolved = self.cameras is None
-        if unsolved != (self.camera_motion == "none") or (
-            unsolved != (self.camera_motion_figures is None)
-        ):
+        class_unknown = self.camera_motion == "none", self.camera_motion_figures is None
+        if set(class_unknown) != {self.cameras is None}:
             raise ValueError("cameras and camera_motion do not say alike whether there is a camera")
         return self
 
@@ -58,14 +56,15 @@ def quality_of(
     cameras: CamerasQuality,
     config: PseudoGtConfig,
 ) -> PseudoGtQuality:
-    """The record of a pseudo ground truth.
-
-    Args:
-        clips: Each person in the world, before frames were dropped.
-        verdicts: What was decided of each.
-        cameras: The reconstruction's figures.
-    """
-    camera_motion, figures = camera_class(clips, config)
+    """The record of a pseudo ground truth; of clips in the world, before frames were dropped."""
+    # The class of the one camera is told round the person who is known in most frames.
+    clip = max(clips, key=lambda clip: clip.valid.sum())
+    camera_motion, figures = classify(
+        camera_of(clip).world_from_cam[clip.valid],
+        clip.motion.pelvis_m[clip.valid],
+        clip.motion.fps_hz,
+        config.motion_class,
+    )
     return PseudoGtQuality(
         cameras=cameras,
         scale=estimate.scale,
@@ -75,9 +74,7 @@ def quality_of(
         scale_cues=tuple(_rounded(cue) for cue in estimate.cues),
         camera_motion=camera_motion,
         camera_motion_figures=_rounded(figures),
-        people=tuple(
-            verdict.of_person(clip.id) for clip, verdict in zip(clips, verdicts, strict=True)
-        ),
+        people=tuple(of.of_person(clip.id) for clip, of in zip(clips, verdicts, strict=True)),
     )
 
 
@@ -93,17 +90,6 @@ def unsolved_quality(people: Sequence[PersonVerdict]) -> PseudoGtQuality:
         camera_motion="none",
         camera_motion_figures=None,
         people=tuple(people),
-    )
-
-
-def camera_class(
-    clips: Sequence[Clip], config: PseudoGtConfig
-) -> tuple[MotionClass, MotionFigures]:
-    """Class of the one camera, round the person who is known in most frames."""
-    clip = max(clips, key=lambda clip: clip.valid.sum())
-    world_from_cam = camera_of(clip).world_from_cam[clip.valid]
-    return classify(
-        world_from_cam, clip.motion.pelvis_m[clip.valid], clip.motion.fps_hz, config.motion_class
     )
 
 

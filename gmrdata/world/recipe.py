@@ -116,9 +116,7 @@ class PseudoGtConfig(Config):
     """Metric world poses from cameras up to scale.  The people are not smoothed."""
 
     scale: ScaleConfig = ScaleConfig()
-    """How metric scale is found."""
     verdict: VerdictConfig = VerdictConfig()
-    """What a sequence and its frames must keep to."""
     override: Override | None = None
     """What a person decided of the sequence."""
     motion_class: MotionClassConfig = MotionClassConfig()

@@ -29,15 +29,8 @@ def short_windows_scale(
     """Scale at which both cameras travel equally far in equal short times.
 
     Each window's displacement is taken in the axes of its first camera, so neither path needs the
-    other's world.  The slow drift of the data set's path is an error that windows within
-    `drift_time_s` share.
-
-    Args:
-        camera_path: T cameras up to scale; NaN where unknown.
-        dataset_camera: (T, 4, 4) metric world_from_cam of the same frames; NaN where unknown.
-
-    Returns:
-        None where fewer than five windows are known, or the camera doesn't travel.
+    other's world.  The slow drift of the data set's path (T, 4, 4) is an error that windows within
+    `drift_time_s` share.  None where fewer than five windows are known, or the camera stays.
     """
     step = max(1, round(config.window_s * fps_hz))
     if camera_path.n_frames - step < FEWEST_WINDOWS:
@@ -76,7 +69,6 @@ class ScaleEstimate:
     sigma: float | None
     """Standard error of `scale`; widened where the cues disagree."""
     cues: tuple[CueEstimate, ...]
-    """Each source of evidence by itself."""
     matters: bool = True
     """Whether `sigma` makes the camera's speed wrong by more than `ScaleConfig.slow_m_per_s`; not
     where there is no scale."""
@@ -98,7 +90,6 @@ class SeenPerson:
     motion: Motion
     """T frames, camera frame."""
     body: BodyModel
-    """Their body."""
     camera_path: CameraPath
     """T cameras up to scale; NaN where the camera or this person's motion is unknown."""
 
@@ -125,11 +116,12 @@ def estimate_scale(
         does not matter.
 
     Raises:
-        NoReconstruction: not one cue finds a scale: no foot stands still at any, or the camera
-            hardly moves.
+        NoReconstruction: not one cue finds a scale.
     """
+    no_scale = ScaleEstimate(None, None, (), matters=False)
     if geometry != "full":
-        return ScaleEstimate(None, None, (), matters=False)
+        return no_scale
+    fps_hz, world_from_cam = people[0].motion.fps_hz, _known_to_any(people)
     cues: list[CueEstimate] = []
     reasons: list[str] = []
     for number, person in enumerate(people):
@@ -139,31 +131,23 @@ def estimate_scale(
         except NoReconstruction as error:
             reasons.append(str(error))
     if dataset_camera is not None:
-        fps_hz = people[0].motion.fps_hz
-        path = replace(people[0].camera_path, world_from_cam=_known_to_any(people))
+        path = replace(people[0].camera_path, world_from_cam=world_from_cam)
         windows = short_windows_scale(path, dataset_camera, fps_hz, config)
         cues += [] if windows is None else [windows]
     if not cues:
         raise NoReconstruction("; ".join(reasons))
     estimate = fuse(tuple(cues), config.body_share)
-    speed = _mean_speed(_known_to_any(people), people[0].motion.fps_hz)
-    estimate = replace(estimate, matters=(estimate.sigma or 0.0) * speed > config.slow_m_per_s)
-    if _is_vague(estimate, config):
-        return ScaleEstimate(None, None, estimate.cues, matters=False)
-    return estimate
+    scale, sigma = estimate.scale or 0.0, estimate.sigma or 0.0
+    matters = sigma * _mean_speed(world_from_cam, fps_hz) > config.slow_m_per_s
+    # The path is shorter than its error bar, or not much longer, and both are small.
+    vague = not matters and sigma > config.vague_share * scale
+    return replace(no_scale, cues=estimate.cues) if vague else replace(estimate, matters=matters)
 
 
 def _mean_speed(world_from_cam: np.ndarray, fps_hz: float) -> float:
     """Mean speed of cameras (T, 4, 4), NaN where unknown, between known frames [unit/s]."""
     steps = np.linalg.norm(np.diff(world_from_cam[:, :3, 3], axis=0), axis=1)
     return float(fps_hz * steps[np.isfinite(steps)].mean()) if np.isfinite(steps).any() else 0.0
-
-
-def _is_vague(estimate: ScaleEstimate, config: ScaleConfig) -> bool:
-    """Whether a path is shorter than its error bar, or not much longer, and both are small."""
-    if estimate.scale is None or estimate.sigma is None:
-        return False
-    return not estimate.matters and estimate.sigma > config.vague_share * estimate.scale
 
 
 def _of_person(
@@ -175,10 +159,8 @@ def _of_person(
     feet = planted_feet_scale(person.camera_path, feet_cam_m, fps_hz, config)
     if points is None:
         return [feet]
-    up_cam = person.motion.root_rotmats[:, :, 1]
-    ground = ground_contact_scale(
-        person.camera_path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config
-    )
+    path, up_cam = person.camera_path, person.motion.root_rotmats[:, :, 1]
+    ground = ground_contact_scale(path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config)
     return [feet] if ground is None else [feet, ground]
 
 

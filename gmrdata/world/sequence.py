@@ -21,9 +21,7 @@ class SequenceConfig(Config):
     masks: MasksConfig = MasksConfig()
     """Masks of what moves; the body's silhouette unless other sources are named."""
     sfm: SfmConfig = SfmConfig()
-    """Cameras."""
     pseudo_gt: PseudoGtConfig = PseudoGtConfig()
-    """Scale and world motion."""
 
 
 def regenerate_sequence(
@@ -37,7 +35,7 @@ def regenerate_sequence(
     left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Make `out_dir/masks` (and `masks_by`), `out_dir/sfm` and `out_dir/pseudo_gt`.
+    """Make `out_dir/masks` (and `masks_by`), `out_dir/sfm` and, the result, `out_dir/pseudo_gt`.
 
     Args:
         frames: Folder of numbered images, or a video file.
@@ -45,9 +43,6 @@ def regenerate_sequence(
             first are kept.
         dataset_camera_path: The data set's own cameras; see `make_pseudo_gt`.
         doubts_path: What speaks against the data set's own frames; see `make_pseudo_gt`.
-
-    Returns:
-        The folder of the pseudo ground truth.
     """
     if is_video(frames):
         frames = extract_video(frames, out_dir / "frames", run=run)

@@ -21,11 +21,8 @@ class Dropped:
     """Frames start, start + 1, ..., stop - 1 that must not be used."""
 
     start: int
-    """First frame."""
     stop: int
-    """One past the last frame."""
     reason: str
-    """Why."""
 
 
 @part(frozen=True, config=PART)
@@ -33,7 +30,6 @@ class PersonVerdict:
     """The verdict on one person of a sequence, as it stands in records."""
 
     id: str
-    """The clip's."""
     frames: NonNegativeInt
     kept_frames: NonNegativeInt
     kept_share: Figure
@@ -60,13 +56,11 @@ class Verdict:
     """What was decided, and on what."""
 
     accepted: bool
-    """Whether the sequence can be used, but for the dropped ranges."""
     reasons: tuple[str, ...]
     """Why not, for a rejected one; and what a person decided, for any."""
     dropped: tuple[Dropped, ...]
     """Ranges in ascending order."""
     n_frames: int
-    """Number of frames T."""
 
     @property
     def kept(self) -> np.ndarray:
@@ -75,11 +69,6 @@ class Verdict:
         for run in self.dropped:
             kept[run.start : run.stop] = False
         return kept
-
-    @property
-    def kept_share(self) -> float:
-        """Share of the frames that are left, 0 to 1."""
-        return float(self.kept.mean())
 
     @property
     def frame_reasons(self) -> list[str]:
@@ -92,7 +81,7 @@ class Verdict:
             id=clip_id,
             frames=self.n_frames,
             kept_frames=int(self.kept.sum()),
-            kept_share=self.kept_share,
+            kept_share=float(self.kept.mean()),
             accepted=self.accepted,
             reasons=self.reasons,
             dropped=self.dropped,
@@ -138,9 +127,8 @@ class Override(Config):
         for name, ranges in (("keep", self.keep), ("drop", self.drop)):
             for start, stop in ranges:
                 if stop <= start:
-                    raise ValueError(
-                        f"{name} {start}..{stop} is empty; stop is one past the last frame"
-                    )
+                    at = f"{name} {start}..{stop}"
+                    raise ValueError(f"{at} is empty; stop is one past the last frame")
         if self.verdict is None and not self.keep and not self.drop:
             raise ValueError("it decides nothing; give verdict, keep or drop, or leave it out")
         return self
@@ -152,16 +140,10 @@ class Override(Config):
 
 
 def overridden(verdict: Verdict, override: Override, unusable: np.ndarray) -> Verdict:
-    """Let a person's decision replace that of the thresholds.
+    """Let a person's decision replace that of the thresholds, and list what it overrules.
 
     Args:
-        verdict: What the thresholds say of T frames.
-        override: What the person decided.
         unusable: (T,) bool: frames without a camera or a pose, which nobody can keep.
-
-    Returns:
-        The verdict.  One that a person reversed lists, after their decision, the reasons that they
-        overruled.
 
     Raises:
         BadRecipe: a range reaches beyond the sequence.
@@ -183,18 +165,15 @@ def overridden(verdict: Verdict, override: Override, unusable: np.ndarray) -> Ve
 
 def _judged(verdict: Verdict, override: Override) -> Verdict:
     """The verdict on the sequence, once its frames are decided."""
-    if override.verdict is not None:
-        verdict = _by_person(verdict, override)
-    if verdict.kept_share == 0 and verdict.accepted:
+    reasons = verdict.reasons
+    if override.verdict == "rejected":
+        verdict = replace(verdict, accepted=False, reasons=(override.decision, *reasons))
+    if override.verdict == "accepted":
+        overruled = (f"overruled: {reason}" for reason in reasons)
+        verdict = replace(verdict, accepted=True, reasons=(override.decision, *overruled))
+    if verdict.accepted and not verdict.kept.any():
         verdict = replace(verdict, accepted=False, reasons=(*verdict.reasons, NOTHING_LEFT))
     return verdict
-
-
-def _by_person(verdict: Verdict, override: Override) -> Verdict:
-    if override.verdict == "rejected":
-        return replace(verdict, accepted=False, reasons=(override.decision, *verdict.reasons))
-    overruled = tuple(f"overruled: {reason}" for reason in verdict.reasons)
-    return replace(verdict, accepted=True, reasons=(override.decision, *overruled))
 
 
 def _frames(name: str, ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndarray:

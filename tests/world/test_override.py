@@ -67,7 +67,7 @@ def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:
             Dropped(18, 20, lost),
         )
         assert after == [said] * 2 + [""] * 11 + [jumps] * 2 + [""] + [said] * 2 + [lost] * 2
-        assert verdict.kept_share == 12 / 20
+        assert verdict.kept.mean() == 12 / 20
 
 
 def test_a_frame_that_cannot_be_used_says_so_even_where_nothing_had_a_reason() -> None:
@@ -82,7 +82,7 @@ def test_nobody_can_accept_a_sequence_without_frames() -> None:
     override = Override(verdict="accepted", because="I like it", drop=((0, 15),))
     verdict = overridden(REJECTED, override, np.arange(N) >= 15)
     assert not verdict.accepted
-    assert verdict.kept_share == 0
+    assert verdict.kept.mean() == 0
     assert verdict.reasons[-1] == "no frame can be used"
     drop_all = Override(because="blurred", drop=((0, N),))
     verdict = overridden(ACCEPTED, drop_all, USABLE)
@@ -150,7 +150,7 @@ def test_what_is_kept_is_what_sets_of_frames_say(
     kept = {row for row in range(N) if not reasons[row]}
     assert kept == expected
     assert kept == set(range(N)) - _rows(tuple((d.start, d.stop) for d in verdict.dropped))
-    assert verdict.kept_share == len(expected) / N
+    assert verdict.kept.mean() == len(expected) / N
     assert verdict.accepted == (decided == "accepted" and bool(expected))
     # The ranges say the same as the texts, run by run.
     runs = [(reason, len(list(group))) for reason, group in groupby(reasons) if reason]

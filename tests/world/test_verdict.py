@@ -110,7 +110,7 @@ def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
 
 def test_frames_without_a_camera_are_dropped(clip: Clip) -> None:
     verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
-    assert verdict.accepted and verdict.kept_share == pytest.approx(78 / 90)
+    assert verdict.accepted and verdict.kept.mean() == pytest.approx(78 / 90)
     assert verdict.dropped == (Dropped(40, 52, "no camera was found"),)
 
 
@@ -158,7 +158,7 @@ def test_slow_drift_of_the_data_set_is_no_fault_but_another_motion_is(clip: Clip
 
 def test_no_usable_frame_is_a_rejection(clip: Clip) -> None:
     verdict = judge(replace(clip, id="x"), GOOD, ROWS, SCALE, CONFIG, unusable=["bad"] * N)
-    assert not verdict.accepted and verdict.kept_share == 0.0
+    assert not verdict.accepted and verdict.kept.mean() == 0.0
     assert verdict.dropped == (Dropped(0, N, "bad"),)
 
 
@@ -190,7 +190,7 @@ def test_doubts_about_the_data_set_reject_the_sequence(clip: Clip) -> None:
 def test_few_valid_frames_are_not_held_against_a_sequence(clip: Clip) -> None:
     unusable = ["campose_valid is 0"] * 60 + [""] * 30
     verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, unusable=unusable)
-    assert verdict.accepted and verdict.kept_share == pytest.approx(1 / 3)
+    assert verdict.accepted and verdict.kept.mean() == pytest.approx(1 / 3)
     assert np.array_equal(verdict.kept, np.arange(N) >= 60)
 
 
