@@ -1,7 +1,8 @@
 """What a clip's arrays must satisfy before anyone trains on them or scores with them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
+from typing import Literal
 
 import numpy as np
 
@@ -27,11 +28,8 @@ def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
     if bad := _rows(kept & ~clip.valid):
         yield f"kept: row {bad} not valid in the file; write the manifest again"
     motion = clip.motion
-    for key, values in (
-        ("poses", motion.root_rotmats),
-        ("poses", motion.local_rotmats),
-        ("trans", motion.pelvis_m),
-    ):
+    poses = (motion.root_rotmats, motion.local_rotmats)
+    for key, values in (*(("poses", one) for one in poses), ("trans", motion.pelvis_m)):
         finite = np.isfinite(values).reshape(entry.n_frames, -1).all(axis=1)
         if bad := _rows(kept & ~finite):
             yield f"arrays.{key}: NaN or infinite in kept row {bad}; drop the rows with a reason"
@@ -48,7 +46,6 @@ def unmatched_rows(
     """Rows whose image or mask is not in the listing.
 
     Args:
-        field: "images" or "masks".
         rows: (T,) bool: rows that need a file, if they have an image number.
     """
     numbers = {number_in_name(name) for name in names}
@@ -59,25 +56,18 @@ def unmatched_rows(
 
 def stray_problems(field: str, images: list[str], files: list[str]) -> Iterator[str]:
     """Masks, depths, ... that belong to no image; paths of the two listings."""
-    stems = {PurePosixPath(name).with_suffix("").as_posix() for name in images}
-    stray = [name for name in files if PurePosixPath(name).with_suffix("").as_posix() not in stems]
-    if stray:
+    stems = {PurePosixPath(name).with_suffix("") for name in images}
+    if stray := [name for name in files if PurePosixPath(name).with_suffix("") not in stems]:
         yield f"{field}.folder: {some(stray)} belongs to no image; name it <image stem>.png"
 
 
-def joints_problems(path: Path, clip: clip_file.Clip) -> Iterator[str]:
-    """Whether a file of joints can be read and has the clip's rows."""
-    return _rows_problems("joints", clip, lambda: len(load_joints(path).visible))
-
-
-def character_problems(path: Path, clip: clip_file.Clip) -> Iterator[str]:
-    """Whether a character's residual can be read and has the clip's rows."""
-    return _rows_problems("character", clip, lambda: len(load_character(path).in_frame))
-
-
-def _rows_problems(field: str, clip: clip_file.Clip, count: Callable[[], int]) -> Iterator[str]:
+def rows_problems(
+    field: Literal["joints", "character"], path: Path, clip: clip_file.Clip
+) -> Iterator[str]:
+    """Whether a file of joints, or of a character's residual, is sound and has the clip's rows."""
     try:
-        n_rows = count()
+        joints = field == "joints"
+        n_rows = len(load_joints(path).visible if joints else load_character(path).in_frame)
     except BadMotionFile as error:
         yield f"{field}: {error}"
         return
@@ -86,14 +76,8 @@ def _rows_problems(field: str, clip: clip_file.Clip, count: Callable[[], int]) -
 
 
 def _disagreements(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
-    pairs = (
-        ("id", entry.id, clip.id),
-        ("n_frames", entry.n_frames, clip.motion.n_frames),
-        ("fps_hz", entry.fps_hz, clip.motion.fps_hz),
-        ("body", entry.body, clip.motion.body),
-        ("frame", entry.frame, clip.motion.frame),
-    )
-    for field, said, found in pairs:
+    for field in ("id", "n_frames", "fps_hz", "body", "frame"):
+        said, found = getattr(entry, field), getattr(clip if field == "id" else clip.motion, field)
         if said != found:
             yield f"{field}: is {said}, but the file has {found}; write the manifest again"
     if (entry.camera_motion == "none") != (clip.camera is None):
@@ -134,11 +118,11 @@ def _camera_problems(camera: CameraPath) -> Iterator[str]:
 
 
 def _rows(mask: np.ndarray) -> str:
-    """The first True rows for a reader, "" if there are none."""
     return some(np.flatnonzero(mask).tolist())
 
 
 def some(items: list[int] | list[str]) -> str:
-    """The first three items for a reader, and how many more there are."""
-    shown = ", ".join(str(item) for item in items[:3])
-    return shown + (f" and {len(items) - 3} more" if len(items) > 3 else "")
+    """The first three items for a reader, and how many more there are; "" for none."""
+    return ", ".join(map(str, items[:3])) + (
+        f" and {len(items) - 3} more" if len(items) > 3 else ""
+    )

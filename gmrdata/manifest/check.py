@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from gmrdata.manifest.arrays import (
     array_problems,
-    character_problems,
-    joints_problems,
+    rows_problems,
     some,
     stray_problems,
     unmatched_rows,
@@ -38,7 +38,6 @@ def check_manifest(path: Path, *, hashes: bool = True) -> None:
     """Check format, files and arrays of a manifest.
 
     Args:
-        path: The manifest; its files lie below its folder.
         hashes: Read every byte and compare hashes; otherwise sizes alone.
 
     Raises:
@@ -67,7 +66,7 @@ class _Work:
 
 @contextmanager
 def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
-    """A progress bar over all files if they are many; gives the function that counts one."""
+    """The function that counts a file on a progress bar, which there is for many files."""
     n_files = sum(
         1 + len(files_of(clip)) + sum(part.count + 1 for part in folders_of(clip).values())
         for clip in manifest.clips
@@ -89,9 +88,9 @@ def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
         yield from problems
         if files:
             yield from _folder_problems(work, field, record, files)
-    for field in [name for name in names if name != "images"]:
-        if names.get("images") and names[field]:
-            yield from stray_problems(field, names["images"], names[field])
+    for field, listed in names.items():
+        if field != "images" and names.get("images") and listed:
+            yield from stray_problems(field, names["images"], listed)
     for field, file in files_of(entry).items():
         yield from _file_problems(work, field, file)
     yield from _arrays_problems(work, entry, names)
@@ -115,15 +114,14 @@ def _arrays_problems(work: _Work, entry: Clip, names: dict[str, list[str]]) -> I
     kept = rows_in(entry.kept, entry.n_frames)
     to_next = np.append(np.ones(entry.n_frames - 1, dtype=bool), False)
     rows_with = {"images": np.ones_like(kept), "flow": kept & to_next}
-    for field in names:
-        if names[field]:
-            yield from unmatched_rows(field, clip, rows_with.get(field, kept), names[field])
-    if entry.joints is not None:
-        with suppress(ValueError, MissingInput):  # said where its hash was compared
-            yield from joints_problems(resolve_inside(work.root, entry.joints.path), clip)
-    if entry.character is not None:
-        with suppress(ValueError, MissingInput):
-            yield from character_problems(resolve_inside(work.root, entry.character.path), clip)
+    for name, files in names.items():
+        if files:
+            yield from unmatched_rows(name, clip, rows_with.get(name, kept), files)
+    of_rows: tuple[Literal["joints", "character"], ...] = ("joints", "character")
+    for field in of_rows:
+        if (record := getattr(entry, field)) is not None:
+            with suppress(ValueError, MissingInput):  # said where its hash was compared
+                yield from rows_problems(field, resolve_inside(work.root, record.path), clip)
 
 
 def _file_problems(work: _Work, field: str, record: FileRecord) -> Iterator[str]:
@@ -149,8 +147,7 @@ def _content_problems(
 
 def _listing(work: _Work, field: str, record: FolderRecord) -> tuple[list[ListedFile], list[str]]:
     """The listing's lines, none if it can't be trusted, and what is wrong with it."""
-    problems = list(_file_problems(work, f"{field}.listing", record.listing))
-    if problems:
+    if problems := list(_file_problems(work, f"{field}.listing", record.listing)):
         return [], problems
     try:
         files = read_listing(work.root / record.listing.path)
@@ -174,8 +171,7 @@ def _folder_problems(
     except (ValueError, MissingInput) as error:
         yield f"{field}.folder: {error}; {AGAIN}"
         return
-    extra = sorted(set(present) - {file.path for file in files})
-    if extra:
+    if extra := sorted(set(present) - {file.path for file in files}):
         yield f"{field}.folder: {some(extra)} not in the listing; remove it or write a new version"
     for file in files:
         work.advance()

@@ -19,14 +19,13 @@ from gmrdata.manifest.current import (
     CreatedBy,
     DroppedRange,
     Extra,
-    FileRecord,
     FolderRecord,
     FrameRange,
     Quality,
     Recipe,
     Source,
 )
-from gmrdata.manifest.listing import FILES, FOLDERS, file_record, folder_record, relative_to_root
+from gmrdata.manifest.listing import FOLDERS, file_record, folder_record, relative_to_root
 from gmrdata.stage.store import StageRecord, package_versions
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadManifest
@@ -37,12 +36,10 @@ from gmrdata.values.rows import text_runs
 def created_by(
     recipe: Config | Mapping[str, Any] | None = None, seeds: Mapping[str, int] | None = None
 ) -> CreatedBy:
-    """The record for a manifest's head.
+    """The record for a manifest's head, of the whole recipe and of seeds by their use.
 
-    Args:
-        recipe: The whole recipe; absolute paths in it are cut to their last part, because where
-            a data set lay on its maker's disk is nobody's business and differs between machines.
-        seeds: Seeds by their use.
+    Absolute paths in the recipe are cut to their last part, because where a data set lay on its
+    maker's disk is nobody's business and differs between machines.
     """
     values = recipe.model_dump(mode="json") if isinstance(recipe, Config) else dict(recipe or {})
     return CreatedBy(
@@ -54,12 +51,7 @@ def created_by(
 
 
 def stage_recipe(stage_dir: Path) -> Recipe:
-    """The record of the stage that made a finished folder.
-
-    Raises:
-        MissingInput: the folder has no stage record, so it isn't a finished stage's.
-        BadRecord: the record lacks a part, or is of another version.
-    """
+    """The record of the stage that made a finished folder."""
     record = StageRecord.of(stage_dir)
     config = without_machine_paths(record.config)
     return Recipe(
@@ -88,10 +80,6 @@ def without_machine_paths(value: Any) -> Any:
     if isinstance(value, str) and value.startswith("/"):
         return Path(value).name
     return value
-
-
-LISTINGS = "listings"
-"""Folder of listings below the manifest's folder."""
 
 
 def clip_entry(
@@ -124,14 +112,13 @@ def clip_entry(
 
     Args:
         root: The manifest's folder; everything lies below it.
-        licence: Terms under which this clip may be passed on.
         id: The clip's id if the caller expects one; the file must agree.
-        images_dir: Folder of images; the other folders have a file for each of them.
+        images_dir: The other folders have a file for each image in it.
         extras_paths: The extras' files, in the order of their instance numbers from 2 on.
         character_path: The residual of the character that is seen.
         dropped_reason: Why rows are not valid: one reason, or T reasons; a row with a reason of its
             own is dropped, valid in the file or not.
-        recipe: What made the clip, from `gmrdata.manifest.entry.stage_recipe`.
+        recipe: From `stage_recipe`.
 
     Raises:
         MissingInput: a file or folder is not there.
@@ -141,7 +128,7 @@ def clip_entry(
     clip = load_clip(clip_path)
     if id is not None and id != clip.id:
         raise BadManifest(f"{clip_path}: holds clip {clip.id}, not {id}")
-    kept, dropped = _ranges(_reasons(clip_path, dropped_reason, clip.valid))
+    ranges = list(text_runs(_reasons(clip_path, dropped_reason, clip.valid)))
     try:
         entry = Clip(
             id=clip.id,
@@ -153,38 +140,32 @@ def clip_entry(
             frame=clip.motion.frame,
             translation_of="smpl_transl",
             camera_motion=camera_motion,
-            kept=kept,
-            dropped=dropped,
+            kept=tuple(FrameRange(start=a, stop=b) for a, b, why in ranges if not why),
+            dropped=tuple(DroppedRange(start=a, stop=b, reason=why) for a, b, why in ranges if why),
             arrays=file_record(root, clip_path),
             quality=quality,
             recipe=recipe,
         )
     except ValidationError as error:
         raise BadManifest(f"{clip_path}: clip {clip.id} can't be listed: {error}") from None
-    folders = (images_dir, masks_dir, depth_dir, normals_dir, flow_dir, instances_dir)
-    files = (joints_path, video_path, character_path)
+    dirs = (images_dir, masks_dir, depth_dir, normals_dir, flow_dir, instances_dir)
+    folders = dict(zip(FOLDERS, dirs, strict=True))
+    files = {"joints": joints_path, "video": video_path, "character": character_path}
     extras = (file_record(root, path) for path in extras_paths)
     return entry.model_copy(
         update={
-            **{key: _folder(root, path) for key, path in zip(FOLDERS, folders, strict=True)},
-            **{
-                key: path and file_record(root, path)
-                for key, path in zip(FILES, files, strict=True)
-            },
+            **{key: _folder(root, path) for key, path in folders.items()},
+            **{key: path and file_record(root, path) for key, path in files.items()},
             "extras": tuple(Extra(instance=i, arrays=file) for i, file in enumerate(extras, 2)),
         }
     )
-
-
-def _file(root: Path, path: Path | None) -> FileRecord | None:
-    return None if path is None else file_record(root, path)
 
 
 def _folder(root: Path, folder: Path | None) -> FolderRecord | None:
     """Named after the folder, because clips of several manifests may share it."""
     if folder is None:
         return None
-    listing = root / LISTINGS / f"{relative_to_root(root, folder)}.tsv"
+    listing = root / "listings" / f"{relative_to_root(root, folder)}.tsv"
     return folder_record(root, folder, listing)
 
 
@@ -197,14 +178,3 @@ def _reasons(clip_path: Path, reason: str | Sequence[str], valid: np.ndarray) ->
     if any(not why and not row_valid for why, row_valid in zip(reason, valid, strict=True)):
         raise BadManifest(f"{clip_path}: a row that is not valid has no reason")
     return list(reason)
-
-
-def _ranges(labels: Sequence[str]) -> tuple[tuple[FrameRange, ...], tuple[DroppedRange, ...]]:
-    """Runs of rows without a reason, and runs of other rows with one reason each."""
-    kept, dropped = [], []
-    for start, stop, label in text_runs(labels):
-        if not label:
-            kept.append(FrameRange(start=start, stop=stop))
-        else:
-            dropped.append(DroppedRange(start=start, stop=stop, reason=label))
-    return tuple(kept), tuple(dropped)

@@ -6,7 +6,6 @@ UTF-8, without a head line.
 """
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,8 +25,6 @@ RECORDS = (STAGE_FILE, "masks.json")
 """Files at the top of a folder that are about the folder, and no part of what it holds."""
 BAR_FROM = 200
 """Folders with more files than this show a progress bar."""
-
-
 FOLDERS = ("images", "masks", "depth", "normals", "flow", "instances")
 FILES = ("joints", "video", "character")
 
@@ -50,18 +47,12 @@ class ListedFile:
     path: str
     """Relative to the folder, with forward slashes."""
     size_bytes: int
-    """Size [bytes]."""
     sha256: str
     """Hex SHA-256 of the bytes."""
 
 
 def file_record(root: Path, path: Path) -> FileRecord:
-    """Hash a file below `root`.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadManifest: the file doesn't lie below `root`, by its path or by a link.
-    """
+    """Hash a file below `root`."""
     relative = relative_to_root(root, path)
     digest = sha256_of_file(path)
     return FileRecord(path=relative, size_bytes=path.stat().st_size, sha256=digest)
@@ -72,7 +63,7 @@ def folder_record(root: Path, folder: Path, listing: Path) -> FolderRecord:
 
     Args:
         root: The manifest's folder.
-        folder: The folder; files in sub-folders count too.
+        folder: Files in sub-folders count too.
         listing: Where the listing goes: below `root`, outside the folder.
 
     Raises:
@@ -85,7 +76,8 @@ def folder_record(root: Path, folder: Path, listing: Path) -> FolderRecord:
     names = files_below(folder)
     if not names:
         raise MissingInput(f"{folder}: no files here to list")
-    files = [_hashed(folder, name) for name in _with_bar(names, f"hashing {relative}")]
+    shown = track(names, f"hashing {relative}") if len(names) > BAR_FROM else names
+    files = [_hashed(folder, name) for name in shown]
     text = "".join(f"{file.sha256}\t{file.size_bytes}\t{file.path}\n" for file in files)
     if not listing.is_file() or listing.read_text(encoding="utf-8") != text:
         write_text(listing, text)
@@ -132,9 +124,6 @@ def files_below(folder: Path) -> list[str]:
 
     Left out are the records of what made the folder: the stage's, which holds times, and that of
     found masks, which is no image's.
-
-    Raises:
-        MissingInput: there is no such folder.
     """
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
@@ -146,11 +135,7 @@ def files_below(folder: Path) -> list[str]:
 
 
 def relative_to_root(root: Path, path: Path) -> str:
-    """`path` relative to `root`, with forward slashes.
-
-    Raises:
-        BadManifest: `path` doesn't lie below `root`, or a link along it leads out.
-    """
+    """`path` relative to `root`, with forward slashes; an error where a link leads out of it."""
     try:
         relative = path.absolute().relative_to(root.absolute()).as_posix()
         resolve_inside(root, relative)
@@ -168,7 +153,3 @@ def _hashed(folder: Path, name: str) -> ListedFile:
     except ValueError as error:
         raise BadManifest(f"{folder}: {error}") from None
     return ListedFile(name, file.stat().st_size, sha256_of_file(file))
-
-
-def _with_bar(names: list[str], description: str) -> Iterator[str]:
-    return track(names, description) if len(names) > BAR_FROM else iter(names)

@@ -7,6 +7,7 @@ models, to manifests/schema/v1.json of a checkout; a test compares the two.
 import datetime
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,9 +53,7 @@ def read_manifest(path: Path) -> Manifest | ListManifest:
 def load_clips(path: Path) -> list[Clip]:
     """Load every clip of a manifest; `valid` is False outside the manifest's kept ranges.
 
-    Args:
-        path: The manifest; its files lie below its folder.  Their hashes are not checked here,
-            `gmrdata manifest check` does that.
+    Hashes are not checked here, `gmrdata manifest check` does that.
 
     Raises:
         MissingInput: the manifest or a clip's file is not there.
@@ -83,7 +82,7 @@ def load_entry(path: Path, entry: ClipEntry) -> Clip:
             f"{clip.id} with {clip.motion.n_frames} frames; write the manifest again"
         )
     valid = clip.valid & rows_in(entry.kept, entry.n_frames)
-    return Clip(clip.id, clip.motion, valid, clip.image_numbers, clip.camera)
+    return replace(clip, valid=valid)
 
 
 def rows_in(ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndarray:
@@ -149,14 +148,11 @@ def _line(location: tuple[str | int, ...], lines: dict[yaml_text.FieldPath, int]
 def _field(location: tuple[str | int, ...], data: Any) -> str:
     """The field's path for a reader, with the clip's id in place of its index where it has one."""
     text = ""
-    for i, part in enumerate(_plain(location)):
-        if isinstance(part, int):
-            text += f"[{part}]"
-            if i == 1 and _plain(location)[0] == "clips":
-                clip = data["clips"][part]
-                text += f" (clip {clip['id']})" if isinstance(clip, dict) and "id" in clip else ""
-        else:
-            text += f".{part}" if text else part
+    for part in _plain(location):
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+        if isinstance(part, int) and text == f"clips[{part}]":
+            clip = data["clips"][part]
+            text += f" (clip {clip['id']})" if isinstance(clip, dict) and "id" in clip else ""
     return text or "manifest"
 
 

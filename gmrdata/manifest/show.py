@@ -8,14 +8,7 @@ from pydantic import BaseModel
 from rich.markup import escape
 from rich.table import Table
 
-from gmrdata.manifest.current import (
-    Clip,
-    FileRecord,
-    FolderRecord,
-    ListedClip,
-    ListManifest,
-    Manifest,
-)
+from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.listing import files_of, folders_of
 from gmrdata.manifest.read import read_manifest
 from gmrdata.stage.progress import answers
@@ -27,21 +20,14 @@ def show_manifest(path: Path) -> None:
 
 
 def manifest_table(path: Path) -> Table:
-    """A table with a row per clip.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadManifest: not a manifest.
-    """
+    """A table with a row per clip."""
     manifest = read_manifest(path)
     title = f"{manifest.name} {manifest.version} ({manifest.kind}), {len(manifest.clips)} clips"
     table = Table(title=title, caption=escape(_caption(manifest)))
     table.add_column("clip", no_wrap=True)
-    for heading in ("source", "camera", "fps"):
-        table.add_column(heading)
-    for heading in ("frames", "kept", "seconds"):
-        table.add_column(heading, justify="right")
-    table.add_column("licence or note")
+    for heading in ("source", "camera", "fps", "frames", "kept", "seconds", "licence or note"):
+        is_count = heading in ("frames", "kept", "seconds")
+        table.add_column(heading, justify="right" if is_count else "left")
     for clip in manifest.clips:
         kept = kept_frames(clip)
         total = clip.n_frames if isinstance(clip, Clip) else kept
@@ -63,31 +49,23 @@ def diff_manifests(a: Path, b: Path) -> list[str]:
 
     Returns:
         Lines such as `clips[walk].fps_hz: 10.0 -> 12.0`, empty if the two say the same.
-
-    Raises:
-        MissingInput: one of them is not there.
-        BadManifest: one of them is not a manifest.
     """
     old, new = (_by_id(read_manifest(path)) for path in (a, b))
     return _differences(old, new, "")
 
 
 def kept_frames(clip: Clip | ListedClip) -> int:
-    """Number of frames of a clip that are to be used."""
     ranges = clip.kept if isinstance(clip, Clip) else (clip.frames,)
     return sum(part.stop - part.start for part in ranges)
 
 
 def _caption(manifest: Manifest | ListManifest) -> str:
-    frames = sum(kept_frames(clip) for clip in manifest.clips)
-    size_bytes = sum(_size_bytes(clip) for clip in manifest.clips if isinstance(clip, Clip))
+    frames, size_bytes = sum(map(kept_frames, manifest.clips)), 0
+    for clip in manifest.clips if isinstance(manifest, Manifest) else ():
+        files = (clip.arrays, *files_of(clip).values())
+        size_bytes += sum(one.size_bytes for one in (*files, *folders_of(clip).values()))
     size = f", {size_bytes / 1e6:,.1f} MB" if size_bytes else ""
     return f"{frames} frames to use{size}. {manifest.description}"
-
-
-def _size_bytes(clip: Clip) -> int:
-    parts: list[FileRecord | FolderRecord] = [clip.arrays, *files_of(clip).values()]
-    return sum(part.size_bytes for part in (*parts, *folders_of(clip).values()))
 
 
 def _source(clip: Clip | ListedClip) -> str:

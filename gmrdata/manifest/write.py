@@ -28,12 +28,11 @@ def write_manifest(
     """Write a manifest as a whole or not at all.
 
     Args:
-        path: The manifest; the files of its clips lie below its folder.
+        path: The files of the clips lie below its folder.
         version: major.minor.patch.
         kind: "synthetic", "pseudo_gt", "motions", or "list" for clips without files.
-        clips: What `gmrdata.manifest.entry.clip_entry` made, written in order of id; or, for a
-            list, its rows, written in the order given.
-        created_by: From `gmrdata.manifest.entry.created_by`; without it, versions alone.
+        clips: Written in order of id; or, for a list, in the order given.
+        created_by: Versions alone where left out.
         redo: Replace a manifest of the same name and version but other content.
 
     Raises:

@@ -28,10 +28,6 @@ def load(path: Path) -> tuple[Any, dict[FieldPath, int]]:
 
     Returns:
         The data, and the line (from 1) of each field by its path, e.g. `("clips", 3, "fps_hz")`.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadManifest: not such a file.
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such manifest")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import JsonValue
 
@@ -28,7 +28,7 @@ class TableRow(Config):
     name: str
     """What it is called at this size."""
     name_in_paper: str | None
-    """What the paper calls it; None for a row that the paper does not have."""
+    """None for a row that the paper does not have."""
     method: str
     """What predicts."""
     clips: Literal["all", "moving", "still"]
@@ -73,7 +73,6 @@ class TableRecord(Record):
     note: str
     """What a reader must know of that size."""
     data: TableData
-    """What was trained and scored on."""
     rows: tuple[TableRow, ...]
     """The rows in the paper's order, and zero motion."""
     lacking: dict[str, tuple[str, ...]]
@@ -95,20 +94,16 @@ def write_table(folder: Path, record: TableRecord) -> Path:
 def explanations(record: TableRecord) -> list[str]:
     """What must be known to read the table: the data of both, the size, and what is missing."""
     data = record.data
-    trained = ", ".join(f"{one.name} ({one.clips} clips)" for one in data.training)
-    found = [
+    trained = ", ".join(f"{one.name} ({one.clips} clips)" for one in data.training) or "nothing"
+    held_out = ", ".join(map(str, data.held_out_subjects))
+    return [
         f"Paper: {data.paper}.",
-        f"Here: trained on {trained or 'nothing'}; scored on {data.scored}.",
+        f"Here: trained on {trained}; scored on {data.scored}.",
+        *([f"Not trained on: subjects {held_out}."] if held_out else []),
+        f"Scale {record.scale}. {record.note}".strip(),
+        "± is the standard deviation over seeds. The data differ, so figures don't compare.",
+        *(f"{row}: not made. It needs {'; '.join(what)}." for row, what in record.lacking.items()),
     ]
-    if data.held_out_subjects:
-        found.append(f"Not trained on: subjects {', '.join(map(str, data.held_out_subjects))}.")
-    found.append(f"Scale {record.scale}. {record.note}".strip())
-    found.append(
-        "± is the standard deviation over seeds. The data differ, so figures don't compare."
-    )
-    for name, wanted in record.lacking.items():
-        found.append(f"{name}: not made. It needs {'; '.join(wanted)}.")
-    return found
 
 
 def shown_rows(record: TableRecord) -> Table:
@@ -121,18 +116,13 @@ def shown_rows(record: TableRecord) -> Table:
 
 
 def _shown(row: TableRow) -> tuple[str, ...]:
-    cells = [row.name, str(len(row.seeds)) if row.seeds else "-"]
+    cells = [row.name, str(len(row.seeds) or "-")]
     for metric in METRICS:
-        paper = row.paper.get(metric)
-        cells += ["-" if paper is None else f"{paper:.2f}", _ours(row, metric)]
+        paper, ours = row.paper.get(metric), row.ours.get(metric) if row.ours else None
+        spread = f" ± {ours.spread:.2f}" if ours and ours.spread is not None else ""
+        cells.append("-" if paper is None else f"{paper:.2f}")
+        cells.append(f"{ours.mean:.2f}{spread}" if ours else "not made")
     return tuple(cells)
-
-
-def _ours(row: TableRow, metric: Metric) -> str:
-    if row.ours is None:
-        return "not made"
-    ours = row.ours.get(metric)
-    return f"{ours.mean:.2f}" if ours.spread is None else f"{ours.mean:.2f} ± {ours.spread:.2f}"
 
 
 def csv_rows(record: TableRecord) -> list[list[Cell]]:
@@ -140,15 +130,14 @@ def csv_rows(record: TableRecord) -> list[list[Cell]]:
     head: list[Cell] = ["row", "n_seeds"]
     for metric in METRICS:
         head += [f"paper_{metric}", f"{metric}_mean", f"{metric}_spread"]
-    return [head, *map(_csv_row, record.rows)]
-
-
-def _csv_row(row: TableRow) -> list[Cell]:
-    cells: list[Cell] = [row.name, len(row.seeds)]
-    for metric in METRICS:
-        ours = row.ours.get(metric) if row.ours else None
-        cells += [row.paper.get(metric), ours.mean if ours else None, ours.spread if ours else None]
-    return cells
+    rows = [head]
+    for row in record.rows:
+        cells: list[Cell] = [row.name, len(row.seeds)]
+        for metric in METRICS:
+            ours = row.ours.get(metric) if row.ours else None
+            cells += [row.paper.get(metric), *((ours.mean, ours.spread) if ours else (None, None))]
+        rows.append(cells)
+    return rows
 
 
 def orderings(rows: Sequence[TableRow]) -> list[str]:
@@ -156,11 +145,12 @@ def orderings(rows: Sequence[TableRow]) -> list[str]:
     return [line for metric in METRICS for line in _of_metric(metric, rows)]
 
 
-class _Pair:
+class _Row(NamedTuple):
     """A row in one metric: the paper's figure, and ours with its spread over seeds."""
 
-    def __init__(self, name: str, paper: float, ours: OverSeeds) -> None:
-        self.name, self.paper, self.ours = name, paper, ours
+    name: str
+    paper: float
+    ours: OverSeeds
 
 
 def _of_metric(metric: Metric, rows: Sequence[TableRow]) -> list[str]:
@@ -168,41 +158,30 @@ def _of_metric(metric: Metric, rows: Sequence[TableRow]) -> list[str]:
     for row in rows:
         paper = row.paper.get(metric)
         if paper is not None and row.ours is not None:
-            known.append(_Pair(row.name, paper, row.ours.get(metric)))
-    pairs = [
-        (a, b) if a.paper < b.paper else (b, a)
-        for a, b in combinations(known, 2)
-        if a.paper != b.paper
-    ]
+            known.append(_Row(row.name, paper, row.ours.get(metric)))
+    both = (sorted(pair, key=lambda one: one.paper) for pair in combinations(known, 2))
+    pairs = [(better, worse) for better, worse in both if better.paper != worse.paper]
     if not pairs:
         return []
     title = METRIC_WORDS[metric].title
     holds = [pair for pair in pairs if pair[0].ours.mean < pair[1].ours.mean]
     fails = [pair for pair in pairs if pair not in holds]
     lines = [f"{title}: {len(holds)} of the paper's {len(pairs)} orderings hold here."]
-    if holds:
-        lines.append(f"{title}, holds: {_listed(holds)}.")
-    if fails:
-        lines.append(f"{title}, does not hold: {_listed(fails)}.")
-    best_there = min(known, key=lambda one: one.paper)
-    best_here = min(known, key=lambda one: one.ours.mean)
+    for word, listed in (("holds", holds), ("does not hold", fails)):
+        if listed:
+            lines.append(f"{title}, {word}: {'; '.join(map(_ordering, listed))}.")
     if len(known) > 2:
-        same = best_there is best_here
-        there = f"{title}: the paper's best row is {best_there.name}"
-        lines.append(f"{there}, as here." if same else f"{there}, here it is {best_here.name}.")
+        best_there = min(known, key=lambda one: one.paper)
+        best_here = min(known, key=lambda one: one.ours.mean)
+        where = "as here" if best_there is best_here else f"here it is {best_here.name}"
+        lines.append(f"{title}: the paper's best row is {best_there.name}, {where}.")
     return lines
 
 
-def _listed(pairs: Sequence[tuple[_Pair, _Pair]]) -> str:
-    return "; ".join(
-        f"{better.name} below {worse.name}{_doubt(better.ours, worse.ours)}"
-        for better, worse in pairs
-    )
-
-
-def _doubt(a: OverSeeds, b: OverSeeds) -> str:
-    """A remark where two rows differ by no more than seeds do."""
-    if a.spread is None or b.spread is None:
-        return ""
-    is_small = abs(a.mean - b.mean) <= max(a.spread, b.spread)
-    return " (within the seeds' spread)" if is_small else ""
+def _ordering(pair: tuple[_Row, _Row]) -> str:
+    """The ordering, with a remark where the rows differ by no more than seeds do."""
+    (better, _, a), (worse, _, b) = pair
+    text = f"{better} below {worse}"
+    if a.spread is None or b.spread is None or abs(a.mean - b.mean) > max(a.spread, b.spread):
+        return text
+    return f"{text} (within the seeds' spread)"

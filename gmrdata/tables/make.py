@@ -38,10 +38,10 @@ from gmrdata.values.files import read_npz, resolve_inside, write_npz
 def held_out_set(
     manifest_paths: Sequence[Path], config: DataConfig, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Write the clips of the held-out subjects as a set of its own; gives its `manifest.yaml`.
+    """Write the clips of the held-out subjects, without images, as a set of its own.
 
-    out/clips/<clip id>.npz   copies of the clips, without images
-    out/manifest.yaml
+    Returns:
+        Its `manifest.yaml`.
 
     Raises:
         BadRecipe: nobody is held out, or no clip is of a held-out subject.
@@ -122,9 +122,8 @@ def make_table(
         for ones in plan.scorings.values()
         for one in ones
     }
-    paths: dict[str, Path] = {}
-    for what, jobs in (("train", training), ("score", scoring)):
-        paths = _run(what, jobs, out_dir / "failures" / what, run)
+    _run("train", training, out_dir / "failures" / "train", run)
+    paths = _run("score", scoring, out_dir / "failures" / "score", run)
     scores = {
         name: [Scores.read(paths[_job_id(one.id)]) for one in ones]
         for name, ones in plan.scorings.items()
@@ -164,13 +163,18 @@ def _record(
     out_dir: Path,
 ) -> TableRecord:
     rows = [_row(recipe, row, scale, scores.get(row.name, ()), plan) for row in recipe.rows]
+    zero_motion = TableRow(
+        name="no motion at all", name_in_paper=None, method="zero", clips="all", seeds=(),
+        settings=None, paper=PaperMetrics(**dict.fromkeys(METRICS)),
+        ours=_over_seeds(next(iter(scores.values()))[:1], "zero"),
+    )  # fmt: skip
     return TableRecord(
         table=recipe.table,
         title=recipe.title,
         scale=scale,
         note=recipe.scales[scale].note,
         data=_data(recipe, scale, given, scores, out_dir),
-        rows=(*rows, _zero_row(next(iter(scores.values()))[:1])),
+        rows=(*rows, zero_motion),
         lacking={name: tuple(wanted) for name, wanted in plan.lacking.items()},
         statements=tuple(orderings(rows)),
     )
@@ -193,29 +197,15 @@ def _row(
     )
 
 
-def _zero_row(scores: Sequence[Scores]) -> TableRow:
-    """Zero motion on the clips of a row."""
-    return TableRow(
-        name="no motion at all",
-        name_in_paper=None,
-        method="zero",
-        clips="all",
-        paper=PaperMetrics(**dict.fromkeys(METRICS)),
-        seeds=(),
-        settings=None,
-        ours=_over_seeds(scores, "zero"),
-    )
-
-
 def _over_seeds(
     scores: Sequence[Scores], method: Method, row: Row | None = None
 ) -> PaperMetrics[OverSeeds]:
-    def over_seeds(metric: Metric) -> OverSeeds:
+    found = {}
+    for metric in METRICS:
         values = tuple(clip_figure(metric, one, method, row) for one in scores)
         spread = statistics.stdev(values) if len(values) > 1 else None
-        return OverSeeds(mean=statistics.fmean(values), spread=spread, by_seed=values)
-
-    return PaperMetrics(**{metric: over_seeds(metric) for metric in METRICS})
+        found[metric] = OverSeeds(mean=statistics.fmean(values), spread=spread, by_seed=values)
+    return PaperMetrics(**found)
 
 
 def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None) -> float:
@@ -254,8 +244,7 @@ def _data(
     return TableData(
         paper=recipe.paper_data,
         training=tuple(
-            TrainingSet(name=_name_of(path), clips=size)
-            for path, size in zip(paths, sizes, strict=True)
+            TrainingSet(name=_name_of(path), clips=n) for path, n in zip(paths, sizes, strict=True)
         ),
         left_out=left_out,
         scored=f"{what} ({overall.n_clips} clips, {overall.n_motions} motions)",

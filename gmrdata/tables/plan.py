@@ -6,11 +6,10 @@ out/scores/<row>/seed_<n>        its scores (gmrdata.score)
 """
 
 import re
-import time
+import timeit
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.config import TrainConfig
@@ -18,18 +17,13 @@ from gmrdata.tables import ScaleName
 from gmrdata.tables.recipe import Row, Scale, TableRecipe, joint_config, train_config
 from gmrdata.values.errors import BadRecipe
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
-    from gmrdata.gmr.model import Gmr
-
 
 @dataclass(frozen=True)
 class Given:
     """Files and people."""
 
     manifests: tuple[Path, ...]
-    """Manifests to train on."""
+    """To train on."""
     scored: Path | None = None
     """Manifest to score; None for the held-out subjects of the manifests to train on."""
     poses: Path | None = None
@@ -47,9 +41,7 @@ class Given:
 
     def subjects(self, scale: Scale) -> tuple[int | str, ...]:
         """Who is not trained on; nobody is held out where a manifest to score is given."""
-        if self.scored is not None:
-            return self.held_out
-        return self.held_out or scale.held_out_subjects
+        return self.held_out or (() if self.scored else scale.held_out_subjects)
 
 
 def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[str]:
@@ -58,9 +50,8 @@ def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[s
     # Another network's poses are of filmed clips, not of those that are held out of the training.
     has_own_clips = row.method == "gmr" and row.poses == "true" and bool(given.subjects(scale))
     needs = {
-        "motions to train on (--manifest)": owner.method == "gmr"
-        and row.method == "gmr"
-        and not given.manifests,
+        "motions to train on (--manifest)": not given.manifests
+        and owner.method == row.method == "gmr",
         "clips to score (--scored)": given.scored is None and not has_own_clips,
         "VIBE's poses as <clip id>.npz (--poses)": given.poses is None
         and (row.poses == "given" or row.method == "vibe_cam"),
@@ -110,11 +101,7 @@ class Plan:
 def plan_table(
     recipe: TableRecipe, scale: ScaleName, given: Given, seeds: Sequence[int] = ()
 ) -> Plan:
-    """List the trainings and scores of a table; `seeds` stand in place of the recipe's.
-
-    Raises:
-        BadRecipe: the table has no such scale.
-    """
+    """List the trainings and scores of a table; `seeds` stand in place of the recipe's."""
     shared = recipe.scales.get(scale)
     if shared is None:
         raise BadRecipe(f"table {recipe.table} has no scale {scale}; give one of its own")
@@ -123,8 +110,7 @@ def plan_table(
     missing: dict[str, list[str]] = {}
     for shown in recipe.rows:
         row = recipe.scored_row(shown)
-        wanted = lacking(recipe, row, shared, given)
-        if wanted:
+        if wanted := lacking(recipe, row, shared, given):
             missing[shown.name_at(scale)] = wanted
             continue
         if row.method in ("vibe_cam", "camera_as_world"):
@@ -167,46 +153,35 @@ def planned_runs(
     The estimate is of the network's forward and backward pass on this machine, timed for two steps
     after a first one; the loss and the data come on top.
 
-    Args:
-        out_dir: Where runs that are made lie.
-        workers: How many trainings run at a time.
-
     Returns:
         Rows under `HEADINGS`, and lines to print below them.
     """
     probed: dict[str, tuple[int, float | None]] = {}
     rows: list[tuple[str, ...]] = []
-    left_minutes, n_left, unknown = 0.0, 0, False
+    left_minutes: list[float | None] = []
     for one in plan.trainings:
-        config = one.config
-        if isinstance(config, JointConfig):
-            parameters, step_s = "-", None
-        else:
+        config, parameters, step_s = one.config, "-", None
+        if isinstance(config, TrainConfig):
             key = f"{config.model!r} {config.batch_size} {config.windows.frames} {config.device}"
             if key not in probed:
                 probed[key] = _probe(config)
             parameters, step_s = f"{probed[key][0]:,}", probed[key][1]
-        is_made = (out_dir / "runs" / one.id).is_dir()
         minutes = None if step_s is None else config.steps * step_s / 60
-        if not is_made:
-            n_left += 1
-            unknown |= minutes is None
-            left_minutes += minutes or 0.0
+        run_dir = out_dir / "runs" / one.id
+        is_begun = run_dir.with_name(run_dir.name + ".partial").is_dir()
+        state = "made" if run_dir.is_dir() else "begun" if is_begun else "to make"
+        if state != "made":
+            left_minutes.append(minutes)
         shown = "?" if minutes is None else f"{minutes:.1f}"
-        rows.append((one.id, parameters, str(config.steps), _state(out_dir, one.id), shown))
-    total = f"at least {left_minutes / max(1, min(workers, n_left)):.0f} minutes"
-    if unknown:
+        rows.append((one.id, parameters, str(config.steps), state, shown))
+    n_left, known = len(left_minutes), [one for one in left_minutes if one is not None]
+    total = f"at least {sum(known) / max(1, min(workers, n_left)):.0f} minutes"
+    if len(known) < n_left:
         total = "no estimate for those with ?: their device is not here, or their input is unknown"
-    lines = [f"{n_left} of {len(plan.trainings)} trainings to make with {workers} workers: {total}"]
-    lines.append(f"{sum(map(len, plan.scorings.values()))} scores")
-    return rows, lines
-
-
-def _state(out_dir: Path, id: str) -> str:
-    run_dir = out_dir / "runs" / id
-    if run_dir.is_dir():
-        return "made"
-    return "begun" if run_dir.with_name(run_dir.name + ".partial").is_dir() else "to make"
+    return rows, [
+        f"{n_left} of {len(plan.trainings)} trainings to make with {workers} workers: {total}",
+        f"{sum(map(len, plan.scorings.values()))} scores",
+    ]
 
 
 def _probe(config: TrainConfig) -> tuple[int, float | None]:
@@ -219,20 +194,17 @@ def _probe(config: TrainConfig) -> tuple[int, float | None]:
     n_parameters = sum(values.numel() for values in model.parameters())
     if config.device != "cpu":
         return n_parameters, None
+    poses = torch.zeros(config.batch_size, config.windows.frames, input_size(config.model))
+
+    def step() -> None:
+        delta_rotmats, delta_m = model(poses)
+        (delta_rotmats.sum() + delta_m.sum()).backward()
+
     threads = torch.get_num_threads()
     torch.set_num_threads(config.threads)
     try:
-        poses = torch.zeros(config.batch_size, config.windows.frames, input_size(config.model))
         # The first step loads what the others find loaded, so it is not counted.
-        times_s = [_step_s(model, poses) for _ in range(1 + PROBED_STEPS)]
+        times_s = timeit.repeat(step, number=1, repeat=1 + PROBED_STEPS)
         return n_parameters, min(times_s[1:])
     finally:
         torch.set_num_threads(threads)
-
-
-def _step_s(model: "Gmr", poses: "Tensor") -> float:
-    """Seconds of one forward and backward pass."""
-    start_s = time.monotonic()
-    delta_rotmats, delta_m = model(poses)
-    (delta_rotmats.sum() + delta_m.sum()).backward()
-    return time.monotonic() - start_s

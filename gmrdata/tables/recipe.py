@@ -16,8 +16,6 @@ from gmrdata.values.errors import BadRecipe
 from gmrdata.values.records import Config
 
 Method = Literal["gmr", "vibe_cam", "camera_as_world", "joint"]
-
-
 Settings = dict[str, Any]
 """Settings of a training, nested as its config is."""
 
@@ -101,7 +99,6 @@ class TableRecipe(Config):
         return self
 
     def row(self, name: str) -> Row:
-        """The row of a name."""
         return next(row for row in self.rows if row.name == name)
 
     def scored_row(self, row: Row) -> Row:
@@ -127,11 +124,9 @@ def load_table(name: str) -> tuple[Path, TableRecipe]:
                 train_config(recipe, row, scale, shared.seeds[0], ())
                 joint_config(recipe, row, scale, shared.seeds[0])
             except ValidationError as error:
-                problems = "\n".join(
-                    f"  {'.'.join(map(str, found['loc']))}: {found['msg']}"
-                    for found in error.errors()
-                )
-                raise BadRecipe(f"{path}: row {row.name!r} at scale {scale}:\n{problems}") from None
+                where = f"{path}: row {row.name!r} at scale {scale}:"
+                problems = [f"  {'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
+                raise BadRecipe("\n".join([where, *problems])) from None
     return path, recipe
 
 
@@ -144,16 +139,13 @@ def train_config(
 ) -> TrainConfig:
     """The training of a row's network, which may be that of another row.
 
-    Raises:
-        ValidationError: of pydantic: settings that do not exist or fit.
+    Raises pydantic's ValidationError for settings that do not exist or fit.
     """
     owner = row if row.network is None else recipe.row(row.network)
     own = {} if owner.method == "joint" else _settings_of(owner, scale)
-    settings = merged(recipe.scales[scale].train, own)
-    chosen = {"seed": seed}
-    if held_out_subjects:
-        chosen = merged(chosen, {"data": {"held_out_subjects": held_out_subjects}})
-    return TrainConfig.model_validate(merged(settings, chosen))
+    held_out = {"data": {"held_out_subjects": held_out_subjects}} if held_out_subjects else {}
+    settings = merged(merged(recipe.scales[scale].train, own), held_out)
+    return TrainConfig.model_validate(settings | {"seed": seed})
 
 
 def joint_config(recipe: TableRecipe, row: Row, scale: ScaleName, seed: int) -> JointConfig:

@@ -52,7 +52,6 @@ def infer_poses(
     Clips that are written are at the network's frame rate, and have the given poses and shape.
 
     Args:
-        run_dir: A finished training run.
         poses_dir: `<clip id>.npz` for each clip, as `gmrdata.baselines.vibe_cam` takes them.
         body_path: Body of the poses; None for the default body.
 
@@ -64,17 +63,16 @@ def infer_poses(
     from gmrdata.read.bodies import load_body
 
     subjects, left_out = manifest_subjects(manifest_path)
-    inputs = {"run": run_dir, "manifest": manifest_path}
-    if body_path is not None:
-        inputs["body"] = body_path
+    files = {"run": run_dir, "manifest": manifest_path, "body": body_path}
+    inputs = {key: path for key, path in files.items() if path is not None}
     inputs |= {f"poses_{one.clip.id}": poses_dir / f"{one.clip.id}.npz" for one in subjects}
 
     def work(partial_dir: Path) -> None:
         gmr, body = load_gmr(run_dir), load_body("anny" if body_path is None else str(body_path))
-        found = []
-        for one in subjects:
-            seen = load_poses(poses_dir / f"{one.clip.id}.npz", one.clip, body)
-            found.append(_moved(gmr, one, seen, body))
+        found = [
+            _moved(gmr, one, load_poses(inputs[f"poses_{one.clip.id}"], one.clip, body), body)
+            for one in subjects
+        ]
         figures = NetworkFigures(run=run_dir.name)
         write_predictions(partial_dir, "gmr", found, left_out, NetworkPredictions, figures)
 
@@ -130,11 +128,7 @@ def train_one(training: Training, given: Given, out_dir: Path, run: Run) -> None
 
 
 def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:
-    """Predict where a row needs it, and score into `out_dir/scores`.
-
-    Returns:
-        Path of `scores.json`.
-    """
+    """Predict where a row needs it, and score into `out_dir/scores`; gives its `scores.json`."""
     from gmrdata.score.score import score_manifest, score_predictions
 
     manifest = scored_manifest(given, out_dir)
