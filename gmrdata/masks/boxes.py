@@ -26,21 +26,15 @@ class Detections:
     """(N,) index in COCO_NAMES."""
 
     def __len__(self) -> int:
-        """Number N of boxes."""
         return len(self.scores)
 
 
 def detections_as_json(found: Detections) -> list[dict[str, object]]:
     """Plain numbers: boxes to 0.01 px, scores to 0.0001."""
+    rows = zip(found.boxes_px.tolist(), found.scores.tolist(), found.classes.tolist(), strict=True)
     return [
-        {
-            "box_px": [round(float(edge), 2) for edge in box_px],
-            "score": round(float(score), 4),
-            "class": int(class_index),
-        }
-        for box_px, score, class_index in zip(
-            found.boxes_px, found.scores, found.classes, strict=True
-        )
+        {"box_px": [round(edge, 2) for edge in box_px], "score": round(score, 4), "class": index}
+        for box_px, score, index in rows
     ]
 
 
@@ -68,7 +62,8 @@ def keep_best(found: Detections, nms_iou: float) -> Detections:
 
     if len(found) == 0:
         return found
-    as_xywh = np.concatenate([found.boxes_px[:, :2], np.ptp(_corners(found.boxes_px), axis=1)], 1)
+    corners_px = found.boxes_px.reshape(-1, 2, 2)
+    as_xywh = np.concatenate([corners_px[:, 0], np.ptp(corners_px, axis=1)], axis=1)
     kept = cv2.dnn.NMSBoxesBatched(
         as_xywh.tolist(), found.scores.tolist(), found.classes.tolist(), 0.0, nms_iou
     )
@@ -86,26 +81,16 @@ def grow(boxes_px: np.ndarray, share: float, margin_px: float) -> np.ndarray:
 
 
 def fill_boxes(boxes_px: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """Mask of all pixels that a box (N, 4) touches.
+    """Mask of all pixels of a picture of (width, height) that a box (N, 4) [px] touches.
 
-    Args:
-        boxes_px: Boxes, in the picture or not [px].
-        size_px: (width, height) of the picture.
-
-    Returns:
-        (height, width) uint8, 255 inside.
+    Boxes may lie outside the picture.  The mask is (height, width) uint8, 255 inside.
     """
-    width_px, height_px = size_px
-    mask = np.zeros((height_px, width_px), dtype=np.uint8)
+    mask = np.zeros(size_px[::-1], dtype=np.uint8)
     low = np.clip(np.floor(boxes_px[:, :2]), 0, size_px).astype(int)
     high = np.clip(np.ceil(boxes_px[:, 2:]), 0, size_px).astype(int)
     for (left, top), (right, bottom) in zip(low, high, strict=True):
         mask[top:bottom, left:right] = 255
     return mask
-
-
-def _corners(boxes_px: np.ndarray) -> np.ndarray:
-    return boxes_px.reshape(-1, 2, 2)
 
 
 def _area(boxes_px: np.ndarray) -> np.ndarray:
@@ -134,11 +119,9 @@ class TrackedFrame:
 
 
 def track(frames: list[Detections], min_score: float, config: TrackConfig) -> list[TrackedFrame]:
-    """Choose and complete the boxes of a sequence.
+    """Choose and complete the boxes of a sequence, from the weak detections of its frames too.
 
-    Args:
-        frames: Detections of each frame, weak ones too.
-        min_score: A track is kept if one of its boxes has this score or more.
+    A track is kept if one of its boxes has `min_score` or more.
     """
     rows: list[list[int]] = [[] for _ in frames]
     filled: list[list[np.ndarray]] = [[] for _ in frames]

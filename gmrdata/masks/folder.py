@@ -35,9 +35,6 @@ def folder_masks(
 ) -> Path:
     """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic.
 
-    Args:
-        masks_dir: Masks named `<image stem>.png` or `<image file name>.png`.
-
     Raises:
         MissingInput: there is no such folder.
         BadFrames: a mask is missing, unreadable or of another size than its frame.
@@ -60,15 +57,12 @@ def folder_masks(
 def find_mask(masks_dir: Path, image: Path) -> Path:
     """The mask of an image: `<stem>.png` or, as COLMAP names it, `<image file name>.png`.
 
-    Raises:
-        MissingInput: there is no such folder.
-        BadFrames: no mask for this image.  A frame is never used unmasked in silence.
+    BadFrames where there is none: a frame is never used unmasked in silence.
     """
     if not masks_dir.is_dir():
         raise MissingInput(f"{masks_dir}: no such folder of masks")
-    for name in (f"{image.stem}.png", f"{image.name}.png"):
-        if (masks_dir / name).is_file():
-            return masks_dir / name
-    raise BadFrames(
-        f"{masks_dir}: no mask for {image.name}; expected {image.stem}.png or {image.name}.png"
-    )
+    names = (f"{image.stem}.png", f"{image.name}.png")
+    for path in map(masks_dir.joinpath, names):
+        if path.is_file():
+            return path
+    raise BadFrames(f"{masks_dir}: no mask for {image.name}; expected {' or '.join(names)}")

@@ -11,31 +11,28 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from gmrdata.masks.boxes import Detections, TrackConfig, TrackedFrame, fill_boxes, track
+from gmrdata.masks.boxes import Detections, TrackedFrame, fill_boxes, track
 from gmrdata.masks.silhouette import dilate
-from gmrdata.masks.yolox import CATEGORY_NUMBERS, DYNAMIC, CocoClasses, class_indices
+from gmrdata.masks.yolox import CATEGORY_NUMBERS, DetectorConfig, class_indices
 from gmrdata.read.frames import check_images, list_images, read_color, write_gray
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingExtra, MissingInput, StageFailed
 from gmrdata.values.files import read_npz, write_npz
-from gmrdata.values.records import Config
 
 Segmenter = Callable[[np.ndarray], Mapping[str, np.ndarray]]
 
 
-class MaskRcnnConfig(Config):
+class MaskRcnnConfig(DetectorConfig):
     """What the network looks for, and how its instances become masks."""
 
     network: Literal["maskrcnn_resnet50_fpn", "maskrcnn_resnet50_fpn_v2"] = (
         "maskrcnn_resnet50_fpn_v2"
     )
     """torchvision's name of the network."""
-    classes: CocoClasses = DYNAMIC
-    """COCO's names of what moves; people, vehicles and animals unless other names are given."""
     min_score: float = Field(default=0.5, gt=0, le=1)
     """An object is masked if its score reaches this in some frame of its track."""
     weak_score: float = Field(default=0.2, gt=0, le=1)
@@ -44,16 +41,8 @@ class MaskRcnnConfig(Config):
     """A pixel belongs to an instance if the network's probability reaches this."""
     dilate_px: int = Field(default=8, ge=0)
     """Radius by which the masked part is widened [px]."""
-    tracks: TrackConfig = TrackConfig()
-    """How instances of neighbouring frames are joined; frames between get a filled box."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Where the network runs."""
-
-    @model_validator(mode="after")
-    def _scores_fit(self) -> "MaskRcnnConfig":
-        if self.weak_score > self.min_score:
-            raise ValueError("weak_score: must not be above min_score")
-        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +50,6 @@ class Instances:
     """What the network found in one frame."""
 
     found: Detections
-    """Boxes, scores and classes of N instances."""
     masks: np.ndarray
     """(N, H, W) bool."""
 
@@ -114,20 +102,12 @@ def instances_of(output: Mapping[str, np.ndarray], config: MaskRcnnConfig) -> In
     """
     wanted = class_indices(config.classes)
     index_of_number = {CATEGORY_NUMBERS[index]: index for index in wanted}
-    rows = np.array(
-        [
-            row
-            for row, (label, score) in enumerate(
-                zip(output["labels"].tolist(), output["scores"].tolist(), strict=True)
-            )
-            if label in index_of_number and score >= config.weak_score
-        ],
-        dtype=np.int64,
-    )
+    scores = output["scores"].astype(np.float64)
+    is_wanted = np.isin(output["labels"], list(index_of_number)) & (scores >= config.weak_score)
+    rows = np.flatnonzero(is_wanted)
+    classes = [index_of_number[number] for number in output["labels"][rows].tolist()]
     found = Detections(
-        output["boxes"][rows].astype(np.float64),
-        output["scores"][rows].astype(np.float64),
-        np.array([index_of_number[int(n)] for n in output["labels"][rows]], dtype=np.int64),
+        output["boxes"][rows].astype(np.float64), scores[rows], np.array(classes, dtype=np.int64)
     )
     return Instances(found, output["masks"][rows, 0] >= config.mask_threshold)
 
@@ -142,11 +122,7 @@ def united_mask(
 
 
 def open_segmenter(weights_path: Path | None, config: MaskRcnnConfig) -> Segmenter:
-    """A function from a BGR picture (H, W, 3) to the network's answer as arrays.
-
-    Raises:
-        MissingExtra, MissingInput, BadDetector, FetchFailed: as `maskrcnn_masks` says.
-    """
+    """A function from a BGR picture (H, W, 3) to the network's answer as arrays."""
     import torch
 
     detection = _import_detection()
@@ -219,12 +195,10 @@ def _segment_all(
 ) -> list[Path]:
     """One file of instances per frame, so that a stopped run keeps what it has."""
     segment = open_segmenter(weights_path, config)
-    paths = []
-    for image in with_bar(images, "segmenting"):
-        path = partial / "seen" / f"{image.stem}.npz"
+    paths = [partial / "seen" / f"{image.stem}.npz" for image in images]
+    for image, path in zip(with_bar(images, "segmenting"), paths, strict=True):
         if not path.is_file():
             _save(path, instances_of(segment(read_color(image)), config))
-        paths.append(path)
     return paths
 
 

@@ -4,14 +4,13 @@ import shutil
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from gmrdata.masks.boxes import (
     Detections,
-    TrackConfig,
     detections_as_json,
     detections_from_json,
     fill_boxes,
@@ -20,9 +19,8 @@ from gmrdata.masks.boxes import (
     track,
 )
 from gmrdata.masks.yolox import (
-    DYNAMIC,
     STRIDES_PX,
-    CocoClasses,
+    DetectorConfig,
     class_indices,
     decode,
     letterbox,
@@ -34,17 +32,14 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadDetector, MissingInput
 from gmrdata.values.files import read_json, write_json
-from gmrdata.values.records import Config
 
-Detector = Callable[[np.ndarray], Detections]
 DETECTIONS_FILE = "detections.json"
+Detector = Callable[[np.ndarray], Detections]
 
 
-class OnnxConfig(Config):
+class OnnxConfig(DetectorConfig):
     """What the detector looks for, and how its boxes become masks."""
 
-    classes: CocoClasses = DYNAMIC
-    """COCO's names of what moves; people, vehicles and animals unless other names are given."""
     min_score: float = Field(default=0.35, gt=0, le=1)
     """An object is masked if its score reaches this in some frame of its track."""
     weak_score: float = Field(default=0.15, gt=0, le=1)
@@ -58,13 +53,9 @@ class OnnxConfig(Config):
     """Boxes are widened on each side by this share of their shorter side."""
     dilate_px: int = Field(default=4, ge=0)
     """Boxes are widened on each side by this as well [px]."""
-    tracks: TrackConfig = TrackConfig()
-    """How boxes of neighbouring frames are joined."""
 
     @model_validator(mode="after")
-    def _values_fit(self) -> "OnnxConfig":
-        if self.weak_score > self.min_score:
-            raise ValueError("weak_score: must not be above min_score")
+    def _sizes_fit(self) -> Self:
         for size_px in self.input_sizes_px:
             if min(size_px) < STRIDES_PX[-1] or any(side % STRIDES_PX[-1] for side in size_px):
                 raise ValueError(
@@ -120,12 +111,7 @@ def onnx_masks(
 
 
 def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
-    """A function from a BGR picture (H, W, 3) to what it shows, weak boxes too.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadDetector: not an ONNX file, truncated, or a network of another layout.
-    """
+    """A function from a BGR picture (H, W, 3) to what it shows, weak boxes too."""
     own_size_px = _input_size_px(model_path)
     net = _open(model_path)
     sizes_px = config.input_sizes_px
@@ -140,16 +126,11 @@ def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
         for size_px in sizes_px:
             blob, input_from_frame = letterbox(image, size_px)
             output = _forward(net, blob, model_path)
-            problem = problem_with(output, size_px)
-            if problem is not None:
+            if problem := problem_with(output, size_px):
                 raise BadDetector(f"{model_path}: {problem}")
             found.append(decode(output, size_px, input_from_frame, indices, config.weak_score))
-        every = Detections(
-            np.concatenate([f.boxes_px for f in found]),
-            np.concatenate([f.scores for f in found]),
-            np.concatenate([f.classes for f in found]),
-        )
-        return keep_best(every, config.nms_iou)
+        parts = zip(*((f.boxes_px, f.scores, f.classes) for f in found), strict=True)
+        return keep_best(Detections(*map(np.concatenate, parts)), config.nms_iou)
 
     return detect
 
@@ -159,7 +140,6 @@ class OnnxInput:
     """One input of a network."""
 
     name: str
-    """Its name."""
     shape: tuple[int | None, ...]
     """Its sizes; None where the file leaves one open."""
 
@@ -169,10 +149,6 @@ def read_inputs(path: Path) -> list[OnnxInput]:
 
     OpenCV runs the network but doesn't tell the size of the picture that it wants.  Weights that
     lie in other files are not looked for.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadDetector: empty, truncated, or not ONNX.
     """
     from google.protobuf.message import DecodeError
     from onnx import ModelProto

@@ -84,7 +84,6 @@ def silhouette(
     Args:
         vertices_cam_m: (V, 3) vertices in the camera frame [m].
         faces: (F, 3) vertex indices.
-        intrinsics_px: (3, 3) calibration matrix [px].
         size_px: (width, height) of the mask.
         dilate_px: Radius of a disc to widen the mask by [px].
 
@@ -95,8 +94,7 @@ def silhouette(
 
     from gmrdata.values.camera import project_cam
 
-    width_px, height_px = size_px
-    mask = np.zeros((height_px, width_px), dtype=np.uint8)
+    mask = np.zeros(size_px[::-1], dtype=np.uint8)
     in_front = vertices_cam_m[:, 2] > NEAREST_DEPTH_M
     visible = faces if in_front.all() else faces[in_front[faces].all(axis=1)]
     # cv2's (0, 0) is the centre of the first pixel, ours its outer corner.
@@ -195,7 +193,6 @@ def rows_that_show(valid: np.ndarray, row: int, bridge_frames: int) -> list[int]
 
     Args:
         valid: (T,) bool: rows whose body is right.
-        row: The row.
         bridge_frames: How far away the neighbours may be; one alone will do at an end of the clip.
 
     Returns:

@@ -27,14 +27,12 @@ class SilhouetteSource(SilhouetteConfig):
     """The projected body of the sequence; needs no network."""
 
     kind: Literal["silhouette"] = "silhouette"
-    """Kind of source."""
 
 
 class FolderSource(FolderMaskConfig):
     """A folder of masks that another tool made."""
 
     kind: Literal["folder"] = "folder"
-    """Kind of source."""
     path: Path
     """The folder; one mask for each frame, `<image stem>.png` or `<image file name>.png`."""
 
@@ -43,7 +41,6 @@ class OnnxSource(OnnxConfig):
     """A YOLOX detector in an ONNX file, run by OpenCV."""
 
     kind: Literal["onnx"] = "onnx"
-    """Kind of source."""
     model: Path
     """The ONNX file; a relative path counts from where the command runs."""
 
@@ -52,7 +49,6 @@ class MaskRcnnSource(MaskRcnnConfig):
     """torchvision's Mask R-CNN; needs the extra `maskrcnn`."""
 
     kind: Literal["maskrcnn"] = "maskrcnn"
-    """Kind of source."""
     weights: Path | None = None
     """File of the network's state dict; torchvision fetches its own when left out."""
 
@@ -73,7 +69,6 @@ class MasksRecipe(MasksConfig):
     """Masks of any frames, as a file for `gmrdata masks --sources` and `gmrdata sfm --masks`."""
 
     recipe: Literal["masks"]
-    """Kind of recipe."""
 
 
 def make_masks(
@@ -139,21 +134,17 @@ def masks_named(
                 recipe = load_recipe(find_recipe(name), MasksRecipe)
                 sources += recipe.sources
                 settings = dict(_settings(recipe, UnionConfig))
+            elif Path(name).is_dir():
+                sources.append(FolderSource(path=Path(name)))
             else:
-                sources.append(FolderSource(path=_folder(name)))
+                raise MissingInput(
+                    f"{name}: no such folder of masks; name silhouette, onnx, maskrcnn, a folder "
+                    "of masks or a recipe (.yaml)"
+                )
     except ValidationError as error:
         raise BadRecipe("; ".join(found["msg"] for found in error.errors())) from None
     _require_used(names, {"--model": model, "--weights": weights, "--classes": classes})
     return MasksConfig.model_validate({"sources": tuple(sources)} | settings)
-
-
-def _folder(name: str) -> Path:
-    if not Path(name).is_dir():
-        raise MissingInput(
-            f"{name}: no such folder of masks; name silhouette, onnx, maskrcnn, a folder of masks "
-            "or a recipe (.yaml)"
-        )
-    return Path(name)
 
 
 def _require_used(names: Sequence[str], options: dict[str, object]) -> None:
@@ -200,15 +191,11 @@ def _make(
                 raise MissingInput(
                     "masks from the silhouette need the camera-frame body: pass --camera-body"
                 )
-            settings = _settings(source, SilhouetteConfig)
-            return silhouette_masks(
-                people, images_dir, out_dir, settings, left_out=left_out, run=run
-            )
+            body = _settings(source, SilhouetteConfig)
+            return silhouette_masks(people, images_dir, out_dir, body, left_out=left_out, run=run)
         case FolderSource():
-            folder = _settings(source, FolderMaskConfig)
-            return folder_masks(
-                source.path, images_dir, out_dir, folder, left_out=left_out, run=run
-            )
+            made = _settings(source, FolderMaskConfig)
+            return folder_masks(source.path, images_dir, out_dir, made, left_out=left_out, run=run)
         case OnnxSource():
             onnx = _settings(source, OnnxConfig)
             return onnx_masks(source.model, images_dir, out_dir, onnx, left_out=left_out, run=run)

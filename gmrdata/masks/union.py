@@ -1,6 +1,7 @@
 """Masks of several sources as one, checked frame by frame."""
 
 from collections.abc import Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -57,7 +58,7 @@ def unite_masks(
         BadFrames: a source has no mask for a frame, or one of another size; the message names it.
     """
 
-    def work(partial: Path) -> None:
+    def work(partial_dir: Path) -> None:
         images = list_images(images_dir, left_out)
         size_px = check_images(images)
 
@@ -67,7 +68,7 @@ def unite_masks(
                 for name, folder in source_dirs.items()
             }
             united = np.bitwise_or.reduce(list(masks.values()))
-            write_gray(partial / f"{image.stem}.png", united)
+            write_gray(partial_dir / f"{image.stem}.png", united)
             by_source = {name: _share(mask) for name, mask in masks.items()}
             return by_source | {"united": _share(united)}
 
@@ -79,7 +80,7 @@ def unite_masks(
             masked_share=shares,
             covered=tuple(stem for stem, s in united.items() if s > config.max_masked_share),
             unmasked=tuple(stem for stem, share in united.items() if share == 0.0),
-        ).write(partial / RECORD_FILE)
+        ).write(partial_dir / RECORD_FILE)
 
     inputs = {"images": images_dir} | {f"masks {name}": path for name, path in source_dirs.items()}
     made = run_stage("masks", out_dir, config, inputs, work, run=run)
@@ -96,7 +97,6 @@ def _dynamic(mask: np.ndarray) -> np.ndarray:
 
 
 def _share(mask: np.ndarray) -> float:
-    """Share of a picture that is masked."""
     import cv2
 
     return cv2.countNonZero(mask) / mask.size
@@ -105,13 +105,14 @@ def _share(mask: np.ndarray) -> float:
 def _report(masks_dir: Path, config: UnionConfig) -> None:
     """Name the frames that a person should look at; none of this need be wrong."""
     record = MasksRecord.read(masks_dir / RECORD_FILE)
+    say = partial(console.print, markup=False, soft_wrap=True)
     if record.covered:
-        _say(
+        say(
             f"{masks_dir}: more than {config.max_masked_share:.0%} of the picture is masked in "
             f"{_named(record.covered)}. Look at these masks: such frames may get no camera"
         )
     if record.unmasked:
-        _say(
+        say(
             f"{masks_dir}: nothing is masked in {_named(record.unmasked)} "
             f"({len(record.unmasked)} of {len(record.masked_share)}). If somebody is to be seen "
             "there, lower the score that the detector asks for, or unite it with another source"
@@ -121,7 +122,3 @@ def _report(masks_dir: Path, config: UnionConfig) -> None:
 def _named(stems: tuple[str, ...]) -> str:
     more = len(stems) - NAMED_FRAMES
     return f"frame {', '.join(stems[:NAMED_FRAMES])}" + (f" and {more} more" if more > 0 else "")
-
-
-def _say(line: str) -> None:
-    console.print(line, markup=False, soft_wrap=True)

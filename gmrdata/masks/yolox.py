@@ -11,12 +11,13 @@ whose category numbers run from 1 to 90 with gaps.  YOLOX counts the classes fro
 torchvision's detectors answer with the category numbers.
 """
 
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
-from gmrdata.masks.boxes import Detections
+from gmrdata.masks.boxes import Detections, TrackConfig
+from gmrdata.values.records import Config
 
 COCO_NAMES: tuple[str, ...] = (
     *("person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat"),
@@ -39,12 +40,10 @@ CATEGORY_NUMBERS: tuple[int, ...] = tuple(
 )
 """Category number of each of COCO_NAMES."""
 
-PEOPLE = ("person",)
-VEHICLES = ("bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat")
-ANIMALS = (
+DYNAMIC = (
+    *("person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat"),
     *("bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"),
 )
-DYNAMIC = PEOPLE + VEHICLES + ANIMALS
 """What the paper masks in 3DPW: people, vehicles and animals."""
 
 
@@ -66,6 +65,23 @@ CocoClasses = Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_kn
 """A recipe's list of class names; a name that COCO lacks is refused."""
 
 
+class DetectorConfig(Config):
+    """What a detector looks for.  Each detector has its own scores."""
+
+    classes: CocoClasses = DYNAMIC
+    """COCO's names of what moves; people, vehicles and animals unless other names are given."""
+    min_score: float
+    weak_score: float
+    tracks: TrackConfig = TrackConfig()
+    """How detections of neighbouring frames are joined; frames between get a filled box."""
+
+    @model_validator(mode="after")
+    def _scores_fit(self) -> Self:
+        if self.weak_score > self.min_score:
+            raise ValueError("weak_score: must not be above min_score")
+        return self
+
+
 STRIDES_PX = (8, 16, 32)
 PADDING = 114
 BOX_AND_OBJECT = 5
@@ -74,11 +90,7 @@ LARGEST_LOG_SIZE = 20.0
 
 
 def letterbox(image: np.ndarray, input_size_px: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Bring a picture into the network's input.
-
-    Args:
-        image: (H, W, 3) uint8 BGR.
-        input_size_px: (width, height) of the input.
+    """Bring a picture (H, W, 3), uint8 BGR, into the network's input of (width, height).
 
     Returns:
         (1, 3, height, width) float32 from 0 to 255, and input_from_frame scales (2,) for x and y.
@@ -138,11 +150,9 @@ def decode(
     a little more like a teddy bear is still a dog.
 
     Args:
-        output: (1, A, 85) raw answer.
-        input_size_px: (width, height) of the input.
+        output: (1, A, 85) raw answer for an input of (width, height).
         input_from_frame: (2,) scales that `letterbox` gave.
         class_indices: Wanted classes, as indices into COCO_NAMES.
-        min_score: Boxes below it are left out.
     """
     raw = output[0].astype(np.float64)
     wanted = raw[:, 4:5] * raw[:, BOX_AND_OBJECT:][:, class_indices]
