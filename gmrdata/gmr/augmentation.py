@@ -45,7 +45,6 @@ def mirror_motion(motion: Motion) -> Motion:
 def mirror_local(
     local_rotmats: Float[np.ndarray, "*batch 23 3 3"],
 ) -> Float[np.ndarray, "*batch 23 3 3"]:
-    """Local rotations of the mirrored pose."""
     return mirror_rotmats(local_rotmats[..., _LOCAL, :, :])
 
 

@@ -34,10 +34,9 @@ _MOMENTS = ("exp_avg", "exp_avg_sq")
 
 
 class StepState(Record):
-    """What every kept step says of itself."""
+    """What every kept step says of itself: the steps done, and the body that it is trained on."""
 
     step: int = Field(ge=0)
-    """Steps done."""
     body: str
 
 
@@ -55,9 +54,7 @@ class GmrState(StepState):
     format: Literal["gmrdata-gmr/2"] = "gmrdata-gmr/2"
     model: ModelConfig
     fps_hz: float = Field(gt=0)
-    """Frame rate that it is trained at [Hz]."""
-    processes: int
-    """Processes that train it, on which a step's windows depend."""
+    processes: int  # on which a step's windows depend
     averaged: bool
     """Whether there are averaged weights, which are then the network."""
     best: BestScore | None

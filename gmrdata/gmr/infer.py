@@ -204,13 +204,10 @@ class InferConfig(Config):
     """Longest gap of a person's track that is filled, by slerp of the joints [frames].  At longer
     ones a new motion begins, with a world of its own."""
     which: Which = "latest"
-    """Which weights of the network are used."""
     video: bool = True
-    """Whether to draw the video, which takes longer than all else."""
+    """Whether to draw the video, of width x height, which takes longer than all else."""
     width_px: int = Field(default=640, ge=64, le=4096)
-    """Width of the video [px]."""
     height_px: int = Field(default=480, ge=64, le=4096)
-    """Height of the video [px]."""
 
 
 DEFAULT_CONFIG = InferConfig()

@@ -118,10 +118,7 @@ def root_step_m(
 def joints_seen(
     poses: Float[Tensor, "batch frames numbers"], representation: Representation
 ) -> tuple[Float[Tensor, "batch frames 23 3"], Float[Tensor, "batch frames 23 3 3"]]:
-    """`joints_in_root_frame` of the network's input.
-
-    Frames of zeros, which are padding, give values of no meaning, but finite ones.
-    """
+    """`joints_in_root_frame` of the network's input; finite in padding, but of no meaning."""
     with torch.no_grad():
         return joints_in_root_frame(input_rotmats(poses, representation))
 

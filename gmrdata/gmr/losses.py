@@ -42,7 +42,6 @@ class LossTerms:
     smoothness: Tensor
 
     def by_name(self) -> dict[str, Tensor]:
-        """As they are logged."""
         return {"loss" if name == "total" else name: term for name, term in vars(self).items()}
 
 
@@ -62,8 +61,7 @@ class Counts:
 
 def counts_of(mask: Bool[Tensor, "batch motions"], processes: int = 1) -> Counts:
     """Counts of a whole step's mask, for each of some processes."""
-    motions = max(1, int(mask.sum()))
-    pairs = max(1, int(_pairs(mask).sum()))
+    motions, pairs = max(1, int(mask.sum())), max(1, int(_pairs(mask).sum()))
     return Counts(motions / processes, pairs / processes, len(mask) / processes)
 
 

@@ -76,9 +76,8 @@ class Gmr(nn.Module):
         self.regression = nn.Linear(config.hidden, rotations.SIZE[config.output] + 3)
         self.turn_shares = _shares(config.rotation, config.hidden)
         self.step_shares = _shares(config.translation, config.hidden)
-        self.register_buffer(
-            "identity", torch.tensor(rotations.IDENTITY[config.output]), persistent=False
-        )
+        identity = torch.tensor(rotations.IDENTITY[config.output])
+        self.register_buffer("identity", identity, persistent=False)
 
     def forward(
         self,

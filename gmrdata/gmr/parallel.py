@@ -60,10 +60,9 @@ def join_processes(device: str) -> Processes:
 
 def from_first(value: str | None, processes: Processes) -> str | None:
     """What the first process says; the others' own value is not looked at."""
-    if processes.count == 1:
-        return value
     values = [value]
-    dist.broadcast_object_list(values, src=0)
+    if processes.count > 1:
+        dist.broadcast_object_list(values, src=0)
     return values[0]
 
 

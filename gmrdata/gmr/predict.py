@@ -23,12 +23,9 @@ class TrainedGmr:
     """A network in evaluation mode, with what it takes to use it."""
 
     model: Gmr
-    fps_hz: float
-    """Frame rate that it was trained at [Hz]."""
-    name: str
-    """The run's folder name, for a reader."""
-    step: int
-    """Training steps behind the weights."""
+    fps_hz: float  # frame rate that it was trained at
+    name: str  # of the run's folder
+    step: int  # training steps behind the weights
 
 
 def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
@@ -77,13 +74,9 @@ def predict_world_motion(
     pose to have another world.
 
     Args:
-        gmr: The network.
-        motion: Local poses, at the network's frame rate or above, from which they are resampled.
+        motion: Local poses, at the network's frame rate or above; they are resampled to it.
         first_root_rotmat: R_1, world_from_root; the identity if None.
         first_pelvis_m: T_1 [m]; the origin if None.
-
-    Returns:
-        The motion at the network's frame rate, with predicted root and pelvis.
 
     Raises:
         BadMotionFile: fewer than two frames, NaN poses, or a lower frame rate than the network's.

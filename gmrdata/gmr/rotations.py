@@ -29,7 +29,8 @@ def from_rotmats(
     import roma
 
     if representation == "quaternion":
-        return canonical_sign(roma.quat_xyzw_to_wxyz(roma.rotmat_to_unitquat(rotmats)))
+        quaternions = roma.quat_xyzw_to_wxyz(roma.rotmat_to_unitquat(rotmats))
+        return torch.where(quaternions[..., :1] < 0, -quaternions, quaternions)
     if representation == "axis-angle":
         return roma.rotmat_to_rotvec(rotmats)
     return rotmats[..., :, :2].transpose(-1, -2).flatten(-2)
@@ -57,11 +58,6 @@ def to_rotmats(
 def log_map(rotmats: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
     """Axis-angle vectors of length at most pi [rad]."""
     return from_rotmats(rotmats, "axis-angle")
-
-
-def canonical_sign(quaternions: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
-    """Of q and -q, the one with w >= 0."""
-    return torch.where(quaternions[..., :1] < 0, -quaternions, quaternions)
 
 
 def continuous_in_time(

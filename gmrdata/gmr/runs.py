@@ -128,8 +128,7 @@ def fitting_clips(clips: Iterable[Clip], body: BodyModel) -> Iterator[Clip]:
         raise BadManifest("no usable clips. Give manifests with clips that are not rejected")
 
 
-MIN_FRAMES = 2
-"""Frames that make one motion."""
+MIN_FRAMES = 2  # which make one motion
 
 
 @dataclass(frozen=True, eq=False)

@@ -200,7 +200,9 @@ def run_log(run_dir: Path | None, done: int, tensorboard: bool) -> Iterator[Log]
         yield lambda _: None
         return
     path = run_dir / "metrics.jsonl"
-    _cut(path, done)
+    lines = path.read_text("utf-8").splitlines() if path.is_file() else []
+    # The process may have been killed in the middle of a line, which then is beyond the checkpoint.
+    write_text(path, "".join(line + "\n" for line in lines if _line_step(line) <= done))
     with closing(_event_writer(run_dir, done)) if tensorboard else nullcontext() as writer:
 
         def log(values: Mapping[str, float]) -> None:
@@ -211,13 +213,6 @@ def run_log(run_dir: Path | None, done: int, tensorboard: bool) -> Iterator[Log]
                     writer.add_scalar(name, values[name], values["step"])
 
         yield log
-
-
-def _cut(path: Path, done: int) -> None:
-    lines = path.read_text("utf-8").splitlines() if path.is_file() else []
-    # The process may have been killed in the middle of a line, which then is beyond the checkpoint.
-    kept = [line for line in lines if _line_step(line) <= done]
-    write_text(path, "".join(line + "\n" for line in kept))
 
 
 def _line_step(line: str) -> float:

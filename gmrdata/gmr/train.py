@@ -113,7 +113,6 @@ def train(
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}
     if body_path is not None:
         inputs["body"] = body_path
-
     processes = join_processes(config.device)
 
     def fit_in(partial_dir: Path) -> dict[str, Any]:

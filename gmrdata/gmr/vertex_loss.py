@@ -19,8 +19,7 @@ from gmrdata.values.body import BodyModel, vertex_rows
 from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import joint_transforms
 
-BLOCK_VERTICES = 1024
-"""Vertices of a block on the CPU; a GPU takes all at once."""
+BLOCK_VERTICES = 1024  # on the CPU; a GPU takes all at once
 CHUNK_BYTES = {"cpu": 2 << 20, "cuda": 512 << 20}
 """Memory that the vertices of a block may take: the share of a cache, or of a GPU."""
 

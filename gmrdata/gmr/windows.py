@@ -18,7 +18,6 @@ from gmrdata.gmr.model import network_input
 from gmrdata.gmr.runs import runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
-from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.shapes import Float, Int
 
@@ -253,16 +252,12 @@ def _run_rows(
             )
         for run in runs_at(clip, fps_hz, all_phases=True):
             n_runs += 1
-            part = 0 if parts is None else int(parts[n_clips - 1])
-            yield _one_run(run.motion, part, representation)
+            part, motion = 0 if parts is None else int(parts[n_clips - 1]), run.motion
+            local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
+            poses = network_input(local_rotmats, representation).float().numpy()
+            yield RunRows(part, poses, motion.root_rotmats, motion.pelvis_m, motion.shape)
     if not n_runs:
         raise BadManifest(
             f"none of the {n_clips} training clips has two valid frames in a row at"
             f" {fps_hz:g} fps. Give manifests with longer clips"
         )
-
-
-def _one_run(motion: Motion, part: int, representation: Representation) -> RunRows:
-    local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
-    poses = network_input(local_rotmats, representation).float().numpy()
-    return RunRows(part, poses, motion.root_rotmats, motion.pelvis_m, motion.shape)
