@@ -8,17 +8,14 @@ from gmrdata.cli.answers import explain, fail
 from gmrdata.cli.baselines import baseline
 from gmrdata.cli.gmr import compare, evaluate, infer, train
 from gmrdata.cli.manifests import manifest
-from gmrdata.cli.motion_files import fetch, motions
+from gmrdata.cli.motion_files import fetch, motions, render
 from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
-from gmrdata.cli.rendering import render
 from gmrdata.cli.sequence import masks, sfm
 from gmrdata.values.errors import GmrdataError
 
-Verb = Callable[..., None]
-
-VERBS: dict[str, Verb] = {
+VERBS: dict[str, Callable[..., None]] = {
     "demo": demo,
     "fetch": fetch,
     "motions": motions,

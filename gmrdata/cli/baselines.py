@@ -5,18 +5,8 @@ from typing import Annotated, Any, Literal
 
 from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
+from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer
-from gmrdata.cli.options import (
-    FEATURES,
-    KEYPOINTS,
-    POSES,
-    Body,
-    Manifest,
-    Manifests,
-    Redo,
-    body_path,
-    need,
-)
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
@@ -25,7 +15,7 @@ Out = Annotated[
 ]
 
 
-def baseline_zero(manifest: Manifest, out: Out, redo: Redo = False) -> None:
+def baseline_zero(manifest: flags.Manifest, out: Out, redo: flags.Redo = False) -> None:
     """Zero motion: everybody stays in the pose of the first frame."""
     from gmrdata.baselines.constant import predict_zero
 
@@ -33,11 +23,11 @@ def baseline_zero(manifest: Manifest, out: Out, redo: Redo = False) -> None:
 
 
 def baseline_mean(
-    manifest: Manifest,
+    manifest: flags.Manifest,
     training: tuple[Path, ...],
     out: Out,
     fps_hz: float = 10.0,
-    redo: Redo = False,
+    redo: flags.Redo = False,
 ) -> None:
     """Mean motion: everybody repeats the mean dR and dT of training clips.
 
@@ -47,16 +37,16 @@ def baseline_mean(
     """
     from gmrdata.baselines.constant import MeanConfig, predict_mean
 
-    need(training, "a manifest to average: --training")
+    flags.need(training, "a manifest to average: --training")
     answer(predict_mean(manifest, training, out, MeanConfig(fps_hz=fps_hz), run=Run(redo=redo)))
 
 
 def baseline_camera_as_world(
-    manifest: Manifest,
+    manifest: flags.Manifest,
     out: Out,
     camera: Literal["ignored", "true", "recovered"] = "ignored",
     cameras: Path | None = None,
-    redo: Redo = False,
+    redo: flags.Redo = False,
 ) -> None:
     """True poses in the camera's frame, taken as world poses: the camera's motion is ignored.
 
@@ -71,14 +61,14 @@ def baseline_camera_as_world(
 
 
 def baseline_vibe_cam(
-    manifest: Manifest,
-    poses: Annotated[Path, POSES],
-    keypoints: Annotated[Path, KEYPOINTS],
+    manifest: flags.Manifest,
+    poses: Annotated[Path, flags.POSES],
+    keypoints: Annotated[Path, flags.KEYPOINTS],
     out: Out,
     person: tuple[str, ...] = (),
     image_size: tuple[int, int] | None = None,
-    body: Body = "anny",
-    redo: Redo = False,
+    body: flags.Body = "anny",
+    redo: flags.Redo = False,
 ) -> None:
     """VIBE-CAM: another network's camera-frame poses, placed by 2D keypoints, taken as world poses.
 
@@ -95,7 +85,13 @@ def baseline_vibe_cam(
     config = VibeCamConfig(person_ids=_tracks(person), image_size_px=image_size)
     answer(
         predict_vibe_cam(
-            manifest, poses, keypoints, out, config, body_path=body_path(body), run=Run(redo=redo)
+            manifest,
+            poses,
+            keypoints,
+            out,
+            config,
+            body_path=flags.body_path(body),
+            run=Run(redo=redo),
         )
     )
 
@@ -112,12 +108,12 @@ def _tracks(person: tuple[str, ...]) -> dict[str, int]:
 
 
 def baseline_joint_train(
-    manifests: Manifests,
-    features: Annotated[Path, FEATURES],
+    manifests: flags.Manifests,
+    features: Annotated[Path, flags.FEATURES],
     out: Path,
     recipe: Path | None = None,
-    body: Body = "anny",
-    redo: Redo = False,
+    body: flags.Body = "anny",
+    redo: flags.Redo = False,
 ) -> None:
     """Train the non-sequential model: local pose and world motion together from image features.
 
@@ -129,18 +125,18 @@ def baseline_joint_train(
     from gmrdata.baselines.joint_train import train_joint
     from gmrdata.stage.recipes import load_recipe
 
-    need(manifests, "a manifest file")
+    flags.need(manifests, "a manifest file")
     config = JointConfig() if recipe is None else load_recipe(recipe, JointConfig)
-    path, run = body_path(body), Run(redo=redo)
+    path, run = flags.body_path(body), Run(redo=redo)
     answer(train_joint(manifests, features, out, config, body_path=path, run=run))
 
 
 def baseline_joint(
     run: Positional[Path],
-    manifest: Manifest,
-    features: Annotated[Path, FEATURES],
+    manifest: flags.Manifest,
+    features: Annotated[Path, flags.FEATURES],
     out: Out,
-    redo: Redo = False,
+    redo: flags.Redo = False,
 ) -> None:
     """What a trained non-sequential model sees in a manifest's image features.
 

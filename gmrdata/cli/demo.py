@@ -1,5 +1,6 @@
 """The demo from end to end: every stage in order, each of them done once."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,12 +9,16 @@ import numpy as np
 import yaml
 
 from gmrdata.cli.demo_figures import show
-from gmrdata.cli.demo_manifests import write_manifests
 from gmrdata.cli.demo_motions import MotionFiles, choose_files, make_motions
-from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
-from gmrdata.film.render import RenderJob
+from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
+from gmrdata.film.render import RenderJob, optional_outputs
 from gmrdata.film.render_set import render_clips
 from gmrdata.gmr.train import train
+from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.current import Quality, Source
+from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
+from gmrdata.manifest.write import write_manifest
+from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.pages.scores import write_scores_page
 from gmrdata.read.bodies import keep_body, load_body, read_body
 from gmrdata.score.score import score_manifest
@@ -26,6 +31,7 @@ from gmrdata.values.files import write_text
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.compose import motion_in_camera
+from gmrdata.world.quality import load_record, quality_record
 from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
 
 
@@ -128,10 +134,6 @@ def regenerate(root: Path, clip_id: str, config: SequenceConfig, run: Run) -> Pa
     return regenerate_sequence(clip.frames_dir, people, clip.regenerated_dir, config, run=run)
 
 
-class TruthRemovedConfig(Config):
-    """Nothing to choose: the camera-frame body follows from the clip."""
-
-
 def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:
     """Keep only what 3DPW gives: local poses, the root in the camera's frame, and K."""
     clip = paths.clip(clip_id)
@@ -150,4 +152,77 @@ def _remove_truth(paths: DemoPaths, clip_id: str, run: Run) -> None:
         save_clip(out_dir / clip.seen.name, seen, rest_pelvis_m)
 
     inputs = {"clip": clip.true, "body": paths.body}
-    run_stage("sequence", clip.sequence_dir, TruthRemovedConfig(), inputs, work, run=run)
+    run_stage("sequence", clip.sequence_dir, Config(), inputs, work, run=run)
+
+
+def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) -> None:
+    """Write the three manifests; the same clips give the same bytes."""
+    # How many workers there were decides nothing, so it is no part of what made the clips.
+    by = created_by(recipe.model_dump(mode="json", exclude={"workers"}), {"demo": recipe.seed})
+    licence = f"clips as stated by each; body: {read_body(paths.body).licence}"
+
+    def write(path: Path, kind: str, description: str, clips: Sequence[ClipEntry]) -> None:
+        about = {"description": description, "kind": kind, "licence": licence, "version": "1.0.0"}
+        name = f"demo-{path.stem.replace('_', '-')}"
+        write_manifest(path, name=name, clips=clips, created_by=by, redo=True, **about)
+
+    given = {file.stem for file in files.training}
+    trained = []
+    for path in sorted(paths.training_dir.glob("*.npz")):
+        source = file_source(path.stem) if path.stem in given else gait_source(path.stem)
+        terms = licence_of(source)
+        trained.append(
+            clip_entry(
+                paths.root, clip_path=path, camera_motion="none", licence=terms, source=source
+            )
+        )
+    text = "Motions that the demo's GMR is trained on."
+    write(paths.training_manifest, "motions", text, trained)
+    filmed = [
+        (clip, file_source(files.filmed[index].stem) if files.filmed else gait_source(clip.gait))
+        for index, clip in enumerate(recipe.clips)
+    ]
+    text = "Rendered clips with exact cameras and exact world motions."
+    rendered = [_true_entry(paths, recipe, clip, source) for clip, source in filmed]
+    write(paths.synthetic_manifest, "synthetic", text, rendered)
+    text = (
+        "The same clips, their world motions regenerated from frames, intrinsics and camera-frame "
+        "bodies."
+    )
+    regenerated = [_pseudo_entry(paths, clip, source) for clip, source in filmed]
+    write(paths.pseudo_gt_manifest, "pseudo_gt", text, regenerated)
+
+
+def _true_entry(paths: DemoPaths, recipe: DemoRecipe, clip: DemoClip, source: Source) -> ClipEntry:
+    files = paths.clip(clip.id)
+    return clip_entry(
+        paths.root,
+        id=clip.id,
+        clip_path=files.true,
+        images_dir=files.frames_dir,
+        masks_dir=files.render_dir / "masks",
+        **optional_outputs(files.render_dir, recipe.render),
+        camera_motion=clip.programme.kind,
+        licence=licence_of(source),
+        source=source,
+        quality=Quality(geometry="exact"),
+        recipe=stage_recipe(files.render_dir),
+    )
+
+
+def _pseudo_entry(paths: DemoPaths, clip: DemoClip, source: Source) -> ClipEntry:
+    files = paths.clip(clip.id)
+    record = load_record(files.pseudo_gt_dir)
+    return clip_entry(
+        paths.root,
+        id=clip.id,
+        clip_path=files.pseudo,
+        images_dir=files.frames_dir,
+        masks_dir=files.masks_dir,
+        camera_motion=record.camera_motion,
+        licence=licence_of(source),
+        source=source,
+        dropped_reason=record.people[0].row_reasons,
+        quality=quality_record(record, 0),
+        recipe=stage_recipe(files.pseudo_gt_dir),
+    )

@@ -56,8 +56,11 @@ def choose_files(
     """
     files = find_motions(folder)
     n_clips = len(recipe.clips)
+    named = {path.stem: path for path in reversed(files)}
+    if unknown := set(trials) - named.keys():
+        raise MissingInput(f"{folder}: no motion file named {min(unknown)} (.bvh, .amc or .npz)")
     if trials:
-        filmed = tuple(_named(files, trial, folder) for trial in trials)
+        filmed = tuple(named[trial] for trial in trials)
     else:
         fitting = (path for path in files if _fits(read_motion(path, body), recipe.film))
         filmed = tuple(path for path, _ in zip(fitting, range(n_clips), strict=False))
@@ -68,13 +71,6 @@ def choose_files(
         )
     others = tuple(path for path in files if path not in filmed)
     return MotionFiles(filmed, others[: recipe.training.max_files])
-
-
-def _named(files: list[Path], trial: str, folder: Path) -> Path:
-    for path in files:
-        if path.stem == trial:
-            return path
-    raise MissingInput(f"{folder}: no motion file named {trial} (.bvh, .amc or .npz)")
 
 
 def _fits(motion: Motion, film: Film) -> bool:
@@ -127,14 +123,12 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
         fps_hz=training.fps_hz,
         duration_s=training.gait_duration_s,
     )
-    clips = [_training_clip(f"gait_{index:03d}", motion) for index, motion in enumerate(gaits)]
+    motions = [(f"gait_{index:03d}", motion) for index, motion in enumerate(gaits)]
     for path in track(files.training, "reading training motions") if files.training else ():
         motion = read_motion(path, body)
         if motion.n_frames / motion.fps_hz >= SHORTEST_S:
-            clips.append(_training_clip(path.stem, resample(motion, training.fps_hz)))
-    return clips
-
-
-def _training_clip(clip_id: str, motion: Motion) -> Clip:
-    n = motion.n_frames
-    return Clip(clip_id, motion, np.ones(n, dtype=bool), np.full(n, -1), None)
+            motions.append((path.stem, resample(motion, training.fps_hz)))
+    return [
+        Clip(id, motion, np.ones(n := motion.n_frames, dtype=bool), np.full(n, -1), None)
+        for id, motion in motions
+    ]

@@ -22,14 +22,12 @@ class DemoClip(Config):
     gait: str
     """Kind of embedded gait that is filmed when no motion files are given."""
     programme: Programme
-    """Camera programme."""
 
 
 class Training(Config):
     """The motions that GMR is trained on."""
 
     gait_count: int = Field(default=60, ge=1)
-    """Embedded gait motions."""
     gait_duration_s: float = Field(default=12.0, gt=0)
     """Length of each [s]."""
     fps_hz: float = 30.0
@@ -42,7 +40,6 @@ class DemoRecipe(Config):
     """Three clips rendered, regenerated from their frames, and a GMR trained and scored."""
 
     recipe: Literal["demo"]
-    """Kind of recipe."""
     seed: int = Field(default=0, ge=0)
     """Seed of every random choice."""
     body: str = "anny"
@@ -52,15 +49,11 @@ class DemoRecipe(Config):
     clips: tuple[DemoClip, ...] = Field(min_length=1)
     """The clips, in the order of the report."""
     film: Film = Film()
-    """What the clips share."""
     training: Training = Training()
-    """The training motions."""
     render: RenderConfig = RenderConfig()
-    """The Blender stage."""
     sequence: SequenceConfig = SequenceConfig()
     """Masks, cameras, scale and world motion."""
     gmr: TrainConfig = TrainConfig()
-    """The network and its training."""
 
     @model_validator(mode="after")
     def _masks_fit_the_body(self) -> Self:
@@ -123,7 +116,6 @@ class ClipPaths:
         self.render_dir = demo.all_renders_dir / clip_id
         """Stage: frames, person masks, and the truth."""
         self.true = self.render_dir / "clip.npz"
-        """The motion and the camera as they were rendered."""
         self.frames_dir = self.render_dir / "frames"
         self.regenerated_dir = demo.root / "regenerated" / clip_id
         """What is made of the frames, the intrinsics and the camera-frame body alone."""
@@ -135,4 +127,3 @@ class ClipPaths:
         self.sfm_dir = self.regenerated_dir / "sfm"
         self.pseudo_gt_dir = self.regenerated_dir / "pseudo_gt"
         self.pseudo = self.pseudo_gt_dir / person_file(0)
-        """The regenerated world motion and the metric camera."""

@@ -5,19 +5,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table
-from gmrdata.cli.options import (
-    Body,
-    BootstrapSeed,
-    FpsHz,
-    JointMap,
-    Manifests,
-    RecipeName,
-    Redo,
-    body_path,
-    need,
-    read_recipe,
-)
 from gmrdata.gmr.config import Which
 from gmrdata.score import ProtocolName
 from gmrdata.stage.run import Run
@@ -33,12 +22,12 @@ Weights = Annotated[
 
 
 def train(
-    manifests: Manifests,
+    manifests: flags.Manifests,
     out: Path,
-    recipe: RecipeName = "gmr",
-    body: Body = "anny",
+    recipe: flags.RecipeName = "gmr",
+    body: flags.Body = "anny",
     held_out: tuple[Path, ...] = (),
-    redo: Redo = False,
+    redo: flags.Redo = False,
 ) -> None:
     """Train GMR on the clips of manifests.  A run that was stopped goes on where it was.
 
@@ -49,9 +38,9 @@ def train(
     from gmrdata.gmr.train import GmrRecipe
     from gmrdata.gmr.train import train as train_gmr
 
-    need(manifests, "a manifest file")
-    config = read_recipe(recipe, GmrRecipe).train
-    path, run = body_path(body), Run(redo=redo)
+    flags.need(manifests, "a manifest file")
+    config = flags.read_recipe(recipe, GmrRecipe).train
+    path, run = flags.body_path(body), Run(redo=redo)
     answer(train_gmr(manifests, out, config, body_path=path, held_out_paths=held_out, run=run))
 
 
@@ -60,15 +49,15 @@ def evaluate(
     out: Path,
     predictions: Path | None = None,
     protocol: ProtocolName | None = None,
-    body: Body = "anny",
+    body: flags.Body = "anny",
     predictions_body: Path | None = None,
     fps_hz: float = 10.0,
     missing: Literal["error", "drop"] = "error",
     floor: Path | None = None,
     which: Weights = "latest",
     all_phases: bool = False,
-    seed: BootstrapSeed = 0,
-    redo: Redo = False,
+    seed: flags.BootstrapSeed = 0,
+    redo: flags.Redo = False,
 ) -> None:
     """Score a trained GMR, or any predictions, on a manifest: OME [deg], TME [mm], VME [mm].
 
@@ -103,7 +92,7 @@ def evaluate(
         missing=missing,
         seed=seed,
     )
-    clips_body, run = body_path(body), Run(redo=redo)
+    clips_body, run = flags.body_path(body), Run(redo=redo)
     if predictions is None:
         if len(run_and_manifest) != 2:
             raise MissingInput("give a run folder and a manifest, or a manifest and --predictions")
@@ -132,13 +121,11 @@ def show_scores(path: Path) -> None:
 
     scores = Scores.read(path)
     print_table(*score_rows(scores))
-    besides = protocol_rows(scores)
-    if besides is not None:
+    if besides := protocol_rows(scores):
         print_table(*besides)
-    for statement in scores.statements:
-        answer(statement)
-    for id, why in sorted(scores.skipped.items()):
-        answer(f"{id}: left out: {why}")
+    skipped = (f"{id}: left out: {why}" for id, why in sorted(scores.skipped.items()))
+    for line in (*scores.statements, *skipped):
+        answer(line)
     if scores.dropped_frames:
         answer(f"{scores.dropped_frames} valid frames had no prediction and are left out")
     answer(write_scores_page(path))
@@ -149,13 +136,13 @@ def infer(
     run: Positional[Path],
     source: Positional[Path],
     out: Path,
-    body: Body = "anny",
-    fps_hz: FpsHz = None,
-    joint_map: JointMap = None,
+    body: flags.Body = "anny",
+    fps_hz: flags.FpsHz = None,
+    joint_map: flags.JointMap = None,
     bridge_frames: int = 0,
     which: Weights = "latest",
     video: bool = True,
-    redo: Redo = False,
+    redo: flags.Redo = False,
 ) -> None:
     """Predict people's world motion from their local poses, and write it as npz, BVH, GLB, video.
 
@@ -178,7 +165,7 @@ def infer(
     if bridge_frames < 0:
         raise BadRecipe(f"--bridge-frames {bridge_frames}: give 0 or more")
     config = InferConfig(fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, video=video)
-    path = body_path(body)
+    path = flags.body_path(body)
     made = infer_world_motion(
         run, source, "anny" if path is None else str(path), out, config,
         draw=draw_motion, joint_map=joint_map, run=Run(redo=redo),
@@ -196,8 +183,8 @@ def compare(
     scores: Positional[tuple[Path, ...]],
     out: Path,
     names: tuple[str, ...] = (),
-    seed: BootstrapSeed = 0,
-    redo: Redo = False,
+    seed: flags.BootstrapSeed = 0,
+    redo: flags.Redo = False,
 ) -> None:
     """Compare scored runs, clip by clip: differences to the first, intervals, and p-values.
 
@@ -207,16 +194,11 @@ def compare(
         names: What to call the runs, in their order; their own names when left out.
     """
     from gmrdata.pages.scores import write_comparison_page
-    from gmrdata.score.compare import (
-        HEADINGS,
-        CompareConfig,
-        Comparison,
-        compare_scores,
-        table_rows,
-    )
+    from gmrdata.score import compare as stage
 
-    need(scores, "the scores.json of two runs or more")
-    path = compare_scores(scores, out, CompareConfig(names=names, seed=seed), run=Run(redo=redo))
-    print_table(HEADINGS, table_rows(Comparison.read(path)))
+    flags.need(scores, "the scores.json of two runs or more")
+    config = stage.CompareConfig(names=names, seed=seed)
+    path = stage.compare_scores(scores, out, config, run=Run(redo=redo))
+    print_table(stage.HEADINGS, stage.table_rows(stage.Comparison.read(path)))
     answer(write_comparison_page(path, scores))
     answer(path)

@@ -1,12 +1,12 @@
-"""Verbs that bring motions in: fetch and motions."""
+"""Verbs that bring motions in and film them: fetch, motions and render."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from gmrdata.cli.answers import answer, print_table
-from gmrdata.cli.options import Body, DryRun, FpsHz, JointMap, Redo, need
+from gmrdata.cli import options as flags
+from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
@@ -19,7 +19,7 @@ def fetch(
     base_url: str | None = None,
     timeout_s: float = 30.0,
     redo: bool = False,
-    dry_run: DryRun = False,
+    dry_run: flags.DryRun = False,
 ) -> None:
     """Get motions (ASF/AMC) of the CMU motion capture database from CMU's site or a mirror.
 
@@ -38,7 +38,7 @@ def fetch(
     from gmrdata.read.download import CMU_URL, FetchConfig
 
     wanted = (*trials, *(listed_trials(published_list) if published_list is not None else ()))
-    need(wanted, "trials like 02_03, or --list paper_table8")
+    flags.need(wanted, "trials like 02_03, or --list paper_table8")
     if not timeout_s > 0:
         raise BadRecipe(f"--timeout-s {timeout_s:g}: must be more than 0")
     config = FetchConfig(base_url=base_url or CMU_URL, timeout_s=timeout_s)
@@ -51,12 +51,12 @@ def fetch(
 def motions(
     sources: Positional[tuple[Path, ...]],
     out: Path | None = None,
-    body: Body = "anny",
+    body: flags.Body = "anny",
     layout: Literal["files", "human36m", "emdb"] = "files",
-    fps_hz: FpsHz = None,
-    joint_map: JointMap = None,
+    fps_hz: flags.FpsHz = None,
+    joint_map: flags.JointMap = None,
     workers: int | None = None,
-    redo: Redo = False,
+    redo: flags.Redo = False,
 ) -> None:
     """Read motion files, retarget them to the 24-joint tree, and list them or write a manifest.
 
@@ -102,3 +102,34 @@ def _data_set(
     from gmrdata.motion.emdb import make_emdb
 
     return make_emdb(sources[0], body, out, run=run)
+
+
+def render(
+    recipe: Positional[flags.RecipeName],
+    out: Path,
+    motions: flags.Motions = None,
+    *,
+    run: flags.RunFlags,
+    dry_run: flags.DryRun = False,
+    probe: flags.Probe = True,
+    preview: bool = False,
+) -> None:
+    """Render synthetic clips with exact cameras and masks, and write their manifest.
+
+    Args:
+        out: Output folder; a run that was stopped goes on at the next missing frame.
+        preview: Only draw a few small frames and the paths of each clip, to OUT/preview/index.html.
+    """
+    from gmrdata.film.render_set import render_set
+    from gmrdata.film.set_plan import SyntheticRecipe
+    from gmrdata.pages.sets import preview_set, write_set_pages
+
+    loaded = flags.read_recipe(recipe, SyntheticRecipe)
+    if dry_run:
+        flags.show_dry_run(loaded, out, motions, run.workers, probe)
+    elif preview:
+        answer(preview_set(loaded, out, motions_dir=motions, run=run))
+    else:
+        with then(lambda: write_set_pages(loaded, out)):
+            made = render_set(loaded, out, motions_dir=motions, run=run)
+        answer(made)

@@ -6,24 +6,13 @@ from typing import Annotated, TypeVar
 
 from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction
 
+from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.baselines import baseline_joint_train
 from gmrdata.cli.gmr import show_scores
-from gmrdata.cli.options import (
-    FEATURES,
-    KEYPOINTS,
-    POSES,
-    Body,
-    DryRun,
-    Motions,
-    RecipeName,
-    RunFlags,
-    body_path,
-    read_recipe,
-)
+from gmrdata.cli.motion_files import render
 from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import threedpw_regenerate, threedpw_twin
-from gmrdata.cli.rendering import render
 from gmrdata.cli.sequence import masks
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
@@ -33,12 +22,12 @@ Given = TypeVar("Given")
 
 def demo(
     out: Path = Path("out/demo"),
-    motions: Motions = None,
+    motions: flags.Motions = None,
     trials: tuple[str, ...] = (),
-    recipe: RecipeName = "demo",
+    recipe: flags.RecipeName = "demo",
     *,
-    run: RunFlags,
-    dry_run: DryRun = False,
+    run: flags.RunFlags,
+    dry_run: flags.DryRun = False,
 ) -> None:
     """Everything once: film, regenerate the world poses from the frames, train GMR, score, report.
 
@@ -52,7 +41,7 @@ def demo(
     from gmrdata.cli.demo import plan, run_demo
     from gmrdata.cli.demo_recipe import DemoRecipe
 
-    loaded = read_recipe(recipe, DemoRecipe)
+    loaded = flags.read_recipe(recipe, DemoRecipe)
     if dry_run:
         print_table(("stage", "state"), plan(loaded, out))
     else:
@@ -77,7 +66,7 @@ def report(demo_out: Positional[Path]) -> None:
 class Inputs:
     """What a recipe of some kind takes besides itself."""
 
-    motions: Motions = None
+    motions: flags.Motions = None
     root: Path | None = None
     """3DPW's folder, which holds imageFiles and sequenceFiles (threedpw)."""
     frames: Path | None = None
@@ -88,12 +77,12 @@ class Inputs:
     """Manifest to train on; may be given several times (gmr, joint, table)."""
     scored: Path | None = None
     """Manifest to score (table)."""
-    poses: Annotated[Path | None, POSES] = None
-    keypoints: Annotated[Path | None, KEYPOINTS] = None
-    features: Annotated[Path | None, FEATURES] = None
+    poses: Annotated[Path | None, flags.POSES] = None
+    keypoints: Annotated[Path | None, flags.KEYPOINTS] = None
+    features: Annotated[Path | None, flags.FEATURES] = None
     videos: UseAppendAction[tuple[Path, ...]] = ()
     """Manifest that the non-sequential model is trained on; may be repeated (table)."""
-    body: Body = "anny"
+    body: flags.Body = "anny"
 
 
 NO_INPUTS = Inputs()
@@ -115,8 +104,8 @@ def run(
     out: Path,
     inputs: Annotated[Inputs, OmitArgPrefixes] = NO_INPUTS,
     *,
-    run: RunFlags,
-    dry_run: DryRun = False,
+    run: flags.RunFlags,
+    dry_run: flags.DryRun = False,
 ) -> None:
     """Run a recipe of any kind: demo, synthetic, threedpw, threedpw_twin, masks, gmr, joint, table.
 
@@ -194,7 +183,7 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
         raise BadRecipe(f"{path}: names its `training` manifests itself. Leave --manifest out")
     folder = path.parent
     training = recipe.training_paths(folder) or list(_needed(path, "--manifest", inputs.manifest))
-    body = body_path(inputs.body) if recipe.body is None else folder / recipe.body
+    body = flags.body_path(inputs.body) if recipe.body is None else folder / recipe.body
     config = recipe.train_config()
     run_dir = train(training, out / "run", config, body_path=body, run=run)
     for manifest in recipe.scored:

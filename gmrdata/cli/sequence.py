@@ -4,30 +4,21 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer
-from gmrdata.cli.options import (
-    Body,
-    Frames,
-    MaskClasses,
-    MaskModel,
-    MaskWeights,
-    Redo,
-    need,
-    one_person,
-)
 from gmrdata.stage.run import Run
 
 
 def masks(
-    frames: Positional[Frames],
+    frames: Positional[flags.Frames],
     out: Path,
     sources: tuple[str, ...] = ("onnx",),
-    model: MaskModel = None,
-    weights: MaskWeights = None,
-    classes: MaskClasses = (),
+    model: flags.MaskModel = None,
+    weights: flags.MaskWeights = None,
+    classes: flags.MaskClasses = (),
     camera_body: Path | None = None,
-    body: Body = "anny",
-    redo: Redo = False,
+    body: flags.Body = "anny",
+    redo: flags.Redo = False,
 ) -> None:
     """Mask what moves in frames or a video: people, vehicles, animals, or a known body.
 
@@ -43,24 +34,24 @@ def masks(
     from gmrdata.masks.sources import masks_named
     from gmrdata.pages.frames import masks_of_frames
 
-    need(sources, "a source of masks: --sources onnx")
+    flags.need(sources, "a source of masks: --sources onnx")
     config = masks_named(sources, model=model, weights=weights, classes=classes)
-    people = () if camera_body is None else one_person(camera_body, body)
+    people = () if camera_body is None else flags.one_person(camera_body, body)
     for made in masks_of_frames(frames, out, config, people=people, run=Run(redo=redo)):
         answer(made)
 
 
 def sfm(
-    frames: Frames,
+    frames: flags.Frames,
     camera_body: Path,
     out: Path,
     masks: tuple[str, ...] = ("silhouette",),
-    model: MaskModel = None,
-    weights: MaskWeights = None,
-    classes: MaskClasses = (),
-    body: Body = "anny",
+    model: flags.MaskModel = None,
+    weights: flags.MaskWeights = None,
+    classes: flags.MaskClasses = (),
+    body: flags.Body = "anny",
     seed: int = 0,
-    redo: Redo = False,
+    redo: flags.Redo = False,
 ) -> None:
     """World motion of one person from a moving-camera video and the person's camera-frame body.
 
@@ -75,10 +66,10 @@ def sfm(
     from gmrdata.masks.sources import masks_named
     from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
 
-    need(masks, "a source of masks: --masks silhouette")
+    flags.need(masks, "a source of masks: --masks silhouette")
     config = SequenceConfig(
         masks=masks_named(masks, model=model, weights=weights, classes=classes),
         sfm=SfmConfig(seed=seed),
     )
-    people = one_person(camera_body, body)
+    people = flags.one_person(camera_body, body)
     answer(regenerate_sequence(frames, people, out, config, run=Run(redo=redo)))

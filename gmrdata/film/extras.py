@@ -69,7 +69,6 @@ class Cast:
     walkers: tuple[Motion, ...]
     """World motions of company and passers-by, of one length and rate."""
     cars: tuple[Drive, ...]
-    """The cars' ways."""
 
     @property
     def ground_m(self) -> np.ndarray:

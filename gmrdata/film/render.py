@@ -95,9 +95,7 @@ class RenderConfig(Config):
     """How a clip is rendered.  Size and lens are those of the clip's camera."""
 
     scene: SceneConfig = SceneConfig()
-    """The place."""
     person: PersonConfig = PersonConfig()
-    """How the person looks."""
     character: Character | None = None
     """A rigged character that is filmed in place of the body, moving as the body does."""
     engine: Literal["cycles", "eevee"] = "cycles"
@@ -116,7 +114,6 @@ class RenderConfig(Config):
     image_format: Literal["jpg", "png"] = "jpg"
     """Format of the frames; png loses nothing and takes about five times the space."""
     jpeg_quality: int = Field(default=92, ge=1, le=100)
-    """Quality of the frames' JPEG files."""
     joints: bool = False
     """Also `joints.npz`: the 24 joints in the world, the camera and the image, with visibility."""
     depth: bool = False
@@ -172,7 +169,6 @@ class PreviewJob(Config):
 
     render: RenderJob
     rows: tuple[int, ...]
-    """Frames to draw."""
     percent: int = Field(ge=1, le=100)
     """Size of the pictures in percent of the camera's."""
     engine: PreviewEngine

@@ -7,8 +7,7 @@ from typing import Any
 from gmrdata.film.character import CHARACTER_FILE, load_character, residual_figures
 from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
-from gmrdata.film.set_plan import SyntheticRecipe
-from gmrdata.film.set_takes import Selection, Take, plan_takes, select
+from gmrdata.film.set_plan import Selection, SyntheticRecipe, Take, plan_takes, select
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality
 from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe

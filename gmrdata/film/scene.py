@@ -19,7 +19,6 @@ class BackdropConfig(Config):
     External Data, Pack Resources)."""
 
     path: Path
-    """The file."""
     scene_name: str | None = None
     """Which of the file's scenes; may be left out when it has one."""
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -11,8 +11,7 @@ import numpy as np
 
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.render_set import render_dir
-from gmrdata.film.set_plan import SyntheticRecipe
-from gmrdata.film.set_takes import plan_takes, select
+from gmrdata.film.set_plan import SyntheticRecipe, plan_takes, select
 from gmrdata.motion.resample import slice_motion
 from gmrdata.read.bodies import keep_body, read_body
 from gmrdata.stage.jobs import count_files
@@ -40,9 +39,7 @@ class DryRun:
     """What a run would do."""
 
     rows: Sequence[Sequence[str]]
-    """Under `HEADINGS`."""
     clips: int
-    """Clips that can be filmed."""
     clips_to_do: int
     frames: int
     """Frames of all clips that can be filmed."""
@@ -87,7 +84,7 @@ def dry_run(
     states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, "to do")
     states |= {id: f"can't be filmed: {reason}" for id, reason in planned.reasons.items()}
     frames = {id: clip.motion.n_frames for id, clip in clips.items()}
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for take in selection.takes:
         motion = take.clip.trial or f"gait {take.clip.gait}"
         count = str(frames.get(take.id, ""))

@@ -1,11 +1,13 @@
-"""The recipe of a synthetic set, and each clip of it before it is rendered.
+"""The recipe of a synthetic set, and its takes before they are rendered.
 
 Every choice hangs on the set's seed and the clip's id, so that a clip stays as it is when others
 come and go, and a clip's twin has the same person in the same place.
 """
 
 import hashlib
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,20 +16,29 @@ from pydantic import Field, model_validator
 
 from gmrdata.film.character import Character
 from gmrdata.film.people import sample_person
-from gmrdata.film.programmes import Programme, static_twin
-from gmrdata.film.render import RenderConfig
+from gmrdata.film.programmes import Programme, camera_programme, static_twin
+from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.shots import Film, film_motion, plan_clip
-from gmrdata.motion.files import input_files, read_motion
+from gmrdata.manifest.current import CameraMotion, ListManifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.motion.files import find_motions, input_files, read_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.bodies import read_body
+from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadMotionFile, BadRecipe, StageFailed
 from gmrdata.values.records import Config
 
 PLANNED_FILE = "clip.npz"
+PROGRAMMES = {
+    kind: camera_programme(kind)
+    for kind in ("circular", "linear", "linear_panning", "panning", "small")
+}
+"""What a published list's class of camera motion is rendered with."""
 
 
 class SyntheticClip(Config):
@@ -40,7 +51,6 @@ class SyntheticClip(Config):
     gait: str | None = None
     """Or kind of embedded gait."""
     programme: Programme
-    """Camera programme."""
     duration_s: float | None = Field(default=None, gt=0)
     """Length to film, from the motion's start [s]; the set's when left out."""
     shape: tuple[float, ...] | None = None
@@ -72,9 +82,7 @@ class SyntheticRecipe(Config):
     """A set of clips to render."""
 
     recipe: Literal["synthetic"]
-    """Kind of recipe."""
     name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
-    """Name of the data set."""
     version: str = "1.0.0"
     """Its version, major.minor.patch."""
     seed: int = Field(default=0, ge=0)
@@ -98,9 +106,7 @@ class SyntheticRecipe(Config):
     """Places of which each clip draws one, by the set's seed and its id; a place without a `seed`
     gets one of the clip's own too.  None: all clips are in the place of `render`."""
     film: Film = Film()
-    """What the clips share."""
     render: RenderConfig = RenderConfig()
-    """The Blender stage."""
 
 
 def clip_rng(
@@ -223,3 +229,124 @@ def planned_clip(
 def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:
     duration_s = clip.duration_s or recipe.film.duration_s
     return recipe.film.model_copy(update={"duration_s": duration_s})
+
+
+@dataclass(frozen=True)
+class Take:
+    """One clip to render: a clip of the recipe, or its twin with the camera's motion off."""
+
+    id: str
+    clip: SyntheticClip
+    camera_off: bool = False
+
+    @property
+    def camera_motion(self) -> CameraMotion:
+        return "static" if self.camera_off else self.clip.programme.kind
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The clips of a recipe that can be rendered, and those whose motion is not there."""
+
+    recipe: SyntheticRecipe
+    takes: tuple[Take, ...]
+    """A clip's twin follows it."""
+    files: dict[str, Path]
+    missing: tuple[str, ...]
+
+
+def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
+    """Find the motion files of a recipe's clips."""
+    wanted = (*_listed(recipe.published_list), *recipe.clips)
+    if not wanted:
+        raise BadRecipe(f"recipe {recipe.name}: no clips; give `clips` or `published_list`")
+    files = {} if motions_dir is None else {path.stem: path for path in find_motions(motions_dir)}
+    takes = []
+    for clip in wanted:
+        if clip.trial is None or clip.trial in files:
+            takes.append(Take(clip.id, clip))
+            if recipe.camera_off and clip.programme.kind != "static":
+                takes.append(Take(f"{clip.id}_off", clip, camera_off=True))
+    if repeated := sorted(id for id, n in Counter(take.id for take in takes).items() if n > 1):
+        raise BadRecipe(
+            f"clip ids must be unique, but these are repeated: {', '.join(repeated)}; "
+            "rename clips (camera_off adds _off to each)"
+        )
+    missing = tuple(clip.trial for clip in wanted if clip.trial and clip.trial not in files)
+    return Selection(recipe, tuple(takes), files, missing)
+
+
+def _listed(name: str | None) -> list[SyntheticClip]:
+    if name is None:
+        return []
+    published = read_manifest(recipes.published_manifest(name))
+    if not isinstance(published, ListManifest):
+        raise BadRecipe(f"published_list: {name} is no list of trials")
+    return [
+        SyntheticClip(
+            id=row.id,
+            trial=row.source.sequence,
+            programme=PROGRAMMES[row.programme],
+            duration_s=row.frames.stop / row.fps_hz,
+        )
+        for row in published.clips
+        if row.programme in PROGRAMMES
+    ]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What can be filmed, and what can't."""
+
+    body_path: Path
+    configs: Mapping[str, RenderConfig]
+    """How each clip is rendered, by id."""
+    paths: Mapping[str, Path]
+    layouts: Mapping[str, tuple[Path, ...]]
+    """By id of a clip that has a twin, or of the twin: the files of both, which share one place
+    (Table 6)."""
+    reasons: Mapping[str, str]
+    """Why each other clip can't be filmed, by id."""
+
+    def render_job(self, id: str, out_dir: Path) -> RenderJob:
+        """The job that renders a clip to a folder."""
+        return RenderJob(
+            clip_path=self.paths[id],
+            body_path=self.body_path,
+            out_dir=out_dir,
+            config=self.configs[id],
+            layout_paths=self.layouts.get(id, ()),
+        )
+
+
+def plan_takes(
+    selection: Selection, body_path: Path, plans_dir: Path, *, run: Run = DEFAULT_RUN
+) -> Planned:
+    """Plan every take in a stage folder of its own below `plans_dir`.
+
+    One that can't be filmed is named and the others go on.
+    """
+    recipe = selection.recipe
+    paths: dict[str, Path] = {}
+    reasons: dict[str, str] = {}
+    for take in selection.takes:
+        clip, out_dir = take.clip, plans_dir / take.clip.id
+        motion_path = selection.files.get(clip.trial or "")
+        try:
+            path = make_plan(clip, recipe, motion_path, body_path, out_dir, run=run)
+            if take.camera_off:
+                path = make_twin(take.id, path, body_path, plans_dir / take.id, run=run)
+            paths[take.id] = path
+        except (BadMotionFile, BadRecipe, StageFailed) as error:
+            reasons[take.id] = str(error)
+    configs = {take.id: render_config(recipe, take.clip) for take in selection.takes}
+    return Planned(body_path, configs, paths, _layouts(selection.takes, paths), reasons)
+
+
+def _layouts(takes: Sequence[Take], paths: Mapping[str, Path]) -> dict[str, tuple[Path, ...]]:
+    sharing: dict[str, list[Path]] = {}
+    for take in takes:
+        if take.id in paths:
+            sharing.setdefault(take.clip.id, []).append(paths[take.id])
+    together = {take.id: tuple(sharing.get(take.clip.id, ())) for take in takes}
+    return {id: shared for id, shared in together.items() if len(shared) > 1}

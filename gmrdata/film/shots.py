@@ -27,9 +27,7 @@ class Film(Config):
     max_frames: int = Field(default=56, ge=10)
     """Most frames of a clip whose rate is chosen; a long one gets 10 fps and more frames."""
     width_px: int = Field(default=640, ge=64)
-    """Image width [px]."""
     height_px: int = Field(default=360, ge=64)
-    """Image height [px]."""
     hfov_deg: float = Field(default=60.0, gt=10, lt=120)
     """Horizontal field of view [degrees]."""
 

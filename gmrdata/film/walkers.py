@@ -42,20 +42,16 @@ class Shot:
     """Clips that share one place, all with T frames."""
 
     fps_hz: float
-    """Frame rate [Hz]."""
     subjects_m: tuple[np.ndarray, ...]
     """(T, 3) pelvis path for each clip, world [m]."""
     cameras: tuple[CameraPath, ...]
-    """Camera for each clip."""
 
     @property
     def n_frames(self) -> int:
-        """Number of frames T."""
         return len(self.subjects_m[0])
 
     @property
     def duration_s(self) -> float:
-        """Length [s]."""
         return self.n_frames / self.fps_hz
 
     def sees(self, path_m: np.ndarray, share: float, seconds: float = np.inf) -> bool:

@@ -12,8 +12,7 @@ import pytest
 
 from gmrdata.film.render_set import render_set
 from gmrdata.film.set_dry_run import dry_run, summary_lines
-from gmrdata.film.set_plan import SyntheticRecipe
-from gmrdata.film.set_takes import select
+from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from gmrdata.film.render import RenderConfig
-from gmrdata.film.set_plan import SyntheticRecipe, clip_rng, render_config
-from gmrdata.film.set_takes import Planned, plan_takes, select
+from gmrdata.film.set_plan import (
+    Planned,
+    SyntheticRecipe,
+    clip_rng,
+    plan_takes,
+    render_config,
+    select,
+)
 from gmrdata.read.bodies import save_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.body import BodyModel

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from gmrdata.cli.demo_recipe import DemoRecipe
-from gmrdata.cli.recipes import run_recipe
-from gmrdata.film.set_plan import SyntheticRecipe
-from gmrdata.film.set_takes import select
+from gmrdata.cli.recipes import run
+from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.gmr.train import GmrRecipe
 from gmrdata.masks.sources import MasksRecipe
 from gmrdata.stage import recipes
 from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_kind
+from gmrdata.stage.run import DEFAULT_RUN
 from gmrdata.tables.recipe import TableRecipe
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.twins.twin_set import TwinRecipe
@@ -75,10 +75,10 @@ def test_an_unknown_kind_and_an_unknown_name_say_what_there_is(tmp_path: Path) -
     path = tmp_path / "mine.yaml"
     path.write_text("recipe: sing\n")
     with pytest.raises(BadRecipe, match="unknown kind 'sing'; there are demo, synthetic, threed"):
-        run_recipe(str(path), tmp_path / "out")
+        run(str(path), tmp_path / "out", run=DEFAULT_RUN)
     path.write_text("recipe: masks\nsources: [{kind: silhouette}]\n")
-    with pytest.raises(BadRecipe, match="needs frames: gmrdata masks FRAMES --sources"):
-        run_recipe(str(path), tmp_path / "out")
+    with pytest.raises(MissingInput, match="this recipe needs --frames"):
+        run(str(path), tmp_path / "out", run=DEFAULT_RUN)
     with pytest.raises(MissingInput, match="carries only: demo, gmr, gmr_cmu, masks"):
         find_recipe("nothing")
 
@@ -92,9 +92,9 @@ def test_a_published_list_is_rendered_as_far_as_its_motions_are_there(
     assert {take.camera_motion for take in selection.takes} == {"panning"}
     assert len(selection.missing) == 46
     with pytest.raises(MissingInput, match="Give their folder with --motions"):
-        run_recipe("synthetic", tmp_path / "out")
+        run("synthetic", tmp_path / "out", run=DEFAULT_RUN)
 
 
 def test_a_gmr_recipe_without_manifests_says_what_to_do(tmp_path: Path) -> None:
-    with pytest.raises(BadRecipe, match="names no `training` manifests"):
-        run_recipe("gmr", tmp_path / "out")
+    with pytest.raises(MissingInput, match="this recipe needs --manifest"):
+        run("gmr", tmp_path / "out", run=DEFAULT_RUN)
