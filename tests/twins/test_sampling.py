@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.film.set_plan import planned_clip
-from gmrdata.film.set_takes import select
+from gmrdata.film.set_plan import planned_clip, select
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.twins.sampling import CLASSES, twin_recipe
 from gmrdata.twins.twin_set import TwinRecipe
