@@ -149,15 +149,13 @@ def clip_entry(
     except ValidationError as error:
         raise BadManifest(f"{clip_path}: clip {clip.id} can't be listed: {error}") from None
     dirs = (images_dir, masks_dir, depth_dir, normals_dir, flow_dir, instances_dir)
-    folders = dict(zip(FOLDERS, dirs, strict=True))
+    folders = {key: _folder(root, path) for key, path in zip(FOLDERS, dirs, strict=True)}
     files = {"joints": joints_path, "video": video_path, "character": character_path}
     extras = (file_record(root, path) for path in extras_paths)
     return entry.model_copy(
-        update={
-            **{key: _folder(root, path) for key, path in folders.items()},
-            **{key: path and file_record(root, path) for key, path in files.items()},
-            "extras": tuple(Extra(instance=i, arrays=file) for i, file in enumerate(extras, 2)),
-        }
+        update=folders
+        | {key: path and file_record(root, path) for key, path in files.items()}
+        | {"extras": tuple(Extra(instance=i, arrays=file) for i, file in enumerate(extras, 2))}
     )
 
 

@@ -62,8 +62,9 @@ def kept_frames(clip: Clip | ListedClip) -> int:
 def _caption(manifest: Manifest | ListManifest) -> str:
     frames, size_bytes = sum(map(kept_frames, manifest.clips)), 0
     for clip in manifest.clips if isinstance(manifest, Manifest) else ():
-        files = (clip.arrays, *files_of(clip).values())
-        size_bytes += sum(one.size_bytes for one in (*files, *folders_of(clip).values()))
+        size_bytes += clip.arrays.size_bytes
+        size_bytes += sum(file.size_bytes for file in files_of(clip).values())
+        size_bytes += sum(folder.size_bytes for folder in folders_of(clip).values())
     size = f", {size_bytes / 1e6:,.1f} MB" if size_bytes else ""
     return f"{frames} frames to use{size}. {manifest.description}"
 

@@ -117,8 +117,7 @@ def compare_scores(
 
     def work(partial_dir: Path) -> None:
         records = [Scores.read(path) for path in paths]
-        names = _names(paths, records, config.names)
-        comparison = compare_records(records, paths, names, config)
+        comparison = compare_records(records, paths, _names(paths, records, config.names), config)
         path = partial_dir / "comparison.json"
         comparison.write(path)
         write_table_files(path, csv_rows(comparison), comparison_markdown(comparison))
@@ -264,7 +263,6 @@ def csv_rows(comparison: Comparison) -> list[list[Cell]]:
 
 
 def comparison_markdown(comparison: Comparison) -> str:
-    """The comparison as Markdown."""
     return markdown(
         "Comparison of runs",
         comparison_lead(comparison),

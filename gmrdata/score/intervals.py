@@ -55,17 +55,16 @@ def _ends(resampled: np.ndarray) -> np.ndarray:
 
 
 class PairedDifference(NamedTuple):
-    """How a run differs from the first one in one metric, mean over clips."""
+    """How a run differs from the first one in one metric; of one clip without interval and p."""
 
     n_clips: int
-    """Clips in which both have a figure."""
     difference: float
-    """Mean of the run's figures minus the first run's."""
+    """Mean over clips of the run's figures minus the first run's."""
     interval95: Interval | None
-    """Ends of its 95 % bootstrap interval over clips; None for fewer than two clips."""
+    """Ends of its 95 % bootstrap interval over clips."""
     p_value: float | None
     """Two-sided permutation test over clips: how often a difference as large comes about where it
-    is chance which of the two runs a figure belongs to; None for fewer than two clips."""
+    is chance which of the two runs a figure belongs to."""
 
 
 def paired_difference(
@@ -81,21 +80,13 @@ def paired_difference(
         permutations: How many are drawn at most; all 2^n of them are used where they are no more
             than that, and p is exact.
     """
-    differences = other - first
-    n = len(differences)
-    if n < 2:
-        return PairedDifference(n, float(differences.mean()), None, None)
-    counts = resampled_counts(n, resamples, rng)
-    interval = ratio_interval(differences, np.ones(n), counts)
-    p_value = _p_value(first, other, permutations, rng)
-    return PairedDifference(n, float(differences.mean()), interval, p_value)
-
-
-def _p_value(
-    first: np.ndarray, other: np.ndarray, permutations: int, rng: np.random.Generator
-) -> float:
     from scipy.stats import permutation_test
 
+    differences = other - first
+    n, mean = len(differences), float(differences.mean())
+    if n < 2:
+        return PairedDifference(n, mean, None, None)
+    interval = ratio_interval(differences, np.ones(n), resampled_counts(n, resamples, rng))
     found = permutation_test(
         (other, first),
         lambda a, b, axis: np.mean(a - b, axis=axis),
@@ -105,4 +96,4 @@ def _p_value(
         alternative="two-sided",
         rng=rng,
     )
-    return float(found.pvalue)
+    return PairedDifference(n, mean, interval, float(found.pvalue))

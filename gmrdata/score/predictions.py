@@ -175,8 +175,7 @@ def _at_rate(true: Clip, step: int) -> Clip:
 
 def _first_rows(clip: Clip, name: str, valid: np.ndarray) -> Clip:
     n = len(valid)
-    motion = clip.motion.take(slice(0, n), clip.motion.fps_hz)
-    return Clip(name, motion, valid, np.full(n, -1), None)
+    return Clip(name, clip.motion.take(slice(0, n)), valid, np.full(n, -1), None)
 
 
 def _paired(

@@ -169,8 +169,6 @@ def score_clips(
 
 
 def by_network(gmr: "TrainedGmr", config: ScoreConfig) -> Predict:
-    """Predictions of a network, at its own rate."""
-
     def predict(one: UsableClip) -> PredictedClip | str:
         found = network_clip(gmr, one, all_phases=config.all_phases)
         return found or f"no two valid frames in a row at {gmr.fps_hz:g} fps"
@@ -179,7 +177,6 @@ def by_network(gmr: "TrainedGmr", config: ScoreConfig) -> Predict:
 
 
 def from_folder(folder: Path, config: ScoreConfig) -> Predict:
-    """Predictions from a folder with `<clip id>.npz` for each clip."""
     protocol_fps_hz = None if config.protocol is None else PROTOCOLS[config.protocol].fps_hz
 
     def predict(one: UsableClip) -> PredictedClip | str:

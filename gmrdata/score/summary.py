@@ -73,15 +73,13 @@ def over_time(scored: Sequence[ClipErrors], fps_hz: float, draws: Draws) -> Over
 
 
 def _clip(one: ClipErrors) -> ClipScore:
-    pooled = _pooled([one])
     return ClipScore(
         id=one.clip_id,
         camera_motion=one.camera_motion,
         motion_type=one.motion_type,
         n_motions=one.n_motions,
         dropped_frames=one.dropped_frames,
-        predicted=pooled.predicted,
-        zero=pooled.zero,
+        **dict(_pooled([one])),
         protocol=_protocol([one]),
         protocol_fps_hz=one.protocol_fps_hz,
         floor=None,

@@ -73,13 +73,11 @@ METRIC_WORDS: dict[str, MetricWords] = {
 
 
 def heading(metric: str) -> str:
-    """A column's heading: name and unit."""
     words = METRIC_WORDS[metric]
     return f"{words.title} [{words.unit}]"
 
 
 def meanings(metrics: Iterable[str]) -> list[str]:
-    """A sentence for each metric."""
     return [f"{METRIC_WORDS[one].title}: {METRIC_WORDS[one].meaning}" for one in metrics]
 
 

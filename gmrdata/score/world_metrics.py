@@ -57,8 +57,6 @@ def segment_errors_mm(
     """Mean distance of joints per frame of each segment [mm], each aligned by itself.
 
     Args:
-        predicted_joints_m: In the prediction's world [m].
-        true_joints_m: In the true world [m].
         first_frames: Frames at the start of a segment whose joints the alignment fits (W-MPJPE);
             None for all of them (WA-MPJPE).
         scale: Whether the alignment fits the scale as well (which hides an error of it).

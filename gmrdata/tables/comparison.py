@@ -23,8 +23,6 @@ class OverSeeds(Config):
 
 
 class TableRow(Config):
-    """A row of the table."""
-
     name: str
     """What it is called at this size."""
     name_in_paper: str | None

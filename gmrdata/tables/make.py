@@ -45,7 +45,7 @@ def held_out_set(
 
     Raises:
         BadRecipe: nobody is held out, or no clip is of a held-out subject.
-        BadManifest: a manifest is broken, or two clips have one id.
+        BadManifest: two clips have one id.
     """
     if not config.held_out_subjects:
         raise BadRecipe("nothing to score: give --scored, or subjects to hold out with --held-out")
@@ -74,8 +74,7 @@ def _copied(file: ClipFile, folder: Path) -> Clip:
     arrays = read_npz(resolve_inside(file.manifest_path.parent, entry.arrays.path))
     path = resolve_inside(folder, f"clips/{entry.id}.npz")
     # The arrays as they are: written anew, rotations would be rounded.
-    kept = rows_in(entry.kept, entry.n_frames)
-    write_npz(path, arrays | {"valid": arrays["valid"] & kept})
+    write_npz(path, arrays | {"valid": arrays["valid"] & rows_in(entry.kept, entry.n_frames)})
     return clip_entry(
         folder,
         clip_path=path,

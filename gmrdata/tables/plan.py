@@ -67,8 +67,6 @@ def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[s
 
 @dataclass(frozen=True)
 class Training:
-    """One network to train."""
-
     id: str
     """Its folder below runs/."""
     config: TrainConfig | JointConfig
@@ -76,8 +74,6 @@ class Training:
 
 @dataclass(frozen=True)
 class Scoring:
-    """One score of a row."""
-
     row: Row
     """The row; or, where several rows use one score, the one whose predictions are scored."""
     id: str
@@ -88,8 +84,6 @@ class Scoring:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a table takes."""
-
     trainings: tuple[Training, ...]
     """Each network once, though several rows may use it."""
     scorings: dict[str, tuple[Scoring, ...]]
@@ -119,11 +113,11 @@ def plan_table(
         of_seeds = []
         for seed in seeds or shared.seeds:
             run = f"{folder_name(row.network or row.name)}/seed_{seed}"
-            config: TrainConfig | JointConfig
-            if row.method == "joint":
-                config = joint_config(recipe, row, scale, seed)
-            else:
-                config = train_config(recipe, row, scale, seed, given.subjects(shared))
+            config = (
+                joint_config(recipe, row, scale, seed)
+                if row.method == "joint"
+                else train_config(recipe, row, scale, seed, given.subjects(shared))
+            )
             trainings.setdefault(run, Training(run, config))
             of_seeds.append(Scoring(row, f"{folder_name(row.name)}/seed_{seed}", run))
         scorings[shown.name] = tuple(of_seeds)

@@ -69,10 +69,8 @@ def infer_poses(
 
     def work(partial_dir: Path) -> None:
         gmr, body = load_gmr(run_dir), load_body("anny" if body_path is None else str(body_path))
-        found = [
-            _moved(gmr, one, load_poses(inputs[f"poses_{one.clip.id}"], one.clip, body), body)
-            for one in subjects
-        ]
+        seen = (load_poses(inputs[f"poses_{one.clip.id}"], one.clip, body) for one in subjects)
+        found = [_moved(gmr, *both, body) for both in zip(subjects, seen, strict=True)]
         figures = NetworkFigures(run=run_dir.name)
         write_predictions(partial_dir, "gmr", found, left_out, NetworkPredictions, figures)
 
