@@ -81,9 +81,6 @@ def estimate_focal(
 
     Linear least squares with Cauchy weights whose scale follows the residuals, so that keypoints of
     a passer-by, or left taken for right, count little.
-
-    Raises:
-        BadBodyFile: no body fits a person.
     """
     people = range(len(sequence.arrays.people))
     parts = [_observed(sequence, index, bodies, config, rule) for index in people]

@@ -76,9 +76,6 @@ def make_people(
 ) -> SequencePeople:
     """Read a sequence and write `person_<n>.npz`, `dataset_camera.npz`, `doubts.json` and
     `people.json`.
-
-    Raises:
-        GmrdataError: as `read_sequence` says, or no body fits.
     """
 
     def work(partial: Path) -> None:

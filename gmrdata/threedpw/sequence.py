@@ -41,9 +41,6 @@ def regenerate_one(
 
     Args:
         root: The set's output folder.
-
-    Raises:
-        GmrdataError: the sequence can't be read, or a mask can't be had.
     """
     require_name(files.name)
     paths = SetPaths(root)

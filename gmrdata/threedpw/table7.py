@@ -60,7 +60,7 @@ class ComparedRow:
     @property
     def frames(self) -> FrameRange | None:
         """What Table 7 lists."""
-        return self.listed and self.listed.frames
+        return None if self.listed is None else self.listed.frames
 
     @property
     def kept_share(self) -> float | None:

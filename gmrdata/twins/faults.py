@@ -149,7 +149,6 @@ def _table(gain: float) -> np.ndarray:
     return np.round(255 * value).astype(np.uint8)
 
 
-UP = np.array([0.0, 0.0, 1.0])
 DRIFT_TILT_DEG = 30.0
 """The drift turns about an axis within this angle of the vertical: IMUs know gravity, not north."""
 LARGEST_WOBBLE = 0.8
@@ -188,9 +187,6 @@ def dataset_side(
 
     One drift is common to people and camera; each clip has errors of its own in root and joints,
     and unaligned frames that are not `valid`.
-
-    Raises:
-        BadSequence: a clip is not in the world frame, or has frames without a camera.
     """
     for clip in clips:
         if clip.motion.frame != "world" or not camera_of(clip).has_camera.all():
@@ -219,7 +215,9 @@ def drift(
     across = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
     tilt = Rotation.from_rotvec(tilt_rad * across)
     turn_rad = np.deg2rad(rng.uniform(*config.drift_deg)) * rng.choice([-1.0, 1.0])
-    turns = Rotation.from_rotvec(_growth(n_frames, rng)[:, None] * turn_rad * tilt.apply(UP))
+    turns = Rotation.from_rotvec(
+        _growth(n_frames, rng)[:, None] * turn_rad * tilt.apply([0.0, 0.0, 1.0])
+    )
     rotmats = turns.as_matrix()
     moves_m = _growth(n_frames, rng)[:, None] * offset_m
     return rigid(rotmats, pivot_world_m - rotmats @ pivot_world_m + moves_m)

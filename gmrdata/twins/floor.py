@@ -26,11 +26,10 @@ TWINS_FOLDER, REGENERATED_FOLDER, FLOOR_FILE = "twins", "regenerated", "floor.js
 
 
 class MadeFloor(NamedTuple):
-    """What was measured, and what could not be."""
+    """`floor.json`, and what could not be rendered or read; the others are measured."""
 
     path: Path
     failed: StageFailed | None
-    """Sequences that could not be rendered, or not be read; the others are measured."""
 
 
 def sampled_floor(
@@ -70,10 +69,6 @@ def floor_of_twins(
 
     In `out_dir/floor.json` sequences that failed are listed as rejected.
 
-    Args:
-        twins_dir: What `gmrdata threedpw twin` made.
-        seed: What the twins were sampled by.
-
     Raises:
         MissingInput: the folder holds no twins, or a sequence has no truth.
     """
@@ -96,12 +91,7 @@ def floor_of_twins(
 def measure(
     twins: TwinTruth, regenerated_dir: Path, recipe: ThreedpwRecipe, *, seed: int | None = None
 ) -> Floor:
-    """Figures of each sequence that `regenerate_set` has a verdict on, of each class, and of all.
-
-    Raises:
-        MissingInput: a sequence has no truth.
-        BadBodyFile: a sequence's body is not among the recipe's.
-    """
+    """Figures of each sequence that `regenerate_set` gave a verdict, of each class, and of all."""
     paths = SetPaths(regenerated_dir.resolve())
     bodies = [read_body(paths.body_dir(n) / BODY_FILE) for n in range(len(recipe.bodies))]
     clips = _clips(paths.manifest)

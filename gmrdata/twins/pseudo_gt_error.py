@@ -102,9 +102,6 @@ def motion_errors(
         rows: Rows of `pseudo`, ascending, that may be used.
         true_rows: The rows of `true` that show the same images.
         body: The true clip's body, for VME.
-
-    Raises:
-        NothingToCompare: there is no such motion.
     """
     phases = [
         _errors_of_phase(pseudo, true, rows, true_rows, phase, step, body) for phase in range(step)
@@ -163,12 +160,12 @@ class PseudoGtError:
     """How far a pseudo ground truth is from the truth; cameras as the functions of these names."""
 
     ome_deg: float
-    """Mean orientation motion error at the clip's frame rate (eq. 15) [deg]."""
+    """Mean orientation motion error (eq. 15)."""
     tme_mm: float
-    """Mean translation motion error at the clip's frame rate (eq. 16) [mm]."""
+    """Mean translation motion error (eq. 16)."""
     vme_mm: float | None
-    """Mean vertex motion error of the true body in its true local pose (eq. 17) [mm], so it is of
-    the motion alone; None where no body was given."""
+    """Mean vertex motion error of the true body in its true local pose (eq. 17), so it is of the
+    motion alone; None where no body was given."""
     n_motions: int
     """Motions of which the three are means."""
     camera_rotation_deg: float | None
@@ -179,7 +176,6 @@ class PseudoGtError:
     frames: int
     """Frames with a pseudo ground truth and a truth."""
     frames_with_camera: int
-    """Those in which both have a camera."""
     true_from_pseudo: np.ndarray
     """(4, 4) rigid: fits the bodies' places and orientations best."""
 
@@ -244,12 +240,7 @@ class ErrorSeries:
 
 
 def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> ErrorSeries:
-    """What `compare_clips` gives the means of, frame by frame.
-
-    Raises:
-        NothingToCompare: the clips have no image in common.
-        StageFailed: as there.
-    """
+    """What `compare_clips` gives the means of, frame by frame."""
     rows, true_rows = paired_rows(pseudo, true)
     if not len(rows):
         raise NothingToCompare(f"clip {pseudo.id}: it and its truth have no image in common")
@@ -368,9 +359,6 @@ def sequence_errors(
         clips: The people as they were recovered, in the order of `truth`; none where nothing was.
         body: The exact people's body, for VME.
         scale: Metres per unit of the recovered path; `scale_sigma` is its stated standard error.
-
-    Raises:
-        StageFailed: the clips and their truth don't belong together.
     """
     n_frames = truth[0].motion.n_frames
     recovered = [*clips, *[None] * (len(truth) - len(clips))]

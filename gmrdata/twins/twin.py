@@ -52,9 +52,6 @@ def sequence_arrays(
             `valid` becomes `campose_valid`.
         genders: "female" or "male" per person, which a 3DPW file can't do without.
         poses2d_px: (N, 18, 3) keypoints per person.
-
-    Raises:
-        BadSequence: the clips have not one camera, rate and length, or are not in the world.
     """
     camera = camera_of(clips[0])
     _require_one_camera(name, clips)
@@ -163,8 +160,15 @@ def write_twin(
         BadSequence: the name, the split or the clips do not make a sequence.
         BadFrames: not one whole JPEG of the camera's size per row of the clips.
     """
+    from gmrdata.values.skinning import motion_joints_m
+
     require_name(name)
-    keypoints_px = [_keypoints(clip, body, config.keypoints, rng) for clip in clips]
+    # Of the exact people: detectors look at the image, which has no drift.
+    joints_m = [motion_joints_m(body, clip.motion) for clip in clips]
+    keypoints_px = [
+        detected_keypoints(of_person, camera_of(clip), config.keypoints, rng)
+        for of_person, clip in zip(joints_m, clips, strict=True)
+    ]
     faulty = dataset_side(clips, config.faults, rng)
     arrays = sequence_arrays(name, faulty, body, genders, keypoints_px)
     _require_frames(name, clips[0], frames)
@@ -182,15 +186,6 @@ def write_twin(
         rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
         save_clip(truth_dir / f"{truth.id}.npz", truth, rest_pelvis_m)
     return write_sequence(root, split, arrays)
-
-
-def _keypoints(
-    clip: Clip, body: BodyModel, config: KeypointConfig, rng: np.random.Generator
-) -> np.ndarray:
-    """Keypoints of the exact person: detectors look at the image, which has no drift."""
-    from gmrdata.values.skinning import motion_joints_m
-
-    return detected_keypoints(motion_joints_m(body, clip.motion), camera_of(clip), config, rng)
 
 
 def _require_frames(name: str, clip: Clip, frames: Sequence[Path]) -> None:

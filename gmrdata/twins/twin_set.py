@@ -61,13 +61,12 @@ class TwinRecipe(Config):
     @model_validator(mode="after")
     def _sequences_have_names(self) -> "TwinRecipe":
         names = [clip.id for clip in self.set.clips]
-        for name in names:
-            try:
+        try:
+            for name in names:
                 require_name(name)
-            except BadSequence as error:
-                raise ValueError(f"set.clips: {error}") from None
-        unknown = sorted(self.splits.keys() - set(names))
-        if unknown:
+        except BadSequence as error:
+            raise ValueError(f"set.clips: {error}") from None
+        if unknown := sorted(self.splits.keys() - set(names)):
             raise ValueError(f"splits: no clips {', '.join(unknown)}")
         return self
 
@@ -107,15 +106,10 @@ class TwinTruth:
         return self.folder / DATASET_FOLDER
 
     def people(self, name: str) -> list[Clip]:
-        """The exact people of a sequence.
-
-        Raises:
-            MissingInput: there is no such sequence, or it has no people.
-        """
+        """The exact people of a sequence; MissingInput where there are none."""
         if name not in self.classes:
-            raise MissingInput(
-                f"{self.folder}: no twin {name!r}; there are {', '.join(self.classes)}"
-            )
+            known = ", ".join(self.classes)
+            raise MissingInput(f"{self.folder}: no twin {name!r}; there are {known}")
         folder = self.folder / TRUTH_FOLDER
         clips: list[Clip] = []
         while (path := folder / f"{name}.p{len(clips)}.npz").is_file():
@@ -126,13 +120,7 @@ class TwinTruth:
 
 
 def read_truth(folder: Path) -> TwinTruth:
-    """Read `truth/twins.json` of a twin set.
-
-    Raises:
-        MissingInput: the folder is no twin set.
-        BadRecord: twins.json is broken.
-        BadSequence: a name in it is no sequence's.
-    """
+    """Read `truth/twins.json` of a twin set; BadSequence where a name in it is no sequence's."""
     path = folder / TRUTH_FOLDER / TWINS_FILE
     if not path.is_file():
         raise MissingInput(f"{path}: no such file; give a folder that `gmrdata threedpw twin` made")
@@ -197,10 +185,6 @@ def write_sequence_twin(
     """Stage: one sequence of the twin set `out_dir`, as its folder of images.
 
     The folder comes last, so one that exists is complete.
-
-    Raises:
-        MissingInput: the clip was not rendered.
-        StaleOutput: the sequence was made by another recipe or from other frames.
     """
     rendered = render_dir(out_dir / SET_FOLDER, clip.id)
     root, truth_dir = out_dir / DATASET_FOLDER, out_dir / TRUTH_FOLDER
