@@ -1,5 +1,6 @@
 """Frames with what was found drawn over them: masks, the body, its path on the floor."""
 
+import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from markupsafe import Markup, escape
 from pydantic import Field
 
 from gmrdata.masks.folder import find_mask
@@ -18,7 +20,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import CameraPath, project
+from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import atomic_path
 from gmrdata.values.people import PersonFiles
@@ -41,7 +43,8 @@ DRAWING_SCALE = 2
 CONTACT_FILE = "contact.jpg"
 MASK_COLUMNS = 4
 _SUPERSAMPLE = 2
-_FAR_PX = 20000.0  # OpenCV's drawing takes 16-bit coordinates once they are shifted
+_FAR_PX = 20000.0
+"""OpenCV's drawing takes 16-bit coordinates once they are shifted; a NaN is beyond it too."""
 
 
 def jpeg(image: np.ndarray, quality: int = 88) -> bytes:
@@ -50,6 +53,16 @@ def jpeg(image: np.ndarray, quality: int = 88) -> bytes:
     if not ok:
         raise BadFrames(f"a picture of {image.shape} can't be encoded as JPEG")
     return encoded.tobytes()
+
+
+def jpeg_image(image: np.ndarray, alt: str, quality: int = 88) -> Markup:
+    """An `<img>` that carries an image (H, W, 3) BGR in itself."""
+    encoded = base64.b64encode(jpeg(image, quality)).decode("ascii")
+    height_px, width_px = image.shape[:2]
+    return Markup(
+        f'<img src="data:image/jpeg;base64,{encoded}" alt="{escape(alt)}"'
+        f' width="{width_px}" height="{height_px}">'
+    )
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -83,7 +96,6 @@ class MaskSheetConfig(Config):
     n_frames: int = Field(default=16, ge=1)
     """Frames, evenly spaced from the first to the last."""
     tile_width_px: int = Field(default=400, ge=16)
-    """Width of one frame [px]."""
 
 
 def masks_of_frames(
@@ -99,12 +111,6 @@ def masks_of_frames(
     Args:
         frames: Folder of numbered images, or a video file.
         people: Camera-frame clips and their bodies, which silhouettes need.
-
-    Returns:
-        The folder of the masks, and the contact sheet.
-
-    Raises:
-        GmrdataError: as `make_masks` says.
     """
     if is_video(frames):
         frames = extract_video(frames, out_dir / "frames", run=run)
@@ -115,11 +121,7 @@ def masks_of_frames(
 def make_mask_sheet(
     images_dir: Path, masks_dir: Path, out_dir: Path, config: MaskSheetConfig | None = None
 ) -> Path:
-    """Stage: `contact.jpg`, made anew when frames or masks (255 = dynamic) changed.
-
-    Raises:
-        BadFrames: an image or mask is missing or can't be read.
-    """
+    """Stage: `contact.jpg`, made anew when frames or masks (255 = dynamic) changed."""
     config = config or MaskSheetConfig()
 
     def work(partial: Path) -> None:
@@ -180,13 +182,14 @@ def draw_floor_path(
     camera is right.
     """
     points_px = camera.project(world_from_cam, path_world_m, intrinsics_px)
+    points = [_fixed(point) if (abs(point) < _FAR_PX).all() else None for point in points_px]
     out = image.copy()
-    for start, stop in pairwise(points_px):
-        if _drawable(start) and _drawable(stop):
-            cv2.line(out, _fixed(start), _fixed(stop), PATH_BGR, LINE_PX, cv2.LINE_AA, 4)
-    for point in points_px[::every]:
-        if _drawable(point):
-            cv2.circle(out, _fixed(point), 3 * LINE_PX << 4, PATH_BGR, -1, cv2.LINE_AA, 4)
+    for start, stop in pairwise(points):
+        if start and stop:
+            cv2.line(out, start, stop, PATH_BGR, LINE_PX, cv2.LINE_AA, 4)
+    for point in points[::every]:
+        if point:
+            cv2.circle(out, point, 3 * LINE_PX << 4, PATH_BGR, -1, cv2.LINE_AA, 4)
     return out
 
 
@@ -197,15 +200,7 @@ def draw_body(
     vertices_world_m: np.ndarray,
     body: BodyModel,
 ) -> np.ndarray:
-    """A copy of a BGR image with a shaded, see-through body mesh over it.
-
-    Args:
-        image: (H, W, 3) BGR.
-        world_from_cam: (4, 4) [m].
-        intrinsics_px: (3, 3) [px].
-        vertices_world_m: (V, 3) [m].
-        body: Gives the faces.
-    """
+    """A copy of a BGR image with a shaded, see-through body mesh (V, 3) over it."""
     points_cam_m = transforms.apply(transforms.invert(world_from_cam), vertices_world_m)
     triangles_m = points_cam_m[body.faces]
     normals = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
@@ -223,7 +218,7 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
     """Fill triangles from back to front at twice the size, then blend the smoothed layer in."""
     height, width = image.shape[:2]
     layer = np.zeros((height * _SUPERSAMPLE, width * _SUPERSAMPLE), np.uint8)  # 0 = no body
-    drawable = (np.abs(triangles_px) < _FAR_PX).all(axis=(1, 2))  # a NaN is not
+    drawable = (np.abs(triangles_px) < _FAR_PX).all(axis=(1, 2))
     corners = np.round((triangles_px[drawable] * _SUPERSAMPLE - 0.5) * 16).astype(np.int32)
     greys = np.round(255 * shades[drawable]).tolist()
     for triangle, grey in zip(corners, greys, strict=True):
@@ -236,10 +231,6 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
     body = shade[..., None] / 255.0 * np.array(BODY_BGR)
     blend = (1 - BODY_ALPHA * cover[..., None]) * image + BODY_ALPHA * body
     return np.clip(np.round(blend), 0, 255).astype(np.uint8)
-
-
-def _drawable(point_px: np.ndarray) -> bool:
-    return bool((np.abs(point_px) < _FAR_PX).all())  # a NaN is not
 
 
 def _fixed(point_px: np.ndarray) -> tuple[int, int]:
@@ -257,7 +248,6 @@ class ClipTile:
     person_px: np.ndarray
     """(4,) left, top, right, bottom of the person in `drawn` [px]; the whole frame if unknown."""
     image_number: int
-    """Number in the image's file name."""
     time_s: float
     """Time since the clip's first frame [s]."""
     has_camera: bool
@@ -292,9 +282,6 @@ def frame_tiles(clip: ClipReport, n_frames: int = 6) -> list[ClipTile]:
     Body and floor path are the pseudo clip's, drawn through the recovered camera.  Body and mask
     follow from the camera-frame body whatever the camera is (eqs. 6-8); the path on the floor is
     fixed in the world and so shows whether the camera is right.
-
-    Raises:
-        BadFrames: an image or mask is missing or can't be read.
     """
     images = {image_number(path): path for path in list_images(clip.images_dir)}
     with_image = np.flatnonzero(clip.pseudo.image_numbers >= 0)
@@ -310,11 +297,7 @@ def frame_tiles(clip: ClipReport, n_frames: int = 6) -> list[ClipTile]:
 
 
 def _clip_tile(
-    clip: ClipReport,
-    images: dict[int, Path],
-    row: int,
-    vertices_m: np.ndarray,
-    floor_m: np.ndarray,
+    clip: ClipReport, images: dict[int, Path], row: int, vertices_m: np.ndarray, floor_m: np.ndarray
 ) -> ClipTile:
     number = int(clip.pseudo.image_numbers[row])
     if number not in images:
@@ -323,7 +306,9 @@ def _clip_tile(
     person_px = np.array([0.0, 0.0, drawn.shape[1], drawn.shape[0]])
     camera, has_camera = clip.pseudo.camera, bool(clip.has_camera[row])
     if camera is not None and has_camera:
-        view = camera.world_from_cam[row], _drawing_intrinsics_px(camera)
+        # Pixel (0, 0) is an outer corner, so the intrinsics scale with the frame.
+        enlarged_px = np.diag([DRAWING_SCALE, DRAWING_SCALE, 1.0]) @ camera.intrinsics_px
+        view = camera.world_from_cam[row], enlarged_px
         every = max(1, round(clip.pseudo.motion.fps_hz))
         drawn = draw_floor_path(drawn, *view, floor_m, every)
         drawn = draw_body(drawn, *view, vertices_m, clip.body)
@@ -335,11 +320,6 @@ def _clip_tile(
     return ClipTile(drawn, person_px, number, row / clip.pseudo.motion.fps_hz, has_camera)
 
 
-def _drawing_intrinsics_px(camera: CameraPath) -> np.ndarray:
-    """Intrinsics (3, 3) of the enlarged frame; pixel (0, 0) is an outer corner, so they scale."""
-    return np.diag([DRAWING_SCALE, DRAWING_SCALE, 1.0]) @ camera.intrinsics_px
-
-
 def _floor_path_m(clip: ClipReport) -> np.ndarray:
     """(T, 3) recovered pelvis path dropped to the true floor, in the recovered world [m]."""
     path_true_m = transforms.apply(clip.true_from_pseudo, clip.pseudo.motion.pelvis_m)
@@ -349,11 +329,6 @@ def _floor_path_m(clip: ClipReport) -> np.ndarray:
 
 
 def read_image(path: Path, mode: int) -> np.ndarray:
-    """An image as `cv2.imread` gives it in a mode.
-
-    Raises:
-        BadFrames: it is missing, or no image.
-    """
     image = cv2.imread(str(path), mode)
     if image is None:
         raise BadFrames(f"{path}: missing, or not an image; make the frames or masks again")
@@ -361,8 +336,8 @@ def read_image(path: Path, mode: int) -> np.ndarray:
 
 
 def _read_enlarged(path: Path, mode: int) -> np.ndarray:
-    """An image, enlarged by DRAWING_SCALE."""
-    image = read_image(path, mode)
-    size = (image.shape[1] * DRAWING_SCALE, image.shape[0] * DRAWING_SCALE)
     how = cv2.INTER_NEAREST if mode == cv2.IMREAD_GRAYSCALE else cv2.INTER_CUBIC
-    return np.asarray(cv2.resize(image, size, interpolation=how))
+    enlarged = cv2.resize(
+        read_image(path, mode), None, fx=DRAWING_SCALE, fy=DRAWING_SCALE, interpolation=how
+    )
+    return np.asarray(enlarged)

@@ -6,7 +6,6 @@ angle; a mesh of some ten thousand small ones looks smooth so.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,7 +32,6 @@ HEIGHT_M = 1.7
 FOLLOW_SIGMA_S = 0.6
 SHORTEST_WAY_M = 0.5
 """On a shorter path the camera stands before the person, else beside the path."""
-_FRONT_IN_REST = np.array([0.0, 0.0, 1.0])
 
 
 def film_camera(motion: Motion) -> np.ndarray:
@@ -44,15 +42,14 @@ def film_camera(motion: Motion) -> np.ndarray:
     """
     targets_m = smooth_path(motion.pelvis_m, motion.fps_hz, FOLLOW_SIGMA_S, lag_s=0.0)
     targets_m[:, 2] = max(0.5, float(np.median(motion.pelvis_m[:, 2])))
-    side = _side(motion)
-    centres_m = targets_m + DISTANCE_M * side
+    centres_m = targets_m + DISTANCE_M * _side(motion)
     centres_m[:, 2] = max(HEIGHT_M, targets_m[0, 2] + 0.5)
     return transforms.rigid(look_at(centres_m, targets_m), centres_m)
 
 
 def _side(motion: Motion) -> np.ndarray:
     """The horizontal direction (3,) from the person to the camera."""
-    front = (motion.root_rotmats @ _FRONT_IN_REST).mean(axis=0)[:2]
+    front = motion.root_rotmats[:, :2, 2].mean(axis=0)  # +z in the rest pose
     if np.linalg.norm(front) < 1e-3:
         front = np.array([0.0, -1.0])
     front = front / np.linalg.norm(front)
@@ -86,12 +83,10 @@ _BITS = 4
 """cv2 takes polygon corners as integers with this many fractional bits."""
 
 
-@dataclass(frozen=True, eq=False)
-class Film:
+class Film(NamedTuple):
     """What all pictures share."""
 
     intrinsics_px: np.ndarray
-    """(3, 3) calibration matrix of the picture [px]."""
     width_px: int
     height_px: int
 
@@ -119,8 +114,6 @@ def draw_body(
     Args:
         vertices_m: (V, 3) the body in a z-up world with the floor at z = 0 [m].
         faces: (F, 3) vertex indices, counter-clockwise seen from outside.
-        world_from_cam: (4, 4) the camera.
-        film: Its lens and size.
     """
     large = (film.height_px * OVERSAMPLING, film.width_px * OVERSAMPLING, 3)
     intrinsics_px = film.intrinsics_px * [[OVERSAMPLING], [OVERSAMPLING], [1.0]]
@@ -204,15 +197,12 @@ LARGEST_VIDEO_HZ = 30.0
 POSED_AT_ONCE = 32
 
 
-PATH_FILE, VIDEO_FILE = "path.png", "body.mp4"
-
-
 def draw_motion(folder: Path, clip: Clip, body: BodyModel, config: InferConfig) -> None:
     """Add `path.png` and, if wanted, `body.mp4` to a folder of `infer_world_motion`.
 
     Each is written as a whole, so what is there is kept.
     """
-    path, video = folder / PATH_FILE, folder / VIDEO_FILE
+    path, video = folder / "path.png", folder / "body.mp4"
     if not path.exists():
         write_top_view(path, clip.motion)
     if config.video and not video.exists():
@@ -237,22 +227,18 @@ def write_body_video(
 ) -> None:
     """An mp4 of the body on the ground, in real time; `name` is what the progress bar calls it.
 
-    Args:
-        motion: In a z-up world with the floor at z = 0.
-        size_px: Width and height of the pictures.
+    The motion is in a z-up world with the floor at z = 0.
     """
     step = max(1, int(np.ceil(motion.fps_hz / LARGEST_VIDEO_HZ - 1e-6)))
     rows = np.arange(0, motion.n_frames, step)
-    frames = track(_frames(motion, body, rows, size_px), f"drawing {name}", total=len(rows))
-    write_video(frames, path, motion.fps_hz / step)
-
-
-def _frames(
-    motion: Motion, body: BodyModel, rows: np.ndarray, size_px: tuple[int, int]
-) -> Iterator[np.ndarray]:
     world_from_cam = film_camera(motion)
     film = Film(intrinsics_from_fov(HFOV_DEG, *size_px), *size_px)
-    for start in range(0, len(rows), POSED_AT_ONCE):
-        now = rows[start : start + POSED_AT_ONCE]
-        for row, vertices_m in zip(now, motion_vertices_m(body, motion, rows=now), strict=True):
-            yield draw_body(vertices_m.astype(np.float64), body.faces, world_from_cam[row], film)
+
+    def frames() -> Iterator[np.ndarray]:
+        for start in range(0, len(rows), POSED_AT_ONCE):
+            now = rows[start : start + POSED_AT_ONCE]
+            for row, vertices_m in zip(now, motion_vertices_m(body, motion, rows=now), strict=True):
+                yield draw_body(vertices_m.astype(float), body.faces, world_from_cam[row], film)
+
+    pictures = track(frames(), f"drawing {name}", total=len(rows))
+    write_video(pictures, path, motion.fps_hz / step)

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from gmrdata.pages.frames import frame_tiles, tile_sheet
+from gmrdata.pages.frames import frame_tiles, tile_sheet, write_bytes
 from gmrdata.pages.plots import COLOURS, Draw, picture, plot_top_view
 from gmrdata.pages.report_data import (
     THRESHOLDS,
@@ -23,7 +23,6 @@ from gmrdata.pages.report_data import (
     verdicts,
 )
 from gmrdata.values.errors import BadFrames
-from gmrdata.values.files import atomic_path
 
 TILE_PX = (340, 255)
 """Width and height of a frame's part round the person."""
@@ -34,15 +33,9 @@ KINDS: dict[str, Literal["png", "jpeg"]] = {".png": "png", ".jpg": "jpeg", ".jpe
 
 
 def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
-    """Write a picture with a row per clip: frames with overlays, then the paths from above.
+    """Write a picture with a row per clip: `n_frames` with overlays, then the paths from above.
 
-    Args:
-        path: The .png or .jpg file to write, as a whole or not at all; a .jpg is much smaller.
-        report: Gives the clips.
-        n_frames: Frames per clip.
-
-    Returns:
-        `path`.
+    The file is a .png or .jpg, written as a whole or not at all; a .jpg is much smaller.
 
     Raises:
         BadFrames: the report has no clip, the file's name has another suffix, or an image or mask
@@ -53,15 +46,17 @@ def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
     if path.suffix.lower() not in KINDS:
         raise BadFrames(f"{path}: name the picture .png or .jpg")
     plot, size_in = overview_plot(report, n_frames)
-    data = picture(plot, *size_in, DPI, KINDS[path.suffix.lower()])
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data)
+    write_bytes(path, picture(plot, *size_in, DPI, KINDS[path.suffix.lower()]))
     return path
 
 
 def overview_plot(report: ReportData, n_frames: int) -> tuple[Draw, tuple[float, float]]:
     """What draws the overview, and its width and height [inch]."""
-    sheets = [_sheet(clip, n_frames) for clip in report.clips]
+    sheets = []
+    for clip in report.clips:
+        tiles = frame_tiles(clip, n_frames)
+        around_person = [tile.close_up(*TILE_PX, around=AROUND) for tile in tiles]
+        sheets.append(tile_sheet(around_person, columns=n_frames, gap_px=6))
     height, width = np.max([sheet.shape[:2] for sheet in sheets], axis=0)
     rows_in = len(sheets) * (height / DPI + 0.42)
     strip_in, paths_in = width / DPI, 1.25 * height / DPI
@@ -80,12 +75,6 @@ def overview_plot(report: ReportData, n_frames: int) -> tuple[Draw, tuple[float,
             paths.tick_params(labelleft=False, labelbottom=False)
 
     return draw, (strip_in + paths_in, rows_in)
-
-
-def _sheet(clip: ClipReport, n_frames: int) -> np.ndarray:
-    """A row of frames, each cut to the person and what is round it."""
-    images = [tile.close_up(*TILE_PX, around=AROUND) for tile in frame_tiles(clip, n_frames)]
-    return tile_sheet(images, columns=n_frames, gap_px=6)
 
 
 def _figures(clip: ClipReport) -> str:
@@ -114,15 +103,13 @@ _STYLE = {True: "green", False: "bold red", None: ""}
 def _clip_table(summary: Summary) -> Table:
     headings = ("OME\n\\[deg]", "TME\n\\[mm]", "cam. rot.\n\\[deg]", "scale err.\n\\[%]")
     table = _table("Pseudo ground truth against the truth", ("clip", "cameras", *headings))
-    keys = ("frames_with_camera", "ome_deg", "tme_mm", "camera_rotation_deg", "scale_error_percent")
     for clip in summary.clips:
         texts, met = figure_texts(clip), verdicts(clip)
-        texts["frames_with_camera"] = texts["cameras"]
-        cells = [Text(texts[key], style=_STYLE[met.get(key)]) for key in keys]
+        cells = [Text(text, style=_STYLE[met.get(key)]) for key, text in texts.items()]
         table.add_row(escape(clip.id), *cells)
     table.add_section()
-    most = [f"≤ {THRESHOLDS[key]:g}" if key in THRESHOLDS else "" for key in keys[1:]]
-    table.add_row("threshold", "all", *most, style="dim")
+    ome, tme, scale = (f"≤ {value:g}" for value in THRESHOLDS.values())
+    table.add_row("threshold", "all", ome, tme, "", scale, style="dim")
     return table
 
 

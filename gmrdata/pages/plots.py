@@ -156,8 +156,8 @@ def _inline(document: str, name: str) -> str:
     # A hundredth of a point is finer than any screen, and long curves are mostly digits.
     element = re.sub(r"<[^>]*>", lambda tag: _DIGITS.sub(r"\1", tag[0]), element)
     # The size is the viewBox's; the page's column gives the width.
-    element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
-    element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
+    for size in ("width", "height"):
+        element = re.sub(rf'(<svg[^>]*?) {size}="[^"]*"', r"\1", element, count=1)
     for role, colour in COLOURS.items():
         element = element.replace(colour, f"var(--{role})")
     return element.strip()
@@ -168,31 +168,32 @@ def plot_top_view(axes: Axes, clip: ClipReport) -> float:
 
     Gives the spacing of the grid [m].
     """
-    true_m = clip.true.motion.pelvis_m
+    true_m, camera = clip.true.motion.pelvis_m, clip.true.camera
     pelvis_m, world_from_cam = aligned_paths(clip)
-    paths_m = [true_m, pelvis_m]
-    if clip.true.camera is not None:
-        paths_m.append(clip.true.camera.centres_world_m)
-    tick_m = 0.09 * extent_m(paths_m)
-    if clip.true.camera is not None:
-        plot_camera(axes, clip.true.camera.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
+    tick_m = tick_length_m(
+        [true_m, pelvis_m, *([] if camera is None else [camera.centres_world_m])]
+    )
+    if camera is not None:
+        plot_camera(axes, camera.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
     plot_path(axes, true_m, "person-pale", TRUE_WIDTH)
-    if world_from_cam is not None:
-        plot_camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
-        mark_start(axes, world_from_cam[:, :3, 3], "camera", "camera", pelvis_m)
-    plot_path(axes, pelvis_m, "person", RECOVERED_WIDTH)
-    mark_start(axes, pelvis_m, "person", "person", None)
-    return finish_view(axes)
+    return _plot_found(axes, pelvis_m, world_from_cam, tick_m)
 
 
 def plot_clip_view(axes: Axes, clip: Clip) -> float:
     """Paths of the camera and the person of one clip alone, in its world [m]; see above."""
     pelvis_m = clip.motion.pelvis_m
-    if clip.camera is not None:
-        poses = clip.camera.world_from_cam
-        tick_m = 0.09 * extent_m([pelvis_m, poses[:, :3, 3]])
-        plot_camera(axes, poses, "camera", RECOVERED_WIDTH, tick_m)
-        mark_start(axes, poses[:, :3, 3], "camera", "camera", pelvis_m)
+    if clip.camera is None:
+        return _plot_found(axes, pelvis_m, None, 0.0)
+    tick_m = tick_length_m([pelvis_m, clip.camera.centres_world_m])
+    return _plot_found(axes, pelvis_m, clip.camera.world_from_cam, tick_m)
+
+
+def _plot_found(
+    axes: Axes, pelvis_m: np.ndarray, world_from_cam: np.ndarray | None, tick_m: float
+) -> float:
+    if world_from_cam is not None:
+        plot_camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)
+        mark_start(axes, world_from_cam[:, :3, 3], "camera", "camera", pelvis_m)
     plot_path(axes, pelvis_m, "person", RECOVERED_WIDTH)
     mark_start(axes, pelvis_m, "person", "person", None)
     return finish_view(axes)
@@ -228,10 +229,10 @@ def aligned_paths(clip: ClipReport) -> tuple[np.ndarray, np.ndarray | None]:
     return pelvis_m, np.where(good[:, None, None], world_from_cam, np.nan)
 
 
-def extent_m(paths_m: list[np.ndarray]) -> float:
-    """The longer side of what holds all paths (T, 2 or 3), seen from above [m]."""
+def tick_length_m(paths_m: list[np.ndarray]) -> float:
+    """Length of a viewing direction [m], by the longer side of what holds all paths from above."""
     points_m = np.concatenate(paths_m)[:, :2]
-    return float(np.nanmax(np.nanmax(points_m, axis=0) - np.nanmin(points_m, axis=0)))
+    return 0.09 * float(np.nanmax(np.nanmax(points_m, axis=0) - np.nanmin(points_m, axis=0)))
 
 
 def plot_path(
@@ -272,15 +273,8 @@ def mark_start(
 
 def _label(axes: Axes, text: str, point_m: np.ndarray, role: str, away: np.ndarray) -> None:
     """Text beside a point, on the side that `away` points to if there is room."""
-    label = axes.annotate(
-        text,
-        (point_m[0], point_m[1]),
-        textcoords="offset points",
-        xytext=(0, 0),
-        color=COLOURS[role],
-        gid=_LABEL,
-        zorder=6,
-    )
+    label = axes.annotate(text, (point_m[0], point_m[1]), (0, 0), textcoords="offset points")
+    label.set(color=COLOURS[role], gid=_LABEL, zorder=6)
     # Where it stands must not move the axes: it is chosen by them.
     label.set_in_layout(False)
     _put(label, float(np.arctan2(away[1], away[0])) if away.any() else np.pi / 2)
@@ -328,7 +322,8 @@ def finish_view(axes: Axes) -> float:
     axes.margins(0.2)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    spacing_m = next((s for s in (0.2, 0.5, 1.0, 2.0) if _span_m(axes) < 10 * s), 5.0)
+    span_m = max(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
+    spacing_m = next((s for s in (0.2, 0.5, 1.0, 2.0) if span_m < 10 * s), 5.0)
     axes.xaxis.set_major_locator(MultipleLocator(spacing_m))
     axes.yaxis.set_major_locator(MultipleLocator(spacing_m))
     axes.set_xlabel("x [m]")
@@ -337,7 +332,3 @@ def finish_view(axes: Axes) -> float:
     for spine in axes.spines.values():
         spine.set_visible(False)
     return spacing_m
-
-
-def _span_m(axes: Axes) -> float:
-    return max(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))

@@ -12,8 +12,8 @@ from markupsafe import Markup
 
 from gmrdata import __version__
 from gmrdata.cameras.files import CamerasQuality
-from gmrdata.pages.frames import jpeg, narrowed, spaced
-from gmrdata.pages.html import Cell, Table, image, render
+from gmrdata.pages.frames import jpeg_image, narrowed, spaced
+from gmrdata.pages.html import Cell, Table, render
 from gmrdata.pages.plots import svg
 from gmrdata.pages.qa_data import (
     N_TILES,
@@ -222,8 +222,7 @@ def _thumbnail(strips: Strips) -> Markup:
     pictures = [tile.picture for _, tile in strips[0] if tile.picture is not None]
     if not pictures:
         return Markup("<i></i>")
-    small = narrowed(pictures[len(pictures) // 2], THUMBNAIL_WIDTH_PX)
-    return image(jpeg(small, JPEG_QUALITY), "jpeg", "", small.shape[1], small.shape[0])
+    return jpeg_image(narrowed(pictures[len(pictures) // 2], THUMBNAIL_WIDTH_PX), "", JPEG_QUALITY)
 
 
 def _sequence_page(found: Found, strips: Strips, recipe: ThreedpwRecipe, paths: SetPaths) -> str:
@@ -297,7 +296,6 @@ def _over_time(found: Found, recipe: ThreedpwRecipe) -> dict[str, object]:
 
 
 def _legend(found: Found, kinds: Mapping[str, Kind]) -> Iterator[tuple[str, str]]:
-    """Each colour and what it stands for."""
     accepted = [person.accepted for person in found.judged]
     with_kept = [i for i, reasons in enumerate(found.reasons) if "" in reasons]
     if not found.is_solved and with_kept:
@@ -388,14 +386,12 @@ def _reconstruction(cameras: CamerasQuality) -> list[tuple[str, object]]:
 
 
 def _shown_frames(strips: Strips) -> list[list[tuple[object, ...]]]:
-    return [[(kind, tile, _picture(tile)) for kind, tile in strip] for strip in strips]
+    def shown(tile: Tile) -> Markup | None:
+        if tile.picture is None:
+            return None
+        return jpeg_image(tile.picture, f"frame {tile.image_number}", JPEG_QUALITY)
 
-
-def _picture(tile: Tile) -> Markup | None:
-    if tile.picture is None:
-        return None
-    data, (height_px, width_px) = jpeg(tile.picture, JPEG_QUALITY), tile.picture.shape[:2]
-    return image(data, "jpeg", f"frame {tile.image_number}", width_px, height_px)
+    return [[(kind, tile, shown(tile)) for kind, tile in strip] for strip in strips]
 
 
 def _files(found: Found, paths: SetPaths) -> dict[str, object]:

@@ -42,16 +42,14 @@ from gmrdata.world.verdict import PersonVerdict
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """The data set's cameras, moved rigidly."""
+    """The data set's cameras, moved rigidly, and the differences left over `n_frames`."""
 
     world_from_cam: np.ndarray
     """(T, 4, 4) in the made world [m]; NaN where unknown."""
     n_frames: int
-    """Frames that they were laid over each other by."""
     rms_m: float
-    """Root mean square distance between the two places, over these frames [m]."""
+    """Root mean square distance between the two places [m]."""
     rms_deg: float
-    """The same of the orientations [degrees]."""
 
 
 def align_dataset_camera(
@@ -114,7 +112,7 @@ class Found:
 
     @property
     def name(self) -> str:
-        """The sequence's name, as it stands in the data set: any text."""
+        """As it stands in the data set: any text."""
         return self.verdict.sequence
 
     @property

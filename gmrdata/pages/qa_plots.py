@@ -1,6 +1,7 @@
 """Plots of a sequence: its frames over time, the cues of its scale, and its paths from above."""
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,13 +12,13 @@ from gmrdata.pages.plots import (
     COLOURS,
     RECOVERED_WIDTH,
     TRUE_WIDTH,
-    extent_m,
     finish_view,
     mark_start,
     name_rows,
     plot_camera,
     plot_path,
     quiet,
+    tick_length_m,
 )
 from gmrdata.pages.qa_data import Aligned, Found, Kind, stretches
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
@@ -125,15 +126,15 @@ def plot_scale_cues(
 ) -> None:
     """Each cue's difference from the fused scale [%], with one and two standard errors."""
     axes = plot.subplots()
-    share, bar = 100 * sigma / scale, {"markersize": 5.0, "linewidth": 2.0, "capsize": 3.0}
+    share, plot_bar = 100 * sigma / scale, partial(axes.errorbar, linewidth=2)
     for reach, alpha in ((2 * share, 0.45), (share, 0.9)):
         axes.axvspan(-reach, reach, color=COLOURS["rule"], alpha=alpha, linewidth=0)
     axes.axvline(0, color=COLOURS["muted"], linewidth=1)
     for row, cue in enumerate(cues):
         off, error = 100 * (cue.scale / scale - 1), 100 * cue.sigma / scale
-        axes.errorbar(off, row, xerr=2 * error, color=COLOURS["person-pale"], linewidth=2)
-        axes.errorbar(off, row, xerr=error, fmt="o", color=COLOURS["person"], **bar)
-    axes.errorbar(0, len(cues), xerr=share, fmt="D", color=COLOURS["ink"], **bar)
+        plot_bar(off, row, xerr=2 * error, color=COLOURS["person-pale"])
+        plot_bar(off, row, xerr=error, fmt="o", color=COLOURS["person"], markersize=5, capsize=3)
+    plot_bar(0, len(cues), xerr=share, fmt="D", color=COLOURS["ink"], markersize=5, capsize=3)
     name_rows(axes, [*map(cue_words, cues), "fused"])
     axes.set_ylim(len(cues) + 0.6, -0.6)
     axes.set_xlabel("difference from the fused scale [%]")
@@ -150,7 +151,7 @@ def plot_paths(axes: Axes, found: Found, aligned: Aligned | None) -> None:
     if world_from_cam is None or found.cameras is None:
         return
     paths_m = [world_from_cam[:, :3, 3], *(c.motion.pelvis_m for c in found.clips.values())]
-    tick_m = 0.09 * extent_m(paths_m)
+    tick_m = tick_length_m(paths_m)
     if aligned is not None:
         plot_camera(axes, aligned.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
     plot_camera(axes, world_from_cam, "camera", RECOVERED_WIDTH, tick_m)

@@ -50,7 +50,7 @@ def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
 
 
 def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[Row]:
-    """What the scale was judged by; nothing is asked where none enters."""
+    """Nothing is asked of the scale where none enters."""
     share = apart = None
     if record is not None and record.scale is not None and record.scale_sigma is not None:
         share, apart = record.scale_sigma / record.scale, record.scale_disagreement

@@ -1,9 +1,7 @@
 """The report of a run: one HTML file that needs nothing beside it, and its plots over time."""
 
 from collections.abc import Mapping, Sequence
-from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -11,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gmrdata.pages.frames import BODY_BGR, OUTLINE_BGR, PATH_BGR, ClipTile, frame_tiles, jpeg
-from gmrdata.pages.html import Cell, Table, image, render
+from gmrdata.pages.frames import BODY_BGR, OUTLINE_BGR, PATH_BGR, ClipTile, frame_tiles, jpeg_image
+from gmrdata.pages.html import Cell, Table, render
 from gmrdata.pages.plots import COLOURS, name_rows, plot_predicted_view, plot_top_view, quiet, svg
 from gmrdata.pages.report_data import (
     SCALE_NOT_OBSERVABLE,
@@ -26,10 +24,18 @@ from gmrdata.pages.report_data import (
 )
 from gmrdata.twins.pseudo_gt_error import error_series
 from gmrdata.values.files import write_text
+from gmrdata.values.motion import Motion
 
 CLOSE_UP_PX = (300, 380)
 """Width and height of a close-up: people stand."""
 
+FIGURES = {
+    "frames_with_camera": "Frames with a camera",
+    "ome_deg": "Orientation motion error",
+    "tme_mm": "Translation motion error",
+    "camera_rotation_deg": "Camera rotation error",
+    "scale_error_percent": "Error of the metric scale",
+}
 GEOMETRY_WORDS = {
     "full": "full (the camera translates)",
     "rotation_only": "rotation only (the camera pans)",
@@ -38,21 +44,26 @@ GEOMETRY_WORDS = {
 
 
 def write_report(path: Path, report: ReportData) -> Path:
-    """Write the report as a whole or not at all; the same input gives the same bytes.
-
-    Raises:
-        BadFrames: a clip's image or mask is missing or can't be read.
-    """
+    """Write the report as a whole or not at all; the same input gives the same bytes."""
     write_text(path, page(report))
     return path
 
 
 def page(report: ReportData) -> str:
     """The whole page as HTML."""
-    predicted = [_predicted_path(i, clip) for i, clip in enumerate(report.clips) if clip.predicted]
+    predicted = [
+        (clip.id, _predicted_path(i, clip.true.motion, clip.predicted))
+        for i, clip in enumerate(report.clips)
+        if clip.predicted
+    ]
     has_gmr = bool(report.scores or report.learning_curve or predicted)
     seconds = report.run.seconds
-    total = [("All stages", f"{sum(seconds.values()):.1f} s")]
+    scales, curve = None, None
+    if any(clip.figures.scale_error_percent is not None for clip in report.clips):
+        height_in = 0.75 + 0.38 * len(report.clips)
+        scales = svg(lambda plot: plot_scales(plot, report.clips), 7.4, height_in, "scales")
+    if points := report.learning_curve:
+        curve = svg(lambda plot: plot_learning_curve(plot, points), 7.4, 2.8, "learning-curve")
     return render(
         "report",
         report=report,
@@ -60,14 +71,14 @@ def page(report: ReportData) -> str:
         most=THRESHOLDS,
         n_good=sum(all(verdicts(clip.figures).values()) for clip in report.clips),
         clip_table=_clip_table(report),
-        scales=_scales(report),
+        scales=scales,
         clips=[_clip(i, clip) for i, clip in enumerate(report.clips)],
         colours={"body": _rgb(BODY_BGR), "outline": _rgb(OUTLINE_BGR), "path": _rgb(PATH_BGR)},
         has_gmr=has_gmr,
         score_table=_score_table(report.scores),
         predicted=predicted,
-        learning_curve=_learning_curve(report),
-        seconds=[(stage, f"{spent:.1f} s") for stage, spent in seconds.items()] + total,
+        learning_curve=curve,
+        seconds={**seconds, "All stages": sum(seconds.values())},
     )
 
 
@@ -89,29 +100,18 @@ def _clip_table(report: ReportData) -> Table:
         Cell("TME", unit="[mm]"), Cell("camera rotation", unit="[°]"), Cell("scale", unit="[%]"),
     )  # fmt: skip
     most = {key: f"≤ {value:g}" for key, value in THRESHOLDS.items()}
-    foot = (
-        "threshold", "", "all", most["ome_deg"], most["tme_mm"], "", most["scale_error_percent"],
-    )  # fmt: skip
+    most["frames_with_camera"] = "all"
+    rows: list[tuple[Cell | str, ...]] = []
+    for index, clip in enumerate(report.clips):
+        texts, met = figure_texts(clip.figures), verdicts(clip.figures)
+        cells = (Cell(texts[key], met=met.get(key)) for key in FIGURES)
+        rows.append((Cell(clip.id, href=f"#clip-{index}"), clip.camera_motion, *cells))
     caption = (
         "Mean errors of the recovered world motion per frame-to-frame motion (OME, TME), of the "
         "camera’s rotation per frame, and of the metric scale."
     )
-    return Table(
-        headings, [_clip_row(i, clip) for i, clip in enumerate(report.clips)], caption, foot
-    )
-
-
-def _clip_row(index: int, clip: ClipReport) -> tuple[Cell | str, ...]:
-    texts, met = figure_texts(clip.figures), verdicts(clip.figures)
-    return (
-        Cell(clip.id, href=f"#clip-{index}"),
-        clip.camera_motion,
-        Cell(texts["cameras"], met=met["frames_with_camera"]),
-        Cell(texts["ome_deg"], met=met["ome_deg"]),
-        Cell(texts["tme_mm"], met=met["tme_mm"]),
-        texts["camera_rotation_deg"],
-        Cell(texts["scale_error_percent"], met=met.get("scale_error_percent")),
-    )
+    foot = ("threshold", "", *(most.get(key, "") for key in FIGURES))
+    return Table(headings, rows, caption, foot)
 
 
 def _score_table(scores: Mapping[str, GmrSummary]) -> Table:
@@ -125,89 +125,54 @@ def _score_table(scores: Mapping[str, GmrSummary]) -> Table:
     rows: list[list[Cell | str]] = []
     for name, score in scores.items():
         ours, zero = score_texts(score), score_texts(score.zero_motion)
-        pairs = ((ours[metric], Cell(zero[metric], kind="beside")) for metric in ours)
-        rows.append([name, *chain.from_iterable(pairs)])
+        rows.append([name])
+        for metric in ours:
+            rows[-1] += [ours[metric], Cell(zero[metric], kind="beside")]
     return Table(headings, rows, caption)
 
 
-def _scales(report: ReportData) -> Markup | None:
-    if all(clip.figures.scale_error_percent is None for clip in report.clips):
-        return None
-    height_in = 0.75 + 0.38 * len(report.clips)
-    return svg(lambda plot: plot_scales(plot, report.clips), 7.4, height_in, "scales")
-
-
-def _learning_curve(report: ReportData) -> Markup | None:
-    points = report.learning_curve
-    if not points:
-        return None
-    return svg(lambda plot: plot_learning_curve(plot, points), 7.4, 2.8, "learning-curve")
-
-
-def _predicted_path(index: int, clip: ClipReport) -> tuple[str, Markup]:
-    true, predicted = clip.true.motion, clip.predicted
-    assert predicted is not None
-
+def _predicted_path(index: int, true: Motion, predicted: Motion) -> Markup:
     def draw(plot: Figure) -> None:
         plot_predicted_view(plot.subplots(), true, predicted)
 
-    return clip.id, svg(draw, 4.2, 4.0, f"gmr-{index}")
+    return svg(draw, 4.2, 4.0, f"gmr-{index}")
 
 
-class _Clip(NamedTuple):
-    """A clip's section."""
-
-    report: ClipReport
-    fps_hz: float
-    """Rate of the errors [Hz]."""
-    figures: list[tuple[str, Cell]]
-    frames: list[Cell]
-    close_ups: list[Cell]
-    paths: Markup
-    errors: Markup
-    record: list[tuple[str, str]]
-
-
-def _clip(index: int, clip: ClipReport) -> _Clip:
+def _clip(index: int, clip: ClipReport) -> dict[str, object]:
+    """What the page shows of a clip."""
     tiles = frame_tiles(clip)
-    return _Clip(
-        report=clip,
-        fps_hz=clip.figures_fps_hz or clip.true.motion.fps_hz,
-        figures=_clip_figures(clip),
-        frames=[
+    return {
+        "report": clip,
+        "fps_hz": clip.figures_fps_hz or clip.true.motion.fps_hz,  # of the errors
+        "figures": _clip_figures(clip),
+        "frames": [
             _picture(clip, tile, tile.frame(), f"frame {tile.image_number} · {tile.time_s:.1f} s")
             for tile in tiles
         ],
-        close_ups=[
+        "close_ups": [
             _picture(clip, tile, tile.close_up(*CLOSE_UP_PX), f"{tile.time_s:.1f} s")
             for tile in tiles
         ],
-        paths=svg(lambda plot: plot_top_view(plot.subplots(), clip), 5.2, 5.0, f"paths-{index}"),
-        errors=svg(lambda plot: plot_errors(plot, clip), 7.4, 5.0, f"errors-{index}"),
-        record=_record(clip),
-    )
+        "paths": svg(lambda plot: plot_top_view(plot.subplots(), clip), 5.2, 5.0, f"paths-{index}"),
+        "errors": svg(lambda plot: plot_errors(plot, clip), 7.4, 5.0, f"errors-{index}"),
+        "record": _record(clip),
+    }
 
 
 def _clip_figures(clip: ClipReport) -> list[tuple[str, Cell]]:
-    texts, met = figure_texts(clip.figures), verdicts(clip.figures)
-    camera_unit = "" if clip.figures.camera_rotation_deg is None else "°"
-    scale_unit = "" if clip.figures.scale_error_percent is None else " %"
-    scale = Cell(texts["scale_error_percent"] + scale_unit, met=met.get("scale_error_percent"))
+    figures, met = clip.figures, verdicts(clip.figures)
+    units = {"ome_deg": "°", "tme_mm": " mm"}
+    units |= {} if figures.camera_rotation_deg is None else {"camera_rotation_deg": "°"}
+    units |= {} if figures.scale_error_percent is None else {"scale_error_percent": " %"}
     return [
-        ("Frames with a camera", Cell(texts["cameras"], met=met["frames_with_camera"])),
-        ("Orientation motion error", Cell(f"{texts['ome_deg']}°", met=met["ome_deg"])),
-        ("Translation motion error", Cell(f"{texts['tme_mm']} mm", met=met["tme_mm"])),
-        ("Camera rotation error", Cell(texts["camera_rotation_deg"] + camera_unit)),
-        ("Error of the metric scale", scale),
+        (FIGURES[key], Cell(text + units.get(key, ""), met=met.get(key)))
+        for key, text in figure_texts(figures).items()
     ]
 
 
 def _picture(clip: ClipReport, tile: ClipTile, drawn: np.ndarray, name: str) -> Cell:
-    height_px, width_px = drawn.shape[:2]
-    if not tile.has_camera:
-        name += " · no camera"
-    picture = image(jpeg(drawn), "jpeg", f"{clip.id}, {name}", width_px, height_px)
-    return Cell(name, picture=picture)
+    name += "" if tile.has_camera else " · no camera"
+    return Cell(name, picture=jpeg_image(drawn, f"{clip.id}, {name}"))
 
 
 def _record(clip: ClipReport) -> list[tuple[str, str]]:
@@ -216,11 +181,10 @@ def _record(clip: ClipReport) -> list[tuple[str, str]]:
     if quality.scale is None:
         rows.append(("Metric scale", "does not enter"))
     else:
-        sigma = relative_sigma_percent(clip)
-        spread = (
-            "" if sigma is None else f" ± {quality.scale_sigma:.3g} (±\u00a0{sigma:.2g}\u00a0%)"
-        )
-        rows.append(("Metric scale, metres per unit", f"{quality.scale:.4g}{spread}"))
+        text, sigma = f"{quality.scale:.4g}", relative_sigma_percent(clip)
+        if sigma is not None:
+            text += f" ± {quality.scale_sigma:.3g} (±\u00a0{sigma:.2g}\u00a0%)"
+        rows.append(("Metric scale, metres per unit", text))
     if quality.reprojection_error_px is not None:
         rows.append(("Reprojection error", f"{quality.reprojection_error_px:.2f} px"))
     if quality.inliers is not None and len(quality.inliers):
@@ -233,15 +197,14 @@ def plot_errors(plot: Figure, clip: ClipReport) -> None:
     """OME, TME, camera rotation and inliers of a clip over time, in four panels."""
     series = error_series(clip.pseudo, clip.true, fps_hz=clip.figures_fps_hz)
     panels = plot.subplots(2, 2, sharex=True)
-    for axes, times_s, errors, role, title in (
-        (panels[0, 0], series.motion_times_s, series.ome_deg, "person",
-         "Orientation motion error [°]"),
-        (panels[0, 1], series.motion_times_s, series.tme_mm, "person",
-         "Translation motion error [mm]"),
+    times_s = series.motion_times_s
+    for axes, at_s, errors, role, title in (
+        (panels[0, 0], times_s, series.ome_deg, "person", "Orientation motion error [°]"),
+        (panels[0, 1], times_s, series.tme_mm, "person", "Translation motion error [mm]"),
         (panels[1, 0], series.times_s, series.camera_rotation_deg, "camera",
          "Camera rotation error [°]"),
     ):  # fmt: skip
-        _plot_error(axes, times_s, errors, role, title)
+        _plot_error(axes, at_s, errors, role, title)
     _plot_inliers(panels[1, 1], clip)
     for axes in panels[1]:
         axes.set_xlabel("time [s]")

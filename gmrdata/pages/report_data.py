@@ -146,10 +146,10 @@ def verdicts(figures: ClipFigures) -> dict[str, bool]:
 
 
 def figure_texts(figures: ClipFigures) -> dict[str, str]:
-    """A clip's figures as text, without units, by key; `cameras` is "with camera/all frames"."""
+    """A clip's figures as text, without units, by key; the first is "with camera/all frames"."""
     scale, camera_deg = figures.scale_error_percent, figures.camera_rotation_deg
     return {
-        "cameras": f"{figures.frames_with_camera}/{figures.frames}",
+        "frames_with_camera": f"{figures.frames_with_camera}/{figures.frames}",
         "ome_deg": f"{figures.ome_deg:.3f}",
         "tme_mm": f"{figures.tme_mm:.2f}",
         "camera_rotation_deg": NO_FIGURE if camera_deg is None else f"{camera_deg:.3f}",

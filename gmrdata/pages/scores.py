@@ -45,9 +45,7 @@ def write_scores_pages(folder: Path) -> None:
 def write_comparison_page(comparison_path: Path, scores_paths: Sequence[Path]) -> Path:
     """Write `comparison.html` beside a `comparison.json`; the path of the page.
 
-    Args:
-        comparison_path: The comparison.
-        scores_paths: `scores.json` of its runs, in their order.
+    The `scores_paths` are `scores.json` of its runs, in their order.
     """
     remove_orphans(comparison_path.parent)
     records = [Scores.read(path) for path in scores_paths]
@@ -58,9 +56,8 @@ def write_comparison_page(comparison_path: Path, scores_paths: Sequence[Path]) -
 
 def scores_page(scores: Scores) -> str:
     """The page of a `scores.json`; the same scores give the same bytes."""
-    tables = [
-        ("", Table(*score_rows(scores), "Means over motions, and 95 % intervals over clips."))
-    ]
+    caption = "Means over motions, and 95 % intervals over clips."
+    tables = [("", Table(*score_rows(scores), caption))]
     protocol = protocol_rows(scores)
     if protocol is not None and scores.protocol is not None:
         name = scores.protocol.name
@@ -80,7 +77,6 @@ def scores_page(scores: Scores) -> str:
 
 
 def comparison_page(comparison: Comparison, records: Sequence[Scores]) -> str:
-    """The comparison as a page; the same scores give the same bytes."""
     caption = "Differences to the first run, clip by clip."
     return render(
         "scores",

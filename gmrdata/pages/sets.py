@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cv2
+import numpy as np
 from pydantic import Field
 
 from gmrdata.film.render import (
@@ -60,8 +61,7 @@ class ClipSection(NamedTuple):
     folder: str
     """Where its pictures are, from the page."""
     title: str
-    rows: Sequence[tuple[str, Cell]]
-    """What is known of it."""
+    rows: Sequence[tuple[str, Cell | str]]
     captions: Sequence[tuple[str, str, str]]
     """(file, alternative text, caption) of each picture."""
 
@@ -82,13 +82,12 @@ def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:
     n_frames = sum(clip.n_frames for clip in clips)
     seconds = sum(clip.n_frames / clip.fps_hz for clip in clips)
     lead = f"{len(clips)} clips, {n_frames} frames, {seconds:.1f} s; exact cameras and masks."
-    sections = [_clip_section(clip, warnings.get(clip.id)) for clip in clips]
     page = render(
         "clips",
         title=f"{recipe.name} {recipe.version}",
         lead=lead,
         table=_clip_table(clips),
-        clips=sections,
+        clips=[_clip_section(clip, warnings.get(clip.id)) for clip in clips],
     )
     write_text(out_dir / "index.html", page)
 
@@ -109,11 +108,15 @@ def _clip_table(clips: Sequence[ClipEntry]) -> Table:
 
 
 def _clip_section(clip: ClipEntry, warning: str | None) -> ClipSection:
-    rows = [
-        ("motion", Cell(f"{clip.source.dataset} {clip.source.sequence}")),
-        ("camera", Cell(clip.camera_motion)),
-        ("place", Cell(_place(clip))),
-        ("licence", Cell(clip.licence)),
+    place = "unknown"
+    if clip.recipe is not None:
+        scene = SceneConfig.model_validate(clip.recipe.config["scene"])
+        place = f"{scene.kind}, {scene.lit_by}, seed {scene.seed}"
+    rows: list[tuple[str, Cell | str]] = [
+        ("motion", f"{clip.source.dataset} {clip.source.sequence}"),
+        ("camera", clip.camera_motion),
+        ("place", place),
+        ("licence", clip.licence),
     ]
     rows += [("warning", Cell(warning, kind="bad"))] if warning else []
     captions = (
@@ -123,14 +126,6 @@ def _clip_section(clip: ClipEntry, warning: str | None) -> ClipSection:
          "Paths of camera and person from above, with the camera's viewing directions."),
     )  # fmt: skip
     return ClipSection(clip.id, f"sheets/{clip.id}", clip.id, rows, captions)
-
-
-def _place(clip: ClipEntry) -> str:
-    """Where the clip was filmed, as its recipe says."""
-    if clip.recipe is None:
-        return "unknown"
-    scene = SceneConfig.model_validate(clip.recipe.config["scene"])
-    return f"{scene.kind}, {scene.lit_by}, seed {scene.seed}"
 
 
 class SheetConfig(Config):
@@ -144,9 +139,6 @@ def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
     """Stage: `contact.jpg`, frames with the mask's outline, and `paths.png`, the paths from above.
 
     It is made anew when the rendered clip changed.
-
-    Raises:
-        BadFrames: an image or mask is missing or can't be read.
     """
     config = SheetConfig()
     inputs = {"clip": rendered_dir / "clip.npz"}
@@ -161,15 +153,15 @@ def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
             )
             for i in spaced(len(images), config.n_frames)
         ]
-        write_bytes(partial_dir / CONTACT_FILE, jpeg(tile_sheet(tiles, SHEET_COLUMNS)))
-        write_bytes(partial_dir / PATHS_FILE, paths_picture(load_clip(inputs["clip"])))
+        _write_pictures(partial_dir, tiles, SHEET_COLUMNS, load_clip(inputs["clip"]))
 
     return run_stage("sheet", out_dir, config, inputs, work, run=Run(redo=True))
 
 
-def paths_picture(clip: Clip) -> bytes:
-    """PNG bytes: the paths of camera and person from above."""
-    return picture(lambda plot: plot_clip_view(plot.subplots(), clip), PLOT_IN, PLOT_IN, dpi=100)
+def _write_pictures(folder: Path, tiles: Sequence[np.ndarray], columns: int, clip: Clip) -> None:
+    write_bytes(folder / CONTACT_FILE, jpeg(tile_sheet(tiles, columns)))
+    paths = picture(lambda plot: plot_clip_view(plot.subplots(), clip), PLOT_IN, PLOT_IN, dpi=100)
+    write_bytes(folder / PATHS_FILE, paths)
 
 
 class PreviewConfig(Config):
@@ -178,7 +170,6 @@ class PreviewConfig(Config):
     render: RenderConfig
     """The clip's settings, for its place and its people."""
     engine: PreviewEngine
-    """What draws it."""
     n_frames: int = Field(default=8, ge=1)
     """Frames, evenly spaced from the first to the last."""
 
@@ -195,7 +186,6 @@ def preview_set(
     Nothing else below `out_dir` is read or written.  A clip whose plan changed is drawn again.
 
     Raises:
-        MissingInput: not one clip of the recipe can be filmed.
         StageFailed: some clips can't be filmed or drawn; the others are on the page.
     """
     selection = select(recipe, motions_dir)
@@ -205,14 +195,10 @@ def preview_set(
     body_path = keep_body(recipe.body, out_dir / "body", run=anew)
     planned = plan_takes(selection, body_path, out_dir / "plan", run=anew)
     engine = _choose_engine()
+    todo = {id: planned.render_job(id, out_dir / "clips" / id) for id in planned.paths}
     jobs = [
-        Job(
-            id,
-            preview_clip,
-            {"job": planned.render_job(id, out_dir / "clips" / id), "engine": engine},
-            retries=RETRIES,
-        )
-        for id in planned.paths
+        Job(id, preview_clip, {"job": job, "engine": engine}, retries=RETRIES)
+        for id, job in todo.items()
     ]
     failures_dir = out_dir / "failed"
     with worker_pool(run, recipe.workers) as client:
@@ -242,11 +228,7 @@ def _write_preview(
 
 
 def preview_clip(job: RenderJob, engine: PreviewEngine) -> Path:
-    """Stage: `contact.jpg` and `paths.png` of a planned clip, made anew when anything changed.
-
-    Raises:
-        RenderFailed: Blender ended without its result.
-    """
+    """Stage: `contact.jpg` and `paths.png` of a planned clip, made anew when anything changed."""
     config = PreviewConfig(render=job.config, engine=engine)
     cycles = job.config.model_copy(update={"engine": "cycles", "device": "cpu"})
 
@@ -261,8 +243,7 @@ def preview_clip(job: RenderJob, engine: PreviewEngine) -> Path:
         run_blender(preview, partial_dir, lambda _: None, module="blender.preview")
         pictures = sorted((partial_dir / "frames").glob("*.jpg"))
         tiles = [read_image(path, cv2.IMREAD_COLOR) for path in pictures]
-        write_bytes(partial_dir / CONTACT_FILE, jpeg(tile_sheet(tiles, PREVIEW_COLUMNS)))
-        write_bytes(partial_dir / PATHS_FILE, paths_picture(clip))
+        _write_pictures(partial_dir, tiles, PREVIEW_COLUMNS, clip)
         shutil.rmtree(partial_dir / "frames")
 
     return run_stage("preview", job.out_dir, config, job.inputs, work, run=Run(redo=True))
