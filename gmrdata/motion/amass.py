@@ -56,44 +56,33 @@ def read_amass(
             (its name, or SMPL of the file's gender; SMPL-X's betas mean something else); any other
             body gets its mean shape.
         source_body: The body whose betas the file holds, for the leg length of its subject.
-        ground: Whether to level the floor that the feet show and move it to z = 0.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: no motion, broken arrays, no frame rate, or a clip in camera frames.
     """
     if is_amass_extra(path):
-        raise BadMotionFile(
-            f"{path}: holds a subject's shape and no motion; motions are *_poses.npz and "
-            "*_stageii.npz"
-        )
+        motions = "motions are *_poses.npz and *_stageii.npz"
+        raise BadMotionFile(f"{path}: holds a subject's shape and no motion; {motions}")
     arrays = read_npz(path)
     if str(arrays.get("frame", "world")) != "world":
         raise BadMotionFile(f"{path}: a clip in camera frames; make its pseudo ground truth first")
     poses, trans = _pose_arrays(arrays, path)
     rate_hz, rate_note = _choose_rate(arrays, fps_hz, path)
     kept = _holds_shape_of(arrays, body, poses.shape[1])
-    betas_body = body if kept else source_body
-    source_leg_m, source_pelvis_m, betas = _subject(arrays, betas_body, path)
+    source_leg_m, source_pelvis_m, betas = _subject(arrays, body if kept else source_body, path)
     if shape is None:
         shape = betas if kept else np.zeros(body.n_shape)
     shape = np.asarray(shape, dtype=np.float64)
     scale = leg_length_m(body.rest_joints_m(shape)) / source_leg_m
-    rotmats = _rotmats(poses)
     pelvis_m = (trans + source_pelvis_m) * scale
     shape_note = "betas of the file" if kept else "betas of the file not used"
     source = f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {shape_note}, path x {scale:.4f}"
-    return world_motion(body, shape, rotmats, pelvis_m, rate_hz, source, ground=ground)
+    return world_motion(body, shape, _rotmats(poses), pelvis_m, rate_hz, source, ground=ground)
 
 
 def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Checked `poses` (T, 72 | 156 | 165) [rad] and `trans` (T, 3) [m]."""
     missing = [key for key in ("poses", "trans") if key not in arrays]
     if missing:
-        raise BadMotionFile(
-            f"{path}: no AMASS motion, it has no array {missing[0]!r} "
-            f"(it has {', '.join(arrays)[:200]})"
-        )
+        lacks = f"it has no array {missing[0]!r} (it has {', '.join(arrays)[:200]})"
+        raise BadMotionFile(f"{path}: no AMASS motion, {lacks}")
     poses, trans = (finite_numbers(arrays[key], key, path) for key in ("poses", "trans"))
     if poses.ndim != 2 or poses.shape[1] not in HANDS:
         raise BadMotionFile(
@@ -101,9 +90,8 @@ def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray,
             "(T, 165) of SMPL-X"
         )
     if trans.shape != (len(poses), 3):
-        raise BadMotionFile(
-            f"{path}: trans is {trans.shape} for {len(poses)} frames; fetch it again"
-        )
+        found = f"trans is {trans.shape} for {len(poses)} frames"
+        raise BadMotionFile(f"{path}: {found}; fetch it again")
     if len(poses) < 2:
         raise BadMotionFile(f"{path}: {len(poses)} frames are no motion; it takes at least 2")
     return poses, trans
@@ -119,9 +107,8 @@ def _choose_rate(
         return 60.0, "CMU's index"
     key = next((key for key in RATE_KEYS if key in arrays), None)
     if key is None:
-        raise BadMotionFile(
-            f"{path}: no frame rate ({' or '.join(RATE_KEYS)}); give it with fps_hz"
-        )
+        keys = " or ".join(RATE_KEYS)
+        raise BadMotionFile(f"{path}: no frame rate ({keys}); give it with fps_hz")
     values = finite_numbers(arrays[key], key, path).ravel()
     if values.size != 1:
         raise BadMotionFile(f"{path}: {key} is not one number; give the rate with fps_hz")
@@ -137,10 +124,8 @@ def _gender(arrays: dict[str, np.ndarray]) -> str:
 
 def _holds_shape_of(arrays: dict[str, np.ndarray], body: BodyModel, n_values: int) -> bool:
     """Whether the file's betas are shape coefficients of this body."""
-    if "betas" not in arrays:
-        return False
-    if "body" in arrays:
-        return str(arrays["body"]) == body.name
+    if "betas" not in arrays or "body" in arrays:
+        return "betas" in arrays and str(arrays["body"]) == body.name
     return n_values != 165 and body.name == f"smpl-{_gender(arrays)}"
 
 

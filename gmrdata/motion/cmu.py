@@ -3,6 +3,7 @@
 import shlex
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
@@ -26,17 +27,12 @@ SUMS = "SHA256SUMS"
 
 
 def check_trials(names: Iterable[str]) -> tuple[str, ...]:
-    """The names, each once, in their order.
-
-    Raises:
-        BadRecipe: a name is not a trial's.
-    """
+    """The names, each once, in their order."""
     trials = tuple(dict.fromkeys(names))
     wrong = [repr(name) for name in trials if not is_trial(name)]
     if wrong:
-        raise BadRecipe(
-            f"{', '.join(wrong)}: no name of a CMU trial; write subject and trial like 02_03"
-        )
+        what = "no name of a CMU trial; write subject and trial like 02_03"
+        raise BadRecipe(f"{', '.join(wrong)}: {what}")
     return trials
 
 
@@ -61,11 +57,7 @@ def skeleton_of(trial: str) -> str:
 
 
 def file_url(base_url: str, name: str) -> str:
-    """Address of `02.asf` or `02_03.amc` below `base_url`.
-
-    Raises:
-        BadRecipe: `base_url` is no http or https address.
-    """
+    """Address of `02.asf` or `02_03.amc` below `base_url`."""
     parts = urlsplit(base_url)
     if parts.scheme not in ("http", "https") or not parts.netloc or parts.query or parts.fragment:
         raise BadRecipe(f"--base-url {base_url}: must be an http:// or https:// folder")
@@ -83,8 +75,6 @@ def fetch_command(trials: Sequence[str], folder: Path | None) -> str | None:
 
 
 class FetchedFile(Config):
-    """One file."""
-
     url: str
     size_bytes: int
     sha256: str
@@ -130,7 +120,9 @@ def fetch_trials(
         for name in names:
             bar.update(task, description=f"fetching {name}")
             try:
-                _need_skeleton(name, problems)
+                skeleton = skeleton_of(Path(name).stem)
+                if name != skeleton and skeleton in problems:
+                    raise FetchFailed(f"its skeleton {skeleton} is missing")
                 _fetch_file(out_dir / name, urls[name], config, rng, redo, sleep)
             except FetchFailed as error:
                 problems[name] = str(error)
@@ -168,12 +160,6 @@ def _what(name: str) -> str:
     return f"trial {stem}" if name.endswith(".amc") else f"skeleton of subject {stem}"
 
 
-def _need_skeleton(name: str, problems: dict[str, str]) -> None:
-    skeleton = skeleton_of(Path(name).stem)
-    if name != skeleton and skeleton in problems:
-        raise FetchFailed(f"its skeleton {skeleton} is missing")
-
-
 def _state(path: Path, record: Mapping[str, FetchedFile]) -> str:
     if not path.is_file():
         return "unfinished" if part_of(path).is_file() else "to do"
@@ -202,23 +188,20 @@ def _fetch_file(
         _check_content(part, path)
     except BadMotionFile as error:
         drop_part(path)
-        said = str(error).replace(str(part), path.name)
-        raise FetchFailed(
-            f"{url}: what the server sent is no usable {path.suffix}: {said}"
-        ) from None
+        said = f"no usable {path.suffix}: {str(error).replace(str(part), path.name)}"
+        raise FetchFailed(f"{url}: what the server sent is {said}") from None
     entry = FetchedFile(url=url, size_bytes=part.stat().st_size, sha256=sha256_of_file(part))
     # The record first: a run that is killed in between then fetches the file once more.
-    _write_record(path.parent, record | {path.name: entry})
+    files = record | {path.name: entry}
+    Fetched(files=files).write(path.parent / RECORD)
+    lines = [f"{file.sha256}  {name}\n" for name, file in sorted(files.items())]
+    write_text(path.parent / SUMS, "".join(lines))
     part.replace(path)
     drop_part(path)
 
 
 def _check_content(part: Path, path: Path) -> None:
-    """Read the file as what it should be, so that no error page gets a motion's name.
-
-    Raises:
-        BadMotionFile: it is something else, or cut off.
-    """
+    """Read the file as what it should be, so that no error page gets a motion's name."""
     with part.open("rb") as stream:
         start = stream.read(512).lstrip().lower()
     if start.startswith((b"<!doctype", b"<html", b"<?xml")):
@@ -233,15 +216,6 @@ def _check_content(part: Path, path: Path) -> None:
 def _recorded(folder: Path, *, redo: bool = False) -> dict[str, FetchedFile]:
     """The fetched files by name; with `redo` a record that can't be read counts for nothing."""
     path = folder / RECORD
-    try:
+    with suppress(BadRecord) if redo else nullcontext():
         return Fetched.read(path).files if path.exists() else {}
-    except BadRecord:
-        if redo:
-            return {}
-        raise
-
-
-def _write_record(folder: Path, files: dict[str, FetchedFile]) -> None:
-    Fetched(files=files).write(folder / RECORD)
-    lines = [f"{file.sha256}  {name}\n" for name, file in sorted(files.items())]
-    write_text(folder / SUMS, "".join(lines))
+    return {}

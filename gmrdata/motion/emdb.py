@@ -78,11 +78,7 @@ def dropped_reasons(sequence: EmdbSequence) -> list[str]:
 
 
 def body_of(sequence: EmdbSequence, bodies: Sequence[BodyModel]) -> BodyModel:
-    """SMPL's body of the sequence's gender.
-
-    Raises:
-        BadBodyFile: it is not among them, or has more shape coefficients than the file.
-    """
+    """SMPL's body of the sequence's gender, with no more shape coefficients than the file."""
     wanted = f"smpl-{sequence.gender}"
     fits = [b for b in bodies if b.name == wanted and b.n_shape <= len(sequence.betas)]
     if not fits:
@@ -187,22 +183,18 @@ def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, ru
 
 def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
     clip = load_clip(folder / CLIP_FILE)
-    off_deg = tilt_deg(clip)
+    off_deg, rows = tilt_deg(clip), clip.valid
+    camera_motion: MotionClass = "static"
+    if rows.any():
+        cameras, pelvis_m = camera_of(clip).world_from_cam[rows], clip.motion.pelvis_m[rows]
+        camera_motion = classify(cameras, pelvis_m, clip.motion.fps_hz, MotionClassConfig())[0]
     return clip_entry(
         out_dir,
         clip_path=folder / CLIP_FILE,
-        camera_motion=_camera_motion(clip),
+        camera_motion=camera_motion,
         licence=LICENCE,
         source=Source(dataset="EMDB", sequence=clip.id.replace("_", "/", 1)),
         dropped_reason=about.reasons,
         quality=None if math.isnan(off_deg) else Quality(figures={"mean_tilt_deg": off_deg}),
         recipe=stage_recipe(folder),
     )
-
-
-def _camera_motion(clip: Clip) -> MotionClass:
-    rows = clip.valid
-    if not rows.any():
-        return "static"
-    cameras, pelvis_m = camera_of(clip).world_from_cam[rows], clip.motion.pelvis_m[rows]
-    return classify(cameras, pelvis_m, clip.motion.fps_hz, MotionClassConfig())[0]

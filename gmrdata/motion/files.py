@@ -36,7 +36,7 @@ def read_motion(
     """Read a BVH, AMC or AMASS file, or one of gmrdata's clips, as a motion of `body`.
 
     Args:
-        path: The file; its suffix tells the format.
+        path: Its suffix tells the format.
         fps_hz: Frame rate to believe instead of the file's [Hz].
         joint_map: `{name in the file: SMPL joint}`, or a YAML or JSON file of it, for a BVH or ASF
             whose names are not CMU's or Mixamo's.
@@ -125,7 +125,6 @@ def _trial(file: Path) -> str:
 
 
 def _is_inside(file: Path, folder: Path) -> bool:
-    """Whether a file, or what a link points to, is a regular file of the folder."""
     return file.is_file() and file.resolve().is_relative_to(folder.resolve())
 
 

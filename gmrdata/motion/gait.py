@@ -4,11 +4,14 @@ This is not motion capture.  It gives a fresh machine input to try everything on
 exactly, the pelvis rides on two-bone legs, and the arms swing against them, with seeded variety.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from gmrdata.motion.gait_body import pose_body
 from gmrdata.motion.gait_steps import FIRST_STEP, plan_footsteps, sample_path
 from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, sample_style
+from gmrdata.motion.ground import motion_of
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
@@ -101,19 +104,10 @@ def gait_with_contacts(
     path = sample_path(kind, n_steps, style, rng)
     plan = plan_footsteps(path, style, _ground(kind, n_steps, rng), rng)
     arrays = pose_body(body, shape, path, time_s, steps, plan, style, half_window)
-    local, root, pelvis, planted = (array[pad : pad + n_frames] for array in arrays)
-    motion = Motion(
-        local_rotmats=local,
-        root_rotmats=root,
-        pelvis_m=pelvis,
-        shape=shape,
-        fps_hz=float(fps_hz),
-        body=body.name,
-        gender="neutral",
-        frame="world",
-        source=f"gmrdata gait {kind}, {style.speed_m_s:.2f} m/s, generated, not motion capture",
-    )
-    return motion, planted
+    rotmats, pelvis_m, planted = (array[pad : pad + n_frames] for array in arrays)
+    source = f"gmrdata gait {kind}, {style.speed_m_s:.2f} m/s, generated, not motion capture"
+    motion = motion_of(body, shape, rotmats, pelvis_m, float(fps_hz), source)
+    return replace(motion, gender="neutral"), planted
 
 
 def sample_shape(body: BodyModel, rng: np.random.Generator) -> np.ndarray:

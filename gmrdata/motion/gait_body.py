@@ -6,18 +6,8 @@ import numpy as np
 from scipy.ndimage import convolve1d, minimum_filter1d
 from scipy.spatial.transform import Rotation
 
-from gmrdata.motion.gait_steps import (
-    BEND,
-    SIDES,
-    FootPoses,
-    Footsteps,
-    GroundPath,
-    Leg,
-    foot_poses,
-    ground_under_pelvis,
-    turn,
-    upright,
-)
+from gmrdata.motion import gait_steps
+from gmrdata.motion.gait_steps import SIDES, FootPoses, Footsteps, GroundPath, Leg, turn, upright
 from gmrdata.motion.gait_style import GRAVITY_M_S2, GaitStyle
 from gmrdata.values.body import JOINT, N_LOCAL, BodyModel
 
@@ -31,15 +21,15 @@ def pose_body(
     plan: Footsteps,
     style: GaitStyle,
     half_window: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Someone who makes planned steps, at (T,) times and step counts (even: left touch-down).
 
     Args:
         half_window: Frames before and after each one over which the pelvis' height is smoothed.
 
     Returns:
-        Local rotations (T, 23, 3, 3), root rotations (T, 3, 3), pelvis (T, 3) [m], and (T, 2) bool
-        whether the left and the right foot stand.
+        Rotations (T, 24, 3, 3), the root's first, pelvis (T, 3) [m], and (T, 2) bool whether the
+        left and the right foot stand.
     """
     joints_m = body.rest_joints_m(shape)
 
@@ -51,15 +41,16 @@ def pose_body(
         for side in SIDES
     ]
     hips_m = np.stack([bone("pelvis", f"{side}_hip") for side in SIDES])
-    feet = [foot_poses(body, shape, side, steps, path, plan, style) for side in SIDES]
+    feet = [gait_steps.foot_poses(body, shape, side, steps, path, plan, style) for side in SIDES]
     reach_m = min(leg.reach_m(style.soft_knee_rad) for leg in legs)
     trunk = _pose_trunk(path, time_s, steps, style)
-    ground_m = ground_under_pelvis(steps, plan)
+    ground_m = gait_steps.ground_under_pelvis(steps, plan)
     pelvis_m = _place_pelvis(path, steps, ground_m, trunk, style, reach_m)
     pelvis_m = _lift_pelvis(pelvis_m, trunk.pelvis, hips_m, feet, reach_m, half_window)
     local = _local_rotations(trunk, legs, hips_m, pelvis_m, feet)
     _swing_arms(local, joints_m, time_s, steps, style)
-    return local, trunk.pelvis, pelvis_m, np.stack([foot.planted for foot in feet], axis=-1)
+    rotmats = np.concatenate([trunk.pelvis[:, None], local], axis=1)
+    return rotmats, pelvis_m, np.stack([foot.planted for foot in feet], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +74,7 @@ def _pose_trunk(
     s_m = path.s_at(steps)
     facing = path.facing_rad(s_m)
     stride = np.pi * steps
-    speed_m_s = style.speed_m_s / (1 + BEND * path.curvature_rad_m(s_m) ** 2)
+    speed_m_s = style.speed_m_s / (1 + gait_steps.BEND * path.curvature_rad_m(s_m) ** 2)
     lean_in = 0.6 * np.arctan(speed_m_s**2 * path.curvature_rad_m(s_m) / GRAVITY_M_S2)
     level = upright(facing)
     # Left hip leads at a left touch-down; turning left takes it back, hence the sign.

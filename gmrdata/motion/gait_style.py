@@ -24,8 +24,8 @@ GRAVITY_M_S2 = 9.81
 class GaitStyle:
     """One person's way to move; amplitudes are half of peak to peak.
 
-    The chest turns against the pelvis and leans forwards, as the pelvis tilts, by so much on
-    average; of the arms, `mean` and `swing` are those of the shoulders' flexion.
+    `pelvis_tilt_rad` and `lean_rad` (the chest's) are means, forwards; `chest_yaw_rad` is against
+    the pelvis; `arm_mean_rad` and `arm_swing_rad` are the shoulders' flexion.
     """
 
     step_m: float
@@ -39,7 +39,6 @@ class GaitStyle:
     lag_steps: float
     """Over the foot, the pelvis is so much before the middle of its stance, in steps."""
     toe_out_rad: float
-    """Feet turned outwards by this much [rad]."""
     strike_rad: float
     """Toes above heel at touch-down [rad]."""
     toe_off_rad: float
@@ -53,7 +52,7 @@ class GaitStyle:
     sway_m: float
     """Pelvis shift towards the standing leg [m]."""
     pelvis_yaw_rad: float
-    """Pelvis turn with the leading leg [rad]."""
+    """With the leading leg."""
     pelvis_list_rad: float
     """Drop of the swing side [rad]."""
     pelvis_tilt_rad: float
@@ -62,7 +61,6 @@ class GaitStyle:
     arm_swing_rad: float
     arm_mean_rad: float
     arm_out_rad: float
-    """Upper arms away from the body [rad]."""
     arm_in_rad: float
     """Upper arms turned inwards about their own axis, which brings the hands to the front [rad]."""
     elbow_rad: float
@@ -75,7 +73,7 @@ class GaitStyle:
 
     @property
     def speed_m_s(self) -> float:
-        """Mean speed on a straight path [m/s]."""
+        """Mean speed on a straight path."""
         return self.step_m * self.cadence_hz
 
 

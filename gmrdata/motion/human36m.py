@@ -33,15 +33,7 @@ def take_clip(
     Frames without parameters, or with NaN, are rows that are not valid.  Each frame's pelvis is its
     `trans` + J0 of its own betas; the clip's shape is the mean of the betas of the valid frames.
 
-    Args:
-        camera_number: Which camera, 1 to 4.
-        body: SMPL's neutral body.
-
-    Returns:
-        Clip `S<subject>.<action>.<subaction>`; image numbers count from 1, as the image files do.
-
-    Raises:
-        BadBodyFile: the body isn't SMPL's neutral one.
+    Its id is `S<subject>.<action>.<subaction>`; image numbers count from 1, as the files' do.
     """
     clip_id = f"S{subject}.{files.ACTIONS[take.action]}.{take.subaction}"
     if body.name != "smpl-neutral" or body.n_shape > take.shapes.shape[1]:
@@ -55,8 +47,7 @@ def take_clip(
     n_rows = len(numbers)
     usable = on_grid & usable_rows(take.poses_rad, take.shapes, take.trans_m)
     rows = (take.frames[usable] - numbers[0]) // step
-    valid = np.zeros(n_rows, dtype=bool)
-    valid[rows] = True
+    valid = np.isin(np.arange(n_rows), rows)
     shapes = take.shapes[usable, : body.n_shape]
     rotmats = np.full((n_rows, 24, 3, 3), np.nan)
     pelvis_m = np.full((n_rows, 3), np.nan)

@@ -27,17 +27,14 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
-from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 
-OWN_LICENCE = "CC0-1.0"
-"""Generated gait on a CC0 body: nobody's work but the program's."""
-CMU_LICENCE = (
-    "CMU Graphics Lab Motion Capture Database: free for all uses, may not be resold; credit "
-    "mocap.cs.cmu.edu, created with funding from NSF EIA-0196217"
-)
-AMASS_LICENCE = "AMASS's licence (amass.is.tue.mpg.de): non-commercial; not to be passed on"
-FILE_LICENCE = "as the motion file that it was made from"
+LICENCES = {
+    "gmrdata": "CC0-1.0",  # generated gait on a CC0 body: nobody's work but the program's
+    "CMU": "CMU Graphics Lab Motion Capture Database: free for all uses, may not be resold; credit "
+    "mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
+    "AMASS": "AMASS's licence (amass.is.tue.mpg.de): non-commercial; not to be passed on",
+}
 LONGEST_ID = 150
 READING = "reading motions"
 FAILED = "failed"
@@ -49,7 +46,6 @@ MAX_LISTED = 20
 
 
 def gait_source(name: str) -> Source:
-    """A motion of the embedded generator."""
     return Source(dataset="gmrdata", sequence=name)
 
 
@@ -58,12 +54,15 @@ def file_source(stem: str) -> Source:
     return Source(dataset="CMU" if is_trial(stem) else "file", sequence=stem)
 
 
-def motion_source(path: Path, tail: PurePosixPath) -> Source:
-    """A motion file, known as AMASS's by its layout: `KIT/3/kick_poses.npz`.
+def _source(path: Path, inside: Path) -> Source:
+    """A motion file, known as AMASS's by data set, subject and trial: `KIT/3/kick_poses.npz`.
 
-    Args:
-        tail: The last parts of its path.
+    These are the last three parts of its path as far as they lie in the folder that was given
+    (`inside`), or are that folder's name.
     """
+    n_inside = len(inside.parts)
+    given = (path.resolve().parents[n_inside - 1].name,) if n_inside > 1 else ()
+    tail = PurePosixPath(*(*given, *inside.parts)[-3:])
     in_amass = path.suffix.lower() == ".npz" and path.stem.endswith(("_poses", "_stageii"))
     if in_amass and len(tail.parts) == 3:
         return Source(dataset="AMASS", sequence=tail.with_suffix("").as_posix())
@@ -72,20 +71,16 @@ def motion_source(path: Path, tail: PurePosixPath) -> Source:
 
 def licence_of(source: Source) -> str:
     """Terms under which a clip of this source may be passed on."""
-    licences = {"gmrdata": OWN_LICENCE, "CMU": CMU_LICENCE, "AMASS": AMASS_LICENCE}
-    return licences.get(source.dataset, FILE_LICENCE)
+    return LICENCES.get(source.dataset, "as the motion file that it was made from")
 
 
 @dataclass(frozen=True)
 class LibraryFile:
-    """A motion file and its clip's names."""
+    """A motion file, its clip's id, and what the manifest says of its origin."""
 
     path: Path
-    """The file."""
     id: str
-    """Id of the clip."""
     source: Source
-    """What the manifest says of its origin."""
 
 
 def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
@@ -94,18 +89,16 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
     A clip is called as its file.  An .npz that was found in a folder has its folders in the name
     as well, `CMU.01.01_01_poses`, since AMASS's data sets repeat the names of files; so has any
     file whose name another one has too.
-
-    Raises:
-        MissingInput: nothing is given, or a folder is not there or holds no motion file.
-        BadRecipe: two files would make clips of one name.
     """
     if not sources:
         raise MissingInput("nothing given. Name motion files or folders of them")
-    found = [
-        (path, path.relative_to(source) if source.is_dir() else Path(path.name))
-        for source in sources
-        for path in (_in_folder(source) if source.is_dir() else [source])
-    ]
+    found = []
+    for source in sources:
+        folder = source if source.is_dir() else source.parent
+        paths = find_motions(source) if source.is_dir() else [source]
+        if not paths:
+            raise MissingInput(f"{source}: holds no .bvh, .amc or .npz with a motion")
+        found += [(path, path.relative_to(folder)) for path in paths]
     once = {path.resolve(): (path, inside) for path, inside in reversed(found)}
     found = list(reversed(once.values()))
     stems = Counter(path.stem for path, _ in found)
@@ -113,7 +106,7 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
     for path, inside in found:
         with_folders = path.suffix.lower() == ".npz" or stems[path.stem] > 1
         name = ".".join(inside.with_suffix("").parts) if with_folders else path.stem
-        files.append(LibraryFile(path, clip_id(name), motion_source(path, _tail(path, inside))))
+        files.append(LibraryFile(path, clip_id(name), _source(path, inside)))
     by_id: dict[str, Path] = {}
     for file in files:
         other = by_id.setdefault(file.id, file.path)
@@ -131,26 +124,10 @@ def clip_id(name: str) -> str:
     return plain if re.match(r"[A-Za-z0-9_]", plain) else f"_{plain}"
 
 
-def _in_folder(folder: Path) -> list[Path]:
-    found = find_motions(folder)
-    if not found:
-        raise MissingInput(f"{folder}: holds no .bvh, .amc or .npz with a motion")
-    return found
-
-
-def _tail(path: Path, inside: Path) -> PurePosixPath:
-    """The last three parts of a file's path, as far as they lie in the folder that was given or are
-    that folder's name: data set, subject and trial in AMASS."""
-    n_inside = len(inside.parts)
-    given = (path.resolve().parents[n_inside - 1].name,) if n_inside > 1 else ()
-    return PurePosixPath(*(*given, *inside.parts)[-3:])
-
-
 class LibraryConfig(Config):
-    """How the files are read."""
+    """How the files are read: at the true frame rate that a person gave, or None for their own."""
 
     fps_hz: float | None
-    """True frame rate that a person gave [Hz], or None for the files' own."""
 
 
 def motion_table(
@@ -160,10 +137,7 @@ def motion_table(
     fps_hz: float | None = None,
     joint_map: Path | None = None,
 ) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    """Read motion files and say what is in them.
-
-    Returns:
-        Headings and rows: file, frames, rate, seconds, distance travelled, speed.
+    """Read motion files and say what is in them: headings and rows.
 
     Raises:
         MissingInput: there is no motion file.
@@ -173,7 +147,9 @@ def motion_table(
     rows = []
     for file in track(library_files(sources), READING):
         motion = read_motion(file.path, loaded_body, fps_hz=fps_hz, joint_map=joint_map)
-        travelled_m = _travelled_m(motion)
+        # Its path on the ground at 10 fps, which leaves out the pelvis's sway.
+        ground_m = motion.pelvis_m[:: max(1, round(motion.fps_hz / 10)), :2]
+        travelled_m = float(np.linalg.norm(np.diff(ground_m, axis=0), axis=1).sum())
         seconds = motion.n_frames / motion.fps_hz
         figures = [f"{value:.2f}" for value in (seconds, travelled_m, travelled_m / seconds)]
         rows.append((file.path.name, f"{motion.n_frames}", f"{motion.fps_hz:g}", *figures))
@@ -195,7 +171,6 @@ def make_library(
     A file that can't be read doesn't keep the others from the manifest.
 
     Args:
-        sources: Motion files, and folders of them.
         body: The body to put them on, as `load_body` takes it.
         fps_hz: Frame rate to believe instead of the files' [Hz].
         joint_map: A file of joint names, see `read_motion`.
@@ -238,10 +213,7 @@ def make_entry(
     joint_map: Path | None,
     run: Run,
 ) -> ClipEntry:
-    """Stage: the clip of one motion file.
-
-    The clip goes to `clips/<id>` in the library's folder `out_dir`; its manifest entry comes back.
-    """
+    """Stage: one motion file as a clip in `clips/<id>` of the library; gives its manifest entry."""
 
     def work(partial_dir: Path) -> None:
         body = _body(body_path)
@@ -291,16 +263,12 @@ def write_motions(
 
 @lru_cache(maxsize=1)
 def _body(path: Path) -> BodyModel:
-    """The body, read once per process and not once per file."""
+    """Read once per process and not once per file."""
     return load_body(str(path))
 
 
 def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
-    """Make clips in worker processes, or a few of them right here.
-
-    Raises:
-        OSError: a clip could not be written, right here.
-    """
+    """Make clips in worker processes, or a few of them right here."""
     workers = run.workers or os.cpu_count() or 1
     if len(jobs) > FEW_FILES and workers > 1:
         with worker_pool(run, workers) as client:
@@ -316,21 +284,11 @@ def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
 
 
 def _bad_files(reasons: Mapping[str, str], n_files: int, out_dir: Path) -> str:
-    """Which files could not be read, and why."""
     listed = [f"  {reason.splitlines()[0]}" for reason in reasons.values()]
     if len(listed) > MAX_LISTED:
         rest = f"  ... and {len(listed) - MAX_LISTED} more, see {out_dir / FAILED}"
         listed = [*listed[:MAX_LISTED], rest]
-    others = (
-        "motions.yaml lists the others; mend them and give --redo to list them too"
-        if len(reasons) < n_files
-        else "there is no manifest"
-    )
+    others = "there is no manifest"
+    if len(reasons) < n_files:
+        others = "motions.yaml lists the others; mend them and give --redo to list them too"
     return f"{len(reasons)} of {n_files} files could not be read; {others}:\n" + "\n".join(listed)
-
-
-def _travelled_m(motion: Motion) -> float:
-    """Length of the pelvis's path on the ground at 10 fps, which leaves out its sway [m]."""
-    step = max(1, round(motion.fps_hz / 10))
-    ground_m = motion.pelvis_m[::step, :2]
-    return float(np.linalg.norm(np.diff(ground_m, axis=0), axis=1).sum())

@@ -23,6 +23,7 @@ Estimators' files do not say the video's frame rate; a person has to.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,10 +38,8 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
-from gmrdata.values.motion import Motion
 
 MIN_FRAMES = 2
-"""Frames that make a motion."""
 
 
 def read_local_poses(
@@ -54,7 +53,7 @@ def read_local_poses(
     """Read the local poses of a file; the table above lists the formats.
 
     Args:
-        path: The file.  A BVH, AMC or npz is known by its suffix, the others by what they hold.
+        path: A BVH, AMC or npz is known by its suffix, the others by what they hold.
         fps_hz: The true frame rate [Hz].  Needed for estimators' files, which don't say it.
         body: The body that stands for the people; the default body if None.  Motion capture is
             retargeted to it; the shape of the file is kept where it is of this body.
@@ -79,7 +78,11 @@ def read_local_poses(
         raise MissingInput(f"{path}: no such file")
     body = load_body("anny") if body is None else body
     if path.suffix.lower() in SUFFIXES:
-        return _of_motion_file(path, fps_hz, body, joint_map)
+        if path.suffix.lower() == ".npz" and {"valid", "image_numbers"} <= read_npz(path).keys():
+            return _of_clip(path, fps_hz, body)
+        motion = read_motion(path, body, fps_hz=fps_hz, joint_map=joint_map, ground=False)
+        n = motion.n_frames
+        return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
     people = read_people(path)
     if fps_hz is None:
         raise BadMotionFile(
@@ -98,19 +101,6 @@ def read_local_poses(
     return runs
 
 
-def _of_motion_file(
-    path: Path,
-    fps_hz: float | None,
-    body: BodyModel,
-    joint_map: Mapping[str, str] | Path | None,
-) -> tuple[Clip, ...]:
-    if path.suffix.lower() == ".npz" and {"valid", "image_numbers"} <= read_npz(path).keys():
-        return _of_clip(path, fps_hz, body)
-    motion = read_motion(path, body, fps_hz=fps_hz, joint_map=joint_map, ground=False)
-    n = motion.n_frames
-    return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
-
-
 def _of_clip(path: Path, fps_hz: float | None, body: BodyModel) -> tuple[Clip, ...]:
     """The runs of valid frames of one of gmrdata's clips, in any frame of reference."""
     clip = load_clip(path)
@@ -118,31 +108,20 @@ def _of_clip(path: Path, fps_hz: float | None, body: BodyModel) -> tuple[Clip, .
     if not runs:
         raise BadMotionFile(f"{path}: none of its frames is valid. Give another clip")
     rate_hz = clip.motion.fps_hz if fps_hz is None else check_rate_hz(fps_hz, path)
+    same = clip.motion.body == body.name and clip.motion.shape.shape == (body.n_shape,)
+    shape = clip.motion.shape if same else np.zeros(body.n_shape)
+    source = f"{path.name}: {clip.motion.source}"
     clips = []
     for start, stop in runs:
-        motion = _on_body(slice_motion(clip.motion, start, stop), body, rate_hz, path)
+        motion = slice_motion(clip.motion, start, stop)
+        if not np.isfinite(motion.local_rotmats).all():
+            raise BadMotionFile(
+                f"{path}: a valid frame holds NaN or infinite poses. Mark such frames as not valid,"
+                " or make the clip again"
+            )
+        motion = replace(motion, shape=shape, fps_hz=rate_hz, body=body.name, source=source)
         numbers = clip.image_numbers[start:stop]
         numbers = np.arange(start, stop) if (numbers < 0).any() else numbers
         name = clip.id if len(runs) == 1 else f"{clip.id}_from_{start}"
         clips.append(Clip(name, motion, np.ones(stop - start, bool), numbers, None))
     return tuple(clips)
-
-
-def _on_body(motion: Motion, body: BodyModel, fps_hz: float, path: Path) -> Motion:
-    same = motion.body == body.name and motion.shape.shape == (body.n_shape,)
-    if not np.isfinite(motion.local_rotmats).all():
-        raise BadMotionFile(
-            f"{path}: a valid frame holds NaN or infinite poses. Mark such frames as not valid, or"
-            " make the clip again"
-        )
-    return Motion(
-        local_rotmats=motion.local_rotmats,
-        root_rotmats=motion.root_rotmats,
-        pelvis_m=motion.pelvis_m,
-        shape=motion.shape if same else np.zeros(body.n_shape),
-        fps_hz=fps_hz,
-        body=body.name,
-        gender=motion.gender,
-        frame=motion.frame,
-        source=f"{path.name}: {motion.source}",
-    )

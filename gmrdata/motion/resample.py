@@ -31,14 +31,12 @@ def resample(
     Raises:
         BadRecipe: the rate is not positive, or `start_s` is outside the motion.
     """
-    rows = _rows(motion.n_frames, motion.fps_hz, fps_hz, start_s)
-    before, after, share = _brackets(rows)
+    before, after, share = _brackets(motion.n_frames, motion.fps_hz, fps_hz, start_s)
     if valid is not None:
         across = ~(valid[before] & valid[after])
         before = np.where(across & (share > 0.5), after, before)
         share = np.where(across, 0.0, share)
-    positions = motion.pelvis_m
-    rotmats = motion.rotmats
+    positions, rotmats = motion.pelvis_m, motion.rotmats
     chosen = rotmats[before]
     between = share > 0.0
     if between.any():
@@ -61,11 +59,9 @@ def resample_valid(
 
     Args:
         valid: (T,) bool of the source.
-        source_fps_hz: Its rate [Hz].
-        fps_hz: The new rate [Hz].
-        start_s: As in `resample` [s].
+        start_s: As in `resample`.
     """
-    before, after, _ = _brackets(_rows(len(valid), source_fps_hz, fps_hz, start_s))
+    before, after, _ = _brackets(len(valid), source_fps_hz, fps_hz, start_s)
     return np.asarray(valid[before] & valid[after])
 
 
@@ -88,8 +84,11 @@ def slice_motion(motion: Motion, start: int, stop: int) -> Motion:
     return motion.take(slice(start, stop))
 
 
-def _rows(n_frames: int, source_fps_hz: float, fps_hz: float, start_s: float) -> np.ndarray:
-    """Fractional source rows of the new frames, whole where they fall on a source frame."""
+def _brackets(
+    n_frames: int, source_fps_hz: float, fps_hz: float, start_s: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Source rows before and after each new frame, and the share of the latter; both are the same
+    where the new frame falls on a source frame."""
     if not (np.isfinite(fps_hz) and fps_hz > 0.0):
         raise BadRecipe(f"a frame rate of {fps_hz} Hz is not positive")
     first = start_s * source_fps_hz
@@ -102,11 +101,7 @@ def _rows(n_frames: int, source_fps_hz: float, fps_hz: float, start_s: float) ->
     rows = first + np.arange(count) * step
     nearest = np.round(rows)
     rows = np.where(np.abs(rows - nearest) < ON_A_SAMPLE, nearest, rows)
-    return np.asarray(np.clip(rows, 0.0, n_frames - 1))
-
-
-def _brackets(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Source rows before and after each fractional row, and the share of the latter."""
+    rows = np.clip(rows, 0.0, n_frames - 1)
     before = np.floor(rows).astype(int)
     share = rows - before
     return before, before + (share > 0.0), share

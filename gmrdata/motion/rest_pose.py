@@ -38,11 +38,7 @@ def leg_length_m(rest_joints_m: np.ndarray) -> float:
 
 
 def check_size(rest_joints_m: np.ndarray, name: str) -> None:
-    """See that a zero pose, (24, 3) [m], has human size and no limb without length.
-
-    Raises:
-        BadMotionFile: it has not; the message says by which option to correct the unit.
-    """
+    """See that a zero pose, (24, 3) [m], has human size and no limb without length."""
     leg_m = leg_length_m(rest_joints_m)
     if not SHORTEST_LEG_M <= leg_m <= LONGEST_LEG_M:
         raise BadMotionFile(
@@ -59,15 +55,10 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
 
 
 def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
-    """The source's axes that a body's rest axes (x left, y up, z front) correspond to.
+    """source_from_rest (3, 3), a rotation by multiples of 90 degrees.
 
-    A file's up is y or z, and its front may be any axis; the zero pose shows which.
-
-    Returns:
-        (3, 3) source_from_rest, a rotation by multiples of 90 degrees.
-
-    Raises:
-        BadMotionFile: the zero pose is no standing person along the coordinate axes.
+    A body's rest axes are x left, y up, z front.  A file's up is y or z, and its front may be any
+    axis; the zero pose shows which.
     """
 
     def both(part: str) -> np.ndarray:
@@ -107,12 +98,7 @@ def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarr
 def limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:
     """C of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
 
-    Args:
-        source_rest_m: (24, 3) zero pose of the source in rest axes [m].
-        body_rest_m: (24, 3) rest joints of the body [m].
-
-    Returns:
-        `{SMPL joint: (3, 3)}`, the smallest such rotations.
+    Both zero poses are (24, 3) in rest axes [m].  Gives `{SMPL joint: (3, 3)}`.
     """
     return {
         start: minimal_rotation(

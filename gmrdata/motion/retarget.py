@@ -66,19 +66,12 @@ def retarget(
     """Put a source motion on a body.
 
     Args:
-        source: The motion on its own skeleton.
         joints: `{SMPL joint: source joint}`, as `joint_names.find_joints` gives it.
         shape: (S,) shape coefficients of the body; without them its mean shape.
         upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while
             the person stands upright and looks ahead [deg], where that is not the zero pose.
         name: What messages and the motion's `source` call it, usually the file's name.
         ground: Whether to level the floor that the feet show and move it to z = 0.
-
-    Returns:
-        The motion in a z-up world.
-
-    Raises:
-        BadMotionFile: the zero pose is not a standing person of human size.
     """
     shape = np.zeros(body.n_shape) if shape is None else np.asarray(shape, dtype=np.float64)
     body_rest_m = body.rest_joints_m(shape)
@@ -107,10 +100,8 @@ def retarget(
     middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
     pelvis_m = middle_m - local_rotmats[:, 0] @ middle_from_pelvis_m
     notes = [*source.notes, f"path x {scale:.4f}", f"flat foot at {flat_pitch_deg:+.1f} deg"]
-    made_from = f"{name}: {', '.join(notes)}"
-    return world_motion(
-        body, shape, local_rotmats, pelvis_m, source.fps_hz, made_from, ground=ground
-    )
+    name, rate_hz = f"{name}: {', '.join(notes)}", source.fps_hz
+    return world_motion(body, shape, local_rotmats, pelvis_m, rate_hz, name, ground=ground)
 
 
 def _local_rotmats(
@@ -120,17 +111,14 @@ def _local_rotmats(
     world_from_joint = np.empty((n_frames, N_JOINTS, 3, 3))
     local_rotmats = np.empty_like(world_from_joint)
     for joint, parent in enumerate(PARENTS):
+        world = world_from_joint[:, parent]
         if joint in turned:
-            world_from_joint[:, joint] = (
-                WORLD_FROM_REST @ turned[joint] @ corrections.get(joint, np.eye(3))
-            )
+            correction = corrections.get(joint, np.eye(3))
+            world_from_joint[:, joint] = WORLD_FROM_REST @ turned[joint] @ correction
         else:
-            world_from_joint[:, joint] = world_from_joint[:, parent]
-        local_rotmats[:, joint] = (
-            world_from_joint[:, joint]
-            if parent < 0
-            else world_from_joint[:, parent].transpose(0, 2, 1) @ world_from_joint[:, joint]
-        )
+            world_from_joint[:, joint] = world
+        own = world_from_joint[:, joint]
+        local_rotmats[:, joint] = own if parent < 0 else world.transpose(0, 2, 1) @ own
     return local_rotmats
 
 
