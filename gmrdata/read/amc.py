@@ -1,15 +1,15 @@
-"""Reader of Acclaim AMC motions on their ASF skeleton, CMU's own form (mocap.cs.cmu.edu).
+"""Reader of Acclaim AMC motions on their ASF skeleton, as CMU uses both (mocap.cs.cmu.edu).
 
 Each bone has an `axis` rotation C, in which its degrees of freedom are measured.  With M the
 rotation by the AMC's angles, applied about fixed axes in the listed order, the bone turns relative
 to its parent by C M C^-1, in axes that are parallel to the world's in the zero pose.  A bone starts
 where its parent ends.
-
-Reader of Acclaim ASF skeletons, as CMU's files use the format (mocap.cs.cmu.edu).
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +23,10 @@ from gmrdata.values.joint_names import is_cmu
 INCH_M = 0.0254
 _BONE_NAME = re.compile(r"^[ \t]*([A-Za-z_]\S*)", re.MULTILINE)
 _FRAME_NUMBER = re.compile(r"[0-9]+")
-
 Section = list[tuple[int, list[str]]]
 """Lines of a section as (line number, words)."""
+Entries = dict[str, tuple[int, list[str]]]
+"""Line number and further words by the first word of a line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +34,9 @@ class Asf:
     """A skeleton of bones.  Bone 0 is the root, which has no extent."""
 
     names: tuple[str, ...]
-    """(J,) bone names, "root" first, a parent before its children."""
+    """(J,) "root" first, a parent before its children."""
     parents: tuple[int, ...]
-    """(J,) parent of each bone, -1 for the root."""
+    """(J,) -1 for the root."""
     bones_m: np.ndarray
     """(J, 3) end of each bone relative to its start, in the zero pose [m]."""
     world_from_axis: np.ndarray
@@ -49,7 +50,6 @@ class Asf:
     unit_m: float
     """Metres per unit in the AMC."""
     degrees: bool
-    """Whether the skeleton's angles are degrees."""
 
 
 @dataclass(frozen=True)
@@ -62,22 +62,15 @@ class _Bone:
 def read_asf(path: Path, *, unit_m: float | None = None) -> Asf:
     """Read an ASF skeleton.
 
-    Args:
-        unit_m: Metres per unit; without it inches divided by the file's `length`, which is CMU's
-            use (0.056444 m for `length 0.45`).
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: it is no ASF, or is broken or truncated.
+    Without `unit_m`, metres per unit are inches divided by the file's `length`, which is CMU's use
+    (0.056444 m for `length 0.45`).
     """
     sections = _sections(path)
     missing = [key for key in ("units", "root", "bonedata", "hierarchy") if key not in sections]
     if missing:
         raise BadMotionFile(f"{path}: no ASF file, or truncated: it has no section :{missing[0]}")
-    units = {words[0].lower(): (line, words[1:]) for line, words in sections["units"]}
-    degrees = _angle_unit(units, path)
-    unit_m = unit_m if unit_m is not None else INCH_M / _length_scale(units, path)
-    root, root_order, root_position = _read_root(sections["root"], degrees, path)
+    degrees, unit_m = _read_units(_entries(sections["units"]), unit_m, path)
+    root, root_order, root_position = _read_root(_entries(sections["root"]), degrees, path)
     bones = {"root": root} | _read_bones(sections["bonedata"], degrees, path)
     names, parents = _read_tree(sections["hierarchy"], bones, path)
     return Asf(
@@ -106,19 +99,22 @@ def _sections(path: Path) -> dict[str, Section]:
     return sections
 
 
-def _angle_unit(units: dict[str, tuple[int, list[str]]], path: Path) -> bool:
+def _entries(section: Section) -> Entries:
+    return {words[0].lower(): (line, words[1:]) for line, words in section}
+
+
+def _read_units(units: Entries, unit_m: float | None, path: Path) -> tuple[bool, float]:
+    """Whether angles are degrees, and metres per unit."""
     line, words = units.get("angle", (0, []))
     if not words or words[0].lower() not in ("deg", "rad"):
         raise bad_line(path, line, ":units must say 'angle deg' or 'angle rad'")
-    return words[0].lower() == "deg"
-
-
-def _length_scale(units: dict[str, tuple[int, list[str]]], path: Path) -> float:
-    line, words = units.get("length", (0, []))
-    values = parse_floats(words, path, line)
-    if len(values) != 1 or values[0] <= 0.0:
-        raise bad_line(path, line, ":units must give one positive 'length'; or pass unit_m")
-    return values[0]
+    if unit_m is None:
+        line, lengths = units.get("length", (0, []))
+        values = parse_floats(lengths, path, line)
+        if len(values) != 1 or values[0] <= 0.0:
+            raise bad_line(path, line, ":units must give one positive 'length'; or pass unit_m")
+        unit_m = INCH_M / values[0]
+    return words[0].lower() == "deg", unit_m
 
 
 def _axis_frame(words: list[str], degrees: bool, path: Path, line: int) -> np.ndarray:
@@ -131,10 +127,9 @@ def _axis_frame(words: list[str], degrees: bool, path: Path, line: int) -> np.nd
 
 
 def _read_root(
-    section: Section, degrees: bool, path: Path
+    entries: Entries, degrees: bool, path: Path
 ) -> tuple[_Bone, tuple[str, ...], list[float]]:
     """The root's frame, the order of its six numbers, and its constant position."""
-    entries = {words[0].lower(): (line, words[1:]) for line, words in section}
     for key, n_words in (("order", 6), ("axis", 1), ("position", 3), ("orientation", 3)):
         if len(entries.get(key, (0, []))[1]) != n_words:
             raise BadMotionFile(f"{path}: :root needs a line '{key}' with {n_words} values")
@@ -152,7 +147,7 @@ def _read_root(
 def _read_bones(section: Section, degrees: bool, path: Path) -> dict[str, _Bone]:
     """Every begin ... end block of :bonedata, by bone name."""
     bones: dict[str, _Bone] = {}
-    block: dict[str, tuple[int, list[str]]] | None = None
+    block: Entries | None = None
     for line, words in section:
         key = words[0].lower()
         if key == "begin" and block is None:
@@ -173,9 +168,7 @@ def _read_bones(section: Section, degrees: bool, path: Path) -> dict[str, _Bone]
     return bones
 
 
-def _read_bone(
-    block: dict[str, tuple[int, list[str]]], degrees: bool, path: Path, end_line: int
-) -> tuple[str, _Bone]:
+def _read_bone(block: Entries, degrees: bool, path: Path, end_line: int) -> tuple[str, _Bone]:
     for key, n_words in (("name", 1), ("direction", 3), ("length", 1), ("axis", 4)):
         line, words = block.get(key, (end_line, []))
         if len(words) != n_words:
@@ -192,9 +185,8 @@ def _read_bone(
         raise bad_line(path, line, "a bone's direction is zero")
     length = parse_floats(block["length"][1], path, block["length"][0])[0]
     axis = _axis_frame(block["axis"][1], degrees, path, block["axis"][0])
-    return block["name"][1][0], _Bone(
-        direction / size * length, axis, "".join(channel[1] for channel in channels)
-    )
+    dof_axes = "".join(channel[1] for channel in channels)
+    return block["name"][1][0], _Bone(direction / size * length, axis, dof_axes)
 
 
 def _read_tree(
@@ -220,15 +212,6 @@ def _read_tree(
     return tuple(names), tuple(parents)
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """How the numbers of a frame lie, as its first occurrence in the AMC shows it."""
-
-    columns: dict[str, slice]
-    """Where each bone's numbers stand in a frame's row; the frame's number is column 0."""
-    n_columns: int
-
-
 def read_amc(
     path: Path,
     *,
@@ -238,15 +221,9 @@ def read_amc(
 ) -> SourceMotion:
     """Read an AMC motion with its ASF skeleton.
 
-    Args:
-        asf_path: The skeleton; without it, the file's own name or its subject's (`02_03.amc`:
-            `02_03.asf`, then `02.asf`) beside it, or the only .asf there.
-        fps_hz: Frame rate [Hz].  The format does not hold it; without it CMU's index decides.
-
-    Raises:
-        MissingInput: the AMC or its ASF is not there.
-        BadMotionFile: a file is broken or truncated, the two do not belong together, or the rate of
-            a file that is not CMU's was not given.
+    Without `asf_path`, the skeleton has the file's own name or its subject's (`02_03.amc`:
+    `02_03.asf`, then `02.asf`) beside it, or is the only .asf there.  The format does not hold the
+    frame rate; without `fps_hz` CMU's index decides.
     """
     text = read_text(path)
     asf_path = asf_path if asf_path is not None else find_asf(path)
@@ -255,45 +232,40 @@ def read_amc(
         raise BadMotionFile(f"{path}: an AMC file holds no frame rate; give it with fps_hz")
     rate_note = "CMU's index" if fps_hz is None else "given"
     fps_hz = cmu_rate_hz(path) if fps_hz is None else check_rate_hz(fps_hz, path)
+    notes = (f"skeleton {asf_path.name}", f"{fps_hz:.7g} Hz ({rate_note})")
     first_line, body, degrees = _body(text, asf, path)
-    layout = _layout(body, asf, asf_path, path, first_line)
-    table = _table(body, layout, path, first_line)
+    columns = _bone_columns(body, asf, asf_path, path, first_line)
+    table = _table(body, columns, path, first_line)
     rows, rows_notes = recorded_rows(table[:, 1:], [], is_cmu(asf.names), False, path)
     table = table[rows]
-    angles = {bone: table[:, columns] for bone, columns in layout.columns.items()}
+    angles = {bone: table[:, found] for bone, found in columns.items()}
+    # Each bone starts at its parent's end.
+    starts_m = np.array([asf.bones_m[p] if p >= 0 else np.zeros(3) for p in asf.parents])
+    translations_m = np.tile(starts_m, (len(table), 1, 1))
+    moves = [asf.root_order.index(word) for word in ("tx", "ty", "tz")]
+    translations_m[:, 0] = angles["root"][:, moves] * asf.unit_m + asf.root_position_m
     return SourceMotion(
         names=asf.names,
         parents=asf.parents,
-        offsets_m=np.array([asf.bones_m[p] if p >= 0 else np.zeros(3) for p in asf.parents]),
+        offsets_m=starts_m,
         tips_m=asf.bones_m,
         local_rotmats=_local_rotmats(asf, angles, len(table), degrees),
-        translations_m=_translations(asf, angles["root"]),
+        translations_m=translations_m,
         fps_hz=fps_hz,
-        notes=(
-            f"skeleton {asf_path.name}",
-            f"{fps_hz:.7g} Hz ({rate_note})",
-            f"{asf.unit_m:.6g} m per unit",
-            *rows_notes,
-        ),
+        notes=(*notes, f"{asf.unit_m:.6g} m per unit", *rows_notes),
     )
 
 
 def find_asf(amc_path: Path) -> Path:
-    """The skeleton that lies beside an AMC file.
-
-    Raises:
-        MissingInput: the AMC is not there, or no skeleton is, or several are and none has its name.
-    """
+    """The skeleton that lies beside an AMC file."""
     subject = amc_path.stem.rpartition("_")[0]
     found = sorted(p for p in amc_path.parent.glob("*") if p.suffix.lower() == ".asf")
     there = [path for path in found if path.is_file()]
     named = [p for stem in (amc_path.stem, subject) for p in there if p.stem == stem]
     if named or len(there) == 1:
         return (named or there)[0]
-    raise MissingInput(
-        f"{amc_path}: its skeleton {subject or amc_path.stem}.asf is not beside it; "
-        "put it there or give asf_path"
-    )
+    what = f"its skeleton {subject or amc_path.stem}.asf is not beside it"
+    raise MissingInput(f"{amc_path}: {what}; put it there or give asf_path")
 
 
 def _body(text: str, asf: Asf, path: Path) -> tuple[int, list[str], bool]:
@@ -311,17 +283,19 @@ def _body(text: str, asf: Asf, path: Path) -> tuple[int, list[str], bool]:
     raise BadMotionFile(f"{path}: no frames; the file is truncated, fetch it again")
 
 
-def _layout(body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: int) -> _Layout:
-    """Bones and columns of the first frame, checked against the skeleton."""
+def _bone_columns(
+    body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: int
+) -> dict[str, slice]:
+    """Where each bone's numbers stand in a frame's row, after the frame's number in column 0.
+
+    The first frame shows it, which is checked against the skeleton.
+    """
     columns: dict[str, slice] = {}
     column = 1
-    for line_number, line in enumerate(body[1:], first_line + 1):
-        words = line.split()
-        if not words:
-            continue
-        if _FRAME_NUMBER.fullmatch(words[0]):
-            break
+    for line_number, words in _filled_lines(body[1:], first_line + 1):
         name = words[0]
+        if _FRAME_NUMBER.fullmatch(name):
+            break
         if name not in asf.names or name in columns:
             what = f"bone {name[:40]} is not in {asf_path.name}, or comes twice; the AMC belongs to"
             raise bad_line(path, line_number, f"{what} another skeleton: give its asf_path")
@@ -337,20 +311,21 @@ def _layout(body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: i
             f"{path}: its frames have no {', '.join(lost)}, which {asf_path.name} has; "
             "the file is truncated, or its skeleton is another one: give asf_path"
         )
-    return _Layout(columns, column)
+    return columns
 
 
-def _table(body: list[str], layout: _Layout, path: Path, first_line: int) -> np.ndarray:
-    """(T, n_columns): one row per frame."""
+def _table(body: list[str], columns: dict[str, slice], path: Path, first_line: int) -> np.ndarray:
+    """(T, C): one row per frame."""
     text = "\n".join(body)
     names = _BONE_NAME.findall(text)
-    n_frames = len(names) // len(layout.columns)
+    n_frames = len(names) // len(columns)
+    n_columns = max(found.stop for found in columns.values())
     values = parse_block(_BONE_NAME.sub("", text))
-    regular = names == list(layout.columns) * n_frames
-    if values is None or not regular or values.size != n_frames * layout.n_columns:
-        _explain(body, layout, path, first_line)
+    regular = names == list(columns) * n_frames
+    if values is None or not regular or values.size != n_frames * n_columns:
+        _explain(body, columns, path, first_line)
         raise BadMotionFile(f"{path}: the frames are not regular; fetch the file again")
-    table = values.reshape(n_frames, layout.n_columns)
+    table = values.reshape(n_frames, n_columns)
     jumps = np.flatnonzero(np.diff(table[:, 0]) != 1.0)
     if jumps.size:
         before, after = table[jumps[0], 0], table[jumps[0] + 1, 0]
@@ -359,25 +334,26 @@ def _table(body: list[str], layout: _Layout, path: Path, first_line: int) -> np.
     return table
 
 
-def _explain(body: list[str], layout: _Layout, path: Path, first_line: int) -> None:
-    """Find the line at which the frames stop being regular, and raise with it."""
-    due = [("", 0), *((bone, c.stop - c.start) for bone, c in layout.columns.items())]
-    position, last_line = 0, first_line
-    for line_number, line in enumerate(body, first_line):
-        words = line.split()
-        if not words:
-            continue
-        last_line = line_number
-        name, n_values = due[position % len(due)]
+def _explain(body: list[str], columns: dict[str, slice], path: Path, first_line: int) -> None:
+    """Raise with the line at which the frames stop being regular."""
+    due = [("", 0), *((bone, c.stop - c.start) for bone, c in columns.items())]
+    filled = list(_filled_lines(body, first_line))
+    for (line_number, words), (name, n_values) in zip(filled, cycle(due), strict=False):
+        line = body[line_number - first_line]
         if name == "" and not (len(words) == 1 and _FRAME_NUMBER.fullmatch(words[0])):
             raise bad_line(path, line_number, f"{line[:40]!r} where a frame's number is due")
         if name and (words[0] != name or len(words) - 1 != n_values):
             what = f"{line[:40]!r} where {name} with {n_values} values is due"
             raise bad_line(path, line_number, f"{what}; fetch the file again")
         parse_floats(words[1:] if name else words, path, line_number)
-        position += 1
-    if position % len(due):
-        raise bad_line(path, last_line, "the last frame is not complete; the file is truncated")
+    if len(filled) % len(due):
+        what = "the last frame is not complete; the file is truncated"
+        raise bad_line(path, filled[-1][0], what)
+
+
+def _filled_lines(lines: list[str], first_line: int) -> Iterator[tuple[int, list[str]]]:
+    numbered = ((number, line.split()) for number, line in enumerate(lines, first_line))
+    return ((number, words) for number, words in numbered if words)
 
 
 def _local_rotmats(
@@ -396,12 +372,3 @@ def _local_rotmats(
         frame = asf.world_from_axis[bone]
         rotmats[:, bone] = frame @ turned.reshape(-1, 3, 3) @ frame.T
     return rotmats
-
-
-def _translations(asf: Asf, root: np.ndarray) -> np.ndarray:
-    """(T, J, 3) [m]: each bone starts at its parent's end."""
-    starts = np.array([asf.bones_m[p] if p >= 0 else np.zeros(3) for p in asf.parents])
-    translations = np.tile(starts, (len(root), 1, 1))
-    columns = [asf.root_order.index(word) for word in ("tx", "ty", "tz")]
-    translations[:, 0] = root[:, columns] * asf.unit_m + asf.root_position_m
-    return translations

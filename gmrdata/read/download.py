@@ -4,7 +4,6 @@ No library does this part: pooch starts anew, pypdl appends what comes to a rang
 `Content-Range` or sending `If-Range`, so that a changed file is mixed with the old one.
 """
 
-import http.client
 import os
 import re
 import ssl
@@ -12,6 +11,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
+from http.client import HTTPException, HTTPResponse
 from pathlib import Path
 from typing import IO, Any, Literal
 from urllib.parse import urlsplit
@@ -37,7 +37,7 @@ class FetchConfig(Config):
     file_limit_s: float = Field(default=900.0, gt=0)
     """Longest time for one attempt at one file [s]."""
     attempts: int = Field(default=5, ge=1)
-    """Attempts at one file."""
+    """At one file."""
     first_wait_s: float = Field(default=1.0, ge=0)
     """Mean wait before the second attempt; it doubles with each further one [s]."""
     longest_wait_s: float = Field(default=30.0, ge=0)
@@ -70,20 +70,15 @@ class PartNote(Record):
     """Length of the whole file, if the server said it [bytes]."""
 
 
-def part_of(path: Path) -> Path:
-    """Where an unfinished download of `path` lies."""
-    return path.with_name(path.name + ".part")
-
-
-def note_of(path: Path) -> Path:
-    """Where stands which version of the file its `.part` belongs to."""
-    return path.with_name(path.name + ".part.json")
+def part_of(path: Path, suffix: str = "") -> Path:
+    """Where an unfinished download of `path` lies, and with ".json" its `PartNote`."""
+    return path.with_name(f"{path.name}.part{suffix}")
 
 
 def drop_part(path: Path) -> None:
     """Forget an unfinished download."""
     part_of(path).unlink(missing_ok=True)
-    note_of(path).unlink(missing_ok=True)
+    part_of(path, ".json").unlink(missing_ok=True)
 
 
 def download(
@@ -113,15 +108,11 @@ def download(
             break
         except PassingFailure as error:
             if attempt == config.attempts:
-                raise FetchFailed(
-                    f"{error}; gave up after {attempt} attempts. The same command goes on"
-                ) from None
+                what = f"gave up after {attempt} attempts. The same command goes on"
+                raise FetchFailed(f"{error}; {what}") from None
             pause_s = min(wait_s, config.longest_wait_s) * float(rng.uniform(0.5, 1.5))
-            console.print(
-                f"{error}; attempt {attempt + 1} of {config.attempts} in {pause_s:.1f} s",
-                markup=False,
-                soft_wrap=True,
-            )
+            what = f"attempt {attempt + 1} of {config.attempts} in {pause_s:.1f} s"
+            console.print(f"{error}; {what}", markup=False, soft_wrap=True)
             sleep(pause_s)
             wait_s *= 2
     return part_of(path)
@@ -150,7 +141,10 @@ def _attempt(url: str, path: Path, config: FetchConfig) -> None:
             raise FetchFailed(f"{url}: {total} bytes are too many for a motion file")
         if start == 0:
             drop_part(path)
-            _write_note(answer, url, total, path)
+            validator = _validator(answer)
+            if validator is not None:  # else the next attempt starts anew
+                note = PartNote(url=url, validator=validator, size=total)
+                note.write(part_of(path, ".json"))
         n_bytes = _append(answer, url, part, start, config)
     if total is not None and n_bytes != total:
         if n_bytes > total:
@@ -158,9 +152,7 @@ def _attempt(url: str, path: Path, config: FetchConfig) -> None:
         raise PassingFailure(f"{url}: {n_bytes} bytes came where the server promised {total}")
 
 
-def _append(
-    answer: http.client.HTTPResponse, url: str, part: Path, start: int, config: FetchConfig
-) -> int:
+def _append(answer: HTTPResponse, url: str, part: Path, start: int, config: FetchConfig) -> int:
     """Write the body at the end of the `.part`; its length then."""
     n_bytes = start
     with part.open("ab") as stream:
@@ -175,27 +167,22 @@ def _append(
 
 
 def _place(
-    answer: http.client.HTTPResponse, url: str, n_there: int, note: PartNote | None, path: Path
+    answer: HTTPResponse, url: str, n_there: int, note: PartNote | None, path: Path
 ) -> tuple[int, int | None]:
     """Where the body goes in the file, and the whole file's length if the server says it."""
     if answer.status != 206:
         length = answer.headers.get("Content-Length", "")
         return 0, int(length) if re.fullmatch(r"[0-9]{1,15}", length) else None
     found = _RANGE.fullmatch(answer.headers.get("Content-Range", ""))
-    goes_on = (
-        found is not None
-        and note is not None
-        and _validator(answer) in (None, note.validator)
-        and int(found[1]) == n_there
-        and note.size in (None, int(found[3]))
-    )
-    if found is None or not goes_on:
-        drop_part(path)
-        raise PassingFailure(f"{url}: the file on the server changed; from the start again")
-    return n_there, int(found[3])
+    if found and note and _validator(answer) in (None, note.validator):
+        start, total = int(found[1]), int(found[3])
+        if start == n_there and note.size in (None, total):
+            return n_there, total
+    drop_part(path)
+    raise PassingFailure(f"{url}: the file on the server changed; from the start again")
 
 
-def _refuse_page(answer: http.client.HTTPResponse, url: str) -> None:
+def _refuse_page(answer: HTTPResponse, url: str) -> None:
     kind = answer.headers.get_content_type()
     if kind in ("text/html", "application/xhtml+xml"):
         raise FetchFailed(f"{url}: the server sends a web page in place of the file")
@@ -203,7 +190,7 @@ def _refuse_page(answer: http.client.HTTPResponse, url: str) -> None:
         raise FetchFailed(f"{url}: the server sends it packed, which was not asked for")
 
 
-def _validator(answer: http.client.HTTPResponse) -> str | None:
+def _validator(answer: HTTPResponse) -> str | None:
     """What tells this version from others: a strong ETag, else Last-Modified (RFC 9110, 13.1.5)."""
     tag = answer.headers.get("ETag")
     if tag is not None and not tag.startswith("W/"):
@@ -211,16 +198,9 @@ def _validator(answer: http.client.HTTPResponse) -> str | None:
     return answer.headers.get("Last-Modified")
 
 
-def _write_note(answer: http.client.HTTPResponse, url: str, total: int | None, path: Path) -> None:
-    """Without a validator nothing is noted, and the next attempt starts anew."""
-    validator = _validator(answer)
-    if validator is not None:
-        PartNote(url=url, validator=validator, size=total).write(note_of(path))
-
-
 def _read_note(path: Path, url: str) -> PartNote | None:
     try:
-        note = PartNote.read(note_of(path))
+        note = PartNote.read(part_of(path, ".json"))
     except (MissingInput, BadRecord):
         return None
     return note if note.url == url else None
@@ -237,13 +217,19 @@ class _WebOnly(urllib.request.HTTPRedirectHandler):
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
-def _open_url(url: str, headers: Mapping[str, str], timeout_s: float) -> http.client.HTTPResponse:
+def _open_url(url: str, headers: Mapping[str, str], timeout_s: float) -> HTTPResponse:
     """Ask for a file; errors are sorted into those worth another attempt and the others."""
-    request = urllib.request.Request(
-        url, headers={"User-Agent": f"gmrdata/{__version__}", **headers}
-    )
+    agent = {"User-Agent": f"gmrdata/{__version__}"}
+    request = urllib.request.Request(url, headers={**agent, **headers})
+    # No handlers for addresses of files, ftp and data.
+    web = urllib.request
+    kinds: tuple[type[web.BaseHandler], ...] = (web.ProxyHandler, web.HTTPHandler, web.HTTPSHandler)
+    kinds += (web.UnknownHandler, _WebOnly, web.HTTPErrorProcessor, web.HTTPDefaultErrorHandler)
+    opener = web.OpenerDirector()
+    for kind in kinds:
+        opener.add_handler(kind())
     try:
-        return _opener().open(request, timeout=timeout_s)
+        return opener.open(request, timeout=timeout_s)
     except urllib.error.HTTPError as error:
         error.close()
         raise _of_status(url, error) from None
@@ -251,34 +237,22 @@ def _open_url(url: str, headers: Mapping[str, str], timeout_s: float) -> http.cl
         if isinstance(error.reason, ssl.SSLCertVerificationError):
             raise FetchFailed(f"{url}: the server's certificate is not good: {error}") from None
         raise PassingFailure(f"{url}: no connection ({error.reason})") from None
-    except (OSError, http.client.HTTPException) as error:
+    except (OSError, HTTPException) as error:
         raise PassingFailure(f"{url}: no answer ({_say(error)})") from None
 
 
-def _blocks(answer: http.client.HTTPResponse, url: str, limit_s: float) -> Iterator[bytes]:
-    """The body, block by block, as it comes."""
+def _blocks(answer: HTTPResponse, url: str, limit_s: float) -> Iterator[bytes]:
     start_s = time.monotonic()
     while True:
         try:
             block = answer.read1(BLOCK_BYTES)
-        except (OSError, http.client.HTTPException) as error:
+        except (OSError, HTTPException) as error:
             raise PassingFailure(f"{url}: the connection broke ({_say(error)})") from None
         if not block:
             return
         if time.monotonic() - start_s > limit_s:
             raise PassingFailure(f"{url}: not done after {limit_s:g} s")
         yield block
-
-
-def _opener() -> urllib.request.OpenerDirector:
-    """An opener without handlers for file, ftp and data addresses."""
-    web = urllib.request
-    kinds: tuple[type[web.BaseHandler], ...] = (web.ProxyHandler, web.HTTPHandler, web.HTTPSHandler)
-    kinds += (web.UnknownHandler, _WebOnly, web.HTTPErrorProcessor, web.HTTPDefaultErrorHandler)
-    opener = web.OpenerDirector()
-    for kind in kinds:
-        opener.add_handler(kind())
-    return opener
 
 
 def _of_status(url: str, error: urllib.error.HTTPError) -> FetchFailed:

@@ -28,26 +28,16 @@ FPS_HZ = 30.0
 """Rate of the images and all arrays [Hz]."""
 LARGEST_FILE_BYTES = 1 << 29
 """EMDB's own files have some ten million bytes."""
-LARGEST_SIDE_PX = 100_000
 GENDERS = ("female", "male", "neutral")
 
 
 def find_sequences(root: Path) -> list[Path]:
-    """The `*_data.pkl` of each sequence, sorted; links that lead out of the folder are left out.
-
-    Raises:
-        MissingInput: there is none.
-    """
-    inside = root.resolve()
-    found = sorted(
-        path
-        for path in root.glob("P*/*/*_data.pkl")
-        if path.is_file() and path.resolve().is_relative_to(inside)
-    )
+    """The `*_data.pkl` of each sequence, sorted; links that lead out of the folder are left out."""
+    files = sorted(path for path in root.glob("P*/*/*_data.pkl") if path.is_file())
+    found = [path for path in files if path.resolve().is_relative_to(root.resolve())]
     if not found:
-        raise MissingInput(
-            f"{root}: no P*/<sequence>/*_data.pkl. Name the folder that holds EMDB's P0 to P9"
-        )
+        remedy = "Name the folder that holds EMDB's P0 to P9"
+        raise MissingInput(f"{root}: no P*/<sequence>/*_data.pkl. {remedy}")
     return found
 
 
@@ -76,9 +66,7 @@ class EmdbSequence:
     cam_from_world: np.ndarray
     """(N, 4, 4) rigid transforms [m], OpenCV camera axes; `extrinsics`."""
     width_px: int
-    """Image width [px]."""
     height_px: int
-    """Image height [px]."""
 
     @property
     def n_frames(self) -> int:
@@ -102,9 +90,9 @@ def read_emdb(path: Path) -> EmdbSequence:
 
 
 def _sequence(content: Any) -> EmdbSequence:
-    smpl, camera = _dictionary(content, "smpl"), _dictionary(content, "camera")
+    smpl, camera = (_typed(content, k, (dict,), "a dictionary") for k in ("smpl", "camera"))
     n_frames = _whole(content, "n_frames", most=10_000_000)
-    width_px, height_px = (_whole(camera, key, LARGEST_SIDE_PX) for key in ("width", "height"))
+    width_px, height_px = (_whole(camera, key, most=100_000) for key in ("width", "height"))
     root_rad = _floats(smpl, "poses_root", n_frames, 3)
     body_rad = _floats(smpl, "poses_body", n_frames, 69)
     betas = _floats(smpl, "betas", 10)
@@ -113,12 +101,17 @@ def _sequence(content: Any) -> EmdbSequence:
     gender = text_of(value_of(content, "gender"), "gender").lower()
     if gender not in GENDERS:
         raise WrongContent(f"gender is {gender[:20]!r}, expected {', '.join(GENDERS)}")
+    flags = [_typed(content, f"emdb{n}", (bool, np.bool_), "True or False") for n in (1, 2)]
+    good = np.asarray(value_of(content, "good_frames_mask"))
+    if good.shape != (n_frames,) or good.dtype.kind not in "biu":
+        expected = f"expected {n_frames} of True, False"
+        raise WrongContent(f"good_frames_mask is {kind_of(good)}, {expected}")
     return EmdbSequence(
         name=text_of(value_of(content, "name"), "name"),
-        emdb1=_flag(content, "emdb1"),
-        emdb2=_flag(content, "emdb2"),
+        emdb1=bool(flags[0]),
+        emdb2=bool(flags[1]),
         gender=gender,
-        good=_good(content, n_frames),
+        good=good != 0,
         poses_rad=np.concatenate([root_rad, body_rad], axis=1),
         trans_m=_floats(smpl, "trans", n_frames, 3),
         betas=betas,
@@ -129,10 +122,10 @@ def _sequence(content: Any) -> EmdbSequence:
     )
 
 
-def _dictionary(content: Any, key: str) -> dict[Any, Any]:
+def _typed(content: Any, key: str, kinds: tuple[type, ...], expected: str) -> Any:
     value = value_of(content, key)
-    if not isinstance(value, dict):
-        raise WrongContent(f"{key} is {kind_of(value)}, expected a dictionary")
+    if not isinstance(value, kinds):
+        raise WrongContent(f"{key} is {kind_of(value)}, expected {expected}")
     return value
 
 
@@ -146,19 +139,3 @@ def _whole(content: Any, key: str, most: int) -> int:
     if not is_whole or not 1 <= value <= most:
         raise WrongContent(f"{key} is {value!r:.40}, expected a whole number from 1")
     return int(value)
-
-
-def _flag(content: Any, key: str) -> bool:
-    value = value_of(content, key)
-    if not isinstance(value, bool | np.bool_):
-        raise WrongContent(f"{key} is {kind_of(value)}, expected True or False")
-    return bool(value)
-
-
-def _good(content: Any, n_frames: int) -> np.ndarray:
-    good = np.asarray(value_of(content, "good_frames_mask"))
-    if good.shape != (n_frames,) or good.dtype.kind not in "biu":
-        raise WrongContent(
-            f"good_frames_mask is {kind_of(good)}, expected {n_frames} of True, False"
-        )
-    return good != 0

@@ -18,11 +18,7 @@ JPEG_START_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
 def image_number(path: Path) -> int:
-    """Number of a frame: the last run of digits in the file's stem (`image_00012.jpg` -> 12).
-
-    Raises:
-        BadFrames: the name holds no number.
-    """
+    """Number of a frame: the last run of digits in the file's stem (`image_00012.jpg` -> 12)."""
     number = number_in_name(path.name)
     if number is None:
         raise BadFrames(f"{path}: no number in the name; name frames like 00012.jpg")
@@ -38,9 +34,7 @@ def number_in_name(name: str) -> int | None:
 def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
     """The .jpg and .png files of a folder in the order of their numbers.
 
-    Args:
-        left_out: Numbers of images that the caller knows to be unusable: they are not listed, and
-            neither they nor their absence is an error.
+    `left_out` are numbers of unusable images: neither they nor their absence is an error.
 
     Raises:
         MissingInput: there is no such folder.
@@ -49,23 +43,20 @@ def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of images")
     paths = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
-    paths = [path for path in paths if image_number(path) not in left_out]
-    paths.sort(key=lambda path: (image_number(path), path.name))
-    if len(paths) < 2:
+    numbered = sorted((image_number(path), path) for path in paths)
+    numbered = [(number, path) for number, path in numbered if number not in left_out]
+    if len(numbered) < 2:
         but = f" but {len(left_out)} left out" if left_out else ""
-        what = f"{len(paths)} image(s){but}; at least 2 frames (.jpg or .png) needed"
+        what = f"{len(numbered)} image(s){but}; at least 2 frames (.jpg or .png) needed"
         raise BadFrames(f"{folder}: {what}")
-    _require_one_each(folder, [image_number(path) for path in paths], left_out)
-    return paths
+    _require_one_each(folder, [number for number, _ in numbered], left_out)
+    return [path for _, path in numbered]
 
 
 def check_images(paths: list[Path]) -> tuple[int, int]:
-    """Check that all images can be read and have one size.
+    """(width_px, height_px) of all images, as stored (an EXIF rotation is not applied).
 
     Only headers and end marks are looked at, so that a long sequence costs milliseconds.
-
-    Returns:
-        (width_px, height_px) of every image, as stored (an EXIF rotation is not applied).
 
     Raises:
         BadFrames: no images, an empty, truncated or unknown file, or different sizes.
@@ -83,42 +74,36 @@ def check_images(paths: list[Path]) -> tuple[int, int]:
     return expected
 
 
-def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
-    """Read an image as (H, W) uint8.
-
-    Args:
-        size_px: The (width, height) that it must have, if any.
-
-    Raises:
-        BadFrames: not there, not an image, or of another size.
-    """
+def decoded(path: Path, flags: int, fault: str) -> np.ndarray:
+    """An image as cv2 reads it with some flags; BadFrames with the fault if it can't."""
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.is_file() else None
+    image = cv2.imread(str(path), flags) if path.is_file() else None
     if image is None:
-        raise BadFrames(f"{path}: missing or not an image; make this file again")
+        raise BadFrames(f"{path}: {fault}")
+    return np.asarray(image)
+
+
+def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
+    """Read an image as (H, W) uint8; `size_px` is the (width, height) that it must have, if any."""
+    import cv2
+
+    image = decoded(path, cv2.IMREAD_GRAYSCALE, "missing or not an image; make this file again")
     if size_px is not None and image.shape != size_px[::-1]:
         raise BadFrames(
             f"{path}: {image.shape[1]}x{image.shape[0]} px, "
             f"its frame is {size_px[0]}x{size_px[1]} px; make this file again at that size"
         )
-    return np.asarray(image)
+    return image
 
 
 def read_color(path: Path) -> np.ndarray:
-    """Read an image as (H, W, 3) uint8 BGR, as stored: an EXIF rotation is not applied.
-
-    Raises:
-        BadFrames: not there, or can't be decoded.
-    """
+    """Read an image as (H, W, 3) uint8 BGR, as stored: an EXIF rotation is not applied."""
     import cv2
 
     # Of 16 bits the upper 8 are kept; grey becomes three equal channels.
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    image = cv2.imread(str(path), flags) if path.is_file() else None
-    if image is None:
-        raise BadFrames(f"{path}: missing or cannot be decoded; extract or copy this frame again")
-    return np.asarray(image)
+    return decoded(path, flags, "missing or cannot be decoded; extract or copy this frame again")
 
 
 def write_gray(path: Path, image: np.ndarray) -> None:
@@ -139,21 +124,19 @@ def _require_one_each(folder: Path, numbers: list[int], left_out: Collection[int
         missing = [number for number in range(before + 1, after) if number not in left_out]
         if missing:
             named = f"{missing[0]}" if len(missing) == 1 else f"{missing[0]} to {missing[-1]}"
-            raise BadFrames(
-                f"{folder}: frame {named} missing between {before} and {after}; "
-                "put it back, or renumber the frames without a gap"
-            )
+            what = f"frame {named} missing between {before} and {after}"
+            remedy = "put it back, or renumber the frames without a gap"
+            raise BadFrames(f"{folder}: {what}; {remedy}")
 
 
 def _image_size(path: Path) -> tuple[int, int]:
     if not path.is_file():
         raise BadFrames(f"{path}: no such image")
     content = path.read_bytes()
-    if not content:
-        raise BadFrames(f"{path}: empty file (0 bytes); extract or copy this frame again")
     size = _png_size(content) if content.startswith(PNG_SIGNATURE) else _jpeg_size(content)
     if size is None:
-        raise BadFrames(f"{path}: truncated or not an image; extract or copy this frame again")
+        fault = "truncated or not an image" if content else "empty file (0 bytes)"
+        raise BadFrames(f"{path}: {fault}; extract or copy this frame again")
     return size
 
 

@@ -33,22 +33,10 @@ TEST_SUBJECTS = (9, 11)
 VIDEO_HZ = 50.0
 """Rate of the videos, and of frame numbers [Hz]."""
 ACTIONS = {
-    2: "Directions",
-    3: "Discussion",
-    4: "Eating",
-    5: "Greeting",
-    6: "Phoning",
-    7: "Posing",
-    8: "Purchases",
-    9: "Sitting",
-    10: "SittingDown",
-    11: "Smoking",
-    12: "Photo",
-    13: "Waiting",
-    14: "Walking",
-    15: "WalkDog",
-    16: "WalkTogether",
-}
+    2: "Directions", 3: "Discussion", 4: "Eating", 5: "Greeting", 6: "Phoning", 7: "Posing",
+    8: "Purchases", 9: "Sitting", 10: "SittingDown", 11: "Smoking", 12: "Photo", 13: "Waiting",
+    14: "Walking", 15: "WalkDog", 16: "WalkTogether",
+}  # fmt: skip
 """Names by the numbers that the files use."""
 SIZES_PX = {1: (1000, 1002), 2: (1000, 1000), 3: (1000, 1000), 4: (1000, 1002)}
 """Width and height of each camera's images [px]: 54138969, 55011271, 58860488 and 60457274."""
@@ -62,17 +50,12 @@ LARGEST_FILE_BYTES = 1 << 31
 """A subject's parameters have some ten to some hundred million bytes."""
 MOST_FRAMES = 20_000
 """The longest video has 6343 frames."""
-SMPL_SHAPES = 10
 _WHOLE_NUMBER = re.compile(r"0|[1-9][0-9]{0,5}")
 _AGAIN = "get the file again"
 
 
 def find_subjects(root: Path) -> dict[int, Path]:
-    """The file of SMPL parameters of each subject, in the folder or in its `annotations`.
-
-    Raises:
-        MissingInput: there is none.
-    """
+    """The file of SMPL parameters of each subject, in the folder or in its `annotations`."""
     folders = (root, root / "annotations")
     found = {}
     for subject in (*TRAINING_SUBJECTS, *TEST_SUBJECTS):
@@ -90,11 +73,7 @@ def find_subjects(root: Path) -> dict[int, Path]:
 
 
 def find_cameras(parameter_path: Path, subject: int) -> Path:
-    """A subject's camera file: beside the parameters, or in `annotations` or the folder above.
-
-    Raises:
-        MissingInput: it is not there.
-    """
+    """A subject's camera file: beside the parameters, or in `annotations` or the folder above."""
     name = CAMERA_FILE.format(subject)
     folder = parameter_path.parent
     for place in (folder, folder / "annotations", folder.parent):
@@ -108,7 +87,7 @@ class Take:
     """One performance of an action: N frames that have SMPL parameters, in ascending order."""
 
     action: int
-    """Number of the action, 2 to 16."""
+    """2 to 16."""
     subaction: int
     """1 or 2."""
     frames: np.ndarray
@@ -154,12 +133,7 @@ def read_takes(path: Path) -> list[Take]:
 
 
 def read_cameras(path: Path) -> dict[int, FixedCamera]:
-    """The cameras of a subject by their numbers 1 to 4.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadSequence: truncated, or not laid out as above; the message names the place.
-    """
+    """The cameras of a subject by their numbers 1 to 4; errors as in `read_takes`."""
     content = _read(path)
     with checked(path, _AGAIN):
         return {n: _camera(values, f"[{n}]") for n, values in _numbered(content, "")}
@@ -175,11 +149,15 @@ def _read(path: Path) -> Any:
 
 def _numbered(value: Any, place: str) -> list[tuple[int, Any]]:
     """Items of an object whose keys are whole numbers, in their order."""
-    if not isinstance(value, dict):
-        raise WrongContent(f"{place or 'the file'} is {kind_of(value)}, not an object")
+    _require_object(value, place or "the file")
     if not all(_WHOLE_NUMBER.fullmatch(key) for key in value):
         raise WrongContent(f"{place or 'the file'} has keys that are no whole numbers")
     return [(int(key), value[key]) for key in sorted(value, key=int)]
+
+
+def _require_object(value: Any, place: str) -> None:
+    if not isinstance(value, dict):
+        raise WrongContent(f"{place} is {kind_of(value)}, not an object")
 
 
 def _take(action: int, subaction: int, value: Any) -> Take:
@@ -192,15 +170,14 @@ def _take(action: int, subaction: int, value: Any) -> Take:
         raise WrongContent(f"{place} has a frame {frames[-1]}, which no video has")
     poses_rad, shapes, trans_m = (
         np.stack([_flat(row, f"{place}[{n}]", key, size) for n, row in rows])
-        for key, size in (("pose", 72), ("shape", SMPL_SHAPES), ("trans", 3))
+        for key, size in (("pose", 72), ("shape", 10), ("trans", 3))
     )
     return Take(action, subaction, frames, poses_rad, shapes, trans_m)
 
 
 def _flat(row: Any, place: str, key: str, size: int) -> np.ndarray:
     """Numbers that stand in one list or in a list of one list, as `trans` does."""
-    if not isinstance(row, dict):
-        raise WrongContent(f"{place} is {kind_of(row)}, not an object")
+    _require_object(row, place)
     value = row.get(key)
     while isinstance(value, list) and len(value) == 1 and size > 1:
         value = value[0]

@@ -21,12 +21,7 @@ RIGID_TOLERANCE = 1e-3
 
 
 def read_text(path: Path) -> str:
-    """A motion file as text with plain line ends.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: the file is empty or binary.
-    """
+    """A motion file as text with plain line ends."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     try:
@@ -47,36 +42,28 @@ def bad_line(path: Path, line_number: int, what: str) -> BadMotionFile:
 
 
 def parse_floats(words: list[str], path: Path, line_number: int) -> list[float]:
-    """The numbers of one line.
-
-    Raises:
-        BadMotionFile: a word is no finite number of sensible size.
-    """
+    """The numbers of one line."""
     values = []
     for word in words:
         try:
-            value = float(word)
+            values.append(float(word))
         except ValueError:
-            raise bad_line(
-                path, line_number, f"{word[:40]!r} is not a number; fetch the file again"
-            ) from None
-        if not abs(value) <= LARGEST_IN_TEXT:
+            what = f"{word[:40]!r} is not a number; fetch the file again"
+            raise bad_line(path, line_number, what) from None
+        if not abs(values[-1]) <= LARGEST_IN_TEXT:
             what = f"{word[:40]} is not a usable number; cut the bad frames out of the file"
             raise bad_line(path, line_number, f"{what} or fetch it again")
-        values.append(value)
     return values
 
 
 def parse_block(text: str) -> np.ndarray | None:
     """All numbers of a text as a flat array, or None where one of its words is no usable number."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
+    try:
+        with warnings.catch_warnings(action="error"):
             values = np.fromstring(text, sep=" ")
-        except (DeprecationWarning, ValueError):
-            return None
-    usable = bool(np.all(np.abs(values) <= LARGEST_IN_TEXT))
-    return values if usable else None
+    except (DeprecationWarning, ValueError):
+        return None
+    return values if np.all(np.abs(values) <= LARGEST_IN_TEXT) else None
 
 
 def parse_table(
@@ -84,30 +71,19 @@ def parse_table(
 ) -> np.ndarray:
     """A block with one row of numbers per line, (n_rows, n_columns); empty lines are skipped.
 
-    Args:
-        first_line: Line number of `lines[0]` in the file, from 1.
-
-    Raises:
-        BadMotionFile: a row is too short or long, holds something else than usable numbers, or the
-            number of rows is not the promised one.
+    `first_line` is the line number of `lines[0]` in the file, from 1.
     """
     values = parse_block("\n".join(lines))
     if values is not None and values.size == n_rows * n_columns:
         return values.reshape(n_rows, n_columns)
-    found = 0
-    for line_number, line in enumerate(lines, first_line):
-        words = line.split()
-        if not words:
-            continue
-        found += 1
+    filled = [(n, line.split()) for n, line in enumerate(lines, first_line) if line.strip()]
+    for line_number, words in filled:
         if len(words) != n_columns:
-            what = (
-                f"{len(words)} numbers where the channels need {n_columns}; the file is truncated"
-            )
-            raise bad_line(path, line_number, f"{what} or edited, fetch it again")
+            what = f"{len(words)} numbers where the channels need {n_columns}; the file is"
+            raise bad_line(path, line_number, f"{what} truncated or edited, fetch it again")
         parse_floats(words, path, line_number)
     raise BadMotionFile(
-        f"{path}: the header promises {n_rows} frames and the file has {found}; "
+        f"{path}: the header promises {n_rows} frames and the file has {len(filled)}; "
         "fetch it again, or correct the number after 'Frames:'"
     )
 
@@ -126,12 +102,7 @@ def checked(path: Path, remedy: str) -> Iterator[None]:
 
 
 def check_file(path: Path, most_bytes: int, dataset: str) -> None:
-    """Refuse a data set's file that is not there, or far larger than any of them.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadSequence: it is too large.
-    """
+    """Refuse a data set's file that is not there, or far larger than any of them."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     size_bytes = path.stat().st_size
@@ -153,12 +124,10 @@ def array_of(value: Any, what: str, shape: tuple[int | None, ...], kinds: str) -
     """An array of numpy's `kinds` and of a shape, in which None stands for any size."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in kinds:
         raise WrongContent(f"{what} is {kind_of(value)}, expected an array of numbers")
-    fits = value.ndim == len(shape) and all(
-        size in (None, found) for size, found in zip(shape, value.shape, strict=True)
-    )
-    if not fits:
-        wanted = ", ".join("any" if size is None else str(size) for size in shape)
-        raise WrongContent(f"{what} has shape {value.shape}, expected ({wanted})")
+    sizes = zip(shape, value.shape, strict=False)
+    if value.ndim != len(shape) or any(wanted not in (None, found) for wanted, found in sizes):
+        expected = ", ".join("any" if size is None else str(size) for size in shape)
+        raise WrongContent(f"{what} has shape {value.shape}, expected ({expected})")
     return value
 
 
@@ -188,14 +157,9 @@ def text_of(value: Any, what: str) -> str:
 def pinhole_of(value: Any, what: str) -> np.ndarray:
     """A calibration matrix K (3, 3) [px] without skew below its diagonal."""
     intrinsics_px = numbers(value, what, (3, 3))
-    is_pinhole = (
-        usable_rows(intrinsics_px[None]).all()
-        and intrinsics_px[0, 0] > 0
-        and intrinsics_px[1, 1] > 0
-        and np.array_equal(intrinsics_px[2], (0.0, 0.0, 1.0))
-        and intrinsics_px[1, 0] == 0
-    )
-    if not is_pinhole:
+    below = (intrinsics_px[1, 0], *intrinsics_px[2])
+    positive = (np.diag(intrinsics_px) > 0).all()
+    if not (usable_rows(intrinsics_px[None]).all() and positive and below == (0, 0, 0, 1)):
         raise WrongContent(f"{what} is no calibration matrix: {intrinsics_px.tolist()}")
     return intrinsics_px
 
@@ -210,11 +174,7 @@ def kind_of(value: Any) -> str:
 
 
 def finite_numbers(value: Any, what: str, path: Path) -> np.ndarray:
-    """An array of a motion file as finite float64.
-
-    Raises:
-        BadMotionFile: no numbers, or NaN, infinite or absurd ones; the message names the first row.
-    """
+    """An array of a motion file as finite float64."""
     try:
         with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
             values = np.asarray(value, dtype=np.float64)
@@ -229,9 +189,7 @@ def finite_numbers(value: Any, what: str, path: Path) -> np.ndarray:
 
 def usable_rows(*arrays: np.ndarray) -> np.ndarray:
     """(N,) bool: all numbers of the row are finite in each (N, ...) array, and none is absurd."""
-    usable = [
-        (np.abs(array) < LARGEST_NUMBER).reshape(len(array), -1).all(axis=1) for array in arrays
-    ]
+    usable = [(np.abs(a) < LARGEST_NUMBER).reshape(len(a), -1).all(axis=1) for a in arrays]
     return np.logical_and.reduce(usable)
 
 

@@ -26,10 +26,8 @@ OPENPOSE_JOINTS = {
     11: JOINT["left_hip"], 12: JOINT["left_knee"], 13: JOINT["left_ankle"],
 }  # fmt: skip
 """OpenPose's COCO keypoint -> SMPL joint.  Nose, eyes and ears (0, 14-17) are no SMPL joints."""
-
 LAYOUTS = {25: "BODY_25 of OpenPose", 21: "BODY_21A of STAF"}
 """Number of keypoints -> layout.  Both begin with the same 15."""
-
 PAIRS = {point + (point > 7): joint for point, joint in OPENPOSE_JOINTS.items()}
 """Keypoint of both layouts -> SMPL joint.
 
@@ -59,10 +57,6 @@ def keypoint_files(folder: Path) -> dict[int, Path]:
 
     OpenPose counts a video's frames from 0 (`clip_000000000012_keypoints.json` is the 13th), and
     keeps the names of images (`00012_keypoints.json`).
-
-    Raises:
-        MissingInput: there is no such folder, or no JSON file in it.
-        BadKeypoints: a name without number, or two files of one frame.
     """
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of keypoints, one JSON file per frame")
@@ -100,23 +94,14 @@ def _person(path: Path, person: Any) -> Person2d:
         found = f"{len(flat)} numbers" if isinstance(flat, list) else "none"
         known = " or ".join(f"{3 * n} ({name})" for n, name in LAYOUTS.items())
         raise BadKeypoints(f"{path}: pose_keypoints_2d has {found}, expected {known}")
-    if not all(_is_number(value) for value in flat) or min(flat[2::3]) < 0:
-        raise BadKeypoints(
-            f"{path}: pose_keypoints_2d holds something that is no number, or a confidence below"
-            " zero; write it again"
-        )
+    # Whole numbers of JSON have no largest one, and NaN is below nothing.
+    if not all(type(n) in (int, float) and abs(n) < 1e9 for n in flat) or min(flat[2::3]) < 0:
+        what = "something that is no number, or a confidence below zero"
+        raise BadKeypoints(f"{path}: pose_keypoints_2d holds {what}; write it again")
     keypoints = np.zeros((N_JOINTS, 3))
     keypoints[list(PAIRS.values())] = np.reshape(flat, (-1, 3))[list(PAIRS)]
-    return Person2d(_track(path, person.get("person_id", -1)), keypoints)
-
-
-def _is_number(value: Any) -> bool:
-    # Whole numbers of JSON have no largest one, and NaN is below nothing.
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
-
-
-def _track(path: Path, given: Any) -> int | None:
+    given = person.get("person_id", -1)
     number = given[0] if isinstance(given, list) and len(given) == 1 else given
-    if not isinstance(number, int) or isinstance(number, bool):
+    if type(number) is not int:
         raise BadKeypoints(f"{path}: person_id is {given!r}, expected [number]")
-    return None if number < 0 else number
+    return Person2d(None if number < 0 else number, keypoints)

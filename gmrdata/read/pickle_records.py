@@ -10,14 +10,13 @@ import numpy as np
 
 from gmrdata.values.errors import UnsafePickle
 
-_ARRAY, _SCALAR, _BUFFER = "array", "scalar", "buffer"
 JOBLIB_ARRAY = "joblib array"
 """Kind of record whose array's bytes stand in the file right after it; see `array_that_follows`."""
 _CALLS = {
     "numpy.dtype": "dtype",
-    **{f"numpy.{core}.multiarray._reconstruct": _ARRAY for core in ("core", "_core")},
-    **{f"numpy.{core}.multiarray.scalar": _SCALAR for core in ("core", "_core")},
-    **{f"numpy.{core}.numeric._frombuffer": _BUFFER for core in ("core", "_core")},
+    **{f"numpy.{core}.multiarray._reconstruct": "array" for core in ("core", "_core")},
+    **{f"numpy.{core}.multiarray.scalar": "scalar" for core in ("core", "_core")},
+    **{f"numpy.{core}.numeric._frombuffer": "buffer" for core in ("core", "_core")},
     **{f"scipy.sparse.{module}.csc_matrix": "csc" for module in ("csc", "_csc")},
     **{f"scipy.sparse.{module}.csr_matrix": "csr" for module in ("csr", "_csr")},
     "chumpy.ch.Ch": "chumpy.ch.Ch",
@@ -31,17 +30,13 @@ _CALLS = {
     "joblib.numpy_pickle.NumpyArrayWrapper": JOBLIB_ARRAY,
 }
 """Kind of record for each name that may be called, as Python 2 and 3, old and new numpy say it."""
-
 _ONLY_NAMED = frozenset({"numpy.ndarray"}) | {
     f"{module}.{name}" for module in ("__builtin__", "builtins") for name in ("object", "dict")
 }
 ADMITTED_IMPORTS = frozenset(_CALLS) | _ONLY_NAMED
 """Every name that a pickle may import; some only as an argument of a call."""
-
 _DTYPE_CODE = re.compile(r"b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?")
-
-
-_PLAIN = (bool, int, float, complex, str, bytes, bytearray, np.ndarray)
+_PLAIN = (bool, int, float, complex, str, bytes, bytearray, np.ndarray, type(None))
 """What is itself already; an array is so when it was read as joblib writes it."""
 
 
@@ -58,39 +53,10 @@ class Record:
 def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
     """The record of a call, or its value where that is a plain one.
 
-    Args:
-        name: Full name of what is called, one of `ADMITTED_IMPORTS`.
-        arguments: The arguments; imported names as strings.
-
-    Raises:
-        UnsafePickle: the name is only admitted as an argument, or the arguments are not those that
-            a pickle of plain data has there.
+    `name` is in full, one of `ADMITTED_IMPORTS`; imported names are strings in the arguments too.
     """
     kind = _CALLS.get(name)
     match kind, arguments:
-        case "encode" | "bytes" | "set" | "dict", _:
-            return _value_of_call(name, arguments)
-        case "object", (str() as made, "__builtin__.object" | "builtins.object", None):
-            return record_of_call(made, ())
-        case "array", ("numpy.ndarray", _, _):
-            return Record(_ARRAY, ())
-        case "dtype", (str() as code, *_) if _DTYPE_CODE.fullmatch(code):
-            return Record("dtype", (code,))
-        case "scalar", (
-            Record(kind="dtype", arguments=(str() as code,)),
-            bytes() | str(),
-        ) if code[0] != "O":
-            return Record(_SCALAR, arguments)
-        case "buffer", (bytes() | bytearray(), Record(kind="dtype"), tuple(), "C" | "F"):
-            return Record(_BUFFER, arguments)
-        case "csc" | "csr" | "chumpy.ch.Ch" | "chumpy.reordering.Select" | "joblib array", ():
-            return Record(str(kind), ())
-    raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
-
-
-def _value_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
-    """What is a value at once: bytes, a set, or a defaultdict, of which only the dict is kept."""
-    match _CALLS[name], arguments:
         case "encode", (str() as text, "latin1" | "latin-1"):
             return text.encode("latin1")
         case "bytes", ():
@@ -98,7 +64,20 @@ def _value_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
         case "set", (list() as members,):
             return set(members)
         case "dict", ("__builtin__.dict" | "builtins.dict",):
-            return {}
+            return {}  # of a defaultdict
+        case "object", (str() as made, "__builtin__.object" | "builtins.object", None):
+            return record_of_call(made, ())
+        case "dtype", (str() as code, *_) if _DTYPE_CODE.fullmatch(code):
+            return Record("dtype", (code,))
+        case "scalar", (Record("dtype", (str() as code,)), bytes() | str()) if code[0] != "O":
+            return Record("scalar", arguments)
+        case "buffer", (bytes() | bytearray(), Record(kind="dtype"), tuple(), "C" | "F"):
+            return Record("buffer", arguments)
+        case ("array", ("numpy.ndarray", _, _)) | (
+            "csc" | "csr" | "chumpy.ch.Ch" | "chumpy.reordering.Select" | "joblib array",
+            (),
+        ):
+            return Record(str(kind), ())
     raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
 
 
@@ -111,21 +90,12 @@ def array_that_follows(
     with shape, order and dtype, then the bytes in that order.  Since 1.2 one byte stands before
     them that says how many bytes of padding follow it.
 
-    Args:
-        state: The wrapper's attributes.
-        subclass: Name of the class that the array shall have.
-        read: Reads from the file; gives less at its end.
-
-    Raises:
-        UnsafePickle: the array is of objects, or of another class than numpy's own.
-        ValueError: the attributes do not fit together, or the file ends.
+    `state` are the wrapper's attributes, `subclass` names the class that the array shall have, and
+    `read` gives less at the file's end.
     """
-    match state:
-        case {
-            "shape": tuple() as shape,
-            "order": "C" | "F" as order,
-            "dtype": Record(kind="dtype") as recorded,
-        }:
+    keys = ("shape", "order", "dtype")
+    match [state.get(key) for key in keys] if isinstance(state, dict) else []:
+        case [tuple() as shape, "C" | "F" as order, Record("dtype") as recorded]:
             dtype = _dtype(recorded)
         case _:
             raise ValueError("a joblib array lacks its shape, order or dtype")
@@ -133,23 +103,16 @@ def array_that_follows(
         raise UnsafePickle(f"holds a joblib array of {subclass!r} of {dtype}, not of numbers")
     if state.get("numpy_array_alignment_bytes") is not None:
         read(read(1)[0])
-    if not all(isinstance(n, int) and n >= 0 for n in shape):
-        raise ValueError(f"an array cannot have the shape {shape}")
-    return _array(read(math.prod(shape) * dtype.itemsize), dtype, shape, order, {})
+    return _array(read(_size(shape) * dtype.itemsize), dtype, shape, order, {})
 
 
 def plain(value: Any) -> Any:
-    """Replace the records in nested containers by arrays.  Shared parts stay shared.
-
-    Raises:
-        UnsafePickle: a bare import, or an array of other things than numbers, strings and objects.
-        ValueError: a record whose parts do not fit together.
-    """
+    """Replace the records in nested containers by arrays.  Shared parts stay shared."""
     return _plain(value, {})
 
 
 def _plain(value: Any, done: dict[int, Any]) -> Any:
-    if value is None or isinstance(value, _PLAIN):
+    if isinstance(value, _PLAIN):
         return value
     if id(value) in done:
         return done[id(value)]
@@ -173,13 +136,7 @@ def _plain(value: Any, done: dict[int, Any]) -> Any:
 
 def _evaluate(record: Record, done: dict[int, Any]) -> Any:
     match record.kind, record.arguments, record.state:
-        case "array", _, (
-            1,
-            tuple() as shape,
-            Record(kind="dtype") as dtype,
-            int() as fortran,
-            raw,
-        ):
+        case "array", _, (1, tuple() as shape, Record("dtype") as dtype, int() as fortran, raw):
             return _array(raw, _dtype(dtype), shape, "F" if fortran else "C", done)
         case "scalar", (dtype, raw), None:
             return _array(raw, _dtype(dtype), (), "C", done)[()]
@@ -208,12 +165,16 @@ def _dtype(record: Record) -> np.dtype:
     raise UnsafePickle(f"holds an array of a dtype that is not plain: {_summary((record.state,))}")
 
 
+def _size(shape: tuple[Any, ...]) -> int:
+    if not all(isinstance(n, int) and n >= 0 for n in shape):
+        raise ValueError(f"an array cannot have the shape {shape}")
+    return math.prod(shape)
+
+
 def _array(
     raw: Any, dtype: np.dtype, shape: tuple[Any, ...], order: Any, done: dict[int, Any]
 ) -> np.ndarray:
-    if not all(isinstance(n, int) and n >= 0 for n in shape):
-        raise ValueError(f"an array cannot have the shape {shape}")
-    size = math.prod(shape)
+    size = _size(shape)
     if dtype.hasobject:
         if not isinstance(raw, list) or len(raw) != size:
             raise ValueError(f"an array of shape {shape} lacks its list of objects")

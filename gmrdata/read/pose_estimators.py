@@ -37,6 +37,7 @@ import warnings
 import zipfile
 from collections import defaultdict
 from collections.abc import Mapping
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -108,12 +109,10 @@ def _vibe_or_wham_person(key: Any, values: Any, path: Path) -> PersonPoses:
     name = person_name(key, path)
     _require(values, VIBE_KEYS, name, path)
     poses = finite_numbers(values["pose"], f"pose of {name}", path)
-    return PersonPoses(
-        name=name,
-        local_rotmats=rotmats_of_rotvecs(poses, N_JOINTS, f"pose of {name}", path),
-        frame_numbers=frame_numbers(values["frame_ids"], len(poses), f"frame_ids of {name}", path),
-        betas=mean_betas(values.get("betas"), f"betas of {name}", path),
-    )
+    rotmats = rotmats_of_rotvecs(poses, N_JOINTS, f"pose of {name}", path)
+    numbers = frame_numbers(values["frame_ids"], len(poses), f"frame_ids of {name}", path)
+    betas = mean_betas(values.get("betas"), f"betas of {name}", path)
+    return PersonPoses(name, rotmats, numbers, betas)
 
 
 def _phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]:
@@ -127,10 +126,7 @@ def _phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]:
         for track, waited, smpl in zip(frame["tid"], unseen, frame["smpl"], strict=False):
             if whole_number(waited) == 0:
                 tracks[person_name(track, path)].append((time, smpl))
-    return [
-        _phalp_person(name, sorted(entries, key=lambda entry: entry[0]), frozenset(cuts), path)
-        for name, entries in tracks.items()
-    ]
+    return [_phalp_person(*track, frozenset(cuts), path) for track in tracks.items()]
 
 
 def _check_frame(frame: Any, name: str, path: Path) -> int:
@@ -138,9 +134,8 @@ def _check_frame(frame: Any, name: str, path: Path) -> int:
     _require(frame, PHALP_KEYS, f"frame {name}", path)
     lists = [frame[key] for key in ("tid", "smpl", "tracked_time") if frame.get(key) is not None]
     if not all(isinstance(one, list) and len(one) == len(frame["tid"]) for one in lists):
-        raise BadMotionFile(
-            f"{path}: the lists of frame {name} are of different lengths; make the file again"
-        )
+        what = f"the lists of frame {name} are of different lengths"
+        raise BadMotionFile(f"{path}: {what}; make the file again")
     time = whole_number(frame["time"])
     if time is None:
         raise BadMotionFile(f"{path}: the time of frame {name} is no number; make it again")
@@ -150,18 +145,15 @@ def _check_frame(frame: Any, name: str, path: Path) -> int:
 def _phalp_person(
     name: str, entries: list[tuple[int, Any]], cuts: frozenset[int], path: Path
 ) -> PersonPoses:
+    entries = sorted(entries, key=itemgetter(0))
     poses = [_phalp_pose(smpl, f"body_pose of {name} in frame {n}", path) for n, smpl in entries]
     times = [time for time, _ in entries]
     betas = [smpl["betas"] for _, smpl in entries if "betas" in smpl]
     what = f"betas of {name}"
     known = finite_numbers(betas, what, path).reshape(len(betas), -1) if betas else None
-    return PersonPoses(
-        name=name,
-        local_rotmats=orthonormal(np.stack(poses), f"body_pose of {name}", path),
-        frame_numbers=frame_numbers(times, len(poses), f"times of {name}", path),
-        betas=mean_betas(known, what, path),
-        cuts=cuts,
-    )
+    rotmats = orthonormal(np.stack(poses), f"body_pose of {name}", path)
+    numbers = frame_numbers(times, len(poses), f"times of {name}", path)
+    return PersonPoses(name, rotmats, numbers, mean_betas(known, what, path), cuts)
 
 
 def _phalp_pose(smpl: Any, what: str, path: Path) -> np.ndarray:
@@ -169,9 +161,8 @@ def _phalp_pose(smpl: Any, what: str, path: Path) -> np.ndarray:
     found = smpl.get("body_pose") if isinstance(smpl, Mapping) else None
     pose = finite_numbers(found, what, path)
     if pose.shape != (N_LOCAL, 3, 3):
-        raise BadMotionFile(
-            f"{path}: {what} is {pose.shape}, not ({N_LOCAL}, 3, 3). Give PHALP's own output"
-        )
+        what = f"{what} is {pose.shape}, not ({N_LOCAL}, 3, 3)"
+        raise BadMotionFile(f"{path}: {what}. Give PHALP's own output")
     return pose
 
 
@@ -209,15 +200,13 @@ def _load_tensors(path: Path) -> Mapping[str, Any]:
             warnings.simplefilter("ignore", UserWarning)  # on odd pickle protocols; then it fails
             content = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
-        raise UnsafePickle(
-            f"{path}: wants something that is not tensors ({str(error).splitlines()[0][:200]})."
-            " Do not trust this file; get it from its maker"
-        ) from None
+        what = f"wants something that is not tensors ({str(error).splitlines()[0][:200]})"
+        remedy = "Do not trust this file; get it from its maker"
+        raise UnsafePickle(f"{path}: {what}. {remedy}") from None
     except _BROKEN as error:
-        raise BadMotionFile(
-            f"{path}: truncated, or not a file of torch.save"
-            f" ({type(error).__name__}: {str(error)[:200]}); get it again"
-        ) from None
+        fault = f"{type(error).__name__}: {str(error)[:200]}"
+        what = f"truncated, or not a file of torch.save ({fault})"
+        raise BadMotionFile(f"{path}: {what}; get it again") from None
     if not isinstance(content, Mapping):
         raise BadMotionFile(f"{path}: holds no dict. Give GVHMR's hmr4d_results.pt")
     return content

@@ -21,20 +21,12 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any, ClassVar
 
-from gmrdata.read.pickle_records import (
-    ADMITTED_IMPORTS,
-    JOBLIB_ARRAY,
-    Record,
-    array_that_follows,
-    plain,
-    record_of_call,
-)
+from gmrdata.read import pickle_records
 from gmrdata.values.errors import BrokenPickle, MissingInput, UnsafePickle
 
 MAX_UNPACKED_BYTES = 4 << 30
 """A file that unpacks to more is refused before it fills the memory."""
 _CHUNK_BYTES = 1 << 20
-
 _OPENERS: dict[bytes, Callable[[IO[bytes]], Any]] = {
     b"\x1f\x8b": lambda stream: gzip.GzipFile(fileobj=stream),
     b"BZh": bz2.BZ2File,
@@ -46,18 +38,14 @@ _ZLIB_FIRST = b"\x78"
 """No pickle begins so: there is no such opcode."""
 
 
-def unpacked_bytes(path: Path) -> bytes:
-    """Read a whole file, unpacking zlib, gzip, bz2, xz and lzma.
-
-    Raises:
-        BrokenPickle: it is truncated, or unpacks to more than `MAX_UNPACKED_BYTES`.
-    """
-    data = path.read_bytes()
+def _unpacked_bytes(path: Path, data: bytes) -> bytes:
+    """Unpack zlib, gzip, bz2, xz and lzma."""
     if data.startswith(_ZLIB_FIRST):
         return _unpacked(path, _zlib_chunks(data))
     for first, opener in _OPENERS.items():
         if data.startswith(first):
-            return _unpacked(path, _stream_chunks(opener(io.BytesIO(data))))
+            stream = opener(io.BytesIO(data))
+            return _unpacked(path, iter(partial(stream.read, _CHUNK_BYTES), b""))
     return data
 
 
@@ -73,44 +61,31 @@ def _zlib_chunks(data: bytes) -> Iterator[bytes]:
         raise EOFError("the compressed data ends in its middle")
 
 
-def _stream_chunks(stream: IO[bytes]) -> Iterator[bytes]:
-    while chunk := stream.read(_CHUNK_BYTES):
-        yield chunk
-
-
 def _unpacked(path: Path, chunks: Iterable[bytes]) -> bytes:
     found, size_bytes = [], 0
-    try:
-        for chunk in chunks:
-            found.append(chunk)
-            size_bytes += len(chunk)
-            if size_bytes > MAX_UNPACKED_BYTES:
-                raise BrokenPickle(
-                    f"{path}: unpacks to more than {MAX_UNPACKED_BYTES} bytes; no motion needs that"
-                )
-    except (zlib.error, lzma.LZMAError, EOFError, OSError) as error:
-        raise BrokenPickle(
-            f"{path}: truncated or not a pickle ({type(error).__name__}: {error}); get it again"
-        ) from None
+    for chunk in chunks:
+        found.append(chunk)
+        size_bytes += len(chunk)
+        if size_bytes > MAX_UNPACKED_BYTES:
+            what = f"unpacks to more than {MAX_UNPACKED_BYTES} bytes; no motion needs that"
+            raise BrokenPickle(f"{path}: {what}")
     return b"".join(found)
 
 
 _BROKEN = (
     pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
-    OverflowError, MemoryError, RecursionError, AssertionError, struct.error,
+    OverflowError, MemoryError, RecursionError, AssertionError, struct.error, zlib.error,
+    lzma.LZMAError, OSError,
 )  # fmt: skip
 
 
 def load_plain(path: Path) -> Any:
-    """Read a pickle of plain data, or a joblib file of it.
-
-    Args:
-        path: The file, as it is or compressed (zlib, gzip, bz2, xz, lzma).  Python 2's strings are
-            read as Latin-1.
+    """Read a pickle or joblib file of plain data, as it is or compressed, as in `_OPENERS`.
 
     Returns:
-        Nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Sparse
-        matrices come back as `scipy.sparse.csc_matrix` or `csr_matrix`, chumpy's arrays as numpy's.
+        Nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Python
+        2's strings are read as Latin-1, sparse matrices as `scipy.sparse.csc_matrix` or
+        `csr_matrix`, chumpy's arrays as numpy's.
 
     Raises:
         MissingInput: there is no such file.
@@ -120,16 +95,15 @@ def load_plain(path: Path) -> Any:
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
+    data = path.read_bytes()
     try:
-        return plain(_Interpreter(unpacked_bytes(path)).load())
+        return pickle_records.plain(_Interpreter(_unpacked_bytes(path, data)).load())
     except UnsafePickle as error:
-        raise UnsafePickle(
-            f"{path}: {error}. Do not trust this file; get it from its maker"
-        ) from None
+        remedy = "Do not trust this file; get it from its maker"
+        raise UnsafePickle(f"{path}: {error}. {remedy}") from None
     except _BROKEN as error:
-        raise BrokenPickle(
-            f"{path}: truncated or not a pickle ({type(error).__name__}: {error}); get it again"
-        ) from None
+        what = f"truncated or not a pickle ({type(error).__name__}: {error})"
+        raise BrokenPickle(f"{path}: {what}; get it again") from None
 
 
 @dataclass(frozen=True)
@@ -158,7 +132,7 @@ class _Interpreter(pickle._Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         full_name = f"{module}.{name}"
-        if full_name not in ADMITTED_IMPORTS:
+        if full_name not in pickle_records.ADMITTED_IMPORTS:
             raise UnsafePickle(f"wants to import {full_name!r}")
         return _Import(full_name)
 
@@ -173,10 +147,10 @@ class _Interpreter(pickle._Unpickler):
         self.stack[-1] = _record(self.stack[-1], arguments)
 
     def _call_with_keywords(self) -> None:
-        keywords, arguments = self.stack.pop(), self.stack.pop()
+        keywords = self.stack.pop()
         if keywords:
             raise UnsafePickle(f"wants to call with the keywords {sorted(map(str, keywords))}")
-        self.stack[-1] = _record(self.stack[-1], arguments)
+        self._call()
 
     def _old_instance(self) -> None:
         module, name = (self.readline()[:-1].decode("ascii") for _ in range(2))
@@ -187,17 +161,15 @@ class _Interpreter(pickle._Unpickler):
 
     def _set_state(self) -> None:
         state = self.stack.pop()
-        if not isinstance(self.stack[-1], Record) or self.stack[-1].state is not None:
-            raise UnsafePickle(f"wants to set attributes of a {type(self.stack[-1]).__name__}")
-        self.stack[-1].state = state
-        if self.stack[-1].kind == JOBLIB_ARRAY:
-            self.stack[-1] = self._array_that_follows(state)
-
-    def _array_that_follows(self, state: Any) -> Any:
-        """The array whose bytes stand behind this opcode, which is where a frame has ended."""
-        subclass = state.get("subclass") if isinstance(state, dict) else None
-        named = subclass.name if isinstance(subclass, _Import) else None
-        return array_that_follows(state, named, self._stream.read)
+        made = self.stack[-1]
+        if not isinstance(made, pickle_records.Record) or made.state is not None:
+            raise UnsafePickle(f"wants to set attributes of a {type(made).__name__}")
+        made.state = state
+        if made.kind == pickle_records.JOBLIB_ARRAY:
+            subclass = state.get("subclass") if isinstance(state, dict) else None
+            named = subclass.name if isinstance(subclass, _Import) else None
+            # The bytes stand behind this opcode, which is where a frame has ended.
+            self.stack[-1] = pickle_records.array_that_follows(state, named, self._stream.read)
 
     def _bytearray(self) -> None:
         (length,) = struct.unpack("<Q", self.read(8))
@@ -212,7 +184,7 @@ def _record(called: Any, arguments: Any) -> Any:
     if not isinstance(called, _Import) or not isinstance(arguments, tuple):
         raise UnsafePickle(f"wants to call a {type(called).__name__}")
     names = [a.name if isinstance(a, _Import) else a for a in arguments]
-    return record_of_call(called.name, tuple(names))
+    return pickle_records.record_of_call(called.name, tuple(names))
 
 
 _REPLACED: dict[bytes, Callable[[_Interpreter], None]] = {

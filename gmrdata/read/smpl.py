@@ -13,9 +13,7 @@ from gmrdata.values.errors import BadBodyFile, BrokenPickle
 
 N_SHAPE = 10
 """Shape coefficients that are kept of a model's 10 or 300; 3DPW has 10, and they come by size."""
-
 LICENCE = "SMPL model licence (smpl.is.tue.mpg.de): non-commercial research; not to be passed on"
-
 _KEYS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
 _GENDER = re.compile(r"(?:^|[^a-z])(neutral|female|male|[nfm])(?:[^a-z]|$)")
 _GENDER_NAMES = {"n": "neutral", "f": "female", "m": "male"}
@@ -27,27 +25,19 @@ def read_smpl(path: Path) -> BodyModel:
     The gender stands in the file's name only: "SMPL_NEUTRAL.pkl", "basicModel_f_lbs_10_207_0.pkl".
     The joint regressor is linear (eq. 10) and applied here, to the template and each direction.
 
-    Args:
-        path: The official `.pkl`, with or without chumpy's arrays, or an `.npz` of the same keys.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadBodyFile: truncated, another model (SMPL-H, SMPL-X, MANO), or no gender in its name.
-        UnsafePickle: the pickle wants to import something that is not plain data.
+    The file is the official `.pkl`, with or without chumpy's arrays, or an `.npz` of its keys.
     """
     arrays = _read_arrays(path)
-    if arrays["weights"].shape[-1:] != (N_JOINTS,):
-        raise BadBodyFile(
-            f"{path}: has {arrays['weights'].shape[-1:]} joints, SMPL has {N_JOINTS}; "
-            "SMPL-H, SMPL-X and MANO are other models"
-        )
+    n_joints = arrays["weights"].shape[-1:]
+    if n_joints != (N_JOINTS,):
+        what = f"has {n_joints} joints, SMPL has {N_JOINTS}; SMPL-H, SMPL-X and MANO are other"
+        raise BadBodyFile(f"{path}: {what} models")
     template_m, shape_dirs_m = arrays["v_template"], arrays["shapedirs"][..., :N_SHAPE]
     regressor = arrays["J_regressor"]
     if regressor.shape != (N_JOINTS, len(template_m)) or shape_dirs_m.ndim != 3:
-        raise BadBodyFile(
-            f"{path}: J_regressor {regressor.shape}, shapedirs {shape_dirs_m.shape} and v_template "
-            f"{template_m.shape} do not fit together; get the file again"
-        )
+        shapes = f"J_regressor {regressor.shape}, shapedirs {shape_dirs_m.shape} and v_template"
+        what = f"{shapes} {template_m.shape} do not fit together"
+        raise BadBodyFile(f"{path}: {what}; get the file again")
     body = BodyModel(
         name=f"smpl-{_gender(path)}",
         template_m=template_m,
@@ -60,24 +50,22 @@ def read_smpl(path: Path) -> BodyModel:
         licence=LICENCE,
     )
     check_body(path, body)
-    _check_tree(path, arrays["kintree_table"])
+    tree = arrays["kintree_table"]
+    # The root's parent is -1 stored as an unsigned number.
+    if tree.shape != (2, N_JOINTS) or tuple(tree[0, 1:].astype(int)) != PARENTS[1:]:
+        raise BadBodyFile(f"{path}: kintree_table is not SMPL's tree; get the file again")
     return body
 
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:
-    if path.suffix == ".npz":
-        content: Any = read_plain_npz(path)
-    else:
-        try:
-            content = load_plain(path)
-        except BrokenPickle as error:
-            raise BadBodyFile(str(error)) from None
+    try:
+        content = read_plain_npz(path) if path.suffix == ".npz" else load_plain(path)
+    except BrokenPickle as error:
+        raise BadBodyFile(str(error)) from None
     missing = [key for key in _KEYS if not isinstance(content, dict) or key not in content]
     if missing:
-        raise BadBodyFile(
-            f"{path}: not SMPL's model, it lacks {', '.join(missing)}; "
-            "get the model from https://smpl.is.tue.mpg.de"
-        )
+        what = f"not SMPL's model, it lacks {', '.join(missing)}"
+        raise BadBodyFile(f"{path}: {what}; get the model from https://smpl.is.tue.mpg.de")
     return {key: _dense(path, key, content[key]) for key in _KEYS}
 
 
@@ -99,12 +87,3 @@ def _gender(path: Path) -> str:
             f"{path.suffix}: the file does not say, and one gender's shape means nothing on another"
         )
     return _GENDER_NAMES.get(found[1], found[1])
-
-
-def _check_tree(path: Path, kintree_table: np.ndarray) -> None:
-    # The root's parent is -1 stored as an unsigned number.
-    if (
-        kintree_table.shape != (2, N_JOINTS)
-        or tuple(kintree_table[0, 1:].astype(int)) != PARENTS[1:]
-    ):
-        raise BadBodyFile(f"{path}: kintree_table is not SMPL's tree; get the file again")

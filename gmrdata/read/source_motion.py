@@ -24,9 +24,9 @@ class SourceMotion:
     """
 
     names: tuple[str, ...]
-    """(J,) joint names; a parent comes before its children."""
+    """(J,) a parent comes before its children."""
     parents: tuple[int, ...]
-    """(J,) index of each joint's parent, -1 for the root."""
+    """(J,) -1 for the root."""
     offsets_m: np.ndarray
     """(J, 3) joint position relative to its parent's in the zero pose [m]."""
     tips_m: np.ndarray
@@ -36,7 +36,6 @@ class SourceMotion:
     translations_m: np.ndarray
     """(T, J, 3) joint position in its parent's frame [m]; of the root: in the file's world."""
     fps_hz: float
-    """Frame rate [Hz]."""
     notes: tuple[str, ...]
     """What the reader decided (unit, rate, dropped frame), for the record."""
 
@@ -71,26 +70,17 @@ def recorded_rows(
     a recording that does start at rest the next frame is close to it, after the added pose comes a
     jump. Some CMU trials (09_10) hold rows of nothing but zeros before or after the recording.
 
-    Args:
-        table: (T, C) channels; angles in degrees.
-        rotation_columns: Per joint, root first, the columns of its angles.
-        cmu: Whether the file is CMU's, so that rows of zeros are rows without data.
-        drop_rest_frame: Whether row 0 is an added rest pose; None looks for itself.
-
-    Returns:
-        The rows to keep, and notes on those that were dropped.
-
-    Raises:
-        BadMotionFile: there are rows without data in the middle, or fewer than 2 recorded rows.
+    The table is (T, C), angles in degrees; `rotation_columns` are those of each joint, root first.
+    In CMU's files rows of zeros are rows without data.  With `drop_rest_frame` None it is looked
+    for whether row 0 is an added rest pose.
     """
     empty = ~table.any(axis=1) if cmu else np.zeros(len(table), dtype=bool)
     if drop_rest_frame is None:
         drop_rest_frame = _starts_with_rest_frame(table, rotation_columns, empty)
     filled = np.flatnonzero(~empty[1:]) + 1 if drop_rest_frame else np.flatnonzero(~empty)
     if len(filled) < 2:
-        raise BadMotionFile(
-            f"{path}: {len(filled)} recorded frames are no motion; it takes at least 2"
-        )
+        what = f"{len(filled)} recorded frames are no motion; it takes at least 2"
+        raise BadMotionFile(f"{path}: {what}")
     start, stop = int(filled[0]), int(filled[-1]) + 1
     if empty[start:stop].any():
         gap = start + int(np.argmax(empty[start:stop]))
@@ -115,10 +105,8 @@ def _starts_with_rest_frame(
 
 CMU_60_HZ_SUBJECTS = frozenset({33, 34, 42, 60, 61, 62, 74, 75, 77, 79, 80, 87, 88, 89, 136})
 """Subjects that CMU's index lists with 60 fps, whatever their files say; all others have 120."""
-
 CMU_TRIAL = re.compile(r"^(\d{2,3})_(\d{2})(?:_|$)")
 """CMU's file names: subject_trial; AMASS appends `_poses` or `_stageii`."""
-
 LOWEST_HZ, HIGHEST_HZ = 1.0, 1000.0
 
 
@@ -143,9 +131,6 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
 
     `.0083333` stands for everything from .00833325 to .00833335, and 120 Hz lies in there; so does
     29.97 Hz and no whole rate in .0333667.
-
-    Raises:
-        BadMotionFile: not a number, or no rate from 1 to 1000 Hz.
     """
     try:
         frame_time_s = float(text)
@@ -163,11 +148,7 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
 
 
 def check_rate_hz(fps_hz: float, path: Path) -> float:
-    """The rate as a float.
-
-    Raises:
-        BadMotionFile: no rate from 1 to 1000 Hz.
-    """
+    """The rate as a float."""
     if not LOWEST_HZ <= fps_hz <= HIGHEST_HZ:
         what = f"a frame rate of {fps_hz:g} Hz is not from {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
         raise BadMotionFile(f"{path}: {what}; give the true rate with fps_hz")

@@ -51,9 +51,8 @@ class SequenceImages:
     paths: tuple[Path, ...]
     """(N,) `image_{row:05d}.jpg`, there or not."""
     width_px: int
-    """Width of the images as stored [px]."""
+    """Of the images as stored, as is `height_px` [px]."""
     height_px: int
-    """Height of the images as stored [px]."""
     faults: tuple[str, ...]
     """(N,) why a row's image can't be used; empty where it can."""
     spare: int
@@ -65,11 +64,8 @@ class Sequence3DPW:
     """A sequence: row t of the arrays belongs to image t."""
 
     files: SequenceFiles
-    """Where it is."""
     arrays: SequenceArrays
-    """The content of the sequence file."""
     images: SequenceImages
-    """Its images."""
     problems: tuple[str, ...]
     """What is odd and doesn't keep the sequence from being used, for a person to read."""
 
@@ -85,10 +81,7 @@ class Sequence3DPW:
 
 
 def read_sequence(root: Path, name: str) -> Sequence3DPW:
-    """Read a sequence by a name like `courtyard_arguing_00` from whichever split it is in.
-
-    Args:
-        root: The folder that holds `imageFiles` and `sequenceFiles`.
+    """Read a sequence by its name, from whichever split of the dataset's folder it is in.
 
     Raises:
         MissingInput: the sequence, or its folder of images, is not there.
@@ -111,20 +104,17 @@ def read_found(files: SequenceFiles) -> Sequence3DPW:
 
 
 def _problems(files: SequenceFiles, arrays: SequenceArrays, images: SequenceImages) -> list[str]:
-    problems = []
-    if arrays.name != files.name:
-        problems.append(f"the file says that it is sequence {arrays.name[:100]!r}")
     bad_images = sum(fault != "" for fault in images.faults)
-    if bad_images:
-        problems.append(f"{bad_images} of {arrays.n_frames} images can't be used")
-    if images.spare:
-        problems.append(f"{images.spare} images beyond the last row")
-    if len(arrays.people) > 2:
-        problems.append(f"{len(arrays.people)} people, 3DPW has one or two")
-    for index, person in enumerate(arrays.people):
-        odd = _odd_60hz(person, arrays.img_frame_ids)
-        problems += [f"person {index}: {odd}"] if odd else []
-    return problems
+    n_people = len(arrays.people)
+    odd = [_odd_60hz(person, arrays.img_frame_ids) for person in arrays.people]
+    found = (
+        (arrays.name != files.name, f"the file says that it is sequence {arrays.name[:100]!r}"),
+        (bad_images, f"{bad_images} of {arrays.n_frames} images can't be used"),
+        (images.spare, f"{images.spare} images beyond the last row"),
+        (n_people > 2, f"{n_people} people, 3DPW has one or two"),
+        *((what, f"person {index}: {what}") for index, what in enumerate(odd)),
+    )
+    return [text for is_so, text in found if is_so]
 
 
 def _odd_60hz(person: Person, img_frame_ids: np.ndarray) -> str:
@@ -143,53 +133,39 @@ def _odd_60hz(person: Person, img_frame_ids: np.ndarray) -> str:
 
 
 def check_sequence_images(files: SequenceFiles, n_frames: int) -> SequenceImages:
-    """Look at the image of each row: there, whole, of one size, and inside the dataset's folder.
-
-    Raises:
-        MissingInput: there is no folder of images.
-        BadSequence: the folder is a link out of the dataset.
-        BadFrames: not one image can be used.
-    """
+    """Look at the image of each row: there, whole, of one size, and inside the dataset's folder."""
     if not files.image_dir.is_dir():
-        raise MissingInput(
-            f"{files.image_dir}: no such folder; unpack 3DPW's imageFiles.zip so that it is there"
-        )
+        remedy = "unpack 3DPW's imageFiles.zip so that it is there"
+        raise MissingInput(f"{files.image_dir}: no such folder; {remedy}")
     require_inside(files.root, files.image_dir)
     paths = [files.image_path(row) for row in range(n_frames)]
     looked_at = [_look_at(files, path) for path in paths]
     sizes = Counter(size for size, _ in looked_at if size is not None)
     if not sizes:
         raise BadFrames(f"{files.image_dir}: not one image can be used: {looked_at[0][1]}")
-    width_px, height_px = sizes.most_common(1)[0][0]
-    return SequenceImages(
-        paths=tuple(paths),
-        width_px=width_px,
-        height_px=height_px,
-        faults=tuple(_fault(size, fault, (width_px, height_px)) for size, fault in looked_at),
-        spare=_count_spare(files.image_dir, n_frames),
+    most = sizes.most_common(1)[0][0]
+    others = f"others have {most[0]}x{most[1]} px"
+    faults = tuple(
+        f"image of {size[0]}x{size[1]} px, {others}" if size and size != most else fault
+        for size, fault in looked_at
     )
+    numbers = [number_in_name(path.name) for path in files.image_dir.glob("image_*.jpg")]
+    spare = sum(number is not None and number >= n_frames for number in numbers)
+    return SequenceImages(tuple(paths), *most, faults, spare)
 
 
 def check_intrinsics(path: Path, intrinsics_px: np.ndarray, width_px: int, height_px: int) -> None:
-    """Check that K is that of the images: 3DPW has portrait and landscape sequences.
-
-    Raises:
-        BadSequence: the principal point is that of the other orientation, or far from the middle.
-    """
+    """Check that K is that of the images: 3DPW has portrait and landscape sequences."""
     centre_px = intrinsics_px[:2, 2]
     if _is_middle(centre_px, (width_px, height_px)):
         return
-    found = (
-        f"{path}: cam_intrinsics has its principal point at ({centre_px[0]:g}, {centre_px[1]:g}) "
-        f"px, the images are {width_px}x{height_px} px"
-    )
+    why = "it is that of other images; use the images at 3DPW's own size, uncropped"
     if _is_middle(centre_px, (height_px, width_px)):
-        raise BadSequence(
-            f"{found}: it is that of the other orientation; a tool has turned the images, unpack "
-            "imageFiles again"
-        )
+        why = "it is that of the other orientation; a tool has turned the images, unpack imageFiles"
+        why += " again"
     raise BadSequence(
-        f"{found}: it is that of other images; use the images at 3DPW's own size, uncropped"
+        f"{path}: cam_intrinsics has its principal point at ({centre_px[0]:g}, {centre_px[1]:g}) "
+        f"px, the images are {width_px}x{height_px} px: {why}"
     )
 
 
@@ -214,23 +190,8 @@ def _look_at(files: SequenceFiles, path: Path) -> tuple[tuple[int, int] | None, 
         return None, f"{path.name} is {what}"
 
 
-def _fault(size: tuple[int, int] | None, fault: str, expected: tuple[int, int]) -> str:
-    if size is None or size == expected:
-        return fault
-    return f"image of {size[0]}x{size[1]} px, others have {expected[0]}x{expected[1]} px"
-
-
-def _count_spare(image_dir: Path, n_frames: int) -> int:
-    numbers = [number_in_name(path.name) for path in image_dir.glob("image_*.jpg")]
-    return sum(number is not None and number >= n_frames for number in numbers)
-
-
 def frames_by_rule(person: Person, rule: ValidRule) -> np.ndarray:
-    """The frames that a rule keeps: (N,) bool.
-
-    Raises:
-        BadRecipe: there is no such rule.
-    """
+    """The frames that a rule keeps: (N,) bool."""
     confidence = person.poses2d_px[:, :, 2]
     confident = (confidence > CONFIDENT).sum(axis=1)
     match rule:
@@ -244,9 +205,8 @@ def frames_by_rule(person: Person, rule: ValidRule) -> np.ndarray:
             return np.asarray(confident > 6)
         case "slahmr":
             return person.campose_valid & (confidence > 0).any(axis=1)
-    raise BadRecipe(
-        f"no rule {rule!r} for valid frames; there are {', '.join(get_args(ValidRule))}"
-    )
+    rules = ", ".join(get_args(ValidRule))
+    raise BadRecipe(f"no rule {rule!r} for valid frames; there are {rules}")
 
 
 def unusable_reasons(
@@ -254,16 +214,17 @@ def unusable_reasons(
 ) -> list[str]:
     """Why each frame of a person can't be used: (N,) texts, empty where it can.
 
-    Beyond the rule, a frame needs an image, finite numbers, a rigid camera and a body in front of
-    it.
+    Beyond the rule, a frame needs an image, finite numbers, a rigid camera, a body in front of it.
     """
-    arrays = sequence.arrays
-    person = arrays.people[person_index]
+    person, cam_from_world = sequence.arrays.people[person_index], sequence.arrays.cam_from_world
+    with np.errstate(all="ignore"):
+        depth_m = np.einsum("nj,nj->n", cam_from_world[:, 2, :3], person.trans_m)
+        in_front = depth_m + cam_from_world[:, 2, 3] > 0
     tests = (
-        (usable_rows(arrays.cam_from_world), "cam_poses is not finite"),
-        (rigid_rows(arrays.cam_from_world), "cam_poses is no rigid transform"),
+        (usable_rows(cam_from_world), "cam_poses is not finite"),
+        (rigid_rows(cam_from_world), "cam_poses is no rigid transform"),
         (usable_rows(person.poses_rad, person.trans_m), "poses or trans is not finite"),
-        (_in_front(arrays.cam_from_world, person), "the body is behind the camera"),
+        (in_front, "the body is behind the camera"),
         (frames_by_rule(person, rule), _RULE_REASONS[rule]),
     )
     return first_reasons(sequence.images.faults, tests)
@@ -272,9 +233,3 @@ def unusable_reasons(
 def dropped_ranges(reasons: list[str]) -> list[tuple[int, int, str]]:
     """Runs of frames that share a reason, as (start, stop, reason); stop is one past the last."""
     return [run for run in text_runs(reasons) if run[2]]
-
-
-def _in_front(cam_from_world: np.ndarray, person: Person) -> np.ndarray:
-    with np.errstate(all="ignore"):
-        depth_m = np.einsum("nj,nj->n", cam_from_world[:, 2, :3], person.trans_m)
-        return np.asarray(depth_m + cam_from_world[:, 2, 3] > 0)

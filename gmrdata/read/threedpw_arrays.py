@@ -86,7 +86,7 @@ class SequenceArrays:
     @property
     def n_frames(self) -> int:
         """Number of frames N."""
-        return int(self.cam_from_world.shape[0])
+        return len(self.cam_from_world)
 
 
 LARGEST_FILE_BYTES = 1 << 29
@@ -95,20 +95,11 @@ SMPL_SHAPES = 10
 
 
 def read_sequence_file(path: Path) -> SequenceArrays:
-    """Read one `sequenceFiles/<split>/<sequence>.pkl`, without its images.
+    """Read one `sequenceFiles/<split>/<sequence>.pkl` (protocol 2, Latin-1), without its images.
 
     Layout after 3DPW's readme; where files differ from it, both are read: `genders` or `gender`,
     `poses2d` or `poses2D`, (N, 3, 18) or (N, 18, 3).  NaN in poses and cameras is kept: see
     `gmrdata.read.threedpw` for which frames can be used.
-
-    Args:
-        path: The file, a pickle of Python 2 (protocol 2, Latin-1).
-
-    Raises:
-        MissingInput: there is no such file.
-        UnsafePickle: the pickle wants to call something; the message names it, nothing was run.
-        BrokenPickle: truncated, or no pickle.
-        BadSequence: a key is missing, or an array's type, shape or length doesn't fit the others.
     """
     check_file(path, LARGEST_FILE_BYTES, "3DPW")
     content = load_plain(path)
@@ -138,9 +129,8 @@ def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -
     def one(*keys: str) -> Any:
         values = value_of(content, *keys)
         if not isinstance(values, list | tuple) or len(values) != n_people:
-            raise WrongContent(
-                f"{keys[0]} is {kind_of(values)}, expected a list for {n_people} people, as poses"
-            )
+            expected = f"expected a list for {n_people} people, as poses"
+            raise WrongContent(f"{keys[0]} is {kind_of(values)}, {expected}")
         return values[index]
 
     def floats(key: str, *shape: int | None) -> np.ndarray:
@@ -153,16 +143,21 @@ def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -
     joints_m = optional("jointPositions", n_frames, 72)
     betas = floats("betas", None)
     if len(betas) < SMPL_SHAPES or not np.isfinite(betas).all():
-        raise WrongContent(
-            f"betas[{index}] has {len(betas)} values, expected {SMPL_SHAPES} finite ones"
-        )
+        expected = f"expected {SMPL_SHAPES} finite ones"
+        raise WrongContent(f"betas[{index}] has {len(betas)} values, {expected}")
+    gender = text_of(one("genders", "gender"), f"genders[{index}]").lower()
+    if gender not in GENDERS | {name: name for name in GENDERS.values()}:
+        raise WrongContent(f"genders[{index}] is {gender[:20]!r}, expected 'm' or 'f'")
+    keypoints = one("poses2d", "poses2D")  # (N, 3, 18) in the files, (N, 18, 3) in the readme
+    if isinstance(keypoints, np.ndarray) and keypoints.shape[1:] == (3, N_KEYPOINTS):
+        keypoints = keypoints.transpose(0, 2, 1)
     return Person(
         poses_rad=floats("poses", n_frames, 72),
         trans_m=floats("trans", n_frames, 3),
         betas=betas,
-        gender=_gender(one("genders", "gender"), f"genders[{index}]"),
+        gender=GENDERS.get(gender, gender),
         campose_valid=valid != 0,
-        poses2d_px=_keypoints(one("poses2d", "poses2D"), f"poses2d[{index}]", n_frames),
+        poses2d_px=_floats(keypoints, f"poses2d[{index}]", (n_frames, N_KEYPOINTS, 3)).copy("C"),
         poses_60hz_rad=optional("poses_60Hz", None, 72),
         trans_60hz_m=optional("trans_60Hz", None, 3),
         joints_world_m=None if joints_m is None else joints_m.reshape(n_frames, 24, 3),
@@ -173,17 +168,3 @@ def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -
 
 def _floats(value: Any, what: str, shape: tuple[int | None, ...]) -> np.ndarray:
     return array_of(value, what, shape, "fiu").astype(np.float64)
-
-
-def _keypoints(value: Any, what: str, n_frames: int) -> np.ndarray:
-    """`poses2d` as (N, 18, 3), from the files' (N, 3, 18) or the readme's (N, 18, 3)."""
-    if isinstance(value, np.ndarray) and value.shape[1:] == (3, N_KEYPOINTS):
-        value = value.transpose(0, 2, 1)
-    return np.ascontiguousarray(_floats(value, what, (n_frames, N_KEYPOINTS, 3)))
-
-
-def _gender(value: Any, what: str) -> str:
-    gender = text_of(value, what).lower()
-    if gender not in GENDERS | {name: name for name in GENDERS.values()}:
-        raise WrongContent(f"{what} is {gender[:20]!r}, expected 'm' or 'f'")
-    return GENDERS.get(gender, gender)

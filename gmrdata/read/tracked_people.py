@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -39,27 +40,20 @@ class PersonPoses:
 
 
 def person_name(key: Any, path: Path) -> str:
-    """Name of a person that a file knows by a number or a word.
-
-    Raises:
-        BadMotionFile: it is neither.
-    """
+    """Name of a person that a file knows by a number or a word."""
     number = whole_number(key)
     if number is not None:
         return f"person_{number}"
     if isinstance(key, str) and _PERSON.fullmatch(key):
         return key
-    raise BadMotionFile(
-        f"{path}: a person is called {shown(key)}; give people numbers or plain words"
-    )
+    what = f"a person is called {shown(key)}; give people numbers or plain words"
+    raise BadMotionFile(f"{path}: {what}")
 
 
 def whole_number(value: Any) -> int | None:
     """A whole number of a reasonable size, else None."""
-    if not isinstance(value, int | np.integer):
-        return None
-    number = int(value)
-    return number if abs(number) < LARGEST_NUMBER else None
+    is_whole = isinstance(value, int | np.integer) and abs(int(value)) < LARGEST_NUMBER
+    return int(value) if is_whole else None
 
 
 def shown(key: Any) -> str:
@@ -68,37 +62,24 @@ def shown(key: Any) -> str:
 
 
 def rotmats_of_rotvecs(rotvecs: np.ndarray, n_joints: int, what: str, path: Path) -> np.ndarray:
-    """Local rotations of the tree from axis-angle arrays.
+    """Local rotations (T, 23, 3, 3) of the tree from axis-angle (T, 3 * n_joints) [rad].
 
-    Args:
-        rotvecs: (T, 3 * n_joints) finite [rad].
-        n_joints: 24 for SMPL with its root, 21 for SMPL-X's body joints without root and hands.
-
-    Returns:
-        (T, 23, 3, 3); the two hand joints are the identity where the file has none.
-
-    Raises:
-        BadMotionFile: another number of joints.
+    `n_joints` is 24 for SMPL with its root, and 21 for SMPL-X's body joints without root and hands;
+    the two hand joints are the identity then.
     """
     if rotvecs.ndim != 2 or rotvecs.shape[1] != 3 * n_joints or not len(rotvecs):
         raise BadMotionFile(
             f"{path}: {what} is {rotvecs.shape}, not (T, {3 * n_joints}): {n_joints} joints as"
             " axis-angle. Give the estimator's own output"
         )
-    rotmats = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix()
-    rotmats = rotmats.reshape(len(rotvecs), n_joints, 3, 3)
-    body = rotmats[:, 1:] if n_joints == N_LOCAL + 1 else rotmats
-    local = np.tile(np.eye(3), (len(rotvecs), N_LOCAL, 1, 1))
-    local[:, : body.shape[1]] = body
-    return local
+    local = np.zeros((len(rotvecs), N_LOCAL, 3))
+    has_root = n_joints == N_LOCAL + 1
+    local[:, : n_joints - has_root] = rotvecs.reshape(-1, n_joints, 3)[:, int(has_root) :]
+    return Rotation.from_rotvec(local.reshape(-1, 3)).as_matrix().reshape(-1, N_LOCAL, 3, 3)
 
 
 def orthonormal(rotmats: np.ndarray, what: str, path: Path) -> np.ndarray:
-    """The rotations nearest to float32 matrices (..., 3, 3).
-
-    Raises:
-        BadMotionFile: they are no rotations.
-    """
+    """The rotations nearest to float32 matrices (..., 3, 3)."""
     skew = np.abs(rotmats @ np.swapaxes(rotmats, -1, -2) - np.eye(3)).max()
     if skew > LARGEST_SKEW or (np.linalg.det(rotmats) < 0).any():
         raise BadMotionFile(f"{path}: {what} holds matrices that are no rotations; make it again")
@@ -107,16 +88,11 @@ def orthonormal(rotmats: np.ndarray, what: str, path: Path) -> np.ndarray:
 
 
 def frame_numbers(value: Any, n_frames: int, what: str, path: Path) -> np.ndarray:
-    """Checked video frames of the rows: (T,) int, rising.
-
-    Raises:
-        BadMotionFile: as many as there are rows are not there, or they do not rise.
-    """
+    """Checked video frames of the rows: (T,) int, rising."""
     found = finite_numbers(value, what, path)
     if found.shape != (n_frames,):
-        raise BadMotionFile(
-            f"{path}: {what} is {found.shape} for {n_frames} poses; make the file again"
-        )
+        fault = f"{what} is {found.shape} for {n_frames} poses"
+        raise BadMotionFile(f"{path}: {fault}; make the file again")
     whole = np.array_equal(found, np.round(found)) and np.abs(found).max() < LARGEST_NUMBER
     if not whole or (np.diff(found) <= 0).any():
         raise BadMotionFile(f"{path}: {what} are not rising frame numbers; make the file again")
@@ -124,11 +100,7 @@ def frame_numbers(value: Any, n_frames: int, what: str, path: Path) -> np.ndarra
 
 
 def mean_betas(value: Any, what: str, path: Path) -> np.ndarray | None:
-    """One shape for all frames: (T, S) or (S,) -> (S,), or None where the file has none.
-
-    Raises:
-        BadMotionFile: not finite numbers of that form.
-    """
+    """One shape for all frames: (T, S) or (S,) -> (S,), or None where the file has none."""
     if value is None:
         return None
     betas = finite_numbers(value, what, path)
@@ -142,14 +114,13 @@ def runs_of(
 ) -> list[Clip]:
     """A person's unbroken runs as clips: where frames are missing or a shot ends, one ends.
 
+    The clips have no camera, the identity as root and the pelvis at 0, since the file's do not
+    matter; `image_numbers` are the video's frames.
+
     Args:
         body: The body that stands for the person; the file's shape is taken where it is of it.
         bridge_frames: Gaps of so many frames or fewer are filled instead, by slerp of each joint;
             never over the beginning of a shot.  Filled frames are not valid.
-
-    Returns:
-        Clips without camera.  Their root is the identity and their pelvis 0, since the file's do
-        not matter; `image_numbers` are the video's frames.
     """
     numbers = person.frame_numbers
     begins = np.diff(numbers, prepend=numbers[0]) > 1 + bridge_frames
@@ -159,7 +130,7 @@ def runs_of(
     starts = np.flatnonzero(begins)
     shape = _shape_on(body, person.betas)
     clips = []
-    for start, stop in zip(starts, [*starts[1:], len(begins)], strict=True):
+    for start, stop in pairwise([*starts, len(begins)]):
         local_rotmats, valid = _filled(person.local_rotmats[start:stop], numbers[start:stop])
         first, last, n = int(numbers[start]), int(numbers[stop - 1]), len(valid)
         filled = f", {n - valid.sum()} missing frames filled" if not valid.all() else ""
@@ -197,6 +168,6 @@ def _shape_on(body: BodyModel, betas: np.ndarray | None) -> np.ndarray:
     """(S,) SMPL's neutral betas on SMPL's neutral body; the mean shape of all others."""
     shape = np.zeros(body.n_shape)
     if betas is not None and body.name == "smpl-neutral":
-        n_common = min(len(shape), len(betas))
-        shape[:n_common] = betas[:n_common]
+        kept = betas[: len(shape)]
+        shape[: len(kept)] = kept
     return shape

@@ -17,7 +17,6 @@ class VideoConfig(Config):
     """How frames are written."""
 
     jpeg_quality: int = Field(default=95, ge=1, le=100)
-    """Quality of the JPEG files."""
 
 
 def is_video(path: Path) -> bool:
@@ -30,12 +29,6 @@ def extract_video(
 ) -> Path:
     """Stage: write a video's frames as `00000.jpg`, ...; the number is the frame's in the video.
 
-    Args:
-        config: How they are written; None for the defaults.
-
-    Returns:
-        The folder of the frames.
-
     Raises:
         MissingInput: there is no such file.
         BadFrames: it can't be decoded, or has fewer than two frames.
@@ -47,10 +40,9 @@ def extract_video(
     def work(partial_dir: Path) -> None:
         n_written = _write_frames(path, partial_dir, config.jpeg_quality)
         if n_written < 2:
-            raise BadFrames(
-                f"{path}: {n_written} frames could be read, but a motion needs at least 2. "
-                "Give a longer video, or one in a common format (H.264 in .mp4)"
-            )
+            what = f"{n_written} frames could be read, but a motion needs at least 2"
+            remedy = "Give a longer video, or one in a common format (H.264 in .mp4)"
+            raise BadFrames(f"{path}: {what}. {remedy}")
 
     return run_stage("frames", out_dir, config, {"video": path}, work, run=run)
 
@@ -60,13 +52,8 @@ def _write_frames(path: Path, folder: Path, jpeg_quality: int) -> int:
 
     video = cv2.VideoCapture(str(path))
     n_written = 0
-    try:
-        while True:
-            decoded, image = video.read()
-            if not decoded:
-                return n_written
-            with atomic_path(folder / f"{n_written:05d}.jpg") as temporary:
-                cv2.imwrite(str(temporary), image, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
-            n_written += 1
-    finally:
-        video.release()
+    while (image := video.read()[1]) is not None:
+        with atomic_path(folder / f"{n_written:05d}.jpg") as temporary:
+            cv2.imwrite(str(temporary), image, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+        n_written += 1
+    return n_written

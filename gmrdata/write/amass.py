@@ -18,13 +18,10 @@ def write_amass(path: Path, motion: Motion, body: BodyModel) -> None:
 
     SMPL's two hand joints become the first index joints, as `gmrdata.motion.amass` reads them; all
     other fingers are straight.  `trans` is the pelvis less J0 of the body.  `betas` are the
-    motion's on SMPL's bodies; on any other they would mean something else, and are zero.
-
-    Args:
-        motion: In a z-up world.
+    motion's on SMPL's bodies; on any other they would mean something else, and are zero.  The world
+    is z-up.
     """
-    rotmats = motion.rotmats
-    rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
+    rotvecs = Rotation.from_matrix(motion.rotmats.reshape(-1, 3, 3)).as_rotvec()
     rotvecs = rotvecs.reshape(motion.n_frames, -1, 3)
     poses = np.zeros((motion.n_frames, SMPLH_VALUES // 3, 3))
     poses[:, :22] = rotvecs[:, :22]

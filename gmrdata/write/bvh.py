@@ -19,11 +19,7 @@ _CHILDREN = [[c for c, parent in enumerate(PARENTS) if parent == j] for j in ran
 
 
 def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
-    """Write a motion with the skeleton of its body and shape.
-
-    Args:
-        motion: In a z-up world; in the file y is up and z is what was -y.
-    """
+    """Write a z-up motion with its body's skeleton; in the file y is up and z is what was -y."""
     rest_joints_m = body.rest_joints_m(motion.shape)
     tips_m = _tips_m(body, motion.shape, rest_joints_m)
     order = _depth_first(0)
@@ -34,13 +30,8 @@ def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
         warnings.simplefilter("ignore", UserWarning)
         turned = Rotation.from_matrix(rotmats[:, order].reshape(-1, 3, 3))
         angles_deg = turned.as_euler(ORDER, degrees=True)
-    rows = np.concatenate(
-        [
-            motion.pelvis_m @ WORLD_FROM_REST * CENTIMETRES,
-            angles_deg.reshape(motion.n_frames, -1),
-        ],
-        axis=1,
-    )
+    pelvis_cm = motion.pelvis_m @ WORLD_FROM_REST * CENTIMETRES
+    rows = np.concatenate([pelvis_cm, angles_deg.reshape(motion.n_frames, -1)], axis=1)
     lines = [
         "HIERARCHY",
         *_joint_lines(0, 0, rest_joints_m, tips_m),

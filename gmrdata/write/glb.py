@@ -22,16 +22,15 @@ _TYPES = {(): gltf.SCALAR, (3,): gltf.VEC3, (4,): gltf.VEC4, (16,): gltf.MAT4}
 
 
 def write_glb(path: Path, motion: Motion, body: BodyModel) -> None:
-    """Write the body with its motion.
-
-    Args:
-        motion: In a z-up world.
-    """
+    """Write the body with its motion in a z-up world."""
+    surface = gltf.PbrMetallicRoughness(
+        baseColorFactor=list(SKIN_COLOUR), metallicFactor=0.0, roughnessFactor=0.9
+    )
     document = gltf.GLTF2(
         asset=gltf.Asset(generator="gmrdata", extras={"source": motion.source}),
         scene=0,
         scenes=[gltf.Scene(nodes=[len(PARENTS), len(PARENTS) + 1])],
-        materials=[_material()],
+        materials=[gltf.Material(pbrMetallicRoughness=surface)],
         buffers=[gltf.Buffer(byteLength=0)],
     )
     document.set_binary_blob(b"")
@@ -42,13 +41,9 @@ def write_glb(path: Path, motion: Motion, body: BodyModel) -> None:
     inverse_bind = np.tile(np.eye(4), (len(PARENTS), 1, 1))
     inverse_bind[:, :3, 3] = -rest_joints_m
     columns = inverse_bind.swapaxes(1, 2).reshape(-1, 16)  # matrices stand column by column
-    document.skins = [
-        gltf.Skin(
-            joints=list(range(len(PARENTS))),
-            inverseBindMatrices=_add(document, columns, gltf.FLOAT),
-            skeleton=0,
-        )
-    ]
+    bind = _add(document, columns, gltf.FLOAT)
+    joints = list(range(len(PARENTS)))
+    document.skins = [gltf.Skin(joints=joints, inverseBindMatrices=bind, skeleton=0)]
     document.animations = [_animation(document, quaternions, motion)]
     document.buffers[0].byteLength = len(document.binary_blob())
     with atomic_path(path) as temporary:
@@ -84,13 +79,6 @@ def _quaternions(motion: Motion) -> np.ndarray:
     return found
 
 
-def _material() -> gltf.Material:
-    surface = gltf.PbrMetallicRoughness(
-        baseColorFactor=list(SKIN_COLOUR), metallicFactor=0.0, roughnessFactor=0.9
-    )
-    return gltf.Material(pbrMetallicRoughness=surface)
-
-
 def _mesh(document: gltf.GLTF2, body: BodyModel, shape: np.ndarray) -> gltf.Mesh:
     import trimesh
 
@@ -116,14 +104,10 @@ def _nodes(
     nodes = []
     for joint, parent in enumerate(PARENTS):
         place_m = pelvis_m[0] if parent < 0 else rest_joints_m[joint] - rest_joints_m[parent]
-        nodes.append(
-            gltf.Node(
-                name=JOINT_NAMES[joint],
-                translation=place_m.tolist(),
-                rotation=quaternions[0, joint].tolist(),
-                children=[child for child, p in enumerate(PARENTS) if p == joint],
-            )
-        )
+        node = gltf.Node(name=JOINT_NAMES[joint], translation=place_m.tolist())
+        node.rotation = quaternions[0, joint].tolist()
+        node.children = [child for child, p in enumerate(PARENTS) if p == joint]
+        nodes.append(node)
     y_up_from_z_up = Rotation.from_matrix(WORLD_FROM_REST.T).as_quat().tolist()
     nodes.append(gltf.Node(name="z_up_world", rotation=y_up_from_z_up, children=[0]))
     return [*nodes, gltf.Node(name="body", mesh=0, skin=0)]

@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.threedpw_arrays import GENDERS, Person, SequenceArrays
+from gmrdata.read.threedpw_arrays import GENDERS, SequenceArrays
 from gmrdata.read.threedpw_layout import SPLITS, SequenceFiles, require_name
 from gmrdata.values.errors import BadSequence
 from gmrdata.values.files import atomic_path
 
 _ARRAY_TYPES = {"f8": "<", "f4": "<", "i8": "<", "u2": "<", "u1": "|", "b1": "|"}
 """Byte order of each element type that is written."""
-_LARGEST_LENGTH = (1 << 31) - 1
 _NO_FIELDS = b"NNN" + b"J\xff\xff\xff\xff" * 2 + b"K\x00"
 LETTERS = {name: letter for letter, name in GENDERS.items()}
 LARGEST_ID = (1 << 16) - 1
@@ -44,10 +43,6 @@ def write_sequence_file(path: Path, arrays: SequenceArrays) -> None:
 
     `read_sequence_file` gives back the same arrays, bit for bit.  Optional arrays that no person
     has are left out.  `texture_maps` is empty, as it is in 3DPW's own files.
-
-    Raises:
-        BadSequence: the name is no plain name, an id is no uint16, or only some of the people have
-            an optional array.
     """
     require_name(arrays.name)
     content = python2_pickle(_content(arrays))
@@ -58,16 +53,18 @@ def write_sequence_file(path: Path, arrays: SequenceArrays) -> None:
 def _content(arrays: SequenceArrays) -> dict[str, object]:
     people, ids = arrays.people, arrays.img_frame_ids
     if len(ids) and not (ids.min() >= 0 and ids.max() <= LARGEST_ID):
-        raise BadSequence(
-            f"{arrays.name}: img_frame_ids goes to {ids.max()}, 3DPW's uint16 to {LARGEST_ID}; "
-            "cut the sequence into shorter ones"
-        )
+        what = f"img_frame_ids goes to {ids.max()}, 3DPW's uint16 to {LARGEST_ID}"
+        raise BadSequence(f"{arrays.name}: {what}; cut the sequence into shorter ones")
+    for person in people:
+        if person.gender not in LETTERS:
+            what = f"gender {person.gender!r} has no letter; say female or male"
+            raise BadSequence(f"{arrays.name}: {what}")
     content: dict[str, object] = {
         "sequence": arrays.name,
         "betas": [person.betas for person in people],
         "poses": [person.poses_rad for person in people],
         "trans": [person.trans_m for person in people],
-        "genders": [_letter(arrays.name, person) for person in people],
+        "genders": [LETTERS[person.gender] for person in people],
         "texture_maps": [],
         "poses2d": [person.poses2d_px.transpose(0, 2, 1) for person in people],
         "img_frame_ids": ids.astype(np.uint16),
@@ -84,28 +81,15 @@ def _content(arrays: SequenceArrays) -> dict[str, object]:
         "jointPositions": [None if m is None else m.reshape(len(m), 72) for m in joints_m],
     }
     for key, values in optional.items():
-        given = [value is not None for value in values]
-        if any(given) and not all(given):
+        n_given = sum(value is not None for value in values)
+        if 0 < n_given < len(people):
             raise BadSequence(f"{arrays.name}: only some people have {key}; give all or none")
-        if any(given):
-            content[key] = values
+        content |= {key: values} if n_given else {}
     return content
 
 
-def _letter(name: str, person: Person) -> str:
-    if person.gender not in LETTERS:
-        raise BadSequence(f"{name}: gender {person.gender!r} has no letter; say female or male")
-    return LETTERS[person.gender]
-
-
 def python2_pickle(value: Any) -> bytes:
-    """Pickle nested dictionaries, lists, Latin-1 strings, integers and plain arrays.
-
-    Arrays may be of float64, float32, int64, uint16, uint8 or bool.
-
-    Raises:
-        ValueError: something else is in it.
-    """
+    """Pickle nested dicts, lists, Latin-1 strings, integers, and arrays of `_ARRAY_TYPES`."""
     return b"\x80\x02" + _value(value) + b"."
 
 
@@ -144,11 +128,10 @@ def _array(array: np.ndarray) -> bytes:
 
 def _string(data: bytes) -> bytes:
     """A str of Python 2: bytes, whatever they mean."""
-    if len(data) < 256:
-        return b"U" + bytes([len(data)]) + data
-    if len(data) > _LARGEST_LENGTH:
+    if len(data) >= 1 << 31:
         raise ValueError(f"{len(data)} bytes are more than protocol 2 can hold in one string")
-    return b"T" + struct.pack("<i", len(data)) + data
+    head = b"U" + bytes([len(data)]) if len(data) < 256 else b"T" + struct.pack("<i", len(data))
+    return head + data
 
 
 def _integer(value: int) -> bytes:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gmrdata.read.frames import decoded
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import atomic_path
 
@@ -15,15 +16,11 @@ LARGEST_FPS_DENOMINATOR = 1001
 
 
 def write_video(frames: Iterable[np.ndarray], path: Path, fps_hz: float, *, crf: int = CRF) -> int:
-    """Write frames to an mp4 as a whole or not at all; gives their number.
+    """Write frames, (H, W, 3) uint8 of one size, red first, to an mp4; gives their number.
 
-    An odd width or height is made even by repeating the last column or row, because the pixel
-    format (yuv420p, the one that players agree on) halves the colours' size.
-
-    Args:
-        frames: (H, W, 3) uint8 pictures of one size, red first.
-        path: The file; its name ends in .mp4.
-        crf: libx264's quality, 0 (lossless) to 51.
+    It is written as a whole or not at all.  An odd width or height is made even by repeating the
+    last column or row, because the pixel format (yuv420p, the one that players agree on) halves the
+    colours' size.  `crf` is libx264's quality, 0 (lossless) to 51.
 
     Raises:
         BadFrames: no frames, other shapes or types, different sizes, or no usable frame rate.
@@ -57,12 +54,12 @@ def write_video(frames: Iterable[np.ndarray], path: Path, fps_hz: float, *, crf:
 
 
 def write_video_of(images: list[Path], path: Path, fps_hz: float) -> int:
-    """The same from image files, in the given order.
+    """The same from image files, in the given order."""
+    import cv2
 
-    Raises:
-        BadFrames: a file can't be read, or as `write_video`.
-    """
-    return write_video((_read(image) for image in images), path, fps_hz)
+    fault = "missing or not an image; make this file again"
+    pictures = (decoded(image, cv2.IMREAD_COLOR, fault)[..., ::-1] for image in images)
+    return write_video(pictures, path, fps_hz)
 
 
 def _even(path: Path, frame: np.ndarray, size: tuple[int, ...] | None) -> np.ndarray:
@@ -72,12 +69,3 @@ def _even(path: Path, frame: np.ndarray, size: tuple[int, ...] | None) -> np.nda
         raise BadFrames(f"{path}: a frame is {frame.shape}, the ones before are {size}")
     height, width = frame.shape[:2]
     return np.ascontiguousarray(np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), "edge"))
-
-
-def _read(image: Path) -> np.ndarray:
-    import cv2
-
-    picture = cv2.imread(str(image), cv2.IMREAD_COLOR) if image.is_file() else None
-    if picture is None:
-        raise BadFrames(f"{image}: missing or not an image; make this file again")
-    return np.asarray(picture)[..., ::-1]
