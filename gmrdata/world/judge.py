@@ -73,15 +73,11 @@ def _sequence_reasons(
             "of several takes"
         )
     if jump_share > config.max_cuts_share:
-        yield (
-            f"the camera jumps at {jump_share:.0%} of the steps between images: images out of "
-            "order, or missing"
-        )
+        at = f"at {jump_share:.0%} of the steps between images"
+        yield f"the camera jumps {at}: images out of order, or missing"
     if kept_share < config.min_kept_share:
-        yield (
-            f"{kept_share:.0%} of the data set's valid frames can be used, fewer than "
-            f"{config.min_kept_share:.0%}"
-        )
+        can = f"{kept_share:.0%} of the data set's valid frames can be used"
+        yield f"{can}, fewer than {config.min_kept_share:.0%}"
 
 
 def _focal_reasons(quality: CamerasQuality, config: VerdictConfig) -> Iterator[str]:

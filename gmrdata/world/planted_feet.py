@@ -68,12 +68,7 @@ def planted_feet_scale(
     A search over s minimises, over all steps between frames, the truncated displacement of the
     foot point that moves least.  Then stances are taken at that s, and s is the least-squares
     answer to "every planted point stays at its stance's mean", with Cauchy weights, iterated.
-
-    Args:
-        feet_cam_m: (T, 2, K, 3) points of both feet, camera frame [m].
-
-    Raises:
-        NoReconstruction: no foot stands still at any scale, or the camera hardly moves.
+    Points of both feet (T, 2, K, 3) are in the camera's frame [m].
     """
     turned_m = np.einsum("tij,tfkj->tfki", camera_path.world_from_cam[:, :3, :3], feet_cam_m)
     centres = camera_path.centres_world_m

@@ -175,8 +175,7 @@ def _camera_clips(people: Sequence[PersonFiles]) -> list[Clip]:
 def _camera_path(cameras: SfmCameras, rows: np.ndarray) -> CameraPath:
     """The cameras of the clips' rows."""
     has_camera = (rows >= 0) & cameras.path.has_camera[rows]
-    world_from_cam = np.full((len(rows), 4, 4), np.nan)
-    world_from_cam[has_camera] = cameras.path.world_from_cam[rows[has_camera]]
+    world_from_cam = _blanked(cameras.path.world_from_cam[rows], has_camera)
     return replace(cameras.path, world_from_cam=world_from_cam, has_camera=has_camera)
 
 

@@ -104,6 +104,9 @@ def estimate_scale(
 ) -> ScaleEstimate:
     """Metric scale of a camera path from those who walk in front of it.
 
+    None is given of a camera that travels less than the cues can tell, and so little that it does
+    not matter.
+
     Args:
         people: One or more people, all seen by one camera over the same T frames.
         geometry: Only "full" has a scale to be found.
@@ -111,12 +114,9 @@ def estimate_scale(
         dataset_camera: (T, 4, 4) metric world_from_cam of the data set, right over short times;
             NaN where unknown.
 
-    Returns:
-        The scale; none for a camera that travels less than the cues can tell, and so little that it
-        does not matter.
-
     Raises:
-        NoReconstruction: not one cue finds a scale.
+        NoReconstruction: not one cue finds a scale: no foot stands still at any, or the camera
+            hardly moves.
     """
     no_scale = ScaleEstimate(None, None, (), matters=False)
     if geometry != "full":
