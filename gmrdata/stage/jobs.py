@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -30,9 +31,7 @@ def own_cores() -> int:
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """A function of each item, in the items' order, with a thread for each of the own cores.
 
-    Raises:
-        Exception: what the function raises for the first item that it does so for; items that are
-            not begun then are left alone.
+    What the function raises first is raised; items that are not begun then are left alone.
     """
     with ThreadPoolExecutor(own_cores()) as pool:
         return list(pool.map(function, items))
@@ -50,7 +49,6 @@ class Job:
     call: Callable[..., Any]
     """A module-level function, so that a worker process can import it."""
     arguments: Mapping[str, Any] = field(default_factory=dict)
-    """Keyword arguments of the call."""
     retries: int = 0
     """How often the call is made again after a StageFailed: a process that crashed may not crash
     again, while bad input stays bad."""
@@ -58,12 +56,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of jobs."""
+    """What became of jobs, by job id."""
 
     results: dict[str, Any]
-    """Result of each job that finished, by job id."""
+    """Of those that finished."""
     reasons: dict[str, str]
-    """Why each other job failed, by job id."""
+    """Why each other job failed."""
 
 
 def run_jobs(
@@ -75,10 +73,7 @@ def run_jobs(
     units_total: int | None = None,
     units_done: Callable[[], int] | None = None,
 ) -> dict[str, Any]:
-    """Run every job as `try_jobs` does, for callers that need them all.
-
-    Returns:
-        Each job's result, by job id.
+    """Run every job as `try_jobs` does, for callers that need them all: results by job id.
 
     Raises:
         StageFailed: at least one job failed; the message lists them with their reasons.
@@ -117,18 +112,17 @@ def try_jobs(
             bar.update(task, completed=done)
             time.sleep(POLL_S)
         bar.update(task, completed=units_total or len(jobs))
-    results: dict[str, Any] = {}
-    reasons: dict[str, str] = {}
+    outcome = Outcome({}, {})
     for id, future in futures.items():
         # Not by its status: a worker that dies now takes its results along, and Dask makes them
         # again, for which these two wait.
         error = future.exception()
         if error is None:
-            results[id] = future.result()
+            outcome.results[id] = future.result()
         else:
-            reasons[id] = _reason(error, future.traceback())
-    record_failures(failures_dir, reasons, results)
-    return Outcome(results, reasons)
+            outcome.reasons[id] = _reason(error, future.traceback())
+    record_failures(failures_dir, outcome.reasons, outcome.results)
+    return outcome
 
 
 def look_first(jobs: Sequence[Job], failures_dir: Path) -> list[Job]:
@@ -145,9 +139,9 @@ def look_first(jobs: Sequence[Job], failures_dir: Path) -> list[Job]:
             return False
         return True
 
-    done = dict(zip((job.id for job in jobs), in_threads(is_done, jobs), strict=True))
-    record_failures(failures_dir, {}, [id for id, is_so in done.items() if is_so])
-    return [job for job in jobs if not done[job.id]]
+    done = in_threads(is_done, jobs)
+    record_failures(failures_dir, {}, (job.id for job in compress(jobs, done)))
+    return [job for job, is_so in zip(jobs, done, strict=True) if not is_so]
 
 
 def record_failures(
@@ -177,7 +171,6 @@ def worker_pool(run: Run, workers: int = 2) -> Iterator[Any]:
     """A Dask client for `run_jobs`: of local processes, or of the cluster at `run.scheduler`.
 
     Args:
-        run: Its number of workers goes before the other.
         workers: Local processes where the run names no number.
 
     Raises:
@@ -198,10 +191,7 @@ def worker_pool(run: Run, workers: int = 2) -> Iterator[Any]:
         return
     count = run.workers or workers
     threads = max(1, (os.cpu_count() or 1) // count)
-    environment = {
-        name: str(threads)
-        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    }
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     with (
         LocalCluster(
             n_workers=count,
@@ -209,7 +199,7 @@ def worker_pool(run: Run, workers: int = 2) -> Iterator[Any]:
             processes=True,
             dashboard_address="127.0.0.1:0",  # without one Dask warns when its port is taken
             memory_limit=0,
-            env=environment,
+            env=dict.fromkeys(names, str(threads)),
             silence_logs="CRITICAL",
         ) as cluster,
         Client(cluster) as client,
@@ -244,14 +234,10 @@ def _reason(error: BaseException, where: TracebackType | None) -> str:
             "its worker process was killed again and again, as the system does when memory runs "
             "out. Run again to go on, with fewer workers"
         )
-    trace = "".join(traceback.format_tb(where))
-    return f"{type(error).__name__}: {error}\n{trace}"
+    return f"{type(error).__name__}: {error}\n" + "".join(traceback.format_tb(where))
 
 
 def count_files(folders: Sequence[Path], pattern: str) -> int:
     """How many files of a pattern stages have made by now, in finished and unfinished folders."""
-    return sum(
-        sum(1 for _ in folder.glob(pattern))
-        for out_dir in folders
-        for folder in (out_dir, out_dir.with_name(out_dir.name + ".partial"))
-    )
+    unfinished = [folder.with_name(folder.name + ".partial") for folder in folders]
+    return sum(1 for folder in (*folders, *unfinished) for _ in folder.glob(pattern))

@@ -15,36 +15,24 @@ from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.records import Config
 
 MAX_BYTES = 1 << 20
-_PACKAGE = Path(__file__).parent.parent
-_PUBLISHED = _PACKAGE / "published"
-_RECIPES = _PACKAGE / "pipelines"
+_PUBLISHED, _RECIPES = (Path(__file__).parents[1] / name for name in ("published", "pipelines"))
 Recipe = TypeVar("Recipe", bound=Config)
 
 
 def find_recipe(name: str) -> Path:
-    """Path of a recipe: a file that exists, or one that travels with gmrdata ("demo").
-
-    Raises:
-        MissingInput: neither is there.
-    """
+    """Path of a recipe: a file that exists, or one that travels with gmrdata ("demo")."""
     path = Path(name)
     if path.is_file():
         return path
     try:
         return recipe_path(name.removeprefix("pipelines/"))
     except MissingInput:
-        known = ", ".join(recipe_names())
-        raise MissingInput(
-            f"{name}: no such recipe file, and gmrdata carries only: {known}"
-        ) from None
+        known = f"gmrdata carries only: {', '.join(recipe_names())}"
+        raise MissingInput(f"{name}: no such recipe file, and {known}") from None
 
 
 def recipe_kind(path: Path) -> str:
-    """What a recipe makes: its `recipe` key.
-
-    Raises:
-        BadRecipe: not YAML, or no such key.
-    """
+    """What a recipe makes: its `recipe` key; BadRecipe if there is none."""
     kind = _read(path).get("recipe")
     if not isinstance(kind, str):
         raise BadRecipe(f"{path}: needs a key `recipe` that says what it makes, e.g. recipe: demo")
@@ -83,11 +71,7 @@ def _read(path: Path) -> dict[str, object]:
 
 
 def published_manifest(name: str) -> Path:
-    """Path of a manifest that gmrdata publishes, e.g. "paper_table8".
-
-    Raises:
-        MissingInput: gmrdata publishes no manifest of this name.
-    """
+    """Path of a manifest that gmrdata publishes, e.g. "paper_table8"; MissingInput if none."""
     return _find(_PUBLISHED, name, "published manifest")
 
 
@@ -97,11 +81,7 @@ def published_names() -> list[str]:
 
 
 def recipe_path(name: str) -> Path:
-    """Path of a recipe that gmrdata carries, e.g. "demo" or "paper/table4".
-
-    Raises:
-        MissingInput: gmrdata carries no recipe of this name.
-    """
+    """Path of a recipe that gmrdata carries, e.g. "paper/table4"; MissingInput if none."""
     return _find(_RECIPES, name, "recipe")
 
 
@@ -123,9 +103,8 @@ def format_page() -> Path:
 def _names(folder: Path) -> list[str]:
     # rglob would not enter `folder` through a link on every Python, so the link is followed first.
     real = folder.resolve()
-    return sorted(
-        path.relative_to(real).with_suffix("").as_posix() for path in real.rglob("*.yaml")
-    )
+    paths = (path.relative_to(real) for path in real.rglob("*.yaml"))
+    return sorted(path.with_suffix("").as_posix() for path in paths)
 
 
 def _find(folder: Path, name: str, what: str) -> Path:

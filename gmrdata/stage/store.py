@@ -20,18 +20,9 @@ from gmrdata.values.files import RECIPE_FILE, STAGE_FILE, sha256_of_file, sha256
 from gmrdata.values.records import Config, Record
 
 RECORDED_PACKAGES = (
-    "numpy",
-    "scipy",
-    "torch",
-    "torchvision",
-    "roma",
-    "safetensors",
-    "pycolmap",
-    "opencv-python-headless",
-    "bpy",
-    "anny",
-    "av",
-)
+    "numpy", "scipy", "torch", "torchvision", "roma", "safetensors", "pycolmap",
+    "opencv-python-headless", "bpy", "anny", "av",
+)  # fmt: skip
 FRESH_NS = 2_000_000_000
 """A file that was written so short a time before it was hashed is hashed again [ns]."""
 
@@ -40,18 +31,14 @@ class _Recipe(Record):
     """What decides a stage's result."""
 
     stage: str
-    """The stage's name."""
     config: dict[str, JsonValue]
-    """Its recipe."""
     inputs: dict[str, str]
     """Hex SHA-256 of each file or folder that it read, by role."""
 
     def differences(self, other: "_Recipe") -> list[str]:
         """Keys whose values differ, with dots between a key and those below it."""
-        decisive = {"stage", "config", "inputs"}
-        return _differing_keys(
-            self.model_dump(include=decisive), other.model_dump(include=decisive)
-        )
+        a, b = (one.model_dump(include={"stage", "config", "inputs"}) for one in (self, other))
+        return _differing_keys(a, b)
 
 
 class RecipeRecord(_Recipe):
@@ -67,11 +54,9 @@ class StageRecord(_Recipe):
     facts: dict[str, JsonValue]
     """What the stage says of its work that doesn't decide the result, such as the device."""
     gmrdata: str
-    """Version of gmrdata."""
     git_commit: str | None
-    """Its commit; None where it was installed."""
+    """None where gmrdata was installed."""
     python: str
-    """Version of Python."""
     packages: dict[str, str]
     """Versions of the packages that decide what bytes come out."""
     seconds: float
@@ -106,15 +91,11 @@ def run_stage(
     complete.  Called again with the same recipe and inputs it does nothing.
 
     Args:
-        out_dir: The folder to make.
         inputs: Files and folders that the result depends on; their hashes are recorded.
         work: Fills the folder that it is given; may return facts for the record that don't decide
             the result, such as the device that was used.
         resumable: Hand a killed run's unfinished folder to `work` again instead of an empty one.
             `work` must then write each of its files atomically and skip those that are there.
-
-    Returns:
-        `out_dir`.
 
     Raises:
         MissingInput: an input is not there.
@@ -139,11 +120,7 @@ def run_stage(
 
 
 def is_made(
-    name: str,
-    out_dir: Path,
-    config: Config,
-    inputs: Mapping[str, Path],
-    run: Run = DEFAULT_RUN,
+    name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path], run: Run = DEFAULT_RUN
 ) -> bool:
     """Whether `run_stage` would find its folder complete; arguments as there."""
     made_by = _read_or_none(StageRecord, out_dir / STAGE_FILE)
@@ -168,7 +145,7 @@ def locked(lock_path: Path) -> Iterator[None]:
 
 
 def package_versions() -> dict[str, str]:
-    """Installed versions of the packages that decide what bytes come out."""
+    """Installed versions of `RECORDED_PACKAGES`."""
     versions = {}
     for package in RECORDED_PACKAGES:
         with suppress(metadata.PackageNotFoundError):
@@ -193,7 +170,9 @@ def _make(
         if not (resumable and begun_by == recipe):
             shutil.rmtree(partial)
     partial.mkdir(exist_ok=True)
-    _remove_temporaries(partial)
+    # What `atomic_path` left in a folder whose process was killed.
+    for leftover in filter(Path.is_file, partial.rglob(".*.tmp*")):
+        leftover.unlink()
     recipe.write(partial / RECIPE_FILE)
     start_s = time.monotonic()
     facts = dict(work(partial) or {})
@@ -228,19 +207,13 @@ def _is_stale(out_dir: Path, recipe: RecipeRecord, run: Run) -> bool:
         )
     try:
         keys = StageRecord.of(out_dir).differences(recipe)
+        fault = f"made with other values of {', '.join(keys)}" if keys else ""
     except BadRecord as error:
-        if run.redo:
-            return True
-        raise StaleOutput(
-            f"{out_dir}: what made it can't be read ({error}). "
-            "Pass --redo to make it again, or another --out"
-        ) from None
-    if keys and not run.redo:
-        raise StaleOutput(
-            f"{out_dir}: made with other values of {', '.join(keys)}. "
-            "Pass --redo to make it again, or another --out"
-        )
-    return bool(keys)
+        fault = f"what made it can't be read ({error})"
+    if fault and not run.redo:
+        remedy = "Pass --redo to make it again, or another --out"
+        raise StaleOutput(f"{out_dir}: {fault}. {remedy}")
+    return bool(fault)
 
 
 def _read_or_none(kind: type[Kind], path: Path) -> Kind | None:
@@ -251,32 +224,19 @@ def _read_or_none(kind: type[Kind], path: Path) -> Kind | None:
         return None
 
 
-def _remove_temporaries(partial: Path) -> None:
-    """Remove what `atomic_path` left in a folder whose process was killed."""
-    for leftover in partial.rglob(".*.tmp*"):
-        if leftover.is_file():
-            leftover.unlink()
-
-
 def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
-    if isinstance(a, dict) and isinstance(b, dict):
-        return [
-            found
-            for key in sorted(a.keys() | b.keys())
-            for found in _differing_keys(
-                a.get(key), b.get(key), f"{prefix}.{key}" if prefix else key
-            )
-        ]
-    return [] if a == b else [prefix]
+    if not (isinstance(a, dict) and isinstance(b, dict)):
+        return [] if a == b else [prefix]
+    found: list[str] = []
+    for key in sorted(a.keys() | b.keys()):
+        found += _differing_keys(a.get(key), b.get(key), f"{prefix}.{key}" if prefix else key)
+    return found
 
 
 def _git_commit() -> str | None:
     """Commit of the checkout that gmrdata runs from, or None for an installed wheel."""
-    here = Path(__file__).parents[2]
-    if not (here / ".git").exists():
-        return None
-    git = shutil.which("git")
-    if git is None:
+    here, git = Path(__file__).parents[2], shutil.which("git")
+    if git is None or not (here / ".git").exists():
         return None
     answer = subprocess.run(
         [git, "-C", str(here), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
@@ -288,9 +248,7 @@ class FileState(NamedTuple):
     """What the system says of a file."""
 
     inode: int
-    """Its number on its disk."""
     size_bytes: int
-    """Size [bytes]."""
     mtime_ns: int
     """When its content was last changed; anybody may set this [ns]."""
     ctime_ns: int
@@ -301,7 +259,6 @@ class KnownFile(NamedTuple):
     """A file's hash, and what the system said of the file then."""
 
     sha256: str
-    """Hex SHA-256."""
     state: FileState
     """Unchanged as long as the content is."""
 
@@ -368,6 +325,5 @@ class _InputHashes:
 
 def _state(file: Path) -> tuple[int, FileState]:
     found = file.stat()
-    return found.st_dev, FileState(
-        found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
-    )
+    times_ns = found.st_mtime_ns, found.st_ctime_ns
+    return found.st_dev, FileState(found.st_ino, found.st_size, *times_ns)
