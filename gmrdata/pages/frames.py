@@ -135,14 +135,10 @@ def mask_sheet(images_dir: Path, masks_dir: Path, config: MaskSheetConfig) -> np
     """Evenly spaced frames with their masks, side by side: (H, W, 3) BGR."""
     images = list_images(images_dir)
     size_px = check_images(images)
-    tiles = [
-        masked_tile(
-            read_color(images[i]),
-            read_gray(find_mask(masks_dir, images[i]), size_px),
-            config.tile_width_px,
-        )
-        for i in spaced(len(images), config.n_frames)
-    ]
+    tiles = []
+    for row in spaced(len(images), config.n_frames):
+        mask = read_gray(find_mask(masks_dir, images[row]), size_px)
+        tiles.append(masked_tile(read_color(images[row]), mask, config.tile_width_px))
     return tile_sheet(tiles, MASK_COLUMNS)
 
 
@@ -163,9 +159,8 @@ def narrowed(image: np.ndarray, width_px: int) -> np.ndarray:
 
 def draw_mask_outline(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """A copy of a BGR image with the outline of a mask (H, W), non-zero = dynamic object."""
-    contours, _ = cv2.findContours(
-        (mask > 0).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
-    )
+    inside = (mask > 0).astype(np.uint8)
+    contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return cv2.polylines(image.copy(), contours, True, OUTLINE_BGR, LINE_PX, cv2.LINE_AA)
 
 

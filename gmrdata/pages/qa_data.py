@@ -218,8 +218,6 @@ OTHER_COLOUR = "#8f979e"
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of reason."""
-
     words: str
     """The reason; "…" for the number in which several differ."""
     colour: str
@@ -271,8 +269,6 @@ THUMBNAIL_WIDTH_PX = 88
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """One frame of the strip."""
-
     image_number: int
     picture: np.ndarray | None
     """(h, w, 3) BGR, the masked part tinted; None if the image can't be read."""

@@ -146,13 +146,10 @@ def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
 
     def work(partial_dir: Path) -> None:
         images = list_images(inputs["frames"])
-        tiles = [
-            draw_mask_outline(
-                read_image(images[i], cv2.IMREAD_COLOR),
-                read_image(inputs["masks"] / f"{images[i].stem}.png", cv2.IMREAD_GRAYSCALE),
-            )
-            for i in spaced(len(images), config.n_frames)
-        ]
+        tiles = []
+        for image in (images[row] for row in spaced(len(images), config.n_frames)):
+            mask = read_image(inputs["masks"] / f"{image.stem}.png", cv2.IMREAD_GRAYSCALE)
+            tiles.append(draw_mask_outline(read_image(image, cv2.IMREAD_COLOR), mask))
         _write_pictures(partial_dir, tiles, SHEET_COLUMNS, load_clip(inputs["clip"]))
 
     return run_stage("sheet", out_dir, config, inputs, work, run=Run(redo=True))
