@@ -24,13 +24,7 @@ def matrix_of(rigid: Any) -> np.ndarray:
 
 
 def adjustment_options(*, free_focal: bool, max_iterations: int, function_tolerance: float) -> Any:
-    """COLMAP's options on one thread, so that results repeat.
-
-    Args:
-        free_focal: Whether the focal length is refined; no other intrinsic ever is.
-        max_iterations: Most steps of the solver.
-        function_tolerance: Relative change of the cost at which it ends.
-    """
+    """COLMAP's options on one thread, so that results repeat; at most the focal length is free."""
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length = free_focal
     options.refine_principal_point = False

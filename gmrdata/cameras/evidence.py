@@ -23,7 +23,6 @@ PARALLAX_PX = 0.5
 """Residuals of the worst tenth of pairs below which parallax does no harm [px]."""
 CLEARLY_BETTER = 0.7
 """Six degrees of freedom must lower the median residual to this share to be worth them."""
-
 VAGUE_FOCAL = 0.02
 """A model whose focal length is uncertain by more, as a share, is held by little parallax."""
 
@@ -90,9 +89,8 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     centres = mapped.world_from_cam[mapped.has_camera, :3, 3]
     distance = np.median(np.linalg.norm(mapped.points - centres.mean(axis=0), axis=1))
     extent = np.linalg.norm(centres[:, None] - centres[None], axis=-1).max()
-    if extent >= config.small_travel_share * distance:
-        return False
-    if np.median(turning.residuals_px) > config.small_travel_median_px:
+    turns_px = np.median(turning.residuals_px)
+    if extent >= config.small_travel_share * distance or turns_px > config.small_travel_median_px:
         return False
     if mapped.focal is None or mapped.focal.sigma is None:
         return True

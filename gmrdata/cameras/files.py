@@ -51,7 +51,6 @@ class Evidence:
     panoramic_pairs_share: Figure
     """Share of the pairs that COLMAP's two-view test calls panoramic."""
     pairs: int
-    """Pairs of frames with verified matches."""
     features_per_frame: Figure
     """Median over frames."""
 
@@ -61,9 +60,7 @@ class ModelRecord:
     """What became of one model that a mapper returned."""
 
     frames: int
-    """Frames that it has a camera for."""
     kept: bool
-    """Whether it is part of the result."""
     reason: str
     """What it was joined by, or why it was dropped."""
 
@@ -115,21 +112,16 @@ class CamerasQuality(Record):
     bent_model_set_aside: bool
     """Whether a model with six degrees of freedom was there and was not trusted."""
     frames: PositiveInt
-    """Frames T that were given."""
     frames_with_camera: NonNegativeInt
-    """Frames whose camera was found."""
     registered_share: Figure
-    """Share of the frames whose camera was found."""
     mean_reprojection_px: Figure
     """Mean error of what holds the cameras: points, or matches under a pure rotation [px]."""
     median_reprojection_px: Figure
-    """The median [px]."""
     inliers_per_frame: tuple[NonNegativeInt, ...]
     """T counts of points or matches that hold each camera."""
     interpolated: tuple[NonNegativeInt, ...]
     """Rows whose camera was interpolated between its neighbours'."""
     keyframes: tuple[NonNegativeInt, ...]
-    """Rows of the keyframes."""
     cuts_after_frames: tuple[NonNegativeInt, ...]
     """Rows after which the picture changes to another place."""
     featureless: tuple[NonNegativeInt, ...]
@@ -155,9 +147,8 @@ class CamerasQuality(Record):
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         if len(self.inliers_per_frame) != self.frames:
-            raise ValueError(
-                f"{len(self.inliers_per_frame)} inliers_per_frame, but {self.frames} frames"
-            )
+            n = len(self.inliers_per_frame)
+            raise ValueError(f"{n} inliers_per_frame, but {self.frames} frames")
         if (self.focal_factor is None) != (self.focal_sigma is None):
             raise ValueError("of focal_factor and focal_sigma only one is null")
         return self
@@ -206,13 +197,7 @@ def save_cameras(path: Path, cameras: SfmCameras) -> None:
 
 
 def load_cameras(sfm_dir: Path) -> SfmCameras:
-    """Read `cameras.npz` of a reconstruction's folder.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: truncated.
-        BadRecord: not cameras of this version.
-    """
+    """Read `cameras.npz` of a reconstruction's folder."""
     path = sfm_dir / CAMERAS_FILE
     arrays = read_arrays(path, CAMERAS_FORMAT, _CAMERA_SHAPES)
     check_shapes(path, arrays, _CAMERA_SHAPES)
@@ -240,13 +225,7 @@ def save_points(path: Path, points: np.ndarray, track_lengths: np.ndarray) -> No
 
 
 def load_points(sfm_dir: Path) -> np.ndarray:
-    """Background points (N, 3) of a reconstruction's folder, in the cameras' unit.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: truncated.
-        BadRecord: not points of this version.
-    """
+    """Background points (N, 3) of a reconstruction's folder, in the cameras' unit."""
     path = sfm_dir / POINTS_FILE
     arrays = read_arrays(path, POINTS_FORMAT, _POINT_SHAPES)
     check_shapes(path, arrays, _POINT_SHAPES)

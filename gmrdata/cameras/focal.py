@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import adjustment_options, pycolmap, whole_problem
 from gmrdata.cameras.matches import Matches
-from gmrdata.cameras.rotation_only import CAUCHY_SCALE_PX, RotationOnly, slopes_by_turns
+from gmrdata.cameras.rotation_only import RotationOnly, slopes_by_turns
+from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX
 
 MAX_FREED_ITERATIONS = 200
 NOISE_FLOOR_PX = 0.05
@@ -39,11 +40,7 @@ class FreedFocal:
 
 
 def freed_focal(model: Any) -> FreedFocal | None:
-    """Adjust a copy of a COLMAP reconstruction with its focal length free.
-
-    Returns:
-        None where there is nothing to adjust, or the adjustment fails.
-    """
+    """Adjust a copy of a COLMAP reconstruction; None where nothing is there, or it fails."""
     if model.num_cameras() != 1 or model.num_reg_images() < 3 or model.num_points3D() == 0:
         return None
     copy = pycolmap.Reconstruction(model)
@@ -101,13 +98,13 @@ def turning_focal(
     turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray
 ) -> FreedFocal | None:
     """Refine orientations and focal length together; None where the matches don't hold it."""
-    frames, first, second = _gather(turning, matches, intrinsics_px)
-    if len(frames) == 0:
+    sampled = _gather(turning, matches, intrinsics_px)
+    if not len(sampled[0]):
         return None
     rotmats, log_factor = turning.world_from_cam_rotmats, 0.0
     focal_px = np.diag(intrinsics_px)[:2]
     for _ in range(MAX_ITERATIONS):
-        residuals_px, jacobian = _linearised(rotmats, log_factor, frames, first, second, focal_px)
+        residuals_px, jacobian = _linearised(rotmats, log_factor, sampled, focal_px)
         error2_px = (residuals_px**2).sum(axis=1)
         weights = np.repeat(1.0 / (1.0 + error2_px / CAUCHY_SCALE_PX**2), 2)
         hessian = csc_array(jacobian.T @ (jacobian * weights[:, None]))
@@ -129,37 +126,29 @@ def turning_focal(
     return FreedFocal(float(np.exp(log_factor)), sigma)
 
 
-def _gather(
-    turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frames (M, 2) of matches, and both image points (M, 2) from the principal point, over K."""
-    frames: list[np.ndarray] = []
-    first: list[np.ndarray] = []
-    second: list[np.ndarray] = []
-    centre_px, focal_px = intrinsics_px[:2, 2], np.diag(intrinsics_px)[:2]
+_Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Frames (M, 2) of matches, and both image points (M, 2) from the principal point, over K."""
+
+
+def _gather(turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray) -> _Sampled:
+    frames = [np.zeros((0, 2), dtype=np.int64)]
+    first, second = [np.zeros((0, 2))], [np.zeros((0, 2))]
     for pair in matches.pairs:
-        if not (turning.has_camera[pair.first] and turning.has_camera[pair.second]):
-            continue
-        step = max(1, len(pair.features) // MATCHES_PER_PAIR)
-        chosen = pair.features[::step]
-        frames.append(np.tile([pair.first, pair.second], (len(chosen), 1)))
-        for points, frame, column in ((first, pair.first, 0), (second, pair.second, 1)):
-            points_px = matches.keypoints_px[frame][chosen[:, column]]
-            points.append((points_px - centre_px) / focal_px)
-    if not frames:
-        return np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 2))
-    return np.concatenate(frames), np.concatenate(first), np.concatenate(second)
+        if turning.has_camera[pair.first] and turning.has_camera[pair.second]:
+            chosen = pair.features[:: max(1, len(pair.features) // MATCHES_PER_PAIR)]
+            frames.append(np.tile([pair.first, pair.second], (len(chosen), 1)))
+            first.append(matches.keypoints_px[pair.first][chosen[:, 0]])
+            second.append(matches.keypoints_px[pair.second][chosen[:, 1]])
+    centre_px, focal_px = intrinsics_px[:2, 2], np.diag(intrinsics_px)[:2]
+    over_k = [(np.concatenate(px) - centre_px) / focal_px for px in (first, second)]
+    return np.concatenate(frames), over_k[0], over_k[1]
 
 
 def _linearised(
-    rotmats: np.ndarray,
-    log_factor: float,
-    frames: np.ndarray,
-    first: np.ndarray,
-    second: np.ndarray,
-    focal_px: np.ndarray,
+    rotmats: np.ndarray, log_factor: float, sampled: _Sampled, focal_px: np.ndarray
 ) -> tuple[np.ndarray, csc_array]:
     """Residuals (M, 2) [px] and their slopes (2 M, 3 T + 1) by turns R <- R exp(w) and log f."""
+    frames, first, second = sampled
     factor = np.exp(log_factor)
     rays = np.c_[first / factor, np.ones(len(first))]
     second_from_first = np.swapaxes(rotmats[frames[:, 1]], 1, 2) @ rotmats[frames[:, 0]]
@@ -173,9 +162,6 @@ def _linearised(
     turns = (3 * frames[:, :, None] + np.arange(3)).reshape(-1, 6)
     columns = np.c_[turns, np.full(len(turns), n_unknowns - 1)]
     rows = np.arange(2 * len(seen)).reshape(-1, 2, 1)
-    where = (
-        np.broadcast_to(rows, values.shape).ravel(),
-        np.broadcast_to(columns[:, None], values.shape).ravel(),
-    )
-    shape = (2 * len(seen), n_unknowns)
-    return image_px - focal_px * second, csc_array(coo_array((values.ravel(), where), shape))
+    where = [np.broadcast_to(at, values.shape).ravel() for at in (rows, columns[:, None])]
+    entries, shape = (values.ravel(), tuple(where)), (2 * len(seen), n_unknowns)
+    return image_px - focal_px * second, csc_array(coo_array(entries, shape))

@@ -5,7 +5,7 @@ from more pixels than about a million, while everything takes as many times long
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -38,29 +38,14 @@ class Frames:
         """(T,) the images' numbers."""
         return np.array([image_number(image) for image in self.images])
 
-    def of(self, rows: np.ndarray) -> "Frames":
-        """Some of the frames."""
-        return replace(self, images=[self.images[row] for row in rows])
-
     def mask(self, image: Path) -> np.ndarray:
-        """A frame's mask (h, w) uint8.
-
-        Raises:
-            BadFrames: it is missing or of another size.
-        """
+        """A frame's mask (h, w) uint8."""
         if self.masks_dir is None:
             return np.zeros(self.size_px[::-1], dtype=np.uint8)
         return read_gray(find_mask(self.masks_dir, image), self.size_px)
 
     def read(self, image: Path, shrink: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-        """A frame (h, w) uint8, and where its background can be followed, (h, w) bool.
-
-        Args:
-            shrink: Size of what is returned, as a share.
-
-        Raises:
-            BadFrames: the frame or its mask is missing or of another size.
-        """
+        """A shrunk frame (h, w) uint8, and where its background can be followed, (h, w) bool."""
         import cv2
 
         gray, masked = read_gray(image, self.size_px), self.mask(image)
@@ -74,11 +59,7 @@ class Frames:
 def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
     """Frames whose longer side is at most so long; those that are given if it is so already.
 
-    Args:
-        out_dir: Folder for smaller ones, in shades of grey, and for their masks.
-
-    Raises:
-        BadFrames: a mask is missing, or it or a frame is broken or of another size.
+    Smaller ones, in shades of grey, and their masks are written to folders in `out_dir`.
     """
     import cv2
 
@@ -128,11 +109,7 @@ class Timeline:
 
 
 def cuts_in_words(cuts_after_frames: Sequence[int] | np.ndarray) -> str:
-    """The end of a message about a failure; empty where the picture never changes to another place.
-
-    Args:
-        cuts_after_frames: Rows after which it does.
-    """
+    """The end of a message about a failure, from the rows after which the picture changes."""
     if len(cuts_after_frames) == 0:
         return ""
     return (

@@ -47,27 +47,20 @@ class Keyframes:
     corners: np.ndarray
     """(T-1,) number of corners that were looked for."""
     last_corners: int
-    """Number of corners in the last frame."""
 
     @property
     def cuts(self) -> np.ndarray:
         """Rows t after which the picture changes to another place."""
-        lost = (self.survived < CUT_SHARE) & (self.corners >= FEWEST_CORNERS)
-        return np.flatnonzero(lost)
+        return np.flatnonzero((self.survived < CUT_SHARE) & (self.corners >= FEWEST_CORNERS))
 
     @property
     def featureless(self) -> np.ndarray:
         """Rows that show nothing of the background: black, even, or wholly masked."""
-        found = np.append(self.corners, self.last_corners)
-        return np.flatnonzero(found < FEATURELESS)
+        return np.flatnonzero(np.append(self.corners, self.last_corners) < FEATURELESS)
 
 
 def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
-    """Choose keyframes by how far the background moves in the image.
-
-    Raises:
-        BadFrames: a frame or a mask is missing or of another size.
-    """
+    """Choose keyframes by how far the background moves in the image."""
     images, size_px = frames.images, frames.size_px
     shrink = min(1.0, config.keyframe_image_size_px / max(size_px))
     step_px = config.keyframe_step * max(size_px) * shrink
@@ -89,20 +82,15 @@ def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
             start_px = now_px = _corners(image, free)
             n_start = len(start_px)
         before = image
+    least = min(config.min_keyframes, len(images))
+    # Evenly spread ones are added where the motion asks for fewer.
+    spread = np.linspace(0, len(images) - 1, least).round().astype(np.int64)
     return Keyframes(
-        _at_least(np.array(rows), len(images), config.min_keyframes),
+        np.array(rows) if len(rows) >= least else np.union1d(rows, spread),
         np.array(survived),
         np.array(corners, dtype=np.int64),
         len(now_px),
     )
-
-
-def _at_least(rows: np.ndarray, n_frames: int, least: int) -> np.ndarray:
-    """The rows, with evenly spread ones among them where they are fewer than `least`."""
-    if len(rows) >= least:
-        return rows
-    spread = np.linspace(0, n_frames - 1, min(least, n_frames)).round().astype(rows.dtype)
-    return np.union1d(rows, spread)
 
 
 def _corners(image: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -110,9 +98,7 @@ def _corners(image: np.ndarray, free: np.ndarray) -> np.ndarray:
     found = cv2.goodFeaturesToTrack(
         image, CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=free.astype(np.uint8)
     )
-    if found is None:
-        return np.zeros((0, 2))
-    return found[:, 0].astype(np.float64) + CENTRE_PX
+    return np.zeros((0, 2)) if found is None else found[:, 0].astype(np.float64) + CENTRE_PX
 
 
 def with_frames_between(
@@ -122,13 +108,6 @@ def with_frames_between(
 
     A feature is followed from frame to frame, and its place in each frame is then sought once more
     against the keyframe itself, so that errors don't add up along the way.
-
-    Args:
-        key_matches: Verified matches of the keyframes.
-        key_rows: (K,) their rows in order.
-
-    Raises:
-        BadFrames: a frame or a mask is missing or of another size.
     """
     keypoints_px = [np.zeros((0, 2))] * len(frames.images)
     for row, points_px in zip(key_rows, key_matches.keypoints_px, strict=True):
@@ -169,9 +148,8 @@ def _follow_into(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Features (N,) of the first frame and their places (N, 2) in each of the inner frames."""
     start, _ = frames[0]
-    features, home_px = chosen, keypoints_px[chosen]
-    now_px = home_px
-    result = []
+    features, result = chosen, []
+    home_px = now_px = keypoints_px[chosen]
     for (before, _), (image, free) in pairwise(frames[:-1]):
         now_px, found = follow(before, image, now_px)
         found &= is_free(now_px, free)
@@ -185,14 +163,9 @@ def _follow_into(
 def follow(
     before: np.ndarray, after: np.ndarray, points_px: np.ndarray, guess_px: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find image points again in another frame (Lucas and Kanade 1981; pyramids: Bouguet 2000).
+    """Find image points (N, 2) again in another frame (Lucas and Kanade 1981; Bouguet 2000) [px].
 
-    Args:
-        before: (H, W) uint8 frame.
-        after: (H, W) uint8 frame.
-        points_px: (N, 2) points of the frame before [px].
-        guess_px: (N, 2) where they may be in the frame after; then only the finest level is
-            searched [px].
+    Only the finest level of the pyramid is searched where their places (N, 2) are guessed.
 
     Returns:
         (N, 2) where they are [px], and (N,) bool: found, and found back.
@@ -205,22 +178,16 @@ def follow(
     there, ok = _flow(before, after, start, guess, levels)
     back, ok_back = _flow(after, before, there, start.copy(), levels)
     near = np.linalg.norm((back - start)[:, 0], axis=1) < RETURN_PX
-    found = ok & ok_back & near
-    return there[:, 0].astype(np.float64) + CENTRE_PX, found
+    return there[:, 0].astype(np.float64) + CENTRE_PX, ok & ok_back & near
 
 
 def _flow(
     before: np.ndarray, after: np.ndarray, start: np.ndarray, guess: np.ndarray, levels: int
 ) -> tuple[np.ndarray, np.ndarray]:
+    until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01)
+    window_px, from_guess = (WINDOW_PX, WINDOW_PX), cv2.OPTFLOW_USE_INITIAL_FLOW
     there, ok, _ = cv2.calcOpticalFlowPyrLK(
-        before,
-        after,
-        start,
-        guess,
-        winSize=(WINDOW_PX, WINDOW_PX),
-        maxLevel=levels,
-        criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        before, after, start, guess, None, None, window_px, levels, until, from_guess
     )
     return np.asarray(there), np.asarray(ok)[:, 0] == 1
 

@@ -1,5 +1,6 @@
 """Cameras with six degrees of freedom: COLMAP's mappers, then a robust bundle adjustment."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.colmap import adjustment_options, matrix_of, pycolmap, whole_problem
-from gmrdata.cameras.files import Mapper, ModelRecord
+from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.focal import freed_focal
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import DATABASE_FILE, Matches
@@ -32,9 +33,7 @@ def map_frames(
     out, and is taken if it registers more of them, or as many with more observations.  Models that
     share frames are joined.  Where neither finds a model, the camera may hardly leave its place:
     the incremental one is run with lower thresholds for parallax.  A pan has no model even then.
-
-    Args:
-        work_dir: Folder with COLMAP's `database.db` of the same matches.
+    COLMAP's `database.db` of the same matches lies in `work_dir`.
     """
     found: list[Solution] = []
     mappers: tuple[Mapper, ...] = ("global", "incremental", "small_parallax")
@@ -42,8 +41,7 @@ def map_frames(
         if found and mapper == "small_parallax":
             break
         if models := _run(mapper, frames, work_dir, config):
-            whole, records = join_models(models, config.seed)
-            found.append(_finish(whole, mapper, records, frames, matches, config))
+            found.append(_finish(models, mapper, frames, matches, config))
             if found[-1].has_camera.all():
                 break
     return max(found, key=lambda m: (m.has_camera.sum(), m.inliers.sum()), default=None)
@@ -53,9 +51,8 @@ def place_between(
     keys: Solution, key_rows: np.ndarray, matches: Matches, intrinsics_px: np.ndarray
 ) -> Solution:
     """A reconstruction of K keyframes, with the frames between them placed against its points."""
-    n = matches.n_frames
-    world_from_cam = np.full((n, 4, 4), np.nan)
-    inliers = np.zeros(n, dtype=np.int64)
+    n = len(matches.keypoints_px)
+    world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
     world_from_cam[key_rows], inliers[key_rows] = keys.world_from_cam, keys.inliers
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
     between = sorted(set(range(n)) - {int(row) for row in key_rows})
@@ -108,71 +105,71 @@ def _incremental_options(config: SfmConfig) -> Any:
 
 
 def _finish(
-    model: Any,
-    mapper: Mapper,
-    records: tuple[ModelRecord, ...],
-    frames: Frames,
-    matches: Matches,
-    config: SfmConfig,
+    models: list[Any], mapper: Mapper, frames: Frames, matches: Matches, config: SfmConfig
 ) -> Solution:
-    """Refine a model, place the frames that it lacks, and read it out."""
+    """Join and refine models, place the frames that they lack, and read the result out."""
+    model, records = join_models(models, config.seed)
     _adjust(model)
-    _drop_outliers(model, config.max_reprojection_px)
+    model.update_point_3d_errors()
+    manager = pycolmap.ObservationManager(model)
+    manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
     _adjust(model)
-    row_of_name = {image.name: row for row, image in enumerate(frames.images)}
-    n = len(frames.images)
-    world_from_cam = np.full((n, 4, 4), np.nan)
-    observations = np.zeros(n, dtype=np.int64)
-    errors: list[np.ndarray] = []
-    point_of_feature: SeenPoints = {}
-    # Sorted by name, since COLMAP keeps them in hash tables.
-    for image_id in sorted(model.reg_image_ids()):
-        image = model.image(image_id)
-        row = row_of_name[image.name]
-        cam_from_world = matrix_of(image.cam_from_world())
-        world_from_cam[row] = transforms.invert(cam_from_world)
-        seen = {
-            feature: np.asarray(model.point3D(point.point3D_id).xyz)
-            for feature, point in enumerate(image.points2D)
-            if point.has_point3D()
-        }
-        point_of_feature[row] = seen
-        observations[row] = len(seen)
-        keypoints_px = matches.keypoints_px[row]
-        errors.append(_errors_px(seen, keypoints_px, cam_from_world, frames.intrinsics_px))
-    _forget_weak(world_from_cam, observations, point_of_feature, config.min_frame_points)
-    missing = [row for row in range(n) if row not in point_of_feature]
-    n_resected = place_frames(
-        missing, world_from_cam, observations, point_of_feature, matches, frames.intrinsics_px
-    )
-    point_ids = sorted(model.point3D_ids())
+    n, intrinsics_px = len(frames.images), frames.intrinsics_px
+    world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
+    seen: SeenPoints = {}
+    errors_px = [np.zeros(0)]
+    for row, cam_from_world, points in _views(model, frames):
+        if points:
+            points_cam = transforms.apply(cam_from_world, np.array(list(points.values())))
+            image_px = (points_cam / points_cam[:, 2:]) @ intrinsics_px.T
+            apart_px = image_px[:, :2] - matches.keypoints_px[row][list(points)]
+            errors_px.append(np.linalg.norm(apart_px, axis=1))
+        world_from_cam[row], inliers[row] = transforms.invert(cam_from_world), len(points)
+        seen[row] = points
+    _forget_weak(world_from_cam, inliers, seen, config.min_frame_points)
+    missing = [row for row in range(n) if row not in seen]
+    n_resected = place_frames(missing, world_from_cam, inliers, seen, matches, intrinsics_px)
+    points3d = [model.point3D(i) for i in sorted(model.point3D_ids())]
     return Solution(
         geometry="full",
         mapper=mapper,
         world_from_cam=world_from_cam,
-        errors_px=np.concatenate(errors) if errors else np.zeros(0),
-        inliers=observations,
+        errors_px=np.concatenate(errors_px),
+        inliers=inliers,
         interpolated=np.zeros(n, dtype=bool),
         focal=freed_focal(model),
-        points=np.array([model.point3D(i).xyz for i in point_ids]).reshape(-1, 3),
-        track_lengths=np.array([model.point3D(i).track.length() for i in point_ids], np.int64),
+        points=np.array([point.xyz for point in points3d]).reshape(-1, 3),
+        track_lengths=np.array([point.track.length() for point in points3d], np.int64),
         models=records,
         n_resected=n_resected,
-        seen=point_of_feature,
+        seen=seen,
     )
 
 
 def _forget_weak(
-    world_from_cam: np.ndarray,
-    observations: np.ndarray,
-    point_of_feature: SeenPoints,
-    min_points: int,
+    world_from_cam: np.ndarray, inliers: np.ndarray, seen: SeenPoints, min_points: int
 ) -> None:
     """Take away cameras that too few points hold in place."""
-    for row in list(point_of_feature):
-        if observations[row] < min_points:
-            world_from_cam[row], observations[row] = np.nan, 0
-            del point_of_feature[row]
+    for row in list(seen):
+        if inliers[row] < min_points:
+            world_from_cam[row], inliers[row] = np.nan, 0
+            del seen[row]
+
+
+def _views(model: Any, frames: Frames) -> Iterator[tuple[int, np.ndarray, dict[int, np.ndarray]]]:
+    """Row and cam_from_world (4, 4) of each frame of a model, and its points by feature."""
+    row_of_name = {image.name: row for row, image in enumerate(frames.images)}
+    # Sorted, since COLMAP keeps them in hash tables.
+    for image in map(model.image, sorted(model.reg_image_ids())):
+        yield (
+            row_of_name[image.name],
+            matrix_of(image.cam_from_world()),
+            {
+                feature: np.asarray(model.point3D(point.point3D_id).xyz)
+                for feature, point in enumerate(image.points2D)
+                if point.has_point3D()
+            },
+        )
 
 
 def _adjust(model: Any) -> None:
@@ -180,22 +177,3 @@ def _adjust(model: Any) -> None:
     options = adjustment_options(free_focal=False, max_iterations=50, function_tolerance=1e-6)
     # Not `pycolmap.bundle_adjustment`, which turns its log back on.
     pycolmap.create_default_bundle_adjuster(options, whole_problem(model), model).solve()
-
-
-def _drop_outliers(model: Any, max_error_px: float) -> None:
-    model.update_point_3d_errors()
-    manager = pycolmap.ObservationManager(model)
-    manager.filter_all_points3D(max_error_px, MIN_PARALLAX_DEG)
-
-
-def _errors_px(
-    seen: dict[int, np.ndarray],
-    keypoints_px: np.ndarray,
-    cam_from_world: np.ndarray,
-    intrinsics_px: np.ndarray,
-) -> np.ndarray:
-    if not seen:
-        return np.zeros(0)
-    points_cam = transforms.apply(cam_from_world, np.array(list(seen.values())))
-    image_px = (points_cam / points_cam[:, 2:]) @ intrinsics_px.T
-    return np.asarray(np.linalg.norm(image_px[:, :2] - keypoints_px[list(seen)], axis=1))

@@ -1,8 +1,8 @@
 """Features outside the masks, and verified matches between frames."""
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,12 +26,10 @@ DARK_GREY = 24
 
 @dataclass(frozen=True, eq=False)
 class PairMatches:
-    """Verified matches of two frames."""
+    """Verified matches of two frames, given by their rows."""
 
     first: int
-    """Row of the first frame."""
     second: int
-    """Row of the second frame."""
     features: np.ndarray
     """(M, 2) feature index in the first and in the second frame."""
     configuration: str
@@ -46,11 +44,6 @@ class Matches:
     """T arrays (N, 2): image points of each frame [px]."""
     pairs: list[PairMatches]
     """Pairs with enough verified matches, in order of (first, second)."""
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames T."""
-        return len(self.keypoints_px)
 
 
 def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:
@@ -73,7 +66,7 @@ def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:
 def _extract(frames: Frames, work_dir: Path, config: SfmConfig) -> None:
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = "PINHOLE"
-    reader.camera_params = ",".join(repr(float(v)) for v in pinhole_params(frames.intrinsics_px))
+    reader.camera_params = ",".join(map(repr, pinhole_params(frames.intrinsics_px)))
     if frames.masks_dir is not None:
         colmap_masks_dir = work_dir / "masks"
         colmap_masks_dir.mkdir()
@@ -87,14 +80,14 @@ def _extract(frames: Frames, work_dir: Path, config: SfmConfig) -> None:
     options.max_image_size = max(frames.size_px)
     options.sift.max_num_features = config.max_features
     options.sift.first_octave = config.first_octave
-    database_path, names = work_dir / DATABASE_FILE, [image.name for image in frames.images]
-    single = pycolmap.CameraMode.SINGLE
+    database_path, folder = work_dir / DATABASE_FILE, frames.images[0].parent
+    names, single = [image.name for image in frames.images], pycolmap.CameraMode.SINGLE
     # Images get their ids here, in order; threads of the extraction would give them in any.
     pycolmap.Database.open(database_path).close()
-    pycolmap.import_images(database_path, frames.images[0].parent, single, names, reader)
+    pycolmap.import_images(database_path, folder, single, names, reader)
     pycolmap.extract_features(
         database_path=database_path,
-        image_path=frames.images[0].parent,
+        image_path=folder,
         image_names=names,
         camera_mode=single,
         reader_options=reader,
@@ -111,58 +104,43 @@ def _match(database_path: Path, config: SfmConfig) -> None:
     pairing.overlap = config.overlap
     pairing.quadratic_overlap = True
     pairing.num_threads = 1
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.min_num_inliers = config.min_pair_inliers
+    verification.ransac.max_error = config.verification_error_px
+    verification.ransac.random_seed = config.seed
+    # A slow camera leaves matches where they are, as a watermark would.
+    verification.detect_watermark = False
     pycolmap.match_sequential(
         database_path=database_path,
         matching_options=matching,
         pairing_options=pairing,
-        verification_options=_verification(config),
+        verification_options=verification,
         device=pycolmap.Device.cpu,
     )
 
 
-def _verification(config: SfmConfig) -> Any:
-    options = pycolmap.TwoViewGeometryOptions()
-    options.min_num_inliers = config.min_pair_inliers
-    options.ransac.max_error = config.verification_error_px
-    options.ransac.random_seed = config.seed
-    # A slow camera leaves matches where they are, as a watermark would.
-    options.detect_watermark = False
-    return options
-
-
 def _sort_pairs(database_path: Path) -> None:
     """Put the pairs in order: threads write them as they finish, and mappers depend on it."""
-    database = pycolmap.Database.open(database_path)
-    try:
+    with closing(pycolmap.Database.open(database_path)) as database:
         pair_ids, geometries = database.read_two_view_geometries()
         database.clear_two_view_geometries()
         for i in np.argsort(np.asarray(pair_ids, dtype=np.uint64)):
-            database.write_two_view_geometry(
-                *pycolmap.pair_id_to_image_pair(pair_ids[i]), geometries[i]
-            )
-    finally:
-        database.close()
+            image_pair = pycolmap.pair_id_to_image_pair(pair_ids[i])
+            database.write_two_view_geometry(*image_pair, geometries[i])
 
 
-def pinhole_params(intrinsics_px: np.ndarray) -> tuple[float, float, float, float]:
+def pinhole_params(intrinsics_px: np.ndarray) -> list[float]:
     """fx, fy, cx, cy of a calibration matrix [px]."""
-    return (
-        float(intrinsics_px[0, 0]),
-        float(intrinsics_px[1, 1]),
-        float(intrinsics_px[0, 2]),
-        float(intrinsics_px[1, 2]),
-    )
+    return [float(intrinsics_px[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))]
 
 
 def _read(database_path: Path, images: list[Path]) -> Matches:
-    database = pycolmap.Database.open(database_path)
-    try:
+    with closing(pycolmap.Database.open(database_path)) as database:
         row_of_name = {image.name: row for row, image in enumerate(images)}
         row_of_id: dict[int, int] = {}
         keypoints_px = [np.zeros((0, 2))] * len(images)
         for image in database.read_all_images():
-            row = row_of_name.pop(image.name)
-            row_of_id[image.image_id] = row
+            row = row_of_id[image.image_id] = row_of_name.pop(image.name)
             if database.exists_keypoints(image.image_id):
                 points = np.asarray(database.read_keypoints(image.image_id), dtype=np.float64)
                 if len(points):
@@ -181,8 +159,6 @@ def _read(database_path: Path, images: list[Path]) -> Matches:
             if first > second:
                 first, second, features = second, first, features[:, ::-1]
             pairs.append(PairMatches(first, second, features, configuration))
-    finally:
-        database.close()
     return Matches(keypoints_px, sorted(pairs, key=lambda pair: (pair.first, pair.second)))
 
 

@@ -30,16 +30,10 @@ def place_frames(
     matches: Matches,
     intrinsics_px: np.ndarray,
 ) -> int:
-    """Place frames by the points that their matched neighbours see.
+    """Place frames that lack a camera by the points that their matched neighbours see.
 
-    Args:
-        rows: The frames without a camera.
-        world_from_cam: (T, 4, 4); filled in place.
-        observations: (T,) points per frame; filled in place.
-        seen: Points of the frames that have a camera; those of placed frames are added.
-
-    Returns:
-        How many frames got a camera.
+    Cameras (T, 4, 4), numbers of points (T,) and `seen` are filled in place.  Returns how many
+    frames got a camera.
     """
     camera = pycolmap.Camera(
         model="PINHOLE",
@@ -70,11 +64,10 @@ def _points_of(rows: set[int], seen: SeenPoints, matches: Matches) -> SeenPoints
         for mine, other, column in ((pair.first, pair.second, 0), (pair.second, pair.first, 1)):
             if mine not in rows or other not in seen:
                 continue
-            points = seen[other]
             for features in pair.features:
                 theirs = int(features[1 - column])
-                if theirs in points:
-                    found[mine][int(features[column])] = points[theirs]
+                if theirs in seen[other]:
+                    found[mine][int(features[column])] = seen[other][theirs]
     return found
 
 
@@ -93,12 +86,8 @@ MAX_SHARED_ERROR_PX = 4.0
 def join_models(models: list[Any], seed: int) -> tuple[Any, tuple[ModelRecord, ...]]:
     """Join to the largest model all that share enough with it, one after the other.
 
-    Args:
-        models: One or more of COLMAP's reconstructions from one database.
-
-    Returns:
-        The largest model, in its own world, with what was joined to it; and what became of each
-        model, the largest first.
+    Returns the largest model, in its own world, with what was joined to it; and what became of
+    each model, the largest first.
     """
     ranked = sorted(models, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))
     whole, waiting = pycolmap.Reconstruction(ranked[0]), dict(enumerate(ranked[1:], start=1))
@@ -127,13 +116,13 @@ def _similarity(whole: Any, model: Any, seed: int) -> tuple[Any | None, str]:
     frames = f"{len(shared)} frame{'s' if len(shared) > 1 else ''}"
     theirs, ours = _shared_points(whole, model)
     if len(ours) < MIN_SHARED_POINTS:
-        return None, (
-            f"shares {frames} but only {len(ours)} points with the largest "
-            f"(threshold {MIN_SHARED_POINTS})"
-        )
+        few = f"only {len(ours)} points with the largest (threshold {MIN_SHARED_POINTS})"
+        return None, f"shares {frames} but {few}"
     options = pycolmap.RANSACOptions()
     options.random_seed = seed
-    options.max_error = POINT_ERROR_SHARE * _median_distance(whole, shared)
+    arms = [_seen_from(whole, i) - whole.image(i).projection_center() for i in shared]
+    distance = float(np.median(np.linalg.norm(np.concatenate(arms), axis=1)))
+    options.max_error = POINT_ERROR_SHARE * distance
     # Points, not centres: those of a camera that goes straight leave a turn about its way open.
     fit: Any = pycolmap.estimate_sim3d_robust(theirs, ours, options)
     if fit is None or fit["num_inliers"] < MIN_INLIER_SHARE * len(ours):
@@ -151,10 +140,14 @@ def _similarity(whole: Any, model: Any, seed: int) -> tuple[Any | None, str]:
 def _owners(model: Any) -> dict[tuple[int, int], int]:
     """The point behind each image point, by image and number."""
     return {
-        (element.image_id, element.point2D_idx): point_id
+        at: point_id
         for point_id in sorted(model.point3D_ids())
-        for element in model.point3D(point_id).track.elements
+        for at in _image_points(model.point3D(point_id))
     }
+
+
+def _image_points(point: Any) -> list[tuple[int, int]]:
+    return [(element.image_id, element.point2D_idx) for element in point.track.elements]
 
 
 def _shared_points(whole: Any, model: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -162,8 +155,7 @@ def _shared_points(whole: Any, model: Any) -> tuple[np.ndarray, np.ndarray]:
     owners, theirs, ours = _owners(whole), [], []
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)
-        at = [(element.image_id, element.point2D_idx) for element in point.track.elements]
-        votes = Counter(owners[image_point] for image_point in at if image_point in owners)
+        votes = Counter(owners[at] for at in _image_points(point) if at in owners)
         owner, common = votes.most_common(1)[0] if votes else (0, 0)
         if common >= MIN_COMMON_OBSERVATIONS:
             theirs.append(point.xyz)
@@ -175,14 +167,6 @@ def _seen_from(model: Any, image_id: int) -> np.ndarray:
     """Points (N, 3) that a frame sees."""
     ids = [p.point3D_id for p in model.image(image_id).points2D if p.has_point3D()]
     return np.array([model.point3D(i).xyz for i in ids]).reshape(-1, 3)
-
-
-def _median_distance(model: Any, image_ids: list[int]) -> float:
-    distances = [
-        np.linalg.norm(_seen_from(model, i) - model.image(i).projection_center(), axis=1)
-        for i in image_ids
-    ]
-    return float(np.median(np.concatenate(distances)))
 
 
 def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list[int]) -> float:
@@ -206,20 +190,15 @@ def _project(image: Any, points: np.ndarray) -> np.ndarray:
 
 def _take_over(whole: Any, model: Any) -> None:
     """Add frames and points of a model that is in the same world."""
-    registered = set(whole.reg_image_ids())
-    for image_id in sorted(set(model.reg_image_ids()) - registered):
+    for image_id in sorted(set(model.reg_image_ids()) - set(whole.reg_image_ids())):
         theirs = model.image(image_id)
-        image = pycolmap.Image(
-            theirs.name,
-            np.array([point.xy for point in theirs.points2D]).reshape(-1, 2),
-            theirs.camera_id,
-            image_id,
-        )
+        points_px = np.array([point.xy for point in theirs.points2D]).reshape(-1, 2)
+        image = pycolmap.Image(theirs.name, points_px, theirs.camera_id, image_id)
         whole.add_image_with_trivial_frame(image, theirs.cam_from_world())
     owners = _owners(whole)
     for point_id in sorted(model.point3D_ids()):
         point = model.point3D(point_id)
-        seen = [(element.image_id, element.point2D_idx) for element in point.track.elements]
+        seen = _image_points(point)
         known = sorted({owners[at] for at in seen if at in owners})
         free = [pycolmap.TrackElement(*at) for at in seen if at not in owners]
         if known:

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from gmrdata.cameras.files import (
 )
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words, reduced
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.solution import Solution, quality_of, turning_solution, with_short_gaps_filled
+from gmrdata.cameras.solution import Solution, fill_short_gaps, quality_of, turning_solution
 from gmrdata.read.frames import check_images, list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -32,9 +33,7 @@ class _SfmRecipe(Config):
     """What the stage's record holds: the recipe, and the intrinsics that it was given."""
 
     sfm: SfmConfig
-    """The recipe."""
     intrinsics_px: tuple[tuple[float, float, float], ...]
-    """Calibration matrix [px]."""
 
 
 def reconstruct(
@@ -55,9 +54,6 @@ def reconstruct(
         intrinsics_px: (3, 3) calibration matrix, without skew, kept fixed [px].
         out_dir: Folder to make: `cameras.npz`, `points.npz`, `quality.json`.
         left_out: Numbers of images that are known to be unusable and get no camera and no row.
-
-    Returns:
-        `out_dir`.
 
     Raises:
         BadFrames: frames or masks are missing, of different sizes, or not images.
@@ -94,18 +90,13 @@ def reconstruct(
 
 def _checked(intrinsics_px: np.ndarray) -> np.ndarray:
     matrix = np.asarray(intrinsics_px, dtype=np.float64)
-    expected_zero = [(0, 1), (1, 0), (2, 0), (2, 1)]
-    if (
-        matrix.shape != (3, 3)
-        or not np.isfinite(matrix).all()
-        or any(matrix[at] != 0 for at in expected_zero)
-        or matrix[2, 2] != 1
-        or min(matrix[0, 0], matrix[1, 1]) <= 0
-    ):
-        raise BadRecipe(
-            f"intrinsics {matrix.tolist()}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] [px]"
-        )
-    return matrix
+    if matrix.shape == (3, 3) and np.isfinite(matrix).all():
+        fx, fy, cx, cy = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+        if min(fx, fy) > 0 and np.array_equal(matrix, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]):
+            return matrix
+    raise BadRecipe(
+        f"intrinsics {matrix.tolist()}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] [px]"
+    )
 
 
 def _solve(work_dir: Path, frames: Frames, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
@@ -118,7 +109,8 @@ def _solve(work_dir: Path, frames: Frames, config: SfmConfig) -> tuple[Solution,
         solution, evidence, bent = _solve_keyframes(keys.rows, timeline, work_dir, frames, config)
     except NoReconstruction as error:
         raise NoReconstruction(f"{error}{cuts_in_words(keys.cuts)}") from None
-    solution = with_short_gaps_filled(solution, timeline, config.max_gap_frames)
+    filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
+    solution = replace(solution, world_from_cam=filled, interpolated=marks)
     return solution, quality_of(
         solution, evidence, keys, bent_model_set_aside=bent, size_px=frames.size_px
     )
@@ -129,8 +121,7 @@ def _solve_keyframes(
 ) -> tuple[Solution, Evidence, bool]:
     """Solve keyframes, as a pure rotation where that does, then all frames.
 
-    Returns:
-        The solution, the evidence for its geometry, and whether a bent model was set aside.
+    Also returned: the evidence for the geometry, and whether a bent model was set aside.
     """
     from gmrdata.cameras.focal import turning_focal
     from gmrdata.cameras.keyframes import with_frames_between
@@ -139,7 +130,8 @@ def _solve_keyframes(
     from gmrdata.cameras.rotation_only import RotationOnly, solve_rotation_only
     from gmrdata.cameras.smoothing import refine_mapped, refine_turning
 
-    keys, intrinsics_px = frames.of(key_rows), frames.intrinsics_px
+    keys = replace(frames, images=[frames.images[row] for row in key_rows])
+    intrinsics_px = frames.intrinsics_px
     matches = match_frames(keys, work_dir, config)
 
     def turn(of: Matches) -> RotationOnly:
@@ -148,16 +140,11 @@ def _solve_keyframes(
 
     turning = turn(matches)
     evidence = weigh(turning, matches, config)
-    mapped = None
-    if evidence.verdict != "rotation_only":
-        mapped = map_frames(keys, matches, work_dir, config)
+    turns, unsure = evidence.verdict == "rotation_only", evidence.verdict == "either"
+    mapped = None if turns else map_frames(keys, matches, work_dir, config)
     bent = mapped is not None and is_bent(mapped, turning, config)
     everything = with_frames_between(matches, key_rows, frames, config)
-    if (
-        evidence.verdict == "rotation_only"
-        or bent
-        or (evidence.verdict == "either" and not explains_better(mapped, turning, config))
-    ):
+    if turns or bent or (unsure and not explains_better(mapped, turning, config)):
         focal = turning_focal(turning, matches, intrinsics_px)
         refined, smoothing = refine_turning(turn(everything), timeline, config)
         focal_px = float(intrinsics_px[0, 0])

@@ -13,12 +13,11 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.matches import Matches, PairMatches
-from gmrdata.cameras.smoothing import noise_px
+from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX, noise_px
 
 HYPOTHESES = 200
 MATCHES_PER_PAIR = 200
 MAX_ITERATIONS = 30
-CAUCHY_SCALE_PX = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +64,10 @@ class _Rays:
 def solve_rotation_only(
     matches: Matches, intrinsics_px: np.ndarray, inlier_px: float, rng: np.random.Generator
 ) -> RotationOnly:
-    """Fit pure rotations to all verified matches.
+    """Fit pure rotations to all verified matches, of at least one pair.
 
     Args:
-        matches: Verified matches; at least one pair.
         inlier_px: Residual up to which a match supports a pairwise rotation [px].
-        rng: Source of the minimal samples.
     """
     threshold_rad = inlier_px / float(intrinsics_px[0, 0])
     sampled = [_sample(pair, rng) for pair in matches.pairs]
@@ -94,10 +91,7 @@ def solve_rotation_only(
 
 def unit_rays(points_px: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
     """Viewing directions (N, 3) of image points (N, 2) [px], camera frame, unit length."""
-    rays = (
-        np.concatenate([points_px, np.ones((len(points_px), 1))], axis=1)
-        @ np.linalg.inv(intrinsics_px).T
-    )
+    rays = np.c_[points_px, np.ones(len(points_px))] @ np.linalg.inv(intrinsics_px).T
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
@@ -129,30 +123,26 @@ def _kabsch(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _sample(pair: PairMatches, rng: np.random.Generator) -> np.ndarray:
-    if len(pair.features) <= MATCHES_PER_PAIR:
+    n = len(pair.features)
+    if n <= MATCHES_PER_PAIR:
         return pair.features
-    chosen = rng.choice(len(pair.features), MATCHES_PER_PAIR, replace=False)
-    return pair.features[np.sort(chosen)]
+    return pair.features[np.sort(rng.choice(n, MATCHES_PER_PAIR, replace=False))]
 
 
 def _chain(
     matches: Matches, second_from_first: np.ndarray, inliers: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """World rotations along the tree of the pairs with most inliers, from the best linked frame."""
-    n = matches.n_frames
-    first = np.array([pair.first for pair in matches.pairs])
-    second = np.array([pair.second for pair in matches.pairs])
-    strong = inliers >= 2
+    n, strong = len(matches.keypoints_px), inliers >= 2
+    first, second = np.array([(pair.first, pair.second) for pair in matches.pairs]).T
     graph = coo_array((1.0 / inliers[strong], (first[strong], second[strong])), shape=(n, n))
     tree = minimum_spanning_tree(graph.tocsr())
     strength = np.bincount(np.concatenate([first, second]), np.tile(inliers, 2), minlength=n)
-    root = int(strength.argmax())
-    order, predecessor = breadth_first_order(tree, root, directed=False)
+    order, predecessor = breadth_first_order(tree, int(strength.argmax()), directed=False)
     b_from_a = {}
     for a, b, rotation in zip(first, second, second_from_first, strict=True):
         b_from_a[a, b], b_from_a[b, a] = rotation, rotation.T
-    rotmats = np.tile(np.eye(3), (n, 1, 1))
-    linked = np.zeros(n, dtype=bool)
+    rotmats, linked = np.tile(np.eye(3), (n, 1, 1)), np.zeros(n, dtype=bool)
     linked[order] = True
     for frame in order[1:]:
         before = int(predecessor[frame])
@@ -163,14 +153,14 @@ def _chain(
 def _gather(
     matches: Matches, rays: list[np.ndarray], sampled: list[np.ndarray], used: list[int]
 ) -> _Rays:
-    rows, first, second_px, pair_index = [], [], [], []
+    columns = []
     for k, i in enumerate(used):
         pair, features = matches.pairs[i], sampled[i]
-        rows.append(np.tile([pair.first, pair.second], (len(features), 1)))
-        first.append(rays[pair.first][features[:, 0]])
-        second_px.append(matches.keypoints_px[pair.second][features[:, 1]])
-        pair_index.append(np.full(len(features), k))
-    return _Rays(*(np.concatenate(x) for x in (rows, first, second_px, pair_index)))
+        rows = np.tile([pair.first, pair.second], (len(features), 1))
+        second_px = matches.keypoints_px[pair.second][features[:, 1]]
+        of_pair = np.full(len(features), k)
+        columns.append((rows, rays[pair.first][features[:, 0]], second_px, of_pair))
+    return _Rays(*map(np.concatenate, zip(*columns, strict=True)))
 
 
 def _predict(rotmats: np.ndarray, data: _Rays) -> tuple[np.ndarray, np.ndarray]:
@@ -203,9 +193,8 @@ def _refine(
         step = np.zeros(3 * len(rotmats))
         # Sparse, and unlike a dense solver the same to the last bit for any number of BLAS threads.
         step[unknowns] = -spsolve(csc_array(block), gradient[unknowns])
-        turn = step.reshape(-1, 3)
-        rotmats = rotmats @ Rotation.from_rotvec(turn).as_matrix()
-        if np.abs(turn).max() < 1e-9:
+        rotmats = rotmats @ Rotation.from_rotvec(step.reshape(-1, 3)).as_matrix()
+        if np.abs(step).max() < 1e-9:
             break
     return rotmats
 
@@ -240,12 +229,8 @@ def _normal_equations(
     # Sum over each pair's matches first: they all fall on the same 6x6 block.
     starts = np.flatnonzero(np.diff(data.pair, prepend=-1))
     hessian, gradient = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
-    for where, block, slope in zip(
-        columns[starts],
-        np.add.reduceat(blocks, starts),
-        np.add.reduceat(slopes, starts),
-        strict=True,
-    ):
+    sums = np.add.reduceat(blocks, starts), np.add.reduceat(slopes, starts)
+    for where, block, slope in zip(columns[starts], *sums, strict=True):
         hessian[np.ix_(where, where)] += block
         gradient[where] += slope
     return hessian, gradient
@@ -259,7 +244,6 @@ def slopes_by_turns(
     Args:
         rays: (M, 3) in the first frames.
         seen: (M, 3) the same in the second frames.
-        second_from_first: (M, 3, 3) rotations.
         focal_px: (2,) fx and fy.
 
     Returns:

@@ -45,13 +45,9 @@ def camera_information(
 
     The unknowns of a camera are a small turn w [rad] and a step d, both in the world's axes:
     R <- exp(w) R, c <- c + d.  Observations are weighted as by the Cauchy loss of the bundle
-    adjustment, and by the noise that the residuals show.  The points themselves are held fixed,
-    so the errors that frames share through them are not in here.
-
-    Args:
-        world_from_cam: (T, 4, 4); NaN where there is no camera.
-        seen_px: By row of a frame with a camera: (N, 2) image points [px].
-        seen_points: By the same rows: the points (N, 3) behind them.
+    adjustment, and by the noise that the residuals show.  The points (N, 3), by row of a frame
+    with a camera as their image points (N, 2), are held fixed, so the errors that frames share
+    through them are not in here.
 
     Returns:
         (6T, 6T) block-diagonal J^T W J and (6T,) slope J^T W r, both over the variance of the
@@ -151,15 +147,13 @@ def second_differences(
 ) -> Differences:
     """The threes of frames that follow each other without a long gap or a cut between them.
 
-    Args:
-        max_gap_frames: Frames in a gap between frames with a camera at most.
-        stride: From one of the three to the next, in frames with a camera.
+    From one of the three to the next are `stride` frames with a camera.
     """
     placed = np.flatnonzero(has_camera)
     near, reach = timeline.near(placed, max_gap_frames), 2 * stride
     starts = [i for i in range(len(placed) - reach) if near[i : i + reach].all()]
-    rows = np.array([placed[i : i + reach + 1 : stride] for i in starts], dtype=np.int64)
-    rows = rows.reshape(-1, 3)
+    threes = [placed[i : i + reach + 1 : stride] for i in starts]
+    rows = np.array(threes, dtype=np.int64).reshape(-1, 3)
     return Differences(rows, np.diff(timeline.image_numbers[rows], axis=1).astype(np.float64))
 
 
@@ -179,12 +173,8 @@ def smooth_cameras(
     Args:
         world_from_cam: (T, 4, 4) cameras where their images want them; NaN where there is none.
         information: (kT, kT) matrix H: k = 6 by turn and step in the world's axes as
-            `camera_information` has them, or k = 3 by turn alone.
-        slope: (kT,) g.
+            `camera_information` has them, or k = 3 by turn alone; `slope` (kT,) is g.
         place_unit: Median distance of the background [unit of length].
-
-    Returns:
-        World_from_cam (T, 4, 4), and the figures; none where the frames are too few.
     """
     n, k = len(world_from_cam), information.shape[0] // len(world_from_cam)
     has_camera = np.isfinite(world_from_cam[:, 0, 0])
@@ -264,11 +254,8 @@ def refine_mapped(
         seen_px[row] = matches.keypoints_px[row][list(seen)]
         seen_points[row] = np.array(list(seen.values()))
     information, slope = camera_information(cameras, seen_px, seen_points, intrinsics_px)
-    distances = [
-        np.median(np.linalg.norm(points - cameras[row, :3, 3], axis=1))
-        for row, points in seen_points.items()
-    ]
-    unit = float(np.median(distances))
+    arms = [points - cameras[row, :3, 3] for row, points in seen_points.items()]
+    unit = float(np.median([np.median(np.linalg.norm(arm, axis=1)) for arm in arms]))
     refined, smoothing = smooth_cameras(cameras, information, slope, timeline, unit, config)
     return replace(mapped, world_from_cam=refined, smoothing=smoothing)
 
@@ -276,7 +263,7 @@ def refine_mapped(
 def refine_turning(
     turning: RotationOnly, timeline: Timeline, config: SfmConfig
 ) -> tuple[RotationOnly, Smoothing]:
-    """Cameras that only turn, on their matches; and the figures."""
+    """Cameras that only turn, on their matches."""
     cameras = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
     cameras[~turning.has_camera] = np.nan
     # The rotations are at their matches' optimum, so the slope is zero.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,14 +104,8 @@ def fill_short_gaps(
     """Interpolate cameras over short gaps; ends, longer gaps and cuts stay as they are.
 
     Places follow the cubic through the two placed frames on either side, or a polynomial of lower
-    degree where fewer are within reach; rotations are slerped.
-
-    Args:
-        world_from_cam: (T, 4, 4); NaN where there is no camera.
-        max_gap_frames: Frames in a gap at most, left-out images among them.
-
-    Returns:
-        World_from_cam (T, 4, 4) with the gaps filled, and which were filled (T,) bool.
+    degree where fewer are within reach; rotations are slerped.  Returns world_from_cam (T, 4, 4),
+    and which frames were filled, (T,) bool.
     """
     has_camera, numbers = np.isfinite(world_from_cam[:, 0, 0]), timeline.image_numbers
     placed, interpolated = np.flatnonzero(has_camera), np.zeros_like(has_camera)
@@ -130,12 +124,6 @@ def fill_short_gaps(
     return filled, interpolated
 
 
-def with_short_gaps_filled(solution: Solution, timeline: Timeline, max_gap_frames: int) -> Solution:
-    """The solution with cameras interpolated over short gaps, and marked."""
-    filled, marks = fill_short_gaps(solution.world_from_cam, timeline, max_gap_frames)
-    return replace(solution, world_from_cam=filled, interpolated=marks)
-
-
 def quality_of(
     solution: Solution,
     evidence: Evidence,
@@ -146,9 +134,10 @@ def quality_of(
 ) -> CamerasQuality:
     """The figures of a solution whose gaps are filled."""
     n_frames, is_full = len(solution.world_from_cam), solution.geometry == "full"
+    lengths, turn_rad = solution.track_lengths, solution.largest_turn_rad
     n_found = int((solution.has_camera & ~solution.interpolated).sum())
-    focal, turn_rad = solution.focal, solution.largest_turn_rad
-    holds = focal is not None and focal.sigma is not None
+    # Without a standard error the factor means nothing.
+    focal = solution.focal if solution.focal and solution.focal.sigma is not None else None
     return CamerasQuality(
         geometry=solution.geometry,
         mapper=solution.mapper,
@@ -166,14 +155,11 @@ def quality_of(
         featureless=tuple(keys.featureless.tolist()),
         models=solution.models,
         resected_frames=solution.n_resected,
-        # Without a standard error the factor means nothing.
-        focal_factor=focal.factor if focal is not None and holds else None,
-        focal_sigma=focal.sigma if focal is not None else None,
+        focal_factor=focal.factor if focal else None,
+        focal_sigma=focal.sigma if focal else None,
         smoothing=solution.smoothing,
         points=len(solution.points) if is_full else None,
-        median_track_length=(
-            float(np.median(solution.track_lengths)) if len(solution.points) else None
-        ),
+        median_track_length=float(np.median(lengths)) if len(lengths) else None,
         largest_turn_deg=None if turn_rad is None else float(np.rad2deg(turn_rad)),
         worked_on_px=size_px,
     )

@@ -13,7 +13,6 @@ from gmrdata.cameras.evidence import explains_better
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import match_frames
-from gmrdata.cameras.models import join_models
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import solve_rotation_only
 from gmrdata.read.frames import list_images
@@ -46,8 +45,7 @@ def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
     mappers: tuple[Mapper, ...] = ("global", "incremental")
     for name in mappers:
         models = mapping._run(name, frames, work_dir, SMALL)
-        whole, records = join_models(models, SMALL.seed)
-        mapped = mapping._finish(whole, name, records, frames, matches, SMALL)
+        mapped = mapping._finish(models, name, frames, matches, SMALL)
         assert mapped.has_camera.all()
         assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
         assert mapped.errors_px.max() < 3.0 and np.median(mapped.errors_px) < 0.5
