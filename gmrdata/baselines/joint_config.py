@@ -51,7 +51,5 @@ class JointConfig(StepsConfig):
     def windows(self) -> WindowConfig:
         """How windows are cut."""
         return WindowConfig(
-            frames=self.frames,
-            fps_hz=self.fps_hz,
-            reverse_probability=self.reverse_probability,
+            frames=self.frames, fps_hz=self.fps_hz, reverse_probability=self.reverse_probability
         )

@@ -9,12 +9,7 @@ from torch import Tensor, nn
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr import rotations
-from gmrdata.gmr.checkpoint import (
-    StepState,
-    load_weights,
-    read_step_state,
-    trained_checkpoint,
-)
+from gmrdata.gmr.checkpoint import StepState, load_weights, read_step_state, trained_checkpoint
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.model import encode, make_encoder, motions_of
 from gmrdata.values.body import N_LOCAL

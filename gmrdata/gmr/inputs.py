@@ -98,8 +98,7 @@ class StandingShares(nn.Module):
 
 
 def root_turn(
-    shares: Float[Tensor, "*#batch joints 1"],
-    root_from_joint: Float[Tensor, "*#batch joints 3 3"],
+    shares: Float[Tensor, "*#batch joints 1"], root_from_joint: Float[Tensor, "*#batch joints 3 3"]
 ) -> Float[Tensor, "*batch 3 3"]:
     """dR: the mean, as axis-angle, of what each joint leaves to the root; none leaves no turn."""
     turns = rotations.log_map(root_from_joint @ _next(root_from_joint).mT)

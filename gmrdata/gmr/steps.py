@@ -62,10 +62,7 @@ def run_steps(
 ) -> None:
     """Train; within `torch_settings`."""
     log_dir, done = run_dir if processes.is_first else None, learner.done
-    with (
-        progress_bar(shown=processes.is_first) as bar,
-        run_log(log_dir, done, tensorboard) as log,
-    ):
+    with progress_bar(shown=processes.is_first) as bar, run_log(log_dir, done, tensorboard) as log:
         task = bar.add_task("training", total=config.steps, completed=done)
         for step, batch in prefetched(learner.batch_of, range(done, config.steps)):
             now = step + 1

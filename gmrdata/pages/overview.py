@@ -115,8 +115,7 @@ def _clip_table(summary: Summary) -> Table:
 
 def _gmr_table(summary: Summary) -> Table:
     table = _table(
-        "GMR (in brackets: zero motion)",
-        ("manifest", "OME \\[deg]", "TME \\[mm]", "VME \\[mm]"),
+        "GMR (in brackets: zero motion)", ("manifest", "OME \\[deg]", "TME \\[mm]", "VME \\[mm]")
     )
     for name, score in summary.gmr.items():
         ours, zero = score_texts(score), score_texts(score.zero_motion)

@@ -19,12 +19,7 @@ from gmrdata.masks.folder import find_mask
 from gmrdata.pages.frames import masked_tile
 from gmrdata.read.frames import number_in_name, read_color, read_gray
 from gmrdata.read.threedpw_layout import SequenceFiles, require_inside
-from gmrdata.threedpw.people import (
-    DATASET_CAMERA_FILE,
-    DOUBTS_FILE,
-    PEOPLE_FILE,
-    PeopleRecord,
-)
+from gmrdata.threedpw.people import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
 from gmrdata.threedpw.recipe import SetPaths
 from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.values import transforms

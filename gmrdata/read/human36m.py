@@ -40,10 +40,7 @@ ACTIONS = {
 """Names by the numbers that the files use."""
 SIZES_PX = {1: (1000, 1002), 2: (1000, 1000), 3: (1000, 1000), 4: (1000, 1002)}
 """Width and height of each camera's images [px]: 54138969, 55011271, 58860488 and 60457274."""
-PARAMETER_FILES = (
-    "Human36M_subject{}_smpl_param.json",
-    "Human36M_subject{}_SMPL_NeuralAnnot.json",
-)
+PARAMETER_FILES = ("Human36M_subject{}_smpl_param.json", "Human36M_subject{}_SMPL_NeuralAnnot.json")
 """Names of a subject's SMPL parameters; the first that is there is read."""
 CAMERA_FILE = "Human36M_subject{}_camera.json"
 LARGEST_FILE_BYTES = 1 << 31

@@ -68,11 +68,7 @@ class PairedDifference(NamedTuple):
 
 
 def paired_difference(
-    first: PerClip,
-    other: PerClip,
-    resamples: int,
-    permutations: int,
-    rng: np.random.Generator,
+    first: PerClip, other: PerClip, resamples: int, permutations: int, rng: np.random.Generator
 ) -> PairedDifference:
     """Compare two runs clip by clip, on one clip or more.
 

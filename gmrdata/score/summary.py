@@ -88,9 +88,7 @@ def _clip(one: ClipErrors) -> ClipScore:
 
 
 def _groups(
-    scored: Sequence[ClipErrors],
-    name_of: Callable[[ClipErrors], str | None],
-    draws: Draws,
+    scored: Sequence[ClipErrors], name_of: Callable[[ClipErrors], str | None], draws: Draws
 ) -> dict[str, GroupScore]:
     """Groups by name, sorted; clips without a name are in none."""
     members: dict[str, list[ClipErrors]] = defaultdict(list)

@@ -29,11 +29,7 @@ UNSOLVED = "unsolved"
 
 
 def regenerate_one(
-    files: SequenceFiles,
-    root: Path,
-    recipe: ThreedpwRecipe,
-    body_paths: tuple[Path, ...],
-    run: Run,
+    files: SequenceFiles, root: Path, recipe: ThreedpwRecipe, body_paths: tuple[Path, ...], run: Run
 ) -> Path:
     """Run every stage of one sequence, up to the folder of the pseudo ground truth.
 

@@ -58,12 +58,7 @@ PLACE_TRIES = 4
 
 
 def twin_recipe(
-    n_sequences: int,
-    seed: int,
-    motions_dir: Path,
-    *,
-    film: Film = FILM,
-    workers: int | None = None,
+    n_sequences: int, seed: int, motions_dir: Path, *, film: Film = FILM, workers: int | None = None
 ) -> TwinRecipe:
     """A recipe of kind `threedpw_twin`, a function of the arguments and of the motion files alone.
 

@@ -103,10 +103,7 @@ def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> Int[np.ndarray,
 
 
 def sole_vertices(
-    body: BodyModel,
-    rest_vertices_m: Float[np.ndarray, "vertices 3"],
-    side: str,
-    thickness_m: float,
+    body: BodyModel, rest_vertices_m: Float[np.ndarray, "vertices 3"], side: str, thickness_m: float
 ) -> Int[np.ndarray, " n"]:
     """Rows of the vertices of the "left" or "right" sole: so thick, from the foot's lowest one."""
     joints = [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]
