@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from gmrdata.values.errors import BadRecord
-from gmrdata.values.files import read_json, read_npz, write_json
+from gmrdata.values.files import json_text, read_json, read_npz, write_text
 
 MAKE_AGAIN = "make it again: the same command with --redo, or another --out"
 """The remedy for a record of another version, or one that was changed by hand."""
@@ -66,8 +66,10 @@ class Record(Config):
         return record
 
     def write(self, path: Path) -> None:
-        """Write the record as JSON with sorted keys, as a whole or not at all."""
-        write_json(path, self.model_dump(mode="json"))
+        """Write the record as a whole or not at all; a file that says the same is left alone."""
+        text = json_text(self.model_dump(mode="json"))
+        if not path.is_file() or path.read_bytes() != text.encode():
+            write_text(path, text)
 
 
 def figure(value: float | np.floating) -> float:

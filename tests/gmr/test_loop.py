@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import jaxtyping
 import numpy as np
 import pytest
 import torch
@@ -140,7 +141,10 @@ def test_compiling_changes_rounding_alone(
     small_body: BodyModel,
     small_config: TrainConfig,
     tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    # The checks of shapes can't be traced.
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     config = small_config.model_copy(
         update={"steps": 4, "model": ModelConfig(layers=2, hidden=12, output="6d")}
     )

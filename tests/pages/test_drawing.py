@@ -225,8 +225,9 @@ def test_plots_follow_the_readers_colour_scheme(report: ReportData) -> None:
     style = Path(__file__).parents[2] / "gmrdata" / "pages" / "templates" / "style.css"
     defined = style.read_text()
     # Once for light, which print takes too, and once for dark screens alone.
-    assert "@media screen and (prefers-color-scheme: dark)" in defined
-    assert all(defined.count(f"--{role}:") == 2 for role in COLOURS)
+    light, dark, *_ = defined.split("@media")
+    assert dark.startswith(" screen and (prefers-color-scheme: dark)")
+    assert all(f"--{role}:" in light and f"--{role}:" in dark for role in COLOURS)
 
 
 def test_ids_of_a_drawing_hang_on_its_name_alone_and_its_texts_stay_whole() -> None:

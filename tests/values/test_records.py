@@ -35,6 +35,16 @@ def test_a_record_comes_back(tmp_path: Path) -> None:
     assert Measured.read(tmp_path / "a.json") == RECORD
 
 
+def test_a_record_that_says_the_same_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    RECORD.write(path)
+    before = path.stat()
+    RECORD.write(path)
+    assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+    Measured(share=0.6, focal_factor=None).write(path)
+    assert Measured.read(path).share == 0.6
+
+
 @pytest.mark.parametrize("key", ["format", "share", "focal_factor"])
 def test_a_missing_key_is_named(tmp_path: Path, key: str) -> None:
     path = edited(tmp_path / "a.json", **{key: "gone"})
