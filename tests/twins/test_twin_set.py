@@ -171,7 +171,7 @@ def brightness(path: Path) -> float:
 def test_once_more_does_nothing(out: Path) -> None:
     def times_ns() -> dict[Path, int]:
         paths = [p for part in ("3DPW", "truth", "render_set/render") for p in out.glob(part)]
-        files = [f for p in paths for f in p.rglob("*") if not f.name.endswith(".lock")]
+        files = [f for p in paths for f in p.rglob("*") if not f.name.startswith(".")]
         return {f: f.stat().st_mtime_ns for f in files if f.is_file()}
 
     before = times_ns()
