@@ -87,7 +87,7 @@ def test_a_run_folder(
     }
     assert record["facts"]["processes"] == 1
     assert record["packages"].keys() >= {"torch", "roma", "numpy", "safetensors"}
-    assert record["gmrdata"] and record["python"] and record["machine"]
+    assert record["gmrdata"] and record["python"] and record["facts"]["machine"]
     gmr = load_gmr(run_dir)
     assert (gmr.step, gmr.fps_hz, gmr.model.config) == (12, 10.0, small_config.model)
     written = (run_dir / "stage.json").stat().st_mtime_ns
