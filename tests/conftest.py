@@ -20,6 +20,7 @@ settings.load_profile("gmrdata")
 pytest_plugins = (
     "tests.browser",
     "tests.filming",
+    "tests.fixtures.filmed_sets",
     "tests.fixtures.inference",
     "tests.fixtures.motion_files",
     "tests.fixtures.threedpw_files",

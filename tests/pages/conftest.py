@@ -26,9 +26,6 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
-from tests.threedpw.conftest import copied_set as copied_set
-from tests.threedpw.conftest import filmed_set as filmed_set
-from tests.threedpw.conftest import made_set as made_set
 
 PROGRAMMES = {"circular": Circular(), "linear": Linear(), "panning": Panning()}
 TRUE_FROM_PSEUDO = transforms.rigid(
