@@ -79,12 +79,12 @@ def test_the_figures_are_those_of_the_manifests_clips(place: Path, filmed_set: A
     found = {clip.id: clip for clip in load_clips(place / "out/regenerated/pseudo_gt.yaml")}
     n_motions = weighted_mm = 0.0
     for name, people in filmed_set.truth.items():
-        assert [person.id for person in rows[name]["people"]] == [clip.id for clip in people]
-        for true, person in zip(people, rows[name]["people"], strict=True):
+        assert [person.id for person in rows[name].people] == [clip.id for clip in people]
+        for true, person in zip(people, rows[name].people, strict=True):
             error = compare_clips(found[true.id], true, fps_hz=10.0, body=body)
             assert error.vme_mm is not None and person.n_motions == error.n_motions
             for key in ("ome_deg", "tme_mm", "vme_mm", "camera_path_mm"):
-                assert person[key] == pytest.approx(getattr(error, key), rel=1e-5)
+                assert getattr(person, key) == pytest.approx(getattr(error, key), rel=1e-5)
             n_motions += error.n_motions
             weighted_mm += error.n_motions * error.vme_mm
     assert floor.overall.n_motions == n_motions
