@@ -205,7 +205,7 @@ def _measure_floor(
             sampled, motions = twins
             with then(lambda: write_rendered(sampled.set, folder / SET_FOLDER)):
                 made = sampled_floor(sampled, motions, recipe, out, run=run)
-    measured = floor_record.read_floor(made.path)
+    measured = floor_record.Floor.read(made.path)
     print_table(floor_record.HEADINGS, floor_record.floor_rows(measured))
     for line in floor_record.notes(measured):
         answer(line)

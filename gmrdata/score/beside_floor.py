@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from gmrdata.score import METRICS, Metric
 from gmrdata.score.records import Row, RowFloor, Summary
-from gmrdata.twins.floor_record import Floor, FloorGroup, read_floor
+from gmrdata.twins.floor_record import Floor, FloorGroup
 from gmrdata.values.errors import BadManifest, BadRecord
 
 BELOW: dict[Metric, str] = {
@@ -23,7 +23,7 @@ def read_fitting_floor(path: Path, manifest_path: Path, kind: str, fps_hz: float
         BadManifest: the manifest is no pseudo ground truth.
         BadRecord: no floor, one of another rate, or one without an accepted sequence.
     """
-    floor = read_floor(path)
+    floor = Floor.read(path)
     if kind != "pseudo_gt":
         raise BadManifest(
             f"{manifest_path}: of kind {kind}, but {path} is the error of a pseudo ground truth. "

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmrdata.score import METHODS, METRICS, Method, Metric, WorldMetric
-from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_run
+from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_motion
 from gmrdata.score.protocols import WorldBody, WorldPair, protocol_values
 from gmrdata.score.records import Protocol
 from gmrdata.score.world_metrics import pooled
@@ -108,7 +108,7 @@ class _RunErrors(NamedTuple):
 def _run_errors(
     run: PredictedRun, body: BodyModel, predicted_body: BodyModel | None
 ) -> dict[Method, _RunErrors]:
-    motions = {"predicted": run.predicted, "zero": still_run(run).predicted}
+    motions = {"predicted": run.predicted, "zero": still_motion(run.true, run.true)}
     vertices = run_vertex_errors(body, run.true, motions, predicted_body)
     true_rotmats, true_m = deltas(run.true.root_rotmats, run.true.pelvis_m)
     found = {}
@@ -131,7 +131,7 @@ def _protocol(
     for world in worlds:
         true = _world_body(body, [run.true for run in world], with_feet)
         predicted = _world_body(predicted_body, [run.predicted for run in world], with_feet)
-        still = [still_run(run, world[0].true).predicted for run in world]
+        still = [still_motion(run.true, world[0].true) for run in world]
         zero = _world_body(body, still, with_feet)
         edges = np.cumsum([0, *(run.true.n_frames for run in world)]).tolist()
         for method, one in zip(METHODS, (predicted, zero), strict=True):

@@ -43,19 +43,17 @@ class PredictedClip:
     """Valid frames, at the prediction's rate, for which there is no prediction."""
 
 
-def still_run(run: PredictedRun, first: Motion | None = None) -> PredictedRun:
-    """The same run with zero motion: the body stays where the truth, or `first`, is at first."""
-    where, n = run.true if first is None else first, run.true.n_frames
-    still = replace(
-        run.true,
-        root_rotmats=np.tile(where.root_rotmats[0], (n, 1, 1)),
-        pelvis_m=np.tile(where.pelvis_m[0], (n, 1)),
+def still_motion(true: Motion, first: Motion) -> Motion:
+    """Zero motion: the body stays where `first` is at first."""
+    return replace(
+        true,
+        root_rotmats=np.tile(first.root_rotmats[0], (true.n_frames, 1, 1)),
+        pelvis_m=np.tile(first.pelvis_m[0], (true.n_frames, 1)),
     )
-    return PredictedRun(run.true, still)
 
 
-def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> PredictedClip | None:
-    """What a network sees in a clip's local poses; None where no two valid frames are in a row.
+def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> PredictedClip | str:
+    """What a network sees in a clip's local poses; the reason where there is no prediction.
 
     Each run of valid frames is a sequence, and a world, of its own: motions are accumulated
     (eqs. 3-4) from the run's true first pose.
@@ -63,14 +61,13 @@ def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> Pre
     from gmrdata.gmr.predict import predict_deltas
 
     runs = []
-    for run in runs_at(one.clip, gmr.fps_hz, all_phases=all_phases):
-        true = run.motion
+    for true in runs_at(one.clip, gmr.fps_hz, all_phases=all_phases):
         found = predict_deltas(gmr, true.local_rotmats)
         root_rotmats, pelvis_m = accumulate(*found, true.root_rotmats[0], true.pelvis_m[0])
         predicted = replace(true, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
         runs.append(PredictedRun(true, predicted))
     if not runs:
-        return None
+        return f"no two valid frames in a row at {gmr.fps_hz:g} fps"
     return PredictedClip(one.clip.id, one.camera_motion, tuple(runs), tuple((run,) for run in runs))
 
 
@@ -82,39 +79,35 @@ def file_clip(
     protocol_fps_hz: float | None = None,
     all_phases: bool = False,
     drop_missing: bool = False,
-) -> PredictedClip | None:
-    """A clip beside `<clip id>.npz` of a folder; None where no two frames in a row have both.
+) -> PredictedClip | str:
+    """A clip beside `<clip id>.npz` of a folder; the reason where there is no prediction.
 
-    The file is a clip as `save_clip` writes it, in a world of its own.  Its row i is
-    the truth's row i, or row k i where the truth's rate is k times the prediction's.
+    The file is a clip as `save_clip` writes it, in a world of its own.  Its row i is the truth's
+    row i, or row k i where the truth's rate is k times the prediction's.
 
     Args:
         fps_hz: Rate of OME, TME and VME [Hz].
         protocol_fps_hz: Rate of a protocol's figures [Hz], which is taken where the prediction's is
             a multiple of it; the prediction's own otherwise.
-        drop_missing: Whether true frames without a prediction are dropped and counted; they are an
-            error otherwise.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: the file is broken, holds another clip, or is in the camera's frame; the
-            rates don't fit; or valid frames have no prediction and may not be dropped.
+        drop_missing: Whether clips and true frames without a prediction are dropped, the frames
+            counted; they are an error otherwise.
     """
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder of predictions")
     path = folder / f"{one.clip.id}.npz"
+    if not path.is_file():
+        reason = f"no prediction {path.name}"
+        if drop_missing:
+            return reason
+        raise BadMotionFile(
+            f"{folder}: {reason}. Predict this clip too, or pass --missing drop to leave it out"
+        )
     predicted = load_clip(path)
-    if predicted.id != one.clip.id:
-        raise BadMotionFile(
-            f"{path}: holds clip {predicted.id}. Name each file by the id of its clip"
-        )
-    if predicted.motion.frame != "world":
-        raise BadMotionFile(
-            f"{path}: its motion is in the camera's frame. Give predictions in the world"
-        )
-    true = _at_rate(one.clip, _rows_per_frame(path, predicted, one.clip))
+    true = _at_its_rate(path, predicted, one.clip)
     true, predicted, n_missing = _with_both(path, true, predicted, drop_missing=drop_missing)
     runs = _paired(true, predicted, fps_hz, all_phases=all_phases)
     if not runs:
-        return None
+        return f"no two frames in a row with a prediction at {fps_hz:g} fps"
     world_hz = predicted.motion.fps_hz
     if protocol_fps_hz is not None and whole_ratio(world_hz, protocol_fps_hz) is not None:
         world_hz = protocol_fps_hz
@@ -151,7 +144,16 @@ def _with_both(
     return *parts, int(missing.size)
 
 
-def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
+def _at_its_rate(path: Path, predicted: Clip, true: Clip) -> Clip:
+    """The truth at the rate of a prediction that fits it."""
+    if predicted.id != true.id:
+        raise BadMotionFile(
+            f"{path}: holds clip {predicted.id}. Name each file by the id of its clip"
+        )
+    if predicted.motion.frame != "world":
+        raise BadMotionFile(
+            f"{path}: its motion is in the camera's frame. Give predictions in the world"
+        )
     step = whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz)
     if step is None:
         raise BadMotionFile(
@@ -164,10 +166,6 @@ def _rows_per_frame(path: Path, predicted: Clip, true: Clip) -> int:
             f"{path}: {predicted.motion.n_frames} frames, but the clip has {n_rows} at "
             f"{predicted.motion.fps_hz:g} fps. Give one row for each row of the clip"
         )
-    return step
-
-
-def _at_rate(true: Clip, step: int) -> Clip:
     rows, valid = every_row(true.valid, step)
     motion = true.motion.take(slice(0, None, step), true.motion.fps_hz / step)
     return replace(true, motion=motion, valid=valid, image_numbers=rows, camera=None)
@@ -182,11 +180,4 @@ def _paired(
     true: Clip, predicted: Clip, fps_hz: float, *, all_phases: bool
 ) -> tuple[PredictedRun, ...]:
     runs = (runs_at(clip, fps_hz, all_phases=all_phases) for clip in (true, predicted))
-    return tuple(PredictedRun(a.motion, b.motion) for a, b in zip(*runs, strict=True))
-
-
-def missing_file(folder: Path, clip_id: str) -> str | None:
-    """Why a clip has no prediction at all; None where its file is there."""
-    if not folder.is_dir():
-        raise MissingInput(f"{folder}: no such folder of predictions")
-    return None if (folder / f"{clip_id}.npz").is_file() else f"no prediction {clip_id}.npz"
+    return tuple(PredictedRun(*both) for both in zip(*runs, strict=True))

@@ -1,9 +1,10 @@
 """Score a trained network, or predictions of anything else, on a manifest's clips."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,9 +16,9 @@ from gmrdata.manifest.read import read_manifest
 from gmrdata.score import ProtocolName
 from gmrdata.score.beside_floor import beside_floor, read_fitting_floor
 from gmrdata.score.clip_errors import ClipErrors, clip_errors
-from gmrdata.score.predictions import PredictedClip, file_clip, missing_file, network_clip
+from gmrdata.score.predictions import PredictedClip, file_clip, network_clip
 from gmrdata.score.protocols import PROTOCOLS
-from gmrdata.score.records import Bootstrap, ScoredFiles, ScoredNetwork, Scores
+from gmrdata.score.records import Bootstrap, Protocol, ScoredFiles, ScoredNetwork, Scores
 from gmrdata.score.summary import summarise
 from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
@@ -27,9 +28,6 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile
 from gmrdata.values.records import Config
-
-if TYPE_CHECKING:
-    from gmrdata.gmr.predict import TrainedGmr
 
 
 class ScoreConfig(Config):
@@ -50,6 +48,9 @@ class ScoreConfig(Config):
     """How often clips are drawn for a bootstrap interval."""
     seed: int = Field(default=0, ge=0)
 
+    def its_protocol(self) -> Protocol | None:
+        return None if self.protocol is None else PROTOCOLS[self.protocol]
+
 
 def score_manifest(
     run_dir: Path,
@@ -69,13 +70,8 @@ def score_manifest(
 
     Args:
         body_path: Their body, as `load_body` takes it; None for the default body.
-        out_dir: Gets `scores.json`, `scores.csv` and `scores.md`.
+        out_dir: Gets `scores.json`, whose path is returned, `scores.csv` and `scores.md`.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
-
-    Returns:
-        Path of `scores.json`: per clip, per class of camera motion, per type of motion and overall,
-        each pooled over motions and, where several clips are put together, as the mean of the
-        clips' means, with bootstrap intervals.
 
     Raises:
         MissingInput: a file is not there.
@@ -94,11 +90,11 @@ def score_manifest(
         model = ScoredNetwork(
             kind="network", run=gmr.name, step=gmr.step, which=config.which, network=network
         )
-        return _Predictor(gmr.name, model, by_network(gmr, config), gmr.fps_hz)
+        predict = partial(network_clip, gmr, all_phases=config.all_phases)
+        return gmr.name, model, predict, gmr.fps_hz
 
-    optional = {"body": body_path, "floor": floor_path}
-    inputs = {"run": run_dir, "manifest": manifest_path}
-    return _write_scores(out_dir, predictor, inputs, optional, config, run)
+    inputs = {"run": run_dir, "manifest": manifest_path, "body": body_path, "floor": floor_path}
+    return _write_scores(out_dir, manifest_path, predictor, inputs, config, run)
 
 
 def score_predictions(
@@ -117,9 +113,9 @@ def score_predictions(
     What is not said here is as for `score_manifest`.
 
     Args:
-        predictions_dir: `<clip id>.npz` for each clip, as `save_clip` writes it, each
-            in a world of its own; row i is the clip's row i, or row k i where the clip's rate is k
-            times the prediction's.  Its local pose and shape count in VME and in a protocol.
+        predictions_dir: `<clip id>.npz` for each clip, as `save_clip` writes it, each in a world of
+            its own; row i is the clip's row i, or row k i where the clip's rate is k times the
+            prediction's.  Its local pose and shape count in VME and in a protocol.
         predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
 
     Raises:
@@ -130,33 +126,40 @@ def score_predictions(
     config = config or ScoreConfig()
 
     def predictor() -> _Predictor:
-        folder = predictions_dir.resolve()
+        folder, protocol = predictions_dir.resolve(), config.its_protocol()
         name = folder.parent.name if folder.name == "predictions" else folder.name
-        model = ScoredFiles(kind="files", predictions=name)
-        return _Predictor(name, model, from_folder(predictions_dir, config), config.fps_hz)
+        predict = partial(
+            file_clip,
+            predictions_dir,
+            fps_hz=config.fps_hz,
+            protocol_fps_hz=protocol.fps_hz if protocol else None,
+            all_phases=config.all_phases,
+            drop_missing=config.missing == "drop",
+        )
+        return name, ScoredFiles(kind="files", predictions=name), predict, config.fps_hz
 
-    optional = {"body": body_path, "floor": floor_path, "predictions_body": predictions_body_path}
-    inputs = {"predictions": predictions_dir, "manifest": manifest_path}
-    return _write_scores(out_dir, predictor, inputs, optional, config, run)
+    inputs = {"predictions": predictions_dir, "manifest": manifest_path, "body": body_path}
+    inputs |= {"floor": floor_path, "predictions_body": predictions_body_path}
+    return _write_scores(out_dir, manifest_path, predictor, inputs, config, run)
 
 
 Predict = Callable[[UsableClip], PredictedClip | str]
 """A prediction of a clip, or the reason why there is none."""
+_Predictor = tuple[str, ScoredNetwork | ScoredFiles, Predict, float]
+"""Its name, what predicts, and the rate of OME, TME and VME [Hz]."""
 
 
 def score_clips(
     predict: Predict,
     body: BodyModel,
     clips: Sequence[UsableClip],
-    protocol: ProtocolName | None = None,
+    protocol: Protocol | None = None,
     predicted_body: BodyModel | None = None,
 ) -> tuple[list[ClipErrors], dict[str, str]]:
     """Errors of each clip that has a prediction, and the reason by id of each that has none.
 
-    Args:
-        predicted_body: The predictions' body; None for the clips' own.
+    The `predicted_body` is None where it is the clips' own.
     """
-    chosen = None if protocol is None else PROTOCOLS[protocol]
     scored, skipped = [], {}
     for one in track(clips, "scoring", total=len(clips)):
         predicted = predict(one)
@@ -164,39 +167,8 @@ def score_clips(
             skipped[one.clip.id] = predicted
             continue
         _check_body(predicted, predicted_body or body)
-        scored.append(clip_errors(predicted, body, chosen, predicted_body))
+        scored.append(clip_errors(predicted, body, protocol, predicted_body))
     return scored, skipped
-
-
-def by_network(gmr: "TrainedGmr", config: ScoreConfig) -> Predict:
-    def predict(one: UsableClip) -> PredictedClip | str:
-        found = network_clip(gmr, one, all_phases=config.all_phases)
-        return found or f"no two valid frames in a row at {gmr.fps_hz:g} fps"
-
-    return predict
-
-
-def from_folder(folder: Path, config: ScoreConfig) -> Predict:
-    protocol_fps_hz = None if config.protocol is None else PROTOCOLS[config.protocol].fps_hz
-
-    def predict(one: UsableClip) -> PredictedClip | str:
-        if reason := missing_file(folder, one.clip.id):
-            if config.missing == "drop":
-                return reason
-            raise BadMotionFile(
-                f"{folder}: {reason}. Predict this clip too, or pass --missing drop to leave it out"
-            )
-        found = file_clip(
-            folder,
-            one,
-            config.fps_hz,
-            protocol_fps_hz=protocol_fps_hz,
-            all_phases=config.all_phases,
-            drop_missing=config.missing == "drop",
-        )
-        return found or f"no two frames in a row with a prediction at {config.fps_hz:g} fps"
-
-    return predict
 
 
 def _check_body(predicted: PredictedClip, body: BodyModel) -> None:
@@ -226,46 +198,37 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
     return {id: labels[source] for id, source in sources.items() if source in labels}
 
 
-@dataclass(frozen=True)
-class _Predictor:
-    name: str
-    model: ScoredNetwork | ScoredFiles
-    predict: Predict
-    fps_hz: float
-
-
 def _write_scores(
     out_dir: Path,
+    manifest_path: Path,
     predictor: Callable[[], _Predictor],
-    inputs: Mapping[str, Path],
-    optional: Mapping[str, Path | None],
+    inputs: Mapping[str, Path | None],
     config: ScoreConfig,
     run: Run,
 ) -> Path:
     def work(partial_dir: Path) -> None:
-        scores = _scores(predictor(), inputs["manifest"], optional, config)
+        scores = _scores(predictor(), manifest_path, inputs, config)
         path = partial_dir / "scores.json"
         scores.write(path)
         write_table_files(path, csv_rows(scores), scores_markdown(scores))
 
-    given = {key: path for key, path in optional.items() if path is not None}
-    return run_stage("score", out_dir, config, {**inputs, **given}, work, run=run) / "scores.json"
+    given = {key: path for key, path in inputs.items() if path is not None}
+    return run_stage("score", out_dir, config, given, work, run=run) / "scores.json"
 
 
 def _scores(
     predictor: _Predictor,
     manifest_path: Path,
-    optional: Mapping[str, Path | None],
+    inputs: Mapping[str, Path | None],
     config: ScoreConfig,
 ) -> Scores:
-    usable, fps_hz, floor = usable_clips(manifest_path), predictor.fps_hz, None
-    if (path := optional["floor"]) is not None:
+    name, model, predict, fps_hz = predictor
+    usable, floor, protocol = usable_clips(manifest_path), None, config.its_protocol()
+    if (path := inputs["floor"]) is not None:
         floor = read_fitting_floor(path, manifest_path, usable.manifest.kind, fps_hz)
-    body, predicted_body = _bodies(optional["body"], optional.get("predictions_body"))
+    body, predicted_body = _bodies(inputs["body"], inputs.get("predictions_body"))
     check_clips_fit([one.clip for one in usable.clips], body)
-    scored, skipped = score_clips(
-        predictor.predict, body, usable.clips, config.protocol, predicted_body
-    )
+    scored, skipped = score_clips(predict, body, usable.clips, protocol, predicted_body)
     if not scored:
         raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
     types = motion_types(usable.manifest)
@@ -275,11 +238,11 @@ def _scores(
         summary = beside_floor(summary, floor)
     return Scores(
         **dict(summary),
-        name=predictor.name,
-        model=predictor.model,
+        name=name,
+        model=model,
         fps_hz=fps_hz,
         body=body.name,
-        protocol=None if config.protocol is None else PROTOCOLS[config.protocol],
+        protocol=protocol,
         bootstrap=Bootstrap(resamples=config.resamples, seed=config.seed),
         skipped=usable.skipped | skipped,
         dropped_frames=sum(one.dropped_frames for one in scored),

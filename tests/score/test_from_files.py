@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.gmr.runs import UsableClip
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.score.clip_errors import clip_errors
-from gmrdata.score.predictions import PredictedClip, file_clip, missing_file
+from gmrdata.score.predictions import PredictedClip, file_clip
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -43,7 +43,7 @@ def read(
 ) -> PredictedClip:
     save_clip(folder / "walk.npz", predicted, body.rest_pelvis_m(predicted.motion.shape))
     found = file_clip(folder, UsableClip(true, "linear"), 10.0, **options)
-    assert found is not None
+    assert isinstance(found, PredictedClip)
     return found
 
 
@@ -166,9 +166,10 @@ def test_what_can_not_be_scored_is_named(tmp_path: Path, small_body: BodyModel, 
         file_clip(tmp_path, UsableClip(true, "linear"), 10.0)
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.npz").touch()
-    assert missing_file(tmp_path, "a") is None
-    assert missing_file(tmp_path, "b") == "no prediction b.npz"
+def test_a_missing_file_is_named(tmp_path: Path, true: Clip) -> None:
+    one = UsableClip(replace(true, id="b"), "linear")
+    assert file_clip(tmp_path, one, 10.0, drop_missing=True) == "no prediction b.npz"
+    with pytest.raises(BadMotionFile, match=r"no prediction b\.npz"):
+        file_clip(tmp_path, one, 10.0)
     with pytest.raises(MissingInput, match="nowhere"):
-        missing_file(tmp_path / "nowhere", "a")
+        file_clip(tmp_path / "nowhere", one, 10.0, drop_missing=True)

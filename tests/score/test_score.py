@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,9 @@ from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.bodies import save_body
 from gmrdata.score import METHODS, METRICS, Metric
 from gmrdata.score.clip_errors import ClipErrors
+from gmrdata.score.predictions import network_clip
 from gmrdata.score.score import (
     ScoreConfig,
-    by_network,
     motion_types,
     score_clips,
     score_manifest,
@@ -113,8 +114,7 @@ class Oracle:
     def __init__(self, clips: list[Clip]) -> None:
         self.by_pose = {}
         for clip in clips:
-            for run in runs_at(clip, 10.0, all_phases=True):
-                motion = run.motion
+            for motion in runs_at(clip, 10.0, all_phases=True):
                 self.by_pose[motion.local_rotmats.tobytes()] = deltas(
                     motion.root_rotmats, motion.pelvis_m
                 )
@@ -135,7 +135,7 @@ def test_known_errors_get_known_scores(
     monkeypatch.setattr("gmrdata.gmr.predict.predict_deltas", oracle.predict)
     usable = [UsableClip(clip, "linear") for clip in clips]
     scored, skipped = score_clips(
-        by_network(oracle, ScoreConfig()),  # type: ignore[arg-type]
+        partial(network_clip, oracle, all_phases=False),  # type: ignore[arg-type]
         small_body,
         usable,
     )
@@ -152,7 +152,7 @@ def test_known_errors_get_known_scores(
 
 
 def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
-    predict = by_network(gmr, ScoreConfig())
+    predict = partial(network_clip, gmr, all_phases=False)
     ((one,), _) = score_clips(predict, body, [UsableClip(clip, "none")])
     return one
 
@@ -167,10 +167,10 @@ def test_vme_is_the_distance_between_placed_meshes(
     gmr = load_gmr(run_dir)
     one = scored_by(gmr, small_body, clips[0])
     (run,) = runs_at(clips[0], 10.0, all_phases=False)
-    true_rotmats, true_m = deltas(run.motion.root_rotmats, run.motion.pelvis_m)
-    rotmats, metres = predict_deltas(gmr, run.motion.local_rotmats)
+    true_rotmats, true_m = deltas(run.root_rotmats, run.pelvis_m)
+    rotmats, metres = predict_deltas(gmr, run.local_rotmats)
     rows = slice(0, 19)
-    part = replace(run.motion, local_rotmats=run.motion.local_rotmats[rows], root_rotmats=rotmats)
+    part = replace(run, local_rotmats=run.local_rotmats[rows], root_rotmats=rotmats)
     meshes_m = motion_vertices_m(small_body, replace(part, pelvis_m=metres))
     true_meshes_m = motion_vertices_m(
         small_body, replace(part, root_rotmats=true_rotmats, pelvis_m=true_m)

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.gait import embedded_motions
-from gmrdata.score.predictions import PredictedRun, still_run
+from gmrdata.score.predictions import still_motion
 from gmrdata.values import motion_metrics as vertices
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
@@ -75,7 +75,7 @@ def test_over_time_is_the_distance_of_the_accumulated_meshes(
 
 
 def test_zero_motion_stays_at_the_first_pose(walk: Motion) -> None:
-    still = still_run(PredictedRun(walk, walk)).predicted
+    still = still_motion(walk, walk)
     np.testing.assert_array_equal(still.root_rotmats, np.tile(walk.root_rotmats[0], (20, 1, 1)))
     np.testing.assert_array_equal(still.pelvis_m, np.tile(walk.pelvis_m[0], (20, 1)))
     assert still.local_rotmats is walk.local_rotmats
