@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
+from numpy.random import Generator
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
@@ -36,11 +37,7 @@ LONGEST_SHARE = 4.0
 
 
 def smooth_noise(
-    n_frames: int,
-    fps_hz: float,
-    shortest_period_s: float,
-    n_channels: int,
-    rng: np.random.Generator,
+    n_frames: int, fps_hz: float, shortest_period_s: float, n_channels: int, rng: Generator
 ) -> np.ndarray:
     """Random curves (N, C) without any part that is faster than `shortest_period_s` [s].
 
@@ -50,20 +47,13 @@ def smooth_noise(
     shape = (n_channels, N_WAVES)
     periods_s = shortest_period_s * np.exp(rng.uniform(0.0, np.log(LONGEST_SHARE), shape))
     phases_rad = rng.uniform(0.0, 2 * np.pi, shape)
-    amplitudes = rng.normal(size=shape)
-    waves = amplitudes * np.sin(2 * np.pi * times_s / periods_s + phases_rad)
+    waves = rng.normal(size=shape) * np.sin(2 * np.pi * times_s / periods_s + phases_rad)
     return np.asarray(waves.sum(axis=2))
 
 
 def with_peak(vectors: np.ndarray, peak: float) -> np.ndarray:
     """Scale vectors (N, C) so that the longest of the N has the length `peak`."""
     return vectors * (peak / np.linalg.norm(vectors, axis=1).max())
-
-
-def with_rms(vectors: np.ndarray, rms: np.ndarray) -> np.ndarray:
-    """Scale vectors (N, J, 3) so that the root mean square length over N is `rms` (J,)."""
-    found = np.sqrt((vectors**2).sum(axis=2).mean(axis=0))
-    return vectors * (rms / found)[:, None]
 
 
 WANDER = 0.5
@@ -95,9 +85,8 @@ class ExposureConfig(_Ranges):
     steps: tuple[int, int] = (1, 2)
     """Corrections of the automatic exposure in a sequence."""
     step_s: tuple[float, float] = (0.15, 0.5)
-    """How long a correction takes [s]."""
+    """How long a correction takes."""
     jpeg_quality: int = Field(default=92, ge=1, le=100)
-    """Quality of the images, which are encoded once more."""
 
     @model_validator(mode="after")
     def _above_zero(self) -> Self:
@@ -107,7 +96,7 @@ class ExposureConfig(_Ranges):
 
 
 def exposure_gains(
-    n_frames: int, fps_hz: float, config: ExposureConfig, rng: np.random.Generator
+    n_frames: int, fps_hz: float, config: ExposureConfig, rng: Generator
 ) -> np.ndarray:
     """Gain of each frame (N,), inside `config.gain`."""
     slow = smooth_noise(n_frames, fps_hz, config.period_s, 1, rng)
@@ -132,11 +121,8 @@ def exposed_jpeg(content: bytes, gain: float, jpeg_quality: int) -> bytes:
     image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise BadFrames("a frame cannot be decoded; render it again")
-    ok, encoded = cv2.imencode(
-        ".jpg", cv2.LUT(image, _table(gain)), [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
-    )
-    if not ok:
-        raise BadFrames(f"a frame of {image.shape} can't be encoded as JPEG")
+    image = cv2.LUT(image, _table(gain))
+    _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
     return encoded.tobytes()
 
 
@@ -159,30 +145,26 @@ class FaultConfig(_Ranges):
     """Faults of the dataset's side of a twin.  Ranges are (least, most), drawn per clip."""
 
     drift_m: tuple[float, float] = (0.2, 0.8)
-    """Drift of the world over the clip, at the middle of the people's paths [m]."""
+    """Drift of the world over the clip, at the middle of the people's paths."""
     drift_deg: tuple[float, float] = (3.0, 10.0)
-    """The same for its orientation [degrees]."""
     root_error_m: tuple[float, float] = (0.005, 0.010)
-    """Largest error of the pelvis in the camera frame over the clip [m]."""
+    """Largest error of the pelvis in the camera frame over the clip."""
     root_error_deg: tuple[float, float] = (0.25, 0.5)
-    """Largest error of the root orientation in the camera frame [degrees]."""
     root_error_period_s: float = Field(default=4.0, gt=0)
-    """Neither error has a part with a shorter period [s]."""
+    """Neither error has a part with a shorter period."""
     joint_noise_deg: tuple[float, float] = (2.0, 4.0)
-    """Root mean square error of each local joint rotation, drawn per joint [degrees]."""
+    """Root mean square error of each local joint rotation, drawn per joint."""
     joint_noise_period_s: float = Field(default=2.0, gt=0)
-    """It has no part with a shorter period [s]: sensors slip on the body, they don't flicker."""
+    """It has no part with a shorter period: sensors slip on the body, they don't flicker."""
     invalid_runs: tuple[int, int] = (1, 3)
     """Runs of frames per person in which the camera is not aligned."""
     invalid_frames: tuple[int, int] = (3, 15)
-    """Length of such a run [frames]."""
+    """Length of such a run."""
     invalid_error_m: tuple[float, float] = (0.1, 0.3)
-    """Error of the pelvis in such a run [m]."""
+    """Error of the pelvis in such a run."""
 
 
-def dataset_side(
-    clips: Sequence[Clip], config: FaultConfig, rng: np.random.Generator
-) -> list[Clip]:
+def dataset_side(clips: Sequence[Clip], config: FaultConfig, rng: Generator) -> list[Clip]:
     """What a faulty dataset says of exact clips, one per person, all with the same camera.
 
     One drift is common to people and camera; each clip has errors of its own in root and joints,
@@ -190,9 +172,8 @@ def dataset_side(
     """
     for clip in clips:
         if clip.motion.frame != "world" or not camera_of(clip).has_camera.all():
-            raise BadSequence(
-                f"{clip.id}: faults need a world-frame clip with a camera in each frame"
-            )
+            what = "a world-frame clip with a camera in each frame"
+            raise BadSequence(f"{clip.id}: faults need {what}")
     pivot_world_m = np.mean([clip.motion.pelvis_m.mean(axis=0) for clip in clips], axis=0)
     drifted_from_world = drift(camera_of(clips[0]).n_frames, pivot_world_m, config, rng)
     faulty = []
@@ -203,7 +184,7 @@ def dataset_side(
 
 
 def drift(
-    n_frames: int, pivot_world_m: np.ndarray, config: FaultConfig, rng: np.random.Generator
+    n_frames: int, pivot_world_m: np.ndarray, config: FaultConfig, rng: Generator
 ) -> np.ndarray:
     """drifted_from_world (N, 4, 4): identity at first; grows to `drift_m` and `drift_deg`.
 
@@ -213,12 +194,10 @@ def drift(
     tilt_rad = np.deg2rad(rng.uniform(0, DRIFT_TILT_DEG))
     azimuth_rad = rng.uniform(0.0, 2 * np.pi)
     across = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
-    tilt = Rotation.from_rotvec(tilt_rad * across)
+    axis = Rotation.from_rotvec(tilt_rad * across).apply([0.0, 0.0, 1.0])
     turn_rad = np.deg2rad(rng.uniform(*config.drift_deg)) * rng.choice([-1.0, 1.0])
-    turns = Rotation.from_rotvec(
-        _growth(n_frames, rng)[:, None] * turn_rad * tilt.apply([0.0, 0.0, 1.0])
-    )
-    rotmats = turns.as_matrix()
+    turns_rad = _growth(n_frames, rng)[:, None] * turn_rad * axis
+    rotmats = Rotation.from_rotvec(turns_rad).as_matrix()
     moves_m = _growth(n_frames, rng)[:, None] * offset_m
     return rigid(rotmats, pivot_world_m - rotmats @ pivot_world_m + moves_m)
 
@@ -226,18 +205,14 @@ def drift(
 def drifted(clip: Clip, drifted_from_world: np.ndarray) -> Clip:
     """The clip with person and camera moved by one drift (N, 4, 4): the camera sees the same."""
     camera, motion = camera_of(clip), clip.motion
-    return replace(
-        clip,
-        motion=replace(
-            motion,
-            root_rotmats=drifted_from_world[:, :3, :3] @ motion.root_rotmats,
-            pelvis_m=apply(drifted_from_world, motion.pelvis_m[:, None])[:, 0],
-        ),
-        camera=replace(camera, world_from_cam=drifted_from_world @ camera.world_from_cam),
-    )
+    camera = replace(camera, world_from_cam=drifted_from_world @ camera.world_from_cam)
+    root_rotmats = drifted_from_world[:, :3, :3] @ motion.root_rotmats
+    pelvis_m = apply(drifted_from_world, motion.pelvis_m[:, None])[:, 0]
+    motion = replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
+    return replace(clip, motion=motion, camera=camera)
 
 
-def with_root_error(clip: Clip, config: FaultConfig, rng: np.random.Generator) -> Clip:
+def with_root_error(clip: Clip, config: FaultConfig, rng: Generator) -> Clip:
     """The clip with a slow error of root position and orientation, as the camera sees them."""
     motion, fps_hz = clip.motion, clip.motion.fps_hz
     waves = smooth_noise(motion.n_frames, fps_hz, config.root_error_period_s, 6, rng)
@@ -251,19 +226,20 @@ def with_root_error(clip: Clip, config: FaultConfig, rng: np.random.Generator) -
     return replace(clip, motion=erring)
 
 
-def with_joint_noise(clip: Clip, config: FaultConfig, rng: np.random.Generator) -> Clip:
+def with_joint_noise(clip: Clip, config: FaultConfig, rng: Generator) -> Clip:
     """The clip with a slow error of each of the 23 local joint rotations."""
     motion = clip.motion
     n_frames, n_local = motion.local_rotmats.shape[:2]
     waves = smooth_noise(n_frames, motion.fps_hz, config.joint_noise_period_s, 3 * n_local, rng)
+    waves = waves.reshape(n_frames, n_local, 3)
     rms_rad = np.deg2rad(rng.uniform(*config.joint_noise_deg, n_local))
-    turns_rad = with_rms(waves.reshape(n_frames, n_local, 3), rms_rad)
+    turns_rad = waves * (rms_rad / np.sqrt((waves**2).sum(axis=2).mean(axis=0)))[:, None]
     turns = Rotation.from_rotvec(turns_rad.reshape(-1, 3)).as_matrix()
     noisy = motion.local_rotmats @ turns.reshape(n_frames, n_local, 3, 3)
     return replace(clip, motion=replace(motion, local_rotmats=noisy))
 
 
-def with_invalid_frames(clip: Clip, config: FaultConfig, rng: np.random.Generator) -> Clip:
+def with_invalid_frames(clip: Clip, config: FaultConfig, rng: Generator) -> Clip:
     """The clip with runs of frames that are not valid, and whose person is elsewhere."""
     valid, pelvis_m = clip.valid.copy(), clip.motion.pelvis_m.copy()
     for _ in range(rng.integers(config.invalid_runs[0], config.invalid_runs[1] + 1)):
@@ -277,14 +253,14 @@ def with_invalid_frames(clip: Clip, config: FaultConfig, rng: np.random.Generato
     return replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m), valid=valid)
 
 
-def _growth(n_frames: int, rng: np.random.Generator) -> np.ndarray:
+def _growth(n_frames: int, rng: Generator) -> np.ndarray:
     """(N,) from 0 to 1, never falling, at an uneven rate."""
     share = np.linspace(0.0, 1.0, n_frames)
     wobble = rng.uniform(-LARGEST_WOBBLE, LARGEST_WOBBLE)
     return np.asarray(share + wobble * np.sin(2 * np.pi * share) / (2 * np.pi))
 
 
-def _direction(rng: np.random.Generator) -> np.ndarray:
+def _direction(rng: Generator) -> np.ndarray:
     vector = rng.normal(size=3)
     return np.asarray(vector / np.linalg.norm(vector))
 
@@ -297,13 +273,13 @@ class KeypointConfig(Config):
     """How well the joints are detected."""
 
     noise_px: float = 2.0
-    """Standard deviation of x and of y [px]."""
+    """Standard deviation of x and of y."""
     confidence: tuple[float, float] = (0.6, 0.95)
     """Confidence of a joint that is seen is drawn from this range; 3DPW's are like that."""
 
 
 def detected_keypoints(
-    joints_world_m: np.ndarray, camera: CameraPath, config: KeypointConfig, rng: np.random.Generator
+    joints_world_m: np.ndarray, camera: CameraPath, config: KeypointConfig, rng: Generator
 ) -> np.ndarray:
     """Keypoints (N, 18, 3) of a person with joints (N, 24, 3) [m]: x [px], y [px], confidence.
 

@@ -14,7 +14,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import stage_seconds
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import Verdicts, regenerate_set
-from gmrdata.twins.floor_record import Floor, FloorGroup, SequenceErrors
+from gmrdata.twins.floor_record import Floor, FloorGroup, PersonErrors, SequenceErrors
 from gmrdata.twins.pseudo_gt_error import FPS_HZ, sequence_errors
 from gmrdata.twins.twin_set import TwinRecipe, TwinTruth, make_twins, read_truth
 from gmrdata.values.body import BodyModel
@@ -40,11 +40,7 @@ def sampled_floor(
     *,
     run: Run = DEFAULT_RUN,
 ) -> MadeFloor:
-    """Render twins to `out_dir/twins`, then as `floor_of_twins`.
-
-    Raises:
-        StageFailed: not one twin could be rendered.
-    """
+    """Render twins to `out_dir/twins`, then as `floor_of_twins`; StageFailed without any twin."""
     twins_dir = out_dir / TWINS_FOLDER
     failed: StageFailed | None = None
     try:
@@ -68,9 +64,6 @@ def floor_of_twins(
     """Regenerate twins to `out_dir/regenerated` and measure them.  A run that was stopped goes on.
 
     In `out_dir/floor.json` sequences that failed are listed as rejected.
-
-    Raises:
-        MissingInput: the folder holds no twins, or a sequence has no truth.
     """
     twins = read_truth(twins_dir)
     names = recipe.sequences or tuple(sorted(twins.classes))
@@ -99,21 +92,20 @@ def measure(
     for verdict in track(Verdicts.read(paths.verdicts).sequences, "measuring"):
         name = verdict.sequence
         truth = twins.people(name)
-        sequences.append(
-            sequence_errors(
-                name,
-                twins.classes[name],
-                clips.get(name, []),
-                truth,
-                accepted=verdict.accepted,
-                seconds=_seconds(paths.sequence_dir(name)),
-                body=_body_of(truth[0], bodies),
-                class_measured=verdict.camera_motion,
-                scale=verdict.scale,
-                scale_sigma=verdict.scale_sigma,
-                reasons=verdict.reasons,
-            )
+        errors = sequence_errors(
+            name,
+            twins.classes[name],
+            clips.get(name, []),
+            truth,
+            accepted=verdict.accepted,
+            seconds=_seconds(paths.sequence_dir(name)),
+            body=_body_of(truth[0], bodies),
+            class_measured=verdict.camera_motion,
+            scale=verdict.scale,
+            scale_sigma=verdict.scale_sigma,
+            reasons=verdict.reasons,
         )
+        sequences.append(errors)
     return Floor(
         fps_hz=FPS_HZ,
         seed=seed,
@@ -142,9 +134,7 @@ def group(sequences: Sequence[SequenceErrors]) -> FloorGroup:
         accepted=len(accepted),
         class_right=sum(one.class_measured == one.class_true for one in sequences),
         n_motions=sum(person.n_motions for person in people),
-        ome_deg=_over_motions((person.ome_deg, person.n_motions) for person in people),
-        tme_mm=_over_motions((person.tme_mm, person.n_motions) for person in people),
-        vme_mm=_over_motions((person.vme_mm, person.n_motions) for person in people),
+        **{key: _over_motions(people, key) for key in ("ome_deg", "tme_mm", "vme_mm")},
         camera_rotation_deg=_mean(one.camera_rotation_deg for one in accepted),
         camera_path_mm=_mean(one.camera_path_mm for one in accepted),
         abs_scale_error_percent=_mean(abs(error) for error in scale_errors),
@@ -156,9 +146,9 @@ def group(sequences: Sequence[SequenceErrors]) -> FloorGroup:
     )
 
 
-def _over_motions(errors: Iterable[tuple[float | None, int]]) -> float | None:
-    """Mean over all motions of all people, of (mean over a person's motions, how many)."""
-    known = [(error, n_motions) for error, n_motions in errors if error is not None]
+def _over_motions(people: Sequence[PersonErrors], key: str) -> float | None:
+    """Mean over all motions of all people, from each one's mean."""
+    known = [(e, one.n_motions) for one in people if (e := getattr(one, key)) is not None]
     n_motions = sum(n for _, n in known)
     return sum(error * n for error, n in known) / n_motions if n_motions else None
 
@@ -192,7 +182,6 @@ def _body_of(clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:
     for body in bodies:
         if body.name == clip.motion.body and clip.motion.shape.shape == (body.n_shape,):
             return body
-    raise BadBodyFile(
-        f"{clip.id}: of body {clip.motion.body}, which is not among the recipe's "
-        f"({', '.join(body.name for body in bodies)}); name it in the recipe's `bodies`"
-    )
+    names = ", ".join(body.name for body in bodies)
+    known = f"which is not among the recipe's ({names}); name it in the recipe's `bodies`"
+    raise BadBodyFile(f"{clip.id}: of body {clip.motion.body}, {known}")

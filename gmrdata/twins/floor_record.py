@@ -1,6 +1,5 @@
 """`floor.json`: how wrong the pseudo ground truth itself is, by class of camera motion."""
 
-from pathlib import Path
 from typing import Literal
 
 from pydantic import ConfigDict, JsonValue, NonNegativeInt
@@ -17,15 +16,12 @@ class _Errors(Config):
     model_config = ConfigDict(allow_inf_nan=False)
 
     ome_deg: Figure | None
-    """Orientation motion error, mean of the motions [deg]."""
+    """Orientation motion error, mean of the motions; the next two are of translation, vertices."""
     tme_mm: Figure | None
-    """Translation motion error, mean of the motions [mm]."""
     vme_mm: Figure | None
-    """Vertex motion error, mean of the motions [mm]; null without a body."""
+    """Null without a body."""
     camera_rotation_deg: Figure | None
-    """Camera rotation error [deg]."""
     camera_path_mm: Figure | None
-    """Camera path error [mm]."""
 
 
 class PersonErrors(_Errors):
@@ -37,7 +33,7 @@ class PersonErrors(_Errors):
     n_motions: NonNegativeInt
     """Motions, in all phases."""
     scale_error_percent: Figure | None
-    """By how much the recovered path is too large [%]."""
+    """By how much the recovered path is too large."""
 
 
 class SequenceErrors(_Errors):
@@ -49,7 +45,6 @@ class SequenceErrors(_Errors):
     class_measured: CameraMotion | None
     """Class of the recovered path."""
     accepted: bool
-    """Whether it may be used."""
     frames: NonNegativeInt
     kept_share: Figure
     """Share of all people's frames that may be used, 0 to 1."""
@@ -57,7 +52,6 @@ class SequenceErrors(_Errors):
     scale_within_2sigma: bool | None
     """Whether the true scale is within two of the stated standard errors."""
     seconds: float
-    """Wall time [s]."""
     people: tuple[PersonErrors, ...]
     reasons: tuple[str, ...]
     """Why it was rejected."""
@@ -92,15 +86,15 @@ class FloorGroup(Config):
     kept_share: Figure
     """Share of all people's frames that may be used, rejected sequences included, 0 to 1."""
     seconds_per_frame: Figure
-    """Wall time of all stages per image [s]."""
+    """Wall time of all stages per image."""
 
 
 class Floor(Record):
-    """The file."""
+    """`floor.json`."""
 
     format: Literal["gmrdata-floor/1"] = "gmrdata-floor/1"
     fps_hz: float
-    """Rate of the motions [Hz]."""
+    """Rate of the motions."""
     seed: int | None
     """What the twins were sampled by; null for given ones."""
     recipe: dict[str, JsonValue]
@@ -110,11 +104,6 @@ class Floor(Record):
     """Groups by the camera's true class."""
     overall: FloorGroup
     """All sequences."""
-
-
-def read_floor(path: Path) -> Floor:
-    """Read a `floor.json`; errors as `Record.read`."""
-    return Floor.read(path)
 
 
 HEADINGS = (
@@ -172,13 +161,8 @@ def _group(title: str, class_true: str, group: FloorGroup) -> tuple[str, ...]:
 
 
 def _errors(of: SequenceErrors | FloorGroup) -> tuple[str, ...]:
-    return (
-        _text(of.ome_deg, 3),
-        _text(of.tme_mm, 2),
-        _text(of.vme_mm, 2),
-        _text(of.camera_rotation_deg, 3),
-        _text(of.camera_path_mm, 1),
-    )
+    values = (of.ome_deg, of.tme_mm, of.vme_mm, of.camera_rotation_deg, of.camera_path_mm)
+    return tuple(map(_text, values, (3, 2, 2, 3, 1)))
 
 
 def _text(value: float | None, digits: int) -> str:

@@ -1,5 +1,4 @@
-"""Error of a pseudo ground truth against the truth, where a rendered clip has both:
-its cameras, its motions one by one, and a whole sequence."""
+"""Error of a pseudo ground truth against the truth of a rendered clip."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -68,10 +67,8 @@ def scale_error_percent(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) ->
     # Cameras of which only the rotations were recovered all stand in one place.
     if _extent_m(centres_m) < 1e-9:
         return None
-    true_scale_from_pseudo = fit_similarity(true_centres_m, centres_m, scale=True).scale
-    if true_scale_from_pseudo <= 0:
-        return None
-    return 100 * (1 / true_scale_from_pseudo - 1)
+    scale = fit_similarity(true_centres_m, centres_m, scale=True).scale
+    return 100 * (1 / scale - 1) if scale > 0 else None
 
 
 def _extent_m(points_m: np.ndarray) -> float:
@@ -98,43 +95,34 @@ def motion_errors(
 ) -> MotionErrors:
     """Errors of the motions between frames `step` apart, in all phases, none of them over a gap.
 
-    Args:
-        rows: Rows of `pseudo`, ascending, that may be used.
-        true_rows: The rows of `true` that show the same images.
-        body: The true clip's body, for VME.
+    `rows` of `pseudo`, ascending, may be used; `true_rows` of `true` show the same images.
     """
-    phases = [
-        _errors_of_phase(pseudo, true, rows, true_rows, phase, step, body) for phase in range(step)
-    ]
-    errors = MotionErrors(*(np.concatenate(parts) for parts in zip(*phases, strict=True)))
-    if not len(errors.ome_deg):
+    pairs, unbroken = _pairs(rows, true_rows, step)
+    if not unbroken.any():
         raise NothingToCompare(
             f"clip {pseudo.id}: no two frames in a row are valid in it and in its truth {true.id}."
             " There is nothing to compare"
         )
-    return errors
+    pairs = pairs[unbroken]
+    return _errors_between(pseudo, true, rows[pairs], true_rows[pairs], body)
 
 
-def _errors_of_phase(
-    pseudo: Clip,
-    true: Clip,
-    rows: np.ndarray,
-    true_rows: np.ndarray,
-    phase: int,
-    step: int,
-    body: BodyModel | None,
+def _pairs(rows: np.ndarray, true_rows: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places (n, 2) in the rows that are `step` apart, and (n,) bool: no frame lacks in between."""
+    pairs = np.arange(len(rows) - step)[:, None] + [0, step]
+    apart = np.stack([np.diff(rows[pairs])[:, 0], np.diff(true_rows[pairs])[:, 0]])
+    return pairs, (apart == step).all(axis=0)
+
+
+def _errors_between(
+    pseudo: Clip, true: Clip, pairs: np.ndarray, true_pairs: np.ndarray, body: BodyModel | None
 ) -> MotionErrors:
-    """Errors of the motions from frame to frame of one phase of the video."""
-    chosen = np.flatnonzero(true_rows % step == phase)
-    rows, true_rows = rows[chosen], true_rows[chosen]
-    # Frames in between that are missing on either side would show in one of the three.
-    adjacent = (np.diff(rows) == step) & (np.diff(true_rows) == step) & (np.diff(chosen) == step)
-    pairs = np.flatnonzero(adjacent)[:, None] + np.arange(2)
-    delta_rotmats, delta_m = _deltas(pseudo, rows[pairs])
-    true_rotmats, true_m = _deltas(true, true_rows[pairs])
+    """Errors of the motions between pairs (n, 2) of each clip's rows."""
+    delta_rotmats, delta_m = _deltas(pseudo, pairs)
+    true_rotmats, true_m = _deltas(true, true_pairs)
     vertex_mm = np.zeros(0)
     if body is not None:
-        poses = true.motion.local_rotmats[true_rows[pairs[:, 0]]]
+        poses = true.motion.local_rotmats[true_pairs[:, 0]]
         vertex_mm = posed_vertex_errors_mm(
             body, true.motion.shape, poses, delta_rotmats, delta_m, true_rotmats, true_m
         )
@@ -202,9 +190,12 @@ def compare_clips(
     rows, true_rows = paired_rows(pseudo, true)
     both = pseudo.valid[rows] & true.valid[true_rows]
     rows, true_rows = rows[both], true_rows[both]
-    step = 1 if fps_hz is None else _frames_per_motion(true, fps_hz)
+    step = _frames_per_motion(true, fps_hz)
     errors = motion_errors(pseudo, true, rows, true_rows, step, body)
-    true_from_pseudo = _align_bodies(pseudo, true, rows, true_rows)
+    # With the bodies' axes the fit is defined for a person who stands still, too.
+    points_m = _body_points_m(true, true_rows), _body_points_m(pseudo, rows)
+    fit = fit_similarity(*points_m, scale=False)
+    true_from_pseudo = transforms.rigid(fit.rotmat, fit.translation_m)
     moved_m = transforms.apply(true_from_pseudo, pseudo.motion.pelvis_m[rows])
     distances_m = np.linalg.norm(moved_m - true.motion.pelvis_m[true_rows], axis=1)
     _, pseudo_cameras, true_cameras = _paired_cameras(pseudo, true, rows, true_rows)
@@ -228,13 +219,12 @@ class ErrorSeries:
     """Errors over time, NaN where the pseudo clip has no camera."""
 
     times_s: np.ndarray
-    """(T,) time of each frame [s]."""
+    """(T,) time of each frame."""
     motion_times_s: np.ndarray
-    """(n,) middle of each motion [s]; at a lower rate than the clip's they overlap."""
+    """(n,) middle of each motion; at a lower rate than the clip's they overlap."""
     ome_deg: np.ndarray
-    """(n,) of each motion."""
+    """(n,), as is `tme_mm`."""
     tme_mm: np.ndarray
-    """(n,) of each motion."""
     camera_rotation_deg: np.ndarray
     """(T,) after one best rotation of the recovered world."""
 
@@ -244,14 +234,12 @@ def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> Er
     rows, true_rows = paired_rows(pseudo, true)
     if not len(rows):
         raise NothingToCompare(f"clip {pseudo.id}: it and its truth have no image in common")
-    step = 1 if fps_hz is None else _frames_per_motion(true, fps_hz)
+    step = _frames_per_motion(true, fps_hz)
     good = has_camera(pseudo)[rows] & true.valid[true_rows]
-    pairs = np.stack([np.arange(len(rows) - step), np.arange(step, len(rows))], axis=1)
+    pairs, unbroken = _pairs(rows, true_rows, step)
     # Every frame of the span must be good: no motion goes over a gap.
-    whole = np.lib.stride_tricks.sliding_window_view(good, step + 1).all(axis=1)
-    whole &= (np.diff(true_rows[pairs])[:, 0] == step) & (np.diff(rows[pairs])[:, 0] == step)
-    delta_rotmats, delta_m = _deltas(pseudo, rows[pairs])
-    true_rotmats, true_m = _deltas(true, true_rows[pairs])
+    whole = unbroken & np.lib.stride_tricks.sliding_window_view(good, step + 1).all(axis=1)
+    errors = _errors_between(pseudo, true, rows[pairs], true_rows[pairs], None)
     times_s = (true_rows - true_rows[0]) / true.motion.fps_hz
     camera_deg = np.full(len(rows), np.nan)
     both, *cameras = _paired_cameras(pseudo, true, rows, true_rows)
@@ -260,8 +248,8 @@ def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> Er
     return ErrorSeries(
         times_s=times_s,
         motion_times_s=times_s[pairs].mean(axis=1),
-        ome_deg=np.where(whole, orientation_errors_deg(delta_rotmats, true_rotmats), np.nan),
-        tme_mm=np.where(whole, translation_errors_mm(delta_m, true_m), np.nan),
+        ome_deg=np.where(whole, errors.ome_deg, np.nan),
+        tme_mm=np.where(whole, errors.tme_mm, np.nan),
         camera_rotation_deg=camera_deg,
     )
 
@@ -298,21 +286,14 @@ def paired_rows(pseudo: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray]:
     return rows, rows
 
 
-def _frames_per_motion(clip: Clip, fps_hz: float) -> int:
-    step = whole_ratio(clip.motion.fps_hz, fps_hz)
+def _frames_per_motion(clip: Clip, fps_hz: float | None) -> int:
+    step = 1 if fps_hz is None else whole_ratio(clip.motion.fps_hz, fps_hz)
     if step is None:
         raise StageFailed(
             f"clip {clip.id}: {clip.motion.fps_hz:g} fps is no multiple of {fps_hz:g} fps."
             " Resample both clips first"
         )
     return step
-
-
-def _align_bodies(pseudo: Clip, true: Clip, rows: np.ndarray, true_rows: np.ndarray) -> np.ndarray:
-    """Rigid fit of pelvis and body axes: defined for a person who stands still, too."""
-    points_m = _body_points_m(true, true_rows), _body_points_m(pseudo, rows)
-    fit = fit_similarity(*points_m, scale=False)
-    return transforms.rigid(fit.rotmat, fit.translation_m)
 
 
 def _body_points_m(clip: Clip, rows: np.ndarray) -> np.ndarray:
@@ -330,8 +311,8 @@ def _paired_cameras(
     if pseudo.camera is None or true.camera is None:
         return np.zeros(len(rows), dtype=bool), np.zeros((0, 4, 4)), np.zeros((0, 4, 4))
     both = has_camera(pseudo)[rows] & true.camera.has_camera[true_rows]
-    cameras = (pseudo.camera.world_from_cam[rows], true.camera.world_from_cam[true_rows])
-    return both, cameras[0][both], cameras[1][both]
+    true_cameras = true.camera.world_from_cam[true_rows[both]]
+    return both, pseudo.camera.world_from_cam[rows[both]], true_cameras
 
 
 FPS_HZ = 10.0
@@ -353,12 +334,9 @@ def sequence_errors(
     scale_sigma: float | None = None,
     reasons: Sequence[str] = (),
 ) -> SequenceErrors:
-    """Figures of one sequence.
+    """Figures of one sequence whose people, if any, were recovered in the order of `truth`.
 
-    Args:
-        clips: The people as they were recovered, in the order of `truth`; none where nothing was.
-        body: The exact people's body, for VME.
-        scale: Metres per unit of the recovered path; `scale_sigma` is its stated standard error.
+    `scale` is in metres per unit of the recovered path, `scale_sigma` its stated standard error.
     """
     n_frames = truth[0].motion.n_frames
     recovered = [*clips, *[None] * (len(truth) - len(clips))]

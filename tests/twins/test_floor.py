@@ -15,7 +15,7 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.read import load_clips
 from gmrdata.read.bodies import read_body
 from gmrdata.twins.floor import floor_of_twins, measure
-from gmrdata.twins.floor_record import read_floor
+from gmrdata.twins.floor_record import Floor
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.twins.twin_set import TwinSequence, TwinsRecord, read_truth
 from gmrdata.values.clip import save_clip
@@ -71,7 +71,7 @@ def test_a_dry_run_says_what_is_done(place: Path) -> None:
 
 
 def test_the_figures_are_those_of_the_manifests_clips(place: Path, filmed_set: Any) -> None:
-    floor = read_floor(place / "out" / "floor.json")
+    floor = Floor.read(place / "out" / "floor.json")
     rows = {row.id: row for row in floor.sequences}
     assert {name: row.class_true for name, row in rows.items()} == CLASSES
     assert {name: row.class_measured for name, row in rows.items()} == CLASSES
@@ -92,7 +92,7 @@ def test_the_figures_are_those_of_the_manifests_clips(place: Path, filmed_set: A
 
 
 def test_small_errors_all_accepted_and_the_scale_where_it_enters(place: Path) -> None:
-    floor = read_floor(place / "out" / "floor.json")
+    floor = Floor.read(place / "out" / "floor.json")
     arc, pan = floor.classes["circular"], floor.classes["panning"]
     assert (arc.accepted, pan.accepted, floor.overall.class_right) == (1, 1, 2)
     for group in (arc, pan):
@@ -132,7 +132,7 @@ def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(
     answer = floor_verb(place)
     assert answer.returncode == 1 and "torn_00" in answer.stderr
     assert "Traceback" not in answer.stderr and "torn_00: rejected: " in answer.stdout
-    floor = read_floor(path)
+    floor = Floor.read(path)
     torn = next(row for row in floor.sequences if row.id == "torn_00")
     assert (torn.accepted, torn.class_measured, torn.tme_mm) == (False, "none", None)
     was = read_floor_bytes(before, place)
@@ -145,7 +145,7 @@ def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(
 
 def read_floor_bytes(content: bytes, folder: Path) -> Any:
     (folder / "before.json").write_bytes(content)
-    return read_floor(folder / "before.json")
+    return Floor.read(folder / "before.json")
 
 
 def test_twins_without_truth_are_refused_before_the_work(filmed_set: Any, tmp_path: Path) -> None:

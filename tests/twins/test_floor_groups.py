@@ -15,7 +15,6 @@ from gmrdata.twins.floor_record import (
     SequenceErrors,
     floor_rows,
     notes,
-    read_floor,
 )
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import write_json
@@ -116,7 +115,7 @@ def test_rejected_sequences_count_in_the_kept_share_alone(floor: Floor) -> None:
 def test_the_file_holds_what_was_measured(floor: Floor, tmp_path: Path) -> None:
     path = tmp_path / "floor.json"
     write_json(path, floor.model_dump(mode="json"))
-    assert read_floor(path) == floor
+    assert Floor.read(path) == floor
     record = json.loads(path.read_text())
     assert set(record) == {
         "format", "fps_hz", "seed", "recipe", "sequences", "classes", "overall",
@@ -142,12 +141,12 @@ def test_another_file_is_refused(
     path = tmp_path / "floor.json"
     write_json(path, floor.model_dump(mode="json") | change)
     with pytest.raises(BadRecord, match=f"floor.json: {message}"):
-        read_floor(path)
+        Floor.read(path)
     path.write_text("{")
     with pytest.raises(BadRecord, match=r"floor\.json"):
-        read_floor(path)
+        Floor.read(path)
     with pytest.raises(MissingInput):
-        read_floor(tmp_path / "no.json")
+        Floor.read(tmp_path / "no.json")
 
 
 def test_each_key_of_the_file_is_needed(floor: Floor, tmp_path: Path) -> None:
