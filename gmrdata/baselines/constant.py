@@ -160,7 +160,7 @@ def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanMotion:
                 " in the world frame"
             )
         for run in runs_at(clip, fps_hz, all_phases=True):
-            pairs.append(deltas(run.motion.root_rotmats, run.motion.pelvis_m))
+            pairs.append(deltas(run.root_rotmats, run.pelvis_m))
     if not pairs:
         raise BadManifest(
             f"none of the {len(clips)} training clips has two valid frames in a row at"

@@ -41,7 +41,7 @@ def manifest_subjects(path: Path) -> tuple[list[Subject], dict[str, str]]:
         BadManifest: the manifest is broken, or only a list.
         BadMotionFile: a clip's file is broken.
     """
-    files, left_out = usable_files(path)
+    files, left_out, _ = usable_files(path)
     subjects = []
     for file in files:
         clip = file.load()

@@ -112,17 +112,11 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
     level_from_world, how = np.eye(3), "no foot stands still; up from the first pelvis"
     if up is not None:
         level_from_world, how = minimal_rotation(up, UP), "up from standing feet"
-    levelled = replace(motion, root_rotmats=level_from_world @ motion.root_rotmats)
+    root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = motion.pelvis_m @ level_from_world.T
-    root_rotmats, pelvis_m, _ = put_on_floor(
-        body, motion.shape, levelled.rotmats, pelvis_m, motion.fps_hz
-    )
-    return replace(
-        motion,
-        root_rotmats=root_rotmats,
-        pelvis_m=pelvis_m - [*pelvis_m[0, :2], 0.0],
-        source=f"{motion.source}; {how}",
-    )
+    motion, _ = put_on_floor(body, replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m))
+    start_m = [*motion.pelvis_m[0, :2], 0.0]
+    return replace(motion, pelvis_m=motion.pelvis_m - start_m, source=f"{motion.source}; {how}")
 
 
 def up_of_standing_feet(motion: Motion, body: BodyModel) -> np.ndarray | None:

@@ -27,7 +27,7 @@ from gmrdata.gmr.losses import Counts, LossTerms, Motions, counts_of, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaging, check_device, own_part
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
-from gmrdata.gmr.runs import Run, fitting_clips, runs_at
+from gmrdata.gmr.runs import fitting_clips, runs_at
 from gmrdata.gmr.steps import (
     Log,
     derived_seed,
@@ -43,6 +43,7 @@ from gmrdata.stage.progress import track
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed
+from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.motion_metrics import orientation_errors_deg, translation_errors_mm
 
@@ -100,7 +101,7 @@ class _GmrLearner:
     def __init__(
         self,
         training_set: TrainingSet,
-        scored_runs: Sequence[Run],
+        scored_runs: Sequence[Motion],
         body: BodyModel,
         run_dir: Path,
         config: TrainConfig,
@@ -229,7 +230,7 @@ def learning_rate_at(config: TrainConfig, step: int) -> float:
     return config.learning_rate * warmup * 0.5 * (1 + math.cos(math.pi * step / config.steps))
 
 
-def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list[Run]:
+def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list[Motion]:
     """What to score: the runs of valid frames of the held-out clips, first phase."""
     if not clips:
         return []
@@ -243,13 +244,13 @@ def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list
     return runs
 
 
-def held_out_scores(model: Gmr, runs: Sequence[Run], fps_hz: float) -> dict[str, float]:
+def held_out_scores(model: Gmr, runs: Sequence[Motion], fps_hz: float) -> dict[str, float]:
     """OME and TME over all motions of the runs (eqs. 15, 16), with true local poses."""
     gmr = TrainedGmr(model.eval(), fps_hz, "(in training)", 0)
     angles_deg, lengths_mm = [], []
     for run in runs:
-        predicted_rotmats, predicted_m = predict_deltas(gmr, run.motion.local_rotmats)
-        true_rotmats, true_m = deltas(run.motion.root_rotmats, run.motion.pelvis_m)
+        predicted_rotmats, predicted_m = predict_deltas(gmr, run.local_rotmats)
+        true_rotmats, true_m = deltas(run.root_rotmats, run.pelvis_m)
         angles_deg.append(orientation_errors_deg(predicted_rotmats, true_rotmats))
         lengths_mm.append(translation_errors_mm(predicted_m, true_m))
     return {

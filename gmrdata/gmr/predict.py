@@ -113,4 +113,4 @@ def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
             f"{motion.source}: {n} frames at {motion.fps_hz:g} fps are less than two frames at"
             f" {gmr.fps_hz:g} fps. Give a longer motion"
         )
-    return runs[0].motion
+    return runs[0]

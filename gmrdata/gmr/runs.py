@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
 
 import numpy as np
 
@@ -42,7 +41,6 @@ class ClipFile:
     entry: ClipEntry
 
     def load(self) -> Clip:
-        """Read the clip; errors as in `usable_clips`."""
         return load_entry(self.manifest_path, self.entry)
 
 
@@ -56,24 +54,8 @@ class LazyClips(Sequence[Clip]):
     def __len__(self) -> int:
         return len(self._files)
 
-    @overload
-    def __getitem__(self, index: int) -> Clip: ...
-    @overload
-    def __getitem__(self, index: slice) -> "LazyClips": ...
-    def __getitem__(self, index: int | slice) -> "Clip | LazyClips":
-        if isinstance(index, slice):
-            return LazyClips(self._files[index])
+    def __getitem__(self, index: int) -> Clip:  # type: ignore[override]  # nobody takes slices
         return self._files[index].load()
-
-
-def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str]]:
-    """The clips of a manifest that its quality record does not reject, and why by id for the rest.
-
-    Raises:
-        MissingInput: the manifest is not there.
-        BadManifest: the manifest is broken, or only a list.
-    """
-    return _sorted_out(path)[:2]
 
 
 def usable_clips(path: Path) -> UsableClips:
@@ -84,12 +66,13 @@ def usable_clips(path: Path) -> UsableClips:
         BadManifest: the manifest is broken, or only a list.
         BadMotionFile: a clip's file is broken.
     """
-    files, skipped, manifest = _sorted_out(path)
+    files, skipped, manifest = usable_files(path)
     clips = tuple(UsableClip(file.load(), file.entry.camera_motion) for file in files)
     return UsableClips(clips, skipped, manifest)
 
 
-def _sorted_out(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
+def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
+    """The same, still on disk, and why by id for the rest; errors as there, but for the clips'."""
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
         raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")
@@ -131,15 +114,7 @@ def fitting_clips(clips: Iterable[Clip], body: BodyModel) -> Iterator[Clip]:
 MIN_FRAMES = 2  # which make one motion
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """Consecutive valid frames of one clip, at the frame rate that was asked for."""
-
-    clip_id: str
-    motion: Motion
-
-
-def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Run]:
+def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Motion]:
     """Runs of a clip's valid frames at a frame rate; none of them crosses a gap.
 
     Where the clip's rate is k times the asked one, every k-th frame is taken as it is; all k phases
@@ -169,7 +144,7 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Run]:
             else:
                 motion = resample(clip.motion.take(slice(start + phase, stop)), fps_hz)
             if motion.n_frames >= MIN_FRAMES:
-                runs.append(Run(clip.id, motion))
+                runs.append(motion)
     return runs
 
 

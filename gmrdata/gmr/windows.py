@@ -250,9 +250,9 @@ def _run_rows(
                 f"training clips are of different bodies ({body}, {clip.motion.body}), whose"
                 " shapes do not mix. Train on the clips of one body"
             )
-        for run in runs_at(clip, fps_hz, all_phases=True):
+        for motion in runs_at(clip, fps_hz, all_phases=True):
             n_runs += 1
-            part, motion = 0 if parts is None else int(parts[n_clips - 1]), run.motion
+            part = 0 if parts is None else int(parts[n_clips - 1])
             local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
             poses = network_input(local_rotmats, representation).float().numpy()
             yield RunRows(part, poses, motion.root_rotmats, motion.pelvis_m, motion.shape)

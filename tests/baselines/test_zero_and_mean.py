@@ -98,7 +98,7 @@ def test_the_mean_minimises_the_chordal_distance(filmed: tuple[Clip, ...]) -> No
     """No rotation near it has less, and the mean dT is numpy's."""
     mean = mean_motion(filmed, 10.0)
     parts = [
-        deltas(run.motion.root_rotmats, run.motion.pelvis_m)
+        deltas(run.root_rotmats, run.pelvis_m)
         for clip in filmed
         for run in runs_at(clip, 10.0, all_phases=True)
     ]

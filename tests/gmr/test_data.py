@@ -40,8 +40,8 @@ def counting_clip(n_frames: int, fps_hz: float, gaps: tuple[int, ...] = ()) -> C
 
 def frame_numbers(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[list[float]]:
     runs = runs_at(clip, fps_hz, all_phases=all_phases)
-    assert all(run.motion.fps_hz == fps_hz for run in runs)
-    return [run.motion.pelvis_m[:, 0].tolist() for run in runs]
+    assert all(run.fps_hz == fps_hz for run in runs)
+    return [run.pelvis_m[:, 0].tolist() for run in runs]
 
 
 def test_a_higher_rate_gives_all_phases() -> None:

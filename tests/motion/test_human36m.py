@@ -141,8 +141,8 @@ def test_no_run_crosses_a_frame_without_parameters(tmp_path: Path, body_path: Pa
     make_human36m(tmp_path / "h36m", str(body_path), tmp_path / "out")
     clip = load_clip(tmp_path / "out" / "clips" / "S1" / "S1.Directions.1.npz")
     runs = runs_at(clip, 10.0, all_phases=True)
-    assert [run.motion.n_frames for run in runs] == [3, 3]
-    same = orientation_errors_deg(runs[0].motion.root_rotmats, clip.motion.root_rotmats[:3])
+    assert [run.n_frames for run in runs] == [3, 3]
+    same = orientation_errors_deg(runs[0].root_rotmats, clip.motion.root_rotmats[:3])
     assert same.max() < 1e-6
 
 
