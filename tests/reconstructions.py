@@ -11,7 +11,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionFigures
 from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.world.recipe import CueEstimate
-from gmrdata.world.verdict import Verdict
+from gmrdata.world.verdict import verdict_of
 
 EVIDENCE = Evidence("full", "a pure rotation does not explain the matches", 8, 9, 4, 0.2, 0, 57, 60)
 
@@ -65,7 +65,7 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
         scale_cues=(cue,),
         camera_motion="circular",
         camera_motion_figures=MotionFigures(9.0, 10.0, 37.0, 0.6, 0.001, 93.0, True, 5.0),
-        people=(Verdict(True, (), (), cameras.frames).of_person("walk"),),
+        people=(verdict_of("walk", True, (), [""] * cameras.frames),),
     )
 
 

@@ -18,7 +18,6 @@ from gmrdata.values.records import (
     ArrayShapes,
     Figure,
     Record,
-    check_shapes,
     read_arrays,
 )
 
@@ -200,7 +199,6 @@ def load_cameras(sfm_dir: Path) -> SfmCameras:
     """Read `cameras.npz` of a reconstruction's folder."""
     path = sfm_dir / CAMERAS_FILE
     arrays = read_arrays(path, CAMERAS_FORMAT, _CAMERA_SHAPES)
-    check_shapes(path, arrays, _CAMERA_SHAPES)
     geometry = str(arrays["geometry"])
     if geometry not in get_args(Geometry):
         raise BadRecord(f"{path}: unknown geometry {geometry!r}; {MAKE_AGAIN}")
@@ -226,7 +224,4 @@ def save_points(path: Path, points: np.ndarray, track_lengths: np.ndarray) -> No
 
 def load_points(sfm_dir: Path) -> np.ndarray:
     """Background points (N, 3) of a reconstruction's folder, in the cameras' unit."""
-    path = sfm_dir / POINTS_FILE
-    arrays = read_arrays(path, POINTS_FORMAT, _POINT_SHAPES)
-    check_shapes(path, arrays, _POINT_SHAPES)
-    return arrays["xyz"]
+    return read_arrays(sfm_dir / POINTS_FILE, POINTS_FORMAT, _POINT_SHAPES)["xyz"]

@@ -32,7 +32,7 @@ from gmrdata.world.dataset import Doubts, load_dataset_camera
 from gmrdata.world.judge import window_differences
 from gmrdata.world.quality import PseudoGtQuality, load_record
 from gmrdata.world.recipe import VerdictConfig
-from gmrdata.world.verdict import PersonVerdict
+from gmrdata.world.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ class Found:
         return None if self.record is None else self.record.cameras
 
     @property
-    def judged(self) -> tuple[PersonVerdict, ...]:
+    def judged(self) -> tuple[Verdict, ...]:
         return () if self.record is None else self.record.people
 
     @property

@@ -22,7 +22,7 @@ from gmrdata.values.people import person_file
 from gmrdata.world.dataset import Doubts
 from gmrdata.world.quality import load_record, quality_record, unsolved_quality
 from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
-from gmrdata.world.verdict import Verdict, dropped_ranges
+from gmrdata.world.verdict import verdict_of
 
 UNSOLVED = "unsolved"
 """The stage's name where there is no reconstruction."""
@@ -89,8 +89,7 @@ def make_unsolved(
             rest_pelvis_m = read_body(person.body_path).rest_pelvis_m(clip.motion.shape)
             save_clip(partial / person_file(number), unsolved, rest_pelvis_m)
             texts = [doubt or "there is no reconstruction" for doubt in doubts.frames[number]]
-            verdict = Verdict(False, reasons, tuple(dropped_ranges(texts)), len(texts))
-            judged.append(verdict.of_person(clip.id))
+            judged.append(verdict_of(clip.id, False, reasons, texts))
         unsolved_quality(judged).write(partial / QUALITY_FILE)
 
     return run_stage(UNSOLVED, out_dir, config, inputs, work, run=run)

@@ -5,7 +5,7 @@ missing, unknown or wrong key is an error that names file and key, so that no de
 sequence pass.  A figure that does not exist is written as null.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self, get_args
 
@@ -48,12 +48,7 @@ class Record(Config):
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a record.
-
-        Raises:
-            MissingInput: there is no such file.
-            BadRecord: not JSON, of another format, or with a missing, unknown or wrong key.
-        """
+        """Read a record; BadRecord names file and key that are wrong."""
         value = read_json(path)
         found = value.get("format") if isinstance(value, dict) else None
         require_tag(path, found, cls.tag())
@@ -81,27 +76,19 @@ Figure = Annotated[float, AfterValidator(figure)]
 """A field that is rounded to six significant digits."""
 
 
-def read_arrays(path: Path, tag: str, keys: Iterable[str]) -> dict[str, np.ndarray]:
-    """The arrays of an .npz record: `format` is checked and left out, each of `keys` is there.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: not an .npz of plain arrays.
-        BadRecord: of another format, or with a missing or unknown array.
-    """
+def read_arrays(path: Path, tag: str, shapes: ArrayShapes) -> dict[str, np.ndarray]:
+    """The arrays of an .npz record: `format` is checked and left out, each of `keys` is there."""
     arrays = read_npz(path)
     require_tag(path, arrays.pop("format", None), tag)
-    _require_keys(path, arrays.keys(), set(keys))
+    check_shapes(path, arrays, shapes)
     return arrays
 
 
 def check_shapes(path: Path, arrays: Mapping[str, np.ndarray], shapes: ArrayShapes) -> None:
-    """Check that exactly the arrays of `shapes` are there, and fit together.
-
-    Raises:
-        BadRecord: one is missing or unknown, of another type, or of a shape that does not fit.
-    """
-    _require_keys(path, arrays.keys(), set(shapes))
+    """Raise BadRecord unless exactly the arrays of `shapes` are there, and fit together."""
+    for said, keys in (("no", shapes.keys() - arrays), ("an unknown", arrays.keys() - shapes)):
+        if keys:
+            raise BadRecord(f"{path}: has {said} array {min(keys)!r}; {MAKE_AGAIN}")
     lengths: dict[str, int] = {}
     for key, (kinds, shape) in shapes.items():
         found = arrays[key]
@@ -117,24 +104,14 @@ def check_shapes(path: Path, arrays: Mapping[str, np.ndarray], shapes: ArrayShap
             )
 
 
-def _require_keys(path: Path, found: Iterable[str], wanted: set[str]) -> None:
-    """Raise BadRecord unless exactly the wanted arrays were found."""
-    for said, keys in (("no", wanted - set(found)), ("an unknown", set(found) - wanted)):
-        if keys:
-            raise BadRecord(f"{path}: has {said} array {min(keys)!r}; {MAKE_AGAIN}")
-
-
 def require_tag(path: Path, found: Any, tag: str) -> None:
     """Raise BadRecord unless the tag that was found is the one that is expected."""
-    if isinstance(found, np.ndarray):
-        found = str(found)
-    if found == tag:
-        return
+    found = str(found) if isinstance(found, np.ndarray) else found
+    what = f"`format` is {found!r}, not {tag!r}"
     if found is None:
-        raise BadRecord(
-            f"{path}: has no `format`, so it is no {tag} or an older gmrdata wrote it; {MAKE_AGAIN}"
-        )
-    raise BadRecord(f"{path}: `format` is {found!r}, not {tag!r}; {MAKE_AGAIN}")
+        what = f"has no `format`, so it is no {tag} or an older gmrdata wrote it"
+    if found != tag:
+        raise BadRecord(f"{path}: {what}; {MAKE_AGAIN}")
 
 
 def _lacking(value: Any, whole: Any) -> str:

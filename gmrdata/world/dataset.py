@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from gmrdata.values.files import write_npz
-from gmrdata.values.records import ArrayShapes, Record, check_shapes, read_arrays
+from gmrdata.values.records import ArrayShapes, Record, read_arrays
 
 DATASET_CAMERA_FORMAT = "gmrdata-dataset-camera/1"
 _SHAPES: ArrayShapes = {"world_from_cam": ("f", ("T", 4, 4))}
@@ -29,6 +29,4 @@ def save_dataset_camera(path: Path, world_from_cam: np.ndarray) -> None:
 
 def load_dataset_camera(path: Path) -> np.ndarray:
     """Read cameras (T, 4, 4) [m], NaN where unknown."""
-    arrays = read_arrays(path, DATASET_CAMERA_FORMAT, _SHAPES)
-    check_shapes(path, arrays, _SHAPES)
-    return arrays["world_from_cam"]
+    return read_arrays(path, DATASET_CAMERA_FORMAT, _SHAPES)["world_from_cam"]

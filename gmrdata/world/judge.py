@@ -16,7 +16,7 @@ from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.rows import first_reasons, text_runs
 from gmrdata.world.recipe import VerdictConfig
 from gmrdata.world.scale import ScaleEstimate
-from gmrdata.world.verdict import Verdict, dropped_ranges
+from gmrdata.world.verdict import Verdict, verdict_of
 
 ANOTHER_PLACE = "no camera was found: the picture shows another place, beyond a cut"
 NOTHING_SEEN = "no camera was found: the picture is black or even, or all of it is masked"
@@ -53,7 +53,7 @@ def judge(
         *_focal_reasons(quality, config),
         *_scale_reasons(estimate, config),
     ]
-    return Verdict(not failed, tuple(failed), tuple(dropped_ranges(reasons)), len(reasons))
+    return verdict_of(clip.id, not failed, failed, reasons)
 
 
 def _sequence_reasons(

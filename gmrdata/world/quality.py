@@ -14,8 +14,8 @@ from gmrdata.values.camera_motion import MotionClass, MotionFigures, classify
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.records import Figure, Record, figure
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
-from gmrdata.world.scale import ScaleEstimate
-from gmrdata.world.verdict import PersonVerdict, Verdict
+from gmrdata.world.scale import NO_SCALE, ScaleEstimate
+from gmrdata.world.verdict import Verdict
 
 
 class PseudoGtQuality(Record):
@@ -37,7 +37,7 @@ class PseudoGtQuality(Record):
     """Class of the camera's motion; "none" without a reconstruction."""
     camera_motion_figures: MotionFigures | None
     """What the class was decided on."""
-    people: tuple[PersonVerdict, ...]
+    people: tuple[Verdict, ...]
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -65,6 +65,21 @@ def quality_of(
         clip.motion.fps_hz,
         config.motion_class,
     )
+    return _record(cameras, estimate, camera_motion, _rounded(figures), verdicts)
+
+
+def unsolved_quality(verdicts: Sequence[Verdict]) -> PseudoGtQuality:
+    """The record of a sequence without a reconstruction."""
+    return _record(None, NO_SCALE, "none", None, verdicts)
+
+
+def _record(
+    cameras: CamerasQuality | None,
+    estimate: ScaleEstimate,
+    camera_motion: MotionClass | Literal["none"],
+    figures: MotionFigures | None,
+    verdicts: Sequence[Verdict],
+) -> PseudoGtQuality:
     return PseudoGtQuality(
         cameras=cameras,
         scale=estimate.scale,
@@ -73,23 +88,8 @@ def quality_of(
         scale_disagreement=estimate.disagreement,
         scale_cues=tuple(_rounded(cue) for cue in estimate.cues),
         camera_motion=camera_motion,
-        camera_motion_figures=_rounded(figures),
-        people=tuple(of.of_person(clip.id) for clip, of in zip(clips, verdicts, strict=True)),
-    )
-
-
-def unsolved_quality(people: Sequence[PersonVerdict]) -> PseudoGtQuality:
-    """The record of a sequence without a reconstruction."""
-    return PseudoGtQuality(
-        cameras=None,
-        scale=None,
-        scale_sigma=None,
-        scale_matters=False,
-        scale_disagreement=None,
-        scale_cues=(),
-        camera_motion="none",
-        camera_motion_figures=None,
-        people=tuple(people),
+        camera_motion_figures=figures,
+        people=tuple(verdicts),
     )
 
 
@@ -124,7 +124,7 @@ def quality_record(record: PseudoGtQuality, person: int) -> Quality:
     )
 
 
-def _figures(record: PseudoGtQuality, judged: PersonVerdict) -> Iterator[tuple[str, float]]:
+def _figures(record: PseudoGtQuality, judged: Verdict) -> Iterator[tuple[str, float]]:
     """The class's figures and the scale's cues by name, as far as they are known."""
     yield "kept_share", judged.kept_share
     if record.camera_motion_figures is not None:

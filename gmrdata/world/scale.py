@@ -7,6 +7,7 @@ the path's length over short times (`short_windows`).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import combinations
 
 import numpy as np
@@ -64,14 +65,12 @@ class ScaleEstimate:
     """Fused metric scale."""
 
     scale: float | None
-    """Metres per unit of the reconstruction; None where scale doesn't enter, since the camera
-    stays in place or travels less than can be told."""
+    """Metres per unit; None where the camera stays in place or travels less than can be told."""
     sigma: float | None
     """Standard error of `scale`; widened where the cues disagree."""
     cues: tuple[CueEstimate, ...]
     matters: bool = True
-    """Whether `sigma` makes the camera's speed wrong by more than `ScaleConfig.slow_m_per_s`; not
-    where there is no scale."""
+    """Whether `sigma` makes the camera's speed wrong by more than `ScaleConfig.slow_m_per_s`."""
 
     @property
     def disagreement(self) -> float | None:
@@ -81,6 +80,9 @@ class ScaleEstimate:
             for a, b in combinations(self.cues, 2)
         ]
         return max(apart, default=None)
+
+
+NO_SCALE = ScaleEstimate(None, None, (), matters=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,75 +104,66 @@ def estimate_scale(
     points: np.ndarray | None = None,
     dataset_camera: np.ndarray | None = None,
 ) -> ScaleEstimate:
-    """Metric scale of a camera path from those who walk in front of it.
+    """Metric scale of a camera path from one or more who walk before it, over the same T frames.
 
     None is given of a camera that travels less than the cues can tell, and so little that it does
-    not matter.
+    not matter; and unless the geometry is "full".
 
     Args:
-        people: One or more people, all seen by one camera over the same T frames.
-        geometry: Only "full" has a scale to be found.
         points: (N, 3) background points in the cameras' unit, for the cue of the ground.
         dataset_camera: (T, 4, 4) metric world_from_cam of the data set, right over short times;
             NaN where unknown.
 
     Raises:
-        NoReconstruction: not one cue finds a scale: no foot stands still at any, or the camera
-            hardly moves.
+        NoReconstruction: not one cue finds a scale.
     """
-    no_scale = ScaleEstimate(None, None, (), matters=False)
     if geometry != "full":
-        return no_scale
-    fps_hz, world_from_cam = people[0].motion.fps_hz, _known_to_any(people)
+        return NO_SCALE
+    fps_hz, path = people[0].motion.fps_hz, _known_to_any(people)
     cues: list[CueEstimate] = []
     reasons: list[str] = []
     for number, person in enumerate(people):
         try:
-            found = _of_person(person, points, config)
-            cues += [replace(cue, person=number) for cue in found]
+            cues += [replace(cue, person=number) for cue in _of_person(person, points, config)]
         except NoReconstruction as error:
             reasons.append(str(error))
     if dataset_camera is not None:
-        path = replace(people[0].camera_path, world_from_cam=world_from_cam)
         windows = short_windows_scale(path, dataset_camera, fps_hz, config)
         cues += [] if windows is None else [windows]
     if not cues:
         raise NoReconstruction("; ".join(reasons))
     estimate = fuse(tuple(cues), config.body_share)
     scale, sigma = estimate.scale or 0.0, estimate.sigma or 0.0
-    matters = sigma * _mean_speed(world_from_cam, fps_hz) > config.slow_m_per_s
+    steps = np.linalg.norm(np.diff(path.centres_world_m, axis=0), axis=1)
+    known = steps[np.isfinite(steps)]
+    matters = bool(len(known) and sigma * (fps_hz * known.mean()) > config.slow_m_per_s)
     # The path is shorter than its error bar, or not much longer, and both are small.
     vague = not matters and sigma > config.vague_share * scale
-    return replace(no_scale, cues=estimate.cues) if vague else replace(estimate, matters=matters)
-
-
-def _mean_speed(world_from_cam: np.ndarray, fps_hz: float) -> float:
-    """Mean speed of cameras (T, 4, 4), NaN where unknown, between known frames [unit/s]."""
-    steps = np.linalg.norm(np.diff(world_from_cam[:, :3, 3], axis=0), axis=1)
-    return float(fps_hz * steps[np.isfinite(steps)].mean()) if np.isfinite(steps).any() else 0.0
+    return replace(NO_SCALE, cues=estimate.cues) if vague else replace(estimate, matters=matters)
 
 
 def _of_person(
     person: SeenPerson, points: np.ndarray | None, config: ScaleConfig
 ) -> list[CueEstimate]:
     """The cues that one person's feet give; the ground's needs a rough scale to begin with."""
+    path, fps_hz, up_cam = (
+        person.camera_path,
+        person.motion.fps_hz,
+        person.motion.root_rotmats[:, :, 1],
+    )
     feet_cam_m = foot_points_m(person.body, person.motion)
-    fps_hz = person.motion.fps_hz
-    feet = planted_feet_scale(person.camera_path, feet_cam_m, fps_hz, config)
+    feet = planted_feet_scale(path, feet_cam_m, fps_hz, config)
     if points is None:
         return [feet]
-    path, up_cam = person.camera_path, person.motion.root_rotmats[:, :, 1]
     ground = ground_contact_scale(path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config)
     return [feet] if ground is None else [feet, ground]
 
 
-def _known_to_any(people: Sequence[SeenPerson]) -> np.ndarray:
-    """Cameras (T, 4, 4) of the frames in which anybody's motion is known."""
-    known = people[0].camera_path.world_from_cam.copy()
-    for person in people[1:]:
-        missing = ~np.isfinite(known[:, 0, 0])
-        known[missing] = person.camera_path.world_from_cam[missing]
-    return known
+def _known_to_any(people: Sequence[SeenPerson]) -> CameraPath:
+    """The cameras of the frames in which anybody's motion is known."""
+    paths = [person.camera_path.world_from_cam for person in people]
+    known = reduce(lambda mine, other: np.where(np.isfinite(mine), mine, other), paths)
+    return replace(people[0].camera_path, world_from_cam=known)
 
 
 def fuse(cues: tuple[CueEstimate, ...], common_share: float = 0.0) -> ScaleEstimate:

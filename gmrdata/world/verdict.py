@@ -3,8 +3,7 @@
 A person's decision on a sequence replaces the thresholds' one and says so.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -26,8 +25,8 @@ class Dropped:
 
 
 @part(frozen=True, config=PART)
-class PersonVerdict:
-    """The verdict on one person of a sequence, as it stands in records."""
+class Verdict:
+    """What was decided of one person of a sequence, and on what, as it stands in records."""
 
     id: str
     frames: NonNegativeInt
@@ -35,12 +34,20 @@ class PersonVerdict:
     kept_share: Figure
     accepted: bool
     reasons: tuple[str, ...]
+    """Why not, for a rejected one; and what a person decided, for any."""
     dropped: tuple[Dropped, ...]
+    """Ranges in ascending order."""
+
+    @property
+    def kept(self) -> np.ndarray:
+        """(T,) bool: frames outside the dropped ranges."""
+        return np.array([not reason for reason in self.frame_reasons], dtype=bool)
 
     @property
     def frame_reasons(self) -> list[str]:
         """T texts: why each frame is dropped by itself; empty where it isn't."""
-        return _texts(self.dropped, self.frames)
+        runs = ((run.start, run.stop, run.reason) for run in self.dropped)
+        return texts_of(runs, self.frames)
 
     @property
     def row_reasons(self) -> list[str]:
@@ -51,50 +58,13 @@ class PersonVerdict:
         return [reason or rejected for reason in self.frame_reasons]
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """What was decided, and on what."""
-
-    accepted: bool
-    reasons: tuple[str, ...]
-    """Why not, for a rejected one; and what a person decided, for any."""
-    dropped: tuple[Dropped, ...]
-    """Ranges in ascending order."""
-    n_frames: int
-
-    @property
-    def kept(self) -> np.ndarray:
-        """(T,) bool: frames outside the dropped ranges."""
-        kept = np.ones(self.n_frames, dtype=bool)
-        for run in self.dropped:
-            kept[run.start : run.stop] = False
-        return kept
-
-    @property
-    def frame_reasons(self) -> list[str]:
-        """T texts: why each frame is dropped; empty where it isn't."""
-        return _texts(self.dropped, self.n_frames)
-
-    def of_person(self, clip_id: str) -> PersonVerdict:
-        """The verdict as a part of a record."""
-        return PersonVerdict(
-            id=clip_id,
-            frames=self.n_frames,
-            kept_frames=int(self.kept.sum()),
-            kept_share=float(self.kept.mean()),
-            accepted=self.accepted,
-            reasons=self.reasons,
-            dropped=self.dropped,
-        )
-
-
-def _texts(dropped: Sequence[Dropped], n_frames: int) -> list[str]:
-    return texts_of(((run.start, run.stop, run.reason) for run in dropped), n_frames)
-
-
-def dropped_ranges(reasons: Sequence[str]) -> list[Dropped]:
-    """Runs of frames that share a reason; frames with an empty one are in none."""
-    return [Dropped(*run) for run in text_runs(reasons) if run[2]]
+def verdict_of(
+    clip_id: str, accepted: bool, reasons: Iterable[str], frame_reasons: Sequence[str]
+) -> Verdict:
+    """The verdict on T frames; a frame with an empty reason is kept."""
+    frames, kept = len(frame_reasons), list(frame_reasons).count("")
+    dropped = tuple(Dropped(*run) for run in text_runs(frame_reasons) if run[2])
+    return Verdict(clip_id, frames, kept, kept / frames, accepted, tuple(reasons), dropped)
 
 
 FrameRange = tuple[Annotated[int, Field(ge=0)], int]
@@ -142,16 +112,12 @@ class Override(Config):
 def overridden(verdict: Verdict, override: Override, unusable: np.ndarray) -> Verdict:
     """Let a person's decision replace that of the thresholds, and list what it overrules.
 
-    Args:
-        unusable: (T,) bool: frames without a camera or a pose, which nobody can keep.
+    Nobody can keep frames without a camera or a pose, `unusable` (T,) bool.
 
     Raises:
         BadRecipe: a range reaches beyond the sequence.
     """
-    n = verdict.n_frames
-    if unusable.shape != (n,):
-        raise ValueError(f"unusable {unusable.shape} for {n} frames")
-    decided = verdict.frame_reasons
+    decided, n = verdict.frame_reasons, verdict.frames
     kept, dropped = _frames("keep", override.keep, n), _frames("drop", override.drop, n)
     for row in range(n):
         if unusable[row]:
@@ -160,20 +126,14 @@ def overridden(verdict: Verdict, override: Override, unusable: np.ndarray) -> Ve
             decided[row] = override.decision
         elif kept[row]:
             decided[row] = ""
-    return _judged(replace(verdict, dropped=tuple(dropped_ranges(decided))), override)
-
-
-def _judged(verdict: Verdict, override: Override) -> Verdict:
-    """The verdict on the sequence, once its frames are decided."""
-    reasons = verdict.reasons
-    if override.verdict == "rejected":
-        verdict = replace(verdict, accepted=False, reasons=(override.decision, *reasons))
-    if override.verdict == "accepted":
-        overruled = (f"overruled: {reason}" for reason in reasons)
-        verdict = replace(verdict, accepted=True, reasons=(override.decision, *overruled))
-    if verdict.accepted and not verdict.kept.any():
-        verdict = replace(verdict, accepted=False, reasons=(*verdict.reasons, NOTHING_LEFT))
-    return verdict
+    accepted, reasons = verdict.accepted, verdict.reasons
+    if override.verdict is not None:
+        accepted = override.verdict == "accepted"
+        before = [f"overruled: {reason}" for reason in reasons] if accepted else reasons
+        reasons = (override.decision, *before)
+    if accepted and all(decided):
+        accepted, reasons = False, (*reasons, NOTHING_LEFT)
+    return verdict_of(verdict.id, accepted, reasons, decided)
 
 
 def _frames(name: str, ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndarray:

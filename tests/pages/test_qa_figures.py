@@ -13,7 +13,7 @@ from gmrdata.world.judge import judge
 from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
 from gmrdata.world.scale import ScaleEstimate, fuse
-from gmrdata.world.verdict import Verdict
+from gmrdata.world.verdict import verdict_of
 from tests.world.test_verdict import CONFIG, GOOD, ROWS, circling, clip_of
 
 UNREAD = SequenceVerdict("a", "", False, (), "none", 0.0, None, None)
@@ -45,7 +45,7 @@ def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limi
 
 def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
-    verdict = Verdict(True, (), (), 90)
+    verdict = verdict_of("c", True, (), [""] * 90)
     no_scale = ScaleEstimate(None, None, fuse(APART).cues, matters=False)
     record = quality_of([still], [verdict], no_scale, GOOD, PseudoGtConfig())
     assert record.scale_disagreement is not None and record.scale_disagreement > 5

@@ -9,7 +9,9 @@ import pytest
 
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import write_npz
-from gmrdata.values.records import Record, read_arrays
+from gmrdata.values.records import ArrayShapes, Record, read_arrays
+
+ROWS: ArrayShapes = {"rows": ("i", ("N",))}
 
 
 class Measured(Record):
@@ -78,7 +80,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 def test_arrays_come_back_without_their_tag(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", {"format": "gmrdata-rows/1", "rows": np.arange(3)})
-    arrays = read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ("rows",))
+    arrays = read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ROWS)
     assert list(arrays) == ["rows"] and arrays["rows"].tolist() == [0, 1, 2]
 
 
@@ -94,4 +96,4 @@ def test_arrays_come_back_without_their_tag(tmp_path: Path) -> None:
 def test_arrays_that_are_not_the_record(tmp_path: Path, arrays: dict[str, Any], said: str) -> None:
     write_npz(tmp_path / "a.npz", arrays)
     with pytest.raises(BadRecord, match=said):
-        read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ("rows",))
+        read_arrays(tmp_path / "a.npz", "gmrdata-rows/1", ROWS)

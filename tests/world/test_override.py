@@ -1,6 +1,5 @@
 """A person's decision on verdicts, with sets of frames as the oracle."""
 
-from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -10,30 +9,25 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from gmrdata.values.errors import BadRecipe
-from gmrdata.world.verdict import Dropped, Override, Verdict, dropped_ranges, overridden
+from gmrdata.world.verdict import Dropped, Override, overridden, verdict_of
 
 N = 20
 USABLE = np.zeros(N, dtype=bool)
 NO_CAMERA = [""] * 15 + ["no camera was found"] * 5
-REJECTED = Verdict(
-    False, ("60% of the images have a camera", "a cut"), tuple(dropped_ranges(NO_CAMERA)), N
-)
-ACCEPTED = Verdict(True, (), tuple(dropped_ranges(NO_CAMERA)), N)
+REJECTED = verdict_of("c", False, ("60% of the images have a camera", "a cut"), NO_CAMERA)
+ACCEPTED = verdict_of("c", True, (), NO_CAMERA)
 
 
 def test_a_person_accepts_what_was_rejected_and_the_overruled_reasons_stay() -> None:
     override = Override(verdict="accepted", because="the cut is a flash")
     verdict = overridden(REJECTED, override, USABLE)
-    assert verdict == Verdict(
-        True,
-        (
-            "a person decided: the cut is a flash",
-            "overruled: 60% of the images have a camera",
-            "overruled: a cut",
-        ),
-        REJECTED.dropped,
-        N,
+    reasons = (
+        "a person decided: the cut is a flash",
+        "overruled: 60% of the images have a camera",
+        "overruled: a cut",
     )
+    assert verdict == verdict_of("c", True, reasons, NO_CAMERA)
+    assert verdict.dropped == REJECTED.dropped
 
 
 def test_a_person_rejects_what_was_accepted() -> None:
@@ -54,7 +48,7 @@ def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:
     reasons = ["" if row < 13 else "the camera jumps" for row in range(N)]
     for before in (REJECTED, ACCEPTED):
         lost_too = [a or b for a, b in zip(NO_CAMERA, reasons, strict=True)]
-        judged = replace(before, dropped=tuple(dropped_ranges(lost_too)))
+        judged = verdict_of("c", before.accepted, before.reasons, lost_too)
         verdict = overridden(judged, override, unusable)
         after = verdict.frame_reasons
         assert (verdict.accepted, verdict.reasons) == (before.accepted, before.reasons)
@@ -73,7 +67,7 @@ def test_ranges_alone_leave_the_verdict_to_the_thresholds() -> None:
 def test_a_frame_that_cannot_be_used_says_so_even_where_nothing_had_a_reason() -> None:
     override = Override(because="all good", keep=((0, N),))
     unusable = np.arange(N) < 3
-    verdict = overridden(Verdict(True, (), (), N), override, unusable)
+    verdict = overridden(verdict_of("c", True, (), [""] * N), override, unusable)
     assert verdict.dropped == (Dropped(0, 3, "the frame has no camera or no pose"),)
     assert [bool(reason) for reason in verdict.frame_reasons] == unusable.tolist()
 
@@ -143,7 +137,7 @@ def test_what_is_kept_is_what_sets_of_frames_say(
     override = Override.model_validate(
         {"verdict": decided, "because": "seen", "keep": keep, "drop": drop}
     )
-    verdict = overridden(Verdict(True, (), tuple(dropped_ranges(before)), N), override, unusable)
+    verdict = overridden(verdict_of("c", True, (), before), override, unusable)
     reasons = verdict.frame_reasons
     passed = {row for row in range(N) if not before[row]}
     expected = (passed | _rows(keep)) - _rows(drop) - set(np.flatnonzero(unusable))

@@ -17,11 +17,11 @@ from gmrdata.world.dataset import Doubts, load_dataset_camera, save_dataset_came
 from gmrdata.world.pseudo_gt import make_pseudo_gt
 from gmrdata.world.quality import PseudoGtQuality, load_record, quality_record, unsolved_quality
 from gmrdata.world.recipe import PseudoGtConfig
-from gmrdata.world.verdict import Dropped, Verdict
+from gmrdata.world.verdict import verdict_of
 from tests.reconstructions import good_quality, keys_of, pseudo_gt_quality, without
 from tests.world.test_make import Circular, as_input, made, reconstruction, true_clip
 
-DROPPED = Verdict(True, (), (Dropped(1, 3, "the camera jumps"),), 5).of_person("walk")
+DROPPED = verdict_of("walk", True, (), ["", *["the camera jumps"] * 2, "", ""])
 RECORD = pseudo_gt_quality(good_quality(5), 2.5).model_copy(update={"people": (DROPPED,)})
 KEYS = list(keys_of(RECORD.model_dump(mode="json")))
 DOUBTS = Doubts(frames=(("", "campose_valid is 0"),), sequence=("the intrinsics are wrong",))
@@ -134,7 +134,7 @@ def test_a_manifest_says_the_same_figures() -> None:
 
 
 def test_a_sequence_without_a_reconstruction_drops_every_row(tmp_path: Path) -> None:
-    rejected = Verdict(False, ("no model",), (Dropped(0, 2, "black"),), 3).of_person("walk")
+    rejected = verdict_of("walk", False, ("no model",), ["black", "black", ""])
     unsolved_quality([rejected]).write(tmp_path / QUALITY_FILE)
     record = load_record(tmp_path)
     whole = "the sequence is rejected: no model"

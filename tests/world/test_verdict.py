@@ -14,7 +14,7 @@ from gmrdata.values.transforms import rigid
 from gmrdata.world.judge import judge
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
 from gmrdata.world.scale import ScaleEstimate, fuse
-from gmrdata.world.verdict import Dropped, Verdict
+from gmrdata.world.verdict import Dropped, verdict_of
 from tests.reconstructions import good_quality
 
 N, FPS_HZ = 90, 30.0
@@ -55,9 +55,8 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
     dataset_camera = circling() @ rigid(Rotation.from_rotvec([0, 1.0, 0]).as_matrix(), np.zeros(3))
     same_motion = rigid(np.eye(3), np.array([5.0, 1, 0])) @ circling()
     for other in (None, same_motion):
-        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=other) == Verdict(
-            True, (), (), N
-        )
+        good = verdict_of("c", True, (), [""] * N)
+        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=other) == good
     # Another direction of view of the data set's camera is another motion in its own axes.
     assert not judge(clip, GOOD, ROWS, SCALE, CONFIG, dataset_camera=dataset_camera).accepted
 
@@ -196,12 +195,11 @@ def test_few_valid_frames_are_not_held_against_a_sequence(clip: Clip) -> None:
 
 def test_a_verdict_as_a_record_gives_its_frames_back(clip: Clip) -> None:
     verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
-    record = verdict.of_person("c")
-    assert record.kept_frames == N - 12 and record.accepted
-    assert [reason != "" for reason in verdict.frame_reasons] == (~verdict.kept).tolist()
-    (run,) = record.dropped
+    assert verdict.id == "c" and verdict.kept_frames == N - 12 and verdict.accepted
+    (run,) = verdict.dropped
     assert run.start == 40 and run.stop == 52
-    assert record.frame_reasons == verdict.frame_reasons
+    lost = [40 <= row < 52 for row in range(N)]
+    assert [reason != "" for reason in verdict.frame_reasons] == (~verdict.kept).tolist() == lost
 
 
 def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
