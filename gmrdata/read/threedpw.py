@@ -190,11 +190,19 @@ def _look_at(files: SequenceFiles, path: Path) -> tuple[tuple[int, int] | None, 
         return None, f"{path.name} is {what}"
 
 
+def known_rule(rule: str) -> ValidRule:
+    """A rule's name as its type; BadRecipe where there is no such rule."""
+    rules: tuple[ValidRule, ...] = get_args(ValidRule)
+    if rule in rules:
+        return rules[rules.index(rule)]
+    raise BadRecipe(f"no rule {rule!r} for valid frames; there are {', '.join(rules)}")
+
+
 def frames_by_rule(person: Person, rule: ValidRule) -> np.ndarray:
     """The frames that a rule keeps: (N,) bool."""
     confidence = person.poses2d_px[:, :, 2]
     confident = (confidence > CONFIDENT).sum(axis=1)
-    match rule:
+    match known_rule(rule):
         case "campose_valid":
             return person.campose_valid
         case "3dpw_eval":
@@ -205,8 +213,6 @@ def frames_by_rule(person: Person, rule: ValidRule) -> np.ndarray:
             return np.asarray(confident > 6)
         case "slahmr":
             return person.campose_valid & (confidence > 0).any(axis=1)
-    rules = ", ".join(get_args(ValidRule))
-    raise BadRecipe(f"no rule {rule!r} for valid frames; there are {rules}")
 
 
 def unusable_reasons(

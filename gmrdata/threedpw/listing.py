@@ -1,11 +1,11 @@
 """What is in a 3DPW folder, as tables."""
 
 from pathlib import Path
-from typing import get_args
 
 from gmrdata.read.threedpw import (
     ValidRule,
     dropped_ranges,
+    known_rule,
     read_found,
     read_sequence,
     unusable_reasons,
@@ -19,19 +19,14 @@ from gmrdata.read.threedpw_layout import (
     splits_of,
 )
 from gmrdata.stage.progress import track
-from gmrdata.values.errors import BadRecipe, BadSequence, GmrdataError
+from gmrdata.values.errors import BadSequence, GmrdataError
 
 HEADINGS = ("sequence", "split", "people", "frames", "size [px]", "usable", "problems")
 RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "usable, or why not")
 
 
 def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
-    """A row for `HEADINGS` per sequence under a root, and how many say why one can't be read.
-
-    Raises:
-        MissingInput: no 3DPW folder.
-        BadRecipe: no such rule.
-    """
+    """A row for `HEADINGS` per sequence under a root, and how many say why one can't be read."""
     known = known_rule(rule)
     found = find_sequences(root)
     splits = splits_of(found)
@@ -56,13 +51,7 @@ def bad_summary(root: Path, n_bad: int, n_sequences: int) -> BadSequence:
 
 
 def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
-    """Rows for `RANGE_HEADINGS`, and the sequence's problems.
-
-    The rows are the ranges of each person that are not usable, and the rest.
-
-    Raises:
-        GmrdataError: as `read_sequence`; or no such rule.
-    """
+    """Rows for `RANGE_HEADINGS`, each person's usable frames and other ranges, and the problems."""
     known = known_rule(rule)
     sequence = read_sequence(root, name)
     rows: list[tuple[str, ...]] = []
@@ -76,15 +65,6 @@ def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]],
             for start, stop, reason in dropped_ranges(reasons)
         ]
     return rows, sequence.problems
-
-
-def known_rule(rule: str) -> ValidRule:
-    """A rule's name as its type; BadRecipe where there is no such rule."""
-    rules: tuple[ValidRule, ...] = get_args(ValidRule)
-    for known in rules:
-        if rule == known:
-            return known
-    raise BadRecipe(f"no rule {rule!r} for valid frames; there are {', '.join(rules)}")
 
 
 def _row(files: SequenceFiles, rule: ValidRule) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ DATASET_CAMERA_FILE = "dataset_camera.npz"
 
 
 class PeopleConfig(Config):
-    """What decides the clips of a sequence; see `ThreedpwRecipe`."""
+    """What decides the clips of a sequence: parts of `ThreedpwRecipe`."""
 
     name: str
     split: str
@@ -63,7 +63,6 @@ class SequencePeople:
     doubts_path: Path
     """What speaks against the data set's own frames, and against the sequence as a whole."""
     left_out: tuple[int, ...]
-    """Numbers of images that can't be used."""
 
 
 def make_people(
@@ -74,9 +73,7 @@ def make_people(
     *,
     run: Run = DEFAULT_RUN,
 ) -> SequencePeople:
-    """Read a sequence and write `person_<n>.npz`, `dataset_camera.npz`, `doubts.json` and
-    `people.json`.
-    """
+    """Stage: `person_<n>.npz`, `dataset_camera.npz`, `doubts.json` and `people.json`."""
 
     def work(partial: Path) -> None:
         _write(read_found(files), body_paths, recipe, partial)
@@ -85,27 +82,20 @@ def make_people(
     # The images decide which frames can be used; that there are none is the reader's to say.
     inputs |= {"images": files.image_dir} if files.image_dir.is_dir() else {}
     inputs |= {f"body_{number}": path for number, path in enumerate(body_paths)}
+    rule, intrinsics = recipe.valid_rule, recipe.intrinsics
     config = PeopleConfig(
-        name=files.name,
-        split=files.split,
-        valid_rule=recipe.valid_rule,
-        intrinsics=recipe.intrinsics,
+        name=files.name, split=files.split, valid_rule=rule, intrinsics=intrinsics
     )
-    return load_people(run_stage("people", out_dir, config, inputs, work, run=run), body_paths)
-
-
-def load_people(people_dir: Path, body_paths: tuple[Path, ...]) -> SequencePeople:
-    """The files that `make_people` left; BadRecord where `people.json` is of other bodies."""
-    record = PeopleRecord.read(people_dir / PEOPLE_FILE)
+    run_stage("people", out_dir, config, inputs, work, run=run)
+    record = PeopleRecord.read(out_dir / PEOPLE_FILE)
     if any(body >= len(body_paths) for body in record.bodies):
-        raise BadRecord(f"{people_dir / PEOPLE_FILE}: `bodies` names one too many; {MAKE_AGAIN}")
+        raise BadRecord(f"{out_dir / PEOPLE_FILE}: `bodies` names one too many; {MAKE_AGAIN}")
     people = tuple(
-        PersonFiles(people_dir / person_file(number), body_paths[body])
+        PersonFiles(out_dir / person_file(number), body_paths[body])
         for number, body in enumerate(record.bodies)
     )
-    return SequencePeople(
-        people, people_dir / DATASET_CAMERA_FILE, people_dir / DOUBTS_FILE, record.left_out
-    )
+    cameras_path, doubts_path = out_dir / DATASET_CAMERA_FILE, out_dir / DOUBTS_FILE
+    return SequencePeople(people, cameras_path, doubts_path, record.left_out)
 
 
 def _write(

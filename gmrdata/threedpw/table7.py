@@ -19,9 +19,9 @@ def merged(ranges: Iterable[FrameRange]) -> list[tuple[int, int]]:
     result: list[tuple[int, int]] = []
     for start, stop in sorted((part.start, part.stop) for part in ranges):
         if result and start <= result[-1][1]:
-            result[-1] = (result[-1][0], max(stop, result[-1][1]))
-        else:
-            result.append((start, stop))
+            start, before = result.pop()
+            stop = max(stop, before)
+        result.append((start, stop))
     return result
 
 
@@ -30,14 +30,9 @@ def n_frames(ranges: Iterable[FrameRange]) -> int:
     return sum(stop - start for start, stop in merged(ranges))
 
 
-def n_shared(a: Iterable[FrameRange], b: Iterable[FrameRange]) -> int:
+def n_shared(a: Sequence[FrameRange], b: Sequence[FrameRange]) -> int:
     """Number of frames that are in a range of both."""
-    others = merged(b)
-    return sum(
-        max(0, min(stop, other_stop) - max(start, other_start))
-        for start, stop in merged(a)
-        for other_start, other_stop in others
-    )
+    return n_frames(a) + n_frames(b) - n_frames([*a, *b])
 
 
 DATASET = "3DPW"
@@ -52,22 +47,16 @@ class ComparedRow:
     """The row of Table 7; None: it has none of this sequence."""
     clip: Clip | None
     """Our clip; None: we have none of this sequence."""
-    kept_of_listed: int
-    """Frames of the row that the clip keeps."""
     kept_beyond: int
     """Frames that the clip keeps and that are in no row of Table 7."""
-
-    @property
-    def frames(self) -> FrameRange | None:
-        """What Table 7 lists."""
-        return None if self.listed is None else self.listed.frames
 
     @property
     def kept_share(self) -> float | None:
         """Share of the row's frames that the clip keeps, 0 to 1; None unless there are both."""
         if self.listed is None or self.clip is None:
             return None
-        return self.kept_of_listed / n_frames([self.listed.frames])
+        frames = [self.listed.frames]
+        return n_shared(self.clip.kept, frames) / n_frames(frames)
 
     @property
     def same_class(self) -> bool | None:
@@ -92,18 +81,13 @@ class ComparedRow:
 
 
 def compare_with_table7(path: Path) -> list[ComparedRow]:
-    """Lay a manifest of 3DPW pseudo ground truth beside Table 7.
+    """Lay 3DPW pseudo ground truth, a manifest or a folder that holds one, beside Table 7.
 
-    Table 7 doesn't say which person of a sequence was scored, so each person gets a row.
-
-    Args:
-        path: The manifest, or a folder that holds one of kind `pseudo_gt`.
-
-    Returns:
-        The rows of Table 7 in its order, then our clips of other sequences in ours.
+    Table 7 doesn't say which person of a sequence was scored, so each person gets a row.  Its rows
+    come in its order, then our clips of other sequences in ours.
 
     Raises:
-        MissingInput: no such file, or no such manifest in the folder.
+        MissingInput: no such file, or no manifest of kind `pseudo_gt` in the folder.
         BadManifest: not such a manifest, or several in the folder.
     """
     table7 = read_manifest(published_manifest("paper_table7"))
@@ -120,13 +104,12 @@ def compare(clips: Sequence[Clip], listed: Sequence[ListedClip]) -> list[Compare
         ours = [clip for clip in clips if clip.source.sequence == sequence]
         for clip in ours:
             beyond = n_frames(clip.kept) - n_shared(clip.kept, everything)
-            kept = n_shared(clip.kept, [row.frames])
-            rows.append(ComparedRow(sequence, row, clip, kept, beyond))
-        rows += [] if ours else [ComparedRow(sequence, row, None, 0, 0)]
+            rows.append(ComparedRow(sequence, row, clip, beyond))
+        rows += [] if ours else [ComparedRow(sequence, row, None, 0)]
     known = {row.source.sequence for row in listed}
     others = (clip for clip in clips if clip.source.sequence not in known)
     return rows + [
-        ComparedRow(clip.source.sequence, None, clip, 0, n_frames(clip.kept)) for clip in others
+        ComparedRow(clip.source.sequence, None, clip, n_frames(clip.kept)) for clip in others
     ]
 
 
@@ -179,7 +162,7 @@ def table_rows(rows: Iterable[ComparedRow]) -> list[tuple[str, ...]]:
             row.sequence,
             (row.clip and row.clip.source.person) or "-",
             # As Table 7 writes it, with the last frame named.
-            f"{frames.start}-{frames.stop - 1}" if (frames := row.frames) else "-",
+            f"{row.listed.frames.start}-{row.listed.frames.stop - 1}" if row.listed else "-",
             "-" if row.listed is None else row.listed.camera_motion,
             "-" if row.clip is None else row.clip.camera_motion,
             "-" if row.kept_share is None else f"{100 * row.kept_share:.1f} %",
@@ -219,29 +202,24 @@ def summary(rows: Sequence[ComparedRow]) -> str:
 def write_csv(path: Path, rows: Iterable[ComparedRow]) -> Path:
     """Write the rows under `CSV_HEADINGS`, shares from 0 to 1, empty cells where unknown."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([CSV_HEADINGS, *map(_csv_row, rows)])
+    csv.writer(text, lineterminator="\n").writerows([CSV_HEADINGS, *map(_csv_row, rows)])
     write_text(path, text.getvalue())
     return path
 
 
 def _covered(people: Sequence[ComparedRow]) -> int:
     """Frames of one row of Table 7 that an accepted clip keeps."""
-    kept = [
-        part
-        for row in people
-        if row.clip is not None and row.verdict == "accepted"
-        for part in row.clip.kept
-    ]
-    return n_shared(kept, [row.listed.frames for row in people if row.listed is not None])
+    accepted = [row.clip for row in people if row.clip and row.verdict == "accepted"]
+    kept = [part for clip in accepted for part in clip.kept]
+    return n_shared(kept, [row.listed.frames for row in people if row.listed])
 
 
 def _csv_row(row: ComparedRow) -> tuple[str | int | float, ...]:
     return (
         row.sequence,
         "" if row.clip is None else row.clip.source.person or "",
-        "" if row.frames is None else row.frames.start,
-        "" if row.frames is None else row.frames.stop,
+        "" if row.listed is None else row.listed.frames.start,
+        "" if row.listed is None else row.listed.frames.stop,
         "" if row.listed is None else row.listed.camera_motion,
         "" if row.clip is None else row.clip.camera_motion,
         "" if row.same_class is None else str(row.same_class).lower(),
