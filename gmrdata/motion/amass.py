@@ -29,7 +29,6 @@ RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 """SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
 SMPL_LEG_M = 0.78
 """Hip-knee-ankle of SMPL's neutral mean shape, rounded [m]; release differences are below 2 %."""
-
 _EXTRA = re.compile(r"(^shape|_stagei|^neutral_stagei)$")
 
 
@@ -49,13 +48,10 @@ def read_amass(
 ) -> Motion:
     """Read an AMASS motion (156 or 165 pose values), SMPL poses (72) or a clip, onto a body.
 
-    Args:
-        fps_hz: Frame rate to believe instead of the file's [Hz].  Without it CMU's index decides
-            for CMU's 60 Hz subjects (AMASS's releases disagree on them), the file otherwise.
-        shape: (S,) shape of `body`.  Without it the file's betas are kept if they are of this body
-            (its name, or SMPL of the file's gender; SMPL-X's betas mean something else); any other
-            body gets its mean shape.
-        source_body: The body whose betas the file holds, for the leg length of its subject.
+    The arguments are those of `read_motion`.  Without `fps_hz` CMU's index decides for CMU's 60 Hz
+    subjects (AMASS's releases disagree on them), the file otherwise.  Without `shape` the file's
+    betas are kept if they are of this body (its name, or SMPL of the file's gender; SMPL-X's betas
+    mean something else); any other body gets its mean shape.
     """
     if is_amass_extra(path):
         motions = "motions are *_poses.npz and *_stageii.npz"
@@ -72,15 +68,14 @@ def read_amass(
     shape = np.asarray(shape, dtype=np.float64)
     scale = leg_length_m(body.rest_joints_m(shape)) / source_leg_m
     pelvis_m = (trans + source_pelvis_m) * scale
-    shape_note = "betas of the file" if kept else "betas of the file not used"
-    source = f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {shape_note}, path x {scale:.4f}"
+    betas_note = f"betas of the file{'' if kept else ' not used'}"
+    source = f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {betas_note}, path x {scale:.4f}"
     return world_motion(body, shape, _rotmats(poses), pelvis_m, rate_hz, source, ground=ground)
 
 
 def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Checked `poses` (T, 72 | 156 | 165) [rad] and `trans` (T, 3) [m]."""
-    missing = [key for key in ("poses", "trans") if key not in arrays]
-    if missing:
+    if missing := [key for key in ("poses", "trans") if key not in arrays]:
         lacks = f"it has no array {missing[0]!r} (it has {', '.join(arrays)[:200]})"
         raise BadMotionFile(f"{path}: no AMASS motion, {lacks}")
     poses, trans = (finite_numbers(arrays[key], key, path) for key in ("poses", "trans"))
@@ -151,7 +146,6 @@ def _subject(
 def _rotmats(poses: np.ndarray) -> np.ndarray:
     """(T, 24, 3, 3) local rotations of the SMPL tree, root first."""
     rotvecs = poses.reshape(len(poses), -1, 3)
-    left, right = HANDS[poses.shape[1]]
-    chosen = np.concatenate([rotvecs[:, :22], rotvecs[:, [left, right]]], axis=1)
+    chosen = rotvecs[:, [*range(22), *HANDS[poses.shape[1]]]]
     rotmats = Rotation.from_rotvec(chosen.reshape(-1, 3)).as_matrix()
     return np.asarray(rotmats.reshape(len(poses), N_JOINTS, 3, 3))

@@ -4,6 +4,7 @@ import shlex
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
@@ -29,20 +30,14 @@ SUMS = "SHA256SUMS"
 def check_trials(names: Iterable[str]) -> tuple[str, ...]:
     """The names, each once, in their order."""
     trials = tuple(dict.fromkeys(names))
-    wrong = [repr(name) for name in trials if not is_trial(name)]
-    if wrong:
+    if wrong := [repr(name) for name in trials if not is_trial(name)]:
         what = "no name of a CMU trial; write subject and trial like 02_03"
         raise BadRecipe(f"{', '.join(wrong)}: {what}")
     return trials
 
 
 def listed_trials(name: str) -> tuple[str, ...]:
-    """CMU's trials in a list that gmrdata publishes, e.g. "paper_table8".
-
-    Raises:
-        MissingInput: there is no such list.
-        BadRecipe: it names no CMU trials.
-    """
+    """CMU's trials in a list that gmrdata publishes, e.g. "paper_table8"; BadRecipe if none."""
     published = read_manifest(recipes.published_manifest(name))
     rows = published.clips if isinstance(published, ListManifest) else ()
     trials = [row.source.sequence for row in rows if row.source.dataset == "CMU"]
@@ -68,10 +63,8 @@ def file_url(base_url: str, name: str) -> str:
 def fetch_command(trials: Sequence[str], folder: Path | None) -> str | None:
     """The command that gets these trials, or None if none of them is CMU's."""
     wanted = [trial for trial in dict.fromkeys(trials) if is_trial(trial)]
-    if not wanted:
-        return None
     out = "FOLDER" if folder is None else shlex.quote(str(folder))
-    return f"gmrdata fetch cmu {' '.join(wanted)} --out {out}"
+    return f"gmrdata fetch cmu {' '.join(wanted)} --out {out}" if wanted else None
 
 
 class FetchedFile(Config):
@@ -81,11 +74,10 @@ class FetchedFile(Config):
 
 
 class Fetched(Record):
-    """What was fetched into a folder."""
+    """What was fetched into a folder, by file name."""
 
     format: Literal["gmrdata-fetched/1"] = "gmrdata-fetched/1"
     files: dict[str, FetchedFile]
-    """By file name."""
 
 
 def fetch_trials(
@@ -102,7 +94,6 @@ def fetch_trials(
     Args:
         trials: Names like 02_03.
         out_dir: Gets `02.asf`, `02_03.amc`, ..., `SHA256SUMS` and `fetched.json`; is given back.
-        rng: For the waits between attempts.
         redo: Fetch again what is there and has another hash, or none on record.
 
     Raises:
@@ -115,6 +106,7 @@ def fetch_trials(
     urls = {name: file_url(config.base_url, name) for name in names}
     out_dir.mkdir(parents=True, exist_ok=True)
     problems: dict[str, str] = {}
+    get = partial(download, config=config, rng=rng, sleep=sleep)
     with locked(out_dir / ".fetch.lock"), progress_bar() as bar:
         task = bar.add_task("fetching", total=len(names))
         for name in names:
@@ -123,13 +115,12 @@ def fetch_trials(
                 skeleton = skeleton_of(Path(name).stem)
                 if name != skeleton and skeleton in problems:
                     raise FetchFailed(f"its skeleton {skeleton} is missing")
-                _fetch_file(out_dir / name, urls[name], config, rng, redo, sleep)
+                _fetch_file(out_dir / name, urls[name], get, redo)
             except FetchFailed as error:
                 problems[name] = str(error)
                 console.print(f"{_what(name)}: {error}", markup=False, soft_wrap=True)
             bar.advance(task)
-    missing = [trial for trial in trials if f"{trial}.amc" in problems]
-    if missing:
+    if missing := [trial for trial in trials if f"{trial}.amc" in problems]:
         reasons = "\n".join(f"  {_what(name)}: {said}" for name, said in problems.items())
         raise FetchFailed(
             f"{len(missing)} of {len(trials)} trials missing: {', '.join(missing)}\n{reasons}"
@@ -169,21 +160,14 @@ def _state(path: Path, record: Mapping[str, FetchedFile]) -> str:
     return "done" if same else "there, with another hash"
 
 
-def _fetch_file(
-    path: Path,
-    url: str,
-    config: FetchConfig,
-    rng: np.random.Generator,
-    redo: bool,
-    sleep: Callable[[float], None],
-) -> None:
+def _fetch_file(path: Path, url: str, get: Callable[[str, Path], Path], redo: bool) -> None:
     record = _recorded(path.parent, redo=redo)
     state = _state(path, record)
     if state == "done":
         return
     if path.exists() and not redo:
         raise FetchFailed(f"{path} is {state}: move it away, or pass --redo to fetch it again")
-    part = download(url, path, config, rng, sleep)
+    part = get(url, path)
     try:
         _check_content(part, path)
     except BadMotionFile as error:
@@ -208,9 +192,8 @@ def _check_content(part: Path, path: Path) -> None:
         raise BadMotionFile("a web page")
     if path.suffix == ".asf":
         read_asf(part)
-        return
-    # The rate does not matter here; it is given since a .part's name does not tell the subject.
-    read_amc(part, asf_path=path.with_name(skeleton_of(path.stem)), fps_hz=120.0)
+    else:  # the rate does not matter; it is given since a .part's name does not tell the subject
+        read_amc(part, asf_path=path.with_name(skeleton_of(path.stem)), fps_hz=120.0)
 
 
 def _recorded(folder: Path, *, redo: bool = False) -> dict[str, FetchedFile]:

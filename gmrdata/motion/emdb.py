@@ -1,6 +1,5 @@
 """EMDB as manifests of clips with cameras in a z-up world: all of it, EMDB 1, and EMDB 2."""
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
@@ -45,8 +44,7 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
     A frame is valid where EMDB calls it good and pose and camera are finite and rigid; frames
     without finite numbers are NaN.  Image numbers are those of the files, from 0.
 
-    Args:
-        body: SMPL's body of the sequence's gender, see `body_of`.
+    The body is SMPL's of the sequence's gender, see `body_of`.
     """
     has_pose, has_camera = _has_pose(sequence), rigid_rows(sequence.cam_from_world)
     shape = sequence.betas[: body.n_shape].copy()
@@ -67,16 +65,6 @@ def _has_pose(sequence: EmdbSequence) -> np.ndarray:
     return usable_rows(sequence.poses_rad, sequence.trans_m)
 
 
-def dropped_reasons(sequence: EmdbSequence) -> list[str]:
-    """Why each frame can't be used: (N,) texts, empty where it can."""
-    tests = (
-        (sequence.good, "good_frames_mask is False"),
-        (_has_pose(sequence), "poses or trans is not finite"),
-        (rigid_rows(sequence.cam_from_world), "extrinsics is no rigid transform"),
-    )
-    return first_reasons([""] * sequence.n_frames, tests)
-
-
 def body_of(sequence: EmdbSequence, bodies: Sequence[BodyModel]) -> BodyModel:
     """SMPL's body of the sequence's gender, with no more shape coefficients than the file."""
     wanted = f"smpl-{sequence.gender}"
@@ -88,15 +76,6 @@ def body_of(sequence: EmdbSequence, bodies: Sequence[BodyModel]) -> BodyModel:
             f" coefficients, given: {given}. Give --body a folder with SMPL's models"
         )
     return fits[0]
-
-
-def tilt_deg(clip: Clip) -> float:
-    """Angle of the body's mean own axis from straight up [deg]: what a wrong idea of where up is
-    would show in; NaN without valid frames."""
-    if not clip.valid.any():
-        return float("nan")
-    axis = clip.motion.root_rotmats[clip.valid, :, 1].mean(axis=0)
-    return float(np.rad2deg(np.arccos(np.clip(axis[2] / np.linalg.norm(axis), -1.0, 1.0))))
 
 
 class EmdbConfig(Config):
@@ -112,18 +91,15 @@ class EmdbAbout(Record):
     emdb1: bool
     emdb2: bool
     reasons: list[str]
-    """(N,) why each frame can't be used; empty where it can."""
+    """(N,) why each frame can't be used, empty where it can."""
 
 
 def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> tuple[Path, ...]:
-    """Write one clip per sequence, and `emdb.yaml`, `emdb1.yaml` and `emdb2.yaml`.
+    """Write one clip per sequence, and those of `DESCRIPTIONS` as manifests that have clips.
 
     Args:
         root: The folder that holds P0 to P9.
         body: A folder with SMPL's models of the genders that the sequences have, or one model.
-
-    Returns:
-        The manifests that have clips.
 
     Raises:
         MissingInput: no sequences, or no bodies.
@@ -173,7 +149,12 @@ def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, ru
         body = body_of(sequence, [read_body(kept) for kept in body_paths.values()])
         clip = sequence_clip(name, sequence, body)
         save_clip(partial_dir / CLIP_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
-        reasons = dropped_reasons(sequence)
+        tests = (
+            (sequence.good, "good_frames_mask is False"),
+            (_has_pose(sequence), "poses or trans is not finite"),
+            (rigid_rows(sequence.cam_from_world), "extrinsics is no rigid transform"),
+        )
+        reasons = first_reasons([""] * sequence.n_frames, tests)
         about = EmdbAbout(emdb1=sequence.emdb1, emdb2=sequence.emdb2, reasons=reasons)
         about.write(partial_dir / ABOUT_FILE)
 
@@ -183,11 +164,15 @@ def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, ru
 
 def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
     clip = load_clip(folder / CLIP_FILE)
-    off_deg, rows = tilt_deg(clip), clip.valid
+    rows, quality = clip.valid, None
     camera_motion: MotionClass = "static"
     if rows.any():
         cameras, pelvis_m = camera_of(clip).world_from_cam[rows], clip.motion.pelvis_m[rows]
         camera_motion = classify(cameras, pelvis_m, clip.motion.fps_hz, MotionClassConfig())[0]
+        # The body's mean own axis from straight up: a wrong idea of where up is would show in it.
+        axis = clip.motion.root_rotmats[rows, :, 1].mean(axis=0)
+        tilt_deg = np.rad2deg(np.arccos(np.clip(axis[2] / np.linalg.norm(axis), -1.0, 1.0)))
+        quality = Quality(figures={"mean_tilt_deg": float(tilt_deg)})
     return clip_entry(
         out_dir,
         clip_path=folder / CLIP_FILE,
@@ -195,6 +180,6 @@ def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
         licence=LICENCE,
         source=Source(dataset="EMDB", sequence=clip.id.replace("_", "/", 1)),
         dropped_reason=about.reasons,
-        quality=None if math.isnan(off_deg) else Quality(figures={"mean_tilt_deg": off_deg}),
+        quality=quality,
         recipe=stage_recipe(folder),
     )

@@ -1,6 +1,5 @@
 """Reading a motion of any known format onto a body, and finding the motions of a folder."""
 
-import os
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -35,8 +34,10 @@ def read_motion(
 ) -> Motion:
     """Read a BVH, AMC or AMASS file, or one of gmrdata's clips, as a motion of `body`.
 
+    The suffix tells the format.  The motion is in a z-up world with the floor at z = 0, and its
+    `source` records what was decided.
+
     Args:
-        path: Its suffix tells the format.
         fps_hz: Frame rate to believe instead of the file's [Hz].
         joint_map: `{name in the file: SMPL joint}`, or a YAML or JSON file of it, for a BVH or ASF
             whose names are not CMU's or Mixamo's.
@@ -47,9 +48,6 @@ def read_motion(
             mean.
         source_body: The body whose betas an AMASS file holds, for the leg length of its subject.
         ground: Whether to level the floor that the feet show and move it to z = 0.
-
-    Returns:
-        A motion in a z-up world with the floor at z = 0; `source` records what was decided.
 
     Raises:
         MissingInput: the file, its skeleton or the joint map is not there.
@@ -89,20 +87,14 @@ def find_motions(folder: Path) -> list[Path]:
     Left out are AMASS's `shape.npz` and `*_stagei.npz` and other .npz without poses.  A trial that
     is there both as AMC and as BVH (same name in one folder, or the same CMU name `02_03` anywhere)
     is listed once, as AMC: that is CMU's own form.  Links that lead out of the folder are not
-    followed.
-
-    Raises:
-        MissingInput: there is no such folder.
+    followed.  MissingInput: there is no such folder.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
-    found = [
-        file
-        for parent, _, names in os.walk(folder, followlinks=False)
-        for file in (Path(parent) / name for name in names)
-        if file.suffix.lower() in SUFFIXES and _is_inside(file, folder) and _is_motion(file)
-    ]
+    paths = (path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
+    inside = (path for path in paths if path.resolve().is_relative_to(folder.resolve()))
+    found = [path for path in inside if path.is_file() and _is_motion(path)]
     as_amc = {_trial(file) for file in found if file.suffix.lower() == ".amc"}
     return sorted(f for f in found if f.suffix.lower() != ".bvh" or _trial(f) not in as_amc)
 
@@ -122,10 +114,6 @@ def _check_options(
 def _trial(file: Path) -> str:
     """What two forms of one recording have in common."""
     return file.stem if CMU_TRIAL.match(file.stem) else str(file.with_suffix(""))
-
-
-def _is_inside(file: Path, folder: Path) -> bool:
-    return file.is_file() and file.resolve().is_relative_to(folder.resolve())
 
 
 def _is_motion(file: Path) -> bool:

@@ -55,17 +55,8 @@ def motion_of(
     source: str,
 ) -> Motion:
     """A motion in the z-up world from rotations (T, 24, 3, 3), the root's first, and a path [m]."""
-    return Motion(
-        local_rotmats=rotmats[:, 1:],
-        root_rotmats=rotmats[:, 0],
-        pelvis_m=pelvis_m,
-        shape=shape,
-        fps_hz=fps_hz,
-        body=body.name,
-        gender=gender_of(body),
-        frame="world",
-        source=source,
-    )
+    local, root, person = rotmats[:, 1:], rotmats[:, 0], (body.name, gender_of(body))
+    return Motion(local, root, pelvis_m, shape, fps_hz, *person, frame="world", source=source)
 
 
 def world_motion(
@@ -79,49 +70,34 @@ def world_motion(
     ground: bool,
 ) -> Motion:
     """The same, on the floor where `ground` says so; `source` gets the tilt that was taken away."""
-    root_rotmats, tilt_deg = rotmats[:, 0], 0.0
-    if ground:
-        root_rotmats, pelvis_m, tilt_deg = put_on_floor(body, shape, rotmats, pelvis_m, fps_hz)
-    source = f"{source}, floor levelled by {tilt_deg:.1f} deg"
     motion = motion_of(body, shape, rotmats, pelvis_m, fps_hz, source)
-    return replace(motion, root_rotmats=root_rotmats)
+    motion, tilt_deg = put_on_floor(body, motion) if ground else (motion, 0.0)
+    return replace(motion, source=f"{source}, floor levelled by {tilt_deg:.1f} deg")
 
 
-def put_on_floor(
-    body: BodyModel, shape: np.ndarray, rotmats: np.ndarray, pelvis_m: np.ndarray, fps_hz: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Level the floor that a motion shows and move it to z = 0.
-
-    Args:
-        rotmats: (T, 24, 3, 3) local rotations, the root's (in a z-up world) first.
-        pelvis_m: (T, 3) pelvis path in the same world [m].
-
-    Returns:
-        Root rotations (T, 3, 3), pelvis path (T, 3) [m], and the tilt that was taken away [deg].
-    """
-    soles_m = sole_points_m(body, shape, rotmats, pelvis_m)
+def put_on_floor(body: BodyModel, motion: Motion) -> tuple[Motion, float]:
+    """Level the floor that a world motion shows and move it to z = 0; and the tilt it had [deg]."""
+    soles_m = sole_points_m(body, motion)
     # The lowest point of the lower foot in each frame in which it stands still.
     rows, lowest = np.arange(len(soles_m)), soles_m[:, :, 2].argmin(axis=1)
-    speeds = np.linalg.norm(np.gradient(soles_m, axis=0)[rows, lowest], axis=1) * fps_hz
+    speeds = np.linalg.norm(np.gradient(soles_m, axis=0)[rows, lowest], axis=1) * motion.fps_hz
     standing_m = soles_m[rows, lowest][speeds < PLANTED_M_PER_S]
     level_from_world = _level_rotation(standing_m)
     heights_m = (standing_m @ level_from_world.T)[:, 2]
     if not len(heights_m):
         heights_m = soles_m[:, :, 2].min(axis=1)
-    pelvis_m = pelvis_m @ level_from_world.T
+    pelvis_m = motion.pelvis_m @ level_from_world.T
     pelvis_m[:, 2] -= floor_height_m(heights_m)
     tilt_deg = float(np.rad2deg(np.arccos(np.clip(level_from_world[2, 2], -1.0, 1.0))))
-    return level_from_world @ rotmats[:, 0], pelvis_m, tilt_deg
+    root_rotmats = level_from_world @ motion.root_rotmats
+    return replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m), tilt_deg
 
 
 def floor_height_m(heights_m: np.ndarray) -> float:
-    """The lowest level on which soles stand often: the median of those that are on it [m].
+    """The lowest level on which soles stand often: the median of those (N >= 1) on it [m].
 
     A tenth of them may well be below: some recordings have tiptoes that dip through, or begin with
     toes that point down.  More of them, or further below, stand on a floor of their own.
-
-    Args:
-        heights_m: (N,) heights of standing soles, N >= 1 [m].
     """
     heights_m = np.sort(heights_m)
     low_m = float(np.percentile(heights_m, LOW_PERCENTILE))
@@ -138,23 +114,19 @@ def floor_height_m(heights_m: np.ndarray) -> float:
     return float(np.median(heights_m[np.abs(heights_m - fullest_m) <= LEVEL_M]))
 
 
-def sole_points_m(
-    body: BodyModel, shape: np.ndarray, rotmats: np.ndarray, pelvis_m: np.ndarray
-) -> np.ndarray:
+def sole_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
     """Some points of the soles over time, (T, P, 3) [m].
 
     They follow the ankle and toe joints rigidly; skin hardly bends there.
     """
-    rest_joints_m = body.rest_joints_m(shape)
-    joints_m, frame_from_joint = posed_joints_m(rest_joints_m, rotmats, pelvis_m)
-    return np.concatenate(
-        [
-            joints_m[:, None, joint]
-            + (points - rest_joints_m[joint]) @ frame_from_joint[:, joint].swapaxes(-1, -2)
-            for joint, points in _sole_vertices_m(body, shape).items()
-        ],
-        axis=1,
-    )
+    rest_joints_m = body.rest_joints_m(motion.shape)
+    joints_m, frame_from_joint = posed_joints_m(rest_joints_m, motion.rotmats, motion.pelvis_m)
+    soles_m = [
+        joints_m[:, None, joint]
+        + (points - rest_joints_m[joint]) @ frame_from_joint[:, joint].swapaxes(-1, -2)
+        for joint, points in _sole_vertices_m(body, motion.shape).items()
+    ]
+    return np.concatenate(soles_m, axis=1)
 
 
 def _level_rotation(points_m: np.ndarray) -> np.ndarray:
@@ -180,7 +152,10 @@ def _level_rotation(points_m: np.ndarray) -> np.ndarray:
 
 
 def _sole_vertices_m(body: BodyModel, shape: np.ndarray) -> dict[int, np.ndarray]:
-    """Rest positions of the sole's lowest vertices by the joint that carries them most [m]."""
+    """Rest positions of the sole's lowest vertices by the joint that carries them most [m].
+
+    They are the lowest of the left and of the right half of each strip of a foot part.
+    """
     vertices_m = body.rest_vertices_m(shape)
     carrier = body.skin_weights.argmax(axis=1)
     soles = {}
@@ -192,15 +167,10 @@ def _sole_vertices_m(body: BodyModel, shape: np.ndarray) -> dict[int, np.ndarray
         edges = np.linspace(part[:, 2].min(), part[:, 2].max(), SOLE_STRIPS + 1)
         strip = np.searchsorted(edges[1:-1], part[:, 2])
         strips = [part[strip == n] for n in np.unique(strip)]
-        soles[joint] = np.concatenate([_lowest_on_each_side(points) for points in strips])
+        sides = [(points, points[:, 0] >= points[:, 0].mean()) for points in strips]
+        halves = [half for points, left in sides for half in (points[left], points[~left])]
+        soles[joint] = np.stack([half[half[:, 1].argmin()] for half in halves if len(half)])
     return soles
-
-
-def _lowest_on_each_side(points_m: np.ndarray) -> np.ndarray:
-    """The lowest point of the left and of the right half of some points: (N, 3) -> (1 or 2, 3)."""
-    left = points_m[:, 0] >= points_m[:, 0].mean()
-    halves = [half for half in (points_m[left], points_m[~left]) if len(half)]
-    return np.stack([half[half[:, 1].argmin()] for half in halves])
 
 
 def foot_corrections(
@@ -211,7 +181,7 @@ def foot_corrections(
     positions_m: Mapping[int, np.ndarray],
     fps_hz: float,
 ) -> tuple[dict[int, np.ndarray], float]:
-    """C of the ankle and foot joints.
+    """C of the ankle and foot joints, and the pitch that a flat foot has in the motion [deg].
 
     Args:
         rest_joints_m: (24, 3) zero pose of the source in rest axes (x left, y up, z front) [m].
@@ -220,33 +190,24 @@ def foot_corrections(
         body_rest_joints_m: (24, 3) rest joints of the body, whose soles are level [m].
         rotations: `{SMPL joint: (T, 3, 3)}` G of the ankles and toe joints that the source has.
         positions_m: `{SMPL joint: (T, 3)}` their positions [m], y up.
-
-    Returns:
-        `{SMPL joint: (3, 3)}` for the ankles and feet, and the pitch of a flat foot relative to the
-        zero pose that was found in the motion [deg].
     """
     flat = {
         side: _flat_frame(rest_joints_m, body_rest_joints_m, tip, side)
         for side, tip in zip(SIDES, toe_tips_m, strict=True)
     }
-    pitches_deg = {
-        part: _planted_pitch_deg(part, flat, rotations, positions_m, fps_hz)
-        for part in ("ankle", "foot")
-    }
-    corrections = {}
-    for side in SIDES:
-        frame = flat[side]
-        unturned = _heading(_foot_bone(body_rest_joints_m, side)).T
-        for part, pitch_deg in pitches_deg.items():
-            level = Rotation.from_euler("x", pitch_deg, degrees=True).as_matrix()
-            corrections[JOINT[f"{side}_{part}"]] = frame @ level @ unturned
-    return corrections, pitches_deg["ankle"]
+    unturned = {side: _heading(_foot_bone(body_rest_joints_m, side)).T for side in SIDES}
+    corrections, pitch_deg = {}, {}
+    for part in ("ankle", "foot"):
+        pitch_deg[part] = _planted_pitch_deg(part, flat, rotations, positions_m, fps_hz)
+        level = Rotation.from_euler("x", pitch_deg[part], degrees=True).as_matrix()
+        for side in SIDES:
+            corrections[JOINT[f"{side}_{part}"]] = flat[side] @ level @ unturned[side]
+    return corrections, pitch_deg["ankle"]
 
 
 def _foot_bone(rest_joints_m: np.ndarray, side: str) -> np.ndarray:
     """Ankle to toe joint (3,) [m]."""
-    bone = rest_joints_m[JOINT[f"{side}_foot"]] - rest_joints_m[JOINT[f"{side}_ankle"]]
-    return np.asarray(bone)
+    return np.subtract(*(rest_joints_m[JOINT[f"{side}_{part}"]] for part in ("foot", "ankle")))
 
 
 def _heading(bone: np.ndarray) -> np.ndarray:
@@ -290,7 +251,7 @@ def _planted_pitch_deg(
     fps_hz: float,
 ) -> float:
     """Pitch of the foot's z axis, toes up, while it stands still; 0 where it can't be told."""
-    pitches = []
+    pitches: list[np.ndarray] = []
     for side in SIDES:
         ankle, foot, joint = (JOINT[f"{side}_{p}"] for p in ("ankle", "foot", part))
         if ankle in positions_m and foot in positions_m:
@@ -299,7 +260,7 @@ def _planted_pitch_deg(
             still = (speeds < PLANTED_M_PER_S).all(axis=0)
             toes_up = (rotations[joint][still] @ flat[side][:, 2])[:, 1]
             pitches.append(np.rad2deg(np.arcsin(np.clip(toes_up, -1.0, 1.0))))
-    found = np.concatenate(pitches) if pitches else np.empty(0)
+    found = np.concatenate([[], *pitches])
     if found.size < SHORTEST_STAND_S * fps_hz:
         return 0.0
     lower, median, upper = np.percentile(found, [25, 50, 75])

@@ -32,8 +32,7 @@ def take_clip(
 
     Frames without parameters, or with NaN, are rows that are not valid.  Each frame's pelvis is its
     `trans` + J0 of its own betas; the clip's shape is the mean of the betas of the valid frames.
-
-    Its id is `S<subject>.<action>.<subaction>`; image numbers count from 1, as the files' do.
+    Image numbers count from 1, as the files' do.
     """
     clip_id = f"S{subject}.{files.ACTIONS[take.action]}.{take.subaction}"
     if body.name != "smpl-neutral" or body.n_shape > take.shapes.shape[1]:
@@ -56,8 +55,8 @@ def take_clip(
         rest_pelvis_m = body.joints_template_m[0] + shapes @ body.joint_shape_dirs_m[0].T
         pelvis_m[rows] = take.trans_m[usable] + rest_pelvis_m
     source = (
-        f"Human3.6M S{subject} {files.ACTIONS[take.action]} {take.subaction}: each"
-        f" {step}. frame of the 50 Hz video, {n_rows - len(rows)} of {n_rows} without parameters,"
+        f"Human3.6M S{subject} {files.ACTIONS[take.action]} {take.subaction}: each {step}. frame of"
+        f" the 50 Hz video, {n_rows - len(rows)} of {n_rows} without parameters,"
         f" {int((~on_grid).sum())} between them left out, camera {camera_number}"
     )
     shape = shapes.mean(axis=0) if len(rows) else np.zeros(body.n_shape)
@@ -88,12 +87,7 @@ def make_human36m(
 ) -> tuple[Path, ...]:
     """Write one clip per take, `train.yaml` (S1, S5, S6, S7, S8) and `test.yaml` (S9, S11).
 
-    Args:
-        root: Folder of the annotation files, see `gmrdata.read.human36m`.
-        body: SMPL's neutral model, as `load_body` takes it.
-
-    Returns:
-        The manifests of those subjects that are there.
+    The manifests of those subjects that are in the annotation files below `root` are given.
 
     Raises:
         MissingInput: no subject's parameters, or not its cameras.
@@ -132,8 +126,7 @@ def _entries(
             raise BadSequence(f"{camera_path}: has no camera {config.camera} of {known}")
         for take in files.read_takes(parameter_path):
             clip = take_clip(subject, take, config.camera, cameras[config.camera], body)
-            rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
-            save_clip(partial_dir / f"{clip.id}.npz", clip, rest_pelvis_m)
+            save_clip(partial_dir / f"{clip.id}.npz", clip, body.rest_pelvis_m(clip.motion.shape))
 
     inputs = {"parameters": parameter_path, "cameras": camera_path, "body": body_path}
     clips_dir = out_dir / "clips" / f"S{subject}"

@@ -109,8 +109,7 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
         files.append(LibraryFile(path, clip_id(name), _source(path, inside)))
     by_id: dict[str, Path] = {}
     for file in files:
-        other = by_id.setdefault(file.id, file.path)
-        if other is not file.path:
+        if (other := by_id.setdefault(file.id, file.path)) is not file.path:
             raise BadRecipe(
                 f"{other} and {file.path} would both be clip {file.id}. Give the folder that holds"
                 " both, or import them into two folders"
@@ -137,12 +136,7 @@ def motion_table(
     fps_hz: float | None = None,
     joint_map: Path | None = None,
 ) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    """Read motion files and say what is in them: headings and rows.
-
-    Raises:
-        MissingInput: there is no motion file.
-        BadMotionFile: a file can't be read.
-    """
+    """Read motion files and say what is in them: headings and rows."""
     loaded_body = load_body(body)
     rows = []
     for file in track(library_files(sources), READING):
@@ -173,7 +167,7 @@ def make_library(
     Args:
         body: The body to put them on, as `load_body` takes it.
         fps_hz: Frame rate to believe instead of the files' [Hz].
-        joint_map: A file of joint names, see `read_motion`.
+        joint_map: As in `read_motion`.
 
     Raises:
         MissingInput: there is no motion file.
@@ -190,16 +184,9 @@ def make_library(
     jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
     outcome = _run(jobs, out_dir / FAILED, run)
     if outcome.results:
-        write_motions(
-            out_dir,
-            "motions",
-            clip_id(out_dir.name),
-            "Motions on the 24-joint tree.",
-            f"clips as stated by each; body: {_body(body_path).licence}",
-            list(outcome.results.values()),
-            config,
-            run=run,
-        )
+        licence = f"clips as stated by each; body: {_body(body_path).licence}"
+        head = ("motions", clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
+        write_motions(out_dir, *head, list(outcome.results.values()), config, run=run)
     if outcome.reasons:
         raise BadMotionFile(_bad_files(outcome.reasons, len(files), out_dir))
     return out_dir / "motions.yaml"

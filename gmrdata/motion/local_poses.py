@@ -52,14 +52,14 @@ def read_local_poses(
 ) -> tuple[Clip, ...]:
     """Read the local poses of a file; the table above lists the formats.
 
+    A BVH, AMC or npz is known by its suffix, the others by what they hold.
+
     Args:
-        path: A BVH, AMC or npz is known by its suffix, the others by what they hold.
         fps_hz: The true frame rate [Hz].  Needed for estimators' files, which don't say it.
         body: The body that stands for the people; the default body if None.  Motion capture is
             retargeted to it; the shape of the file is kept where it is of this body.
         joint_map: For a BVH or AMC with unknown joint names, as `read_motion` takes it.
-        bridge_frames: Fill gaps of so many frames or fewer in a person's track, by slerp; 0 fills
-            none.
+        bridge_frames: Gaps of so many frames or fewer in a person's track are filled by slerp.
 
     Returns:
         One clip per unbroken run of a person; `valid` is False where a frame was filled.  A run may

@@ -12,30 +12,15 @@ ON_A_SAMPLE = 1e-6
 """Sample times closer than this to a source frame, in frames, are that frame."""
 
 
-def resample(
-    motion: Motion, fps_hz: float, *, start_s: float = 0.0, valid: np.ndarray | None = None
-) -> Motion:
-    """A motion at another frame rate: rotations by slerp, positions linearly.
+def resample(motion: Motion, fps_hz: float, *, start_s: float = 0.0) -> Motion:
+    """A motion from `start_s` to its end at another rate: rotations by slerp, positions linearly.
 
     Times that fall on source frames take them unchanged, so an integer ratio of the rates is exact.
-
-    Args:
-        fps_hz: The new rate [Hz].
-        start_s: Time of the first new frame, from the motion's first frame [s].
-        valid: (T,) bool.  Nothing is interpolated between a valid and an invalid frame: such a new
-            frame repeats the nearest source frame, and `resample_valid` says that it is not valid.
-
-    Returns:
-        All frames from `start_s` to the end of the motion.
 
     Raises:
         BadRecipe: the rate is not positive, or `start_s` is outside the motion.
     """
     before, after, share = _brackets(motion.n_frames, motion.fps_hz, fps_hz, start_s)
-    if valid is not None:
-        across = ~(valid[before] & valid[after])
-        before = np.where(across & (share > 0.5), after, before)
-        share = np.where(across, 0.0, share)
     positions, rotmats = motion.pelvis_m, motion.rotmats
     chosen = rotmats[before]
     between = share > 0.0
@@ -52,19 +37,6 @@ def resample(
     )
 
 
-def resample_valid(
-    valid: np.ndarray, source_fps_hz: float, fps_hz: float, *, start_s: float = 0.0
-) -> np.ndarray:
-    """Which frames of a resampled motion are valid: those between two valid frames, or on one.
-
-    Args:
-        valid: (T,) bool of the source.
-        start_s: As in `resample`.
-    """
-    before, after, _ = _brackets(len(valid), source_fps_hz, fps_hz, start_s)
-    return np.asarray(valid[before] & valid[after])
-
-
 def valid_runs(valid: np.ndarray) -> list[tuple[int, int]]:
     """Runs of valid frames as (start, stop), stop not included: (T,) bool -> list."""
     edges = np.diff(np.concatenate([[0], np.asarray(valid, dtype=np.int8), [0]]))
@@ -73,11 +45,7 @@ def valid_runs(valid: np.ndarray) -> list[tuple[int, int]]:
 
 
 def slice_motion(motion: Motion, start: int, stop: int) -> Motion:
-    """Frames start, start + 1, ... stop - 1.
-
-    Raises:
-        BadRecipe: not 0 <= start < stop <= T.
-    """
+    """Frames start, start + 1, ... stop - 1; BadRecipe unless 0 <= start < stop <= T."""
     if not 0 <= start < stop <= motion.n_frames:
         what = f"frames {start} to {stop} are not in a motion of {motion.n_frames} frames"
         raise BadRecipe(f"{motion.source}: {what}")

@@ -1,10 +1,8 @@
 """What a skeleton's zero pose tells: its axes, its size, the directions of its bones."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS
+from gmrdata.values.body import JOINT, JOINT_NAMES
 from gmrdata.values.errors import BadMotionFile
 
 _LEG, _ARM = (("hip", "knee"), ("knee", "ankle")), (("shoulder", "elbow"), ("elbow", "wrist"))
@@ -21,14 +19,6 @@ SHORTEST_LEG_M, LONGEST_LEG_M = 0.3, 1.5
 SHORTEST_LIMB_M = 0.02
 LARGEST_TILT_DEG = 40.0
 """How far a zero pose may lean or face away from the coordinate axes."""
-
-
-def smpl_joints_m(rest_joints_m: np.ndarray, joints: Mapping[int, int]) -> np.ndarray:
-    """Zero-pose positions by SMPL joint: (J, 3) -> (24, 3) [m], NaN where the source has none."""
-    positions = np.full((N_JOINTS, 3), np.nan)
-    for joint, source_joint in joints.items():
-        positions[joint] = rest_joints_m[source_joint]
-    return positions
 
 
 def leg_length_m(rest_joints_m: np.ndarray) -> float:
@@ -64,10 +54,10 @@ def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
     def both(part: str) -> np.ndarray:
         return np.asarray(rest_joints_m[[JOINT[f"left_{part}"], JOINT[f"right_{part}"]]])
 
-    hips_m, hip_m = both("hip"), both("hip").mean(axis=0)
+    hip_m = both("hip").mean(axis=0)
     trunk, legs = both("shoulder").mean(axis=0) - hip_m, both("ankle").mean(axis=0) - hip_m
     up, up_tilt_deg = _nearest_axis(trunk)
-    left, left_tilt_deg = _nearest_axis(hips_m[0] - hips_m[1])
+    left, left_tilt_deg = _nearest_axis(-np.diff(both("hip"), axis=0)[0])
     legs_deg = _angle_deg(-legs, up)
     if max(up_tilt_deg, left_tilt_deg, legs_deg) > LARGEST_TILT_DEG or abs(up @ left) > 0.5:
         raise BadMotionFile(
@@ -96,23 +86,18 @@ def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarr
 
 
 def limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:
-    """C of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
+    """C (3, 3) of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
 
-    Both zero poses are (24, 3) in rest axes [m].  Gives `{SMPL joint: (3, 3)}`.
+    Both zero poses are (24, 3) in rest axes [m].
     """
-    return {
-        start: minimal_rotation(
-            body_rest_m[end] - body_rest_m[start], source_rest_m[end] - source_rest_m[start]
-        )
-        for start, end in LIMBS
-    }
+    poses_m = (body_rest_m, source_rest_m)
+    return {a: minimal_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
 
 
 def _nearest_axis(vector: np.ndarray) -> tuple[np.ndarray, float]:
     """The signed coordinate axis (3,) next to a vector, and the angle between them [deg]."""
-    axis = np.zeros(3)
     k = int(np.argmax(np.abs(vector)))
-    axis[k] = 1.0 if vector[k] >= 0.0 else -1.0
+    axis = np.eye(3)[k] * (1.0 if vector[k] >= 0.0 else -1.0)
     return axis, _angle_deg(vector, axis)
 
 

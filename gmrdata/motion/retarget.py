@@ -42,7 +42,6 @@ from gmrdata.motion.rest_pose import (
     check_size,
     leg_length_m,
     limb_corrections,
-    smpl_joints_m,
     source_from_rest_axes,
 )
 from gmrdata.read.source_motion import SourceMotion
@@ -70,12 +69,13 @@ def retarget(
         shape: (S,) shape coefficients of the body; without them its mean shape.
         upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while
             the person stands upright and looks ahead [deg], where that is not the zero pose.
-        name: What messages and the motion's `source` call it, usually the file's name.
-        ground: Whether to level the floor that the feet show and move it to z = 0.
+        name: What messages and the motion's `source` call it.
+        ground: As in `read_motion`.
     """
     shape = np.zeros(body.n_shape) if shape is None else np.asarray(shape, dtype=np.float64)
     body_rest_m = body.rest_joints_m(shape)
-    source_rest_m = smpl_joints_m(source.rest_joints_m(), joints)
+    source_rest_m = np.full((N_JOINTS, 3), np.nan)
+    source_rest_m[list(joints)] = source.rest_joints_m()[list(joints.values())]
     check_size(source_rest_m, name)
     axes = source_from_rest_axes(source_rest_m, name)
     source_rest_m = source_rest_m @ axes
@@ -111,14 +111,11 @@ def _local_rotmats(
     world_from_joint = np.empty((n_frames, N_JOINTS, 3, 3))
     local_rotmats = np.empty_like(world_from_joint)
     for joint, parent in enumerate(PARENTS):
-        world = world_from_joint[:, parent]
+        own = above = world_from_joint[:, parent]
         if joint in turned:
-            correction = corrections.get(joint, np.eye(3))
-            world_from_joint[:, joint] = WORLD_FROM_REST @ turned[joint] @ correction
-        else:
-            world_from_joint[:, joint] = world
-        own = world_from_joint[:, joint]
-        local_rotmats[:, joint] = own if parent < 0 else world.transpose(0, 2, 1) @ own
+            own = WORLD_FROM_REST @ turned[joint] @ corrections.get(joint, np.eye(3))
+        world_from_joint[:, joint] = own
+        local_rotmats[:, joint] = own if parent < 0 else above.transpose(0, 2, 1) @ own
     return local_rotmats
 
 

@@ -9,11 +9,21 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.files import read_motion
-from gmrdata.motion.ground import floor_height_m, foot_corrections, put_on_floor, sole_points_m
+from gmrdata.motion.ground import (
+    floor_height_m,
+    foot_corrections,
+    motion_of,
+    put_on_floor,
+    sole_points_m,
+)
 from gmrdata.motion.rest_pose import minimal_rotation
 from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+
+
+def _world(body: BodyModel, rotmats: np.ndarray, pelvis_m: np.ndarray) -> Motion:
+    return motion_of(body, np.zeros(body.n_shape), rotmats, pelvis_m, 60.0, "made up")
 
 
 def _steps(body: BodyModel, n_stands: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -31,12 +41,11 @@ def test_a_tilted_floor_is_levelled(small_body: BodyModel) -> None:
     tilt = Rotation.from_euler("xy", [1.0, -1.2], degrees=True).as_matrix()
     tilted = rotmats.copy()
     tilted[:, 0] = tilt @ rotmats[:, 0]
-    root, path_m, tilt_deg = put_on_floor(
-        small_body, np.zeros(10), tilted, pelvis_m @ tilt.T + [0, 0, 5.0], 60.0
-    )
+    moved = _world(small_body, tilted, pelvis_m @ tilt.T + [0, 0, 5.0])
+    floored, tilt_deg = put_on_floor(small_body, moved)
     assert tilt_deg == pytest.approx(np.rad2deg(np.arccos(tilt[2, 2])), abs=0.05)
-    np.testing.assert_allclose(root[:, 2], rotmats[:, 0, 2], atol=1e-3)
-    np.testing.assert_allclose(path_m[:, 2], pelvis_m[:, 2], atol=3e-3)
+    np.testing.assert_allclose(floored.root_rotmats[:, 2], rotmats[:, 0, 2], atol=1e-3)
+    np.testing.assert_allclose(floored.pelvis_m[:, 2], pelvis_m[:, 2], atol=3e-3)
 
 
 @pytest.mark.parametrize("rise", ["steep", "stairs", "level"])
@@ -48,11 +57,11 @@ def test_other_floors_keep_their_form(small_body: BodyModel, rise: str) -> None:
         "level": np.zeros(len(pelvis_m)),
     }[rise]
     path_m = pelvis_m + heights_m[:, None] * [0, 0, 1]
-    root, moved_m, tilt_deg = put_on_floor(small_body, np.zeros(10), rotmats, path_m, 60.0)
+    floored, tilt_deg = put_on_floor(small_body, _world(small_body, rotmats, path_m))
     assert tilt_deg < 1e-4
-    np.testing.assert_allclose(root, rotmats[:, 0], atol=1e-6)
-    lowest_m = np.percentile(heights_m, 10)
-    np.testing.assert_allclose(moved_m[:, 2], pelvis_m[:, 2] + heights_m - lowest_m, atol=5e-3)
+    np.testing.assert_allclose(floored.root_rotmats, rotmats[:, 0], atol=1e-6)
+    expected_m = pelvis_m[:, 2] + heights_m - np.percentile(heights_m, 10)
+    np.testing.assert_allclose(floored.pelvis_m[:, 2], expected_m, atol=5e-3)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +96,8 @@ def test_the_floor_is_among_the_heights_and_moves_with_them(heights: list[int], 
 
 def test_sole_points_are_the_bodys_lowest_vertices(anny: BodyModel) -> None:
     shape = np.zeros(anny.n_shape)
-    soles_m = sole_points_m(anny, shape, np.tile(np.eye(3), (1, 24, 1, 1)), np.zeros((1, 3)))
+    motion = _world(anny, np.tile(np.eye(3), (1, 24, 1, 1)), np.zeros((1, 3)))
+    soles_m = sole_points_m(anny, motion)
     lowest = anny.template_m[:, 1].min() - anny.rest_joints_m(shape)[0, 1]
     assert soles_m[0, :, 1].min() == pytest.approx(lowest, abs=1e-9)
     assert soles_m.shape[1] < 80

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from gmrdata.motion.resample import resample, resample_valid, slice_motion, valid_runs
+from gmrdata.motion.resample import resample, slice_motion, valid_runs
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
 
@@ -59,21 +59,6 @@ def test_there_and_back_is_the_same_motion() -> None:
     motion = _motion(20, 10.0)
     back = resample(resample(motion, 70.0), 10.0)
     np.testing.assert_allclose(back.local_rotmats, motion.local_rotmats, atol=1e-12)
-
-
-def test_nothing_is_interpolated_across_a_gap() -> None:
-    motion = _motion(6, 10.0)
-    valid = np.array([True, True, False, False, True, True])
-    motion.pelvis_m[~valid] = np.nan
-    motion.root_rotmats[~valid] = np.nan
-    sampled = resample(motion, 20.0, valid=valid)
-    mask = resample_valid(valid, 10.0, 20.0)
-    assert mask.tolist() == [True, True, True, False, False, False, False, False, True, True, True]
-    assert (
-        np.isfinite(sampled.pelvis_m[mask]).all() and np.isfinite(sampled.root_rotmats[mask]).all()
-    )
-    np.testing.assert_allclose(sampled.pelvis_m[1], motion.pelvis_m[:2].mean(axis=0))
-    np.testing.assert_array_equal(sampled.pelvis_m[[3, 8]], motion.pelvis_m[[1, 4]])
 
 
 @given(st.lists(st.booleans(), max_size=30))
