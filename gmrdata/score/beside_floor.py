@@ -17,12 +17,7 @@ R = TypeVar("R", bound=Row)
 
 
 def read_fitting_floor(path: Path, manifest_path: Path, kind: str, fps_hz: float) -> Floor:
-    """A floor for the scores of a manifest, whose motions were scored at `fps_hz`.
-
-    Raises:
-        BadManifest: the manifest is no pseudo ground truth.
-        BadRecord: no floor, one of another rate, or one without an accepted sequence.
-    """
+    """A floor for the scores of a manifest, whose motions were scored at `fps_hz`."""
     floor = Floor.read(path)
     if kind != "pseudo_gt":
         raise BadManifest(
@@ -48,8 +43,8 @@ def beside_floor(scores: Summary, floor: Floor) -> Summary:
     clips = tuple(_beside(clip, clip.camera_motion, floor) for clip in scores.clips)
     classes = {name: _beside(row, name, floor) for name, row in scores.camera_motion.items()}
     overall = _beside(scores.overall, "all", floor)
-    groups = {f"all {name}": row for name, row in classes.items()} | {"all": overall}
-    rows: tuple[tuple[str, Row], ...] = (*((clip.id, clip) for clip in clips), *groups.items())
+    rows: list[tuple[str, Row]] = [(clip.id, clip) for clip in clips]
+    rows += [*((f"all {name}", row) for name, row in classes.items()), ("all", overall)]
     statements = tuple(_statement(name, row) for name, row in rows if row.below_floor)
     changes = {"clips": clips, "camera_motion": classes, "overall": overall}
     return scores.model_copy(update=changes | {"statements": statements})

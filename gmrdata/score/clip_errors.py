@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,14 +11,10 @@ from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_
 from gmrdata.score.protocols import WorldBody, WorldPair, protocol_values
 from gmrdata.score.records import Protocol
 from gmrdata.score.world_metrics import pooled
+from gmrdata.values import motion_metrics
 from gmrdata.values.body import BodyModel, sole_vertices, with_vertices
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
-from gmrdata.values.motion_metrics import (
-    orientation_errors_deg,
-    run_vertex_errors,
-    translation_errors_mm,
-)
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
 SMPL_VERTICES = 6890
@@ -77,21 +72,19 @@ def clip_errors(
 ) -> ClipErrors:
     """Score a prediction of a clip, of one run at least, whatever made it.
 
-    Args:
-        protocol: What to measure beside OME, TME and VME.
-        predicted_body: The predicted person's body, with the same mesh; None for the true one.
+    The `predicted_body` has the mesh of the true one, and is None where it is that.
     """
     runs = [_run_errors(run, body, predicted_body) for run in clip.runs]
     errors = {
-        method: {m: np.concatenate([run[method].errors[m] for run in runs]) for m in METRICS}
+        method: {m: np.concatenate([run[method][m] for run in runs]) for m in METRICS}
         for method in METHODS
     }
-    longest = max(runs, key=lambda run: len(run["predicted"].over_time_mm))
+    longest = max(runs, key=lambda run: len(run["predicted"]["over_time_mm"]))
     found = ClipErrors(
         clip.clip_id,
         clip.camera_motion,
         errors,
-        over_time_mm={method: longest[method].over_time_mm for method in METHODS},
+        over_time_mm={method: longest[method]["over_time_mm"] for method in METHODS},
         dropped_frames=clip.dropped_frames,
     )
     if protocol is None:
@@ -100,26 +93,19 @@ def clip_errors(
     return replace(found, protocol=values, protocol_fps_hz=clip.worlds[0][0].true.fps_hz)
 
 
-class _RunErrors(NamedTuple):
-    errors: dict[Metric, np.ndarray]
-    over_time_mm: np.ndarray
-
-
 def _run_errors(
     run: PredictedRun, body: BodyModel, predicted_body: BodyModel | None
-) -> dict[Method, _RunErrors]:
+) -> dict[Method, dict[str, np.ndarray]]:
     motions = {"predicted": run.predicted, "zero": still_motion(run.true, run.true)}
-    vertices = run_vertex_errors(body, run.true, motions, predicted_body)
+    vertices = motion_metrics.run_vertex_errors(body, run.true, motions, predicted_body)
     true_rotmats, true_m = deltas(run.true.root_rotmats, run.true.pelvis_m)
     found = {}
     for method in METHODS:
         delta_rotmats, delta_m = deltas(motions[method].root_rotmats, motions[method].pelvis_m)
-        errors: dict[Metric, np.ndarray] = {
-            "ome_deg": orientation_errors_deg(delta_rotmats, true_rotmats),
-            "tme_mm": translation_errors_mm(delta_m, true_m),
-            "vme_mm": vertices[method].vme_mm,
+        found[method] = vertices[method]._asdict() | {
+            "ome_deg": motion_metrics.orientation_errors_deg(delta_rotmats, true_rotmats),
+            "tme_mm": motion_metrics.translation_errors_mm(delta_m, true_m),
         }
-        found[method] = _RunErrors(errors, vertices[method].over_time_mm)
     return found
 
 

@@ -8,19 +8,10 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from gmrdata.score import METRICS, Interval
+from gmrdata.score import METRICS, Interval, table
 from gmrdata.score.intervals import paired_difference
 from gmrdata.score.records import ClipScore, Protocol, Scores, metrics_with, same_names
-from gmrdata.score.table import (
-    METRIC_WORDS,
-    Cell,
-    figure_text,
-    heading,
-    interval_text,
-    markdown,
-    meanings,
-    write_table_files,
-)
+from gmrdata.score.table import METRIC_WORDS, Cell, figure_text
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadRecord, MissingInput
@@ -42,7 +33,7 @@ class CompareConfig(Config):
     resamples: int = Field(default=2000, ge=100)
     """How often clips are drawn for a bootstrap interval."""
     permutations: int = Field(default=9999, ge=99)
-    """Permutations of a test at most."""
+    """At most."""
     seed: int = Field(default=0, ge=0)
 
 
@@ -55,11 +46,9 @@ class ComparedRun(Config):
     mean_of_clips: float | None
     """Mean of their figures; None without any."""
     difference: float | None
-    """Mean of its figures minus the first run's; None for the first run."""
+    """None for the first run; for this and the next two see `intervals.PairedDifference`."""
     interval95: Interval | None
-    """Ends of the difference's 95 % interval; None for fewer than two clips."""
     p_value: float | None
-    """See `intervals.PairedDifference`."""
 
 
 class Comparison(Record):
@@ -73,7 +62,6 @@ class Comparison(Record):
     protocol: Protocol | None
     """What all of them measured besides; None where they have no protocol in common."""
     resamples: int
-    """How often clips were drawn for an interval."""
     clips: tuple[str, ...]
     left_out: dict[str, tuple[str, ...]]
     """Clips that only some have, by run."""
@@ -120,7 +108,10 @@ def compare_scores(
         comparison = compare_records(records, paths, _names(paths, records, config.names), config)
         path = partial_dir / "comparison.json"
         comparison.write(path)
-        write_table_files(path, csv_rows(comparison), comparison_markdown(comparison))
+        shown = {"": (HEADINGS, table_rows(comparison))}
+        lead, lines = comparison_lead(comparison), comparison_explanations(comparison)
+        text = table.markdown("Comparison of runs", lead, shown, lines)
+        table.write_table_files(path, csv_rows(comparison), text)
 
     inputs = {f"scores_{number}": path for number, path in enumerate(paths, 1)}
     return run_stage("compare", out_dir, config, inputs, work, run=run) / "comparison.json"
@@ -148,8 +139,7 @@ def compare_records(
             for name, found in zip(names, clips, strict=True)
         },
         metrics={
-            metric: _compared(metric, of_runs, names, config, rng)
-            for metric in metrics_with(protocol)
+            one: _compared(one, of_runs, names, config, rng) for one in metrics_with(protocol)
         },
     )
 
@@ -192,12 +182,12 @@ def _check_comparable(
                 f"{path}: of motions at {record.fps_hz:g} fps, but {paths[0]} is of motions at "
                 f"{records[0].fps_hz:g} fps. Compare scores of one frame rate"
             )
-        for id in common:
-            if not _same_frames(clips[0][id], found[id]):
-                raise BadRecord(
-                    f"{path}: clip {id} was scored on other frames or another truth than in "
-                    f"{paths[0]}. Score both on the same manifest, with the same settings"
-                )
+        other = (id for id in common if not _same_frames(clips[0][id], found[id]))
+        if id := next(other, None):
+            raise BadRecord(
+                f"{path}: clip {id} was scored on other frames or another truth than in "
+                f"{paths[0]}. Score both on the same manifest, with the same settings"
+            )
     if not common:
         raise BadRecord(
             f"{paths[0]}: no clip is in all {len(paths)} scores. Score all runs on one manifest"
@@ -233,8 +223,7 @@ def table_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 
 def _rows(comparison: Comparison) -> list[tuple[str, ComparedRun]]:
-    metrics = comparison.metrics
-    return [(metric, row) for metric in METRIC_WORDS for row in metrics.get(metric, ())]
+    return [(one, row) for one in METRIC_WORDS for row in comparison.metrics.get(one, ())]
 
 
 def _cells(metric: str, row: ComparedRun) -> tuple[str, ...]:
@@ -242,11 +231,11 @@ def _cells(metric: str, row: ComparedRun) -> tuple[str, ...]:
     sign = "+" if difference is not None and difference > 0 else ""
     p_text = "" if p_value is None else "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
     return (
-        heading(metric),
+        table.heading(metric),
         row.run,
         figure_text(metric, row.mean_of_clips),
         "" if difference is None else sign + figure_text(metric, difference),
-        interval_text(metric, row.interval95),
+        table.interval_text(metric, row.interval95),
         p_text,
         str(row.n_clips),
     )
@@ -260,15 +249,6 @@ def csv_rows(comparison: Comparison) -> list[list[Cell]]:
         figures = (row.n_clips, row.mean_of_clips, row.difference, *ends, row.p_value)
         rows.append([metric, row.run, *figures])
     return rows
-
-
-def comparison_markdown(comparison: Comparison) -> str:
-    return markdown(
-        "Comparison of runs",
-        comparison_lead(comparison),
-        {"": (HEADINGS, table_rows(comparison))},
-        comparison_explanations(comparison),
-    )
 
 
 def comparison_lead(comparison: Comparison) -> str:
@@ -290,7 +270,7 @@ def comparison_explanations(comparison: Comparison) -> list[str]:
         "replacement.",
         "p: two-sided paired permutation test over clips. Values are not corrected for the number "
         "of metrics and runs.",
-        *meanings(metrics),
+        *table.meanings(metrics),
         *(
             f"Only in some runs, and left out of {name}: {', '.join(ids)}."
             for name, ids in comparison.left_out.items()

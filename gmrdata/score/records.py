@@ -37,8 +37,6 @@ class PaperMetrics(Config, Generic[T]):
 
 WorldFigures = dict[str, float | None]
 """A protocol's figures; None for one that no clip has."""
-WorldIntervals = dict[str, Interval | None]
-"""Their 95 % intervals."""
 
 
 class RowFloor(PaperMetrics[float]):
@@ -57,7 +55,6 @@ class Row(Config):
     floor: RowFloor | None
     """Errors of the pseudo ground truth itself; None where no floor was given."""
     below_floor: tuple[Metric, ...]
-    """Metrics in which the score is below the floor."""
 
     def paper(self) -> ByMethod[PaperMetrics[float]]:
         """OME, TME and VME, pooled over motions."""
@@ -85,7 +82,6 @@ class ClipScore(Row):
     predicted: PaperMetrics[float]
     """Means over its motions."""
     zero: PaperMetrics[float]
-    """The same of zero motion."""
     protocol_fps_hz: float | None
     """Rate of the protocol's frames [Hz]; None without a protocol."""
 
@@ -103,8 +99,7 @@ class GroupScore(Row):
     mean_of_clips: ByMethod[PaperMetrics[float]]
     """Means of the clips' means."""
     mean_of_clips_interval95: ByMethod[PaperMetrics[Interval | None]]
-    protocol_interval95: ByMethod[WorldIntervals] | None
-    """None without a protocol."""
+    protocol_interval95: ByMethod[dict[str, Interval | None]] | None
 
     def paper(self) -> ByMethod[PaperMetrics[float]]:
         return self.pooled_over_motions
@@ -166,8 +161,6 @@ def metrics_with(protocol: Protocol | None) -> tuple[str, ...]:
 
 
 class ScoredNetwork(Config):
-    """The network that predicted."""
-
     kind: Literal["network"]
     run: str
     step: int
@@ -185,8 +178,6 @@ class ScoredFiles(Config):
 
 
 class Bootstrap(Config):
-    """How intervals were drawn."""
-
     resamples: int
     seed: int
 
@@ -202,9 +193,6 @@ class Summary(Config):
     over_time: OverTime
     statements: tuple[str, ...]
     """Which scores are below the floor, as sentences."""
-
-    def groups(self) -> tuple[GroupScore, ...]:
-        return (*self.camera_motion.values(), *self.motion_type.values(), self.overall)
 
     @model_validator(mode="after")
     def _has_every_group(self) -> Self:
@@ -237,8 +225,9 @@ class Scores(Summary, Record):
 
     @model_validator(mode="after")
     def _has_the_protocols_figures(self) -> Self:
-        figures = [row.protocol for row in (*self.clips, *self.groups())]
-        for found in (*figures, *(group.protocol_interval95 for group in self.groups())):
+        groups = (*self.camera_motion.values(), *self.motion_type.values(), self.overall)
+        figures = [row.protocol for row in (*self.clips, *groups)]
+        for found in (*figures, *(group.protocol_interval95 for group in groups)):
             if (found is None) != (self.protocol is None):
                 raise ValueError("`protocol` of a row does not fit that of the file")
             if found is not None and self.protocol is not None:

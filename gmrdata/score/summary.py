@@ -7,19 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from gmrdata.score import METRICS, Interval, Method
+from gmrdata.score import METRICS, Interval, Method, records
 from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.intervals import mean_intervals, ratio_interval, resampled_counts
-from gmrdata.score.records import (
-    ByMethod,
-    ClipScore,
-    Curve,
-    GroupScore,
-    OverTime,
-    PaperMetrics,
-    Summary,
-    WorldFigures,
-)
 
 T = TypeVar("T")
 Draws = Callable[[int], np.ndarray]
@@ -28,7 +18,7 @@ Draws = Callable[[int], np.ndarray]
 
 def summarise(
     scored: Sequence[ClipErrors], fps_hz: float, resamples: int, rng: np.random.Generator
-) -> Summary:
+) -> records.Summary:
     """Scores of one clip or more: per clip, per class, per type and overall."""
 
     @cache
@@ -38,7 +28,7 @@ def summarise(
 
     # What draws first decides the figures of the others: the order stays.
     overall = _group(scored, draws)
-    return Summary(
+    return records.Summary(
         clips=tuple(map(_clip, scored)),
         overall=overall,
         over_time=over_time(scored, fps_hz, draws),
@@ -48,7 +38,7 @@ def summarise(
     )
 
 
-def over_time(scored: Sequence[ClipErrors], fps_hz: float, draws: Draws) -> OverTime:
+def over_time(scored: Sequence[ClipErrors], fps_hz: float, draws: Draws) -> records.OverTime:
     """Mean over clips of the vertex error after t seconds (fig. 5).
 
     It goes as far as half of the clips last, and is of those clips alone: with others at its start
@@ -58,13 +48,13 @@ def over_time(scored: Sequence[ClipErrors], fps_hz: float, draws: Draws) -> Over
     n_frames = lengths[(len(scored) - 1) // 2]
     lasting = [one for one in scored if len(one.over_time_mm["predicted"]) >= n_frames]
 
-    def curve(method: Method) -> Curve:
+    def curve(method: Method) -> records.Curve:
         values = np.array([one.over_time_mm[method][:n_frames] for one in lasting])
         ends = mean_intervals(values, draws(len(lasting)))
         interval = None if ends is None else (tuple(ends[0].tolist()), tuple(ends[1].tolist()))
-        return Curve(vertex_mm=tuple(values.mean(axis=0).tolist()), interval95_mm=interval)
+        return records.Curve(vertex_mm=tuple(values.mean(axis=0).tolist()), interval95_mm=interval)
 
-    return OverTime(
+    return records.OverTime(
         times_s=tuple(frame / fps_hz for frame in range(n_frames)),
         clips=tuple(one.clip_id for one in lasting),
         predicted=curve("predicted"),
@@ -72,8 +62,8 @@ def over_time(scored: Sequence[ClipErrors], fps_hz: float, draws: Draws) -> Over
     )
 
 
-def _clip(one: ClipErrors) -> ClipScore:
-    return ClipScore(
+def _clip(one: ClipErrors) -> records.ClipScore:
+    return records.ClipScore(
         id=one.clip_id,
         camera_motion=one.camera_motion,
         motion_type=one.motion_type,
@@ -89,7 +79,7 @@ def _clip(one: ClipErrors) -> ClipScore:
 
 def _groups(
     scored: Sequence[ClipErrors], name_of: Callable[[ClipErrors], str | None], draws: Draws
-) -> dict[str, GroupScore]:
+) -> dict[str, records.GroupScore]:
     """Groups by name, sorted; clips without a name are in none."""
     members: dict[str, list[ClipErrors]] = defaultdict(list)
     for one in scored:
@@ -98,7 +88,7 @@ def _groups(
     return {name: _group(members[name], draws) for name in sorted(members)}
 
 
-def _group(scored: Sequence[ClipErrors], draws: Draws) -> GroupScore:
+def _group(scored: Sequence[ClipErrors], draws: Draws) -> records.GroupScore:
     counts = draws(len(scored))
 
     def interval(values: list[np.ndarray]) -> Interval | None:
@@ -109,7 +99,7 @@ def _group(scored: Sequence[ClipErrors], draws: Draws) -> GroupScore:
         means = np.array([part.mean() for part in values])
         return ratio_interval(means, np.ones(len(values)), counts)
 
-    return GroupScore(
+    return records.GroupScore(
         n_clips=len(scored),
         n_motions=sum(one.n_motions for one in scored),
         pooled_over_motions=_pooled(scored),
@@ -123,11 +113,11 @@ def _group(scored: Sequence[ClipErrors], draws: Draws) -> GroupScore:
     )
 
 
-def _pooled(scored: Sequence[ClipErrors]) -> ByMethod[PaperMetrics[float]]:
+def _pooled(scored: Sequence[ClipErrors]) -> records.ByMethod[records.PaperMetrics[float]]:
     return _paper(scored, lambda values: float(np.concatenate(values).mean()))
 
 
-def _protocol(scored: Sequence[ClipErrors]) -> ByMethod[WorldFigures] | None:
+def _protocol(scored: Sequence[ClipErrors]) -> records.ByMethod[records.WorldFigures] | None:
     def mean(values: list[np.ndarray]) -> float | None:
         pooled = np.concatenate(values)
         return float(pooled.mean()) if len(pooled) else None
@@ -137,19 +127,19 @@ def _protocol(scored: Sequence[ClipErrors]) -> ByMethod[WorldFigures] | None:
 
 def _paper(
     scored: Sequence[ClipErrors], figure: Callable[[list[np.ndarray]], T]
-) -> ByMethod[PaperMetrics[T]]:
+) -> records.ByMethod[records.PaperMetrics[T]]:
     """A figure of all clips' samples, for each method and each of the paper's errors."""
 
-    def of(method: Method) -> PaperMetrics[T]:
+    def of(method: Method) -> records.PaperMetrics[T]:
         values = {m: figure([one.errors[method][m] for one in scored]) for m in METRICS}
-        return PaperMetrics(**values)
+        return records.PaperMetrics(**values)
 
-    return ByMethod(predicted=of("predicted"), zero=of("zero"))
+    return records.ByMethod(predicted=of("predicted"), zero=of("zero"))
 
 
 def _world(
     scored: Sequence[ClipErrors], figure: Callable[[list[np.ndarray]], T]
-) -> ByMethod[dict[str, T]] | None:
+) -> records.ByMethod[dict[str, T]] | None:
     """The same for a protocol's metrics; None without a protocol."""
     if scored[0].protocol_fps_hz is None:
         return None
@@ -158,4 +148,4 @@ def _world(
         metrics = scored[0].protocol[method]
         return {m: figure([one.protocol[method][m] for one in scored]) for m in metrics}
 
-    return ByMethod(predicted=of("predicted"), zero=of("zero"))
+    return records.ByMethod(predicted=of("predicted"), zero=of("zero"))

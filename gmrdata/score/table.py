@@ -6,16 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from gmrdata.score import METHODS, METRICS, Interval
-from gmrdata.score.records import (
-    ClipScore,
-    GroupScore,
-    PaperMetrics,
-    Row,
-    ScoredFiles,
-    Scores,
-    metrics_with,
-)
+from gmrdata.score import METHODS, METRICS, Interval, records
+from gmrdata.score.records import ClipScore, GroupScore, Scores, metrics_with
 from gmrdata.values.files import write_text
 
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
@@ -30,46 +22,34 @@ class MetricWords(NamedTuple):
     unit: str
     digits: int
     """Decimals that are shown."""
-    meaning: str
 
 
-METRIC_WORDS: dict[str, MetricWords] = {
-    "ome_deg": MetricWords(
-        "OME", "°", 2, "Angle between the predicted and the true turn from frame to frame."
-    ),
-    "tme_mm": MetricWords(
-        "TME", "mm", 1, "Distance between the predicted and the true step, seen from the body."
-    ),
-    "vme_mm": MetricWords(
-        "VME", "mm", 1, "Distance of the body's vertices after one predicted and one true motion."
-    ),
-    "w_mpjpe_mm": MetricWords(
-        "W-MPJPE", "mm", 1, "Distance of the joints after a segment's first frames were aligned."
-    ),
-    "wa_mpjpe_mm": MetricWords(
-        "WA-MPJPE", "mm", 1, "Distance of the joints after all frames of a segment were aligned."
-    ),
-    "rte_percent": MetricWords(
-        "RTE",
-        "%",
-        2,
-        "Distance of the roots after one rigid alignment of the whole path, per length of the "
-        "true path.",
-    ),
-    "roe_deg": MetricWords(
-        "ROE", "°", 1, "Angle between the roots' orientations after the first ones were made equal."
-    ),
-    "erve_mm_per_frame": MetricWords(
-        "ERVE", "mm/frame", 1, "Error of the root's step as the body sees it."
-    ),
-    "jitter_10m_per_s3": MetricWords(
-        "jitter", "10 m/s³", 1, "Mean length of the joints' jerk; the true motion has some too."
-    ),
-    "foot_sliding_mm": MetricWords(
-        "foot sliding", "mm", 1, "Step of points on the predicted feet while the true ones stand."
-    ),
+METRIC_WORDS = {
+    "ome_deg": MetricWords("OME", "°", 2),
+    "tme_mm": MetricWords("TME", "mm", 1),
+    "vme_mm": MetricWords("VME", "mm", 1),
+    "w_mpjpe_mm": MetricWords("W-MPJPE", "mm", 1),
+    "wa_mpjpe_mm": MetricWords("WA-MPJPE", "mm", 1),
+    "rte_percent": MetricWords("RTE", "%", 2),
+    "roe_deg": MetricWords("ROE", "°", 1),
+    "erve_mm_per_frame": MetricWords("ERVE", "mm/frame", 1),
+    "jitter_10m_per_s3": MetricWords("jitter", "10 m/s³", 1),
+    "foot_sliding_mm": MetricWords("foot sliding", "mm", 1),
 }
 """By key in `scores.json`."""
+MEANINGS = {
+    "ome_deg": "Angle between the predicted and the true turn from frame to frame.",
+    "tme_mm": "Distance between the predicted and the true step, seen from the body.",
+    "vme_mm": "Distance of the body's vertices after one predicted and one true motion.",
+    "w_mpjpe_mm": "Distance of the joints after a segment's first frames were aligned.",
+    "wa_mpjpe_mm": "Distance of the joints after all frames of a segment were aligned.",
+    "rte_percent": "Distance of the roots after one rigid alignment of the whole path, per length "
+    "of the true path.",
+    "roe_deg": "Angle between the roots' orientations after the first ones were made equal.",
+    "erve_mm_per_frame": "Error of the root's step as the body sees it.",
+    "jitter_10m_per_s3": "Mean length of the joints' jerk; the true motion has some too.",
+    "foot_sliding_mm": "Step of points on the predicted feet while the true ones stand.",
+}
 
 
 def heading(metric: str) -> str:
@@ -78,7 +58,7 @@ def heading(metric: str) -> str:
 
 
 def meanings(metrics: Iterable[str]) -> list[str]:
-    return [f"{METRIC_WORDS[one].title}: {METRIC_WORDS[one].meaning}" for one in metrics]
+    return [f"{METRIC_WORDS[one].title}: {MEANINGS[one]}" for one in metrics]
 
 
 def figure_text(metric: str, value: float | None) -> str:
@@ -91,14 +71,11 @@ def interval_text(metric: str, ends: Interval | None) -> str:
     return "" if ends is None else " to ".join(figure_text(metric, end) for end in ends)
 
 
-def rows_of(scores: Scores) -> Iterator[tuple[str, str, Row]]:
+def rows_of(scores: Scores) -> Iterator[tuple[str, str, ClipScore | GroupScore]]:
     """Kind, name and row of each clip, class of camera motion, type of motion, then of all."""
-    for clip in scores.clips:
-        yield "clip", clip.id, clip
-    for name, group in scores.camera_motion.items():
-        yield "camera_motion", name, group
-    for name, group in scores.motion_type.items():
-        yield "motion_type", name, group
+    yield from (("clip", clip.id, clip) for clip in scores.clips)
+    yield from (("camera_motion", *named) for named in scores.camera_motion.items())
+    yield from (("motion_type", *named) for named in scores.motion_type.items())
     yield "overall", "all", scores.overall
 
 
@@ -120,8 +97,7 @@ def score_rows(scores: Scores) -> Table:
 
 def protocol_rows(scores: Scores) -> Table | None:
     """The protocol's figures in the same way, zero motion's in a last row; None without any."""
-    metrics = scores.protocol.metrics if scores.protocol else ()
-    if not metrics:
+    if scores.protocol is None or not (metrics := scores.protocol.metrics):
         return None
     rows = [(_shown_name(kind, name), *_cells(row, metrics)) for kind, name, row in rows_of(scores)]
     zero = scores.overall.figures("zero")
@@ -141,13 +117,14 @@ def csv_rows(scores: Scores) -> list[list[Cell]]:
     return [head, *(_csv_row(*one, metrics) for one in rows_of(scores))]
 
 
-def _csv_row(kind: str, name: str, row: Row, metrics: Sequence[str]) -> list[Cell]:
+def _csv_row(
+    kind: str, name: str, row: ClipScore | GroupScore, metrics: Sequence[str]
+) -> list[Cell]:
     cells: list[Cell] = [kind, name]
     if isinstance(row, ClipScore):
-        cells += [row.camera_motion, row.motion_type, 1]
-    elif isinstance(row, GroupScore):
-        cells += [None, None, row.n_clips]
-    cells.append(row.n_motions)
+        cells += [row.camera_motion, row.motion_type, 1, row.n_motions]
+    else:
+        cells += [None, None, row.n_clips, row.n_motions]
     for method in METHODS:
         figures, intervals = row.figures(method), row.intervals(method)
         for metric in metrics:
@@ -161,7 +138,7 @@ def _shown_name(kind: str, name: str) -> str:
     return f"all {name}" if kind in ("camera_motion", "motion_type") else name
 
 
-def _cells(row: Row, metrics: Sequence[str]) -> tuple[str, ...]:
+def _cells(row: records.Row, metrics: Sequence[str]) -> tuple[str, ...]:
     figures, intervals = row.figures("predicted"), row.intervals("predicted")
     cells = []
     for metric in metrics:
@@ -171,7 +148,7 @@ def _cells(row: Row, metrics: Sequence[str]) -> tuple[str, ...]:
     return tuple(cells)
 
 
-def _listed(figures: PaperMetrics[float]) -> str:
+def _listed(figures: records.PaperMetrics[float]) -> str:
     return " / ".join(figure_text(metric, figures.get(metric)) for metric in METRICS)
 
 
@@ -191,7 +168,7 @@ def lead(scores: Scores) -> str:
     what = f"{overall.n_motions} motions of {overall.n_clips} clips at {scores.fps_hz:g} fps"
     how = (
         f"read from files ({model.predictions})"
-        if isinstance(model, ScoredFiles)
+        if isinstance(model, records.ScoredFiles)
         else f"predicted by network {model.run} (step {model.step})"
     )
     protocol = f" Protocol {scores.protocol.name}." if scores.protocol else ""
@@ -203,9 +180,8 @@ def explanations(scores: Scores) -> list[str]:
     lines = [
         *meanings(metrics_with(scores.protocol)),
         "Figures are means over all motions, or over all samples of a protocol, of the clips of a "
-        "row. In brackets: 95 % bootstrap intervals, for which "
-        f"{scores.bootstrap.resamples} times clips were drawn with replacement; a single "
-        "clip has none.",
+        f"row. In brackets: 95 % bootstrap intervals, for which {scores.bootstrap.resamples} times "
+        "clips were drawn with replacement; a single clip has none.",
         "Zero motion is a body that neither turns nor moves.",
         "No difference between frames is taken over a gap.",
         *_of_protocol(scores),
@@ -220,9 +196,7 @@ def _of_protocol(scores: Scores) -> list[str]:
     if not protocol:
         return []
     lines = [f"Protocol {protocol.name} follows {protocol.source}.", *protocol.notes]
-    rates = sorted(
-        {clip.protocol_fps_hz for clip in scores.clips if clip.protocol_fps_hz is not None}
-    )
+    rates = sorted({clip.protocol_fps_hz for clip in scores.clips if clip.protocol_fps_hz})
     if protocol.metrics and rates != [protocol.fps_hz]:
         lines.append(
             f"Its published figures are of video at {protocol.fps_hz:g} fps, these are at "
