@@ -207,7 +207,7 @@ def _read_frames(found: Found, paths: SetPaths) -> Strips:
     if files is None or not files.image_dir.is_dir():
         return [[], []]
     numbers = range(found.n_frames) or image_numbers(files)
-    masks_dir = paths.masks_dir(files.name)
+    masks_dir = paths.sequence_dir(files.name) / "masks"
     examples = example_frames(found.reasons, kinds_of(found.reasons)) if found.is_solved else {}
     wanted: list[tuple[Kind | None, int]] = [
         (None, numbers[row]) for row in spaced(len(numbers), N_TILES)

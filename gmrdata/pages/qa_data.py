@@ -170,7 +170,7 @@ def gather(
             return None
 
     name = "" if files is None else files.name
-    people_dir, pseudo_gt_dir = paths.people_dir(name), paths.pseudo_gt_dir(name)
+    people_dir, pseudo_gt_dir = paths.sequence_dir(name) / "people", paths.pseudo_gt_dir(name)
     is_read = files is not None and people_dir.is_dir()
     people = read(PeopleRecord.read, people_dir / PEOPLE_FILE) if is_read else None
     doubts = read(Doubts.read, people_dir / DOUBTS_FILE) if is_read else None
@@ -186,7 +186,7 @@ def gather(
             clip = read(load_clip, pseudo_gt_dir / person_file(person))
             clips |= {} if clip is None else {person: clip}
         dataset_camera = read(load_dataset_camera, people_dir / DATASET_CAMERA_FILE)
-        cameras = read(load_cameras, paths.sfm_dir(name))
+        cameras = read(load_cameras, paths.sequence_dir(name) / "sfm")
         if cameras is not None and clips:
             numbers = next(iter(clips.values())).image_numbers
             sfm_rows = rows_of_numbers(cameras.image_numbers, numbers)

@@ -37,14 +37,9 @@ def camera_clip(
     """One person as the camera sees them: `cam_poses` applied to the person in the world.
 
     3DPW's drift is common to person and camera, so it is not in here.  Frames that can't be used
-    are not `valid`; those without finite numbers are NaN.
-
-    Returns:
-        Clip `<sequence>.p<person>` with `frame` "camera", the sequence's intrinsics and no camera
-        poses; its image numbers are those of the files, -1 where the image can't be used.
-
-    Raises:
-        BadBodyFile: no body fits the person.
+    are not `valid`; those without finite numbers are NaN.  The clip `<sequence>.p<person>` has the
+    sequence's intrinsics and no camera poses; its image numbers are those of the files, -1 where
+    the image can't be used.  BadBodyFile where no body fits the person.
     """
     clip, cam_from_world = _in_dataset_world(sequence, person_index, bodies, rule)
     nowhere = np.zeros(sequence.n_frames, dtype=bool)
@@ -82,10 +77,7 @@ def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> Bod
 
     An SMPL body must be of the person's gender, since 3DPW's betas are; of other bodies (the twins'
     body) the first is taken.  The betas must be as many as the body's, or more, and where the file
-    has joints, the body's pelvis must be at theirs.
-
-    Raises:
-        BadBodyFile: none fits; the message begins with `where`.
+    has joints, the body's pelvis must be at theirs: else BadBodyFile, which begins with `where`.
     """
     gendered = f"smpl-{person.gender}"
     fits = [body for body in bodies if body.name == gendered or not body.name.startswith("smpl-")]
@@ -96,17 +88,14 @@ def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> Bod
             "of the gendered bodies"
         )
     body = fits[0]
+    remedy = "give the body that the file was made with"
     if len(person.betas) < body.n_shape:
-        raise BadBodyFile(
-            f"{where}: has {len(person.betas)} betas, body {body.name} needs {body.n_shape}; give "
-            "the body that the file was made with"
-        )
+        what = f"has {len(person.betas)} betas, body {body.name} needs {body.n_shape}"
+        raise BadBodyFile(f"{where}: {what}; {remedy}")
     off_m = _pelvis_off_m(person, body)
     if off_m > SAME_PELVIS_M:
-        raise BadBodyFile(
-            f"{where}: the pelvis of body {body.name} is {1000 * off_m:.0f} mm from that of "
-            "jointPositions; give the body that the file was made with"
-        )
+        what = f"the pelvis of body {body.name} is {1000 * off_m:.0f} mm from that of"
+        raise BadBodyFile(f"{where}: {what} jointPositions; {remedy}")
     return body
 
 

@@ -47,11 +47,11 @@ class IntrinsicsConfig(Config):
     min_keypoints: int = Field(default=300, ge=12)
     """With fewer keypoints nothing is said."""
     joint_offset_m: float = Field(default=0.04, gt=0)
-    """Standard deviation of where a detector sees a joint beside the body's, per axis [m]."""
+    """Standard deviation of where a detector sees a joint beside the body's, per axis."""
     principal_point_share: float = Field(default=0.02, gt=0)
     """Standard deviation of the principal point's shift, as a share of the longer image side."""
     error_lasts_s: float = Field(default=2.0, gt=0)
-    """Errors of poses change this slowly [s]: a joint counts once in that time, not per frame."""
+    """Errors of poses change this slowly: a joint counts once in that time, not per frame."""
 
 
 @part(frozen=True, config=PART)
@@ -63,10 +63,9 @@ class FocalEstimate:
     sigma: float
     """Standard error of `factor`, the slow errors of poses and the place of joints included."""
     shift_px: tuple[float, float]
-    """Shift of the principal point, x and y [px]; little more than its prior where nobody goes
-    across the image."""
+    """Of the principal point; little more than its prior where nobody goes across the image."""
     residual_px: float
-    """Robust standard deviation of what is left per coordinate [px]."""
+    """Robust standard deviation of what is left per coordinate."""
     keypoints: int
     """Keypoints that were used, of all people and valid frames."""
 
@@ -171,10 +170,8 @@ def _fit(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Solution (P,), its covariance (P, P) and the residuals' scale [px].
 
-    Args:
-        design: (M, 2, P), for `measured_px` (M, 2).
-        prior: (P,) inverse variances about 0.
-        rows_as_one: So many rows, one after the other in time, have one error.
+    `design` is (M, 2, P), for `measured_px` (M, 2); `prior` (P,) are inverse variances about 0; so
+    many `rows_as_one`, one after the other in time, have one error.
     """
     weights = np.ones(len(measured_px))
     solution, covariance, scale_px = np.zeros(len(prior)), np.zeros((len(prior),) * 2), FINEST_PX

@@ -17,13 +17,11 @@ class ThreedpwRecipe(Config):
     """World-frame pseudo ground truth for sequences in 3DPW's layout."""
 
     recipe: Literal["threedpw"]
-    """Kind of recipe."""
     name: str = Field(default="3dpw-world", pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
     """Name of the data set that is made."""
     version: str = "1.0.0"
     """Its version, major.minor.patch."""
     licence: str = Field(default="3DPW's licence: research only, not to be passed on", min_length=1)
-    """Terms of the sequences."""
     bodies: tuple[str, ...] = Field(default=("anny",), min_length=1)
     """Body models: SMPL's female and male files for 3DPW; "anny" for twins."""
     valid_rule: ValidRule = "campose_valid"
@@ -80,18 +78,9 @@ class SetPaths:
         return self.root / "bodies" / f"body_{number}"
 
     def sequence_dir(self, name: str) -> Path:
-        """All stages of one sequence."""
+        """All stages of one sequence: `people`, `masks`, `sfm`, and `pseudo_gt`: the world motions,
+        or why there are none."""
         return self.root / "sequences" / name
 
-    def people_dir(self, name: str) -> Path:
-        return self.sequence_dir(name) / "people"
-
-    def masks_dir(self, name: str) -> Path:
-        return self.sequence_dir(name) / "masks"
-
-    def sfm_dir(self, name: str) -> Path:
-        return self.sequence_dir(name) / "sfm"
-
     def pseudo_gt_dir(self, name: str) -> Path:
-        """Stage: the world motions, or why there are none."""
         return self.sequence_dir(name) / "pseudo_gt"

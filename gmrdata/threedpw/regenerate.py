@@ -44,7 +44,7 @@ class SequenceVerdict:
     reasons: tuple[str, ...]
     """Why people were rejected, or why it could not be read."""
     camera_motion: MotionClass | Literal["none"]
-    """Class of the camera's motion; "none" without a reconstruction."""
+    """ "none" without a reconstruction."""
     kept_share: Figure
     """Frames of accepted people that are kept, over all frames of all people."""
     scale: Figure | None
@@ -104,7 +104,7 @@ def regenerate_set(
     common = {"root": paths.root, "recipe": recipe, "body_paths": body_paths, "run": run}
     jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
     left = look_first(jobs, paths.failures_dir)
-    reasons = refused | _regenerate(left, recipe, chosen, paths, run)
+    reasons = refused | (_regenerate(left, recipe, chosen, paths, run) if left else {})
     _list(recipe, chosen, reasons, paths, run)
     if not left and _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
@@ -154,8 +154,6 @@ def _regenerate(
     run: Run,
 ) -> dict[str, str]:
     """Why sequences failed, by name."""
-    if not jobs:
-        return {}
     folders = [paths.sequence_dir(files.name) / stage for files in chosen for stage in STAGES]
     with worker_pool(run, recipe.workers) as client:
         return try_jobs(
@@ -188,8 +186,22 @@ def _list(
     verdicts += [_failed(name, splits.get(name, ""), why) for name, why in reasons.items()]
     verdicts.sort(key=lambda verdict: verdict.sequence)
     Verdicts(sequences=tuple(verdicts)).write(paths.verdicts)
-    if done:
-        _write_manifest(recipe, done, bool(reasons), paths, run)
+    if not done:
+        return
+    write_manifest(
+        paths.manifest,
+        name=recipe.name,
+        version=f"{recipe.version}-incomplete" if reasons else recipe.version,
+        kind="pseudo_gt",
+        description="World-frame pseudo ground truth, regenerated from frames, intrinsics and "
+        "camera-frame bodies.",
+        licence=recipe.licence,
+        clips=[entry for files in done for entry in sequence_entries(files, recipe, paths)],
+        created_by=created_by(
+            recipe.model_dump(mode="json", exclude={"workers"}), {"sfm": recipe.sequence.sfm.seed}
+        ),
+        redo=run.redo or bool(reasons),
+    )
 
 
 def _verdict(files: SequenceFiles, paths: SetPaths) -> SequenceVerdict:
@@ -219,27 +231,4 @@ def _failed(name: str, split: str, reason: str) -> SequenceVerdict:
         kept_share=0.0,
         scale=None,
         scale_sigma=None,
-    )
-
-
-def _write_manifest(
-    recipe: ThreedpwRecipe,
-    done: Sequence[SequenceFiles],
-    is_incomplete: bool,
-    paths: SetPaths,
-    run: Run,
-) -> None:
-    write_manifest(
-        paths.manifest,
-        name=recipe.name,
-        version=f"{recipe.version}-incomplete" if is_incomplete else recipe.version,
-        kind="pseudo_gt",
-        description="World-frame pseudo ground truth, regenerated from frames, intrinsics and "
-        "camera-frame bodies.",
-        licence=recipe.licence,
-        clips=[entry for files in done for entry in sequence_entries(files, recipe, paths)],
-        created_by=created_by(
-            recipe.model_dump(mode="json", exclude={"workers"}), {"sfm": recipe.sequence.sfm.seed}
-        ),
-        redo=run.redo or is_incomplete,
     )

@@ -1,7 +1,7 @@
 """One sequence from its files to its world motions, or to the reason why there are none."""
 
-from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
 from gmrdata.read.bodies import read_body
 from gmrdata.read.threedpw_layout import SequenceFiles, require_name
-from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.run import Run
 from gmrdata.stage.store import is_made, run_stage
 from gmrdata.threedpw.people import SequencePeople, make_people
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
@@ -21,7 +21,7 @@ from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.people import person_file
 from gmrdata.world.dataset import Doubts
 from gmrdata.world.quality import load_record, quality_record, unsolved_quality
-from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
+from gmrdata.world.sequence import regenerate_sequence
 from gmrdata.world.verdict import verdict_of
 
 UNSOLVED = "unsolved"
@@ -33,16 +33,14 @@ def regenerate_one(
 ) -> Path:
     """Run every stage of one sequence, up to the folder of the pseudo ground truth.
 
-    A sequence without a reconstruction is no failure: its clips say so, row by row.
-
-    Args:
-        root: The set's output folder.
+    A sequence without a reconstruction is no failure: its clips say so, row by row.  `root` is the
+    set's output folder.
     """
     require_name(files.name)
     paths = SetPaths(root)
-    given = make_people(files, body_paths, paths.people_dir(files.name), recipe, run=run)
-    out_dir = paths.pseudo_gt_dir(files.name)
-    inputs = {"images": files.image_dir, "people": paths.people_dir(files.name)}
+    people_dir, out_dir = paths.sequence_dir(files.name) / "people", paths.pseudo_gt_dir(files.name)
+    given = make_people(files, body_paths, people_dir, recipe, run=run)
+    inputs = {"images": files.image_dir, "people": people_dir}
     config = recipe.of_sequence(files.name)
     if is_made(UNSOLVED, out_dir, config, inputs, run):
         return out_dir
@@ -58,41 +56,24 @@ def regenerate_one(
             run=run,
         )
     except NoReconstruction as error:
-        return make_unsolved(given, str(error), out_dir, config, inputs, run=run)
+        work = partial(_write_unsolved, given, str(error))
+        return run_stage(UNSOLVED, out_dir, config, inputs, work, run=run)
 
 
-def make_unsolved(
-    given: SequencePeople,
-    reason: str,
-    out_dir: Path,
-    config: SequenceConfig,
-    inputs: Mapping[str, Path],
-    *,
-    run: Run = DEFAULT_RUN,
-) -> Path:
-    """Stage: the people in the camera's frame, every row dropped with its reason.
-
-    Args:
-        out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
-        config: The recipe of the stages that were tried.
-        inputs: What they were tried on.
-    """
-
-    def work(partial: Path) -> None:
-        doubts = Doubts.read(given.doubts_path)
-        reasons = (*doubts.sequence, reason)
-        judged = []
-        for number, person in enumerate(given.people):
-            clip = load_clip(person.clip_path)
-            nothing = np.zeros(clip.motion.n_frames, dtype=bool)
-            unsolved = replace(clip, valid=nothing, camera=None)
-            rest_pelvis_m = read_body(person.body_path).rest_pelvis_m(clip.motion.shape)
-            save_clip(partial / person_file(number), unsolved, rest_pelvis_m)
-            texts = [doubt or "there is no reconstruction" for doubt in doubts.frames[number]]
-            judged.append(verdict_of(clip.id, False, reasons, texts))
-        unsolved_quality(judged).write(partial / QUALITY_FILE)
-
-    return run_stage(UNSOLVED, out_dir, config, inputs, work, run=run)
+def _write_unsolved(given: SequencePeople, reason: str, out_dir: Path) -> None:
+    """The people in the camera's frame, every row dropped with its reason, and `quality.json`."""
+    doubts = Doubts.read(given.doubts_path)
+    reasons = (*doubts.sequence, reason)
+    judged = []
+    for number, person in enumerate(given.people):
+        clip = load_clip(person.clip_path)
+        nothing = np.zeros(clip.motion.n_frames, dtype=bool)
+        unsolved = replace(clip, valid=nothing, camera=None)
+        rest_pelvis_m = read_body(person.body_path).rest_pelvis_m(clip.motion.shape)
+        save_clip(out_dir / person_file(number), unsolved, rest_pelvis_m)
+        texts = [doubt or "there is no reconstruction" for doubt in doubts.frames[number]]
+        judged.append(verdict_of(clip.id, False, reasons, texts))
+    unsolved_quality(judged).write(out_dir / QUALITY_FILE)
 
 
 def sequence_entries(

@@ -141,7 +141,7 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
     whole = gather(verdict, "", files, paths)
     assert whole.sfm_rows is not None and whole.sfm_rows.tolist() == list(range(36))
     assert whole.kept.all() and whole.world_from_cam is not None and not whole.missing
-    cameras = load_cameras(paths.sfm_dir("arc_00"))
+    cameras = load_cameras(paths.sequence_dir("arc_00") / "sfm")
     left = np.flatnonzero(~np.isin(np.arange(36), [7, 20]))
     path = replace(
         cameras.path,
@@ -150,7 +150,7 @@ def test_cuts_and_interpolated_frames_are_found_by_their_images(
     )
     between = cameras.interpolated[left]
     fewer = replace(cameras, path=path, image_numbers=left, interpolated=between)
-    save_cameras(paths.sfm_dir("arc_00") / "cameras.npz", fewer)
+    save_cameras(paths.sequence_dir("arc_00") / "sfm" / "cameras.npz", fewer)
     quality_path = paths.pseudo_gt_dir("arc_00") / "quality.json"
     record = read_json(quality_path)
     inliers = record["cameras"]["inliers_per_frame"][:34]
