@@ -14,7 +14,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from gmrdata.film import camera_moves as moves
 from gmrdata.film.camera_moves import SubjectPath, look_at, subject_path
-from gmrdata.values.camera import CameraPath, in_frame_share, intrinsics_from_fov, person_box
+from gmrdata.values.camera import CameraPath, in_frame, intrinsics_from_fov, person_box
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import rigid
@@ -183,7 +183,7 @@ def _nearest_in_frame(
     box = person_box(pelvis_m)
     for distance_m in distances_m:
         camera = at(float(distance_m))
-        if in_frame_share(camera, box, FRAME_MARGIN_SHARE) == 1.0:
+        if in_frame(camera, box, FRAME_MARGIN_SHARE).all():
             return camera
     raise BadRecipe(
         f"a {kind} camera can't keep the subject in frame from any distance up to "

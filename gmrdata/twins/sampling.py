@@ -21,7 +21,7 @@ from gmrdata.read.bodies import load_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.body import JOINT, BodyModel
-from gmrdata.values.camera import in_frame_share, person_box
+from gmrdata.values.camera import in_frame, person_box
 from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecipe
@@ -197,7 +197,8 @@ def _distance_m(clip: Clip) -> float:
 
 
 def _in_view(clip: Clip, share: float) -> bool:
-    return in_frame_share(camera_of(clip), person_box(clip.motion.pelvis_m)) >= share
+    inside = in_frame(camera_of(clip), person_box(clip.motion.pelvis_m))
+    return float(inside.mean()) >= share
 
 
 def is_beyond_doubt(clip: Clip, kind: MotionClass) -> bool:

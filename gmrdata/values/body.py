@@ -29,13 +29,8 @@ N_LOCAL = 23
 
 JOINT = {name: i for i, name in enumerate(JOINT_NAMES)}
 
-_OTHER_SIDE = {"left": "right", "right": "left"}
-
-MIRRORED = tuple(
-    JOINT["_".join(_OTHER_SIDE.get(word, word) for word in name.split("_"))] for name in JOINT_NAMES
-)
+MIRRORED = (0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20, 23, 22)
 """Index of each joint's counterpart on the other side of the body."""
-
 
 PHENOTYPES = ("gender", "age", "muscle", "weight", "height", "proportions")
 """Anny's, each from 0 to 1: gender 0 is male and 1 female; age 2/3 is young and 1 old."""
@@ -64,8 +59,7 @@ class BodyModel:
     faces: np.ndarray
     """(F, 3) vertex indices, counter-clockwise seen from outside."""
     pose_dirs_m: np.ndarray | None
-    """(V, 3, 207) vertex offset per entry of (local rotation - identity) [m]; None for a body
-    without them."""
+    """(V, 3, 207) vertex offset per entry of (local rotation - identity) [m], if it has them."""
     licence: str
     """Terms under which renders and arrays of this body may be passed on."""
     adult_shapes: np.ndarray | None = None
@@ -75,7 +69,7 @@ class BodyModel:
 
     @property
     def n_shape(self) -> int:
-        """Number of shape coefficients."""
+        """Number of shape coefficients S."""
         return int(self.shape_dirs_m.shape[2])
 
     def rest_joints_m(self, shape: np.ndarray) -> Float[np.ndarray, "24 3"]:

@@ -1,6 +1,7 @@
 """CameraPath, gaps in one, the pinhole projection, and whether the subject is in the picture."""
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -18,9 +19,7 @@ class CameraPath:
     intrinsics_px: np.ndarray
     """(3, 3) calibration matrix K [px], the same for all frames."""
     width_px: int
-    """Image width [px]."""
     height_px: int
-    """Image height [px]."""
     world_from_cam: np.ndarray
     """(T, 4, 4) rigid transforms [m]; NaN where `has_camera` is False."""
     has_camera: np.ndarray
@@ -44,15 +43,9 @@ class CameraPath:
 
 
 def fill_gaps(world_from_cam: np.ndarray, has_camera: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Fill all gaps by slerp and linear interpolation; the ends are held.
+    """Fill all gaps of (T, 4, 4) by slerp and linear interpolation; the ends are held.
 
-    Args:
-        world_from_cam: (T, 4, 4); NaN where `has_camera` is False.
-        has_camera: (T,) bool.
-        times: (T,) ascending, in any unit.
-
-    Returns:
-        World_from_cam (T, 4, 4); as given where no frame has a camera.
+    `times` (T,) ascend, in any unit.  Where no frame has a camera, nothing is filled.
     """
     from scipy.spatial.transform import Rotation, Slerp
 
@@ -101,26 +94,13 @@ REACH_M = 0.4
 """A standing adult of 1.9 m fits this box round the pelvis."""
 
 
-def in_frame_share(
-    camera: CameraPath, points_world_m: np.ndarray, margin_share: float = 0.0
-) -> float:
-    """Share of the frames with all points in front of the camera and inside the image.
-
-    Args:
-        camera: Camera over T frames.
-        points_world_m: (T, 3) or (T, N, 3) points per frame, world [m].
-        margin_share: Border that does not count as inside, as a share of the image's height.
-
-    Returns:
-        0 to 1.  A frame without a camera counts as out of frame.
-    """
-    return float(in_frame(camera, points_world_m, margin_share).mean())
-
-
 def in_frame(
     camera: CameraPath, points_world_m: np.ndarray, margin_share: float = 0.0
 ) -> np.ndarray:
-    """(T,) bool: frames with all points in view; `in_frame_share` has the arguments."""
+    """(T,) bool: frames with a camera that has all their points, (T, 3) or (T, N, 3), in view.
+
+    A border of `margin_share` of the image's height does not count as inside.
+    """
     points = np.asarray(points_world_m, dtype=np.float64)
     points = points[:, None] if points.ndim == 2 else points
     points_px = project(camera.world_from_cam, points, camera.intrinsics_px)
@@ -133,10 +113,6 @@ def in_frame(
 
 def person_box(pelvis_world_m: np.ndarray) -> np.ndarray:
     """Corners (T, 8, 3) of a box that holds a standing person, from pelvis positions (T, 3) [m]."""
-    corners = [
-        (x, y, z)
-        for x in (-REACH_M, REACH_M)
-        for y in (-REACH_M, REACH_M)
-        for z in (-FEET_BELOW_PELVIS_M, HEAD_ABOVE_PELVIS_M)
-    ]
-    return pelvis_world_m[:, None] + np.array(corners)
+    side_m = (-REACH_M, REACH_M)
+    corners_m = list(product(side_m, side_m, (-FEET_BELOW_PELVIS_M, HEAD_ABOVE_PELVIS_M)))
+    return pelvis_world_m[:, None] + np.array(corners_m)

@@ -65,16 +65,9 @@ class MotionFigures:
 def classify(
     world_from_cam: np.ndarray, pelvis_m: np.ndarray, fps_hz: float, config: MotionClassConfig
 ) -> tuple[MotionClass, MotionFigures]:
-    """Class of a camera's motion, and the figures behind it.
+    """Class of the motion of cameras (T, 4, 4) in a z-up world [m], and the figures behind it.
 
-    Args:
-        world_from_cam: (T, 4, 4) cameras in a z-up world [m].
-        pelvis_m: (T, 3) the person, same world [m].
-        fps_hz: Frame rate [Hz].
-        config: The thresholds.
-
-    Raises:
-        BadMotionFile: no frame, or arrays of different lengths or with other than finite numbers.
+    `pelvis_m` (T, 3) is the person's, in the same world [m].
     """
     if (
         not len(world_from_cam)
@@ -114,31 +107,22 @@ def motion_figures(
     apart_m = np.linalg.norm(places_m[:, None] - places_m[None], axis=-1)
     relative = world_from_cam[rows][:, None, :3, :3].swapaxes(-1, -2) @ world_from_cam[rows, :3, :3]
     turns_rad = Rotation.from_matrix(relative.reshape(-1, 3, 3)).magnitude()
-    line_rms_m = _line_rms_m(centres_m)
+    centred_m = centres_m - centres_m.mean(axis=0)
+    off_line_m = np.linalg.svd(centred_m, compute_uv=False)[1:]
+    # Places every half second: a hand's tremble adds up to metres otherwise.
+    step = max(1, round(fps_hz / 2))
+    calm_m = centres_m[np.unique(np.r_[: len(centres_m) : step, len(centres_m) - 1])]
     circle_rms_m, bend_deg, goes_round = _circle(centres_m[:, :2], pelvis_m[:, :2])
     return MotionFigures(
         extent_m=float(apart_m.max()),
-        path_m=float(np.linalg.norm(np.diff(_calm(centres_m, fps_hz), axis=0), axis=1).sum()),
+        path_m=float(np.linalg.norm(np.diff(calm_m, axis=0), axis=1).sum()),
         turn_deg=float(np.rad2deg(turns_rad.max())),
-        line_rms_m=line_rms_m,
+        line_rms_m=float(np.sqrt((off_line_m**2).sum() / len(centres_m))),
         circle_rms_m=circle_rms_m,
         bend_deg=bend_deg,
         goes_round=goes_round,
         distance_m=float(np.median(np.linalg.norm(pelvis_m - centres_m, axis=1))),
     )
-
-
-def _calm(centres_m: np.ndarray, fps_hz: float) -> np.ndarray:
-    """Places every half second: a hand's tremble adds up to metres otherwise."""
-    step = max(1, round(fps_hz / 2))
-    rows = np.unique(np.r_[np.arange(0, len(centres_m), step), len(centres_m) - 1])
-    return centres_m[rows]
-
-
-def _line_rms_m(centres_m: np.ndarray) -> float:
-    centred = centres_m - centres_m.mean(axis=0)
-    spread = np.linalg.svd(centred, compute_uv=False)
-    return float(np.sqrt((spread[1:] ** 2).sum() / len(centres_m)))
 
 
 def _circle(places_m: np.ndarray, person_m: np.ndarray) -> tuple[float | None, float, bool]:

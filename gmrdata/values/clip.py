@@ -57,27 +57,17 @@ class Clip:
 
 
 def camera_of(clip: Clip) -> CameraPath:
-    """The clip's camera, for callers that can't do without.
-
-    Raises:
-        BadMotionFile: the clip has none.
-    """
+    """The clip's camera, for callers that can't do without."""
     if clip.camera is None:
-        raise BadMotionFile(
-            f"clip {clip.id} has no camera. Give a clip that was rendered or reconstructed"
-        )
+        remedy = "Give a clip that was rendered or reconstructed"
+        raise BadMotionFile(f"clip {clip.id} has no camera. {remedy}")
     return clip.camera
 
 
 def rows_of_numbers(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Where image numbers stand among others.
+    """(T,) where the wanted image numbers (T,) stand among those of N rows (N,).
 
-    Args:
-        numbers: (N,) image numbers of some rows; -1 for a row without an image.
-        wanted: (T,) image numbers to look up, -1 likewise.
-
-    Returns:
-        (T,) the row of each wanted number; -1 where it is nowhere, or is -1 itself.
+    A number of -1 is no image; the row is -1 where a number is nowhere, or is -1 itself.
     """
     row_of_number = {int(number): row for row, number in enumerate(numbers) if number >= 0}
     return np.array([row_of_number.get(int(n), -1) for n in wanted], dtype=np.int64)
@@ -88,18 +78,15 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
 
     AMASS's `trans` is not the pelvis: pelvis = trans + J0.  It is converted here and back in
     `load_clip`, and J0 travels in the file, so no body model is needed to read it.
-
-    Args:
-        rest_pelvis_m: (3,) J0 of the clip's body and shape, rest frame [m].
+    `rest_pelvis_m` (3,) is J0 of the clip's body and shape, rest frame [m].
 
     Raises:
         BadMotionFile: the clip's arrays do not fit together.
     """
     motion = clip.motion
-    rotmats = motion.rotmats
     arrays: dict[str, ArrayLike] = {
         "format": CLIP_FORMAT,
-        "poses": _rotvecs(rotmats).reshape(motion.n_frames, 72),
+        "poses": _rotvecs(motion.rotmats).reshape(motion.n_frames, 72),
         "trans": np.asarray(motion.pelvis_m - rest_pelvis_m, dtype=np.float64),
         "betas": np.asarray(motion.shape, dtype=np.float64),
         "gender": motion.gender,
@@ -135,9 +122,8 @@ def load_clip(path: Path) -> Clip:
 
     arrays = read_npz(path)
     _check(path, arrays)
-    n_frames = len(arrays["poses"])
     rotmats = Rotation.from_rotvec(arrays["poses"].reshape(-1, 3)).as_matrix()
-    rotmats = rotmats.reshape(n_frames, 24, 3, 3)
+    rotmats = rotmats.reshape(-1, 24, 3, 3)
     motion = Motion(
         local_rotmats=rotmats[:, 1:],
         root_rotmats=rotmats[:, 0],
@@ -151,14 +137,9 @@ def load_clip(path: Path) -> Clip:
     )
     camera = None
     if "world_from_cam" in arrays:
-        width_px, height_px = (int(size) for size in arrays["camera_size_px"])
-        camera = CameraPath(
-            arrays["camera_intrinsics_px"],
-            width_px,
-            height_px,
-            arrays["world_from_cam"],
-            arrays["has_camera"],
-        )
+        intrinsics_px, size_px, world_from_cam, known = (arrays[key] for key in _CAMERA_SHAPES)
+        width_px, height_px = map(int, size_px)
+        camera = CameraPath(intrinsics_px, width_px, height_px, world_from_cam, known)
     return Clip(str(arrays["id"]), motion, arrays["valid"], arrays["image_numbers"], camera)
 
 

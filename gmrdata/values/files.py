@@ -1,7 +1,4 @@
-"""Files that are whole when they exist: hashes, atomic writes, JSON and .npz.
-
-Relative paths that stay inside their folder.
-"""
+"""Files that are whole when they exist: hashes, atomic writes, JSON, .npz, paths in a folder."""
 
 import hashlib
 import io
@@ -21,32 +18,18 @@ from numpy.typing import ArrayLike
 
 from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
 
-STAGE_FILE = "stage.json"
-
-
-RECIPE_FILE = "recipe.json"
-
-
+STAGE_FILE, RECIPE_FILE = "stage.json", "recipe.json"
 _BESIDE_A_STAGE = re.compile(r"\..+\.(lock|inputs)")
-
-
 _TEMPORARY_NAME = re.compile(r"\..+\.(?P<pid>\d+)-\d+\.tmp(\..*)?")
 """What `atomic_path` calls the file that a process writes."""
 
 
 def sha256_of_file(path: Path) -> str:
-    """Hex SHA-256 of a file's bytes.
-
-    Raises:
-        MissingInput: there is no such file.
-    """
+    """Hex SHA-256 of a file's bytes."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    digest = hashlib.sha256()
     with path.open("rb") as stream:
-        while block := stream.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file) -> str:
@@ -54,28 +37,17 @@ def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file
 
     A stage's own record is left out, since it holds times, and so are the files that stages keep
     beside their folders.
-
-    Raises:
-        MissingInput: there is nothing at the path.
     """
     if not path.is_dir():
         return hash_file(path)
     digest = hashlib.sha256()
-    for file in _files_below(path):
+    # Folders that are links are not entered.
+    for file in sorted(Path(root, name) for root, _, names in os.walk(path) for name in names):
+        kept_beside = file.name in (STAGE_FILE, RECIPE_FILE) or _BESIDE_A_STAGE.fullmatch(file.name)
+        if kept_beside or not file.is_file():
+            continue
         digest.update(f"{file.relative_to(path).as_posix()}\0{hash_file(file)}\n".encode())
     return digest.hexdigest()
-
-
-def _files_below(folder: Path) -> list[Path]:
-    """What a folder's hash is of, sorted; folders that are links are not entered."""
-    found = [Path(root, name) for root, _, names in os.walk(folder) for name in names]
-    return sorted(
-        file
-        for file in found
-        if file.name not in (STAGE_FILE, RECIPE_FILE)
-        and not _BESIDE_A_STAGE.fullmatch(file.name)
-        and file.is_file()
-    )
 
 
 @contextmanager
@@ -141,12 +113,7 @@ def json_text(value: Any) -> str:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadRecord: it isn't JSON.
-    """
+    """Read a JSON file; BadRecord if it isn't JSON."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     try:
@@ -160,12 +127,7 @@ MAX_UNPACKED_BYTES = 4 << 30
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of an .npz, without unpickling anything.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: not an .npz, truncated, or with pickled objects inside.
-    """
+    """All arrays of an .npz, without unpickling anything."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     try:
@@ -180,28 +142,17 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
 
 
 _NPZ_ERRORS = (
-    zipfile.BadZipFile,
-    zlib.error,
-    ValueError,
-    TypeError,
-    OSError,
-    EOFError,
-    MemoryError,
-    # An encrypted or strangely compressed member.
-    RuntimeError,
-)
+    zipfile.BadZipFile, zlib.error, ValueError, TypeError, OSError, EOFError, MemoryError,
+    RuntimeError,  # an encrypted or strangely compressed member
+)  # fmt: skip
 """What numpy and zipfile raise for files that are not what they say."""
-
-
 _DRIVE = re.compile(r"^[A-Za-z]:")
 
 
 def safe_relative(text: str) -> str:
-    """Return `text` if it is a plain relative path with forward slashes.
+    """`text` if it is a plain relative path with forward slashes, else ValueError.
 
-    Raises:
-        ValueError: the path is absolute, climbs with `..`, or is written in a way that another
-            system would read differently (backslashes, drive letters, control characters, `a//b`).
+    Refused is also what another system would read differently: backslashes, drive letters, `a//b`.
     """
     if not text:
         raise ValueError("path is empty")
@@ -219,23 +170,13 @@ def safe_relative(text: str) -> str:
 
 
 def resolve_inside(root: Path, relative: str) -> Path:
-    """The real path of `root / relative`, with every link on the way followed.
-
-    Args:
-        root: The folder that nothing may leave.
-        relative: A path that `safe_relative` accepts.
-
-    Raises:
-        ValueError: the path, or a link anywhere along it, leads out of `root`.
-    """
+    """The real path of `root / relative`; ValueError where it, or a link on it, leaves `root`."""
     real_root = root.resolve()
     try:
         target = (real_root / safe_relative(relative)).resolve()
     except (OSError, RuntimeError) as error:  # links that point at each other
         raise ValueError(f"path {relative!r} can't be followed ({error})") from None
     if not target.is_relative_to(real_root):
-        raise ValueError(
-            f"path {relative!r} is or passes a link out of the manifest's folder; "
-            "copy the file in place of the link"
-        )
+        what = f"path {relative!r} is or passes a link out of the manifest's folder"
+        raise ValueError(f"{what}; copy the file in place of the link")
     return target

@@ -19,11 +19,8 @@ REQUIRED = (
 
 def _both_sides(names: Mapping[str, str], left: str, right: str) -> dict[str, str]:
     """Repeat `{left name: left_joint}` for the right side."""
-    mirrored = {
-        name.replace(left, right, 1): joint.replace("left", "right")
-        for name, joint in names.items()
-    }
-    return {**names, **mirrored}
+    twins = [(n.replace(left, right, 1), j.replace("left", "right")) for n, j in names.items()]
+    return {**names, **dict(twins)}
 
 
 CMU_BVH = {
@@ -77,22 +74,14 @@ def is_cmu(names: Sequence[str]) -> bool:
 def find_joints(
     names: Sequence[str], joint_map: Mapping[str, str] | Path | str | None, path: Path
 ) -> dict[int, int]:
-    """Which source joint drives each SMPL joint.
+    """Which source joint drives each SMPL joint: `{index of the SMPL joint: of the source joint}`.
 
-    Args:
-        names: The file's joint names.
-        joint_map: `{name in the file: SMPL joint}`, or a YAML or JSON file of it, or None for the
-            built-in maps (CMU's two forms, Mixamo with or without its prefix).
-        path: The motion file, for messages.
-
-    Returns:
-        `{index of the SMPL joint: index of the source joint}`.
-
-    Raises:
-        BadMotionFile: the naming is unknown, or the map is wrong for this file.
+    `joint_map` is `{name in the file: SMPL joint}`, or a YAML or JSON file of it, or None for the
+    built-in maps (CMU's two forms, Mixamo with or without its prefix).
     """
     if joint_map is None:
-        chosen = _built_in_map(names)
+        cmu = CMU_BVH if "LHipJoint" in names else CMU_ASF
+        chosen = cmu if is_cmu(names) else MIXAMO
         plain = [_MIXAMO_PREFIX.sub("", name) for name in names]
     else:
         chosen, plain = _read_map(joint_map, path), list(names)
@@ -112,12 +101,6 @@ def find_joints(
             f"{', '.join(JOINT)}"
         )
     return {JOINT[joint]: i for joint, i in found.items()}
-
-
-def _built_in_map(names: Sequence[str]) -> Mapping[str, str]:
-    if not is_cmu(names):
-        return MIXAMO
-    return CMU_BVH if "LHipJoint" in names else CMU_ASF
 
 
 def _read_map(joint_map: Mapping[str, str] | Path | str, path: Path) -> dict[str, str]:

@@ -16,20 +16,13 @@ def deltas(root_rotmats: Array, pelvis_m: Array) -> tuple[Array, Array]:
     """Motion from each frame to the next, seen from the body.
 
     dR = R_i^T R_{i+1} and dT = R_i^T (T_{i+1} - T_i), which is eqs. 2-4 solved for the motion.  It
-    is the same in every frame of reference that doesn't move.  T frames have T-1 motions.
-
-    Args:
-        root_rotmats: (..., T, 3, 3) frame_from_root.
-        pelvis_m: (..., T, 3) pelvis position in that frame [m].
-
-    Returns:
-        dR (..., T-1, 3, 3) and dT (..., T-1, 3) [m], of the inputs' kind.
+    is the same in every frame of reference that doesn't move.  frame_from_root (..., T, 3, 3) and
+    pelvis positions (..., T, 3) [m] give dR (..., T-1, 3, 3) and dT (..., T-1, 3) [m].
     """
     root_from_frame = root_rotmats[..., :-1, :, :].swapaxes(-1, -2)
     steps_m = pelvis_m[..., 1:, :] - pelvis_m[..., :-1, :]
-    return root_from_frame @ root_rotmats[..., 1:, :, :], (root_from_frame @ steps_m[..., None])[
-        ..., 0
-    ]
+    delta_m = (root_from_frame @ steps_m[..., None])[..., 0]
+    return root_from_frame @ root_rotmats[..., 1:, :, :], delta_m
 
 
 def accumulate(
@@ -37,16 +30,9 @@ def accumulate(
 ) -> tuple[Array, Array]:
     """Poses from a first pose and the motions after it (eqs. 3-4).
 
-    R_{i+1} = R_i dR_i and T_{i+1} = R_i dT_i + T_i.
-
-    Args:
-        delta_rotmats: (..., T-1, 3, 3) dR.
-        delta_m: (..., T-1, 3) dT [m].
-        first_root_rotmat: (..., 3, 3) R_1; the paper's is the identity.
-        first_pelvis_m: (..., 3) T_1 [m]; the paper's is the origin.
-
-    Returns:
-        frame_from_root (..., T, 3, 3) and pelvis positions (..., T, 3) [m], of the inputs' kind.
+    R_{i+1} = R_i dR_i and T_{i+1} = R_i dT_i + T_i, from a first R (..., 3, 3) and T (..., 3) [m],
+    which are the identity and the origin in the paper.  Gives frame_from_root (..., T, 3, 3) and
+    pelvis positions (..., T, 3) [m].
     """
     rotmats, places_m = [first_root_rotmat], [first_pelvis_m]
     for i in range(delta_m.shape[-2]):

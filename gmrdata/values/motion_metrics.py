@@ -23,8 +23,7 @@ def angles_rad(rotmats: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
     skew = rotmats - np.swapaxes(rotmats, -1, -2)
     sines = 0.5 * np.sqrt(skew[..., 2, 1] ** 2 + skew[..., 0, 2] ** 2 + skew[..., 1, 0] ** 2)
     cosines = 0.5 * (np.trace(rotmats, axis1=-2, axis2=-1) - 1)
-    angles: np.ndarray = np.arctan2(sines, cosines)
-    return angles
+    return np.asarray(np.arctan2(sines, cosines))
 
 
 def orientation_errors_deg(
@@ -38,8 +37,7 @@ def translation_errors_mm(
     predicted_m: Float[np.ndarray, "*n 3"], true_m: Float[np.ndarray, "*n 3"]
 ) -> Float[np.ndarray, "*n"]:
     """Length of dT - dT* per motion [mm]."""
-    lengths: np.ndarray = np.linalg.norm(predicted_m - true_m, axis=-1) * 1000
-    return lengths
+    return np.asarray(np.linalg.norm(predicted_m - true_m, axis=-1) * 1000)
 
 
 def vertex_errors_mm(
@@ -50,25 +48,17 @@ def vertex_errors_mm(
     true_vertices_m: Float[np.ndarray, "n vertices 3"],
     predicted_vertices_m: Float[np.ndarray, "n vertices 3"] | None = None,
 ) -> Float[np.ndarray, " n"]:
-    """Mean distance of the vertices of M([dA, L], beta, dT) per motion [mm].
+    """Mean distance of the vertices of M([dA, L], beta, dT) per motion (dR, dT; dR*, dT*) [mm].
 
-    Args:
-        predicted_rotmats: dR.
-        predicted_m: dT [m].
-        true_rotmats: dR*.
-        true_m: dT* [m].
-        true_vertices_m: True posed body in the first frame of each motion, root at identity, pelvis
-            at the origin [m].
-        predicted_vertices_m: The same of the predicted local pose and shape; None where those are
-            the true ones.
+    The vertices are of the posed body in the first frame of each motion, root at identity, pelvis
+    at the origin [m]; the predicted ones are None where local pose and shape are the true ones.
     """
     if predicted_vertices_m is None:
         predicted_vertices_m = true_vertices_m
     predicted = predicted_vertices_m @ np.swapaxes(predicted_rotmats, -1, -2)
     true = true_vertices_m @ np.swapaxes(true_rotmats, -1, -2)
     offsets_m = predicted - true + (predicted_m - true_m)[:, None]
-    means: np.ndarray = np.linalg.norm(offsets_m, axis=-1).mean(-1) * 1000
-    return means
+    return np.asarray(np.linalg.norm(offsets_m, axis=-1).mean(-1) * 1000)
 
 
 CHUNK_BYTES = 64 << 20
@@ -81,8 +71,7 @@ class VertexErrors(NamedTuple):
     vme_mm: np.ndarray
     """(T-1,) mean over the vertices for each motion (eq. 17) [mm]."""
     over_time_mm: np.ndarray
-    """(T,) mean over the vertices in each frame, where the predicted motions are accumulated from
-    the true first pose (the paper's fig. 5) [mm]."""
+    """(T,) the same in each frame, the motions accumulated from the true first pose (fig. 5)."""
 
 
 def posed_vertex_errors_mm(
@@ -117,14 +106,9 @@ def run_vertex_errors(
 ) -> dict[str, VertexErrors]:
     """Vertex errors of several predictions of one motion; the true body is posed once.
 
-    Args:
-        body: The true motion's body.
-        true: T frames.
-        predicted: The same frames by name, each in a world of its own: only its motion from frame
-            to frame counts.  One with the true local pose and shape (the same arrays) is not posed
-            again.
-        predicted_body: Body of the predictions with a pose of their own, with the true body's
-            vertices; None for the true body.
+    Each prediction is in a world of its own: only its motion from frame to frame counts.  One with
+    the true local pose and shape (the same arrays) is not posed again; the others have
+    `predicted_body`, if given, which has the true body's vertices.
     """
     true_rotmats, true_m = deltas(true.root_rotmats, true.pelvis_m)
     motions = {name: deltas(one.root_rotmats, one.pelvis_m) for name, one in predicted.items()}
@@ -172,8 +156,7 @@ def _posed_m(body: BodyModel, shape: np.ndarray, local_rotmats: np.ndarray) -> n
     betas = torch.as_tensor(shape, dtype=torch.float64)
     poses = torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64)
     with torch.no_grad():
-        vertices_m: np.ndarray = posed_vertices(body, betas, poses).numpy()
-    return vertices_m
+        return np.asarray(posed_vertices(body, betas, poses).numpy())
 
 
 def _chunks(n_rows: int, body: BodyModel) -> Iterator[slice]:

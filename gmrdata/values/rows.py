@@ -5,10 +5,7 @@ from itertools import groupby
 
 
 def text_runs(texts: Iterable[str]) -> list[tuple[int, int, str]]:
-    """Runs of neighbouring rows with one text, all of them, as (start, stop, text).
-
-    `stop` is one past the last row.
-    """
+    """All runs of neighbouring rows with one text: (start, one past the last row, text)."""
     runs, start = [], 0
     for text, group in groupby(texts):
         stop = start + len(list(group))
@@ -26,11 +23,9 @@ def texts_of(runs: Iterable[tuple[int, int, str]], n_rows: int) -> list[str]:
 
 
 def first_reasons(reasons: Iterable[str], tests: Iterable[tuple[Iterable[bool], str]]) -> list[str]:
-    """(N,) why each row can't be used: its own reason, else that of the first test it fails.
+    """(N,) why each row can't be used: its own reason, or that of the first test it fails.
 
-    Args:
-        reasons: (N,) texts, empty for rows that nothing speaks against so far.
-        tests: (N,) what passed, and the reason where it did not.
+    A test is what passed (N,), and the reason where it did not.
     """
     found = list(reasons)
     for passed, reason in tests:

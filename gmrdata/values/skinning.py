@@ -62,11 +62,7 @@ def posed_joints_m(
 
 
 def motion_joints_m(body: BodyModel, motion: Motion) -> Float[np.ndarray, "frames 24 3"]:
-    """Joints of a motion [m], in the motion's frame.
-
-    Raises:
-        ValueError: the motion's shape does not fit the body.
-    """
+    """Joints of a motion [m], in the motion's frame."""
     _check_shape(body, motion)
     joints_m, _ = posed_joints_m(body.rest_joints_m(motion.shape), motion.rotmats, motion.pelvis_m)
     return joints_m
@@ -75,16 +71,7 @@ def motion_joints_m(body: BodyModel, motion: Motion) -> Float[np.ndarray, "frame
 def motion_vertices_m(
     body: BodyModel, motion: Motion, rows: np.ndarray | slice | None = None
 ) -> Float[np.ndarray, "n vertices 3"]:
-    """Vertices of a motion, float32 [m], in the motion's frame.
-
-    Args:
-        body: The motion's body.
-        motion: T frames.
-        rows: Which of them: an index array, a bool mask or a slice; None for all.
-
-    Raises:
-        ValueError: the motion's shape does not fit the body.
-    """
+    """Vertices of a motion, or of some of its rows, float32 [m], in the motion's frame."""
     _check_shape(body, motion)
     rest_joints_m = body.rest_joints_m(motion.shape)
     joints_m, frame_from_joint = posed_joints_m(rest_joints_m, motion.rotmats, motion.pelvis_m)
@@ -121,6 +108,5 @@ def _bent(body: BodyModel, template_m: np.ndarray, motion: Motion, rows: np.ndar
 
 def _check_shape(body: BodyModel, motion: Motion) -> None:
     if motion.shape.shape != (body.n_shape,):
-        raise ValueError(
-            f"body {body.name} has {body.n_shape} shape coefficients, got {motion.shape.shape}"
-        )
+        what = f"body {body.name} has {body.n_shape} shape coefficients"
+        raise ValueError(f"{what}, got {motion.shape.shape}")

@@ -5,39 +5,23 @@ The root is left at identity with the pelvis at the origin, so a vertex of the p
 about the pelvis and then adds `trans`, is the same with T = trans + J0.
 """
 
-from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from gmrdata.values.body import N_JOINTS, N_LOCAL, PARENTS, BodyModel
 from gmrdata.values.shapes import Float
 
-
-@dataclass(frozen=True, eq=False)
-class _BodyTensors:
-    """A body's arrays as tensors of one dtype on one device, rest pelvis not yet subtracted."""
-
-    template_m: Tensor
-    """(V*3,)."""
-    shape_dirs_m: Tensor
-    """(V*3, S)."""
-    joints_template_m: Tensor
-    """(24, 3)."""
-    joint_shape_dirs_m: Tensor
-    """(24, 3, S)."""
-    skin_weights: Tensor
-    """(V, 24)."""
-    pose_dirs_m: Tensor | None
-    """(V*3, 207)."""
-
-
-_TENSORS: WeakKeyDictionary[BodyModel, dict[tuple[torch.dtype, torch.device], _BodyTensors]] = (
+Tensors = dict[str, Tensor]
+"""A body's arrays of one dtype on one device, by their names in BodyModel."""
+_TENSORS: WeakKeyDictionary[BodyModel, dict[tuple[torch.dtype, torch.device], Tensors]] = (
     WeakKeyDictionary()
 )
 """Tensors of the bodies that are still alive, so that calling the forward pass again is cheap."""
+_FLAT = ("template_m", "shape_dirs_m", "pose_dirs_m")
+"""Those with the vertices' coordinates in one dimension: (V*3,), (V*3, S) and (V*3, 207)."""
+_WHOLE = ("joints_template_m", "joint_shape_dirs_m", "skin_weights")
 
 
 def posed_joints(
@@ -54,20 +38,13 @@ def posed_vertices(
 ) -> Float[Tensor, "*batch vertices 3"]:
     """Vertices of a posed body with the root at identity and the pelvis at the origin [m].
 
-    Args:
-        body: The body.
-        shape: (..., S) shape coefficients; batch dimensions broadcast against the pose's.
-        local_rotmats: (..., 23, 3, 3) parent_from_joint of joints 1..23.  Its dtype and device are
-            those of the result.
-
-    Raises:
-        ValueError: the shape has another number of coefficients than the body, or the pose is not
-            of 23 rotations.
+    Batch dimensions of the shape (..., S) broadcast against those of the pose, (..., 23, 3, 3)
+    parent_from_joint of joints 1..23, whose dtype and device are those of the result.
     """
     transforms = joint_transforms(body, shape, local_rotmats).flatten(-2)
     tensors = _tensors(body, local_rotmats)
     shape = shape.to(local_rotmats)
-    blended = (tensors.skin_weights @ transforms).unflatten(-1, (3, 4))
+    blended = (tensors["skin_weights"] @ transforms).unflatten(-1, (3, 4))
     rest_m = _rest_vertices(tensors, shape, local_rotmats)
     rest_m = rest_m - _rest_joints(tensors, shape)[..., :1, :]
     return _rotate(blended[..., :3], rest_m) + blended[..., 3]
@@ -79,7 +56,7 @@ def joint_transforms(
     """root_from_rest: where each joint takes the points that are bound to it [m].
 
     Points of the rest frame with the pelvis at the origin go to the root's frame with the pelvis at
-    the origin.  Arguments and errors are those of `posed_vertices`.
+    the origin.  Arguments are those of `posed_vertices`.
     """
     _check_sizes(body, shape, local_rotmats)
     rest_joints_m = _rest_joints(_tensors(body, local_rotmats), shape.to(local_rotmats))
@@ -119,18 +96,17 @@ def forward_kinematics(
     return torch.stack(places_m, dim=-2), torch.stack(rotations, dim=-3)
 
 
-def _rest_joints(tensors: _BodyTensors, shape: Tensor) -> Tensor:
-    return tensors.joints_template_m + torch.einsum(
-        "jcs,...s->...jc", tensors.joint_shape_dirs_m, shape
-    )
+def _rest_joints(tensors: Tensors, shape: Tensor) -> Tensor:
+    offsets_m = torch.einsum("jcs,...s->...jc", tensors["joint_shape_dirs_m"], shape)
+    return tensors["joints_template_m"] + offsets_m
 
 
-def _rest_vertices(tensors: _BodyTensors, shape: Tensor, local_rotmats: Tensor) -> Tensor:
+def _rest_vertices(tensors: Tensors, shape: Tensor, local_rotmats: Tensor) -> Tensor:
     """Template, shape blend shapes and pose blend shapes (Loper et al. 2015, eqs. 6, 8, 9)."""
-    rest_m = tensors.template_m + shape @ tensors.shape_dirs_m.T
-    if tensors.pose_dirs_m is not None:
+    rest_m = tensors["template_m"] + shape @ tensors["shape_dirs_m"].T
+    if "pose_dirs_m" in tensors:
         bends = local_rotmats - torch.eye(3).to(local_rotmats)
-        rest_m = rest_m + bends.flatten(-3) @ tensors.pose_dirs_m.T
+        rest_m = rest_m + bends.flatten(-3) @ tensors["pose_dirs_m"].T
     return rest_m.unflatten(-1, (-1, 3))
 
 
@@ -138,35 +114,24 @@ def _rotate(rotmats: Tensor, points: Tensor) -> Tensor:
     return (rotmats @ points[..., None])[..., 0]
 
 
-def _tensors(body: BodyModel, like: Tensor) -> _BodyTensors:
+def _tensors(body: BodyModel, like: Tensor) -> Tensors:
     made = _TENSORS.setdefault(body, {})
     key = (like.dtype, like.device)
     if key not in made:
-        made[key] = _make_tensors(body, like)
+        arrays = {name: getattr(body, name) for name in (*_FLAT, *_WHOLE)}
+        made[key] = {
+            name: torch.tensor(array, dtype=like.dtype, device=like.device)
+            for name, array in arrays.items()
+            if array is not None
+        }
+        made[key] |= {name: made[key][name].flatten(0, 1) for name in _FLAT if name in made[key]}
     return made[key]
-
-
-def _make_tensors(body: BodyModel, like: Tensor) -> _BodyTensors:
-    def convert(array: np.ndarray) -> Tensor:
-        return torch.tensor(array, dtype=like.dtype, device=like.device)
-
-    pose_dirs_m = body.pose_dirs_m
-    return _BodyTensors(
-        template_m=convert(body.template_m).flatten(),
-        shape_dirs_m=convert(body.shape_dirs_m).flatten(0, 1),
-        joints_template_m=convert(body.joints_template_m),
-        joint_shape_dirs_m=convert(body.joint_shape_dirs_m),
-        skin_weights=convert(body.skin_weights),
-        pose_dirs_m=None if pose_dirs_m is None else convert(pose_dirs_m).flatten(0, 1),
-    )
 
 
 def _check_sizes(body: BodyModel, shape: Tensor, local_rotmats: Tensor) -> None:
     if shape.shape[-1:] != (body.n_shape,):
-        raise ValueError(
-            f"body {body.name} has {body.n_shape} shape coefficients, got {tuple(shape.shape)}"
-        )
+        what = f"body {body.name} has {body.n_shape} shape coefficients"
+        raise ValueError(f"{what}, got {tuple(shape.shape)}")
     if local_rotmats.shape[-3:] != (N_LOCAL, 3, 3):
-        raise ValueError(
-            f"a pose is (..., {N_LOCAL}, 3, 3) rotations, got {tuple(local_rotmats.shape)}"
-        )
+        what = f"a pose is (..., {N_LOCAL}, 3, 3) rotations"
+        raise ValueError(f"{what}, got {tuple(local_rotmats.shape)}")

@@ -1,7 +1,4 @@
-"""Rigid transforms as 4x4 arrays, named `a_from_b`: they map coordinates in b to a.
-
-And the best ones between two sets of points or orientations.
-"""
+"""Rigid transforms as 4x4 arrays, `a_from_b`, which map coordinates in b to a; the best of them."""
 
 from typing import NamedTuple
 
@@ -24,20 +21,16 @@ def rigid(
 
 def invert(a_from_b: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*batch 4 4"]:
     """b_from_a of rigid transforms, without a general matrix inverse."""
-    b_from_a_rotmats = np.swapaxes(a_from_b[..., :3, :3], -1, -2)
-    return rigid(
-        b_from_a_rotmats, -np.einsum("...ij,...j->...i", b_from_a_rotmats, a_from_b[..., :3, 3])
-    )
+    rotmats = np.swapaxes(a_from_b[..., :3, :3], -1, -2)
+    return rigid(rotmats, -np.einsum("...ij,...j->...i", rotmats, a_from_b[..., :3, 3]))
 
 
 def apply(
     a_from_b: Float[np.ndarray, "*#batch 4 4"], points_b: Float[np.ndarray, "*#batch n 3"]
 ) -> Float[np.ndarray, "*#batch n 3"]:
     """Map points from b to a; one set of points may go through many transforms."""
-    return (
-        np.einsum("...ij,...nj->...ni", a_from_b[..., :3, :3], points_b)
-        + a_from_b[..., None, :3, 3]
-    )
+    turned = np.einsum("...ij,...nj->...ni", a_from_b[..., :3, :3], points_b)
+    return turned + a_from_b[..., None, :3, 3]
 
 
 def slerp(
@@ -62,10 +55,8 @@ class Similarity(NamedTuple):
 
     def apply(self, points_b_m: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Map points from b to a [m]."""
-        mapped: np.ndarray = (
-            self.scale * np.asarray(points_b_m) @ self.rotmat.T + self.translation_m
-        )
-        return mapped
+        turned_m = self.scale * np.asarray(points_b_m) @ self.rotmat.T
+        return np.asarray(turned_m + self.translation_m)
 
 
 def fit_similarity(
