@@ -45,11 +45,11 @@ def tables(
     """
     from gmrdata.pages.scores import write_scores_pages
     from gmrdata.tables.comparison import TableRecord, explanations, shown_rows
-    from gmrdata.tables.make import lacking_text, make_table
+    from gmrdata.tables.make import make_table
     from gmrdata.tables.plan import HEADINGS, Given, plan_table, planned_runs
     from gmrdata.tables.recipe import load_table
 
-    _, recipe = load_table(table)
+    recipe = load_table(table)
     given = Given(
         manifest, scored, poses, keypoints, features, videos, held_out,
         body_path(body),
@@ -61,7 +61,7 @@ def tables(
         for line in lines:
             answer(line)
         if plan.lacking:
-            answer(lacking_text(recipe, plan, all_of_it=not plan.scorings))
+            answer(plan.lacking_text())
         return
     with then(lambda: write_scores_pages(out / "scores")):
         path = make_table(recipe, scale, given, out, seeds=seeds, run=run)

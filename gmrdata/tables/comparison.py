@@ -28,7 +28,6 @@ class TableRow(Config):
     name_in_paper: str | None
     """None for a row that the paper does not have."""
     method: str
-    """What predicts."""
     clips: Literal["all", "moving", "still"]
     """Which of the scored clips count."""
     paper: PaperMetrics[float | None]
@@ -41,12 +40,11 @@ class TableRow(Config):
 
 
 class TrainingSet(Config):
-    """A manifest to train on."""
+    """A manifest, and its clips that were trained on."""
 
     name: str
     """Its file's name and the folder around it."""
     clips: int
-    """Its clips that were trained on."""
 
 
 class TableData(Config):
@@ -58,7 +56,6 @@ class TableData(Config):
     """Their clips that were not trained on, by reason."""
     scored: str
     held_out_subjects: tuple[int | str, ...]
-    """People who were not trained on."""
 
 
 class TableRecord(Record):
@@ -69,10 +66,9 @@ class TableRecord(Record):
     title: str
     scale: str
     note: str
-    """What a reader must know of that size."""
     data: TableData
     rows: tuple[TableRow, ...]
-    """The rows in the paper's order, and zero motion."""
+    """In the paper's order, and zero motion."""
     lacking: dict[str, tuple[str, ...]]
     """What would have to be given for a row that could not be made."""
     statements: tuple[str, ...]
@@ -152,11 +148,11 @@ class _Row(NamedTuple):
 
 
 def _of_metric(metric: Metric, rows: Sequence[TableRow]) -> list[str]:
-    known = []
-    for row in rows:
-        paper = row.paper.get(metric)
-        if paper is not None and row.ours is not None:
-            known.append(_Row(row.name, paper, row.ours.get(metric)))
+    known = [
+        _Row(row.name, paper, row.ours.get(metric))
+        for row in rows
+        if row.ours is not None and (paper := row.paper.get(metric)) is not None
+    ]
     both = (sorted(pair, key=lambda one: one.paper) for pair in combinations(known, 2))
     pairs = [(better, worse) for better, worse in both if better.paper != worse.paper]
     if not pairs:

@@ -4,7 +4,6 @@ import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.runs import ClipFile, usable_files
@@ -14,21 +13,12 @@ from gmrdata.manifest.entry import clip_entry
 from gmrdata.manifest.read import rows_in
 from gmrdata.manifest.write import write_manifest
 from gmrdata.score import METRICS, Method, Metric
-from gmrdata.score.records import PaperMetrics, Scores
+from gmrdata.score.records import GroupScore, PaperMetrics, Scores
 from gmrdata.stage.jobs import Job, run_jobs, worker_pool
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.tables import ScaleName
-from gmrdata.tables.comparison import (
-    OverSeeds,
-    TableData,
-    TableRecord,
-    TableRow,
-    TrainingSet,
-    orderings,
-    write_table,
-)
-from gmrdata.tables.plan import Given, Plan, plan_table, scored_manifest
+from gmrdata.tables import ScaleName, comparison
+from gmrdata.tables.plan import Given, Plan, plan_table
 from gmrdata.tables.recipe import Row, TableRecipe, train_config
 from gmrdata.tables.work import score_one, train_one
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
@@ -38,10 +28,7 @@ from gmrdata.values.files import read_npz, resolve_inside, write_npz
 def held_out_set(
     manifest_paths: Sequence[Path], config: DataConfig, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Write the clips of the held-out subjects, without images, as a set of its own.
-
-    Returns:
-        Its `manifest.yaml`.
+    """Write the clips of the held-out subjects, without images, as a set; gives its manifest.
 
     Raises:
         BadRecipe: nobody is held out, or no clip is of a held-out subject.
@@ -96,9 +83,8 @@ def make_table(
 ) -> Path:
     """Train and score each row that the given files allow; what is made already is kept.
 
-    Args:
-        out_dir: Gets runs/, scores/, and `table<N>.json` (which is returned), `.csv` and `.md`.
-        seeds: In place of the recipe's.
+    `out_dir` gets runs/, scores/, and `table<N>.json` (which is returned), `.csv` and `.md`.  The
+    `seeds` stand in place of the recipe's.
 
     Raises:
         MissingInput: no row can be made of what is given; says what each of them lacks.
@@ -106,88 +92,74 @@ def make_table(
     """
     plan = plan_table(recipe, scale, given, seeds)
     if not plan.scorings:
-        raise MissingInput(lacking_text(recipe, plan))
-    subjects = given.subjects(recipe.scales[scale])
+        raise MissingInput(plan.lacking_text())
     if given.scored is None:
-        config = train_config(recipe, recipe.rows[0], scale, 0, subjects).data
-        held_out_set(given.manifests, config, out_dir / "held_out", run=run)
+        held_out_set(given.manifests, _data_config(plan), out_dir / "held_out", run=run)
     shared = {"given": given, "out_dir": out_dir, "run": run}
+    runs_dir, scores_dir, failures_dir = (out_dir / name for name in ("runs", "scores", "failures"))
     training = {
-        out_dir / "runs" / one.id: Job(_job_id(one.id), train_one, {"training": one} | shared)
-        for one in plan.trainings
+        runs_dir / id: Job(id.replace("/", "."), train_one, {"id": id, "config": config} | shared)
+        for id, config in plan.trainings.items()
     }
     scoring = {
-        out_dir / "scores" / one.id: Job(_job_id(one.id), score_one, {"scoring": one} | shared)
+        scores_dir / one.id: Job(one.id.replace("/", "."), score_one, {"scoring": one} | shared)
         for ones in plan.scorings.values()
         for one in ones
     }
-    _run("train", training, out_dir / "failures" / "train", run)
-    paths = _run("score", scoring, out_dir / "failures" / "score", run)
+    _run("train", training, failures_dir / "train", run)
+    _run("score", scoring, failures_dir / "score", run)
     scores = {
-        name: [Scores.read(paths[_job_id(one.id)]) for one in ones]
+        name: [Scores.read(scores_dir / one.id / "scores.json") for one in ones]
         for name, ones in plan.scorings.items()
     }
-    return write_table(out_dir, _record(recipe, scale, given, plan, scores, out_dir))
+    return comparison.write_table(out_dir, _record(plan, scores))
 
 
-def _run(what: str, jobs: Mapping[Path, Job], failures_dir: Path, run: Run) -> dict[str, Any]:
-    """Results by job id.  Where a folder is there, its stage only looks whether it is the right
-    one, for which no worker has to start."""
-    made = [] if run.redo else [job for folder, job in jobs.items() if folder.is_dir()]
-    results = {job.id: job.call(**job.arguments) for job in made}
-    left = [job for job in jobs.values() if job.id not in results]
+def _data_config(plan: Plan) -> DataConfig:
+    """The data are those of every row."""
+    return train_config(plan.recipe, plan.recipe.rows[0], plan.scale, 0, plan.subjects).data
+
+
+def _run(what: str, jobs: Mapping[Path, Job], failures_dir: Path, run: Run) -> None:
+    left = []
+    for folder, job in jobs.items():
+        if run.redo or not folder.is_dir():
+            left.append(job)
+        else:  # Its stage only looks whether it is the right one: no worker has to start.
+            job.call(**job.arguments)
     if left:
         with worker_pool(run) as client:
-            results |= run_jobs(what, left, client, failures_dir)
-    return results
+            run_jobs(what, left, client, failures_dir)
 
 
-def lacking_text(recipe: TableRecipe, plan: Plan, *, all_of_it: bool = True) -> str:
-    """What rows of a table lack; `all_of_it`: whether nothing can be made of it."""
-    listed = "\n".join(f"  {name}: {'; '.join(what)}" for name, what in plan.lacking.items())
-    which = "no row" if all_of_it else "not every row"
-    return f"table {recipe.table}: {which} can be made of what is given. What is missing:\n{listed}"
-
-
-def _job_id(id: str) -> str:
-    return id.replace("/", ".")
-
-
-def _record(
-    recipe: TableRecipe,
-    scale: ScaleName,
-    given: Given,
-    plan: Plan,
-    scores: Mapping[str, Sequence[Scores]],
-    out_dir: Path,
-) -> TableRecord:
-    rows = [_row(recipe, row, scale, scores.get(row.name, ()), plan) for row in recipe.rows]
-    zero_motion = TableRow(
+def _record(plan: Plan, scores: Mapping[str, Sequence[Scores]]) -> comparison.TableRecord:
+    recipe = plan.recipe
+    first = next(iter(scores.values()))[0]
+    rows = [_row(plan, row, scores.get(row.name, ())) for row in recipe.rows]
+    zero_motion = comparison.TableRow(
         name="no motion at all", name_in_paper=None, method="zero", clips="all", seeds=(),
         settings=None, paper=PaperMetrics(**dict.fromkeys(METRICS)),
-        ours=_over_seeds(next(iter(scores.values()))[:1], "zero"),
+        ours=_over_seeds([first], "zero"),
     )  # fmt: skip
-    return TableRecord(
+    return comparison.TableRecord(
         table=recipe.table,
         title=recipe.title,
-        scale=scale,
-        note=recipe.scales[scale].note,
-        data=_data(recipe, scale, given, scores, out_dir),
+        scale=plan.scale,
+        note=recipe.scales[plan.scale].note,
+        data=_data(plan, first.overall),
         rows=(*rows, zero_motion),
         lacking={name: tuple(wanted) for name, wanted in plan.lacking.items()},
-        statements=tuple(orderings(rows)),
+        statements=tuple(comparison.orderings(rows)),
     )
 
 
-def _row(
-    recipe: TableRecipe, row: Row, scale: ScaleName, scores: Sequence[Scores], plan: Plan
-) -> TableRow:
+def _row(plan: Plan, row: Row, scores: Sequence[Scores]) -> comparison.TableRow:
     used = {one.training for one in plan.scorings.get(row.name, ())}
-    configs = [one.config for one in plan.trainings if one.id in used]
-    return TableRow(
-        name=row.name_at(scale),
+    configs = [config for id, config in plan.trainings.items() if id in used]
+    return comparison.TableRow(
+        name=row.name_at(plan.scale),
         name_in_paper=row.name if row.paper else None,
-        method=recipe.scored_row(row).method,
+        method=plan.recipe.scored_row(row).method,
         clips=row.clips,
         paper=PaperMetrics(**{metric: row.paper.get(metric) for metric in METRICS}),
         seeds=tuple(config.seed for config in configs),
@@ -198,12 +170,13 @@ def _row(
 
 def _over_seeds(
     scores: Sequence[Scores], method: Method, row: Row | None = None
-) -> PaperMetrics[OverSeeds]:
+) -> PaperMetrics[comparison.OverSeeds]:
     found = {}
     for metric in METRICS:
         values = tuple(clip_figure(metric, one, method, row) for one in scores)
         spread = statistics.stdev(values) if len(values) > 1 else None
-        found[metric] = OverSeeds(mean=statistics.fmean(values), spread=spread, by_seed=values)
+        mean = statistics.fmean(values)
+        found[metric] = comparison.OverSeeds(mean=mean, spread=spread, by_seed=values)
     return PaperMetrics(**found)
 
 
@@ -223,34 +196,22 @@ def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None)
     return sum(sums) / n_motions
 
 
-def _data(
-    recipe: TableRecipe,
-    scale: ScaleName,
-    given: Given,
-    scores: Mapping[str, Sequence[Scores]],
-    out_dir: Path,
-) -> TableData:
-    subjects = given.subjects(recipe.scales[scale])
+def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
+    given = plan.given
     sizes, left_out = [len(usable_files(path)[0]) for path in given.videos], {}
     if given.manifests:
-        config = train_config(recipe, recipe.rows[0], scale, 0, subjects).data
-        split = split_manifests(given.manifests, config)
+        split = split_manifests(given.manifests, _data_config(plan))
         sizes, left_out = [*split.mix.sizes, *sizes], split.left_out
-    paths = (*given.manifests, *given.videos)
-    overall = next(iter(scores.values()))[0].overall
-    scored_path = scored_manifest(given, out_dir)
-    what = _name_of(scored_path) if given.scored is not None else "the held-out subjects"
-    return TableData(
-        paper=recipe.paper_data,
-        training=tuple(
-            TrainingSet(name=_name_of(path), clips=n) for path, n in zip(paths, sizes, strict=True)
-        ),
+    sets = zip((*given.manifests, *given.videos), sizes, strict=True)
+    what = "the held-out subjects" if given.scored is None else _name_of(given.scored)
+    return comparison.TableData(
+        paper=plan.recipe.paper_data,
+        training=tuple(comparison.TrainingSet(name=_name_of(path), clips=n) for path, n in sets),
         left_out=left_out,
         scored=f"{what} ({overall.n_clips} clips, {overall.n_motions} motions)",
-        held_out_subjects=subjects,
+        held_out_subjects=plan.subjects,
     )
 
 
 def _name_of(path: Path) -> str:
-    """A manifest by its file's name and the folder around it."""
     return f"{path.resolve().parent.name}/{path.name}"

@@ -49,27 +49,18 @@ def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[s
     owner = row if row.network is None else recipe.row(row.network)
     # Another network's poses are of filmed clips, not of those that are held out of the training.
     has_own_clips = row.method == "gmr" and row.poses == "true" and bool(given.subjects(scale))
-    needs = {
-        "motions to train on (--manifest)": not given.manifests
-        and owner.method == row.method == "gmr",
-        "clips to score (--scored)": given.scored is None and not has_own_clips,
-        "VIBE's poses as <clip id>.npz (--poses)": given.poses is None
-        and (row.poses == "given" or row.method == "vibe_cam"),
-        "2D keypoints of STAF or OpenPose as <clip id>/ (--keypoints)": given.keypoints is None
-        and row.method == "vibe_cam",
-        "videos with true motions to train on (--videos)": row.method == "joint"
-        and not given.videos,
-        "image features as <clip id>.npz (--features)": row.method == "joint"
-        and given.features is None,
-    }
-    return [what for what, is_lacking in needs.items() if is_lacking]
-
-
-@dataclass(frozen=True)
-class Training:
-    id: str
-    """Its folder below runs/."""
-    config: TrainConfig | JointConfig
+    wants_keypoints, is_joint = row.method == "vibe_cam", row.method == "joint"
+    wants_poses = row.poses == "given" or wants_keypoints
+    needs = (
+        ("motions to train on (--manifest)", owner.method == row.method == "gmr", given.manifests),
+        ("clips to score (--scored)", not has_own_clips, given.scored),
+        ("VIBE's poses as <clip id>.npz (--poses)", wants_poses, given.poses),
+        ("2D keypoints of STAF or OpenPose as <clip id>/ (--keypoints)", wants_keypoints,
+         given.keypoints),
+        ("videos with true motions to train on (--videos)", is_joint, given.videos),
+        ("image features as <clip id>.npz (--features)", is_joint, given.features),
+    )  # fmt: skip
+    return [what for what, is_needed, files in needs if is_needed and not files]
 
 
 @dataclass(frozen=True)
@@ -84,12 +75,26 @@ class Scoring:
 
 @dataclass(frozen=True)
 class Plan:
-    trainings: tuple[Training, ...]
-    """Each network once, though several rows may use it."""
-    scorings: dict[str, tuple[Scoring, ...]]
+    """What a recipe makes at one size, of what is given."""
+
+    recipe: TableRecipe
+    scale: ScaleName
+    given: Given
+    trainings: dict[str, TrainConfig | JointConfig]
+    """By folder below runs/: each network once, though several rows may use it."""
+    scorings: dict[str, list[Scoring]]
     """By name of a row in the recipe: its scores, seed by seed."""
     lacking: dict[str, list[str]]
     """By name of a row that can't be made: what would have to be given."""
+
+    @property
+    def subjects(self) -> tuple[int | str, ...]:
+        return self.given.subjects(self.recipe.scales[self.scale])
+
+    def lacking_text(self) -> str:
+        listed = "\n".join(f"  {name}: {'; '.join(what)}" for name, what in self.lacking.items())
+        which = f"table {self.recipe.table}: {'not every' if self.scorings else 'no'} row"
+        return f"{which} can be made of what is given. What is missing:\n{listed}"
 
 
 def plan_table(
@@ -99,18 +104,16 @@ def plan_table(
     shared = recipe.scales.get(scale)
     if shared is None:
         raise BadRecipe(f"table {recipe.table} has no scale {scale}; give one of its own")
-    trainings: dict[str, Training] = {}
-    scorings: dict[str, tuple[Scoring, ...]] = {}
-    missing: dict[str, list[str]] = {}
+    plan = Plan(recipe, scale, given, {}, {}, {})
     for shown in recipe.rows:
         row = recipe.scored_row(shown)
         if wanted := lacking(recipe, row, shared, given):
-            missing[shown.name_at(scale)] = wanted
+            plan.lacking[shown.name_at(scale)] = wanted
             continue
         if row.method in ("vibe_cam", "camera_as_world"):
-            scorings[shown.name] = (Scoring(row, folder_name(row.name), None),)
+            plan.scorings[shown.name] = [Scoring(row, folder_name(row.name), None)]
             continue
-        of_seeds = []
+        plan.scorings[shown.name] = of_seeds = []
         for seed in seeds or shared.seeds:
             run = f"{folder_name(row.network or row.name)}/seed_{seed}"
             config = (
@@ -118,21 +121,15 @@ def plan_table(
                 if row.method == "joint"
                 else train_config(recipe, row, scale, seed, given.subjects(shared))
             )
-            trainings.setdefault(run, Training(run, config))
+            plan.trainings.setdefault(run, config)
             of_seeds.append(Scoring(row, f"{folder_name(row.name)}/seed_{seed}", run))
-        scorings[shown.name] = tuple(of_seeds)
-    return Plan(tuple(trainings.values()), scorings, missing)
+    return plan
 
 
 def folder_name(name: str) -> str:
     """A row's name as a folder's: "V+O+S+T(4/2048)" is v_o_s_t_4_2048."""
     # "w/" and "w/o" differ in more than signs, so no two rows of a table fall together by this.
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
-
-
-def scored_manifest(given: Given, out_dir: Path) -> Path:
-    """The clips to score: those given, or the held-out ones."""
-    return given.scored or out_dir / "held_out" / "manifest.yaml"
 
 
 HEADINGS = ("training", "parameters", "steps", "state", "minutes")
@@ -142,32 +139,29 @@ PROBED_STEPS = 2
 def planned_runs(
     plan: Plan, out_dir: Path, workers: int
 ) -> tuple[list[tuple[str, ...]], list[str]]:
-    """The trainings of a table as rows, and the sum of what is left.
+    """The trainings of a table as rows under `HEADINGS`, and lines on the sum of what is left.
 
-    The estimate is of the network's forward and backward pass on this machine, timed for two steps
-    after a first one; the loss and the data come on top.
-
-    Returns:
-        Rows under `HEADINGS`, and lines to print below them.
+    The estimate is of the network's forward and backward pass on this machine; the loss and the
+    data come on top.
     """
     probed: dict[str, tuple[int, float | None]] = {}
     rows: list[tuple[str, ...]] = []
     left_minutes: list[float | None] = []
-    for one in plan.trainings:
-        config, parameters, step_s = one.config, "-", None
+    for run, config in plan.trainings.items():
+        parameters, step_s = "-", None
         if isinstance(config, TrainConfig):
             key = f"{config.model!r} {config.batch_size} {config.windows.frames} {config.device}"
             if key not in probed:
                 probed[key] = _probe(config)
             parameters, step_s = f"{probed[key][0]:,}", probed[key][1]
         minutes = None if step_s is None else config.steps * step_s / 60
-        run_dir = out_dir / "runs" / one.id
+        run_dir = out_dir / "runs" / run
         is_begun = run_dir.with_name(run_dir.name + ".partial").is_dir()
         state = "made" if run_dir.is_dir() else "begun" if is_begun else "to make"
         if state != "made":
             left_minutes.append(minutes)
         shown = "?" if minutes is None else f"{minutes:.1f}"
-        rows.append((one.id, parameters, str(config.steps), state, shown))
+        rows.append((run, parameters, str(config.steps), state, shown))
     n_left, known = len(left_minutes), [one for one in left_minutes if one is not None]
     total = f"at least {sum(known) / max(1, min(workers, n_left)):.0f} minutes"
     if len(known) < n_left:

@@ -1,7 +1,6 @@
 """A recipe of kind `table`: the rows of one of the paper's tables, and what is trained for each."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -9,8 +8,7 @@ from pydantic import Field, ValidationError, model_validator
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.score import Metric
-from gmrdata.stage import recipes
-from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_path
 from gmrdata.tables import ScaleName
 from gmrdata.values.errors import BadRecipe
 from gmrdata.values.records import Config
@@ -26,7 +24,7 @@ class Scale(Config):
     note: str = ""
     """What a reader must know of this size."""
     seeds: tuple[int, ...] = Field(default=(0,), min_length=1)
-    """Seeds of each row's trainings; the paper has one training per row."""
+    """Of each row's trainings; the paper has one training per row."""
     held_out_subjects: tuple[int | str, ...] = ()
     """People who are scored and not trained on, where no manifest to score is given."""
     train: Settings = Field(default_factory=dict)
@@ -39,7 +37,6 @@ class RowAtScale(Config):
     """What is particular to a row at one size."""
 
     name: str | None = None
-    """What the row is called then."""
     train: Settings = Field(default_factory=dict)
     """Settings that stand over the row's."""
 
@@ -64,14 +61,11 @@ class Row(Config):
     train: Settings = Field(default_factory=dict)
     """Settings that this row varies, of `TrainConfig` or, for method `joint`, `JointConfig`."""
     at: dict[ScaleName, RowAtScale] = Field(default_factory=dict)
-    """What is particular to it at one size."""
     paper: dict[Metric, float] = Field(default_factory=dict)
     """The paper's figures [deg, mm]; none for a row that the paper doesn't have."""
 
     def name_at(self, scale: ScaleName) -> str:
-        """What the row is called at a size."""
-        at = self.at.get(scale)
-        return self.name if at is None or at.name is None else at.name
+        return self.at.get(scale, RowAtScale()).name or self.name
 
 
 class TableRecipe(Config):
@@ -83,7 +77,6 @@ class TableRecipe(Config):
     paper_data: str
     """What the paper trained and scored on."""
     scales: dict[ScaleName, Scale]
-    """What the rows have in common at each size."""
     rows: tuple[Row, ...] = Field(min_length=1)
     """The rows in the paper's order."""
 
@@ -106,7 +99,7 @@ class TableRecipe(Config):
         return row if row.scores is None else self.row(row.scores)
 
 
-def load_table(name: str) -> tuple[Path, TableRecipe]:
+def load_table(name: str) -> TableRecipe:
     """A table's recipe: by its number in the paper, or a YAML file.
 
     Every training of every row is built, so that a wrong setting is found before any is run.
@@ -115,8 +108,7 @@ def load_table(name: str) -> tuple[Path, TableRecipe]:
         MissingInput: no such file, or no such table.
         BadRecipe: not YAML, or settings that do not exist or fit; names the file and the row.
     """
-    carried = f"paper/table{name}"
-    path = recipes.recipe_path(carried) if name.isdecimal() else find_recipe(name)
+    path = recipe_path(f"paper/table{name}") if name.isdecimal() else find_recipe(name)
     recipe = load_recipe(path, TableRecipe)
     for row in recipe.rows:
         for scale, shared in recipe.scales.items():
@@ -127,43 +119,35 @@ def load_table(name: str) -> tuple[Path, TableRecipe]:
                 where = f"{path}: row {row.name!r} at scale {scale}:"
                 problems = [f"  {'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
                 raise BadRecipe("\n".join([where, *problems])) from None
-    return path, recipe
+    return recipe
 
 
 def train_config(
-    recipe: TableRecipe,
-    row: Row,
-    scale: ScaleName,
-    seed: int,
-    held_out_subjects: tuple[int | str, ...],
+    recipe: TableRecipe, row: Row, scale: ScaleName, seed: int, held_out: tuple[int | str, ...]
 ) -> TrainConfig:
-    """The training of a row's network, which may be that of another row.
-
-    Raises pydantic's ValidationError for settings that do not exist or fit.
-    """
+    """The training of a row's network, which may be another row's; ValidationError if wrong."""
     owner = row if row.network is None else recipe.row(row.network)
     own = {} if owner.method == "joint" else _settings_of(owner, scale)
-    held_out = {"data": {"held_out_subjects": held_out_subjects}} if held_out_subjects else {}
-    settings = merged(merged(recipe.scales[scale].train, own), held_out)
-    return TrainConfig.model_validate(settings | {"seed": seed})
+    settings = merged(merged(recipe.scales[scale].train, own), {"seed": seed})
+    if held_out:
+        settings = merged(settings, {"data": {"held_out_subjects": held_out}})
+    return TrainConfig.model_validate(settings)
 
 
 def joint_config(recipe: TableRecipe, row: Row, scale: ScaleName, seed: int) -> JointConfig:
-    """The training of the non-sequential model; errors as in `train_config`."""
+    """The training of the non-sequential model; errors as there."""
     own = _settings_of(row, scale) if row.method == "joint" else {}
     return JointConfig.model_validate(merged(recipe.scales[scale].joint, own) | {"seed": seed})
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Settings:
     """Nested settings with others laid over them."""
-    found = dict(base)
-    for key, value in over.items():
-        below = found.get(key)
-        both = isinstance(value, Mapping) and isinstance(below, Mapping)
-        found[key] = merged(below, value) if both else value  # type: ignore[arg-type]
+    found = {**base, **over}
+    for key in base.keys() & over.keys():
+        if isinstance(base[key], Mapping) and isinstance(over[key], Mapping):
+            found[key] = merged(base[key], over[key])
     return found
 
 
 def _settings_of(row: Row, scale: ScaleName) -> Settings:
-    at = row.at.get(scale)
-    return row.train if at is None else merged(row.train, at.train)
+    return merged(row.train, row.at.get(scale, RowAtScale()).train)

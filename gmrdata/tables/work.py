@@ -8,34 +8,26 @@ from pathlib import Path
 
 import numpy as np
 
+from gmrdata.baselines import predictions
+from gmrdata.baselines.camera_as_world import predict_camera_as_world
 from gmrdata.baselines.joint_config import JointConfig
-from gmrdata.baselines.predictions import (
-    NetworkFigures,
-    NetworkPredictions,
-    Prediction,
-    Subject,
-    first_pose,
-    manifest_subjects,
-    predicted,
-    roots_of_runs,
-    write_predictions,
-)
-from gmrdata.baselines.vibe_cam import load_poses
+from gmrdata.baselines.joint_predict import predict_joint
+from gmrdata.baselines.joint_train import train_joint
+from gmrdata.baselines.vibe_cam import load_poses, predict_vibe_cam
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_deltas
+from gmrdata.gmr.train import train
+from gmrdata.read.bodies import load_body
 from gmrdata.score.predictions import every_row
+from gmrdata.score.score import score_manifest, score_predictions
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.tables.plan import Given, Scoring, Training, scored_manifest
+from gmrdata.tables.plan import Given, Scoring
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import whole_ratio
 from gmrdata.values.records import Config
-
-
-class InferPosesConfig(Config):
-    """There is nothing to choose: the frame rate is the network's."""
 
 
 def infer_poses(
@@ -51,33 +43,33 @@ def infer_poses(
 
     Clips that are written are at the network's frame rate, and have the given poses and shape.
 
-    Args:
-        poses_dir: `<clip id>.npz` for each clip, as `gmrdata.baselines.vibe_cam` takes them.
-        body_path: Body of the poses; None for the default body.
+    `poses_dir` holds `<clip id>.npz` for each clip, as `gmrdata.baselines.vibe_cam` takes them, of
+    the body in `body_path`; of the default body where it is None.
 
     Raises:
         MissingInput: a clip has no poses.
         BadMotionFile: poses are of another kind, body or length; or the clip's rate is no multiple
             of the network's.
     """
-    from gmrdata.read.bodies import load_body
-
-    subjects, left_out = manifest_subjects(manifest_path)
-    files = {"run": run_dir, "manifest": manifest_path, "body": body_path}
-    inputs = {key: path for key, path in files.items() if path is not None}
+    subjects, left_out = predictions.manifest_subjects(manifest_path)
+    inputs = {"run": run_dir, "manifest": manifest_path}
+    inputs |= {} if body_path is None else {"body": body_path}
     inputs |= {f"poses_{one.clip.id}": poses_dir / f"{one.clip.id}.npz" for one in subjects}
 
     def work(partial_dir: Path) -> None:
         gmr, body = load_gmr(run_dir), load_body("anny" if body_path is None else str(body_path))
         seen = (load_poses(inputs[f"poses_{one.clip.id}"], one.clip, body) for one in subjects)
         found = [_moved(gmr, *both, body) for both in zip(subjects, seen, strict=True)]
-        figures = NetworkFigures(run=run_dir.name)
-        write_predictions(partial_dir, "gmr", found, left_out, NetworkPredictions, figures)
+        kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
+        predictions.write_predictions(partial_dir, "gmr", found, left_out, kind, figures)
 
-    return run_stage("gmr-on-poses", out_dir, InferPosesConfig(), inputs, work, run=run)
+    # There is nothing to choose: the frame rate is the network's.
+    return run_stage("gmr-on-poses", out_dir, Config(), inputs, work, run=run)
 
 
-def _moved(gmr: TrainedGmr, subject: Subject, seen: Clip, body: BodyModel) -> Prediction:
+def _moved(
+    gmr: TrainedGmr, subject: predictions.Subject, seen: Clip, body: BodyModel
+) -> predictions.Prediction:
     """The poses with the world motion that the network sees in them."""
     motion = seen.motion
     step = whole_ratio(motion.fps_hz, gmr.fps_hz)
@@ -94,7 +86,8 @@ def _moved(gmr: TrainedGmr, subject: Subject, seen: Clip, body: BodyModel) -> Pr
             return np.zeros((0, 3, 3)), np.zeros((0, 3))
         return predict_deltas(gmr, local_rotmats[run])
 
-    root_rotmats, pelvis_m = roots_of_runs(valid, first_pose(subject.clip), motions_of)
+    start = predictions.first_pose(subject.clip)
+    root_rotmats, pelvis_m = predictions.roots_of_runs(valid, start, motions_of)
     moved = replace(
         motion,
         local_rotmats=local_rotmats,
@@ -105,37 +98,30 @@ def _moved(gmr: TrainedGmr, subject: Subject, seen: Clip, body: BodyModel) -> Pr
         source=f"GMR on local poses of: {motion.source}",
     )
     rest_m = body.rest_pelvis_m(motion.shape)
-    return predicted(subject, moved, valid, step=step, rest_pelvis_m=rest_m)
+    return predictions.predicted(subject, moved, valid, step=step, rest_pelvis_m=rest_m)
 
 
-def train_one(training: Training, given: Given, out_dir: Path, run: Run) -> None:
+def train_one(
+    id: str, config: TrainConfig | JointConfig, given: Given, out_dir: Path, run: Run
+) -> None:
     """Train a network into `out_dir/runs`; errors as in the trainers."""
-    run_dir = out_dir / "runs" / training.id
-    match training.config:
-        case TrainConfig() as config:
-            from gmrdata.gmr.train import train
-
-            train(given.manifests, run_dir, config, body_path=given.body, run=run)
-        case JointConfig() as config:
-            from gmrdata.baselines.joint_train import train_joint
-
-            assert given.features is not None
-            train_joint(
-                given.videos, given.features, run_dir, config, body_path=given.body, run=run
-            )
+    run_dir, body = out_dir / "runs" / id, given.body
+    if isinstance(config, TrainConfig):
+        train(given.manifests, run_dir, config, body_path=body, run=run)
+    else:
+        assert given.features is not None
+        train_joint(given.videos, given.features, run_dir, config, body_path=body, run=run)
 
 
 def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:
     """Predict where a row needs it, and score into `out_dir/scores`; gives its `scores.json`."""
-    from gmrdata.score.score import score_manifest, score_predictions
-
-    manifest = scored_manifest(given, out_dir)
+    manifest = given.scored or out_dir / "held_out" / "manifest.yaml"
     scores_dir = out_dir / "scores" / scoring.id
     if scoring.row.method == "gmr" and scoring.row.poses == "true":
         run_dir = out_dir / "runs" / str(scoring.training)
         return score_manifest(run_dir, manifest, given.body, scores_dir, run=run)
-    predictions = _predict(scoring, manifest, given, out_dir, run) / "predictions"
-    return score_predictions(predictions, manifest, given.body, scores_dir, run=run)
+    predicted_dir = _predict(scoring, manifest, given, out_dir, run) / predictions.FOLDER
+    return score_predictions(predicted_dir, manifest, given.body, scores_dir, run=run)
 
 
 def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, run: Run) -> Path:
@@ -145,18 +131,12 @@ def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, run:
             assert given.poses is not None
             return infer_poses(run_dir, manifest, given.poses, into, body_path=given.body, run=run)
         case "joint":
-            from gmrdata.baselines.joint_predict import predict_joint
-
             assert given.features is not None
             return predict_joint(run_dir, manifest, given.features, into, run=run)
         case "vibe_cam":
-            from gmrdata.baselines.vibe_cam import predict_vibe_cam
-
             assert given.poses is not None and given.keypoints is not None
             return predict_vibe_cam(
                 manifest, given.poses, given.keypoints, into, body_path=given.body, run=run
             )
         case "camera_as_world":
-            from gmrdata.baselines.camera_as_world import predict_camera_as_world
-
             return predict_camera_as_world(manifest, into, run=run)
