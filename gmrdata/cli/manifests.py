@@ -7,6 +7,7 @@ from tyro.conf import OmitSubcommandPrefixes, subcommand
 
 from gmrdata.cli.answers import answer
 from gmrdata.cli.options import Manifest, Manifests, need
+from gmrdata.stage.progress import answers
 
 
 def manifest_check(paths: Manifests, hashes: bool = True) -> None:
@@ -25,9 +26,9 @@ def manifest_check(paths: Manifests, hashes: bool = True) -> None:
 
 def manifest_show(path: Manifest) -> None:
     """Show a manifest as a table."""
-    from gmrdata.manifest.show import show_manifest
+    from gmrdata.manifest.show import manifest_table
 
-    show_manifest(path)
+    answers.print(manifest_table(path))
 
 
 def manifest_diff(a: Manifest, b: Manifest) -> None:

@@ -8,23 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from gmrdata.manifest.arrays import (
-    array_problems,
-    rows_problems,
-    some,
-    stray_problems,
-    unmatched_rows,
-)
+from gmrdata.manifest import arrays, listing
 from gmrdata.manifest.current import Clip, FileRecord, FolderRecord, ListManifest, Manifest
 from gmrdata.manifest.entry import recipe_sha256
-from gmrdata.manifest.listing import (
-    BAR_FROM,
-    ListedFile,
-    files_below,
-    files_of,
-    folders_of,
-    read_listing,
-)
+from gmrdata.manifest.listing import ListedFile
 from gmrdata.manifest.read import join_problems, read_manifest, rows_in
 from gmrdata.stage.progress import progress_bar
 from gmrdata.values.clip import load_clip
@@ -67,11 +54,10 @@ class _Work:
 @contextmanager
 def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
     """The function that counts a file on a progress bar, which there is for many files."""
-    n_files = sum(
-        1 + len(files_of(clip)) + sum(part.count + 1 for part in folders_of(clip).values())
-        for clip in manifest.clips
-    )
-    if n_files <= BAR_FROM:
+    folders = [part for clip in manifest.clips for part in listing.folders_of(clip).values()]
+    n_files = sum(1 + len(listing.files_of(clip)) for clip in manifest.clips)
+    n_files += sum(1 + folder.count for folder in folders)
+    if n_files <= listing.BAR_FROM:
         yield lambda: None
         return
     with progress_bar() as bar:
@@ -82,7 +68,7 @@ def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
 def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
     """One line per problem, field first."""
     names: dict[str, list[str]] = {}
-    for field, record in folders_of(entry).items():
+    for field, record in listing.folders_of(entry).items():
         files, problems = _listing(work, field, record)
         names[field] = [file.path for file in files]
         yield from problems
@@ -90,8 +76,8 @@ def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
             yield from _folder_problems(work, field, record, files)
     for field, listed in names.items():
         if field != "images" and names.get("images") and listed:
-            yield from stray_problems(field, names["images"], listed)
-    for field, file in files_of(entry).items():
+            yield from arrays.stray_problems(field, names["images"], listed)
+    for field, file in listing.files_of(entry).items():
         yield from _file_problems(work, field, file)
     yield from _arrays_problems(work, entry, names)
     recipe = entry.recipe
@@ -108,7 +94,7 @@ def _arrays_problems(work: _Work, entry: Clip, names: dict[str, list[str]]) -> I
     except BadMotionFile as error:
         yield f"arrays: {error}; {AGAIN}"
         return
-    yield from array_problems(entry, clip)
+    yield from arrays.array_problems(entry, clip)
     if clip.motion.n_frames != entry.n_frames:
         return  # rows can't be compared
     kept = rows_in(entry.kept, entry.n_frames)
@@ -116,32 +102,31 @@ def _arrays_problems(work: _Work, entry: Clip, names: dict[str, list[str]]) -> I
     rows_with = {"images": np.ones_like(kept), "flow": kept & to_next}
     for name, files in names.items():
         if files:
-            yield from unmatched_rows(name, clip, rows_with.get(name, kept), files)
+            yield from arrays.unmatched_rows(name, clip, rows_with.get(name, kept), files)
     of_rows: tuple[Literal["joints", "character"], ...] = ("joints", "character")
     for field in of_rows:
         if (record := getattr(entry, field)) is not None:
             with suppress(ValueError, MissingInput):  # said where its hash was compared
-                yield from rows_problems(field, resolve_inside(work.root, record.path), clip)
+                yield from arrays.rows_problems(field, resolve_inside(work.root, record.path), clip)
 
 
-def _file_problems(work: _Work, field: str, record: FileRecord) -> Iterator[str]:
-    work.advance()
-    try:
-        file = resolve_inside(work.root, record.path)
-    except ValueError as error:
-        yield f"{field}.path: {error}"
-        return
-    yield from _content_problems(field, record.path, file, record, work.hashes)
-
-
-def _content_problems(
-    field: str, name: str, file: Path, said: FileRecord | ListedFile, hashes: bool
+def _file_problems(
+    work: _Work, field: str, said: FileRecord | ListedFile, folder: str | None = None
 ) -> Iterator[str]:
+    """Of a file on its own, or of one of the listing of a `folder`."""
+    work.advance()
+    name = said.path if folder is None else f"{folder}/{said.path}"
+    try:
+        inside = work.root if folder is None else resolve_inside(work.root, folder)
+        file = resolve_inside(inside, said.path)
+    except ValueError as error:
+        yield f"{field}.{'path' if folder is None else 'folder'}: {error}"
+        return
     if not file.is_file():
         yield f"{field}: {name} is missing; {AGAIN}"
     elif (found_bytes := file.stat().st_size) != said.size_bytes:
         yield f"{field}: {name} has {found_bytes} bytes, not {said.size_bytes}; {AGAIN}"
-    elif hashes and (found := sha256_of_file(file)) != said.sha256:
+    elif work.hashes and (found := sha256_of_file(file)) != said.sha256:
         yield f"{field}: {name} has sha256 {found}, not {said.sha256}; {AGAIN}"
 
 
@@ -150,7 +135,7 @@ def _listing(work: _Work, field: str, record: FolderRecord) -> tuple[list[Listed
     if problems := list(_file_problems(work, f"{field}.listing", record.listing)):
         return [], problems
     try:
-        files = read_listing(work.root / record.listing.path)
+        files = listing.read_listing(work.root / record.listing.path)
     except BadManifest as error:
         return [], [f"{field}.listing: {error}"]
     total_bytes = sum(file.size_bytes for file in files)
@@ -166,18 +151,11 @@ def _folder_problems(
     work: _Work, field: str, record: FolderRecord, files: list[ListedFile]
 ) -> Iterator[str]:
     try:
-        folder = resolve_inside(work.root, record.folder)
-        present = files_below(folder)
+        present = listing.files_below(resolve_inside(work.root, record.folder))
     except (ValueError, MissingInput) as error:
         yield f"{field}.folder: {error}; {AGAIN}"
         return
-    if extra := sorted(set(present) - {file.path for file in files}):
-        yield f"{field}.folder: {some(extra)} not in the listing; remove it or write a new version"
+    if extra := arrays.some(sorted(set(present) - {file.path for file in files})):
+        yield f"{field}.folder: {extra} not in the listing; remove it or write a new version"
     for file in files:
-        work.advance()
-        try:
-            real = resolve_inside(folder, file.path)
-        except ValueError as error:
-            yield f"{field}.folder: {error}"
-            continue
-        yield from _content_problems(field, f"{record.folder}/{file.path}", real, file, work.hashes)
+        yield from _file_problems(work, field, file, record.folder)

@@ -13,19 +13,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from gmrdata import __version__
-from gmrdata.manifest.current import (
-    CameraMotion,
-    Clip,
-    CreatedBy,
-    DroppedRange,
-    Extra,
-    FolderRecord,
-    FrameRange,
-    Quality,
-    Recipe,
-    Source,
-)
-from gmrdata.manifest.listing import FOLDERS, file_record, folder_record, relative_to_root
+from gmrdata.manifest import current
+from gmrdata.manifest.current import DroppedRange, Extra, FrameRange
+from gmrdata.manifest.listing import FOLDERS, file_record, folder_record
 from gmrdata.stage.store import StageRecord, package_versions
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadManifest
@@ -35,14 +25,14 @@ from gmrdata.values.rows import text_runs
 
 def created_by(
     recipe: Config | Mapping[str, Any] | None = None, seeds: Mapping[str, int] | None = None
-) -> CreatedBy:
+) -> current.CreatedBy:
     """The record for a manifest's head, of the whole recipe and of seeds by their use.
 
     Absolute paths in the recipe are cut to their last part, because where a data set lay on its
     maker's disk is nobody's business and differs between machines.
     """
     values = recipe.model_dump(mode="json") if isinstance(recipe, Config) else dict(recipe or {})
-    return CreatedBy(
+    return current.CreatedBy(
         gmrdata=__version__,
         recipe=without_machine_paths(values),
         seeds=dict(sorted((seeds or {}).items())),
@@ -50,11 +40,11 @@ def created_by(
     )
 
 
-def stage_recipe(stage_dir: Path) -> Recipe:
+def stage_recipe(stage_dir: Path) -> current.Recipe:
     """The record of the stage that made a finished folder."""
     record = StageRecord.of(stage_dir)
     config = without_machine_paths(record.config)
-    return Recipe(
+    return current.Recipe(
         stage=record.stage,
         config=config,
         inputs=record.inputs,
@@ -86,9 +76,9 @@ def clip_entry(
     root: Path,
     *,
     clip_path: Path,
-    camera_motion: CameraMotion,
+    camera_motion: current.CameraMotion,
     licence: str,
-    source: Source,
+    source: current.Source,
     id: str | None = None,
     images_dir: Path | None = None,
     masks_dir: Path | None = None,
@@ -101,9 +91,9 @@ def clip_entry(
     extras_paths: Sequence[Path] = (),
     character_path: Path | None = None,
     dropped_reason: str | Sequence[str] = "not valid in the clip's file",
-    quality: Quality | None = None,
-    recipe: Recipe | None = None,
-) -> Clip:
+    quality: current.Quality | None = None,
+    recipe: current.Recipe | None = None,
+) -> current.Clip:
     """Make a clip's manifest entry from the files that a stage left; hashes them all.
 
     The kept ranges are the rows where the clip's `valid` is True and no reason speaks against
@@ -115,22 +105,15 @@ def clip_entry(
         id: The clip's id if the caller expects one; the file must agree.
         images_dir: The other folders have a file for each image in it.
         extras_paths: The extras' files, in the order of their instance numbers from 2 on.
-        character_path: The residual of the character that is seen.
         dropped_reason: Why rows are not valid: one reason, or T reasons; a row with a reason of its
             own is dropped, valid in the file or not.
-        recipe: From `stage_recipe`.
-
-    Raises:
-        MissingInput: a file or folder is not there.
-        BadManifest: a path lies outside `root`, or the clip's id or length disagree.
-        BadMotionFile: the clip's file is broken.
     """
     clip = load_clip(clip_path)
     if id is not None and id != clip.id:
         raise BadManifest(f"{clip_path}: holds clip {clip.id}, not {id}")
     ranges = list(text_runs(_reasons(clip_path, dropped_reason, clip.valid)))
     try:
-        entry = Clip(
+        entry = current.Clip(
             id=clip.id,
             source=source,
             licence=licence,
@@ -149,7 +132,8 @@ def clip_entry(
     except ValidationError as error:
         raise BadManifest(f"{clip_path}: clip {clip.id} can't be listed: {error}") from None
     dirs = (images_dir, masks_dir, depth_dir, normals_dir, flow_dir, instances_dir)
-    folders = {key: _folder(root, path) for key, path in zip(FOLDERS, dirs, strict=True)}
+    by_field = zip(FOLDERS, dirs, strict=True)
+    folders = {key: path and folder_record(root, path) for key, path in by_field}
     files = {"joints": joints_path, "video": video_path, "character": character_path}
     extras = (file_record(root, path) for path in extras_paths)
     return entry.model_copy(
@@ -157,14 +141,6 @@ def clip_entry(
         | {key: path and file_record(root, path) for key, path in files.items()}
         | {"extras": tuple(Extra(instance=i, arrays=file) for i, file in enumerate(extras, 2))}
     )
-
-
-def _folder(root: Path, folder: Path | None) -> FolderRecord | None:
-    """Named after the folder, because clips of several manifests may share it."""
-    if folder is None:
-        return None
-    listing = root / "listings" / f"{relative_to_root(root, folder)}.tsv"
-    return folder_record(root, folder, listing)
 
 
 def _reasons(clip_path: Path, reason: str | Sequence[str], valid: np.ndarray) -> list[str]:

@@ -58,19 +58,13 @@ def file_record(root: Path, path: Path) -> FileRecord:
     return FileRecord(path=relative, size_bytes=path.stat().st_size, sha256=digest)
 
 
-def folder_record(root: Path, folder: Path, listing: Path) -> FolderRecord:
-    """Hash every file of a folder below `root` and write the listing.
+def folder_record(root: Path, folder: Path) -> FolderRecord:
+    """Hash every file of a folder below `root`, also in its sub-folders, and write the listing.
 
-    Args:
-        root: The manifest's folder.
-        folder: Files in sub-folders count too.
-        listing: Where the listing goes: below `root`, outside the folder.
-
-    Raises:
-        MissingInput: the folder is not there or empty.
-        BadManifest: a path leads out of `root`, or the listing would lie in its own folder.
+    It is named after the folder, because clips of several manifests may share it.
     """
     relative = relative_to_root(root, folder)
+    listing = root / "listings" / f"{relative}.tsv"
     if listing.resolve().is_relative_to(folder.resolve()):
         raise BadManifest(f"{listing}: a listing must lie outside the folder that it lists")
     names = files_below(folder)
@@ -90,12 +84,7 @@ def folder_record(root: Path, folder: Path, listing: Path) -> FolderRecord:
 
 
 def read_listing(path: Path) -> list[ListedFile]:
-    """Read a listing.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadManifest: a line isn't hash, size and path, paths are unsafe, repeated or out of order.
-    """
+    """Read a listing, whose paths must be safe, in order, and there once."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such listing")
     try:

@@ -81,8 +81,7 @@ def load_entry(path: Path, entry: ClipEntry) -> Clip:
             f"{path}: clip {entry.id} with {entry.n_frames} frames: {file} holds clip "
             f"{clip.id} with {clip.motion.n_frames} frames; write the manifest again"
         )
-    valid = clip.valid & rows_in(entry.kept, entry.n_frames)
-    return replace(clip, valid=valid)
+    return replace(clip, valid=clip.valid & rows_in(entry.kept, entry.n_frames))
 
 
 def rows_in(ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndarray:

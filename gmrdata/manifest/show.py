@@ -11,12 +11,6 @@ from rich.table import Table
 from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.listing import files_of, folders_of
 from gmrdata.manifest.read import read_manifest
-from gmrdata.stage.progress import answers
-
-
-def show_manifest(path: Path) -> None:
-    """Print `manifest_table`."""
-    answers.print(manifest_table(path))
 
 
 def manifest_table(path: Path) -> Table:

@@ -17,6 +17,11 @@ from pydantic import (
 
 from gmrdata.values.files import safe_relative
 
+__all__ = [
+    "FORMAT", "AnyManifest", "CameraMotion", "Clip", "CreatedBy", "DroppedRange", "Extra",
+    "FileRecord", "FolderRecord", "FrameRange", "ListedClip", "ListManifest", "Manifest", "Quality",
+    "Recipe", "Source",
+]  # fmt: skip
 FORMAT = "gmrdata/1"
 
 Text = Annotated[str, StringConstraints(min_length=1)]

@@ -29,15 +29,10 @@ def write_manifest(
 
     Args:
         path: The files of the clips lie below its folder.
-        version: major.minor.patch.
         kind: "synthetic", "pseudo_gt", "motions", or "list" for clips without files.
         clips: Written in order of id; or, for a list, in the order given.
         created_by: Versions alone where left out.
         redo: Replace a manifest of the same name and version but other content.
-
-    Raises:
-        BadManifest: a field breaks the format, or the path holds the same version with other
-            content.
     """
     head = {
         "format": FORMAT,

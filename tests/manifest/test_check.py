@@ -133,10 +133,7 @@ def test_passes_of_other_images_are_found(data_set: Path, walk_clip: Clip) -> No
     save_joints(
         data_set / "joints.npz", Joints2d(places_m, places_m, np.zeros((*shape, 2)), yes, yes)
     )
-    changed = {
-        name: folder_record(data_set, data_set / name, data_set / "listings" / f"{name}.tsv")
-        for name in EXTRAS
-    }
+    changed = {name: folder_record(data_set, data_set / name) for name in EXTRAS}
     changed["joints"] = file_record(data_set, data_set / "joints.npz")
     path = write_manifest(
         data_set / "wrong.yaml",
@@ -384,9 +381,7 @@ def test_mask_of_no_image(data_set: Path, edit: Edit) -> None:
     masks = yaml.safe_load((data_set / "set.yaml").read_text())["clips"][WALK]["masks"]
     check_manifest(edit(change))  # the stems are the same either way
     (data_set / "masks" / "00003.png").rename(data_set / "masks" / "mask_3.png")
-    masks = folder_record(
-        data_set, data_set / "masks", data_set / "listings" / "masks.tsv"
-    ).model_dump()
+    masks = folder_record(data_set, data_set / "masks").model_dump()
     refused(edit(lambda data: data["clips"][WALK].update(images=masks)), "masks.folder: 00003.jpg")
 
 
