@@ -19,9 +19,9 @@ class FolderMaskConfig(Config):
     """How to read a folder of masks made by others."""
 
     masked_value: Literal[0, 255] = 255
-    """Grey value of dynamic objects: 255, or 0 for COLMAP's sense [grey level]."""
+    """Grey value of dynamic objects: 255, or 0 for COLMAP's sense."""
     dilate_px: int = Field(default=0, ge=0)
-    """Radius by which the masked part is widened [px]."""
+    """Radius by which the masked part is widened."""
 
 
 def folder_masks(
@@ -33,12 +33,7 @@ def folder_masks(
     left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic.
-
-    Raises:
-        MissingInput: there is no such folder.
-        BadFrames: a mask is missing, unreadable or of another size than its frame.
-    """
+    """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic."""
 
     def work(partial: Path) -> None:
         images = list_images(images_dir, left_out)

@@ -32,17 +32,13 @@ class MaskRcnnConfig(DetectorConfig):
     network: Literal["maskrcnn_resnet50_fpn", "maskrcnn_resnet50_fpn_v2"] = (
         "maskrcnn_resnet50_fpn_v2"
     )
-    """torchvision's name of the network."""
     min_score: float = Field(default=0.5, gt=0, le=1)
-    """An object is masked if its score reaches this in some frame of its track."""
     weak_score: float = Field(default=0.2, gt=0, le=1)
-    """Instances down to this score count in a track that reaches `min_score`."""
     mask_threshold: float = Field(default=0.5, gt=0, lt=1)
     """A pixel belongs to an instance if the network's probability reaches this."""
     dilate_px: int = Field(default=8, ge=0)
-    """Radius by which the masked part is widened [px]."""
+    """Radius by which the masked part is widened."""
     device: Literal["cpu", "cuda"] = "cpu"
-    """Where the network runs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +61,8 @@ def maskrcnn_masks(
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 on people, vehicles and animals.
 
-    A run that was stopped goes on at the next frame that the network has not seen.
-
-    Args:
-        weights_path: The network's state dict as torch.save wrote it; None to let torchvision
-            fetch its own (COCO_V1).
-
-    Raises:
-        MissingExtra: torchvision is not installed, or doesn't fit torch.
-        MissingInput: there is no such file or folder.
-        BadDetector: the weights are not those of this network.
-        FetchFailed: torchvision could not fetch its weights.
-        BadFrames: a frame is missing, unreadable or of another size than the others.
+    A run that was stopped goes on at the next frame that the network has not seen.  The weights are
+    the network's state dict as torch.save wrote it; None: torchvision fetches its own (COCO_V1).
     """
 
     def work(partial: Path) -> None:
@@ -96,9 +82,8 @@ def maskrcnn_masks(
 def instances_of(output: Mapping[str, np.ndarray], config: MaskRcnnConfig) -> Instances:
     """The wanted instances of the network's answer for one frame.
 
-    Args:
-        output: `boxes` (N, 4) [px], `scores` (N,), `labels` (N,) category numbers of COCO, and
-            `masks` (N, 1, H, W) probabilities.
+    The answer has `boxes` (N, 4) [px], `scores` (N,), `labels` (N,), which are category numbers of
+    COCO, and `masks` (N, 1, H, W), which are probabilities.
     """
     wanted = class_indices(config.classes)
     index_of_number = {CATEGORY_NUMBERS[index]: index for index in wanted}
@@ -134,7 +119,7 @@ def open_segmenter(weights_path: Path | None, config: MaskRcnnConfig) -> Segment
     else:
         network = make(weights=None, weights_backbone=None)
         _load_weights(network, config.network, weights_path)
-    network = network.eval().to(config.device)
+    network.eval().to(config.device)
 
     def segment(image: np.ndarray) -> Mapping[str, np.ndarray]:
         rgb = np.ascontiguousarray(image[:, :, ::-1].transpose(2, 0, 1), dtype=np.float32) / 255
@@ -167,10 +152,8 @@ def _with_own_weights(make: Callable[..., Any]) -> Any:
     try:
         return make(weights="COCO_V1")
     except (OSError, RuntimeError) as error:
-        raise FetchFailed(
-            f"torchvision could not fetch the weights of {make.__name__} ({error}). "
-            "Run again, or pass a file of them"
-        ) from None
+        fault = f"torchvision could not fetch the weights of {make.__name__} ({error})"
+        raise FetchFailed(f"{fault}. Run again, or pass a file of them") from None
 
 
 def _load_weights(network: Any, name: str, path: Path) -> None:

@@ -2,48 +2,32 @@
 
 import shutil
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
+from pydantic.dataclasses import dataclass as part
 
-from gmrdata.masks.boxes import (
-    Detections,
-    detections_as_json,
-    detections_from_json,
-    fill_boxes,
-    grow,
-    keep_best,
-    track,
-)
-from gmrdata.masks.yolox import (
-    STRIDES_PX,
-    DetectorConfig,
-    class_indices,
-    decode,
-    letterbox,
-    problem_with,
-)
+from gmrdata.masks import boxes, yolox
+from gmrdata.masks.boxes import Detection, Detections
 from gmrdata.read.frames import check_images, list_images, read_color, write_gray
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadDetector, MissingInput
 from gmrdata.values.files import read_json, write_json
+from gmrdata.values.records import PART, Record
 
 DETECTIONS_FILE = "detections.json"
 Detector = Callable[[np.ndarray], Detections]
 
 
-class OnnxConfig(DetectorConfig):
+class OnnxConfig(yolox.DetectorConfig):
     """What the detector looks for, and how its boxes become masks."""
 
     min_score: float = Field(default=0.35, gt=0, le=1)
-    """An object is masked if its score reaches this in some frame of its track."""
     weak_score: float = Field(default=0.15, gt=0, le=1)
-    """Boxes down to this score count in a track that reaches `min_score`."""
     nms_iou: float = Field(default=0.5, gt=0, le=1)
     """Overlap from which the weaker of two boxes of one class is dropped."""
     input_sizes_px: tuple[tuple[int, int], ...] = ()
@@ -57,11 +41,29 @@ class OnnxConfig(DetectorConfig):
     @model_validator(mode="after")
     def _sizes_fit(self) -> Self:
         for size_px in self.input_sizes_px:
-            if min(size_px) < STRIDES_PX[-1] or any(side % STRIDES_PX[-1] for side in size_px):
-                raise ValueError(
-                    f"input_sizes_px: {size_px[0]}x{size_px[1]}: sides must be multiples of 32"
-                )
+            if min(size_px) <= 0 or any(side % yolox.STRIDES_PX[-1] for side in size_px):
+                size = f"{size_px[0]}x{size_px[1]}"
+                raise ValueError(f"input_sizes_px: {size}: sides must be multiples of 32")
         return self
+
+
+@part(frozen=True, config=PART)
+class FrameRecord:
+    """What was found in one frame."""
+
+    found: list[Detection]
+    masked: list[int]
+    """Which of them are masked."""
+    filled_px: list[list[float]]
+    """Boxes where a track skips the frame: left, top, right, bottom."""
+
+
+class DetectionsRecord(Record):
+    """`detections.json`."""
+
+    format: Literal["gmrdata-detections/1"] = "gmrdata-detections/1"
+    frames: dict[str, FrameRecord]
+    """By the stem of the image's name."""
 
 
 def onnx_masks(
@@ -75,35 +77,24 @@ def onnx_masks(
 ) -> Path:
     """Stage: `<image stem>.png` per image, 255 in the boxes found, and `detections.json`.
 
-    A run that was stopped goes on at the next frame that the detector has not seen.
-
-    Args:
-        model_path: YOLOX on COCO's 80 classes as an ONNX file with raw output.
-
-    Raises:
-        MissingInput: there is no such model or folder.
-        BadDetector: not an ONNX file, truncated, or a network of another layout.
-        BadFrames: a frame is missing, unreadable or of another size than the others.
+    A run that was stopped goes on at the next frame that the detector has not seen.  The model is
+    YOLOX on COCO's 80 classes as an ONNX file with raw output; BadDetector where it is not.
     """
 
     def work(partial: Path) -> None:
         images = list_images(images_dir, left_out)
         size_px = check_images(images)
         found = _detect_all(model_path, images, partial, config)
-        chosen = track(found, config.min_score, config.tracks)
+        chosen = boxes.track(found, config.min_score, config.tracks)
+        frames = {}
         for image, frame, choice in zip(images, found, chosen, strict=True):
             boxes_px = np.concatenate([frame.boxes_px[choice.rows], choice.filled_px])
-            boxes_px = grow(boxes_px, config.grow_share, config.dilate_px)
-            write_gray(partial / f"{image.stem}.png", fill_boxes(boxes_px, size_px))
-        record = {
-            image.stem: {
-                "found": detections_as_json(frame),
-                "masked": choice.rows.tolist(),
-                "filled_px": np.round(choice.filled_px, 2).tolist(),
-            }
-            for image, frame, choice in zip(images, found, chosen, strict=True)
-        }
-        write_json(partial / DETECTIONS_FILE, record)
+            boxes_px = boxes.grow(boxes_px, config.grow_share, config.dilate_px)
+            write_gray(partial / f"{image.stem}.png", boxes.fill_boxes(boxes_px, size_px))
+            filled_px = np.round(choice.filled_px, 2).tolist()
+            as_json = boxes.detections_as_json(frame)
+            frames[image.stem] = FrameRecord(as_json, choice.rows.tolist(), filled_px)
+        DetectionsRecord(frames=frames).write(partial / DETECTIONS_FILE)
         shutil.rmtree(partial / "seen")
 
     inputs = {"model": model_path, "images": images_dir}
@@ -114,41 +105,38 @@ def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
     """A function from a BGR picture (H, W, 3) to what it shows, weak boxes too."""
     own_size_px = _input_size_px(model_path)
     net = _open(model_path)
-    sizes_px = config.input_sizes_px
+    sizes_px = config.input_sizes_px or ((own_size_px,) if own_size_px else ())
     if not sizes_px:
-        if own_size_px is None:
-            raise BadDetector(f"{model_path}: leaves its input's size open; give input_sizes_px")
-        sizes_px = (own_size_px,)
-    indices = class_indices(config.classes)
+        raise BadDetector(f"{model_path}: leaves its input's size open; give input_sizes_px")
+    indices = yolox.class_indices(config.classes)
 
     def detect(image: np.ndarray) -> Detections:
         found = []
         for size_px in sizes_px:
-            blob, input_from_frame = letterbox(image, size_px)
+            blob, input_from_frame = yolox.letterbox(image, size_px)
             output = _forward(net, blob, model_path)
-            if problem := problem_with(output, size_px):
+            if problem := yolox.problem_with(output, size_px):
                 raise BadDetector(f"{model_path}: {problem}")
-            found.append(decode(output, size_px, input_from_frame, indices, config.weak_score))
+            least = config.weak_score
+            found.append(yolox.decode(output, size_px, input_from_frame, indices, least))
         parts = zip(*((f.boxes_px, f.scores, f.classes) for f in found), strict=True)
-        return keep_best(Detections(*map(np.concatenate, parts)), config.nms_iou)
+        return boxes.keep_best(Detections(*map(np.concatenate, parts)), config.nms_iou)
 
     return detect
 
 
-@dataclass(frozen=True)
-class OnnxInput:
+class OnnxInput(NamedTuple):
     """One input of a network."""
 
     name: str
     shape: tuple[int | None, ...]
-    """Its sizes; None where the file leaves one open."""
+    """None where the file leaves a size open."""
 
 
 def read_inputs(path: Path) -> list[OnnxInput]:
-    """The inputs that an ONNX file wants to be given; its weights are none.
+    """The inputs that an ONNX file wants to be given, which OpenCV does not tell.
 
-    OpenCV runs the network but doesn't tell the size of the picture that it wants.  Weights that
-    lie in other files are not looked for.
+    Weights are none of them; those that lie in other files are not looked for.
     """
     from google.protobuf.message import DecodeError
     from onnx import ModelProto
@@ -163,16 +151,14 @@ def read_inputs(path: Path) -> list[OnnxInput]:
         inputs = [OnnxInput(value.name, _shape(value)) for value in graph.input]
         weights = {tensor.name for tensor in graph.initializer}
     except (DecodeError, ValueError) as error:
-        raise BadDetector(
-            f"{path}: truncated, or not an ONNX file ({error}); fetch the model again"
-        ) from None
+        fault = f"truncated, or not an ONNX file ({error})"
+        raise BadDetector(f"{path}: {fault}; fetch the model again") from None
     if not inputs:
         raise BadDetector(f"{path}: not an ONNX file: it has no graph with inputs")
     return [known for known in inputs if known.name not in weights]
 
 
 def _shape(value: Any) -> tuple[int | None, ...]:
-    """Sizes of an input, None where open."""
     sizes = value.type.tensor_type.shape.dim
     return tuple(size.dim_value if size.dim_value > 0 else None for size in sizes)
 
@@ -186,9 +172,9 @@ def _detect_all(
     for image in with_bar(images, "detecting"):
         seen = partial / "seen" / f"{image.stem}.json"
         if not seen.is_file():
-            write_json(seen, detections_as_json(detect(read_color(image))))
+            write_json(seen, boxes.detections_as_json(detect(read_color(image))))
         # Read back, so that a resumed run works on the very same numbers.
-        found.append(detections_from_json(read_json(seen)))
+        found.append(boxes.detections_from_json(read_json(seen)))
     return found
 
 
@@ -198,10 +184,8 @@ def _input_size_px(model_path: Path) -> tuple[int, int] | None:
     shape = inputs[0].shape if len(inputs) == 1 else ()
     if len(shape) != 4 or shape[1] not in (3, None):
         named = ", ".join(f"{known.name} {known.shape}" for known in inputs) or "none"
-        raise BadDetector(
-            f"{model_path}: not YOLOX: it should have one input of the shape "
-            f"(1, 3, height, width), but has {named}"
-        )
+        wanted = "one input of the shape (1, 3, height, width)"
+        raise BadDetector(f"{model_path}: not YOLOX: it should have {wanted}, but has {named}")
     return None if shape[2] is None or shape[3] is None else (shape[3], shape[2])
 
 
@@ -213,14 +197,11 @@ def _open(model_path: Path) -> Any:
         net = cv2.dnn.readNetFromONNX(content)
         names = net.getUnconnectedOutLayersNames()
     except cv2.error as error:
-        raise BadDetector(
-            f"{model_path}: OpenCV can't open this network ({_short(error)}); "
-            "fetch or export the model again"
-        ) from None
+        fault = f"OpenCV can't open this network ({_short(error)})"
+        raise BadDetector(f"{model_path}: {fault}; fetch or export the model again") from None
     if len(names) != 1:
-        raise BadDetector(
-            f"{model_path}: not YOLOX: it should have one output, but has {', '.join(names)}"
-        )
+        fault = f"it should have one output, but has {', '.join(names)}"
+        raise BadDetector(f"{model_path}: not YOLOX: {fault}")
     net.setPreferableBackend(cv2.dnn.DNN_BACKEND_OPENCV)
     return net
 
@@ -232,10 +213,9 @@ def _forward(net: Any, blob: np.ndarray, model_path: Path) -> np.ndarray:
         net.setInput(blob)
         return np.asarray(net.forward())
     except cv2.error as error:
-        raise BadDetector(
-            f"{model_path}: OpenCV can't run this network on {blob.shape[3]}x{blob.shape[2]} px "
-            f"({_short(error)})"
-        ) from None
+        size = f"{blob.shape[3]}x{blob.shape[2]} px"
+        fault = f"OpenCV can't run this network on {size} ({_short(error)})"
+        raise BadDetector(f"{model_path}: {fault}") from None
 
 
 def _short(error: Exception) -> str:

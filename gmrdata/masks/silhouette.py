@@ -52,16 +52,11 @@ def silhouette_masks(
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where the people are, 0 elsewhere.
 
-    Args:
-        people: Clips in the camera frame, with intrinsics and image numbers, and their bodies.
-
-    Raises:
-        BadFrames: an image has no row in a clip, or the sizes differ.
-        BadMotionFile: a clip is not in the camera frame, or has no intrinsics.
-        MissingInput: there are no people.
+    The clips are in the camera frame, with intrinsics and image numbers.
     """
     if not people:
-        raise MissingInput(f"{images_dir}: silhouettes need at least one person's clip")
+        what = "at least one person in the camera frame: pass --camera-body"
+        raise MissingInput(f"{images_dir}: masks from the silhouette need {what}")
 
     def work(partial: Path) -> None:
         _write_silhouettes(people, list_images(images_dir, left_out), partial, config)
@@ -77,18 +72,10 @@ def silhouette(
     size_px: tuple[int, int],
     dilate_px: int = 0,
 ) -> np.ndarray:
-    """Fill the projection of a mesh.
+    """Fill the projection of a mesh (V, 3) with faces (F, 3), widened by a disc of a radius.
 
-    Faces that reach behind the camera, or have a corner that is no number, are left out.
-
-    Args:
-        vertices_cam_m: (V, 3) vertices in the camera frame [m].
-        faces: (F, 3) vertex indices.
-        size_px: (width, height) of the mask.
-        dilate_px: Radius of a disc to widen the mask by [px].
-
-    Returns:
-        (height, width) uint8, 255 inside.
+    Faces that reach behind the camera, or have a corner that is no number, are left out.  The mask
+    of (width, height) is (height, width) uint8, 255 inside.
     """
     import cv2
 
@@ -155,10 +142,8 @@ def _write_silhouettes(
     size_px = check_images(images)
     clips = [_clip(person.clip_path, images[0], size_px) for person in people]
     bodies = [load_body(str(person.body_path)) for person in people]
-    rows = [
-        _rows_of_images(clip, person.clip_path, images)
-        for clip, person in zip(clips, people, strict=True)
-    ]
+    pairs = zip(clips, people, strict=True)
+    rows = [_rows_of_images(clip, person.clip_path, images) for clip, person in pairs]
     for start in range(0, len(images), FRAMES_AT_ONCE):
         some = slice(start, start + FRAMES_AT_ONCE)
         by_person = [
@@ -189,14 +174,8 @@ def _masks_of_person(
 
 
 def rows_that_show(valid: np.ndarray, row: int, bridge_frames: int) -> list[int]:
-    """Rows whose bodies cover where a person may be at a row: it, or its valid neighbours.
-
-    Args:
-        valid: (T,) bool: rows whose body is right.
-        bridge_frames: How far away the neighbours may be; one alone will do at an end of the clip.
-
-    Returns:
-        One or two rows; none where the person may be anywhere.
+    """Rows whose bodies cover where a person may be at a row: it, or its one or two neighbours that
+    are `valid` (T,), `bridge_frames` away at most; none where the person may be anywhere.
     """
     if valid[row]:
         return [row]
@@ -211,10 +190,8 @@ def _clip(clip_path: Path, image: Path, size_px: tuple[int, int]) -> Clip:
     if clip.motion.frame != "camera" or clip.camera is None:
         raise BadMotionFile(f"{clip_path}: silhouettes need a camera-frame motion with intrinsics")
     if size_px != (clip.camera.width_px, clip.camera.height_px):
-        raise BadFrames(
-            f"{image}: {size_px[0]}x{size_px[1]} px, but {clip_path} says "
-            f"{clip.camera.width_px}x{clip.camera.height_px} px"
-        )
+        said = f"{clip_path} says {clip.camera.width_px}x{clip.camera.height_px} px"
+        raise BadFrames(f"{image}: {size_px[0]}x{size_px[1]} px, but {said}")
     return clip
 
 

@@ -1,6 +1,5 @@
 """What a recipe may say of masks: where they come from, one source or several united."""
 
-from collections import Counter
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -82,13 +81,16 @@ def make_masks(
 ) -> Path:
     """Make each source's masks in `<out_dir>_by/<name>`, and their union in `out_dir`.
 
-    Args:
-        people: Camera-frame clips and their bodies, which silhouettes need.
-        left_out: Numbers of images that are known to be unusable and get no mask.
+    Silhouettes need people: camera-frame clips and their bodies.  Images whose numbers are
+    `left_out` are known to be unusable and get no mask.
 
     Raises:
         MissingInput: silhouettes without people, or a file that is not there.
-        GmrdataError: what the stage of each source says.
+        BadFrames: a frame or mask is missing, unreadable or of another size.
+        BadMotionFile: a clip is not in the camera frame, or has no intrinsics.
+        BadDetector: not an ONNX file, truncated, or a network of another layout.
+        MissingExtra: torchvision is not installed, or doesn't fit torch.
+        FetchFailed: torchvision could not fetch its weights.
     """
     made: dict[str, Path] = {}
     for name, source in zip(_names(config.sources), config.sources, strict=True):
@@ -104,14 +106,10 @@ def masks_named(
     weights: Path | None = None,
     classes: tuple[str, ...] = (),
 ) -> MasksConfig:
-    """The sources that a command line names.
+    """The sources that a command line names; the options are those of the detectors.
 
-    Args:
-        names: "silhouette", "onnx", "maskrcnn", a folder of masks, or a recipe file (.yaml) of kind
-            `masks`, whose sources all count and whose other settings hold.
-        model: ONNX file, which "onnx" needs.
-        weights: State dict for "maskrcnn"; torchvision fetches its own when None.
-        classes: COCO's names of what "onnx" and "maskrcnn" look for; theirs when empty.
+    A name is "silhouette", "onnx", "maskrcnn", a folder of masks, or a recipe file (.yaml) of kind
+    `masks`, whose sources all count and whose other settings hold.
 
     Raises:
         MissingInput: "onnx" without a model, or a name that is neither of these nor a folder.
@@ -137,10 +135,8 @@ def masks_named(
             elif Path(name).is_dir():
                 sources.append(FolderSource(path=Path(name)))
             else:
-                raise MissingInput(
-                    f"{name}: no such folder of masks; name silhouette, onnx, maskrcnn, a folder "
-                    "of masks or a recipe (.yaml)"
-                )
+                known = "silhouette, onnx, maskrcnn, a folder of masks or a recipe (.yaml)"
+                raise MissingInput(f"{name}: no such folder of masks; name {known}")
     except ValidationError as error:
         raise BadRecipe("; ".join(found["msg"] for found in error.errors())) from None
     _require_used(names, {"--model": model, "--weights": weights, "--classes": classes})
@@ -168,13 +164,11 @@ def masks_seconds(masks_dir: Path) -> float:
 
 def _names(sources: Sequence[MaskSource]) -> list[str]:
     """The kinds, numbered where one occurs more than once."""
-    total, seen = Counter(source.kind for source in sources), Counter[str]()
-    names = []
-    for source in sources:
-        seen[source.kind] += 1
-        repeated = total[source.kind] > 1
-        names.append(f"{source.kind}_{seen[source.kind]}" if repeated else source.kind)
-    return names
+    kinds = [source.kind for source in sources]
+    return [
+        f"{kind}_{kinds[: place + 1].count(kind)}" if kinds.count(kind) > 1 else kind
+        for place, kind in enumerate(kinds)
+    ]
 
 
 def _make(
@@ -187,10 +181,6 @@ def _make(
 ) -> Path:
     match source:
         case SilhouetteSource():
-            if not people:
-                raise MissingInput(
-                    "masks from the silhouette need the camera-frame body: pass --camera-body"
-                )
             body = _settings(source, SilhouetteConfig)
             return silhouette_masks(people, images_dir, out_dir, body, left_out=left_out, run=run)
         case FolderSource():
@@ -200,10 +190,9 @@ def _make(
             onnx = _settings(source, OnnxConfig)
             return onnx_masks(source.model, images_dir, out_dir, onnx, left_out=left_out, run=run)
         case MaskRcnnSource():
-            network = _settings(source, MaskRcnnConfig)
-            return maskrcnn_masks(
-                source.weights, images_dir, out_dir, network, left_out=left_out, run=run
-            )
+            net = _settings(source, MaskRcnnConfig)
+            weights = source.weights
+            return maskrcnn_masks(weights, images_dir, out_dir, net, left_out=left_out, run=run)
 
 
 def _settings(source: Config, model: type[Settings]) -> Settings:

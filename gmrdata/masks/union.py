@@ -51,11 +51,7 @@ def unite_masks(
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where any source says so, and `masks.json`.
 
-    Args:
-        source_dirs: Folders of masks (255 = dynamic) by the name of what made them.
-
-    Raises:
-        BadFrames: a source has no mask for a frame, or one of another size; the message names it.
+    `source_dirs` are folders of masks (255 = dynamic) by the name of what made them.
     """
 
     def work(partial_dir: Path) -> None:
@@ -69,8 +65,7 @@ def unite_masks(
             }
             united = np.bitwise_or.reduce(list(masks.values()))
             write_gray(partial_dir / f"{image.stem}.png", united)
-            by_source = {name: _share(mask) for name, mask in masks.items()}
-            return by_source | {"united": _share(united)}
+            return {name: _share(mask) for name, mask in (masks | {"united": united}).items()}
 
         stems = [image.stem for image in images]
         shares = dict(zip(stems, in_threads(unite, images), strict=True))

@@ -55,9 +55,8 @@ def class_indices(names: tuple[str, ...]) -> list[int]:
 def _known(names: tuple[str, ...]) -> tuple[str, ...]:
     unknown = [name for name in names if name not in COCO_NAMES]
     if unknown:
-        raise ValueError(
-            f"not classes of COCO: {', '.join(unknown)}; there are: {', '.join(COCO_NAMES)}"
-        )
+        known = ", ".join(COCO_NAMES)
+        raise ValueError(f"not classes of COCO: {', '.join(unknown)}; there are: {known}")
     return names
 
 
@@ -71,7 +70,9 @@ class DetectorConfig(Config):
     classes: CocoClasses = DYNAMIC
     """COCO's names of what moves; people, vehicles and animals unless other names are given."""
     min_score: float
+    """An object is masked if its score reaches this in some frame of its track."""
     weak_score: float
+    """What is found down to this score counts in a track that reaches `min_score`."""
     tracks: TrackConfig = TrackConfig()
     """How detections of neighbouring frames are joined; frames between get a filled box."""
 
@@ -90,11 +91,8 @@ LARGEST_LOG_SIZE = 20.0
 
 
 def letterbox(image: np.ndarray, input_size_px: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Bring a picture (H, W, 3), uint8 BGR, into the network's input of (width, height).
-
-    Returns:
-        (1, 3, height, width) float32 from 0 to 255, and input_from_frame scales (2,) for x and y.
-    """
+    """Bring a picture (H, W, 3), uint8 BGR, into the network's input of (width, height):
+    (1, 3, height, width) float32 from 0 to 255, and input_from_frame scales (2,) for x and y."""
     import cv2
 
     height, width = image.shape[:2]
@@ -147,12 +145,8 @@ def decode(
     """Boxes of a raw answer, in the frame's pixels, before any of them is suppressed.
 
     The score is that of the object times that of the best of the wanted classes: a dog that looks
-    a little more like a teddy bear is still a dog.
-
-    Args:
-        output: (1, A, 85) raw answer for an input of (width, height).
-        input_from_frame: (2,) scales that `letterbox` gave.
-        class_indices: Wanted classes, as indices into COCO_NAMES.
+    a little more like a teddy bear is still a dog.  The answer (1, A, 85) is for an input of
+    (width, height), `input_from_frame` is from `letterbox`; classes are indices into COCO_NAMES.
     """
     raw = output[0].astype(np.float64)
     wanted = raw[:, 4:5] * raw[:, BOX_AND_OBJECT:][:, class_indices]

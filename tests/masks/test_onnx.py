@@ -63,7 +63,7 @@ def test_masks_cover_the_dog_in_every_frame(
     yolox_nano: Path, dog_dir: Path, tmp_path: Path
 ) -> None:
     out_dir = onnx_masks(yolox_nano, dog_dir, tmp_path / "masks", OnnxConfig())
-    record = json.loads((out_dir / DETECTIONS_FILE).read_text())
+    record = json.loads((out_dir / DETECTIONS_FILE).read_text())["frames"]
     for path in sorted(dog_dir.glob("*.png")):
         mask = read_gray(out_dir / path.name, (640, 360))
         assert set(np.unique(mask)) == {0, 255}

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from gmrdata.masks.boxes import Detection
+from gmrdata.masks.onnx import DetectionsRecord, FrameRecord
 from gmrdata.masks.union import MasksRecord
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import (
@@ -25,6 +27,7 @@ from tests.record_keys import assert_each_key_is_needed
 VERDICT = SequenceVerdict("a_00", "test", True, (), "panning", 0.5, None, None)
 FOCAL = FocalEstimate(1.0, 0.1, (0.0, 0.0), 2.0, 500)
 RECIPE = RecipeRecord(stage="test", config={"seed": 1}, inputs={"a": "0" * 64})
+FOUND: Detection = {"box_px": [0.0, 0.0, 2.0, 1.0], "score": 0.5, "class": 3}
 RECORDS: tuple[Record, ...] = (
     RECIPE,
     StageRecord(
@@ -40,12 +43,13 @@ RECORDS: tuple[Record, ...] = (
     PeopleRecord(bodies=(0,), genders=("female",), left_out=(), problems=(), focal=FOCAL),
     Verdicts(sequences=(VERDICT,)),
     MasksRecord(sources=("a",), masked_share={"0": {"a": 0.5}}, covered=(), unmasked=()),
+    DetectionsRecord(frames={"0": FrameRecord([FOUND], [0], [[0.0, 0.0, 4.0, 2.0]])}),
 )
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: type(record).__name__)
 def test_each_key_of_a_record_is_needed(record: Record, tmp_path: Path) -> None:
-    names = ("inputs", "packages", "config", "masked_share", "masked_share.0", "files")
+    names = ("inputs", "packages", "config", "masked_share", "masked_share.0", "files", "frames")
     assert_each_key_is_needed(record, tmp_path / "record.json", names)
 
 
