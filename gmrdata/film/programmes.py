@@ -113,11 +113,7 @@ Programme = Annotated[
 
 
 def camera_programme(kind: str, **settings: object) -> Programme:
-    """A camera programme by its name, as a recipe says it.
-
-    Args:
-        kind: "circular", "linear", "linear_panning", "panning", "small" or "static".
-        settings: Its keys: `height_m`, `distance_m` [m], `rate_deg_per_s` [degrees/s], and so on.
+    """A camera programme by its `kind` in a recipe ("circular", ...), and its keys there.
 
     Raises:
         BadRecipe: there is no such kind, or it has no such key or value.
@@ -164,20 +160,18 @@ def camera_path(
         has_camera = np.ones(len(pelvis), dtype=bool)
         return CameraPath(intrinsics_px, width_px, height_px, world_from_cam, has_camera)
 
-    given_m = programme.distance_m
-    if isinstance(programme, Circular) and programme.radius_m is not None:
-        given_m = programme.radius_m
+    given_m = (isinstance(programme, Circular) and programme.radius_m) or programme.distance_m
     if given_m is not None:
         return at(given_m)
     return _nearest_in_frame(at, DISTANCES_M, pelvis, programme.kind, "give distance_m")
 
 
+At = Callable[[float], CameraPath]
+"""A camera by its distance [m]."""
+
+
 def _nearest_in_frame(
-    at: Callable[[float], CameraPath],
-    distances_m: np.ndarray,
-    pelvis_m: np.ndarray,
-    kind: str,
-    remedy: str,
+    at: At, distances_m: np.ndarray, pelvis_m: np.ndarray, kind: str, remedy: str
 ) -> CameraPath:
     """The first of the cameras at some distances with the whole subject in frame all the time."""
     box = person_box(pelvis_m)
@@ -199,8 +193,7 @@ def _world_from_cam(programme: Programme, subject: SubjectPath, distance_m: floa
     if isinstance(programme, Circular):
         place_m, centres_m = _round(programme, subject, distance_m)
     elif isinstance(programme, Travelling):
-        share = 0.5 if isinstance(programme, LinearPanning) else 1.0
-        place_m, centres_m = _travel(programme, subject, distance_m, share)
+        place_m, centres_m = _travel(programme, subject, distance_m)
     else:
         azimuth_rad = _beside_rad(programme, subject)
         place_m = moves.station(subject, azimuth_rad, distance_m, programme.height_m)
@@ -231,7 +224,7 @@ def _round(
 
 
 def _travel(
-    programme: Travelling, subject: SubjectPath, distance_m: float, share: float
+    programme: Travelling, subject: SubjectPath, distance_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Place (3,) in the middle of the clip and centres (T, 3) of a camera on a straight line."""
     if programme.move == "truck":
@@ -241,6 +234,7 @@ def _travel(
         azimuth_rad = _azimuth_rad(programme, subject.heading_rad + subject.jitter_rad)
         along_rad = azimuth_rad
     place_m = moves.station(subject, azimuth_rad, distance_m, programme.height_m)
+    share = 0.5 if isinstance(programme, LinearPanning) else 1.0
     return place_m, moves.line(subject, place_m, along_rad, programme.speed_m_per_s, share)
 
 

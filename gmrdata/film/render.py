@@ -3,6 +3,7 @@
 Which of Blender's renderers can run on this machine is found out before any frame.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -21,13 +22,13 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import EngineMissing, RenderFailed
-from gmrdata.values.files import write_json
+from gmrdata.values.files import write_text
 from gmrdata.values.records import Config
 from gmrdata.write.video import write_video_of
 
 RENDERER_LINE = "gmrdata-renderer"
 """What the probe prints, with the name of what rendered."""
-PROBE_TIMEOUT_S = 600
+PROBE_S = 600
 PACKAGES_DIR = Path(__file__).resolve().parents[2]
 """Where the packages `gmrdata` and `blender` are, side by side in a checkout and in a wheel."""
 NAMES = {"cycles": "Cycles", "eevee": "EEVEE", "workbench": "Workbench"}
@@ -59,15 +60,13 @@ def find_renderer(engine: str, device: str) -> str:
             command,
             cwd=PACKAGES_DIR,
             capture_output=True,
-            text=True,
             errors="replace",
-            timeout=PROBE_TIMEOUT_S,
-            check=False,
+            timeout=PROBE_S,
         )
     except subprocess.TimeoutExpired:
         raise EngineMissing(
             f"engine: {engine}: {NAMES[engine]} had not drawn eight pixels after "
-            f"{PROBE_TIMEOUT_S} s; take `engine: cycles`"
+            f"{PROBE_S} s; take `engine: cycles`"
         ) from None
     lines = answer.stdout.splitlines()
     found = [line.removeprefix(RENDERER_LINE).strip() for line in lines if RENDERER_LINE in line]
@@ -145,7 +144,6 @@ class RenderJob(Config):
     clip_path: Path
     """Clip .npz: a world motion and a camera for each frame."""
     body_path: Path
-    """Body .npz that the motion's shape belongs to."""
     out_dir: Path
     """Folder to fill; frames that are there already are kept."""
     config: RenderConfig
@@ -170,19 +168,16 @@ class PreviewJob(Config):
     render: RenderJob
     rows: tuple[int, ...]
     percent: int = Field(ge=1, le=100)
-    """Size of the pictures in percent of the camera's."""
+    """Of the camera's size."""
     engine: PreviewEngine
-    """What draws them; Cycles takes one ray per pixel."""
+    """Cycles takes one ray per pixel."""
 
 
 def frame_files(out_dir: Path, config: RenderConfig, row: int, n_frames: int) -> dict[str, Path]:
-    """Files of one frame by folder, in the order in which they are written.
-
-    Flow leads to the next frame, so the last frame has none.
-    """
+    """Files of one frame by folder, in the order in which they are written."""
     folders = {"frames": config.image_format, "masks": "png"}
     folders |= {name: "png" for name in FOLDERS if getattr(config, name)}
-    if row == n_frames - 1:
+    if row == n_frames - 1:  # flow leads to the next frame
         folders.pop("flow", None)
     return {name: out_dir / name / f"{row:05d}.{suffix}" for name, suffix in folders.items()}
 
@@ -193,9 +188,8 @@ def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Any]:
     outputs: dict[str, Any] = {
         f"{name}_path": out_dir / file for name, file in files.items() if getattr(config, name)
     }
-    for name in FOLDERS:
-        if getattr(config, name) and (out_dir / name).is_dir():  # one frame alone has no flow
-            outputs[f"{name}_dir"] = out_dir / name
+    asked = [name for name in FOLDERS if getattr(config, name)]
+    outputs |= {f"{name}_dir": out_dir / name for name in asked if (out_dir / name).is_dir()}
     extras = [out_dir / EXTRAS_FOLDER / f"{name}.npz" for name in config.scene.extras.names]
     return outputs | {"extras_paths": extras}
 
@@ -227,8 +221,7 @@ def render_clip(
         MissingInput: the clip or the body is not there.
         BadCharacter: the character's file is broken, or names files outside its folder.
         EngineMissing: the engine or device of the recipe can't run here.
-        RenderFailed: Blender ended without its result, or can't use the character; the message has
-            the reason or the end of its log.
+        RenderFailed: Blender ended without its result, or can't use the character.
     """
     job = RenderJob(
         clip_path=clip_path,
@@ -263,16 +256,9 @@ def _frame_bar(name: str, n_frames: int) -> Iterator[Callable[[int], None]]:
         yield lambda _: bar.advance(task)
 
 
-def with_full_paths(value: Any) -> Any:
-    """A recipe, or a value of one, for a process that runs in another folder."""
-    if isinstance(value, Path):
-        return value.resolve()
-    if isinstance(value, tuple):
-        return tuple(with_full_paths(item) for item in value)
-    if isinstance(value, Config):
-        full = {name: with_full_paths(getattr(value, name)) for name in type(value).model_fields}
-        return value.model_copy(update=full)
-    return value
+def full_json(recipe: Config) -> str:
+    """A recipe with full paths, for a process that runs in another folder."""
+    return json.dumps(recipe.model_dump(), default=lambda path: str(path.resolve()))
 
 
 def run_blender(
@@ -282,12 +268,9 @@ def run_blender(
     *,
     module: str = "blender",
 ) -> None:
-    """Run a module of Blender's side on a job.
-
-    The job file is in `partial_dir`, beside a log that only stays when the process fails.
-    """
+    """Run a module of Blender's side on a job; its log in `partial_dir` stays when it fails."""
     job_path, log_path = partial_dir / "job.json", partial_dir / "blender.log"
-    write_json(job_path, with_full_paths(job).model_dump(mode="json"))
+    write_text(job_path, full_json(job))
     command = [sys.executable, "-m", module, str(job_path), "--parent", str(os.getpid())]
     with log_path.open("w", encoding="utf-8") as log:
         exit_code = _run_and_listen(command, log, on_frame)
@@ -304,14 +287,9 @@ def run_blender(
 
 def _run_and_listen(command: list[str], log: TextIO, on_frame: Callable[[int], None]) -> int:
     """Run the process to its end, or end it with this one; its chatter goes to the log."""
+    env, pipe = os.environ | KEEP_MEMORY, subprocess.PIPE
     process = subprocess.Popen(
-        command,
-        env=os.environ | KEEP_MEMORY,
-        cwd=PACKAGES_DIR,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
+        command, env=env, cwd=PACKAGES_DIR, stdout=pipe, stderr=subprocess.STDOUT, errors="replace"
     )
     try:
         assert process.stdout is not None

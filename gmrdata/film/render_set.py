@@ -15,15 +15,7 @@ from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.cmu import fetch_command
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import keep_body, read_body
-from gmrdata.stage.jobs import (
-    Job,
-    Outcome,
-    count_files,
-    raise_failures,
-    record_failures,
-    try_jobs,
-    worker_pool,
-)
+from gmrdata.stage import jobs as stage_jobs
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.body import BodyModel
@@ -41,29 +33,29 @@ def render_clips(
 ) -> None:
     """Render each clip as `try_render_clips` does; StageFailed if some clips failed."""
     outcome = try_render_clips(jobs, client, failures_dir, run=run)
-    raise_failures(DESCRIPTION, outcome.reasons, len(jobs), failures_dir)
+    stage_jobs.raise_failures(DESCRIPTION, outcome.reasons, len(jobs), failures_dir)
 
 
 def try_render_clips(
     jobs: Mapping[str, RenderJob], client: Any, failures_dir: Path, *, run: Run = DEFAULT_RUN
-) -> Outcome:
+) -> stage_jobs.Outcome:
     """Render each clip, given by id, in a worker of its own; reasons of failures are kept.
 
     One progress bar shows the frames of all.  A Blender process that ends without its result is
     started once more, at the next missing frame.
     """
     calls = [
-        Job(clip_id, render_clip, dict(job) | {"run": run}, retries=RETRIES)
+        stage_jobs.Job(clip_id, render_clip, dict(job) | {"run": run}, retries=RETRIES)
         for clip_id, job in jobs.items()
     ]
     folders = [job.out_dir for job in jobs.values()]
-    return try_jobs(
+    n_frames = sum(load_clip(job.clip_path).motion.n_frames for job in jobs.values())
+    return stage_jobs.try_jobs(
         DESCRIPTION,
         calls,
         client,
         failures_dir,
-        units_total=sum(load_clip(job.clip_path).motion.n_frames for job in jobs.values()),
-        units_done=lambda: count_files(folders, "masks/[0-9]*.png"),
+        units=(n_frames, lambda: stage_jobs.count_files(folders, "masks/[0-9]*.png")),
     )
 
 
@@ -91,20 +83,17 @@ def render_set(
     for folder in (out_dir, failures_dir, *out_dir.glob("listings/**/")):
         remove_orphans(folder)
     body_path = keep_body(recipe.body, out_dir / "body", run=run)
-    planned = plan_takes(selection, body_path, out_dir / "plan", run=run)
-    record_failures(failures_dir, planned.reasons, ())
-    reasons = dict(planned.reasons)
-    if planned.paths:
-        jobs = {id: planned.render_job(id, render_dir(out_dir, id)) for id in planned.paths}
-        with worker_pool(run, recipe.workers) as client:
+    jobs, reasons = plan_takes(selection, body_path, out_dir / "plan", render_dir(out_dir), run)
+    stage_jobs.record_failures(failures_dir, reasons, ())
+    if jobs:
+        with stage_jobs.worker_pool(run, recipe.workers) as client:
             reasons |= try_render_clips(jobs, client, failures_dir, run=run).reasons
     done = [take for take in selection.takes if take.id not in reasons]
     if done:
         body = read_body(body_path)
-        entries = [_entry(out_dir, take, body, planned.configs[take.id]) for take in done]
-        _write_manifest(recipe, entries, out_dir, body, run, incomplete=bool(reasons))
-        _write_warnings(out_dir / "warnings.txt", entries, recipe.min_in_frame_share)
-    raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
+        entries = [_entry(out_dir, take, body, jobs[take.id].config) for take in done]
+        _write_listing(recipe, entries, out_dir, body, run, bool(reasons))
+    stage_jobs.raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
     return out_dir / "synthetic.yaml"
 
 
@@ -122,28 +111,26 @@ def require_takes(selection: Selection, motions_dir: Path | None) -> None:
         console.print(f"no motion file for {missing}: left out{how}", markup=False, soft_wrap=True)
 
 
-def render_dir(out_dir: Path, clip_id: str) -> Path:
-    """Stage folder of a rendered clip."""
+def render_dir(out_dir: Path, clip_id: str = "") -> Path:
+    """Stage folder of a rendered clip, or the folder of them all."""
     return out_dir / "render" / clip_id
 
 
-def _write_manifest(
+def _write_listing(
     recipe: SyntheticRecipe,
     entries: Sequence[ClipEntry],
     out_dir: Path,
     body: BodyModel,
     run: Run,
-    *,
     incomplete: bool,
 ) -> None:
-    version = recipe.version
-    if incomplete:
-        version += f"{'.' if '-' in version else '-'}incomplete"
+    """Write the manifest, and `warnings.txt` beside it."""
+    tag = f"{'.' if '-' in recipe.version else '-'}incomplete" if incomplete else ""
     recorded = recipe.model_dump(mode="json", exclude={"workers"})
     write_manifest(
         out_dir / "synthetic.yaml",
         name=recipe.name,
-        version=version,
+        version=f"{recipe.version}{tag}",
         kind="synthetic",
         description="Rendered clips with exact cameras and exact world motions.",
         licence=f"clips as stated by each; body: {body.licence}",
@@ -151,16 +138,12 @@ def _write_manifest(
         created_by=created_by(recorded, {"render": recipe.seed}),
         redo=run.redo or incomplete,
     )
-
-
-def _write_warnings(path: Path, entries: Sequence[ClipEntry], min_share: float) -> None:
-    warnings = frame_warnings(entries, min_share)
-    for line in warnings.values():
-        console.print(f"warning: {line}", style="yellow", markup=False)
-    if warnings:
-        write_text(path, "".join(f"{line}\n" for line in warnings.values()))
-    else:
-        path.unlink(missing_ok=True)
+    warnings_path = out_dir / "warnings.txt"
+    warnings_path.unlink(missing_ok=True)
+    if warnings := frame_warnings(entries, recipe.min_in_frame_share).values():
+        for line in warnings:
+            console.print(f"warning: {line}", style="yellow", markup=False)
+        write_text(warnings_path, "".join(f"{line}\n" for line in warnings))
 
 
 def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, str]:

@@ -48,18 +48,13 @@ class SceneConfig(Config):
     backdrop: BackdropConfig | None = None
     """The place of kind `blend`."""
     extras: Extras = Extras()
-    """Who and what moves there besides."""
 
     @model_validator(mode="after")
-    def _backdrop_is_the_place(self) -> "SceneConfig":
+    def _fits_together(self) -> "SceneConfig":
         if (self.kind == "blend") != (self.backdrop is not None):
             raise ValueError("backdrop: `kind: blend` needs one, and no other kind has one")
         if self.backdrop is not None and (self.light or self.hdri_path):
             raise ValueError("backdrop: has its own light and sky; leave light and hdri_path out")
-        return self
-
-    @model_validator(mode="after")
-    def _light_reaches_the_place(self) -> "SceneConfig":
         if (self.kind == "room") != (self.lit_by == "indoor"):
             raise ValueError("light: `indoor` is for a room, and a room has no other")
         if self.kind == "room" and self.hdri_path is not None:

@@ -12,7 +12,6 @@ import numpy as np
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.render_set import render_dir
 from gmrdata.film.set_plan import SyntheticRecipe, plan_takes, select
-from gmrdata.motion.resample import slice_motion
 from gmrdata.read.bodies import keep_body, read_body
 from gmrdata.stage.jobs import count_files
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
@@ -42,10 +41,10 @@ class DryRun:
     clips: int
     clips_to_do: int
     frames: int
-    """Frames of all clips that can be filmed."""
+    """Of all clips that can be filmed."""
     frames_to_do: int
     workers: int
-    """Workers that have a clip to render."""
+    """That have a clip to render."""
     probe: Probe | None
     """None when there is nothing to do, or no probe was wanted."""
 
@@ -74,53 +73,44 @@ def dry_run(
     with tempfile.TemporaryDirectory(prefix="gmrdata-") as name:
         folder = Path(name)
         body_path = keep_body(recipe.body, folder / "body")
-        planned = plan_takes(selection, body_path, folder / "plan")
-        clips = {id: load_clip(path) for id, path in planned.paths.items()}
-        todo = [id for id in clips if not render_dir(out_dir, id).is_dir()]
+        jobs, reasons = plan_takes(selection, body_path, folder / "plan", render_dir(out_dir))
+        clips = {id: load_clip(job.clip_path) for id, job in jobs.items()}
+        todo = [id for id, job in jobs.items() if not job.out_dir.is_dir()]
         measured = None
         if probe and todo:
-            config = planned.configs[todo[0]]
+            config = jobs[todo[0]].config
             measured = probe_clip(clips[todo[0]], body_path, config, folder / "probe")
     states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, "to do")
-    states |= {id: f"can't be filmed: {reason}" for id, reason in planned.reasons.items()}
+    states |= {id: f"can't be filmed: {reason}" for id, reason in reasons.items()}
     frames = {id: clip.motion.n_frames for id, clip in clips.items()}
-    rows: list[tuple[str, ...]] = []
-    for take in selection.takes:
-        motion = take.clip.trial or f"gait {take.clip.gait}"
-        count = str(frames.get(take.id, ""))
-        rows.append((take.id, motion, take.camera_motion, count, states[take.id]))
+    rows: list[tuple[str, ...]] = [
+        (
+            take.id,
+            take.clip.trial or f"gait {take.clip.gait}",
+            take.camera_motion,
+            str(frames.get(take.id, "")),
+            states[take.id],
+        )
+        for take in selection.takes
+    ]
     rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
-    there = count_files([render_dir(out_dir, id) for id in todo], "masks/[0-9]*.png")
-    return DryRun(
-        rows=rows,
-        clips=len(clips),
-        clips_to_do=len(todo),
-        frames=sum(frames.values()),
-        frames_to_do=max(0, sum(frames[id] for id in todo) - there),
-        workers=max(1, min(recipe.workers, len(todo))),
-        probe=measured,
-    )
+    there = count_files([jobs[id].out_dir for id in todo], "masks/[0-9]*.png")
+    frames_to_do = max(0, sum(frames[id] for id in todo) - there)
+    workers = max(1, min(recipe.workers, len(todo)))
+    counts = (len(clips), len(todo), sum(frames.values()), frames_to_do)
+    return DryRun(rows, *counts, workers, measured)
 
 
 def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) -> Probe:
     """Render two frames from the middle of a clip to a folder and measure them."""
-    start = clip.motion.n_frames // 2
-    rows = np.arange(start, min(start + PROBE_FRAMES, clip.motion.n_frames))
-    motion = slice_motion(clip.motion, start, start + len(rows))
-    piece = Clip(
-        clip.id, motion, clip.valid[rows], np.arange(len(rows)), camera_of(clip).at_rows(rows)
-    )
-    clip_path = folder / "slice.npz"
+    rows = np.arange(clip.motion.n_frames)[clip.motion.n_frames // 2 :][:PROBE_FRAMES]
+    motion, camera = clip.motion.take(rows), camera_of(clip).at_rows(rows)
+    piece = Clip(clip.id, motion, clip.valid[rows], np.arange(len(rows)), camera)
+    files = (folder / "slice.npz", body_path, folder / "render")
     told_s: list[float] = []
-    save_clip(clip_path, piece, read_body(body_path).rest_pelvis_m(motion.shape))
+    save_clip(files[0], piece, read_body(body_path).rest_pelvis_m(motion.shape))
     before_cpu_s, start_s = _children_cpu_s(), time.monotonic()
-    made = render_clip(
-        clip_path,
-        body_path,
-        folder / "render",
-        config,
-        on_frame=lambda _: told_s.append(time.monotonic()),
-    )
+    made = render_clip(*files, config, on_frame=lambda _: told_s.append(time.monotonic()))
     wall_s, cpu_s = time.monotonic() - start_s, _children_cpu_s() - before_cpu_s
     # Blender's time is known as a whole; the clock says which share of it the last frame took.
     frame_s = (told_s[-1] - told_s[0]) / (len(told_s) - 1) if len(told_s) > 1 else wall_s

@@ -6,7 +6,6 @@ come and go, and a clip's twin has the same person in the same place.
 
 import hashlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -88,9 +87,9 @@ class SyntheticRecipe(Config):
     seed: int = Field(default=0, ge=0)
     """Seed of every random choice."""
     body: str = "anny"
-    """Body model: "anny", or the path of an SMPL model file."""
+    """Or the path of an SMPL model file."""
     workers: int = Field(default=2, ge=1)
-    """Worker processes, one thread each."""
+    """Processes, one thread each."""
     published_list: str | None = None
     """A published list whose trials are rendered, each under its programme."""
     clips: tuple[SyntheticClip, ...] = ()
@@ -101,7 +100,6 @@ class SyntheticRecipe(Config):
     min_in_frame_share: float = Field(default=0.9, ge=0, le=1)
     """A clip that has the whole person in frame in a smaller share of its frames gets a warning."""
     people: PeopleConfig = PeopleConfig()
-    """Who is filmed."""
     scenes: tuple[SceneConfig, ...] = ()
     """Places of which each clip draws one, by the set's seed and its id; a place without a `seed`
     gets one of the clip's own too.  None: all clips are in the place of `render`."""
@@ -125,13 +123,8 @@ def render_config(recipe: SyntheticRecipe, clip: SyntheticClip) -> RenderConfig:
     if recipe.people.vary and person.seed is None:
         seed = int(clip_rng(recipe.seed, clip.id, "looks").integers(2**31))
         person = person.model_copy(update={"seed": seed})
-    return config.model_copy(
-        update={
-            "scene": clip.scene or _scene(recipe, clip.id),
-            "person": person,
-            "character": clip.character or config.character,
-        }
-    )
+    scene, character = clip.scene or _scene(recipe, clip.id), clip.character or config.character
+    return config.model_copy(update={"scene": scene, "person": person, "character": character})
 
 
 def _scene(recipe: SyntheticRecipe, clip_id: str) -> SceneConfig:
@@ -168,25 +161,17 @@ def make_plan(
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Stage: the planned clip, of a motion file or (None) an embedded gait; gives its path.
-
-    Its random choices hang on the set's seed and its id alone.
-    """
+    """Stage: the planned clip, of a motion file or (None) an embedded gait; gives its path."""
 
     def work(partial_dir: Path) -> None:
         body = read_body(body_path)
-        _save(partial_dir, planned_clip(clip, recipe, motion_path, body), body)
+        planned = planned_clip(clip, recipe, motion_path, body)
+        save_clip(partial_dir / PLANNED_FILE, planned, body.rest_pelvis_m(planned.motion.shape))
 
     # The place doesn't matter to the plan: another one must not make it stale.
-    config = PlanConfig(
-        seed=recipe.seed,
-        clip=clip.model_copy(update={"scene": None}),
-        film=_film(clip, recipe),
-        people=recipe.people,
-    )
-    inputs = {"body": body_path}
-    if motion_path is not None:
-        inputs |= input_files(motion_path)
+    anywhere, film = clip.model_copy(update={"scene": None}), _film(clip, recipe)
+    config = PlanConfig(seed=recipe.seed, clip=anywhere, film=film, people=recipe.people)
+    inputs = {"body": body_path} | ({} if motion_path is None else input_files(motion_path))
     return run_stage("plan", out_dir, config, inputs, work, run=run) / PLANNED_FILE
 
 
@@ -198,15 +183,13 @@ def make_twin(
     def work(partial_dir: Path) -> None:
         clip = load_clip(planned_path)
         camera = static_twin(camera_of(clip), clip.motion.pelvis_m)
-        _save(partial_dir, replace(clip, id=twin_id, camera=camera), read_body(body_path))
+        twin = replace(clip, id=twin_id, camera=camera)
+        rest_pelvis_m = read_body(body_path).rest_pelvis_m(clip.motion.shape)
+        save_clip(partial_dir / PLANNED_FILE, twin, rest_pelvis_m)
 
     inputs = {"clip": planned_path, "body": body_path}
     config = TwinConfig(id=twin_id)
     return run_stage("twin", out_dir, config, inputs, work, run=run) / PLANNED_FILE
-
-
-def _save(partial_dir: Path, clip: Clip, body: BodyModel) -> None:
-    save_clip(partial_dir / PLANNED_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
 
 
 def planned_clip(
@@ -252,6 +235,7 @@ class Selection:
     takes: tuple[Take, ...]
     """A clip's twin follows it."""
     files: dict[str, Path]
+    """Motions by their trial's name."""
     missing: tuple[str, ...]
 
 
@@ -294,37 +278,13 @@ def _listed(name: str | None) -> list[SyntheticClip]:
     ]
 
 
-@dataclass(frozen=True)
-class Planned:
-    """What can be filmed, and what can't."""
-
-    body_path: Path
-    configs: Mapping[str, RenderConfig]
-    """How each clip is rendered, by id."""
-    paths: Mapping[str, Path]
-    layouts: Mapping[str, tuple[Path, ...]]
-    """By id of a clip that has a twin, or of the twin: the files of both, which share one place
-    (Table 6)."""
-    reasons: Mapping[str, str]
-    """Why each other clip can't be filmed, by id."""
-
-    def render_job(self, id: str, out_dir: Path) -> RenderJob:
-        """The job that renders a clip to a folder."""
-        return RenderJob(
-            clip_path=self.paths[id],
-            body_path=self.body_path,
-            out_dir=out_dir,
-            config=self.configs[id],
-            layout_paths=self.layouts.get(id, ()),
-        )
-
-
 def plan_takes(
-    selection: Selection, body_path: Path, plans_dir: Path, *, run: Run = DEFAULT_RUN
-) -> Planned:
+    selection: Selection, body_path: Path, plans_dir: Path, clips_dir: Path, run: Run = DEFAULT_RUN
+) -> tuple[dict[str, RenderJob], dict[str, str]]:
     """Plan every take in a stage folder of its own below `plans_dir`.
 
-    One that can't be filmed is named and the others go on.
+    Gives, by the take's id, what renders it to `clips_dir`, or why it can't be filmed.  A clip and
+    its twin share one place, which is laid out for the paths of both (Table 6).
     """
     recipe = selection.recipe
     paths: dict[str, Path] = {}
@@ -339,14 +299,15 @@ def plan_takes(
             paths[take.id] = path
         except (BadMotionFile, BadRecipe, StageFailed) as error:
             reasons[take.id] = str(error)
-    configs = {take.id: render_config(recipe, take.clip) for take in selection.takes}
-    return Planned(body_path, configs, paths, _layouts(selection.takes, paths), reasons)
-
-
-def _layouts(takes: Sequence[Take], paths: Mapping[str, Path]) -> dict[str, tuple[Path, ...]]:
-    sharing: dict[str, list[Path]] = {}
-    for take in takes:
-        if take.id in paths:
-            sharing.setdefault(take.clip.id, []).append(paths[take.id])
-    together = {take.id: tuple(sharing.get(take.clip.id, ())) for take in takes}
-    return {id: shared for id, shared in together.items() if len(shared) > 1}
+    planned = [take for take in selection.takes if take.id in paths]
+    jobs = {}
+    for take in planned:
+        shared = tuple(paths[other.id] for other in planned if other.clip is take.clip)
+        jobs[take.id] = RenderJob(
+            clip_path=paths[take.id],
+            body_path=body_path,
+            out_dir=clips_dir / take.id,
+            config=render_config(recipe, take.clip),
+            layout_paths=shared if len(shared) > 1 else (),
+        )
+    return jobs, reasons

@@ -73,14 +73,11 @@ class Shot:
 
 def shot_of(clips: Sequence[Clip]) -> Shot:
     """The shot of clips with cameras; one that is shorter than the longest rests at its end."""
-    n_frames = max(clip.motion.n_frames for clip in clips)
-    rows = [np.minimum(np.arange(n_frames), clip.motion.n_frames - 1) for clip in clips]
-    pairs = list(zip(clips, rows, strict=True))
-    return Shot(
-        clips[0].motion.fps_hz,
-        tuple(clip.motion.pelvis_m[row] for clip, row in pairs),
-        tuple(camera_of(clip).at_rows(row) for clip, row in pairs),
-    )
+    frames = np.arange(max(clip.motion.n_frames for clip in clips))
+    rows = [(clip, np.minimum(frames, clip.motion.n_frames - 1)) for clip in clips]
+    subjects_m = tuple(clip.motion.pelvis_m[own] for clip, own in rows)
+    cameras = tuple(camera_of(clip).at_rows(own) for clip, own in rows)
+    return Shot(clips[0].motion.fps_hz, subjects_m, cameras)
 
 
 def _is_behind(path_m: np.ndarray, subject_m: np.ndarray, camera: CameraPath) -> np.ndarray:
@@ -118,12 +115,8 @@ def move_motion(motion: Motion, yaw_rad: float, from_m: np.ndarray, to_m: np.nda
     """A world-frame motion turned about the vertical, its point `from_m` (2,) moved to `to_m`."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    pivot_m, goal_m = np.append(from_m, 0.0), np.append(to_m, 0.0)
-    return replace(
-        motion,
-        root_rotmats=turn @ motion.root_rotmats,
-        pelvis_m=(motion.pelvis_m - pivot_m) @ turn.T + goal_m,
-    )
+    pelvis_m = (motion.pelvis_m - np.append(from_m, 0.0)) @ turn.T + np.append(to_m, 0.0)
+    return replace(motion, root_rotmats=turn @ motion.root_rotmats, pelvis_m=pelvis_m)
 
 
 def facing_rad(motion: Motion, row: int) -> float:
@@ -177,11 +170,8 @@ def keep_company(
     for attempt in range(TRIES):
         placed = _beside(motion, subject_m, goes, attempt < TRIES // 2, rng)
         farthest_m = float(np.linalg.norm(placed.pelvis_m[:, :2] - subject_m, axis=1).max())
-        if (
-            farthest_m < least_m
-            and _is_clear(placed, shot, others)
-            and shot.sees(placed.pelvis_m, COMPANY_SEEN)
-        ):
+        nearer = farthest_m < least_m and _is_clear(placed, shot, others)
+        if nearer and shot.sees(placed.pelvis_m, COMPANY_SEEN):
             best, least_m = placed, farthest_m
         if least_m <= COMPANY_FARTHEST_M:
             break
@@ -229,11 +219,8 @@ def _gait_at(
     pace = float(np.clip(speed_m_per_s / max(usual_m_per_s, 1e-6), *PACES))
     # The same gait, filmed at another rate and played at the shot's.
     played = gait(kind, shot.duration_s * pace, shot.fps_hz / pace)
-    return replace(
-        played,
-        fps_hz=shot.fps_hz,
-        source=f"gmrdata gait {kind} played {pace:.2f} times as fast, not motion capture",
-    )
+    source = f"gmrdata gait {kind} played {pace:.2f} times as fast, not motion capture"
+    return replace(played, fps_hz=shot.fps_hz, source=source)
 
 
 def _is_clear(placed: Motion, shot: Shot, others: Sequence[Motion]) -> bool:

@@ -1,22 +1,13 @@
 """Pages of a set of rendered clips: its index, and a quick preview of it before it is rendered."""
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
-from pydantic import Field
 
-from gmrdata.film.render import (
-    PreviewEngine,
-    PreviewJob,
-    RenderConfig,
-    RenderJob,
-    find_renderer,
-    run_blender,
-)
+from gmrdata.film import render as rendering
 from gmrdata.film.render_outputs import IN_FRAME
 from gmrdata.film.render_set import frame_warnings, render_dir, require_takes
 from gmrdata.film.scene import SceneConfig
@@ -24,15 +15,7 @@ from gmrdata.film.set_plan import SyntheticRecipe, plan_takes, select
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality
 from gmrdata.manifest.read import read_manifest
-from gmrdata.pages.frames import (
-    CONTACT_FILE,
-    draw_mask_outline,
-    jpeg,
-    read_image,
-    spaced,
-    tile_sheet,
-    write_bytes,
-)
+from gmrdata.pages import frames
 from gmrdata.pages.html import Cell, Table, render
 from gmrdata.pages.plots import picture, plot_clip_view
 from gmrdata.read.bodies import keep_body
@@ -47,23 +30,13 @@ from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.records import Config
 
 PATHS_FILE = "paths.png"
-SHEET_COLUMNS, PREVIEW_COLUMNS = 3, 4
+SHEET_FRAMES, SHEET_COLUMNS = 6, 3
+PREVIEW_FRAMES, PREVIEW_COLUMNS = 8, 4
 PLOT_IN = 4.0
 PREVIEW_FOLDER = "preview"
 PREVIEW_WIDTH_PX = 240
 RETRIES = 1
-
-
-class ClipSection(NamedTuple):
-    """One clip of a page."""
-
-    id: str
-    folder: str
-    """Where its pictures are, from the page."""
-    title: str
-    rows: Sequence[tuple[str, Cell | str]]
-    captions: Sequence[tuple[str, str, str]]
-    """(file, alternative text, caption) of each picture."""
+ANEW = Run(redo=True)
 
 
 def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:
@@ -71,8 +44,7 @@ def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:
 
     Nothing is drawn where `out_dir` holds no manifest.
     """
-    manifest_path = out_dir / "synthetic.yaml"
-    if not manifest_path.is_file():
+    if not (manifest_path := out_dir / "synthetic.yaml").is_file():
         return
     remove_orphans(out_dir)
     clips = [clip for clip in read_manifest(manifest_path).clips if isinstance(clip, ClipEntry)]
@@ -81,11 +53,10 @@ def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:
     warnings = frame_warnings(clips, recipe.min_in_frame_share)
     n_frames = sum(clip.n_frames for clip in clips)
     seconds = sum(clip.n_frames / clip.fps_hz for clip in clips)
-    lead = f"{len(clips)} clips, {n_frames} frames, {seconds:.1f} s; exact cameras and masks."
     page = render(
         "clips",
         title=f"{recipe.name} {recipe.version}",
-        lead=lead,
+        lead=f"{len(clips)} clips, {n_frames} frames, {seconds:.1f} s; exact cameras and masks.",
         table=_clip_table(clips),
         clips=[_clip_section(clip, warnings.get(clip.id)) for clip in clips],
     )
@@ -94,20 +65,16 @@ def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:
 
 def _clip_table(clips: Sequence[ClipEntry]) -> Table:
     headings = ("clip", "camera", "frames", "frame rate [Hz]", "whole person in frame")
-    rows = [
-        (
-            Cell(clip.id, href=f"#{clip.id}"),
-            clip.camera_motion,
-            str(clip.n_frames),
-            f"{clip.fps_hz:g}",
-            f"{(clip.quality or Quality()).figures[IN_FRAME]:.0%}",
-        )
-        for clip in clips
-    ]
+    rows: list[tuple[Cell | str, ...]] = []
+    for clip in clips:
+        share = (clip.quality or Quality()).figures[IN_FRAME]
+        figures = clip.camera_motion, str(clip.n_frames), f"{clip.fps_hz:g}", f"{share:.0%}"
+        rows.append((Cell(clip.id, href=f"#{clip.id}"), *figures))
     return Table(headings, rows, "All clips of the set.")
 
 
-def _clip_section(clip: ClipEntry, warning: str | None) -> ClipSection:
+def _clip_section(clip: ClipEntry, warning: str | None) -> dict[str, object]:
+    """What the page shows of a clip; (file, alternative text, caption) of each picture."""
     place = "unknown"
     if clip.recipe is not None:
         scene = SceneConfig.model_validate(clip.recipe.config["scene"])
@@ -120,19 +87,13 @@ def _clip_section(clip: ClipEntry, warning: str | None) -> ClipSection:
     ]
     rows += [("warning", Cell(warning, kind="bad"))] if warning else []
     captions = (
-        (CONTACT_FILE, f"Frames of {clip.id}",
+        (frames.CONTACT_FILE, f"Frames of {clip.id}",
          "Evenly spaced frames; the white line is the mask's outline."),
         (PATHS_FILE, f"Paths of {clip.id} from above",
          "Paths of camera and person from above, with the camera's viewing directions."),
     )  # fmt: skip
-    return ClipSection(clip.id, f"sheets/{clip.id}", clip.id, rows, captions)
-
-
-class SheetConfig(Config):
-    """What a contact sheet shows."""
-
-    n_frames: int = Field(default=6, ge=1)
-    """Frames, evenly spaced from the first to the last."""
+    section = {"id": clip.id, "title": clip.id, "folder": f"sheets/{clip.id}"}
+    return {**section, "rows": rows, "captions": captions}
 
 
 def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
@@ -140,35 +101,32 @@ def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
 
     It is made anew when the rendered clip changed.
     """
-    config = SheetConfig()
-    inputs = {"clip": rendered_dir / "clip.npz"}
-    inputs |= {name: rendered_dir / name for name in ("frames", "masks")}
+    names = {"clip": "clip.npz", "frames": "frames", "masks": "masks"}
+    inputs = {role: rendered_dir / name for role, name in names.items()}
 
     def work(partial_dir: Path) -> None:
         images = list_images(inputs["frames"])
         tiles = []
-        for image in (images[row] for row in spaced(len(images), config.n_frames)):
-            mask = read_image(inputs["masks"] / f"{image.stem}.png", cv2.IMREAD_GRAYSCALE)
-            tiles.append(draw_mask_outline(read_image(image, cv2.IMREAD_COLOR), mask))
+        for image in (images[row] for row in frames.spaced(len(images), SHEET_FRAMES)):
+            mask = frames.read_image(inputs["masks"] / f"{image.stem}.png", cv2.IMREAD_GRAYSCALE)
+            tiles.append(frames.draw_mask_outline(frames.read_image(image, cv2.IMREAD_COLOR), mask))
         _write_pictures(partial_dir, tiles, SHEET_COLUMNS, load_clip(inputs["clip"]))
 
-    return run_stage("sheet", out_dir, config, inputs, work, run=Run(redo=True))
+    return run_stage("sheet", out_dir, Config(), inputs, work, run=ANEW)
 
 
 def _write_pictures(folder: Path, tiles: Sequence[np.ndarray], columns: int, clip: Clip) -> None:
-    write_bytes(folder / CONTACT_FILE, jpeg(tile_sheet(tiles, columns)))
+    frames.write_bytes(folder / frames.CONTACT_FILE, frames.jpeg(frames.tile_sheet(tiles, columns)))
     paths = picture(lambda plot: plot_clip_view(plot.subplots(), clip), PLOT_IN, PLOT_IN, dpi=100)
-    write_bytes(folder / PATHS_FILE, paths)
+    frames.write_bytes(folder / PATHS_FILE, paths)
 
 
 class PreviewConfig(Config):
     """What a preview shows."""
 
-    render: RenderConfig
+    render: rendering.RenderConfig
     """The clip's settings, for its place and its people."""
-    engine: PreviewEngine
-    n_frames: int = Field(default=8, ge=1)
-    """Frames, evenly spaced from the first to the last."""
+    engine: rendering.PreviewEngine
 
 
 def preview_set(
@@ -188,11 +146,9 @@ def preview_set(
     selection = select(recipe, motions_dir)
     require_takes(selection, motions_dir)
     out_dir = out_dir.resolve() / PREVIEW_FOLDER
-    anew = Run(redo=True)
-    body_path = keep_body(recipe.body, out_dir / "body", run=anew)
-    planned = plan_takes(selection, body_path, out_dir / "plan", run=anew)
+    body_path = keep_body(recipe.body, out_dir / "body", run=ANEW)
+    todo, reasons = plan_takes(selection, body_path, out_dir / "plan", out_dir / "clips", ANEW)
     engine = _choose_engine()
-    todo = {id: planned.render_job(id, out_dir / "clips" / id) for id in planned.paths}
     jobs = [
         Job(id, preview_clip, {"job": job, "engine": engine}, retries=RETRIES)
         for id, job in todo.items()
@@ -200,56 +156,48 @@ def preview_set(
     failures_dir = out_dir / "failed"
     with worker_pool(run, recipe.workers) as client:
         outcome = try_jobs("preview", jobs, client, failures_dir)
-    motions = {take.id: take.camera_motion for take in selection.takes}
-    page = _write_preview(out_dir, recipe, list(outcome.results), motions)
-    reasons = {**planned.reasons, **outcome.reasons}
-    raise_failures("preview", reasons, len(selection.takes), failures_dir)
-    return page
-
-
-def _write_preview(
-    out_dir: Path, recipe: SyntheticRecipe, ids: Sequence[str], motions: Mapping[str, str]
-) -> Path:
-    sections = [
-        ClipSection(
-            id, f"clips/{id}", f"{id}, {motions[id]}", (),
-            ((CONTACT_FILE, id, "Evenly spaced frames."), (PATHS_FILE, id, "Paths.")),
-        )
-        for id in ids
-    ]  # fmt: skip
-    lead = f"{len(ids)} clips. Quick drawings to look at: the set's own frames have other light "
+    drawn = [take for take in selection.takes if take.id in outcome.results]
     title = f"{recipe.name} {recipe.version}: preview"
-    page = render("clips", title=title, lead=lead + "and colours.", table=None, clips=sections)
+    lead = "clips. Quick drawings to look at: the set's own frames have other light and colours."
+    sections = [_preview_section(take.id, take.camera_motion) for take in drawn]
+    page = render("clips", title=title, lead=f"{len(drawn)} {lead}", table=None, clips=sections)
     write_text(out_dir / "index.html", page)
+    raise_failures("preview", reasons | outcome.reasons, len(selection.takes), failures_dir)
     return out_dir / "index.html"
 
 
-def preview_clip(job: RenderJob, engine: PreviewEngine) -> Path:
+def _preview_section(id: str, camera_motion: str) -> dict[str, object]:
+    section = {"id": id, "title": f"{id}, {camera_motion}", "folder": f"clips/{id}"}
+    captions = ((frames.CONTACT_FILE, id, "Evenly spaced frames."), (PATHS_FILE, id, "Paths."))
+    return {**section, "rows": (), "captions": captions}
+
+
+def preview_clip(job: rendering.RenderJob, engine: rendering.PreviewEngine) -> Path:
     """Stage: `contact.jpg` and `paths.png` of a planned clip, made anew when anything changed."""
     config = PreviewConfig(render=job.config, engine=engine)
     cycles = job.config.model_copy(update={"engine": "cycles", "device": "cpu"})
 
     def work(partial_dir: Path) -> None:
         clip = load_clip(job.clip_path)
-        preview = PreviewJob(
+        preview = rendering.PreviewJob(
             render=job.model_copy(update={"out_dir": partial_dir, "config": cycles}),
-            rows=tuple(spaced(clip.motion.n_frames, config.n_frames)),
+            rows=tuple(frames.spaced(clip.motion.n_frames, PREVIEW_FRAMES)),
             percent=min(100, max(1, round(100 * PREVIEW_WIDTH_PX / camera_of(clip).width_px))),
-            engine=config.engine,
+            engine=engine,
         )
-        run_blender(preview, partial_dir, lambda _: None, module="blender.preview")
+        rendering.run_blender(preview, partial_dir, lambda _: None, module="blender.preview")
         pictures = sorted((partial_dir / "frames").glob("*.jpg"))
-        tiles = [read_image(path, cv2.IMREAD_COLOR) for path in pictures]
+        tiles = [frames.read_image(path, cv2.IMREAD_COLOR) for path in pictures]
         _write_pictures(partial_dir, tiles, PREVIEW_COLUMNS, clip)
         shutil.rmtree(partial_dir / "frames")
 
-    return run_stage("preview", job.out_dir, config, job.inputs, work, run=Run(redo=True))
+    return run_stage("preview", job.out_dir, config, job.inputs, work, run=ANEW)
 
 
-def _choose_engine() -> PreviewEngine:
+def _choose_engine() -> rendering.PreviewEngine:
     """Workbench where it runs, else Cycles, which is said."""
     try:
-        find_renderer("workbench", "cpu")
+        rendering.find_renderer("workbench", "cpu")
     except EngineMissing:
         console.print(
             "Workbench can't draw here (it needs OpenGL through EGL); "

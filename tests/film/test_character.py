@@ -22,7 +22,7 @@ from gmrdata.film.character import (
     residual_figures,
     save_character,
 )
-from gmrdata.film.render import with_full_paths
+from gmrdata.film.render import full_json
 from gmrdata.film.set_plan import SyntheticRecipe, render_config
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
 from gmrdata.values.errors import BadCharacter, BadMotionFile, GmrdataError, MissingInput
@@ -147,7 +147,7 @@ def test_a_files_own_files_are_inputs(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     character = Character(path=Path("someone.gltf"))
     assert list(character.inputs) == ["character", "character/a/b.bin", "character/skin%20one.png"]
-    assert with_full_paths(character).path == path
+    assert json.loads(full_json(character))["path"] == str(path)
 
 
 @pytest.mark.parametrize(

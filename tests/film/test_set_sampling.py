@@ -7,7 +7,6 @@ import pytest
 
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.set_plan import (
-    Planned,
     SyntheticRecipe,
     clip_rng,
     plan_takes,
@@ -41,17 +40,18 @@ def body_path(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -
     return path
 
 
-def plan(recipe: SyntheticRecipe, body_path: Path, folder: Path) -> Planned:
-    planned = plan_takes(select(recipe, None), body_path, folder)
-    assert not planned.reasons
-    return planned
+def plan(recipe: SyntheticRecipe, body_path: Path, folder: Path) -> dict[str, Path]:
+    """Files of the planned clips."""
+    jobs, reasons = plan_takes(select(recipe, None), body_path, folder, folder)
+    assert not reasons
+    return {id: job.clip_path for id, job in jobs.items()}
 
 
 def test_a_clip_is_the_same_whatever_others_there_are(body_path: Path, tmp_path: Path) -> None:
     many, few = recipe_of(), recipe_of(("side_step", "walk"))
     plans = plan(many, body_path, tmp_path / "many"), plan(few, body_path, tmp_path / "few")
     for clip in few.clips:
-        first, second = (planned.paths[clip.id].read_bytes() for planned in plans)
+        first, second = (planned[clip.id].read_bytes() for planned in plans)
         assert first == second
         assert render_config(many, clip) == render_config(few, clip)
 
@@ -59,13 +59,13 @@ def test_a_clip_is_the_same_whatever_others_there_are(body_path: Path, tmp_path:
 def test_every_clip_has_another_person(body_path: Path, tmp_path: Path) -> None:
     recipe = recipe_of()
     planned = plan(recipe, body_path, tmp_path)
-    shapes = np.stack([load_clip(planned.paths[kind]).motion.shape for kind in KINDS])
+    shapes = np.stack([load_clip(planned[kind]).motion.shape for kind in KINDS])
     assert (shapes.std(axis=0) > 0.2).all()
     seeds = {render_config(recipe, clip).person.seed for clip in recipe.clips}
     assert len(seeds) == len(KINDS) and None not in seeds
     again = plan(recipe, body_path, tmp_path / "again")
     for kind in KINDS:
-        assert planned.paths[kind].read_bytes() == again.paths[kind].read_bytes()
+        assert planned[kind].read_bytes() == again[kind].read_bytes()
 
 
 def test_another_seed_gives_other_people_and_places() -> None:
@@ -80,10 +80,10 @@ def test_another_seed_gives_other_people_and_places() -> None:
 def test_a_twin_has_the_person_and_the_place_of_its_clip(body_path: Path, tmp_path: Path) -> None:
     recipe = recipe_of(("walk",), camera_off=True)
     selection = select(recipe, None)
-    planned = plan_takes(selection, body_path, tmp_path)
+    jobs, _ = plan_takes(selection, body_path, tmp_path, tmp_path)
     clip, twin = selection.takes
     assert (clip.id, twin.id) == ("walk", "walk_off")
-    of_clip, of_twin = (load_clip(planned.paths[take.id]).motion for take in selection.takes)
+    of_clip, of_twin = (load_clip(jobs[take.id].clip_path).motion for take in selection.takes)
     np.testing.assert_array_equal(of_twin.shape, of_clip.shape)
     assert render_config(recipe, twin.clip) == render_config(recipe, clip.clip)
 
@@ -111,9 +111,9 @@ def test_what_a_clip_says_itself_counts(body_path: Path, tmp_path: Path) -> None
         "seed": 8,
     }
     planned = plan(recipe, body_path, tmp_path)
-    np.testing.assert_array_equal(load_clip(planned.paths["walk"]).motion.shape, np.full(10, 0.5))
+    np.testing.assert_array_equal(load_clip(planned["walk"]).motion.shape, np.full(10, 0.5))
     wrong = recipe_of(clips=[clip | {"shape": [1.0, 2.0]}])
-    reasons = plan_takes(select(wrong, None), body_path, tmp_path / "wrong").reasons
+    _, reasons = plan_takes(select(wrong, None), body_path, tmp_path / "wrong", tmp_path)
     assert "takes a shape of 10 finite numbers" in reasons["walk"]
 
 
