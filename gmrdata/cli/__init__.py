@@ -15,25 +15,11 @@ from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.sequence import masks, sfm
 from gmrdata.values.errors import GmrdataError
 
-VERBS: dict[str, Callable[..., None]] = {
-    "demo": demo,
-    "fetch": fetch,
-    "motions": motions,
-    "render": render,
-    "masks": masks,
-    "sfm": sfm,
-    "manifest": manifest,
-    "threedpw": threedpw,
-    "floor": floor,
-    "train": train,
-    "infer": infer,
-    "evaluate": evaluate,
-    "compare": compare,
-    "baseline": baseline,
-    "tables": tables,
-    "report": report,
-    "run": run,
-}
+_VERBS: tuple[Callable[..., None], ...] = (
+    demo, fetch, motions, render, masks, sfm, manifest, threedpw, floor, train, infer, evaluate,
+    compare, baseline, tables, report, run,
+)  # fmt: skip
+VERBS = {verb.__name__: verb for verb in _VERBS}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -82,29 +82,15 @@ def baseline_vibe_cam(
     """
     from gmrdata.baselines.vibe_cam import VibeCamConfig, predict_vibe_cam
 
-    config = VibeCamConfig(person_ids=_tracks(person), image_size_px=image_size)
-    answer(
-        predict_vibe_cam(
-            manifest,
-            poses,
-            keypoints,
-            out,
-            config,
-            body_path=flags.body_path(body),
-            run=Run(redo=redo),
-        )
-    )
-
-
-def _tracks(person: tuple[str, ...]) -> dict[str, int]:
-    """`walk_01=3` as {"walk_01": 3}."""
     tracks = {}
     for text in person:
         clip_id, equals, number = text.rpartition("=")
         if not equals or not number.isdecimal():
             raise BadRecipe(f"--person {text}: expected the clip's id, =, and a number")
         tracks[clip_id] = int(number)
-    return tracks
+    config = VibeCamConfig(person_ids=tracks, image_size_px=image_size)
+    path, run = flags.body_path(body), Run(redo=redo)
+    answer(predict_vibe_cam(manifest, poses, keypoints, out, config, body_path=path, run=run))
 
 
 def baseline_joint_train(

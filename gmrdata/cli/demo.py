@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -95,15 +96,9 @@ def _step(number: int, what: str) -> None:
 
 
 def _render(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> None:
-    jobs = {
-        clip.id: RenderJob(
-            clip_path=paths.clip(clip.id).planned,
-            body_path=paths.body,
-            out_dir=paths.all_renders_dir / clip.id,
-            config=recipe.render,
-        )
-        for clip in recipe.clips
-    }
+    job = partial(RenderJob, body_path=paths.body, config=recipe.render)
+    clips = {clip.id: paths.clip(clip.id) for clip in recipe.clips}
+    jobs = {id: job(clip_path=one.planned, out_dir=one.render_dir) for id, one in clips.items()}
     render_clips(jobs, client, paths.failures_dir, run=run)
 
 
@@ -120,8 +115,7 @@ def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> 
         [Job(id, regenerate, {"clip_id": id} | shared) for id in ids],
         client,
         paths.failures_dir,
-        units_total=len(stage_dirs),
-        units_done=lambda: sum(folder.is_dir() for folder in stage_dirs),
+        (len(stage_dirs), lambda: sum(folder.is_dir() for folder in stage_dirs)),
     )
 
 
@@ -166,16 +160,12 @@ def write_manifests(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles) ->
         name = f"demo-{path.stem.replace('_', '-')}"
         write_manifest(path, name=name, clips=clips, created_by=by, redo=True, **about)
 
-    given = {file.stem for file in files.training}
-    trained = []
+    root, given, trained = paths.root, {file.stem for file in files.training}, []
     for path in sorted(paths.training_dir.glob("*.npz")):
         source = file_source(path.stem) if path.stem in given else gait_source(path.stem)
         terms = licence_of(source)
-        trained.append(
-            clip_entry(
-                paths.root, clip_path=path, camera_motion="none", licence=terms, source=source
-            )
-        )
+        entry = clip_entry(root, clip_path=path, camera_motion="none", licence=terms, source=source)
+        trained.append(entry)
     text = "Motions that the demo's GMR is trained on."
     write(paths.training_manifest, "motions", text, trained)
     filmed = [

@@ -9,18 +9,10 @@ from gmrdata.cli.demo_motions import MotionsConfig
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.masks.sources import masks_seconds
+from gmrdata.pages import report_data
 from gmrdata.pages.overview import summary_table, write_overview
 from gmrdata.pages.report import write_report
-from gmrdata.pages.report_data import (
-    ClipFigures,
-    ClipReport,
-    GmrSummary,
-    Quality,
-    ReportData,
-    RunReport,
-    Score,
-    summary,
-)
+from gmrdata.pages.report_data import ClipReport
 from gmrdata.read.bodies import read_body
 from gmrdata.score.records import Scores
 from gmrdata.stage.progress import answers
@@ -40,30 +32,26 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     body, gmr = read_body(paths.body), load_gmr(paths.gmr_dir)
     metrics = (paths.gmr_dir / "metrics.jsonl").read_text().splitlines()
     rows = [json.loads(line) for line in metrics]
-    report = ReportData(
-        run=_run_report(paths, recipe),
+    record = StageRecord.of(paths.gmr_dir)
+    report = report_data.ReportData(
+        run=report_data.RunReport(
+            title="gmrdata demo",
+            data_source=_data_source(paths),
+            seconds=_seconds(paths, recipe),
+            versions={"gmrdata": record.gmrdata, "python": record.python, **record.packages},
+            recipe=paths.recipe.read_text(encoding="utf-8"),
+        ),
         clips=tuple(_clip_report(paths, clip, body, gmr) for clip in recipe.clips),
         scores={name: _manifest_score(paths, name) for name in ("synthetic", "pseudo_gt")},
         learning_curve=tuple((row["step"], row["loss"]) for row in rows if "loss" in row),
     )
-    figures = summary(report)
+    figures = report_data.summary(report)
     figures.write(paths.summary)
     write_overview(paths.overview, report)
     write_report(paths.report, report)
     answers.print(summary_table(figures))
     answers.print(f"\n[bold]{paths.report}[/bold]", soft_wrap=True)
     return paths.report
-
-
-def _run_report(paths: DemoPaths, recipe: DemoRecipe) -> RunReport:
-    record = StageRecord.of(paths.gmr_dir)
-    return RunReport(
-        title="gmrdata demo",
-        data_source=_data_source(paths),
-        seconds=_seconds(paths, recipe),
-        versions={"gmrdata": record.gmrdata, "python": record.python, **record.packages},
-        recipe=paths.recipe.read_text(encoding="utf-8"),
-    )
 
 
 def _data_source(paths: DemoPaths) -> str:
@@ -112,7 +100,7 @@ def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: Trained
         images_dir=files.frames_dir,
         masks_dir=files.masks_dir,
         body=body,
-        figures=ClipFigures(
+        figures=report_data.ClipFigures(
             ome_deg=error.ome_deg,
             tme_mm=error.tme_mm,
             camera_rotation_deg=error.camera_rotation_deg,
@@ -126,11 +114,11 @@ def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: Trained
     )
 
 
-def _quality(pseudo_gt_dir: Path) -> Quality:
+def _quality(pseudo_gt_dir: Path) -> report_data.Quality:
     record = load_record(pseudo_gt_dir)
     if record.cameras is None:
         raise BadRecord(f"{pseudo_gt_dir}: says of no reconstruction, so there is none to draw")
-    return Quality(
+    return report_data.Quality(
         geometry=record.cameras.geometry,
         scale=record.scale,
         scale_sigma=record.scale_sigma,
@@ -139,7 +127,7 @@ def _quality(pseudo_gt_dir: Path) -> Quality:
     )
 
 
-def _manifest_score(paths: DemoPaths, name: str) -> GmrSummary:
+def _manifest_score(paths: DemoPaths, name: str) -> report_data.GmrSummary:
     pooled = Scores.read(paths.scores_dir(name) / "scores.json").overall.pooled_over_motions
-    zero_motion = Score(**pooled.zero.by_metric())
-    return GmrSummary(**pooled.predicted.by_metric(), zero_motion=zero_motion)
+    zero_motion = report_data.Score(**pooled.zero.by_metric())
+    return report_data.GmrSummary(**pooled.predicted.by_metric(), zero_motion=zero_motion)

@@ -47,7 +47,7 @@ class DemoRecipe(Config):
     workers: int = Field(default=3, ge=1)
     """Worker processes for the clips, one thread each for rendering."""
     clips: tuple[DemoClip, ...] = Field(min_length=1)
-    """The clips, in the order of the report."""
+    """In the order of the report."""
     film: Film = Film()
     training: Training = Training()
     render: RenderConfig = RenderConfig()
@@ -56,16 +56,12 @@ class DemoRecipe(Config):
     gmr: TrainConfig = TrainConfig()
 
     @model_validator(mode="after")
-    def _masks_fit_the_body(self) -> Self:
+    def _can_be_made(self) -> Self:
         if self.render.character is not None:
             raise ValueError(
                 "render.character: the demo draws its masks from the body; "
                 "use a synthetic recipe for rigged characters"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _ids_are_unique(self) -> Self:
         ids = [clip.id for clip in self.clips]
         if len(ids) != len(set(ids)):
             raise ValueError(f"clip ids must be unique, these are not: {', '.join(ids)}")
@@ -99,7 +95,6 @@ class DemoPaths:
         self.overview = root / "overview.png"
 
     def clip(self, clip_id: str) -> "ClipPaths":
-        """The files of one clip."""
         return ClipPaths(self, clip_id)
 
     def scores_dir(self, manifest_name: str) -> Path:

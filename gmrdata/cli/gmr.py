@@ -85,13 +85,9 @@ def evaluate(
     if not fps_hz > 0:
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
     config = ScoreConfig(
-        which=which,
-        all_phases=all_phases,
-        protocol=protocol,
-        fps_hz=fps_hz,
-        missing=missing,
-        seed=seed,
-    )
+        which=which, all_phases=all_phases, protocol=protocol,
+        fps_hz=fps_hz, missing=missing, seed=seed,
+    )  # fmt: skip
     clips_body, run = flags.body_path(body), Run(redo=redo)
     if predictions is None:
         if len(run_and_manifest) != 2:
@@ -101,15 +97,9 @@ def evaluate(
         if len(run_and_manifest) != 1:
             raise MissingInput("with --predictions, give the manifest alone")
         path = score_predictions(
-            predictions,
-            *run_and_manifest,
-            clips_body,
-            out,
-            config,
-            predictions_body_path=predictions_body,
-            floor_path=floor,
-            run=run,
-        )
+            predictions, *run_and_manifest, clips_body, out, config,
+            predictions_body_path=predictions_body, floor_path=floor, run=run,
+        )  # fmt: skip
     show_scores(path)
 
 

@@ -71,37 +71,21 @@ def motions(
             --body is then a folder with SMPL's models of the genders.
         workers: Worker processes; one per CPU when left out.
     """
-    run = Run(redo=redo, workers=workers)
-    if layout != "files":
-        for path in _data_set(layout, sources, out, body, run):
-            answer(path)
-        return
+    from gmrdata.motion.emdb import make_emdb
+    from gmrdata.motion.human36m import make_human36m
     from gmrdata.motion.library import make_library, motion_table
 
-    if out is None:
+    run = Run(redo=redo, workers=workers)
+    if layout != "files":
+        if len(sources) != 1 or out is None:
+            raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")
+        make = make_human36m if layout == "human36m" else make_emdb
+        for path in make(sources[0], body, out, run=run):
+            answer(path)
+    elif out is None:
         print_table(*motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map))
     else:
-        made = make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, run=run)
-        answer(made)
-
-
-def _data_set(
-    layout: Literal["human36m", "emdb"],
-    sources: tuple[Path, ...],
-    out: Path | None,
-    body: str,
-    run: Run,
-) -> tuple[Path, ...]:
-    """Manifests of a data set's world clips."""
-    if len(sources) != 1 or out is None:
-        raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")
-    if layout == "human36m":
-        from gmrdata.motion.human36m import make_human36m
-
-        return make_human36m(sources[0], body, out, run=run)
-    from gmrdata.motion.emdb import make_emdb
-
-    return make_emdb(sources[0], body, out, run=run)
+        answer(make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, run=run))
 
 
 def render(

@@ -1,18 +1,15 @@
 """Verbs for 3DPW: its pseudo ground truth, a look into it, a twin of it, and the noise floor."""
 
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
-from gmrdata.stage.run import Run
 from gmrdata.values.errors import MissingInput
-
-if TYPE_CHECKING:
-    from gmrdata.threedpw.recipe import ThreedpwRecipe
-    from gmrdata.twins.twin_set import TwinRecipe
 
 Root = Annotated[Path, arg(help="3DPW's folder, which holds imageFiles and sequenceFiles.")]
 Rule = Annotated[
@@ -163,52 +160,45 @@ def floor(
         size: Images of sampled twins: small (540x960), full (1080x1920), or like 180x320 [px].
         frames: Frames of each sampled twin, at 30 fps; at least 60.
     """
+    from gmrdata.pages.qa import write_set_pages as write_regenerated
+    from gmrdata.pages.sets import write_set_pages as write_rendered
     from gmrdata.threedpw import regenerate as regeneration
     from gmrdata.threedpw.recipe import ThreedpwRecipe
-    from gmrdata.twins.floor import REGENERATED_FOLDER, TWINS_FOLDER
+    from gmrdata.twins import floor as stage
     from gmrdata.twins.sampling import film_of, twin_recipe
     from gmrdata.twins.twin_set import SET_FOLDER, read_truth
 
-    loaded = flags.read_recipe(recipe, ThreedpwRecipe)
-    if twins is not None and dry_run:
-        plan = regeneration.plan(loaded, read_truth(twins).root, out / REGENERATED_FOLDER)
-        print_table(regeneration.HEADINGS, plan)
-    elif twins is not None:
-        _measure_floor(twins, loaded, out, run)
+    loaded, regenerated = flags.read_recipe(recipe, ThreedpwRecipe), out / stage.REGENERATED_FOLDER
+    folder = out / stage.TWINS_FOLDER if twins is None else twins
+    pages: AbstractContextManager[None] = nullcontext()
+    if twins is not None:
+        if dry_run:
+            plan = regeneration.plan(loaded, read_truth(twins).root, regenerated)
+            print_table(regeneration.HEADINGS, plan)
+            return
+        make = partial(stage.floor_of_twins, twins, loaded, out, run=run)
     elif motions is None:
         raise MissingInput("nothing to measure on. Name --motions to sample twins, or --twins")
     else:
         film = film_of(size, frames)
         sampled = twin_recipe(sequences, seed, motions, film=film, workers=run.workers)
         if dry_run:
-            set_dir = out / TWINS_FOLDER / SET_FOLDER
-            flags.show_dry_run(sampled.set, set_dir, motions, run.workers, probe)
-        else:
-            _measure_floor((sampled, motions), loaded, out, run)
+            flags.show_dry_run(sampled.set, folder / SET_FOLDER, motions, run.workers, probe)
+            return
+        make = partial(stage.sampled_floor, sampled, motions, loaded, out, run=run)
+        pages = then(lambda: write_rendered(sampled.set, folder / SET_FOLDER))
+    with then(lambda: write_regenerated(loaded, read_truth(folder).root, regenerated)), pages:
+        made = make()
+    _show_floor(made.path)
+    if made.failed is not None:
+        raise made.failed
 
 
-def _measure_floor(
-    twins: "Path | tuple[TwinRecipe, Path]", recipe: "ThreedpwRecipe", out: Path, run: Run
-) -> None:
-    """Measure on twins that are there, or on sampled ones (their recipe and motions); print it."""
-    from gmrdata.pages.qa import write_set_pages as write_regenerated
-    from gmrdata.pages.sets import write_set_pages as write_rendered
+def _show_floor(path: Path) -> None:
     from gmrdata.twins import floor_record
-    from gmrdata.twins.floor import REGENERATED_FOLDER, TWINS_FOLDER, floor_of_twins, sampled_floor
-    from gmrdata.twins.twin_set import SET_FOLDER, read_truth
 
-    folder = twins if isinstance(twins, Path) else out / TWINS_FOLDER
-    with then(lambda: write_regenerated(recipe, read_truth(folder).root, out / REGENERATED_FOLDER)):
-        if isinstance(twins, Path):
-            made = floor_of_twins(twins, recipe, out, run=run)
-        else:
-            sampled, motions = twins
-            with then(lambda: write_rendered(sampled.set, folder / SET_FOLDER)):
-                made = sampled_floor(sampled, motions, recipe, out, run=run)
-    measured = floor_record.Floor.read(made.path)
+    measured = floor_record.Floor.read(path)
     print_table(floor_record.HEADINGS, floor_record.floor_rows(measured))
     for line in floor_record.notes(measured):
         answer(line)
-    answer(made.path)
-    if made.failed is not None:
-        raise made.failed
+    answer(path)
