@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-gmr bench-gmr-cmu clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-gmr bench-gmr-cmu clean
 
 setup: $(READY)
 
@@ -35,6 +35,10 @@ bench-render: $(READY)
 # The COLMAP stage alone, on twins of 3DPW.  ARGS=--small only tries every part; ARGS='--twins FOLDER' takes twins that are there.
 bench-sfm: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_sfm.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# The COLMAP stage on real clips.  ARGS='--clips FOLDER' says where they are, --small only tries every part, -k picks cases.
+bench-real: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_real.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # GMR's training step.  ARGS=--small only tries every part.
 bench-gmr: $(READY)

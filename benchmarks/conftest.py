@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
+    from real.session import RealSession
     from sfm.session import Session
 
 HERE = Path(__file__).parent
@@ -17,9 +18,12 @@ pytest_plugins = ["conftest"]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--small`: try every part of a measurement, without its bars.  `--twins`: see bench_sfm."""
+    """`--small`: try every part of a measurement, without its bars.  `--twins`: see bench_sfm.
+    `--clips`, `--ours-alone`: see bench_real."""
     parser.addoption("--small", action="store_true", help="small sizes, and no bars")
     parser.addoption("--twins", type=Path, help="a folder that `gmrdata threedpw twin` made")
+    parser.addoption("--clips", type=Path, help="a folder that real/layout.py made")
+    parser.addoption("--ours-alone", action="store_true", help="nothing beside it, no bars")
 
 
 @pytest.fixture(scope="session")
@@ -31,4 +35,17 @@ def sfm(request: pytest.FixtureRequest) -> Session:
         small=request.config.getoption("--small"),
         twins_given=request.config.getoption("--twins"),
         motions_dir=lambda: request.getfixturevalue("cmu_dir"),
+    )
+
+
+@pytest.fixture(scope="session")
+def real(request: pytest.FixtureRequest, shared_data: Path) -> RealSession:
+    """What the measurements on real clips share."""
+    from real.session import RealSession
+
+    return RealSession(
+        small=request.config.getoption("--small"),
+        ours_alone=request.config.getoption("--ours-alone"),
+        clips_dir=request.config.getoption("--clips") or Path("out/bench/clips"),
+        detector=shared_data / "models" / "yolox_nano.onnx",
     )
