@@ -12,7 +12,7 @@ kitti_1, kitti_2: niconielsen32/ComputerVision, VisualOdometry/KITTI_sequence_{1
 kitchen: andyzeng/tsdf-fusion-python, data, the first 300 of 1000 frames of Microsoft's 7-Scenes;
   BSD-2-Clause, the data for non-commercial use.  A Kinect in the hand; KinectFusion's cameras.
 fox: NVlabs/instant-ngp, data/nerf/fox, 50 of 115 frames; NVIDIA's licence, non-commercial.  A phone
-  that goes round a stuffed fox; COLMAP's cameras, in a unit of their own, of a lens with k1 = 0.058.
+  that goes round a stuffed fox; COLMAP's cameras, in a unit of their own; its lens has k1 = 0.058.
 static_people: `video/static_people`, MIT.  People before a phone that is held still.
 dog: `video/dog.mp4`, Apache-2.0.  A camera that goes round a dog; true cameras not known.
 
@@ -123,7 +123,9 @@ def lay_out_kitchen(folder: Path, out_dir: Path) -> None:
 def lay_out_fox(folder: Path, out_dir: Path) -> None:
     """A phone that goes round a stuffed fox; its lens has the distortion that nobody is told."""
     facts = json.loads((folder / "transforms.json").read_text())
-    frames = sorted(facts["frames"], key=lambda frame: str(frame["file_path"]))
+    # The list names more frames than the folder holds.
+    there = [frame for frame in facts["frames"] if (folder / frame["file_path"]).is_file()]
+    frames = sorted(there, key=lambda frame: str(frame["file_path"]))
     _copy([folder / frame["file_path"] for frame in frames], out_dir)
     _write_facts(
         out_dir,
