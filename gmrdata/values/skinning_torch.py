@@ -24,15 +24,6 @@ _FLAT = ("template_m", "shape_dirs_m", "pose_dirs_m")
 _WHOLE = ("joints_template_m", "joint_shape_dirs_m", "skin_weights")
 
 
-def posed_joints(
-    body: BodyModel, shape: Tensor, local_rotmats: Tensor
-) -> tuple[Float[Tensor, "*batch 24 3"], Float[Tensor, "*batch 24 3 3"]]:
-    """Joints [m] and root_from_joint of a posed body; arguments and errors as `posed_vertices`."""
-    _check_sizes(body, shape, local_rotmats)
-    tensors = _tensors(body, local_rotmats)
-    return forward_kinematics(_rest_joints(tensors, shape.to(local_rotmats)), local_rotmats)
-
-
 def posed_vertices(
     body: BodyModel, shape: Tensor, local_rotmats: Tensor
 ) -> Float[Tensor, "*batch vertices 3"]:

@@ -12,7 +12,7 @@ from gmrdata.gmr.inputs import REST_JOINTS_M, SCALE, motions_if_standing, veloci
 from gmrdata.gmr.model import input_size, network_input
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion_deltas import deltas
-from gmrdata.values.skinning_torch import posed_joints
+from tests.torch_joints import posed_joints
 
 
 def random_poses(*sizes: int) -> torch.Tensor:

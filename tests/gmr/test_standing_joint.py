@@ -15,11 +15,12 @@ from gmrdata.gmr.inputs import (
     root_step_m,
     root_turn,
 )
-from gmrdata.gmr.model import Gmr, network_input, parameter_count
+from gmrdata.gmr.model import Gmr, network_input
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion_deltas import deltas
-from gmrdata.values.skinning_torch import posed_joints
+from tests.gmr.direct_reading import parameter_count
 from tests.gmr.test_extra_inputs import random_poses
+from tests.torch_joints import posed_joints
 
 NONE = 23
 """Share of no joint at all."""

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.anny import BONES, build_anny, principal_directions, quantised
 from gmrdata.read.bodies import anny_file, save_body
 from gmrdata.values.body import JOINT, JOINT_NAMES, MIRRORED, BodyModel
-from gmrdata.values.skinning_torch import posed_joints, posed_vertices
+from gmrdata.values.skinning_torch import posed_vertices
+from tests.torch_joints import posed_joints
 
 FLIP = np.array([-1.0, 1.0, 1.0])
 

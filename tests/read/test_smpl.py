@@ -14,7 +14,8 @@ from gmrdata.read.bodies import load_body
 from gmrdata.read.smpl import read_smpl
 from gmrdata.values.body import PARENTS
 from gmrdata.values.errors import BadBodyFile, UnsafePickle
-from gmrdata.values.skinning_torch import place, posed_joints, posed_vertices
+from gmrdata.values.skinning_torch import place, posed_vertices
+from tests.torch_joints import posed_joints
 
 N_VERTICES = 6890
 

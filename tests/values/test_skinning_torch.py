@@ -16,7 +16,8 @@ from gmrdata.values import skinning as skin
 from gmrdata.values.body import JOINT, MIRRORED, PARENTS, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
-from gmrdata.values.skinning_torch import place, posed_joints, posed_vertices
+from gmrdata.values.skinning_torch import place, posed_vertices
+from tests.torch_joints import posed_joints
 
 seeds = st.integers(0, 2**32 - 1)
 FLIP = np.array([-1.0, 1.0, 1.0])
