@@ -1,5 +1,6 @@
 """What the command line says: answers, tables, and what went wrong."""
 
+import errno
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -44,8 +45,6 @@ def fail(message: str, code: int = 1) -> None:
 
 def explain(error: OSError) -> str:
     """A system error with the file and what can be done."""
-    import errno
-
     remedies = {
         errno.ENOSPC: "the disk is full. Free some space and run the same command again",
         errno.EDQUOT: "your disk quota is used up. Free some space and run the same command again",

@@ -15,8 +15,6 @@ from gmrdata.world.sequence import SequenceConfig
 
 
 class DemoClip(Config):
-    """One clip: who moves, and how the camera moves."""
-
     id: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
     """Name of the clip and of its folders."""
     gait: str
@@ -25,8 +23,6 @@ class DemoClip(Config):
 
 
 class Training(Config):
-    """The motions that GMR is trained on."""
-
     gait_count: int = Field(default=60, ge=1)
     gait_duration_s: float = Field(default=12.0, gt=0)
     """Length of each [s]."""
@@ -41,7 +37,6 @@ class DemoRecipe(Config):
 
     recipe: Literal["demo"]
     seed: int = Field(default=0, ge=0)
-    """Seed of every random choice."""
     body: str = "anny"
     """Body model: "anny", or the path of an SMPL model file."""
     workers: int = Field(default=3, ge=1)
@@ -81,10 +76,8 @@ class DemoPaths:
         self.training_dir = self.motions_dir / "training"
         self.all_renders_dir = root / "render"
         self.failures_dir = root / "failed"
-        """One text file for each clip that failed."""
         self.training_manifest = root / "training.yaml"
         self.synthetic_manifest = root / "synthetic.yaml"
-        """Rendered clips with exact truth."""
         self.pseudo_gt_manifest = root / "pseudo_gt.yaml"
         """The same clips with regenerated world motions."""
         self.gmr_dir = root / "gmr"
@@ -98,7 +91,6 @@ class DemoPaths:
         return ClipPaths(self, clip_id)
 
     def scores_dir(self, manifest_name: str) -> Path:
-        """Stage: the network's scores on one manifest."""
         return self.root / "scores" / manifest_name
 
 

@@ -184,8 +184,7 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     folder = path.parent
     training = recipe.training_paths(folder) or list(_needed(path, "--manifest", inputs.manifest))
     body = flags.body_path(inputs.body) if recipe.body is None else folder / recipe.body
-    config = recipe.train_config()
-    run_dir = train(training, out / "run", config, body_path=body, run=run)
+    run_dir = train(training, out / "run", recipe.train_config(), body_path=body, run=run)
     for manifest in recipe.scored:
         scores_dir = out / "scores" / manifest.stem
         show_scores(score_manifest(run_dir, folder / manifest, body, scores_dir, run=run))

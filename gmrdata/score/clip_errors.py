@@ -49,7 +49,6 @@ class ClipErrors:
     errors: dict[Method, dict[Metric, np.ndarray]]
     """OME, TME and VME per motion: (n,) by method and metric."""
     motion_type: str | None = None
-    """What the person does, where that is on record."""
     over_time_mm: dict[Method, np.ndarray] = field(default_factory=dict)
     """Vertex error in each frame of the clip's longest run, whose first pose is the true one: (K,)
     by method [mm]."""

@@ -93,11 +93,6 @@ def compare_scores(
     Args:
         paths: `scores.json` of each run, two or more.
         out_dir: Gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
-
-    Raises:
-        MissingInput: a file is not there, or there are fewer than two.
-        BadRecord: a file is no scores, or the runs can't be compared: other frame rates, no clip in
-            common, or a clip of the same id that was scored on other frames.
     """
     config = config or CompareConfig()
     if len(paths) < 2:
@@ -120,7 +115,6 @@ def compare_scores(
 def compare_records(
     records: Sequence[Scores], paths: Sequence[Path], names: Sequence[str], config: CompareConfig
 ) -> Comparison:
-    """The comparison; see `compare_scores`."""
     clips = [{clip.id: clip for clip in record.clips} for record in records]
     common = [id for id in clips[0] if all(id in other for other in clips)]
     _check_comparable(records, paths, clips, common)

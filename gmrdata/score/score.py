@@ -14,12 +14,11 @@ from gmrdata.gmr.runs import UsableClip, check_clips_fit, usable_clips
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.score import ProtocolName
-from gmrdata.score.beside_floor import beside_floor, read_fitting_floor
 from gmrdata.score.clip_errors import ClipErrors, clip_errors
 from gmrdata.score.predictions import PredictedClip, file_clip, network_clip
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.records import Bootstrap, Protocol, ScoredFiles, ScoredNetwork, Scores
-from gmrdata.score.summary import summarise
+from gmrdata.score.summary import beside_floor, read_fitting_floor, summarise
 from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
 from gmrdata.stage.progress import track

@@ -1,17 +1,29 @@
-"""Scores of clips put together: per class of camera motion, per type of motion, overall."""
+"""Scores of clips put together: per class of camera motion, per type of motion, overall.
+
+And the pseudo ground truth's own error beside them, with what is below it.
+"""
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from functools import cache
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from gmrdata.score import METRICS, Interval, Method, records
+from gmrdata.score import METRICS, Interval, Method, Metric, records
 from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.intervals import mean_intervals, ratio_interval, resampled_counts
+from gmrdata.twins.floor_record import Floor, FloorGroup
+from gmrdata.values.errors import BadManifest, BadRecord
 
 T = TypeVar("T")
+R = TypeVar("R", bound=records.Row)
+BELOW: dict[Metric, str] = {
+    "ome_deg": "OME {:.3f}° is below {:.3f}°",
+    "tme_mm": "TME {:.2f} mm is below {:.2f} mm",
+    "vme_mm": "VME {:.2f} mm is below {:.2f} mm",
+}
 Draws = Callable[[int], np.ndarray]
 """How often each of n clips is drawn in each resample: n -> (resamples, n)."""
 
@@ -149,3 +161,60 @@ def _world(
         return {m: figure([one.protocol[method][m] for one in scored]) for m in metrics}
 
     return records.ByMethod(predicted=of("predicted"), zero=of("zero"))
+
+
+def read_fitting_floor(path: Path, manifest_path: Path, kind: str, fps_hz: float) -> Floor:
+    """A floor for the scores of a manifest, whose motions were scored at `fps_hz`."""
+    floor = Floor.read(path)
+    if kind != "pseudo_gt":
+        raise BadManifest(
+            f"{manifest_path}: of kind {kind}, but {path} is the error of a pseudo ground truth. "
+            "Leave out --floor"
+        )
+    if floor.fps_hz != fps_hz:
+        raise BadRecord(
+            f"{path}: of motions at {floor.fps_hz:g} fps, but the scores are at {fps_hz:g} fps. "
+            "Leave out --floor"
+        )
+    if _errors_of(floor.overall, "all") is None:
+        raise BadRecord(f"{path}: no sequence was accepted. Measure a floor on more sequences")
+    return floor
+
+
+def beside_floor(scores: records.Summary, floor: Floor) -> records.Summary:
+    """Scores with a floor in each row, and a sentence for each row with a score below it.
+
+    A row's floor is that of its class of camera motion; where the floor has none, that of all.
+    Types of motion have none: the floor does not know them.
+    """
+    clips = tuple(_beside(clip, clip.camera_motion, floor) for clip in scores.clips)
+    classes = {name: _beside(row, name, floor) for name, row in scores.camera_motion.items()}
+    overall = _beside(scores.overall, "all", floor)
+    rows: list[tuple[str, records.Row]] = [(clip.id, clip) for clip in clips]
+    rows += [*((f"all {name}", row) for name, row in classes.items()), ("all", overall)]
+    statements = tuple(_statement(name, row) for name, row in rows if row.below_floor)
+    changes = {"clips": clips, "camera_motion": classes, "overall": overall}
+    return scores.model_copy(update=changes | {"statements": statements})
+
+
+def _beside(row: R, camera_motion: str, floor: Floor) -> R:
+    group = floor.classes.get(camera_motion)
+    found = None if group is None else _errors_of(group, camera_motion)
+    used = found or _errors_of(floor.overall, "all")
+    assert used is not None
+    score = row.paper().predicted
+    below = tuple(metric for metric in METRICS if score.get(metric) < used.get(metric))
+    return row.model_copy(update={"floor": used, "below_floor": below})
+
+
+def _errors_of(group: FloorGroup, of: str) -> records.RowFloor | None:
+    """None where no sequence was accepted."""
+    errors = {metric: getattr(group, metric) for metric in METRICS}
+    return None if None in errors.values() else records.RowFloor(of=of, **errors)
+
+
+def _statement(name: str, row: records.Row) -> str:
+    assert row.floor is not None
+    score, own = row.paper().predicted, row.floor
+    parts = ", ".join(BELOW[one].format(score.get(one), own.get(one)) for one in row.below_floor)
+    return f"{name}: {parts}: not distinguishable from the pseudo ground truth's own error"

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from gmrdata.manifest.write import write_manifest
-from gmrdata.score.beside_floor import beside_floor, read_fitting_floor
 from gmrdata.score.records import PaperMetrics, Scores
+from gmrdata.score.summary import beside_floor, read_fitting_floor
 from gmrdata.score.table import score_rows
 from gmrdata.twins.floor_record import Floor, FloorGroup
 from gmrdata.values.errors import BadManifest, BadRecord
