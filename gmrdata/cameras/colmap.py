@@ -23,25 +23,25 @@ def matrix_of(rigid: Any) -> np.ndarray:
     return transforms.rigid(matrix[:, :3], matrix[:, 3])
 
 
-def adjustment_options(*, free_focal: bool, max_iterations: int, function_tolerance: float) -> Any:
-    """COLMAP's options on one thread, so that results repeat; at most the focal length is free."""
+def bundle_adjuster(
+    model: Any, free_focal: bool = False, max_iterations: int = 50, tolerance: float = 1e-6
+) -> Any:
+    """Adjusts all of a model with a loss that forgives wrong matches; two cameras hold the gauge.
+
+    On one thread, so that results repeat; of the intrinsics at most the focal length is free.
+    """
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length = free_focal
-    options.refine_principal_point = False
-    options.refine_extra_params = False
+    options.refine_principal_point = options.refine_extra_params = False
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = 1.0
     options.ceres.solver_options.num_threads = 1
     options.ceres.solver_options.max_num_iterations = max_iterations
-    options.ceres.solver_options.function_tolerance = function_tolerance
-    return options
-
-
-def whole_problem(model: Any) -> Any:
-    """All cameras and points of a model, its gauge held by two cameras."""
+    options.ceres.solver_options.function_tolerance = tolerance
     problem = pycolmap.BundleAdjustmentConfig()
     for image_id in sorted(model.reg_image_ids()):
         problem.add_image(image_id)
     problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    return problem
+    # Not `pycolmap.bundle_adjustment`, which turns its log back on.
+    return pycolmap.create_default_ceres_bundle_adjuster(options, problem, model)

@@ -15,12 +15,11 @@ from scipy.sparse import coo_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.colmap import adjustment_options, pycolmap, whole_problem
+from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
 from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.rotation_only import RotationOnly, slopes_by_turns
 from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX
 
-MAX_FREED_ITERATIONS = 200
 NOISE_FLOOR_PX = 0.05
 """Features are not placed better than this [px]."""
 FREED_NOT_INDEPENDENT = 2.5
@@ -34,41 +33,36 @@ class FreedFocal:
 
     factor: float
     """Over that of the intrinsics that were given; 1 where they are right."""
-    sigma: float | None
-    """Standard error of `factor`, from the covariance of the adjustment; None where it has none,
-    and then `factor` means nothing."""
+    sigma: float
+    """Standard error of `factor`, from the covariance of the adjustment."""
 
 
 def freed_focal(model: Any) -> FreedFocal | None:
-    """Adjust a copy of a COLMAP reconstruction; None where nothing is there, or it fails."""
+    """Adjust a copy of a COLMAP reconstruction; None where it fails or has no standard error."""
     if model.num_cameras() != 1 or model.num_reg_images() < 3 or model.num_points3D() == 0:
         return None
     copy = pycolmap.Reconstruction(model)
     (camera_id,) = copy.cameras
-    given_px = _focal_px(copy, camera_id)
+    given_px = _focal_px(copy.camera(camera_id))
     # COLMAP's usual tolerance of 1e-6 stops short.
-    options = adjustment_options(
-        free_focal=True, max_iterations=MAX_FREED_ITERATIONS, function_tolerance=1e-8
-    )
-    adjuster = pycolmap.create_default_ceres_bundle_adjuster(options, whole_problem(copy), copy)
+    adjuster = bundle_adjuster(copy, free_focal=True, max_iterations=200, tolerance=1e-8)
     summary = adjuster.solve()
-    factor = _focal_px(copy, camera_id) / given_px
+    factor = _focal_px(copy.camera(camera_id)) / given_px
     if not summary.is_solution_usable() or not np.isfinite(factor) or factor <= 0:
         return None
-    return FreedFocal(factor, _sigma(copy, camera_id, adjuster))
+    sigma = _sigma(copy, copy.camera(camera_id), adjuster)
+    return None if sigma is None else FreedFocal(factor, sigma)
 
 
-def _focal_px(model: Any, camera_id: int) -> float:
+def _focal_px(camera: Any) -> float:
     """Geometric mean of fx and fy [px]."""
-    camera = model.camera(camera_id)
     return float(np.sqrt(camera.focal_length_x * camera.focal_length_y))
 
 
-def _sigma(model: Any, camera_id: int, adjuster: Any) -> float | None:
+def _sigma(model: Any, camera: Any, adjuster: Any) -> float | None:
     """Standard error of the focal length, as a share of it."""
     options = pycolmap.BACovarianceOptions()
     covariance = pycolmap.estimate_ba_covariance(options, model, adjuster)
-    camera = model.camera(camera_id)
     of_focal = None if covariance is None else covariance.get_other_params_cov(camera.params)
     if of_focal is None or of_focal.shape != (2, 2):
         return None

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import adjustment_options, matrix_of, pycolmap, whole_problem
+from gmrdata.cameras.colmap import bundle_adjuster, matrix_of, pycolmap
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.focal import freed_focal
-from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.matches import DATABASE_FILE, Matches
 from gmrdata.cameras.models import join_models, place_frames
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.smoothing import camera_information, smooth_cameras
 from gmrdata.cameras.solution import SeenPoints, Solution
 from gmrdata.values import transforms
 
@@ -57,10 +58,26 @@ def place_between(
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
     between = sorted(set(range(n)) - {int(row) for row in key_rows})
     place_frames(between, world_from_cam, inliers, seen, matches, intrinsics_px)
-    none = np.zeros(n, dtype=bool)
-    return replace(
-        keys, world_from_cam=world_from_cam, inliers=inliers, interpolated=none, seen=seen
-    )
+    return replace(keys, world_from_cam=world_from_cam, inliers=inliers, seen=seen)
+
+
+def refine_mapped(
+    mapped: Solution,
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+    timeline: Timeline,
+    config: SfmConfig,
+) -> Solution:
+    """Cameras with six degrees of freedom, smoothed as far as their points let them be."""
+    cameras, seen_px, seen_points = mapped.world_from_cam, {}, {}
+    for row, seen in sorted(mapped.seen.items()):
+        seen_px[row] = matches.keypoints_px[row][list(seen)]
+        seen_points[row] = np.array(list(seen.values()))
+    information, slope = camera_information(cameras, seen_px, seen_points, intrinsics_px)
+    arms = [points - cameras[row, :3, 3] for row, points in seen_points.items()]
+    unit = float(np.median([np.median(np.linalg.norm(arm, axis=1)) for arm in arms]))
+    refined, smoothing = smooth_cameras(cameras, information, slope, timeline, unit, config)
+    return replace(mapped, world_from_cam=refined, smoothing=smoothing)
 
 
 def _run(mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig) -> list[Any]:
@@ -70,7 +87,12 @@ def _run(mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig) -> l
     files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
     if mapper == "global":
         return list(pycolmap.global_mapping(*files, _global_options(config)).values())
-    options = _incremental_options(config)
+    options = _common(pycolmap.IncrementalPipelineOptions(), config)
+    options.min_model_size = config.min_frames_registered
+    options.ba_refine_focal_length = options.ba_refine_extra_params = False
+    options.mapper.abs_pose_refine_focal_length = False
+    options.mapper.abs_pose_refine_extra_params = False
+    options.extract_colors = False
     if mapper == "small_parallax":
         options.mapper.init_min_tri_angle = SMALL_START_DEG
         options.mapper.filter_min_tri_angle = options.triangulation.min_angle = MIN_PARALLAX_DEG
@@ -80,10 +102,7 @@ def _run(mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig) -> l
 
 
 def _global_options(config: SfmConfig) -> Any:
-    options = pycolmap.GlobalPipelineOptions()
-    options.num_threads = options.mapper.num_threads = 1
-    options.random_seed = options.mapper.random_seed = config.seed
-    options.min_num_matches = config.min_pair_inliers
+    options = _common(pycolmap.GlobalPipelineOptions(), config)
     options.mapper.bundle_adjustment.refine_focal_length = False
     options.mapper.bundle_adjustment.refine_extra_params = False
     options.mapper.bundle_adjustment.ceres.use_gpu = False
@@ -91,16 +110,10 @@ def _global_options(config: SfmConfig) -> Any:
     return options
 
 
-def _incremental_options(config: SfmConfig) -> Any:
-    options = pycolmap.IncrementalPipelineOptions()
+def _common(options: Any, config: SfmConfig) -> Any:
     options.num_threads = options.mapper.num_threads = 1
     options.random_seed = options.mapper.random_seed = config.seed
     options.min_num_matches = config.min_pair_inliers
-    options.min_model_size = config.min_frames_registered
-    options.ba_refine_focal_length = options.ba_refine_extra_params = False
-    options.mapper.abs_pose_refine_focal_length = False
-    options.mapper.abs_pose_refine_extra_params = False
-    options.extract_colors = False
     return options
 
 
@@ -109,11 +122,11 @@ def _finish(
 ) -> Solution:
     """Join and refine models, place the frames that they lack, and read the result out."""
     model, records = join_models(models, config.seed)
-    _adjust(model)
+    bundle_adjuster(model).solve()
     model.update_point_3d_errors()
     manager = pycolmap.ObservationManager(model)
     manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
-    _adjust(model)
+    bundle_adjuster(model).solve()
     n, intrinsics_px = len(frames.images), frames.intrinsics_px
     world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
     seen: SeenPoints = {}
@@ -136,7 +149,6 @@ def _finish(
         world_from_cam=world_from_cam,
         errors_px=np.concatenate(errors_px),
         inliers=inliers,
-        interpolated=np.zeros(n, dtype=bool),
         focal=freed_focal(model),
         points=np.array([point.xyz for point in points3d]).reshape(-1, 3),
         track_lengths=np.array([point.track.length() for point in points3d], np.int64),
@@ -170,10 +182,3 @@ def _views(model: Any, frames: Frames) -> Iterator[tuple[int, np.ndarray, dict[i
                 if point.has_point3D()
             },
         )
-
-
-def _adjust(model: Any) -> None:
-    """Bundle adjustment with fixed intrinsics and a loss that forgives wrong matches."""
-    options = adjustment_options(free_focal=False, max_iterations=50, function_tolerance=1e-6)
-    # Not `pycolmap.bundle_adjustment`, which turns its log back on.
-    pycolmap.create_default_bundle_adjuster(options, whole_problem(model), model).solve()

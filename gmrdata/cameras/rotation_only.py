@@ -4,7 +4,8 @@ Pairwise rotations come from a robust orthogonal Procrustes fit (Kabsch 1976), a
 the best pairs chains them, and Gauss-Newton with Cauchy weights refines all of them on all matches.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, diags_array
@@ -12,8 +13,12 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.files import Smoothing
+from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.matches import Matches, PairMatches
-from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX, noise_px
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX, noise_px, smooth_cameras
+from gmrdata.values import transforms
 
 HYPOTHESES = 200
 MATCHES_PER_PAIR = 200
@@ -31,7 +36,7 @@ class RotationOnly:
     residuals_px: np.ndarray
     """(M,) reprojection error of the sampled matches within that group [px]."""
     pair_of_residual: np.ndarray
-    """(M,) index into the pairs that were used."""
+    """(M,) index into the pairs that were used, ascending."""
     pairs_rows: np.ndarray
     """(P, 2) first and second frame of the pairs that were used."""
     information: csr_array
@@ -41,24 +46,17 @@ class RotationOnly:
     @property
     def pair_medians_px(self) -> np.ndarray:
         """(P,) median residual of each pair [px]."""
-        order = np.argsort(self.pair_of_residual, kind="stable")
-        starts = np.searchsorted(self.pair_of_residual[order], np.arange(1, len(self.pairs_rows)))
-        groups = np.split(self.residuals_px[order], starts)
-        return np.array([np.median(group) for group in groups])
+        starts = np.searchsorted(self.pair_of_residual, np.arange(1, len(self.pairs_rows)))
+        return np.array([np.median(group) for group in np.split(self.residuals_px, starts)])
 
 
-@dataclass(frozen=True, eq=False)
-class _Rays:
+class _Rays(NamedTuple):
     """Sampled matches of the linked pairs, pair after pair."""
 
-    rows: np.ndarray
-    """(M, 2) first and second frame."""
-    first: np.ndarray
-    """(M, 3) unit rays in the first frame."""
-    second_px: np.ndarray
-    """(M, 2) image points in the second frame [px]."""
-    pair: np.ndarray
-    """(M,) index of the pair."""
+    rows: np.ndarray  # (M, 2) first and second frame
+    first: np.ndarray  # (M, 3) unit rays in the first frame
+    second_px: np.ndarray  # (M, 2) image points in the second frame [px]
+    pair: np.ndarray  # (M,) index of the pair
 
 
 def solve_rotation_only(
@@ -66,8 +64,7 @@ def solve_rotation_only(
 ) -> RotationOnly:
     """Fit pure rotations to all verified matches, of at least one pair.
 
-    Args:
-        inlier_px: Residual up to which a match supports a pairwise rotation [px].
+    A match supports a pairwise rotation up to a residual of `inlier_px`.
     """
     threshold_rad = inlier_px / float(intrinsics_px[0, 0])
     sampled = [_sample(pair, rng) for pair in matches.pairs]
@@ -81,12 +78,25 @@ def solve_rotation_only(
         inliers.append(int(agree.sum()))
     rotmats, linked = _chain(matches, np.array(second_from_first), np.array(inliers))
     used = [i for i, pair in enumerate(matches.pairs) if linked[pair.first] and linked[pair.second]]
-    data = _gather(matches, rays, sampled, used)
-    rotmats = _refine(rotmats, linked, data, intrinsics_px)
-    residuals = np.linalg.norm(_residuals(rotmats, data, intrinsics_px), axis=1)
     rows = np.array([(matches.pairs[i].first, matches.pairs[i].second) for i in used])
+    data = _gather(matches, rays, [sampled[i] for i in used], rows)
+    rotmats = _refine(rotmats, linked, data, intrinsics_px)
+    residuals = np.linalg.norm(_predict(rotmats, data, intrinsics_px)[2], axis=1)
     information = _information(rotmats, linked, data, intrinsics_px)
     return RotationOnly(rotmats, linked, residuals, data.pair, rows, information)
+
+
+def refine_turning(
+    turning: RotationOnly, timeline: Timeline, config: SfmConfig
+) -> tuple[RotationOnly, Smoothing]:
+    """Cameras that only turn, smoothed as far as their matches let them be."""
+    cameras = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
+    cameras[~turning.has_camera] = np.nan
+    # The rotations are at their matches' optimum, so the slope is zero.
+    slope = np.zeros(3 * len(cameras))
+    refined, smoothing = smooth_cameras(cameras, turning.information, slope, timeline, 1.0, config)
+    refined[~turning.has_camera] = np.eye(4)
+    return replace(turning, world_from_cam_rotmats=refined[:, :3, :3]), smoothing
 
 
 def unit_rays(points_px: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
@@ -151,29 +161,26 @@ def _chain(
 
 
 def _gather(
-    matches: Matches, rays: list[np.ndarray], sampled: list[np.ndarray], used: list[int]
+    matches: Matches, rays: list[np.ndarray], sampled: list[np.ndarray], rows: np.ndarray
 ) -> _Rays:
-    columns = []
-    for k, i in enumerate(used):
-        pair, features = matches.pairs[i], sampled[i]
-        rows = np.tile([pair.first, pair.second], (len(features), 1))
-        second_px = matches.keypoints_px[pair.second][features[:, 1]]
-        of_pair = np.full(len(features), k)
-        columns.append((rows, rays[pair.first][features[:, 0]], second_px, of_pair))
-    return _Rays(*map(np.concatenate, zip(*columns, strict=True)))
+    pair = np.repeat(np.arange(len(rows)), [len(features) for features in sampled])
+    of = list(zip(rows, sampled, strict=True))
+    first = np.concatenate([rays[row][features[:, 0]] for (row, _), features in of])
+    second = [matches.keypoints_px[row][features[:, 1]] for (_, row), features in of]
+    return _Rays(rows[pair], first, np.concatenate(second), pair)
 
 
-def _predict(rotmats: np.ndarray, data: _Rays) -> tuple[np.ndarray, np.ndarray]:
-    """Rays of the first frames, seen in the second ones, and second_from_first rotations."""
+def _predict(
+    rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rays of the first frames, seen in the second ones; second_from_first rotations; errors.
+
+    Reprojection errors (M, 2) [px] of rays that turn out of sight count as far away.
+    """
     second_from_first = np.swapaxes(rotmats[data.rows[:, 1]], 1, 2) @ rotmats[data.rows[:, 0]]
-    return np.einsum("mij,mj->mi", second_from_first, data.first), second_from_first
-
-
-def _residuals(rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray) -> np.ndarray:
-    """(M, 2) reprojection errors [px]; rays that turn out of sight count as far away."""
-    seen, _ = _predict(rotmats, data)
-    depth = np.maximum(seen[:, 2:], 1e-3)
-    return (seen / depth) @ intrinsics_px[:2].T - data.second_px
+    seen = np.einsum("mij,mj->mi", second_from_first, data.first)
+    image_px = (seen / np.maximum(seen[:, 2:], 1e-3)) @ intrinsics_px[:2].T
+    return seen, second_from_first, image_px - data.second_px
 
 
 def _refine(
@@ -206,7 +213,7 @@ def _information(
     # Turns in the cameras' axes become turns in the world's.
     world_from_cam = csr_array(block_diag(rotmats, format="csr"))
     information = world_from_cam @ csr_array(hessian) @ world_from_cam.T
-    variance_px2 = noise_px(_residuals(rotmats, data, intrinsics_px)) ** 2
+    variance_px2 = noise_px(_predict(rotmats, data, intrinsics_px)[2]) ** 2
     first = int(np.flatnonzero(linked)[0])
     fixed = np.zeros(len(hessian))
     fixed[3 * first : 3 * first + 3] = np.trace(hessian) / len(hessian)
@@ -218,8 +225,7 @@ def _normal_equations(
 ) -> tuple[np.ndarray, np.ndarray]:
     """J^T W J (3T, 3T) and J^T W r (3T,) at the present rotations."""
     n = len(rotmats)
-    seen, second_from_first = _predict(rotmats, data)
-    residual = _residuals(rotmats, data, intrinsics_px)
+    seen, second_from_first, residual = _predict(rotmats, data, intrinsics_px)
     weight = 1.0 / (1.0 + (residual**2).sum(axis=1) / CAUCHY_SCALE_PX**2)
     _, jacobian = slopes_by_turns(data.first, seen, second_from_first, np.diag(intrinsics_px)[:2])
     weighted = jacobian * weight[:, None, None]

@@ -7,11 +7,8 @@ prior doesn't bend a path that shakes: a shake that is A wide, where the noise o
 makes up the standard deviation itself and loses a share of (s/A)^2, at whatever frequency.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, kron
@@ -21,12 +18,6 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cameras.files import NOT_SMOOTHED, Smoothing, SmoothPlace, SmoothTurn
 from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.values import transforms
-
-if TYPE_CHECKING:
-    from gmrdata.cameras.matches import Matches
-    from gmrdata.cameras.rotation_only import RotationOnly
-    from gmrdata.cameras.solution import Solution
 
 CAUCHY_SCALE_PX = 1.0
 """As in the bundle adjustment."""
@@ -239,35 +230,3 @@ def _figures(sigmas: np.ndarray, noise: np.ndarray, largest: np.ndarray) -> Smoo
     cutoff = np.arcsin(np.minimum(1.0, np.sqrt(sigmas / noise) / 2)) / np.pi
     turn, *place = np.stack([sigmas, noise, largest, cutoff], axis=1).tolist()
     return Smoothing(SmoothTurn(*turn), SmoothPlace(*place[0]) if place else None)
-
-
-def refine_mapped(
-    mapped: Solution,
-    matches: Matches,
-    intrinsics_px: np.ndarray,
-    timeline: Timeline,
-    config: SfmConfig,
-) -> Solution:
-    """Cameras with six degrees of freedom, on their points."""
-    cameras, seen_px, seen_points = mapped.world_from_cam, {}, {}
-    for row, seen in sorted(mapped.seen.items()):
-        seen_px[row] = matches.keypoints_px[row][list(seen)]
-        seen_points[row] = np.array(list(seen.values()))
-    information, slope = camera_information(cameras, seen_px, seen_points, intrinsics_px)
-    arms = [points - cameras[row, :3, 3] for row, points in seen_points.items()]
-    unit = float(np.median([np.median(np.linalg.norm(arm, axis=1)) for arm in arms]))
-    refined, smoothing = smooth_cameras(cameras, information, slope, timeline, unit, config)
-    return replace(mapped, world_from_cam=refined, smoothing=smoothing)
-
-
-def refine_turning(
-    turning: RotationOnly, timeline: Timeline, config: SfmConfig
-) -> tuple[RotationOnly, Smoothing]:
-    """Cameras that only turn, on their matches."""
-    cameras = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
-    cameras[~turning.has_camera] = np.nan
-    # The rotations are at their matches' optimum, so the slope is zero.
-    slope = np.zeros(3 * len(cameras))
-    refined, smoothing = smooth_cameras(cameras, turning.information, slope, timeline, 1.0, config)
-    refined[~turning.has_camera] = np.eye(4)
-    return replace(turning, world_from_cam_rotmats=refined[:, :3, :3]), smoothing

@@ -1,32 +1,19 @@
 """The cameras of all frames in one geometry, short gaps filled, and the figures behind them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import krogh_interpolate
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.files import (
-    NOT_SMOOTHED,
-    CamerasQuality,
-    Evidence,
-    Geometry,
-    Mapper,
-    ModelRecord,
-    Smoothing,
-)
+from gmrdata.cameras import files
+from gmrdata.cameras.focal import FreedFocal
 from gmrdata.cameras.frames import Timeline
+from gmrdata.cameras.keyframes import Keyframes
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.rotation_only import RotationOnly
 from gmrdata.values import transforms
 from gmrdata.values.camera import fill_gaps
-
-if TYPE_CHECKING:
-    from gmrdata.cameras.focal import FreedFocal
-    from gmrdata.cameras.keyframes import Keyframes
-    from gmrdata.cameras.rotation_only import RotationOnly
 
 SeenPoints = dict[int, dict[int, np.ndarray]]
 """By frame and feature: the point (3,) that is seen there, in the unit of the reconstruction."""
@@ -36,41 +23,39 @@ SeenPoints = dict[int, dict[int, np.ndarray]]
 class Solution:
     """Cameras of T frames up to a similarity, in one geometry, and what holds them."""
 
-    geometry: Geometry
-    mapper: Mapper
+    geometry: files.Geometry
+    mapper: files.Mapper
     world_from_cam: np.ndarray
     """(T, 4, 4); NaN where there is no camera."""
     errors_px: np.ndarray
     """(M,) reprojection error of each observation, or of each match that agrees [px]."""
     inliers: np.ndarray
     """(T,) points or matches that hold each camera."""
-    interpolated: np.ndarray
-    """(T,) bool: frames whose camera was interpolated."""
     focal: FreedFocal | None
     """The focal length that the background would choose; None where it doesn't say."""
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     """(N, 3) background points [unit of length of the cameras]; none but for "full"."""
     track_lengths: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """(N,) frames that see each point."""
-    models: tuple[ModelRecord, ...] = ()
+    models: tuple[files.ModelRecord, ...] = ()
     """Separate models that the mapper returned, the largest first, and what became of them."""
     n_resected: int = 0
     """Frames that the mapper left out and that were placed against its points afterwards."""
     seen: SeenPoints = field(default_factory=dict)
     """Points that each frame with a camera sees."""
-    largest_turn_rad: float | None = None
+    largest_turn_deg: float | None = None
     """Largest angle from the mean orientation; None for "full"."""
-    smoothing: Smoothing = NOT_SMOOTHED
+    smoothing: files.Smoothing = files.NOT_SMOOTHED
 
     @property
     def has_camera(self) -> np.ndarray:
-        """(T,) bool: frames with a camera, interpolated ones among them."""
+        """(T,) bool: frames with a camera."""
         return np.isfinite(self.world_from_cam[:, 0, 0])
 
 
 def turning_solution(
     turning: RotationOnly,
-    smoothing: Smoothing,
+    smoothing: files.Smoothing,
     focal: FreedFocal | None,
     focal_px: float,
     config: SfmConfig,
@@ -91,10 +76,9 @@ def turning_solution(
         world_from_cam=world_from_cam,
         errors_px=turning.residuals_px[agree],
         inliers=np.bincount(rows.ravel(), minlength=n_frames),
-        interpolated=np.zeros(n_frames, dtype=bool),
         focal=focal,
-        largest_turn_rad=turn_rad,
-        smoothing=NOT_SMOOTHED if static else smoothing,
+        largest_turn_deg=float(np.rad2deg(turn_rad)),
+        smoothing=files.NOT_SMOOTHED if static else smoothing,
     )
 
 
@@ -126,19 +110,16 @@ def fill_short_gaps(
 
 def quality_of(
     solution: Solution,
-    evidence: Evidence,
+    interpolated: np.ndarray,
+    evidence: files.Evidence,
     keys: Keyframes,
-    *,
     bent_model_set_aside: bool,
     size_px: tuple[int, int],
-) -> CamerasQuality:
-    """The figures of a solution whose gaps are filled."""
-    n_frames, is_full = len(solution.world_from_cam), solution.geometry == "full"
-    lengths, turn_rad = solution.track_lengths, solution.largest_turn_rad
-    n_found = int((solution.has_camera & ~solution.interpolated).sum())
-    # Without a standard error the factor means nothing.
-    focal = solution.focal if solution.focal and solution.focal.sigma is not None else None
-    return CamerasQuality(
+) -> files.CamerasQuality:
+    """The figures of a solution, and which of its gaps are to be filled, (T,) bool."""
+    n_frames, n_found = len(solution.world_from_cam), int(solution.has_camera.sum())
+    lengths, focal = solution.track_lengths, solution.focal
+    return files.CamerasQuality(
         geometry=solution.geometry,
         mapper=solution.mapper,
         evidence=evidence,
@@ -149,7 +130,7 @@ def quality_of(
         mean_reprojection_px=solution.errors_px.mean(),
         median_reprojection_px=float(np.median(solution.errors_px)),
         inliers_per_frame=tuple(solution.inliers.tolist()),
-        interpolated=tuple(np.flatnonzero(solution.interpolated).tolist()),
+        interpolated=tuple(np.flatnonzero(interpolated).tolist()),
         keyframes=tuple(keys.rows.tolist()),
         cuts_after_frames=tuple(keys.cuts.tolist()),
         featureless=tuple(keys.featureless.tolist()),
@@ -158,8 +139,8 @@ def quality_of(
         focal_factor=focal.factor if focal else None,
         focal_sigma=focal.sigma if focal else None,
         smoothing=solution.smoothing,
-        points=len(solution.points) if is_full else None,
+        points=len(solution.points) if solution.geometry == "full" else None,
         median_track_length=float(np.median(lengths)) if len(lengths) else None,
-        largest_turn_deg=None if turn_rad is None else float(np.rad2deg(turn_rad)),
+        largest_turn_deg=solution.largest_turn_deg,
         worked_on_px=size_px,
     )

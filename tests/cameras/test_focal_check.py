@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
 from gmrdata.cameras.files import load_quality
 from gmrdata.cameras.focal import FREED_NOT_INDEPENDENT, freed_focal
-from gmrdata.cameras.mapping import _adjust
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 
@@ -39,7 +38,7 @@ def with_focal(model: Any, factor: float) -> Any:
     (camera,) = wrong.cameras.values()
     camera.focal_length_x *= factor
     camera.focal_length_y *= factor
-    _adjust(wrong)
+    bundle_adjuster(wrong).solve()
     return wrong
 
 

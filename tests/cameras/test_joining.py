@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras import mapping
-from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import match_frames
 from gmrdata.cameras.models import join_models
@@ -92,7 +92,7 @@ def test_a_model_may_be_joined_through_another(filmed_parts: Any) -> None:
     whole, records = join_models([last, middle, first], seed=0)
     assert [r.kept for r in records] == [True, True, True]
     assert centres_of(whole)[0] == list(range(N_FRAMES))
-    mapping._adjust(whole)
+    bundle_adjuster(whole).solve()
     assert errors_m(whole, filmed.world_from_cam).max() < 0.03
 
 

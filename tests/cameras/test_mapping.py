@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras import mapping
-from gmrdata.cameras.evidence import explains_better
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.geometry import explains_better
 from gmrdata.cameras.matches import match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import solve_rotation_only

@@ -15,11 +15,10 @@ from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.cameras.rotation_only import solve_rotation_only
+from gmrdata.cameras.rotation_only import refine_turning, solve_rotation_only
 from gmrdata.cameras.smoothing import (
     camera_information,
     noise_px,
-    refine_turning,
     second_differences,
     smooth_cameras,
 )

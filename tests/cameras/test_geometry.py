@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from gmrdata.cameras.evidence import is_bent
 from gmrdata.cameras.focal import FreedFocal
+from gmrdata.cameras.geometry import is_bent
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import RotationOnly
 from gmrdata.cameras.solution import Solution
@@ -24,7 +24,6 @@ def mapped(extent: float, focal: FreedFocal | None) -> Solution:
     return Solution(
         world_from_cam=transforms.rigid(np.tile(np.eye(3), (N, 1, 1)), places),
         geometry="full",
-        interpolated=np.zeros(N, dtype=bool),
         points=points,
         track_lengths=np.full(200, 5),
         errors_px=np.full(1000, 0.3),
@@ -55,7 +54,6 @@ def turning(residual_px: float) -> RotationOnly:
         (FreedFocal(1.002, 0.003), False),
         (FreedFocal(0.984, 0.003), True),  # the hand-held pan of the twins
         (FreedFocal(0.85, 0.06), True),  # it can't tell
-        (FreedFocal(1.0, None), True),
         (None, True),
     ],
 )

@@ -1,19 +1,21 @@
-"""Which geometry the matches speak for: a camera that only turns, or one that also moves."""
+"""Which geometry the matches speak for, a camera that only turns or also moves; solved in it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from gmrdata.cameras.files import Evidence
+from gmrdata.cameras.files import CamerasQuality, Evidence
+from gmrdata.cameras.focal import turning_focal
+from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words
+from gmrdata.cameras.keyframes import choose_keyframes, with_frames_between
+from gmrdata.cameras.mapping import map_frames, place_between, refine_mapped
+from gmrdata.cameras.matches import Matches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.rotation_only import RotationOnly, refine_turning, solve_rotation_only
+from gmrdata.cameras.solution import Solution, fill_short_gaps, quality_of, turning_solution
+from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.records import figure
-
-if TYPE_CHECKING:
-    from gmrdata.cameras.matches import Matches
-    from gmrdata.cameras.rotation_only import RotationOnly
-    from gmrdata.cameras.solution import Solution
 
 PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
 PARALLAX_GROWTH = 2.5
@@ -25,6 +27,55 @@ CLEARLY_BETTER = 0.7
 """Six degrees of freedom must lower the median residual to this share to be worth them."""
 VAGUE_FOCAL = 0.02
 """A model whose focal length is uncertain by more, as a share, is held by little parallax."""
+
+
+def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
+    """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
+    keys = choose_keyframes(frames, config)
+    timeline = Timeline(frames.numbers, keys.cuts)
+    try:
+        solution, evidence, bent = _solve_keyframes(keys.rows, timeline, work_dir, frames, config)
+    except NoReconstruction as error:
+        raise NoReconstruction(f"{error}{cuts_in_words(keys.cuts)}") from None
+    filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
+    quality = quality_of(solution, marks, evidence, keys, bent, frames.size_px)
+    return replace(solution, world_from_cam=filled), quality
+
+
+def _solve_keyframes(
+    key_rows: np.ndarray, timeline: Timeline, work_dir: Path, frames: Frames, config: SfmConfig
+) -> tuple[Solution, Evidence, bool]:
+    """Solve keyframes, as a pure rotation where that does, then all frames.
+
+    Also returned: the evidence for the geometry, and whether a bent model was set aside.
+    """
+    keys = replace(frames, images=[frames.images[row] for row in key_rows])
+    intrinsics_px = frames.intrinsics_px
+    matches = match_frames(keys, work_dir, config)
+
+    def turn(of: Matches) -> RotationOnly:
+        rng = np.random.default_rng(config.seed)
+        return solve_rotation_only(of, intrinsics_px, config.rotation_only_inlier_px, rng)
+
+    turning = turn(matches)
+    evidence = weigh(turning, matches, config)
+    turns, unsure = evidence.verdict == "rotation_only", evidence.verdict == "either"
+    mapped = None if turns else map_frames(keys, matches, work_dir, config)
+    bent = mapped is not None and is_bent(mapped, turning, config)
+    everything = with_frames_between(matches, key_rows, frames, config)
+    if turns or bent or (unsure and not explains_better(mapped, turning, config)):
+        focal = turning_focal(turning, matches, intrinsics_px)
+        refined, smoothing = refine_turning(turn(everything), timeline, config)
+        focal_px = float(intrinsics_px[0, 0])
+        return turning_solution(refined, smoothing, focal, focal_px, config), evidence, bent
+    if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
+        raise NoReconstruction(
+            f"{frames.images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
+            "could build a model; the parallax may be too small, the intrinsics wrong or the "
+            "background moving"
+        )
+    placed = place_between(mapped, key_rows, everything, intrinsics_px)
+    return refine_mapped(placed, everything, intrinsics_px, timeline, config), evidence, bent
 
 
 def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidence:
@@ -92,7 +143,5 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     turns_px = np.median(turning.residuals_px)
     if extent >= config.small_travel_share * distance or turns_px > config.small_travel_median_px:
         return False
-    if mapped.focal is None or mapped.focal.sigma is None:
-        return True
-    sigma = mapped.focal.sigma
-    return sigma > VAGUE_FOCAL or abs(mapped.focal.factor - 1.0) > 3 * sigma
+    focal = mapped.focal
+    return focal is None or focal.sigma > VAGUE_FOCAL or abs(focal.factor - 1.0) > 3 * focal.sigma
