@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from itertools import compress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from gmrdata.stage.progress import console, progress_bar
 from gmrdata.stage.run import Run
@@ -54,8 +53,7 @@ class Job:
     again, while bad input stays bad."""
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """What became of jobs, by job id."""
 
     results: dict[str, Any]
@@ -64,54 +62,36 @@ class Outcome:
     """Why each other job failed."""
 
 
-def run_jobs(
-    description: str,
-    jobs: Sequence[Job],
-    client: Any,
-    failures_dir: Path,
-    *,
-    units_total: int | None = None,
-    units_done: Callable[[], int] | None = None,
-) -> dict[str, Any]:
-    """Run every job as `try_jobs` does, for callers that need them all: results by job id.
+Units = tuple[int, Callable[[], int]] | None
+"""What a progress bar counts instead of jobs: how many there will be, how many there are by now."""
 
-    Raises:
-        StageFailed: at least one job failed; the message lists them with their reasons.
-    """
-    outcome = try_jobs(
-        description, jobs, client, failures_dir, units_total=units_total, units_done=units_done
-    )
+
+def run_jobs(
+    description: str, jobs: Sequence[Job], client: Any, failures_dir: Path, units: Units = None
+) -> dict[str, Any]:
+    """Results of `try_jobs` for callers that need them all; StageFailed lists what failed."""
+    outcome = try_jobs(description, jobs, client, failures_dir, units)
     raise_failures(description, outcome.reasons, len(jobs), failures_dir)
     return outcome.results
 
 
 def try_jobs(
-    description: str,
-    jobs: Sequence[Job],
-    client: Any,
-    failures_dir: Path,
-    *,
-    units_total: int | None = None,
-    units_done: Callable[[], int] | None = None,
+    description: str, jobs: Sequence[Job], client: Any, failures_dir: Path, units: Units = None
 ) -> Outcome:
-    """Run every job; a job that fails is recorded and the others go on.
+    """Run every job on a client of `worker_pool`; the others go on where one fails.
 
-    Args:
-        client: A Dask client, as `worker_pool` gives it.
-        failures_dir: Gets one text file with the reason for each job that failed.
-        units_total: Length of the progress bar when it counts something finer than jobs.
-        units_done: How many of those units exist by now.
+    `failures_dir` gets one text file with the reason for each job that failed.
     """
     futures = {
         job.id: client.submit(_call, job, key=f"{description}-{job.id}", pure=False) for job in jobs
     }
+    total, n_done = units or (len(jobs), lambda: sum(f.done() for f in futures.values()))
     with progress_bar() as bar:
-        task = bar.add_task(description, total=units_total or len(jobs))
+        task = bar.add_task(description, total=total)
         while not all(future.done() for future in futures.values()):
-            done = units_done() if units_done else sum(f.done() for f in futures.values())
-            bar.update(task, completed=done)
+            bar.update(task, completed=n_done())
             time.sleep(POLL_S)
-        bar.update(task, completed=units_total or len(jobs))
+        bar.update(task, completed=total)
     outcome = Outcome({}, {})
     for id, future in futures.items():
         # Not by its status: a worker that dies now takes its results along, and Dask makes them
@@ -139,9 +119,9 @@ def look_first(jobs: Sequence[Job], failures_dir: Path) -> list[Job]:
             return False
         return True
 
-    done = in_threads(is_done, jobs)
-    record_failures(failures_dir, {}, (job.id for job in compress(jobs, done)))
-    return [job for job, is_so in zip(jobs, done, strict=True) if not is_so]
+    done = dict(zip((job.id for job in jobs), in_threads(is_done, jobs), strict=True))
+    record_failures(failures_dir, {}, (job.id for job in jobs if done[job.id]))
+    return [job for job in jobs if not done[job.id]]
 
 
 def record_failures(
@@ -160,21 +140,15 @@ def raise_failures(
     """Raise StageFailed with the first line of each reason; nothing when there are none."""
     if reasons:
         listed = "\n".join(f"  {id}: {reason.splitlines()[0]}" for id, reason in reasons.items())
-        raise StageFailed(
-            f"{description}: {len(reasons)} of {n_jobs} failed "
-            f"(whole messages in {failures_dir}):\n{listed}"
-        )
+        what = f"{len(reasons)} of {n_jobs} failed (whole messages in {failures_dir})"
+        raise StageFailed(f"{description}: {what}:\n{listed}")
 
 
 @contextmanager
 def worker_pool(run: Run, workers: int = 2) -> Iterator[Any]:
     """A Dask client for `run_jobs`: of local processes, or of the cluster at `run.scheduler`.
 
-    Args:
-        workers: Local processes where the run names no number.
-
-    Raises:
-        StageFailed: nothing answers at the scheduler's address.
+    `workers` is the number of local processes where the run names none.
     """
     from dask.distributed import Client, LocalCluster
 
@@ -182,10 +156,8 @@ def worker_pool(run: Run, workers: int = 2) -> Iterator[Any]:
         try:
             client = Client(run.scheduler, timeout="5s")
         except (OSError, ValueError) as error:
-            raise StageFailed(
-                f"no Dask scheduler at {run.scheduler} ({error}). "
-                "Start one, or leave --scheduler out"
-            ) from error
+            what = f"no Dask scheduler at {run.scheduler} ({error})"
+            raise StageFailed(f"{what}. Start one, or leave --scheduler out") from error
         with client:
             yield client
         return
@@ -230,10 +202,8 @@ def _reason(error: BaseException, where: TracebackType | None) -> str:
     if isinstance(error, GmrdataError | OSError):
         return "\n".join([str(error), *getattr(error, "__notes__", ())])
     if isinstance(error, KilledWorker):
-        return (
-            "its worker process was killed again and again, as the system does when memory runs "
-            "out. Run again to go on, with fewer workers"
-        )
+        what = "its worker process was killed again and again, as the system does when memory runs"
+        return f"{what} out. Run again to go on, with fewer workers"
     return f"{type(error).__name__}: {error}\n" + "".join(traceback.format_tb(where))
 
 

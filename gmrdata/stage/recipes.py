@@ -40,12 +40,7 @@ def recipe_kind(path: Path) -> str:
 
 
 def load_recipe(path: Path, model: type[Recipe]) -> Recipe:
-    """Read a recipe.
-
-    Raises:
-        MissingInput: no such file.
-        BadRecipe: not YAML, or keys and values that the model refuses; the message lists them all.
-    """
+    """Read a recipe; BadRecipe lists all keys and values that the model refuses."""
     try:
         return model.model_validate(_read(path))
     except ValidationError as error:

@@ -88,10 +88,9 @@ def run_stage(
     """Make `out_dir` by calling `work(partial_dir)`, once.
 
     `out_dir` appears by one rename after the stage's record was written, so a folder that exists is
-    complete.  Called again with the same recipe and inputs it does nothing.
+    complete.  Called again with the same recipe and content of inputs it does nothing.
 
     Args:
-        inputs: Files and folders that the result depends on; their hashes are recorded.
         work: Fills the folder that it is given; may return facts for the record that don't decide
             the result, such as the device that was used.
         resumable: Hand a killed run's unfinished folder to `work` again instead of an empty one.
@@ -176,7 +175,15 @@ def _make(
     recipe.write(partial / RECIPE_FILE)
     start_s = time.monotonic()
     facts = dict(work(partial) or {})
-    _finished(recipe, facts, time.monotonic() - start_s).write(partial / STAGE_FILE)
+    StageRecord(
+        **recipe.model_dump(exclude={"format"}),
+        facts=facts,
+        gmrdata=__version__,
+        git_commit=_git_commit(),
+        python=platform.python_version(),
+        packages=package_versions(),
+        seconds=round(time.monotonic() - start_s, 2),
+    ).write(partial / STAGE_FILE)
     (partial / RECIPE_FILE).unlink()
     # Two renames, so that at no time a half-deleted folder has the result's name.
     if out_dir.exists():
@@ -185,26 +192,13 @@ def _make(
     shutil.rmtree(retired, ignore_errors=True)
 
 
-def _finished(recipe: RecipeRecord, facts: dict[str, JsonValue], seconds: float) -> StageRecord:
-    return StageRecord(
-        **recipe.model_dump(exclude={"format"}),
-        facts=facts,
-        gmrdata=__version__,
-        git_commit=_git_commit(),
-        python=platform.python_version(),
-        packages=package_versions(),
-        seconds=round(seconds, 2),
-    )
-
-
 def _is_stale(out_dir: Path, recipe: RecipeRecord, run: Run) -> bool:
     if out_dir.is_dir() and not any(out_dir.iterdir()):
         return True
     if not (out_dir / STAGE_FILE).is_file():
         # Never deleted, not even with --redo: it could be anybody's folder.
-        raise StaleOutput(
-            f"{out_dir}: is there, and no gmrdata stage made it. Pass another --out, or move it"
-        )
+        fault = "is there, and no gmrdata stage made it"
+        raise StaleOutput(f"{out_dir}: {fault}. Pass another --out, or move it")
     try:
         keys = StageRecord.of(out_dir).differences(recipe)
         fault = f"made with other values of {', '.join(keys)}" if keys else ""
@@ -250,9 +244,9 @@ class FileState(NamedTuple):
     inode: int
     size_bytes: int
     mtime_ns: int
-    """When its content was last changed; anybody may set this [ns]."""
+    """When its content was last changed; anybody may set this."""
     ctime_ns: int
-    """When the system last changed anything of it; nobody can set this [ns]."""
+    """When the system last changed anything of it; nobody can set this."""
 
 
 class KnownFile(NamedTuple):
@@ -325,5 +319,5 @@ class _InputHashes:
 
 def _state(file: Path) -> tuple[int, FileState]:
     found = file.stat()
-    times_ns = found.st_mtime_ns, found.st_ctime_ns
-    return found.st_dev, FileState(found.st_ino, found.st_size, *times_ns)
+    state = FileState(found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+    return found.st_dev, state

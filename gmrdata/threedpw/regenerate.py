@@ -161,8 +161,7 @@ def _regenerate(
             jobs,
             client,
             paths.failures_dir,
-            units_total=len(folders),
-            units_done=lambda: sum(folder.is_dir() for folder in folders),
+            (len(folders), lambda: sum(folder.is_dir() for folder in folders)),
         ).reasons
 
 
