@@ -18,19 +18,12 @@ def motion_in_world(seen: Motion, world_from_cam: np.ndarray, scale: float = 1.0
     """The person in the world: R_w = R_col R_c and T_w = R_col T_c + s T_col (eqs. 7 and 8).
 
     `scale` is metres per unit of the cameras' (T, 4, 4) translations.
-
-    Raises:
-        ValueError: the motion is not in the camera frame, or the frame counts differ.
     """
     return _moved(seen, metric_cameras(world_from_cam, scale), "camera", "world")
 
 
 def motion_in_camera(motion: Motion, world_from_cam: np.ndarray) -> Motion:
-    """The person as each camera sees it: the inverse of `motion_in_world` for metric cameras.
-
-    Raises:
-        ValueError: the motion is not in the world frame, or the frame counts differ.
-    """
+    """The person as each camera sees it: the inverse of `motion_in_world` for metric cameras."""
     return _moved(motion, transforms.invert(world_from_cam), "world", "camera")
 
 
@@ -71,13 +64,9 @@ def level_from_world(
     Up is the mean of the body's own up direction (y of the root).  Where planted feet tell more
     than that, they correct it: a plane is fitted to them with the body's up as prior knowledge, so
     feet along one line only correct the tilt along that line.  The first pelvis is above the
-    origin, and the first camera looks along +y.
-
-    Args:
-        root_rotmats: (N, 3, 3) world_from_root of frames that can be used.
-        pelvis_m: (N, 3) pelvis of the same frames [m].
-        planted_m: (M, 3) sole points while they stand still [m]; M may be 0.
-        first_viewing_direction: (3,) z axis of the first camera, in the world.
+    origin, and the first camera, with z axis `first_viewing_direction` (3,), looks along +y.
+    Root (N, 3, 3) and pelvis (N, 3) are of the frames that can be used; `planted_m` (M, 3) are sole
+    points while they stand still.
     """
     mean_up = root_rotmats[:, :, 1].mean(axis=0)
     up = ground_normal(planted_m, mean_up / np.linalg.norm(mean_up))

@@ -30,20 +30,21 @@ def ground_contact_scale(
 ) -> CueEstimate | None:
     """Scale at which planted soles are on the ground; None where too few points show the ground.
 
-    Args:
-        camera_path: T cameras up to scale; NaN where unknown.
-        points: (N, 3) background points, in the cameras' unit.
-        feet_cam_m: (T, 2, K, 3) points of both feet, camera frame [m].
-        up_cam: (T, 3) the person's own up direction, camera frame.
-        rough_scale: Metres per unit, right to some tens of percent.
+    Background points (N, 3) are in the unit of the T cameras; points of both feet (T, 2, K, 3) [m]
+    and the person's own up direction (T, 3) in the camera's frame; the rough scale is right to some
+    tens of percent.
     """
     rotmats, centres = camera_path.world_from_cam[:, :3, :3], camera_path.centres_world_m
     soles_m = np.einsum("tij,tfkj->tfki", rotmats, feet_cam_m[:, :, SOLE_POINTS])
     up = np.nanmean(np.einsum("tij,tj->ti", rotmats, up_cam), axis=0)
     up /= np.linalg.norm(up)
-    frames, planted_m = _planted(soles_m, rough_scale * centres, up, fps_hz, config)
+    # Of each foot the lowest that stands still: a heel about to leave the ground is slow as well.
+    still = standing(soles_m + rough_scale * centres[:, None, None], config.slip_m(fps_hz))
+    lowest = np.where(still, soles_m @ up, np.inf).argmin(axis=-1)
+    frames, foot = np.nonzero(still.any(axis=-1))
     if not len(frames):
         return None
+    planted_m = soles_m[frames, foot, lowest[frames, foot]]
     near = _near_feet(points, centres[frames] + planted_m / rough_scale, up, rough_scale, config)
     plane = _fit_plane(near, up, config.ground_inlier_m / rough_scale)
     if plane is None or plane[2] < config.min_ground_points:
@@ -63,20 +64,6 @@ def ground_contact_scale(
     if not np.isfinite([scale, sigma]).all():
         return None
     return CueEstimate("ground_contact", scale, sigma, n_points, residual * scale, person=None)
-
-
-def _planted(
-    soles_m: np.ndarray, centres_m: np.ndarray, up: np.ndarray, fps_hz: float, config: ScaleConfig
-) -> tuple[np.ndarray, np.ndarray]:
-    """Frames (M,) and vectors (M, 3) from the camera to soles that stand still, world axes [m].
-
-    Of each foot the lowest such point: a heel that is about to leave the ground is slow as well.
-    """
-    slip_m = config.slip_floor_m + config.slip_m_per_s / fps_hz
-    still = standing(soles_m + centres_m[:, None, None], slip_m)
-    height_m = np.where(still, soles_m @ up, np.inf)
-    frames, foot = np.nonzero(still.any(axis=-1))
-    return frames, soles_m[frames, foot, height_m.argmin(axis=-1)[frames, foot]]
 
 
 def _near_feet(

@@ -1,8 +1,6 @@
 """Whether a pseudo ground truth can be used: the whole sequence, and each of its frames.
 
-Every check compares one figure with one threshold of the recipe, and what fails says both.  The
-figures come from records without defaults: one that is missing is an error before anything is
-judged.
+Every check compares one figure with one threshold of the recipe, and what fails says both.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,10 +31,9 @@ def judge(
     doubts: Sequence[str] = (),
     dataset_camera: np.ndarray | None = None,
 ) -> Verdict:
-    """Judge a pseudo ground truth by its own figures.
+    """Judge a pseudo ground truth, a clip of T frames in the world, by its own figures.
 
     Args:
-        clip: The pseudo ground truth: T frames, world frame, with its cameras.
         sfm_rows: (T,) row of the reconstruction for each frame; -1 for a frame without an image.
         unusable: T texts: why the data set itself doesn't vouch for a frame; empty where it does.
         doubts: Why the data set's sequence can't be used at all.
@@ -82,8 +79,7 @@ def _sequence_reasons(
 
 def _focal_reasons(quality: CamerasQuality, config: VerdictConfig) -> Iterator[str]:
     factor, sigma = quality.focal_factor, quality.focal_sigma
-    # Both are null where the background holds no focal length: then nothing was measured against
-    # the given one, and the reprojection error alone speaks of it.  One null is no record.
+    # Both are null where the background holds no focal length: nothing was measured then.
     if factor is None or sigma is None:
         return
     if abs(factor - 1.0) - config.max_focal_deviation > config.focal_sigmas * sigma:
@@ -94,8 +90,7 @@ def _focal_reasons(quality: CamerasQuality, config: VerdictConfig) -> Iterator[s
 
 
 def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[str]:
-    # No scale: it does not enter, since the camera stays in place.  Where it enters and no cue
-    # tells it, there is no pseudo ground truth to be judged.
+    # No scale: the camera stays in place.  Where it moves and no cue tells, nothing is judged.
     if estimate.scale is None or estimate.sigma is None:
         return
     share, most = estimate.sigma / estimate.scale, config.max_scale_sigma_share
@@ -125,18 +120,16 @@ def frame_reasons(
     """Why each of the T frames must not be used; empty where it may.  Arguments as in `judge`."""
     camera = camera_of(clip)
     n, has_camera = camera.n_frames, camera.has_camera
-    enough = np.array(quality.inliers_per_frame)[sfm_rows] >= config.min_inliers
+    # An interpolated camera has none of its own; it is marked, and held by its neighbours.
+    enough = np.isin(sfm_rows, quality.interpolated)
+    enough |= np.array(quality.inliers_per_frame)[sfm_rows] >= config.min_inliers
     tests = [
         (sfm_rows >= 0, "it has no image"),
         (~_behind_cut(quality, sfm_rows, has_camera), ANOTHER_PLACE),
         (has_camera | ~np.isin(sfm_rows, quality.featureless), NOTHING_SEEN),
         (has_camera, "no camera was found"),
         (clip.valid, "the body is not known"),
-        # An interpolated camera has none of its own; it is marked, and held by its neighbours.
-        (
-            enough | np.isin(sfm_rows, quality.interpolated),
-            f"fewer than {config.min_inliers} inliers",
-        ),
+        (enough, f"fewer than {config.min_inliers} inliers"),
         (~_both_sides(jumps(clip, config), 1, n), "the camera jumps"),
     ]
     if dataset_camera is not None:
@@ -201,10 +194,9 @@ def angles_deg(moves: np.ndarray) -> np.ndarray:
 def window_differences(
     world_from_cam: np.ndarray, dataset_camera: np.ndarray, step: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How differently two cameras (T, 4, 4) move over `step` frames; NaN where one is unknown.
+    """How differently two cameras (T, 4, 4) turn and move over `step` frames, (T - step,) [deg, m].
 
-    Returns:
-        Difference of the rotations (T - step,) [degrees], and of the displacements (T - step,) [m].
+    NaN where one is unknown.
     """
     ours, theirs = relative_moves(world_from_cam, step), relative_moves(dataset_camera, step)
     apart_m = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)

@@ -14,7 +14,6 @@ from gmrdata.values.motion import Motion
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 SIDES = ("left", "right")
-POINT_NAMES = ("ankle", "foot", "heel", "ball", "toe")
 SOLE_POINTS = slice(2, 5)
 """Heel, ball and toe: the points that lie on the sole."""
 SOLE_THICKNESS_M = 0.02
@@ -31,11 +30,9 @@ def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
     joints_m = motion_joints_m(body, motion)
     sole = np.array([_sole_vertices(body, motion.shape, side) for side in SIDES])
     vertices_m = motion_vertices_m(with_vertices(body, sole.ravel()), motion)
-    points = []
-    for s, side in enumerate(SIDES):
-        inner = joints_m[:, [JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]]]
-        points.append(np.concatenate([inner, vertices_m[:, 3 * s : 3 * s + 3]], axis=1))
-    return np.stack(points, axis=1)
+    inner = [[JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]] for side in SIDES]
+    soles_m = vertices_m.reshape(-1, 2, 3, 3)
+    return np.concatenate([joints_m[:, inner], soles_m], axis=2)
 
 
 def standing(points_world_m: np.ndarray, slip_m: float) -> np.ndarray:
@@ -72,7 +69,7 @@ def planted_feet_scale(
     """
     turned_m = np.einsum("tij,tfkj->tfki", camera_path.world_from_cam[:, :3, :3], feet_cam_m)
     centres = camera_path.centres_world_m
-    slip_m = config.slip_floor_m + config.slip_m_per_s / fps_hz
+    slip_m = config.slip_m(fps_hz)
     scale = _search(turned_m, centres, slip_m, config)
     for _ in range(10):
         stances = _stances(turned_m, centres, scale, slip_m)
@@ -122,13 +119,11 @@ def _stances(
     """
     world_m = turned_m + scale * centres[:, None, None]
     still = np.linalg.norm(np.diff(world_m, axis=0), axis=-1) < slip_m
-    stances = []
-    for foot in range(turned_m.shape[1]):
-        down = still[:, foot].any(axis=1)
-        for start, stop in _runs(down):
-            rows = slice(start, stop + 1)
-            stances.append((turned_m[rows, foot], centres[rows], still[start:stop, foot]))
-    return stances
+    return [
+        (turned_m[start : stop + 1, foot], centres[start : stop + 1], still[start:stop, foot])
+        for foot in range(turned_m.shape[1])
+        for start, stop in _runs(still[:, foot].any(axis=1))
+    ]
 
 
 def _runs(marks: np.ndarray) -> np.ndarray:

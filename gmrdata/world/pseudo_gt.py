@@ -6,14 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.cameras.files import (
-    QUALITY_FILE,
-    Geometry,
-    SfmCameras,
-    load_cameras,
-    load_points,
-    load_quality,
-)
+from gmrdata.cameras import files
 from gmrdata.cameras.frames import cuts_in_words
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -50,10 +43,10 @@ def make_pseudo_gt(
 
     Args:
         sfm_dir: Folder that `gmrdata.cameras.reconstruct.reconstruct` made.
-        people: The people, all with the same rows.
+        people: All with the same rows.
         out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
-        dataset_camera_path: The data set's own camera, as `save_dataset_camera` writes it; right
-            over short times.
+        dataset_camera_path: The data set's own camera (`save_dataset_camera`), right over short
+            times.
         doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
 
     Raises:
@@ -65,17 +58,18 @@ def make_pseudo_gt(
     def work(partial: Path) -> None:
         from gmrdata.read.bodies import load_body
 
-        clips = _camera_clips(people)
-        bodies = [load_body(str(person.body_path)) for person in people]
-        cameras, quality = load_cameras(sfm_dir), load_quality(sfm_dir)
+        clips, bodies = _camera_clips(people), [load_body(str(one.body_path)) for one in people]
+        cameras, quality = files.load_cameras(sfm_dir), files.load_quality(sfm_dir)
         if quality.frames != len(cameras.image_numbers):
             raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
         rows = rows_of_numbers(cameras.image_numbers, clips[0].image_numbers)
         dataset_camera = _dataset_camera(dataset_camera_path, len(rows))
-        path, points = _camera_path(cameras, rows), load_points(sfm_dir)
+        path = cameras.path.at_rows(rows)
+        path = _blanked(replace(path, has_camera=path.has_camera & (rows >= 0)))
+        points, geometry = files.load_points(sfm_dir), cameras.geometry
         try:
             world_clips, estimate = compose_clips(
-                clips, path, cameras.geometry, points, bodies, config, dataset_camera
+                clips, path, geometry, points, bodies, config, dataset_camera
             )
         except NoReconstruction as error:
             raise NoReconstruction(f"{error}{cuts_in_words(quality.cuts_after_frames)}") from None
@@ -95,11 +89,11 @@ def make_pseudo_gt(
             if config.override is not None:
                 verdict = overridden(verdict, config.override, ~clip.valid)
             kept = replace(clip, valid=clip.valid & verdict.kept)
-            rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
-            save_clip(partial / person_file(len(verdicts)), kept, rest_pelvis_m)
+            file = partial / person_file(len(verdicts))
+            save_clip(file, kept, body.rest_pelvis_m(clip.motion.shape))
             verdicts.append(verdict)
         record = quality_of(world_clips, verdicts, estimate, quality, config)
-        record.write(partial / QUALITY_FILE)
+        record.write(partial / files.QUALITY_FILE)
 
     inputs = {"sfm": sfm_dir} | stage_inputs(people)
     optional = {"dataset_camera": dataset_camera_path, "doubts": doubts_path}
@@ -126,7 +120,7 @@ def _doubts(path: Path | None, n_people: int, n_frames: int) -> Doubts:
 def compose_clips(
     camera_clips: Sequence[Clip],
     path: CameraPath,
-    geometry: Geometry,
+    geometry: files.Geometry,
     points: np.ndarray,
     bodies: Sequence[BodyModel],
     config: PseudoGtConfig,
@@ -134,16 +128,14 @@ def compose_clips(
 ) -> tuple[list[Clip], ScaleEstimate]:
     """The clips in one metric, level world, and the scale that made it metric.
 
-    Clips, the path up to scale and `dataset_camera` (T, 4, 4) are of the same T frames; `points`
-    (N, 3) are the background's, in the path's unit.
+    All are of the same T frames; the background's `points` (N, 3) are in the path's unit.
     """
     usable = [path.has_camera & clip.valid for clip in camera_clips]
     if max(rows.sum() for rows in usable) < 2:
         raise NoReconstruction(f"{camera_clips[0].id}: no two frames have both pose and camera")
-    paths = [replace(path, world_from_cam=_blanked(path.world_from_cam, rows)) for rows in usable]
     seen = [
-        SeenPerson(clip.motion, body, known)
-        for clip, body, known, rows in zip(camera_clips, bodies, paths, usable, strict=True)
+        SeenPerson(clip.motion, body, _blanked(replace(path, has_camera=rows)))
+        for clip, body, rows in zip(camera_clips, bodies, usable, strict=True)
         if rows.any()
     ]
     estimate = estimate_scale(
@@ -154,7 +146,7 @@ def compose_clips(
     metric = metric_cameras(path.world_from_cam, scale)
     filled = fill_gaps(metric, path.has_camera, np.arange(path.n_frames))
     levelled = _level(camera_clips, filled, usable, bodies, config) @ filled
-    camera = replace(path, world_from_cam=_blanked(levelled, path.has_camera))
+    camera = _blanked(replace(path, world_from_cam=levelled))
     clips = [
         Clip(clip.id, motion_in_world(clip.motion, levelled), rows, clip.image_numbers, camera)
         for clip, rows in zip(camera_clips, usable, strict=True)
@@ -172,15 +164,10 @@ def _camera_clips(people: Sequence[PersonFiles]) -> list[Clip]:
     return clips
 
 
-def _camera_path(cameras: SfmCameras, rows: np.ndarray) -> CameraPath:
-    """The cameras of the clips' rows."""
-    has_camera = (rows >= 0) & cameras.path.has_camera[rows]
-    world_from_cam = _blanked(cameras.path.world_from_cam[rows], has_camera)
-    return replace(cameras.path, world_from_cam=world_from_cam, has_camera=has_camera)
-
-
-def _blanked(world_from_cam: np.ndarray, keep: np.ndarray) -> np.ndarray:
-    return np.where(keep[:, None, None], world_from_cam, np.nan)
+def _blanked(path: CameraPath) -> CameraPath:
+    """The path, NaN where it has no camera."""
+    known = path.has_camera[:, None, None]
+    return replace(path, world_from_cam=np.where(known, path.world_from_cam, np.nan))
 
 
 def _level(
@@ -196,14 +183,8 @@ def _level(
         motion = motion_in_world(clip.motion, world_from_cam)
         soles_m = foot_points_m(body, motion)[:, :, SOLE_POINTS]
         soles_m = np.where(rows[:, None, None, None], soles_m, np.nan)
-        slip_m = config.scale.slip_floor_m + config.scale.slip_m_per_s / motion.fps_hz
-        planted_m.append(soles_m[standing(soles_m, slip_m)])
+        planted_m.append(soles_m[standing(soles_m, config.scale.slip_m(motion.fps_hz))])
         root_rotmats.append(motion.root_rotmats[rows])
         pelvis_m.append(motion.pelvis_m[rows])
-    first = int(np.flatnonzero(np.any(usable, axis=0))[0])
-    return level_from_world(
-        np.concatenate(root_rotmats),
-        np.concatenate(pelvis_m),
-        np.concatenate(planted_m),
-        world_from_cam[first, :3, 2],
-    )
+    forward = world_from_cam[np.any(usable, axis=0).argmax(), :3, 2]
+    return level_from_world(*map(np.concatenate, (root_rotmats, pelvis_m, planted_m)), forward)

@@ -29,14 +29,12 @@ class PseudoGtQuality(Record):
     scale_sigma: Figure | None
     """Its standard error; null together with it."""
     scale_matters: bool
-    """`ScaleEstimate.matters`."""
     scale_disagreement: Figure | None
-    """Largest difference of two cues, in standard errors; null for fewer than two."""
+    """In standard errors; null for fewer than two cues."""
     scale_cues: tuple[CueEstimate, ...]
     camera_motion: MotionClass | Literal["none"]
     """Class of the camera's motion; "none" without a reconstruction."""
     camera_motion_figures: MotionFigures | None
-    """What the class was decided on."""
     people: tuple[Verdict, ...]
 
     @model_validator(mode="after")
@@ -59,12 +57,9 @@ def quality_of(
     """The record of a pseudo ground truth; of clips in the world, before frames were dropped."""
     # The class of the one camera is told round the person who is known in most frames.
     clip = max(clips, key=lambda clip: clip.valid.sum())
-    camera_motion, figures = classify(
-        camera_of(clip).world_from_cam[clip.valid],
-        clip.motion.pelvis_m[clip.valid],
-        clip.motion.fps_hz,
-        config.motion_class,
-    )
+    valid, motion = clip.valid, clip.motion
+    cameras_m, pelvis_m = camera_of(clip).world_from_cam[valid], motion.pelvis_m[valid]
+    camera_motion, figures = classify(cameras_m, pelvis_m, motion.fps_hz, config.motion_class)
     return _record(cameras, estimate, camera_motion, _rounded(figures), verdicts)
 
 

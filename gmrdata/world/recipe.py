@@ -55,6 +55,10 @@ class ScaleConfig(Config):
     """Time over which the drift of such a path keeps its direction: windows this far apart count as
     independent [s]."""
 
+    def slip_m(self, fps_hz: float) -> float:
+        """Distance between frames below which a foot point may be planted [m]."""
+        return self.slip_floor_m + self.slip_m_per_s / fps_hz
+
 
 @part(frozen=True, config=PART)
 class CueEstimate:
@@ -65,7 +69,7 @@ class CueEstimate:
     scale: float
     """Metres per unit of the reconstruction."""
     sigma: float
-    """Standard error of `scale`, same unit."""
+    """Its standard error."""
     support: int
     """Independent observations behind it: stances, points of the ground, or windows."""
     residual_m: float

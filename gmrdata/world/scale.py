@@ -146,15 +146,12 @@ def _of_person(
     person: SeenPerson, points: np.ndarray | None, config: ScaleConfig
 ) -> list[CueEstimate]:
     """The cues that one person's feet give; the ground's needs a rough scale to begin with."""
-    path, fps_hz, up_cam = (
-        person.camera_path,
-        person.motion.fps_hz,
-        person.motion.root_rotmats[:, :, 1],
-    )
+    path, fps_hz = person.camera_path, person.motion.fps_hz
     feet_cam_m = foot_points_m(person.body, person.motion)
     feet = planted_feet_scale(path, feet_cam_m, fps_hz, config)
     if points is None:
         return [feet]
+    up_cam = person.motion.root_rotmats[:, :, 1]
     ground = ground_contact_scale(path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config)
     return [feet] if ground is None else [feet, ground]
 

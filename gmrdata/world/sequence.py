@@ -37,12 +37,8 @@ def regenerate_sequence(
 ) -> Path:
     """Make `out_dir/masks` (and `masks_by`), `out_dir/sfm` and, the result, `out_dir/pseudo_gt`.
 
-    Args:
-        frames: Folder of numbered images, or a video file.
-        people: Clips whose motion is in the camera's frame, and their bodies; the intrinsics of the
-            first are kept.
-        dataset_camera_path: The data set's own cameras; see `make_pseudo_gt`.
-        doubts_path: What speaks against the data set's own frames; see `make_pseudo_gt`.
+    `frames` is a folder of numbered images, or a video file; the intrinsics of the first of the
+    people are kept; the other files are those of `make_pseudo_gt`.
     """
     if is_video(frames):
         frames = extract_video(frames, out_dir / "frames", run=run)
