@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction
 
@@ -16,8 +16,6 @@ from gmrdata.cli.pseudo_gt import threedpw_regenerate, threedpw_twin
 from gmrdata.cli.sequence import masks
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
-
-Given = TypeVar("Given")
 
 
 def demo(
@@ -97,6 +95,8 @@ TAKES = {
     "table": ("manifest", "scored", "poses", "keypoints", "features", "videos", "body"),
 }
 """Inputs by kind of recipe."""
+NEEDS = {"threedpw": ("root",), "masks": ("frames",), "joint": ("manifest", "features")}
+"""Those that no recipe of a kind does without."""
 
 
 def run(
@@ -122,54 +122,43 @@ def run(
     kind = recipe_kind(path)
     if kind not in TAKES:
         raise BadRecipe(f"{path}: unknown kind {kind!r}; there are {', '.join(TAKES)}")
-    _refuse_others(path, kind, inputs)
+    for name, value in vars(inputs).items():  # one that isn't read is a mistake, not a default
+        if name not in TAKES[kind] and value != getattr(NO_INPUTS, name):
+            raise BadRecipe(
+                f"{path}: {_flag(name)} is not for a recipe of kind {kind}. Leave it out"
+            )
+    if dry_run and kind in ("masks", "gmr", "joint"):
+        raise BadRecipe(f"{path}: there is no dry run of a recipe of kind {kind}")
+    if lacking := [name for name in NEEDS.get(kind, ()) if not getattr(inputs, name)]:
+        raise MissingInput(f"{path}: this recipe needs {_flag(lacking[0])}")
     _run_kind(path, kind, out, inputs, run, dry_run)
 
 
-def _refuse_others(path: Path, kind: str, inputs: Inputs) -> None:
-    """An input that the recipe doesn't read is a mistake, not a default."""
-    for name, value in vars(inputs).items():
-        if name not in TAKES[kind] and value != getattr(NO_INPUTS, name):
-            flag = f"--{name.replace('_', '-')}"
-            raise BadRecipe(f"{path}: {flag} is not for a recipe of kind {kind}. Leave it out")
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_run: bool) -> None:
     """What the verb of the recipe's kind does."""
-    recipe = str(path)
+    recipe, given = str(path), {name: getattr(inputs, name) for name in TAKES[kind]}
     match kind:
         case "demo":
-            demo(out, inputs.motions, recipe=recipe, run=run, dry_run=dry_run)
+            demo(out, recipe=recipe, run=run, dry_run=dry_run, **given)
         case "synthetic":
-            render(recipe, out, inputs.motions, run=run, dry_run=dry_run, probe=False)
+            render(recipe, out, run=run, dry_run=dry_run, probe=False, **given)
         case "threedpw_twin":
-            threedpw_twin(recipe, out, inputs.motions, run=run, dry_run=dry_run, probe=False)
+            threedpw_twin(recipe, out, run=run, dry_run=dry_run, probe=False, **given)
         case "threedpw":
-            root = _needed(path, "--root", inputs.root)
-            threedpw_regenerate(root, out, recipe, run=run, dry_run=dry_run)
+            threedpw_regenerate(out=out, recipe=recipe, run=run, dry_run=dry_run, **given)
         case "table":
-            tables(
-                recipe, out, inputs.manifest, inputs.scored,
-                poses=inputs.poses, keypoints=inputs.keypoints, features=inputs.features,
-                videos=inputs.videos, body=inputs.body, run=run, dry_run=dry_run,
-            )  # fmt: skip
-        case _ if dry_run:
-            raise BadRecipe(f"{path}: there is no dry run of a recipe of kind {kind}")
+            tables(recipe, out, run=run, dry_run=dry_run, **given)
         case "masks":
-            frames, seen = _needed(path, "--frames", inputs.frames), inputs.camera_body
-            masks(frames, out, (recipe,), camera_body=seen, body=inputs.body, redo=run.redo)
+            masks(out=out, sources=(recipe,), redo=run.redo, **given)
         case "joint":
-            manifests = _needed(path, "--manifest", inputs.manifest)
-            features = _needed(path, "--features", inputs.features)
-            baseline_joint_train(manifests, features, out, path, inputs.body, run.redo)
+            manifests = given.pop("manifest")
+            baseline_joint_train(manifests, out=out, recipe=path, redo=run.redo, **given)
         case _:
             _train_and_score(path, out, inputs, run)
-
-
-def _needed(path: Path, flag: str, value: Given | None) -> Given:
-    if not value:
-        raise MissingInput(f"{path}: this recipe needs {flag}")
-    return value
 
 
 def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
@@ -182,7 +171,9 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     if recipe.training and inputs.manifest:
         raise BadRecipe(f"{path}: names its `training` manifests itself. Leave --manifest out")
     folder = path.parent
-    training = recipe.training_paths(folder) or list(_needed(path, "--manifest", inputs.manifest))
+    training = recipe.training_paths(folder) or list(inputs.manifest)
+    if not training:
+        raise MissingInput(f"{path}: this recipe needs --manifest")
     body = flags.body_path(inputs.body) if recipe.body is None else folder / recipe.body
     run_dir = train(training, out / "run", recipe.train_config(), body_path=body, run=run)
     for manifest in recipe.scored:
