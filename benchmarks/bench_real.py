@@ -13,6 +13,7 @@ from render.tables import show
 
 pytestmark = pytest.mark.bench
 CASES = [*clip_cases(), *fault_cases()]
+SMALL = {case.name: case for case in small(CASES)}
 COLUMNS = ("name", "accepted", "right", "cameras", "frames", "ate_mm", "rpe_mm", "rpe_deg",
            "plain_ate_mm", "speedup", "seconds")  # fmt: skip
 
@@ -23,9 +24,9 @@ def test_clips_are_there(real: RealSession) -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_case(real: RealSession, case: Case) -> None:
-    if real.small and case not in small(CASES):
+    if real.small and case.name not in SMALL:
         pytest.skip("one of each group is enough to try every part")
-    row = real.measure(case)
+    row = real.measure(SMALL[case.name] if real.small else case)
     show(case.name, [{key: row.get(key) for key in COLUMNS[1:]}])
     if row["reasons"]:
         show("Reasons", [{"rejected for": reason} for reason in row["reasons"]])
