@@ -69,15 +69,11 @@ def classify(
 
     `pelvis_m` (T, 3) is the person's, in the same world [m].
     """
-    if (
-        not len(world_from_cam)
-        or len(world_from_cam) != len(pelvis_m)
-        or not (np.isfinite(world_from_cam).all() and np.isfinite(pelvis_m).all())
-    ):
-        raise BadMotionFile(
-            f"a camera's class needs finite cameras and a person in each of its frames, not "
-            f"arrays of {world_from_cam.shape} and {pelvis_m.shape}; leave out frames without"
-        )
+    finite = np.isfinite(world_from_cam).all() and np.isfinite(pelvis_m).all()
+    if not (finite and 0 < len(world_from_cam) == len(pelvis_m)):
+        needed = "a camera's class needs finite cameras and a person in each of its frames"
+        found = f"arrays of {world_from_cam.shape} and {pelvis_m.shape}"
+        raise BadMotionFile(f"{needed}, not {found}; leave out frames without")
     figures = motion_figures(world_from_cam, pelvis_m, fps_hz)
     return _class_of(figures, config), figures
 

@@ -47,13 +47,12 @@ class Clip:
     id: str
     """Unique within a manifest; letters, digits, `_`, `-` and `.`."""
     motion: Motion
-    """The person."""
     valid: np.ndarray
     """(T,) bool: frames whose motion can be used."""
     image_numbers: np.ndarray
     """(T,) int: number in the image's file name for each row; -1 where the clip has no image."""
     camera: CameraPath | None
-    """The camera, or None for a training motion."""
+    """None for a training motion."""
 
 
 def camera_of(clip: Clip) -> CameraPath:

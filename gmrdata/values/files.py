@@ -146,7 +146,6 @@ _NPZ_ERRORS = (
     RuntimeError,  # an encrypted or strangely compressed member
 )  # fmt: skip
 """What numpy and zipfile raise for files that are not what they say."""
-_DRIVE = re.compile(r"^[A-Za-z]:")
 
 
 def safe_relative(text: str) -> str:
@@ -156,7 +155,7 @@ def safe_relative(text: str) -> str:
     """
     if not text:
         raise ValueError("path is empty")
-    if text.startswith("/") or _DRIVE.match(text):
+    if text.startswith("/") or re.match(r"[A-Za-z]:", text):
         raise ValueError(f"path {text!r} is absolute; write it relative to the manifest's folder")
     if "\\" in text or any(ord(letter) < 32 or ord(letter) == 127 for letter in text):
         raise ValueError(f"path {text!r} has a backslash or control character; use forward slashes")

@@ -87,19 +87,15 @@ def find_joints(
         chosen, plain = _read_map(joint_map, path), list(names)
         unknown = sorted(set(chosen) - set(names))
         if unknown:
-            raise BadMotionFile(
-                f"{path}: the joint map names {', '.join(unknown)}, which the file does not have. "
-                f"It has: {', '.join(names)}"
-            )
+            what = f"the joint map names {', '.join(unknown)}, which the file does not have"
+            raise BadMotionFile(f"{path}: {what}. It has: {', '.join(names)}")
     index = {name: i for i, name in reversed(list(enumerate(plain)))}
     found = {joint: index[name] for name, joint in chosen.items() if name in index}
     missing = [joint for joint in REQUIRED if joint not in found]
     if missing:
-        raise BadMotionFile(
-            f"{path}: no joint is known to be {', '.join(missing)}. The file has: "
-            f"{', '.join(names)}. Give a joint_map {{name in the file: SMPL joint}} with the names "
-            f"{', '.join(JOINT)}"
-        )
+        what = f"no joint is known to be {', '.join(missing)}. The file has: {', '.join(names)}"
+        remedy = "Give a joint_map {name in the file: SMPL joint} with the names"
+        raise BadMotionFile(f"{path}: {what}. {remedy} {', '.join(JOINT)}")
     return {JOINT[joint]: i for joint, i in found.items()}
 
 
@@ -109,10 +105,8 @@ def _read_map(joint_map: Mapping[str, str] | Path | str, path: Path) -> dict[str
     entries = {str(name): str(joint) for name, joint in loaded.items()}
     wrong = sorted(set(entries.values()) - JOINT.keys())
     if wrong:
-        raise BadMotionFile(
-            f"{path}: the joint map speaks of {', '.join(wrong)}; SMPL's joints are "
-            f"{', '.join(JOINT)}"
-        )
+        what = f"the joint map speaks of {', '.join(wrong)}"
+        raise BadMotionFile(f"{path}: {what}; SMPL's joints are {', '.join(JOINT)}")
     twice = sorted({joint for joint in entries.values() if [*entries.values()].count(joint) > 1})
     if twice:
         raise BadMotionFile(f"{path}: the joint map names {', '.join(twice)} more than once")

@@ -90,11 +90,8 @@ def posed_vertex_errors_mm(
     errors_mm = [np.zeros(0)]
     for rows in _chunks(len(delta_m), body):
         vertices_m = _posed_m(body, shape, local_rotmats[rows])
-        errors_mm.append(
-            vertex_errors_mm(
-                delta_rotmats[rows], delta_m[rows], true_rotmats[rows], true_m[rows], vertices_m
-            )
-        )
+        parts = (array[rows] for array in (delta_rotmats, delta_m, true_rotmats, true_m))
+        errors_mm.append(vertex_errors_mm(*parts, vertices_m))
     return np.concatenate(errors_mm)
 
 
@@ -140,11 +137,8 @@ def run_vertex_errors(
 def _from_true_start(predicted: Motion, true: Motion) -> tuple[np.ndarray, np.ndarray]:
     """R (T, 3, 3) and T (T, 3) [m] of a prediction whose first pose is made the true one."""
     true_from_predicted = true.root_rotmats[0] @ predicted.root_rotmats[0].T
-    path_m = predicted.pelvis_m - predicted.pelvis_m[0]
-    return (
-        true_from_predicted @ predicted.root_rotmats,
-        path_m @ true_from_predicted.T + true.pelvis_m[0],
-    )
+    path_m = (predicted.pelvis_m - predicted.pelvis_m[0]) @ true_from_predicted.T
+    return true_from_predicted @ predicted.root_rotmats, path_m + true.pelvis_m[0]
 
 
 def _posed_m(body: BodyModel, shape: np.ndarray, local_rotmats: np.ndarray) -> np.ndarray:

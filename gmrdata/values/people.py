@@ -11,7 +11,6 @@ class PersonFiles:
     clip_path: Path
     """Clip with the person in the camera frame, intrinsics and image numbers."""
     body_path: Path
-    """The clip's body model."""
 
 
 def person_file(number: int) -> str:

@@ -98,10 +98,9 @@ def check_shapes(path: Path, arrays: Mapping[str, np.ndarray], shapes: ArrayShap
         )
         if found.dtype.kind not in kinds or found.ndim != len(shape) or found.shape != wanted:
             known = ", ".join(f"{name} = {length}" for name, length in lengths.items())
-            raise BadRecord(
-                f"{path}: array {key!r} has shape {found.shape} and type {found.dtype}, which "
-                f"does not fit {shape} with {known or 'any length'}; {MAKE_AGAIN}"
-            )
+            what = f"array {key!r} has shape {found.shape} and type {found.dtype}, which does not"
+            fit = f"{shape} with {known or 'any length'}"
+            raise BadRecord(f"{path}: {what} fit {fit}; {MAKE_AGAIN}")
 
 
 def require_tag(path: Path, found: Any, tag: str) -> None:
