@@ -41,7 +41,7 @@ class OnnxSource(OnnxConfig):
 
     kind: Literal["onnx"] = "onnx"
     model: Path
-    """The ONNX file; a relative path counts from where the command runs."""
+    """A relative path counts from where the command runs."""
 
 
 class MaskRcnnSource(MaskRcnnConfig):

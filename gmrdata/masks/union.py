@@ -102,16 +102,14 @@ def _report(masks_dir: Path, config: UnionConfig) -> None:
     record = MasksRecord.read(masks_dir / RECORD_FILE)
     say = partial(console.print, markup=False, soft_wrap=True)
     if record.covered:
-        say(
-            f"{masks_dir}: more than {config.max_masked_share:.0%} of the picture is masked in "
-            f"{_named(record.covered)}. Look at these masks: such frames may get no camera"
-        )
+        what = f"more than {config.max_masked_share:.0%} of the picture is masked in"
+        remedy = "Look at these masks: such frames may get no camera"
+        say(f"{masks_dir}: {what} {_named(record.covered)}. {remedy}")
     if record.unmasked:
-        say(
-            f"{masks_dir}: nothing is masked in {_named(record.unmasked)} "
-            f"({len(record.unmasked)} of {len(record.masked_share)}). If somebody is to be seen "
-            "there, lower the score that the detector asks for, or unite it with another source"
-        )
+        count = f"{len(record.unmasked)} of {len(record.masked_share)}"
+        remedy = "lower the score that the detector asks for, or unite it with another source"
+        what = f"nothing is masked in {_named(record.unmasked)} ({count})"
+        say(f"{masks_dir}: {what}. If somebody is to be seen there, {remedy}")
 
 
 def _named(stems: tuple[str, ...]) -> str:

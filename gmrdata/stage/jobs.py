@@ -44,7 +44,6 @@ class Job:
     """One clip's share of a stage: a call with paths and plain values as its arguments."""
 
     id: str
-    """The clip, for messages and file names."""
     call: Callable[..., Any]
     """A module-level function, so that a worker process can import it."""
     arguments: Mapping[str, Any] = field(default_factory=dict)

@@ -60,7 +60,7 @@ class StageRecord(_Recipe):
     packages: dict[str, str]
     """Versions of the packages that decide what bytes come out."""
     seconds: float
-    """Wall time of the work [s]."""
+    """Wall time of the work."""
 
     @classmethod
     def of(cls, stage_dir: Path) -> Self:

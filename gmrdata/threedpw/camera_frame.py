@@ -83,10 +83,8 @@ def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> Bod
     fits = [body for body in bodies if body.name == gendered or not body.name.startswith("smpl-")]
     if not fits:
         names = ", ".join(body.name for body in bodies) or "none"
-        raise BadBodyFile(
-            f"{where}: needs SMPL's {person.gender} body, given: {names}; 3DPW's betas are those "
-            "of the gendered bodies"
-        )
+        what = f"needs SMPL's {person.gender} body, given: {names}"
+        raise BadBodyFile(f"{where}: {what}; 3DPW's betas are those of the gendered bodies")
     body = fits[0]
     remedy = "give the body that the file was made with"
     if len(person.betas) < body.n_shape:

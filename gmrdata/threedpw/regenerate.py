@@ -85,11 +85,7 @@ def regenerate_set(
     go on; one without a reconstruction is listed as rejected.  A run that was stopped goes on.
     Where nothing is left to make, no worker starts.
 
-    Args:
-        root: 3DPW's folder, which holds `imageFiles` and `sequenceFiles`.
-
     Raises:
-        MissingInput: no such data set or sequence.
         StageFailed: some sequences failed; the others are done and the manifest lists them.
     """
     chosen, refused = choose(root, recipe.sequences)
@@ -117,9 +113,8 @@ def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[
     found = find_sequences(root)
     splits = splits_of(found)
     if unknown := sorted(set(names) - set(splits)):
-        raise MissingInput(
-            f"{root}: no sequence {', '.join(unknown)}; `gmrdata threedpw list` shows the names"
-        )
+        known = "`gmrdata threedpw list` shows the names"
+        raise MissingInput(f"{root}: no sequence {', '.join(unknown)}; {known}")
     chosen, refused = [], {}
     for files in found:
         if names and files.name not in names:

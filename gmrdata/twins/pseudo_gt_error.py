@@ -27,15 +27,13 @@ MIN_CAMERA_EXTENT_M = 0.05
 
 
 def camera_rotation_deg(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:
-    """Mean angle between world_from_cam (n, 4, 4) after one best rotation of the pseudo world
-    [deg]; None without cameras."""
-    if not len(pseudo_cameras):
-        return None
-    return float(camera_angles_deg(pseudo_cameras, true_cameras).mean())
+    """Mean of `camera_angles_deg`; None without cameras."""
+    some = len(pseudo_cameras) > 0
+    return float(camera_angles_deg(pseudo_cameras, true_cameras).mean()) if some else None
 
 
 def camera_angles_deg(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> np.ndarray:
-    """(n,) angles of which `camera_rotation_deg` is the mean [deg]; at least one camera."""
+    """(n,) angles between world_from_cam (n, 4, 4) after one best rotation of the pseudo world."""
     pseudo_rotmats, true_rotmats = pseudo_cameras[:, :3, :3], true_cameras[:, :3, :3]
     true_from_pseudo = mean_rotation(true_rotmats @ np.swapaxes(pseudo_rotmats, 1, 2))
     residuals = np.swapaxes(true_rotmats, 1, 2) @ true_from_pseudo @ pseudo_rotmats
@@ -145,22 +143,21 @@ BODY_AXIS_M = 0.5
 
 @dataclass(frozen=True, eq=False)
 class PseudoGtError:
-    """How far a pseudo ground truth is from the truth; cameras as the functions of these names."""
+    """How far a pseudo ground truth is from the truth; cameras as the functions of these names.
+
+    OME, TME and VME are means over motions (eqs. 15-17).
+    """
 
     ome_deg: float
-    """Mean orientation motion error (eq. 15)."""
     tme_mm: float
-    """Mean translation motion error (eq. 16)."""
     vme_mm: float | None
-    """Mean vertex motion error of the true body in its true local pose (eq. 17), so it is of the
-    motion alone; None where no body was given."""
+    """Of the true body in its true local pose, so of the motion alone; None without a body."""
     n_motions: int
-    """Motions of which the three are means."""
     camera_rotation_deg: float | None
     camera_path_mm: float | None
     scale_error_percent: float | None
     trajectory_mm: float
-    """Mean distance of the pelvis after `true_from_pseudo` [mm]."""
+    """Mean distance of the pelvis after `true_from_pseudo`."""
     frames: int
     """Frames with a pseudo ground truth and a truth."""
     frames_with_camera: int
@@ -176,10 +173,8 @@ def compare_clips(
     Rows are paired by image number where both clips have images, by position otherwise.  Motions
     are taken between paired frames that follow each other in both clips, never across a gap.
 
-    Args:
-        fps_hz: Rate at which motions are taken [Hz], of which the clips' rate is a multiple; each
-            frame begins one, so all phases count.  None for the clips' own rate.
-        body: The true clip's body, for VME.
+    The clips' rate is a multiple of `fps_hz`, at which motions are taken; each frame begins one, so
+    all phases count.  None is the clips' own rate.  VME needs the true clip's body.
 
     Raises:
         NothingToCompare: the clips have no two frames in a row in common.

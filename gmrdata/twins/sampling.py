@@ -63,17 +63,8 @@ def twin_recipe(
     """A recipe of kind `threedpw_twin`, a function of the arguments and of the motion files alone.
 
     The first sequences of a longer recipe are those of a shorter one.  Six or more have cameras of
-    all six classes; each fourth sequence has two people.
-
-    Args:
-        seed: Chooses trials, cameras, places, people and faults.
-        motions_dir: Folder of motion files; each is taken once.
-        film: Size, lens, frame rate (30) and length of the sequences; see `film_of`.
-        workers: Processes that render; the recipe's default number when None.
-
-    Raises:
-        MissingInput: there is no such folder.
-        BadRecipe: the seed is negative, or too few motions are long enough and fit a camera.
+    all six classes; each fourth sequence has two people.  Each motion file is taken once; BadRecipe
+    where too few are long enough and fit a camera.
     """
     if seed < 0:
         raise BadRecipe(f"--seed {seed}: give 0 or more")
@@ -102,10 +93,9 @@ def twin_recipe(
                 waiting.remove(path)
                 break
         else:
-            raise BadRecipe(
-                f"{motions_dir}: no motion is left for sequence {number} with a {kind} camera; "
-                f"motions of {film.duration_s:g} s are needed. Give more, or ask for fewer"
-            )
+            lacking = f"no motion is left for sequence {number} with a {kind} camera"
+            needed = f"motions of {film.duration_s:g} s are needed. Give more, or ask for fewer"
+            raise BadRecipe(f"{motions_dir}: {lacking}; {needed}")
     return TwinRecipe(recipe="threedpw_twin", set=base.model_copy(update={"clips": tuple(clips)}))
 
 
@@ -155,10 +145,8 @@ def _sample_clip(
 def _sample_programme(kind: MotionClass, rng: np.random.Generator) -> Settings:
     """A camera of a class, held in the hand unless it is static."""
     view: Settings = {"kind": kind, "height_m": round(rng.uniform(1.1, 1.8), 2)}
-    held: Settings = {
-        "handheld_m": round(rng.uniform(0.005, 0.015), 4),
-        "handheld_deg": round(rng.uniform(0.15, 0.3), 3),
-    }
+    handheld_m, handheld_deg = round(rng.uniform(0.005, 0.015), 4), round(rng.uniform(0.15, 0.3), 3)
+    held: Settings = {"handheld_m": handheld_m, "handheld_deg": handheld_deg}
     with_the_person, speed = rng.random() < 0.5, round(rng.uniform(0.25, 0.6), 2)
     speed_m_per_s = None if with_the_person else speed
     move = ("truck", "dolly")[int(rng.random() < 0.25)]
@@ -166,10 +154,8 @@ def _sample_programme(kind: MotionClass, rng: np.random.Generator) -> Settings:
         case "static":
             return view
         case "small":
-            return view | {
-                "drift_m": round(rng.uniform(0.015, 0.03), 3),
-                "shake_deg": round(rng.uniform(0.25, 0.45), 3),
-            }
+            drift_m, shake_deg = rng.uniform(0.015, 0.03), rng.uniform(0.25, 0.45)
+            return view | {"drift_m": round(drift_m, 3), "shake_deg": round(shake_deg, 3)}
         case "panning":
             return view | held
         case "linear" | "linear_panning":
@@ -231,25 +217,17 @@ MIN_SIDE_PX, MIN_FRAMES = 64, 60
 def film_of(size: str, n_frames: int) -> Film:
     """The twins' film of `n_frames` at 30 fps, with 3DPW's horizontal field of view at any size.
 
-    Args:
-        size: "small", "full", or width and height like 180x320 [px].
-
-    Raises:
-        BadRecipe: the size is of another form, or there is too little of it.
+    The size is "small", "full", or width and height like 180x320 [px]; else BadRecipe.
     """
     width_px, height_px = SIZES_PX.get(size, (0, 0))
     if found := re.fullmatch(r"(\d{1,5})x(\d{1,5})", size):
         width_px, height_px = int(found[1]), int(found[2])
     if min(width_px, height_px) < MIN_SIDE_PX:
-        raise BadRecipe(
-            f"--size {size}: give small, full, or width x height in pixels, like 180x320, each "
-            f"{MIN_SIDE_PX} or more"
-        )
+        known = "small, full, or width x height in pixels, like 180x320"
+        raise BadRecipe(f"--size {size}: give {known}, each {MIN_SIDE_PX} or more")
     if n_frames < MIN_FRAMES:
-        raise BadRecipe(
-            f"--frames {n_frames}: give {MIN_FRAMES} or more; in less time the class of a camera's "
-            "motion does not show"
-        )
+        why = "in less time the class of a camera's motion does not show"
+        raise BadRecipe(f"--frames {n_frames}: give {MIN_FRAMES} or more; {why}")
     assert FILM.fps_hz is not None
     size_px = {"width_px": width_px, "height_px": height_px}
     return FILM.model_copy(update=size_px | {"duration_s": n_frames / FILM.fps_hz})

@@ -45,23 +45,17 @@ def sequence_arrays(
     """Arrays of a sequence whose people and camera are given in our z-up world.
 
     The pelvis becomes SMPL's `trans` and the world y-up here; `camera_clip` and `world_clip` of the
-    result are the clips again.
-
-    Args:
-        clips: One clip per person, `frame` "world", 30 Hz, with the same camera for every frame.
-            `valid` becomes `campose_valid`.
-        genders: "female" or "male" per person, which a 3DPW file can't do without.
-        poses2d_px: (N, 18, 3) keypoints per person.
+    result are the clips again.  Clips, genders ("female" or "male") and keypoints (N, 18, 3) are
+    one per person; clips are at 30 Hz with one camera, and `valid` becomes `campose_valid`.
     """
     camera = camera_of(clips[0])
     _require_one_camera(name, clips)
-    n_frames = camera.n_frames
     people = zip(clips, genders, poses2d_px, strict=True)
     return SequenceArrays(
         name=name,
         intrinsics_px=camera.intrinsics_px.copy(),
         cam_from_world=invert(camera.world_from_cam) @ WORLD_FROM_3DPW,
-        img_frame_ids=IMU_ROWS * np.arange(n_frames),
+        img_frame_ids=IMU_ROWS * np.arange(camera.n_frames),
         people=tuple(_person(clip, body, gender, points) for clip, gender, points in people),
     )
 
@@ -71,27 +65,23 @@ def _require_one_camera(name: str, clips: Sequence[Clip]) -> None:
     for clip in clips:
         camera = camera_of(clip)
         if clip.motion.frame != "world" or clip.motion.fps_hz != FPS_HZ:
-            raise BadSequence(
-                f"{name}: clip {clip.id} is in the {clip.motion.frame} frame at "
-                f"{clip.motion.fps_hz:g} Hz; a sequence needs the world frame at {FPS_HZ:g} Hz"
-            )
-        same = np.array_equal(camera.world_from_cam, first.world_from_cam) and np.array_equal(
-            camera.intrinsics_px, first.intrinsics_px
-        )
-        if not same or not camera.has_camera.all():
-            raise BadSequence(
-                f"{name}: clip {clip.id} has another camera than {clips[0].id}, or frames without; "
-                "people of a sequence share one camera"
-            )
+            found = f"is in the {clip.motion.frame} frame at {clip.motion.fps_hz:g} Hz"
+            needed = f"a sequence needs the world frame at {FPS_HZ:g} Hz"
+            raise BadSequence(f"{name}: clip {clip.id} {found}; {needed}")
+        same_path = np.array_equal(camera.world_from_cam, first.world_from_cam)
+        same_lens = np.array_equal(camera.intrinsics_px, first.intrinsics_px)
+        if not (same_path and same_lens and camera.has_camera.all()):
+            found = f"has another camera than {clips[0].id}, or frames without"
+            needed = "people of a sequence share one camera"
+            raise BadSequence(f"{name}: clip {clip.id} {found}; {needed}")
 
 
 def _person(clip: Clip, body: BodyModel, gender: str, poses2d_px: np.ndarray) -> Person:
     from gmrdata.values.skinning import motion_joints_m
 
     motion = clip.motion
-    poses_60hz_rad, trans_60hz_m = _poses_and_trans(
-        _at_60hz(motion), body.rest_pelvis_m(motion.shape)
-    )
+    rest_pelvis_m = body.rest_pelvis_m(motion.shape)
+    poses_60hz_rad, trans_60hz_m = _poses_and_trans(_at_60hz(motion), rest_pelvis_m)
     to_3dpw = np.broadcast_to(_3DPW_FROM_WORLD, (motion.n_frames, 4, 4))
     return Person(
         poses_rad=poses_60hz_rad[::IMU_ROWS].copy(),
@@ -148,17 +138,13 @@ def write_twin(
 ) -> SequenceFiles:
     """Write one twin.  The sequence file comes last, so one that exists has all that belongs to it.
 
+    `truth_dir` gets the exact clips as `<name>.p<person>.npz`, and the exposure's `gains` (N,) as
+    `<name>.exposure.npz`.
+
     Args:
         clips: Exact world-frame clips at 30 Hz, one per person, with the camera that was rendered.
-        frames: The N images in order, .jpg.
         genders: "female" or "male" per person; letters in the file, without effect on the body.
-        truth_dir: Where the exact clips are kept, as `<name>.p<person>.npz`, and the exposure's
-            `gains` (N,), as `<name>.exposure.npz`.
         image_dir: Where to write the images; the sequence's own folder when left out.
-
-    Raises:
-        BadSequence: the name, the split or the clips do not make a sequence.
-        BadFrames: not one whole JPEG of the camera's size per row of the clips.
     """
     from gmrdata.values.skinning import motion_joints_m
 
@@ -197,7 +183,6 @@ def _require_frames(name: str, clip: Clip, frames: Sequence[Path]) -> None:
             raise BadFrames(f"{frame}: 3DPW's images are .jpg; render the twin as JPEG")
     width_px, height_px = check_images(list(frames))
     if (width_px, height_px) != (camera.width_px, camera.height_px):
-        raise BadFrames(
-            f"{frames[0]}: {width_px}x{height_px} px, the camera of {clip.id} has "
-            f"{camera.width_px}x{camera.height_px} px; give the frames that it rendered"
-        )
+        own = f"the camera of {clip.id} has {camera.width_px}x{camera.height_px} px"
+        what = f"{width_px}x{height_px} px, {own}; give the frames that it rendered"
+        raise BadFrames(f"{frames[0]}: {what}")

@@ -37,7 +37,6 @@ class TwinRecipe(Config):
     """A rendered set, written in 3DPW's layout with 3DPW's faults."""
 
     recipe: Literal["threedpw_twin"]
-    """Kind of recipe."""
     set: SyntheticRecipe
     """What is rendered: a recipe of kind `synthetic`, at 30 fps, as JPEG.  The id of each clip is
     the sequence's name.  `company` of its place are further annotated people; passers-by and cars
@@ -136,7 +135,7 @@ class SequenceTwinConfig(Config):
     name: str
     split: Split
     seed: int
-    """The set's seed; faults hang on it and on the name."""
+    """The set's; faults hang on it and on the name."""
     people: tuple[str, ...]
     """The clips of the annotated people, below the rendered clip's folder."""
     twin: TwinConfig
@@ -152,9 +151,7 @@ def make_twins(
     that was stopped goes on where it was; the same recipe again does nothing.
 
     Raises:
-        MissingInput: not one clip of the recipe can be rendered.
         StageFailed: some clips failed; the sequences of the others are written.
-        StaleOutput: something was made by another recipe.
     """
     out_dir = out_dir.resolve()
     failed: StageFailed | None = None
@@ -172,8 +169,13 @@ def make_twins(
         remove_orphans(folder)
     for clip in track(clips, "writing sequences"):
         write_sequence_twin(recipe, clip, out_dir, run=run)
-    about = tuple(_about(clip, render_config(recipe.set, clip).scene) for clip in clips)
-    TwinsRecord(sequences=about).write(out_dir / TRUTH_FOLDER / TWINS_FILE)
+    about = []
+    for clip in clips:
+        scene = render_config(recipe.set, clip).scene
+        people, trial = 1 + scene.extras.company, clip.trial or f"gait {clip.gait}"
+        kind = clip.programme.kind
+        about.append(TwinSequence(clip.id, kind, trial, people, scene, clip.programme))
+    TwinsRecord(sequences=tuple(about)).write(out_dir / TRUTH_FOLDER / TWINS_FILE)
     if failed is not None:
         raise failed
     return out_dir / DATASET_FOLDER
@@ -224,14 +226,3 @@ def write_sequence_twin(
     inputs = {"frames": rendered / "frames", "body": body_path}
     inputs |= {f"person{number}": path for number, path in enumerate(paths)}
     return run_stage("twin", root / IMAGES_DIR / clip.id, config, inputs, work, run=run)
-
-
-def _about(clip: SyntheticClip, scene: SceneConfig) -> TwinSequence:
-    return TwinSequence(
-        name=clip.id,
-        class_true=clip.programme.kind,
-        trial=clip.trial or f"gait {clip.gait}",
-        people=1 + scene.extras.company,
-        scene=scene,
-        programme=clip.programme,
-    )
