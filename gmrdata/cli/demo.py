@@ -44,13 +44,10 @@ def run_demo(
     trials: tuple[str, ...] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Run every stage that isn't done; a run that was killed goes on where it was.
+    """Run every stage that isn't done, to the report, whose path it gives.
 
-    Gives the path of the report.
-
-    Args:
-        motions_dir: Folder of motion files to film and train on; the embedded gait when None.
-        trials: Names of the files to film, without suffix; the first that fit when empty.
+    The embedded gait is filmed where `motions_dir` is None, of its files else those named by
+    `trials`, or the first that fit.
     """
     paths = DemoPaths(out_dir.resolve())
     _step(1, "body")

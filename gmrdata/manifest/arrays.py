@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
-from typing import Literal
 
 import numpy as np
 
@@ -61,9 +60,7 @@ def stray_problems(field: str, images: list[str], files: list[str]) -> Iterator[
         yield f"{field}.folder: {some(stray)} belongs to no image; name it <image stem>.png"
 
 
-def rows_problems(
-    field: Literal["joints", "character"], path: Path, clip: clip_file.Clip
-) -> Iterator[str]:
+def rows_problems(field: str, path: Path, clip: clip_file.Clip) -> Iterator[str]:
     """Whether a file of joints, or of a character's residual, is sound and has the clip's rows."""
     try:
         joints = field == "joints"

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -22,15 +21,10 @@ AGAIN = "copy it again, or write the manifest again if the change is meant"
 
 
 def check_manifest(path: Path, *, hashes: bool = True) -> None:
-    """Check format, files and arrays of a manifest.
+    """Check format, files and arrays of a manifest; without `hashes`, sizes in place of every byte.
 
-    Args:
-        hashes: Read every byte and compare hashes; otherwise sizes alone.
-
-    Raises:
-        MissingInput: there is no such manifest.
-        BadManifest: all that is wrong, up to 50 problems; each names manifest, clip and field and
-            says what to do.
+    A BadManifest says all that is wrong, up to 50 problems; each names manifest, clip and field,
+    and says what to do.
     """
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
@@ -103,8 +97,7 @@ def _arrays_problems(work: _Work, entry: Clip, names: dict[str, list[str]]) -> I
     for name, files in names.items():
         if files:
             yield from arrays.unmatched_rows(name, clip, rows_with.get(name, kept), files)
-    of_rows: tuple[Literal["joints", "character"], ...] = ("joints", "character")
-    for field in of_rows:
+    for field in ("joints", "character"):
         if (record := getattr(entry, field)) is not None:
             with suppress(ValueError, MissingInput):  # said where its hash was compared
                 yield from arrays.rows_problems(field, resolve_inside(work.root, record.path), clip)

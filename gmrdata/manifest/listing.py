@@ -11,17 +11,12 @@ from pathlib import Path
 
 from gmrdata.manifest.current import Clip, FileRecord, FolderRecord
 from gmrdata.stage.progress import track
+from gmrdata.values import files as disk
 from gmrdata.values.errors import BadManifest, MissingInput
-from gmrdata.values.files import (
-    STAGE_FILE,
-    resolve_inside,
-    safe_relative,
-    sha256_of_file,
-    write_text,
-)
+from gmrdata.values.files import resolve_inside, sha256_of_file
 
 _LINE = re.compile(r"([0-9a-f]{64})\t(0|[1-9][0-9]{0,17})\t(.+)")
-RECORDS = (STAGE_FILE, "masks.json")
+RECORDS = (disk.STAGE_FILE, "masks.json")
 """Files at the top of a folder that are about the folder, and no part of what it holds."""
 BAR_FROM = 200
 """Folders with more files than this show a progress bar."""
@@ -48,7 +43,6 @@ class ListedFile:
     """Relative to the folder, with forward slashes."""
     size_bytes: int
     sha256: str
-    """Hex SHA-256 of the bytes."""
 
 
 def file_record(root: Path, path: Path) -> FileRecord:
@@ -74,7 +68,7 @@ def folder_record(root: Path, folder: Path) -> FolderRecord:
     files = [_hashed(folder, name) for name in shown]
     text = "".join(f"{file.sha256}\t{file.size_bytes}\t{file.path}\n" for file in files)
     if not listing.is_file() or listing.read_text(encoding="utf-8") != text:
-        write_text(listing, text)
+        disk.write_text(listing, text)
     return FolderRecord(
         folder=relative,
         count=len(files),
@@ -99,7 +93,7 @@ def read_listing(path: Path) -> list[ListedFile]:
         if match is None:
             raise BadManifest(f"{path}:{number}: not 'sha256 <tab> size <tab> path'")
         try:
-            name = safe_relative(match[3])
+            name = disk.safe_relative(match[3])
         except ValueError as error:
             raise BadManifest(f"{path}:{number}: {error}") from None
         if files and name <= files[-1].path:

@@ -1,7 +1,7 @@
 """Errors of a prediction of one clip, and of zero motion beside it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -79,17 +79,15 @@ def clip_errors(
         for method in METHODS
     }
     longest = max(runs, key=lambda run: len(run["predicted"]["over_time_mm"]))
-    found = ClipErrors(
+    return ClipErrors(
         clip.clip_id,
         clip.camera_motion,
         errors,
         over_time_mm={method: longest[method]["over_time_mm"] for method in METHODS},
+        protocol=_protocol(clip.worlds, protocol, body, predicted_body or body) if protocol else {},
+        protocol_fps_hz=clip.worlds[0][0].true.fps_hz if protocol else None,
         dropped_frames=clip.dropped_frames,
     )
-    if protocol is None:
-        return found
-    values = _protocol(clip.worlds, protocol, body, predicted_body or body)
-    return replace(found, protocol=values, protocol_fps_hz=clip.worlds[0][0].true.fps_hz)
 
 
 def _run_errors(

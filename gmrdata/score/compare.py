@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gmrdata.score import METRICS, Interval, table
-from gmrdata.score.intervals import paired_difference
+from gmrdata.score.intervals import PairedDifference, paired_difference
 from gmrdata.score.records import ClipScore, Protocol, Scores, metrics_with, same_names
 from gmrdata.score.table import METRIC_WORDS, Cell, figure_text
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -153,14 +153,10 @@ def _compared(
     rows = []
     for number, (name, of_run) in enumerate(zip(names, values, strict=True)):
         mean = float(of_run.mean()) if n_clips else None
-        row = ComparedRun(
-            run=name, n_clips=n_clips, mean_of_clips=mean,
-            difference=None, interval95=None, p_value=None,
-        )  # fmt: skip
+        found = PairedDifference(n_clips, None, None, None)
         if number and n_clips:
             found = paired_difference(values[0], of_run, config.resamples, config.permutations, rng)
-            row = row.model_copy(update=found._asdict())
-        rows.append(row)
+        rows.append(ComparedRun(run=name, mean_of_clips=mean, **found._asdict()))
     return tuple(rows)
 
 

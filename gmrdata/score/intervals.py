@@ -58,7 +58,7 @@ class PairedDifference(NamedTuple):
     """How a run differs from the first one in one metric; of one clip without interval and p."""
 
     n_clips: int
-    difference: float
+    difference: float | None
     """Mean over clips of the run's figures minus the first run's."""
     interval95: Interval | None
     """Ends of its 95 % bootstrap interval over clips."""

@@ -159,25 +159,21 @@ def score_clips(
 
     The `predicted_body` is None where it is the clips' own.
     """
-    scored, skipped = [], {}
+    scored, skipped, its_body = [], {}, predicted_body or body
     for one in track(clips, "scoring", total=len(clips)):
         predicted = predict(one)
         if isinstance(predicted, str):
             skipped[one.clip.id] = predicted
             continue
-        _check_body(predicted, predicted_body or body)
+        motion = predicted.runs[0].predicted
+        if motion.body != its_body.name or motion.shape.shape != (its_body.n_shape,):
+            raise BadMotionFile(
+                f"clip {one.clip.id}: its prediction is of body {motion.body} with "
+                f"{motion.shape.size} shape coefficients, but the given body is {its_body.name} "
+                f"with {its_body.n_shape}. Pass the predictions' own body with --predictions-body"
+            )
         scored.append(clip_errors(predicted, body, protocol, predicted_body))
     return scored, skipped
-
-
-def _check_body(predicted: PredictedClip, body: BodyModel) -> None:
-    motion = predicted.runs[0].predicted
-    if motion.body != body.name or motion.shape.shape != (body.n_shape,):
-        raise BadMotionFile(
-            f"clip {predicted.clip_id}: its prediction is of body {motion.body} with "
-            f"{motion.shape.size} shape coefficients, but the given body is {body.name} with "
-            f"{body.n_shape}. Pass the predictions' own body with --predictions-body"
-        )
 
 
 def motion_types(manifest: Manifest) -> dict[str, str]:

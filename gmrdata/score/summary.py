@@ -3,7 +3,6 @@
 And the pseudo ground truth's own error beside them, with what is below it.
 """
 
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -93,11 +92,8 @@ def _groups(
     scored: Sequence[ClipErrors], name_of: Callable[[ClipErrors], str | None], draws: Draws
 ) -> dict[str, records.GroupScore]:
     """Groups by name, sorted; clips without a name are in none."""
-    members: dict[str, list[ClipErrors]] = defaultdict(list)
-    for one in scored:
-        if (name := name_of(one)) is not None:
-            members[name].append(one)
-    return {name: _group(members[name], draws) for name in sorted(members)}
+    names = sorted({name for one in scored if (name := name_of(one)) is not None})
+    return {name: _group([one for one in scored if name_of(one) == name], draws) for name in names}
 
 
 def _group(scored: Sequence[ClipErrors], draws: Draws) -> records.GroupScore:

@@ -56,10 +56,8 @@ def segment_errors_mm(
 ) -> list[Samples]:
     """Mean distance of joints per frame of each segment [mm], each aligned by itself.
 
-    Args:
-        first_frames: Frames at the start of a segment whose joints the alignment fits (W-MPJPE);
-            None for all of them (WA-MPJPE).
-        scale: Whether the alignment fits the scale as well (which hides an error of it).
+    The alignment fits the joints of a segment's first frames (W-MPJPE), or of all where
+    `first_frames` is None (WA-MPJPE), and with `scale` the scale too (which hides an error of it).
     """
     errors_mm = []
     for start, stop in segments:
@@ -90,8 +88,7 @@ def root_errors_percent(
 
 
 def root_orientation_errors_deg(predicted_rotmats: Rotmats, true_rotmats: Rotmats) -> Samples:
-    """ROE: angle between root orientations (world_from_root) after the first frame's were made
-    equal."""
+    """ROE: angle between root orientations (world_from_root), the first ones made equal."""
     true_from_predicted = true_rotmats[0] @ predicted_rotmats[0].T
     residuals = np.swapaxes(true_rotmats, 1, 2) @ true_from_predicted @ predicted_rotmats
     return np.rad2deg(angles_rad(residuals))
