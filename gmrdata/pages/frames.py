@@ -9,27 +9,23 @@ from pathlib import Path
 import cv2
 import numpy as np
 from markupsafe import Markup, escape
-from pydantic import Field
 
 from gmrdata.masks.folder import find_mask
 from gmrdata.masks.sources import MasksConfig, make_masks
 from gmrdata.pages.report_data import ClipReport
-from gmrdata.read.frames import check_images, image_number, list_images, read_color, read_gray
+from gmrdata.read import frames as frame_files
 from gmrdata.read.video import extract_video, is_video
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
-from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import atomic_path
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import motion_vertices_m
 
-BODY_BGR = (255, 210, 130)
-OUTLINE_BGR = (255, 255, 255)
-PATH_BGR = (90, 225, 255)
+OVERLAY_BGR = {"body": (255, 210, 130), "outline": (255, 255, 255), "path": (90, 225, 255)}
 TINT_BGR = (60, 60, 235)
 TINT_ALPHA = 0.35
 BODY_ALPHA = 0.8
@@ -79,23 +75,13 @@ def spaced(n: int, n_wanted: int) -> list[int]:
 def tile_sheet(images: Sequence[np.ndarray], columns: int, gap_px: int = GAP_PX) -> np.ndarray:
     """Images of one size side by side on white, `columns` to a row: (H', W', 3) BGR."""
     height, width = images[0].shape[:2]
-    n_rows = -(-len(images) // columns)
-    used = min(columns, len(images))
-    sheet = np.full(
-        (n_rows * (height + gap_px) - gap_px, used * (width + gap_px) - gap_px, 3), 255, np.uint8
-    )
+    n_rows, used = -(-len(images) // columns), min(columns, len(images))
+    size_px = n_rows * (height + gap_px) - gap_px, used * (width + gap_px) - gap_px
+    sheet = np.full((*size_px, 3), 255, np.uint8)
     for i, image in enumerate(images):
         top, left = (i // columns) * (height + gap_px), (i % columns) * (width + gap_px)
         sheet[top : top + height, left : left + width] = image
     return sheet
-
-
-class MaskSheetConfig(Config):
-    """What the contact sheet of masks shows."""
-
-    n_frames: int = Field(default=16, ge=1)
-    """Frames, evenly spaced from the first to the last."""
-    tile_width_px: int = Field(default=400, ge=16)
 
 
 def masks_of_frames(
@@ -106,39 +92,33 @@ def masks_of_frames(
     people: tuple[PersonFiles, ...] = (),
     run: Run = DEFAULT_RUN,
 ) -> tuple[Path, Path]:
-    """Make `out_dir/masks` (and `masks_by`), `out_dir/sheet`, and `out_dir/frames` of a video.
-
-    Args:
-        frames: Folder of numbered images, or a video file.
-        people: Camera-frame clips and their bodies, which silhouettes need.
-    """
+    """Make `masks`, `masks_by`, `sheet` and, of a video, `frames`; silhouettes need `people`."""
     if is_video(frames):
         frames = extract_video(frames, out_dir / "frames", run=run)
     masks_dir = make_masks(frames, out_dir / "masks", config, people=people, run=run)
     return masks_dir, make_mask_sheet(frames, masks_dir, out_dir / "sheet")
 
 
-def make_mask_sheet(
-    images_dir: Path, masks_dir: Path, out_dir: Path, config: MaskSheetConfig | None = None
-) -> Path:
+def make_mask_sheet(images_dir: Path, masks_dir: Path, out_dir: Path) -> Path:
     """Stage: `contact.jpg`, made anew when frames or masks (255 = dynamic) changed."""
-    config = config or MaskSheetConfig()
 
     def work(partial: Path) -> None:
-        write_bytes(partial / CONTACT_FILE, jpeg(mask_sheet(images_dir, masks_dir, config)))
+        write_bytes(partial / CONTACT_FILE, jpeg(mask_sheet(images_dir, masks_dir)))
 
-    inputs = {"images": images_dir, "masks": masks_dir}
-    return run_stage("mask_sheet", out_dir, config, inputs, work, run=Run(redo=True)) / CONTACT_FILE
+    inputs, anew = {"images": images_dir, "masks": masks_dir}, Run(redo=True)
+    return run_stage("mask_sheet", out_dir, Config(), inputs, work, run=anew) / CONTACT_FILE
 
 
-def mask_sheet(images_dir: Path, masks_dir: Path, config: MaskSheetConfig) -> np.ndarray:
+def mask_sheet(
+    images_dir: Path, masks_dir: Path, n_frames: int = 16, tile_width_px: int = 400
+) -> np.ndarray:
     """Evenly spaced frames with their masks, side by side: (H, W, 3) BGR."""
-    images = list_images(images_dir)
-    size_px = check_images(images)
+    images = frame_files.list_images(images_dir)
+    size_px = frame_files.check_images(images)
     tiles = []
-    for row in spaced(len(images), config.n_frames):
-        mask = read_gray(find_mask(masks_dir, images[row]), size_px)
-        tiles.append(masked_tile(read_color(images[row]), mask, config.tile_width_px))
+    for row in spaced(len(images), n_frames):
+        mask = frame_files.read_gray(find_mask(masks_dir, images[row]), size_px)
+        tiles.append(masked_tile(frame_files.read_color(images[row]), mask, tile_width_px))
     return tile_sheet(tiles, MASK_COLUMNS)
 
 
@@ -161,7 +141,7 @@ def draw_mask_outline(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """A copy of a BGR image with the outline of a mask (H, W), non-zero = dynamic object."""
     inside = (mask > 0).astype(np.uint8)
     contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    return cv2.polylines(image.copy(), contours, True, OUTLINE_BGR, LINE_PX, cv2.LINE_AA)
+    return cv2.polylines(image.copy(), contours, True, OVERLAY_BGR["outline"], LINE_PX, cv2.LINE_AA)
 
 
 def draw_floor_path(
@@ -171,20 +151,18 @@ def draw_floor_path(
     path_world_m: np.ndarray,
     every: int,
 ) -> np.ndarray:
-    """A copy of a BGR image with a path on the floor drawn into it, a dot at each `every`-th point.
-
-    A path that is fixed in the world stays where it is in the scene from frame to frame only if the
-    camera is right.
-    """
+    """A copy of a BGR image with a path on the floor drawn in, a dot at each `every`-th point."""
     points_px = camera.project(world_from_cam, path_world_m, intrinsics_px)
-    points = [_fixed(point) if (abs(point) < _FAR_PX).all() else None for point in points_px]
+    # OpenCV's pixel centres are whole numbers, and the drawing takes 4 fractional bits.
+    fixed, drawable = np.round((points_px - 0.5) * 16), (abs(points_px) < _FAR_PX).all(axis=1)
+    points = [(int(x), int(y)) if ok else None for (x, y), ok in zip(fixed, drawable, strict=True)]
     out = image.copy()
     for start, stop in pairwise(points):
         if start and stop:
-            cv2.line(out, start, stop, PATH_BGR, LINE_PX, cv2.LINE_AA, 4)
+            cv2.line(out, start, stop, OVERLAY_BGR["path"], LINE_PX, cv2.LINE_AA, 4)
     for point in points[::every]:
         if point:
-            cv2.circle(out, point, 3 * LINE_PX << 4, PATH_BGR, -1, cv2.LINE_AA, 4)
+            cv2.circle(out, point, 3 * LINE_PX << 4, OVERLAY_BGR["path"], -1, cv2.LINE_AA, 4)
     return out
 
 
@@ -223,15 +201,9 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
         for part in (layer > 0, layer)
     )
     # `shade` is 0 outside the body, so at its edge it is already shade x cover.
-    body = shade[..., None] / 255.0 * np.array(BODY_BGR)
+    body = shade[..., None] / 255.0 * np.array(OVERLAY_BGR["body"])
     blend = (1 - BODY_ALPHA * cover[..., None]) * image + BODY_ALPHA * body
     return np.clip(np.round(blend), 0, 255).astype(np.uint8)
-
-
-def _fixed(point_px: np.ndarray) -> tuple[int, int]:
-    """An image point for OpenCV's drawing: pixel centres at whole numbers, 4 fractional bits."""
-    x, y = np.round((point_px - 0.5) * 16).astype(int)
-    return int(x), int(y)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +216,7 @@ class ClipTile:
     """(4,) left, top, right, bottom of the person in `drawn` [px]; the whole frame if unknown."""
     image_number: int
     time_s: float
-    """Time since the clip's first frame [s]."""
+    """Since the clip's first frame."""
     has_camera: bool
     """Whether a camera was recovered; without one only the mask is drawn."""
 
@@ -274,21 +246,19 @@ class ClipTile:
 def frame_tiles(clip: ClipReport, n_frames: int = 6) -> list[ClipTile]:
     """Evenly spaced frames with the mask's outline, the recovered body, and its path on the floor.
 
-    Body and floor path are the pseudo clip's, drawn through the recovered camera.  Body and mask
-    follow from the camera-frame body whatever the camera is (eqs. 6-8); the path on the floor is
-    fixed in the world and so shows whether the camera is right.
+    Body and mask follow from the camera-frame body whatever the recovered camera is (eqs. 6-8); the
+    path on the floor is fixed in the world and so shows whether the camera is right.
     """
-    images = {image_number(path): path for path in list_images(clip.images_dir)}
+    images = {
+        frame_files.image_number(path): path for path in frame_files.list_images(clip.images_dir)
+    }
     with_image = np.flatnonzero(clip.pseudo.image_numbers >= 0)
     if not len(with_image):
         raise BadFrames(f"clip {clip.id}: no row of its pseudo ground truth has an image number")
     rows = with_image[spaced(len(with_image), n_frames)]
     vertices_m = motion_vertices_m(clip.body, clip.pseudo.motion, rows=rows)
-    floor_m = _floor_path_m(clip)
-    return [
-        _clip_tile(clip, images, int(row), vertices, floor_m)
-        for row, vertices in zip(rows, vertices_m, strict=True)
-    ]
+    floor_m, drawn = _floor_path_m(clip), zip(rows.tolist(), vertices_m, strict=True)
+    return [_clip_tile(clip, images, row, vertices, floor_m) for row, vertices in drawn]
 
 
 def _clip_tile(
@@ -299,15 +269,15 @@ def _clip_tile(
         raise BadFrames(f"{clip.images_dir}: clip {clip.id} has no image of number {number}")
     drawn = _read_enlarged(images[number], cv2.IMREAD_COLOR)
     person_px = np.array([0.0, 0.0, drawn.shape[1], drawn.shape[0]])
-    camera, has_camera = clip.pseudo.camera, bool(clip.has_camera[row])
-    if camera is not None and has_camera:
+    path, has_camera = clip.pseudo.camera, bool(clip.has_camera[row])
+    if path is not None and has_camera:
         # Pixel (0, 0) is an outer corner, so the intrinsics scale with the frame.
-        enlarged_px = np.diag([DRAWING_SCALE, DRAWING_SCALE, 1.0]) @ camera.intrinsics_px
-        view = camera.world_from_cam[row], enlarged_px
+        enlarged_px = np.diag([DRAWING_SCALE, DRAWING_SCALE, 1.0]) @ path.intrinsics_px
+        view = path.world_from_cam[row], enlarged_px
         every = max(1, round(clip.pseudo.motion.fps_hz))
         drawn = draw_floor_path(drawn, *view, floor_m, every)
         drawn = draw_body(drawn, *view, vertices_m, clip.body)
-        points_px = project(view[0], vertices_m, view[1])
+        points_px = camera.project(view[0], vertices_m, view[1])
         person_px = np.concatenate([np.nanmin(points_px, axis=0), np.nanmax(points_px, axis=0)])
     if clip.masks_dir is not None:
         mask_path = clip.masks_dir / f"{images[number].stem}.png"
@@ -324,15 +294,14 @@ def _floor_path_m(clip: ClipReport) -> np.ndarray:
 
 
 def read_image(path: Path, mode: int) -> np.ndarray:
-    image = cv2.imread(str(path), mode)
-    if image is None:
-        raise BadFrames(f"{path}: missing, or not an image; make the frames or masks again")
-    return np.asarray(image)
+    return frame_files.decoded(
+        path, mode, "missing, or not an image; make the frames or masks again"
+    )
 
 
 def _read_enlarged(path: Path, mode: int) -> np.ndarray:
     how = cv2.INTER_NEAREST if mode == cv2.IMREAD_GRAYSCALE else cv2.INTER_CUBIC
-    enlarged = cv2.resize(
-        read_image(path, mode), None, fx=DRAWING_SCALE, fy=DRAWING_SCALE, interpolation=how
+    image = read_image(path, mode)
+    return np.asarray(
+        cv2.resize(image, None, fx=DRAWING_SCALE, fy=DRAWING_SCALE, interpolation=how)
     )
-    return np.asarray(enlarged)

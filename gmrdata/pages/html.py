@@ -25,7 +25,7 @@ class Cell:
     sort: object = None
     """What a sortable column goes by, in place of the text."""
     picture: str = ""
-    """What stands before the text."""
+    """Before the text."""
 
 
 @dataclass(frozen=True)

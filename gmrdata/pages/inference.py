@@ -109,11 +109,9 @@ class _View(NamedTuple):
 def draw_body(
     vertices_m: np.ndarray, faces: np.ndarray, world_from_cam: np.ndarray, film: Film
 ) -> np.ndarray:
-    """The picture (height, width, 3) uint8, red first.
+    """The picture (height, width, 3) uint8, red first, of a body (V, 3) [m] above the floor z = 0.
 
-    Args:
-        vertices_m: (V, 3) the body in a z-up world with the floor at z = 0 [m].
-        faces: (F, 3) vertex indices, counter-clockwise seen from outside.
+    Its faces (F, 3) go counter-clockwise seen from outside.
     """
     large = (film.height_px * OVERSAMPLING, film.width_px * OVERSAMPLING, 3)
     intrinsics_px = film.intrinsics_px * [[OVERSAMPLING], [OVERSAMPLING], [1.0]]
@@ -198,10 +196,7 @@ POSED_AT_ONCE = 32
 
 
 def draw_motion(folder: Path, clip: Clip, body: BodyModel, config: InferConfig) -> None:
-    """Add `path.png` and, if wanted, `body.mp4` to a folder of `infer_world_motion`.
-
-    Each is written as a whole, so what is there is kept.
-    """
+    """Add `path.png` and, if wanted, `body.mp4` to a folder; what is there is whole and kept."""
     path, video = folder / "path.png", folder / "body.mp4"
     if not path.exists():
         write_top_view(path, clip.motion)

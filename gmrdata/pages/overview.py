@@ -1,7 +1,6 @@
 """A whole run at a glance: one wide picture, and its figures for the terminal."""
 
 from pathlib import Path
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -11,17 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from gmrdata.pages import report_data
 from gmrdata.pages.frames import frame_tiles, tile_sheet, write_bytes
 from gmrdata.pages.plots import COLOURS, Draw, picture, plot_top_view
-from gmrdata.pages.report_data import (
-    THRESHOLDS,
-    ClipReport,
-    ReportData,
-    Summary,
-    figure_texts,
-    score_texts,
-    verdicts,
-)
+from gmrdata.pages.report_data import ClipReport, ReportData, Summary
 from gmrdata.values.errors import BadFrames
 
 TILE_PX = (340, 255)
@@ -29,17 +21,13 @@ TILE_PX = (340, 255)
 AROUND = 1.9
 """Height of that part in heights of the person."""
 DPI = 144
-KINDS: dict[str, Literal["png", "jpeg"]] = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
+KINDS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 
 
 def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
     """Write a picture with a row per clip: `n_frames` with overlays, then the paths from above.
 
-    The file is a .png or .jpg, written as a whole or not at all; a .jpg is much smaller.
-
-    Raises:
-        BadFrames: the report has no clip, the file's name has another suffix, or an image or mask
-            is missing or can't be read.
+    The file is a .png or .jpg; BadFrames for another, or where an image or mask can't be read.
     """
     if not report.clips:
         raise BadFrames(f"{path}: the report has no clip to draw")
@@ -78,7 +66,7 @@ def overview_plot(report: ReportData, n_frames: int) -> tuple[Draw, tuple[float,
 
 
 def _figures(clip: ClipReport) -> str:
-    texts = figure_texts(clip.figures)
+    texts = report_data.figure_texts(clip.figures)
     figures = f"OME {texts['ome_deg']}° · TME {texts['tme_mm']} mm"
     if clip.figures.scale_error_percent is not None:
         figures += f" · scale {texts['scale_error_percent']} %"
@@ -104,11 +92,11 @@ def _clip_table(summary: Summary) -> Table:
     headings = ("OME\n\\[deg]", "TME\n\\[mm]", "cam. rot.\n\\[deg]", "scale err.\n\\[%]")
     table = _table("Pseudo ground truth against the truth", ("clip", "cameras", *headings))
     for clip in summary.clips:
-        texts, met = figure_texts(clip), verdicts(clip)
+        texts, met = report_data.figure_texts(clip), report_data.verdicts(clip)
         cells = [Text(text, style=_STYLE[met.get(key)]) for key, text in texts.items()]
         table.add_row(escape(clip.id), *cells)
     table.add_section()
-    ome, tme, scale = (f"≤ {value:g}" for value in THRESHOLDS.values())
+    ome, tme, scale = (f"≤ {value:g}" for value in report_data.THRESHOLDS.values())
     table.add_row("threshold", "all", ome, tme, "", scale, style="dim")
     return table
 
@@ -118,7 +106,7 @@ def _gmr_table(summary: Summary) -> Table:
         "GMR (in brackets: zero motion)", ("manifest", "OME \\[deg]", "TME \\[mm]", "VME \\[mm]")
     )
     for name, score in summary.gmr.items():
-        ours, zero = score_texts(score), score_texts(score.zero_motion)
+        ours, zero = report_data.score_texts(score), report_data.score_texts(score.zero_motion)
         table.add_row(escape(name), *(f"{ours[key]} ({zero[key]})" for key in ours))
     return table
 

@@ -4,7 +4,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Literal
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -44,26 +44,19 @@ _RC: Any = {
     "font.size": 9.5,
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
-    "axes.edgecolor": COLOURS["rule"],
-    "axes.labelcolor": COLOURS["muted"],
-    "axes.titlecolor": COLOURS["ink"],
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
     "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.facecolor": "none",
-    "figure.facecolor": "none",
-    "grid.color": COLOURS["rule"],
-    "grid.linewidth": 0.7,
-    "text.color": COLOURS["ink"],
-    "xtick.color": COLOURS["rule"],
-    "ytick.color": COLOURS["rule"],
-    "xtick.labelcolor": COLOURS["muted"],
-    "ytick.labelcolor": COLOURS["muted"],
     "axes.grid": True,
     "axes.axisbelow": True,
+    "grid.linewidth": 0.7,
     "lines.solid_capstyle": "round",
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
+    **dict.fromkeys(("axes.facecolor", "figure.facecolor"), "none"),
+    **dict.fromkeys(("axes.titlecolor", "text.color"), COLOURS["ink"]),
+    **dict.fromkeys((f"{of}.labelcolor" for of in ("axes", "xtick", "ytick")), COLOURS["muted"]),
+    **dict.fromkeys((f"{of}.color" for of in ("grid", "xtick", "ytick")), COLOURS["rule"]),
+    "axes.edgecolor": COLOURS["rule"],
 }
 
 _DIGITS = re.compile(r"(\.[0-9]{2})[0-9]+")
@@ -94,13 +87,9 @@ def svg(draw: Draw, width_in: float, height_in: float, name: str) -> Markup:
 
 
 def picture(
-    draw: Draw,
-    width_in: float,
-    height_in: float,
-    dpi: int = 150,
-    kind: Literal["png", "jpeg"] = "png",
+    draw: Draw, width_in: float, height_in: float, dpi: int = 150, kind: str = "png"
 ) -> bytes:
-    """PNG or JPEG bytes of a plot on white."""
+    """Bytes of a plot on white, of kind "png" or "jpeg"."""
     stream = io.BytesIO()
     kept = {"metadata": {"Software": None}} if kind == "png" else {"pil_kwargs": {"quality": 90}}
     with _style({}):
@@ -129,14 +118,17 @@ def _style(more: Any) -> Iterator[None]:
         yield
 
 
-def quiet(axes: Axes) -> None:
+def quiet(axes: Axes, title: str = "") -> None:
     """Take the ticks' strokes away; the grid says the same."""
     axes.tick_params(length=0)
+    if title:
+        axes.set_title(title)
 
 
 def name_rows(axes: Axes, names: Sequence[str]) -> None:
-    """A row of the plot for each name, without lines across."""
+    """A row of the plot for each name, from the top down, without lines across."""
     axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
     axes.tick_params(axis="y", labelcolor=COLOURS["ink"])
     axes.grid(visible=False, axis="y")
     axes.spines["left"].set_visible(False)
@@ -164,15 +156,11 @@ def _inline(document: str, name: str) -> str:
 
 
 def plot_top_view(axes: Axes, clip: ClipReport) -> float:
-    """True (wide, pale) and recovered (thin) paths of camera and person, in the true world [m].
-
-    Gives the spacing of the grid [m].
-    """
+    """True (wide, pale) and recovered (thin) paths in the true world; gives the grid's step [m]."""
     true_m, camera = clip.true.motion.pelvis_m, clip.true.camera
     pelvis_m, world_from_cam = aligned_paths(clip)
-    tick_m = tick_length_m(
-        [true_m, pelvis_m, *([] if camera is None else [camera.centres_world_m])]
-    )
+    centres_m = [] if camera is None else [camera.centres_world_m]
+    tick_m = tick_length_m([true_m, pelvis_m, *centres_m])
     if camera is not None:
         plot_camera(axes, camera.world_from_cam, "camera-pale", TRUE_WIDTH, tick_m)
     plot_path(axes, true_m, "person-pale", TRUE_WIDTH)
@@ -235,11 +223,9 @@ def tick_length_m(paths_m: list[np.ndarray]) -> float:
     return 0.09 * float(np.nanmax(np.nanmax(points_m, axis=0) - np.nanmin(points_m, axis=0)))
 
 
-def plot_path(
-    axes: Axes, points_m: np.ndarray, role: str, width_pt: float, style: str = "-"
-) -> None:
+def plot_path(axes: Axes, path_m: np.ndarray, role: str, width_pt: float, dash: str = "-") -> None:
     """A path (T, 2 or 3) [m]; NaN leaves a gap."""
-    axes.plot(*points_m.T[:2], style, color=COLOURS[role], linewidth=width_pt, zorder=3)
+    axes.plot(*path_m.T[:2], dash, color=COLOURS[role], linewidth=width_pt, zorder=3)
 
 
 def plot_camera(
@@ -268,12 +254,8 @@ def mark_start(
     start = points_m[known[0], :2]
     axes.plot(*start, "o", color=COLOURS[role], markersize=6, zorder=5)
     other = points_m[known].mean(axis=0) if away_from_m is None else np.nanmean(away_from_m, axis=0)
-    _label(axes, name, start, role, start - other[:2])
-
-
-def _label(axes: Axes, text: str, point_m: np.ndarray, role: str, away: np.ndarray) -> None:
-    """Text beside a point, on the side that `away` points to if there is room."""
-    label = axes.annotate(text, (point_m[0], point_m[1]), (0, 0), textcoords="offset points")
+    away = start - other[:2]
+    label = axes.annotate(name, (start[0], start[1]), (0, 0), textcoords="offset points")
     label.set(color=COLOURS[role], gid=_LABEL, zorder=6)
     # Where it stands must not move the axes: it is chosen by them.
     label.set_in_layout(False)
@@ -326,9 +308,7 @@ def finish_view(axes: Axes) -> float:
     spacing_m = next((s for s in (0.2, 0.5, 1.0, 2.0) if span_m < 10 * s), 5.0)
     axes.xaxis.set_major_locator(MultipleLocator(spacing_m))
     axes.yaxis.set_major_locator(MultipleLocator(spacing_m))
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
     quiet(axes)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    axes.spines[:].set_visible(False)
     return spacing_m

@@ -1,7 +1,4 @@
-"""Pages of a regenerated set: one for each sequence, and the index of all.
-
-A page says what was decided of a sequence, and shows what there is to see of it.
-"""
+"""Pages of a regenerated set: what was decided of each sequence, and the index of all."""
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -9,45 +6,26 @@ from pathlib import Path
 from urllib.parse import quote
 
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from gmrdata import __version__
 from gmrdata.cameras.files import CamerasQuality
+from gmrdata.pages import qa_data, qa_plots, qa_thresholds
 from gmrdata.pages.frames import jpeg_image, narrowed, spaced
 from gmrdata.pages.html import Cell, Table, render
 from gmrdata.pages.plots import svg
-from gmrdata.pages.qa_data import (
-    N_TILES,
-    THUMBNAIL_WIDTH_PX,
-    Found,
-    Kind,
-    Tile,
-    align_dataset_camera,
-    counts_of,
-    example_frames,
-    gather,
-    image_numbers,
-    kinds_of,
-    read_tile,
-    stretches,
-)
-from gmrdata.pages.qa_plots import (
-    PERSON_ROLES,
-    cue_words,
-    height_in,
-    plot_paths,
-    plot_scale_cues,
-    plot_time,
-)
-from gmrdata.pages.qa_thresholds import class_rows, frame_rows, threshold_table, verdict_rows
+from gmrdata.pages.qa_data import Found, counts_of
 from gmrdata.pages.report import GEOMETRY_WORDS
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.read.threedpw_layout import SEQUENCE_NAME, SequenceFiles
 from gmrdata.stage.progress import track
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts, choose
+from gmrdata.values.camera_motion import MotionClassConfig
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.recipe import VerdictConfig
 
 HEADINGS = ("sequence", "split", "camera", "frames", "kept", "scale", "first reason")
 STAGE_FILES = {
@@ -59,7 +37,8 @@ STAGE_FILES = {
 """What the stages leave for people to read, beside their records."""
 OPEN_RANGES = 12
 """A longer list of dropped ranges is folded."""
-JPEG_QUALITY = 80
+N_TILES = 6
+THUMBNAIL_WIDTH_PX = 88
 
 
 def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
@@ -75,25 +54,19 @@ def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
         failure = paths.failures_dir / f"{files.name}.txt"
         if failure.is_file():
             reasons[files.name] = failure.read_text(encoding="utf-8")
-    stamp = paths.pages_dir / ".shown"
-    if stamp.is_file() and stamp.read_text() == _shown(recipe, chosen, reasons, paths):
+    said = f"{__version__} {recipe!r} {sorted(reasons.items())}"
+    stamp, folders = paths.pages_dir / ".shown", [files.image_dir for files in chosen]
+    if stamp.is_file() and stamp.read_text() == _shown(said, folders, paths):
         return
     write_pages(Verdicts.read(paths.verdicts).sequences, chosen, reasons, recipe, paths)
-    write_text(stamp, _shown(recipe, chosen, reasons, paths))
+    write_text(stamp, _shown(said, folders, paths))
 
 
-def _shown(
-    recipe: ThreedpwRecipe,
-    chosen: Sequence[SequenceFiles],
-    reasons: Mapping[str, str],
-    paths: SetPaths,
-) -> str:
+def _shown(said: str, folders: Sequence[Path], paths: SetPaths) -> str:
     """Stands for the pages and all that they show: names, sizes and times of files."""
     there = [path.is_file() for path in (paths.manifest, paths.index_page)]
-    said = f"{__version__} {recipe!r} {sorted(reasons.items())} {there}"
-    digest = hashlib.sha256(said.encode("utf-8", "backslashreplace"))
+    digest = hashlib.sha256(f"{said} {there}".encode("utf-8", "backslashreplace"))
     digest.update(paths.verdicts.read_bytes())
-    folders = [files.image_dir for files in chosen]
     for folder in (paths.pages_dir, paths.root / "sequences", *folders):
         for path in sorted(file for file in folder.rglob("[!.]*") if file.is_file()):
             state = path.stat()
@@ -110,47 +83,35 @@ def write_pages(
 ) -> Path:
     """Write `qa/<sequence>.html` for each of the verdicts, and `index.html`; gives its path.
 
-    A file that is missing, or broken since it was made, costs a picture and not the page.
-
-    Args:
-        verdicts: Those of `verdicts.json`, in the order of the index.
-        chosen: The sequences that were tried; others are not opened.
-        reasons: The whole message of each sequence that could not be regenerated, by name.
+    A file that is missing, or broken since it was made, costs a picture and not the page.  Only
+    `chosen` sequences are opened; `reasons` are the whole messages of those that failed, by name.
     """
-    for folder in (paths.root, paths.pages_dir):
-        remove_orphans(folder)
+    remove_orphans(paths.root)
+    remove_orphans(paths.pages_dir)
     files_of = {files.name: files for files in chosen}
     rows: dict[str, list[Sequence[Cell | str]]] = {"Accepted": [], "Rejected": []}
     n_frames = 0
     for verdict in track(verdicts, "drawing a page for each sequence", total=len(verdicts)):
-        name = verdict.sequence
-        found = gather(verdict, reasons.get(name, ""), files_of.get(name), paths)
-        rows["Accepted" if verdict.accepted else "Rejected"].append(
-            _write_page(found, recipe, paths)
-        )
+        name, group = verdict.sequence, rows["Accepted" if verdict.accepted else "Rejected"]
+        found = qa_data.gather(verdict, reasons.get(name, ""), files_of.get(name), paths)
+        group.append(_write_page(found, recipe, paths))
         n_frames += found.n_frames
     links = [("pseudo_gt.yaml", "Manifest")] if paths.manifest.is_file() else []
     caption = "Kept: share of the frames of all people. Scale: metres per unit, ± standard error."
+    tables = {name: Table(HEADINGS, group, caption, sortable=True) for name, group in rows.items()}
     page = render(
         "qa_index",
         title=f"{recipe.name} {recipe.version}",
         links=[*links, ("verdicts.json", "Verdicts as JSON")],
         counts=[*((name, len(group)) for name, group in rows.items()), ("Frames", n_frames)],
-        groups=[
-            (name, Table(HEADINGS, group, caption, sortable=True))
-            for name, group in rows.items()
-            if group
-        ],
+        groups=[(name, table) for name, table in tables.items() if table.rows],
     )
     _write(paths.index_page, page)
     return paths.index_page
 
 
 def page_name(sequence: str) -> str:
-    """File name of a sequence's page; a name that is no plain one is not used as such.
-
-    The mark before its hash is none that a plain name begins with.
-    """
+    """File name of a sequence's page: "~" (no plain name begins so) and a hash for others."""
     if SEQUENCE_NAME.fullmatch(sequence):
         return f"{sequence}.html"
     digest = hashlib.sha256(sequence.encode(errors="surrogateescape")).hexdigest()
@@ -187,33 +148,28 @@ def _note(found: Found) -> str:
     """Why the sequence is rejected or, if it isn't, most of what was dropped of it."""
     if found.verdict.reasons:
         return found.verdict.reasons[0]
-    counts = counts_of(found.reasons, kinds_of(found.reasons))
+    counts = counts_of(found.reasons)
     if not counts:
         return ""
     kind, n = next(iter(counts.items()))
     return f"{sum(counts.values())} frames dropped, {n} of them: {kind.words}"
 
 
-Strips = list[list[tuple[Kind | None, Tile]]]
+Strips = list[list[tuple[qa_data.Kind | None, qa_data.Tile]]]
 """Two rows of frames, the second with the kinds of reason for which they are dropped."""
 
 
 def _read_frames(found: Found, paths: SetPaths) -> Strips:
-    """Evenly spaced frames, and one for each kind of reason as far as there is room.
-
-    Of a sequence that could not be read, they are of the images that are there.
-    """
+    """Evenly spaced frames (of a sequence that can't be read: images), and one for each reason."""
     files = found.files
     if files is None or not files.image_dir.is_dir():
         return [[], []]
-    numbers = range(found.n_frames) or image_numbers(files)
+    numbers = range(found.n_frames) or qa_data.image_numbers(files)
     masks_dir = paths.sequence_dir(files.name) / "masks"
-    examples = example_frames(found.reasons, kinds_of(found.reasons)) if found.is_solved else {}
-    wanted: list[tuple[Kind | None, int]] = [
-        (None, numbers[row]) for row in spaced(len(numbers), N_TILES)
-    ]
+    examples = qa_data.example_frames(found.reasons) if found.is_solved else {}
+    wanted = [(None, numbers[row]) for row in spaced(len(numbers), N_TILES)]
     return [
-        [(kind, read_tile(files, masks_dir, number)) for kind, number in strip]
+        [(kind, qa_data.read_tile(files, masks_dir, number)) for kind, number in strip]
         for strip in (wanted, list(examples.items())[:N_TILES])
     ]
 
@@ -222,45 +178,42 @@ def _thumbnail(strips: Strips) -> Markup:
     pictures = [tile.picture for _, tile in strips[0] if tile.picture is not None]
     if not pictures:
         return Markup("<i></i>")
-    return jpeg_image(narrowed(pictures[len(pictures) // 2], THUMBNAIL_WIDTH_PX), "", JPEG_QUALITY)
+    small = narrowed(pictures[len(pictures) // 2], THUMBNAIL_WIDTH_PX)
+    return jpeg_image(small, "", qa_data.JPEG_QUALITY)
 
 
 def _sequence_page(found: Found, strips: Strips, recipe: ThreedpwRecipe, paths: SetPaths) -> str:
     """The page as HTML; the same sequence gives the same bytes."""
+    config = recipe.of_sequence(found.name).pseudo_gt
     makers: dict[str, Callable[[], object]] = {"verdict": lambda: _judged_by(found, recipe)}
     if found.reasons:
-        makers["over_time"] = lambda: _over_time(found, recipe)
+        makers["over_time"] = lambda: _over_time(found, config.verdict)
     record, cameras = found.record, found.cameras
     if record is not None and cameras is not None:
         makers |= {
             "from_above": lambda: _from_above(found),
             "scale": lambda: _scale(record),
-            "camera_class": lambda: _camera_class(found, record, recipe),
+            "camera_class": lambda: _camera_class(record, config.motion_class),
             "reconstruction": lambda: _reconstruction(cameras),
         }
-    makers |= {"frames": lambda: _shown_frames(strips), "files": lambda: _files(found, paths)}
-    return render(
-        "qa_sequence",
-        found=found,
-        lead=_lead(found),
-        sections=[(kind, *_made(make)) for kind, make in makers.items()],
-    )
-
-
-def _made(make: Callable[[], object]) -> tuple[object, str]:
-    """What a section shows, or why there is nothing: what is missing must not cost the others."""
-    try:
-        return make(), ""
-    except (GmrdataError, OSError) as error:
-        return None, str(error)
+    makers |= {"frames": lambda: strips, "files": lambda: _files(found, paths)}
+    sections: list[tuple[str, object, str]] = []
+    for kind, make in makers.items():
+        try:
+            sections.append((kind, make(), ""))
+        except (GmrdataError, OSError) as error:  # What is missing must not cost the others.
+            sections.append((kind, None, str(error)))
+    return render("qa_sequence", found=found, lead=_lead(found), sections=sections)
 
 
 def _lead(found: Found) -> str:
     parts = [found.verdict.split or "not read"]
     if found.n_frames:
         n_people = len(found.reasons)
-        parts.append(f"{found.n_frames} frames")
-        parts.append("one person" if n_people == 1 else f"{n_people} people")
+        parts += [
+            f"{found.n_frames} frames",
+            f"{n_people} people" if n_people > 1 else "one person",
+        ]
     if found.is_solved:
         parts.append(f"{found.verdict.camera_motion.replace('_', ' + ')} camera")
     return ", ".join(parts)
@@ -270,32 +223,25 @@ def _judged_by(found: Found, recipe: ThreedpwRecipe) -> list[Table]:
     """The figures against their thresholds."""
     if not found.is_solved:
         return []
-    frames = frame_rows(found, recipe.of_sequence(found.name).pseudo_gt.verdict)
+    frames = qa_thresholds.frame_rows(found, recipe.of_sequence(found.name).pseudo_gt.verdict)
     whole = "What the sequence as a whole was judged by."
     worst = "The worst of all frames or steps between them; those beyond a threshold are dropped."
-    return [
-        threshold_table(verdict_rows(found, recipe), "threshold", whole),
-        threshold_table(frames, "threshold", worst),
-    ]
+    tables = ((qa_thresholds.verdict_rows(found, recipe), whole), (frames, worst))
+    return [qa_thresholds.threshold_table(rows, "threshold", caption) for rows, caption in tables]
 
 
-def _over_time(found: Found, recipe: ThreedpwRecipe) -> dict[str, object]:
-    config = recipe.of_sequence(found.name).pseudo_gt.verdict
-    kinds = kinds_of(found.reasons)
-
+def _over_time(found: Found, config: VerdictConfig) -> dict[str, object]:
     headings = ("person", "frames", "number", "reason")
-    ranges = list(_ranges(found))
+    ranges, height_in = list(_ranges(found)), qa_plots.height_in(found)
     return {
-        "plot": svg(
-            lambda plot: plot_time(plot, found, kinds, config), 11.0, height_in(found), "time"
-        ),
-        "legend": list(_legend(found, kinds)),
+        "plot": svg(lambda plot: qa_plots.plot_time(plot, found, config), 11.0, height_in, "time"),
+        "legend": list(_legend(found)),
         "ranges": Table(headings, ranges, "Dropped ranges, as counted from 0 in the sequence."),
         "open": len(ranges) <= OPEN_RANGES,
     }
 
 
-def _legend(found: Found, kinds: Mapping[str, Kind]) -> Iterator[tuple[str, str]]:
+def _legend(found: Found) -> Iterator[tuple[str, str]]:
     accepted = [person.accepted for person in found.judged]
     with_kept = [i for i, reasons in enumerate(found.reasons) if "" in reasons]
     if not found.is_solved and with_kept:
@@ -304,13 +250,13 @@ def _legend(found: Found, kinds: Mapping[str, Kind]) -> Iterator[tuple[str, str]
         yield "var(--good)", "kept"
     if found.is_solved and not all(accepted[i] for i in with_kept):
         yield "var(--rule)", "within the thresholds, but rejected"
-    for kind, n in counts_of(found.reasons, kinds).items():
+    for kind, n in counts_of(found.reasons).items():
         yield kind.colour, f"{kind.words} ({n})"
 
 
 def _ranges(found: Found) -> Iterator[tuple[Cell | str, ...]]:
     for person, reasons in enumerate(found.reasons):
-        for reason, start, stop in stretches(reasons):
+        for reason, start, stop in qa_data.stretches(reasons):
             if reason:
                 span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
                 words = Cell(reason, kind="words-cell")
@@ -323,10 +269,10 @@ def _from_above(found: Found) -> dict[str, object]:
         return {"plot": None}
     aligned = None
     if found.dataset_camera is not None:
-        aligned = align_dataset_camera(world_from_cam, found.dataset_camera, found.kept)
+        aligned = qa_data.align_dataset_camera(world_from_cam, found.dataset_camera, found.kept)
     return {
-        "plot": svg(lambda plot: plot_paths(plot.subplots(), found, aligned), 7.4, 6.2, "paths"),
-        "people": [(PERSON_ROLES[n % len(PERSON_ROLES)], f"person {n}") for n in found.clips],
+        "plot": svg(lambda plot: qa_plots.plot_paths(plot, found, aligned), 7.4, 6.2, "paths"),
+        "people": [(qa_plots.person_role(n), f"person {n}") for n in found.clips],
         "aligned": aligned,
     }
 
@@ -336,7 +282,7 @@ def _scale(record: PseudoGtQuality) -> dict[str, object]:
     if scale is None or sigma is None or not cues:
         return {"plot": None}
     rows = [
-        (cue_words(cue), f"{cue.scale:.5g}", f"{100 * cue.sigma / cue.scale:.2f}",
+        (qa_plots.cue_words(cue), f"{cue.scale:.5g}", f"{100 * cue.sigma / cue.scale:.2f}",
          f"{100 * (cue.scale / scale - 1):+.2f}", str(cue.support), f"{1000 * cue.residual_m:.1f}")
         for cue in cues
     ]  # fmt: skip
@@ -345,23 +291,24 @@ def _scale(record: PseudoGtQuality) -> dict[str, object]:
         "cue", "scale [m per unit]", "standard error [%]", "from the fused [%]",
         "stances, points or windows", "residual [mm]",
     )  # fmt: skip
+
+    def draw(plot: Figure) -> None:
+        qa_plots.plot_scale_cues(plot, scale, sigma, cues)
+
     return {
-        "plot": svg(
-            lambda plot: plot_scale_cues(plot, scale, sigma, cues),
-            7.4, 1.0 + 0.32 * (len(cues) + 1), "scale",
-        ),
+        "plot": svg(draw, 7.4, 1.0 + 0.32 * (len(cues) + 1), "scale"),
         "table": Table(headings, rows, "The metric scale, cue by cue.", foot),
-    }  # fmt: skip
+    }
 
 
-def _camera_class(found: Found, record: PseudoGtQuality, recipe: ThreedpwRecipe) -> Table:
-    figures, config = record.camera_motion_figures, recipe.of_sequence(found.name).pseudo_gt
-    rows = [] if figures is None else class_rows(figures, config.motion_class)
+def _camera_class(record: PseudoGtQuality, config: MotionClassConfig) -> Table:
+    figures = record.camera_motion_figures
+    rows = [] if figures is None else qa_thresholds.class_rows(figures, config)
     caption = Markup(
         "Of the recovered camera in the frames that have one and a body; see "
         "<code>gmrdata.values.camera_motion</code>."
     )
-    return threshold_table(rows, "borders of the classes", caption)
+    return qa_thresholds.threshold_table(rows, "borders of the classes", caption)
 
 
 def _reconstruction(cameras: CamerasQuality) -> list[tuple[str, object]]:
@@ -383,15 +330,6 @@ def _reconstruction(cameras: CamerasQuality) -> list[tuple[str, object]]:
         ("Focal length that the background asks for, over the given one", focal),
     ]
     return [(name, value) for name, value in rows if value is not None]
-
-
-def _shown_frames(strips: Strips) -> list[list[tuple[object, ...]]]:
-    def shown(tile: Tile) -> Markup | None:
-        if tile.picture is None:
-            return None
-        return jpeg_image(tile.picture, f"frame {tile.image_number}", JPEG_QUALITY)
-
-    return [[(kind, tile, shown(tile)) for kind, tile in strip] for strip in strips]
 
 
 def _files(found: Found, paths: SetPaths) -> dict[str, object]:

@@ -1,8 +1,4 @@
-"""What the stages of one sequence left, as far as it can be read, and what a page makes of it.
-
-Also: its frames with their masks, the reasons for which frames are dropped by kind, and the data
-set's own camera path in the world that was made.
-"""
+"""What the stages of one sequence left, as far as it can be read, and what a page makes of it."""
 
 import re
 from collections import Counter
@@ -13,10 +9,11 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from markupsafe import Markup
 
 from gmrdata.cameras.files import CamerasQuality, load_cameras
 from gmrdata.masks.folder import find_mask
-from gmrdata.pages.frames import masked_tile
+from gmrdata.pages.frames import jpeg_image, masked_tile
 from gmrdata.read.frames import number_in_name, read_color, read_gray
 from gmrdata.read.threedpw_layout import SequenceFiles, require_inside
 from gmrdata.threedpw.people import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
@@ -27,7 +24,6 @@ from gmrdata.values.clip import Clip, load_clip, rows_of_numbers
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.people import person_file
-from gmrdata.values.transforms import mean_rotation
 from gmrdata.world.dataset import Doubts, load_dataset_camera
 from gmrdata.world.judge import window_differences
 from gmrdata.world.quality import PseudoGtQuality, load_record
@@ -37,13 +33,12 @@ from gmrdata.world.verdict import Verdict
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """The data set's cameras, moved rigidly, and the differences left over `n_frames`."""
+    """The data set's cameras, moved rigidly, and the root mean squares that are left."""
 
     world_from_cam: np.ndarray
     """(T, 4, 4) in the made world [m]; NaN where unknown."""
     n_frames: int
     rms_m: float
-    """Root mean square distance between the two places [m]."""
     rms_deg: float
 
 
@@ -56,26 +51,19 @@ def align_dataset_camera(
     for a camera that stays in place too; then the paths' middles are laid on each other.  Both are
     metric, so nothing is scaled.
     """
-    both = (
-        kept
-        & np.isfinite(world_from_cam).all(axis=(1, 2))
-        & np.isfinite(dataset_camera).all((1, 2))
-    )
+    known = (np.isfinite(path).all(axis=(1, 2)) for path in (world_from_cam, dataset_camera))
+    both = np.logical_and.reduce([kept, *known])
     if not both.any():
         return None
     ours, theirs = world_from_cam[both], dataset_camera[both]
     turns = ours[:, :3, :3] @ theirs[:, :3, :3].swapaxes(1, 2)
-    rotmat = mean_rotation(turns)
+    rotmat = transforms.mean_rotation(turns)
     shift_m = (ours[:, :3, 3] - theirs[:, :3, 3] @ rotmat.T).mean(axis=0)
     moved = transforms.rigid(rotmat, shift_m) @ dataset_camera
     apart_m = np.linalg.norm(moved[both, :3, 3] - ours[:, :3, 3], axis=1)
     apart_rad = angles_rad(rotmat.T @ turns)
-    return Aligned(
-        world_from_cam=moved,
-        n_frames=int(both.sum()),
-        rms_m=float(np.sqrt(np.mean(apart_m**2))),
-        rms_deg=float(np.rad2deg(np.sqrt(np.mean(apart_rad**2)))),
-    )
+    rms_m, rms_rad = (float(np.sqrt(np.mean(apart**2))) for apart in (apart_m, apart_rad))
+    return Aligned(moved, int(both.sum()), rms_m, float(np.rad2deg(rms_rad)))
 
 
 Read = TypeVar("Read")
@@ -190,19 +178,11 @@ def gather(
         if cameras is not None and clips:
             numbers = next(iter(clips.values())).image_numbers
             sfm_rows = rows_of_numbers(cameras.image_numbers, numbers)
+    reasons = tuple(tuple(person.frame_reasons) for person in judged) or by_set
     return Found(
-        verdict=verdict,
-        message=message,
-        files=files,
-        record=record,
-        people=people,
-        doubts=by_set,
-        reasons=tuple(tuple(person.frame_reasons) for person in judged) or by_set,
-        clips=clips,
-        dataset_camera=dataset_camera,
-        sfm_rows=sfm_rows,
-        missing=tuple(missing),
-    )
+        verdict, message, files, record, people, by_set, reasons, clips, dataset_camera, sfm_rows,
+        tuple(missing),
+    )  # fmt: skip
 
 
 KIND_COLOURS = ("#e69f00", "#56b4e9", "#cc79a7", "#d55e00", "#0072b2", "#c9b800", "#8a6d3b")
@@ -220,9 +200,8 @@ class Kind:
 
 def kinds_of(reasons: Sequence[Sequence[str]]) -> dict[str, Kind]:
     """The kind of each reason of (P, T) frames, in their order; empty where one is kept."""
-    found = list(dict.fromkeys(reason for person in reasons for reason in person if reason))
     groups: dict[str, list[str]] = {}
-    for reason in found:
+    for reason in dict.fromkeys(reason for person in reasons for reason in person if reason):
         groups.setdefault(re.sub(r"[0-9]+", "…", reason), []).append(reason)
     kinds: dict[str, Kind] = {}
     colours = chain(KIND_COLOURS, repeat(OTHER_COLOUR))
@@ -240,15 +219,16 @@ def stretches(reasons: Sequence[str]) -> Iterator[tuple[str, int, int]]:
         yield reason, start, stop
 
 
-def counts_of(reasons: Sequence[Sequence[str]], kinds: Mapping[str, Kind]) -> dict[Kind, int]:
+def counts_of(reasons: Sequence[Sequence[str]]) -> dict[Kind, int]:
     """How many frames of all people are dropped for each kind, the most frequent first."""
+    kinds = kinds_of(reasons)
     counts = Counter(kinds[reason] for person in reasons for reason in person if reason)
     return dict(counts.most_common())
 
 
-def example_frames(reasons: Sequence[Sequence[str]], kinds: Mapping[str, Kind]) -> dict[Kind, int]:
+def example_frames(reasons: Sequence[Sequence[str]]) -> dict[Kind, int]:
     """For each kind the middle frame of those dropped for it, of whoever comes first."""
-    frames: dict[Kind, list[int]] = {}
+    kinds, frames = kinds_of(reasons), dict[Kind, list[int]]()
     for person in reasons:
         earlier = set(frames)
         for frame, reason in enumerate(person):
@@ -257,9 +237,8 @@ def example_frames(reasons: Sequence[Sequence[str]], kinds: Mapping[str, Kind]) 
     return {kind: of_kind[len(of_kind) // 2] for kind, of_kind in frames.items()}
 
 
-N_TILES = 6
 TILE_WIDTH_PX = 260
-THUMBNAIL_WIDTH_PX = 88
+JPEG_QUALITY = 80
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,6 +248,11 @@ class Tile:
     """(h, w, 3) BGR, the masked part tinted; None if the image can't be read."""
     problem: str
     """Why there is no picture, or no mask on it; empty if there are both."""
+
+    @property
+    def shown(self) -> Markup | None:
+        name = f"frame {self.image_number}"
+        return None if self.picture is None else jpeg_image(self.picture, name, JPEG_QUALITY)
 
 
 def image_numbers(files: SequenceFiles) -> list[int]:

@@ -129,25 +129,19 @@ def focal_row(focal: FocalEstimate | None, config: IntrinsicsConfig) -> Row:
 
 
 def _row(
-    name: str,
-    value: float | None,
-    threshold: float,
-    *,
-    least: bool = False,
-    unit: int = 1,
-    digits: str = ".3g",
-    note: str = "",
+    name: str, value: float | None, threshold: float, *, least: bool = False, unit: int = 1
 ) -> Row:
     """A figure that must be at most (or at least) its threshold."""
     said = f"{'≥' if least else '≤'} {unit * threshold:g}"
     if value is None:
         return Row(name, NO_FIGURE, said, None)
     met = value >= threshold if least else value <= threshold
-    return Row(name, f"{unit * value:{digits}}{note}", said, met)
+    return Row(name, f"{unit * value:.3g}", said, met)
 
 
 def _share(name: str, value: float | None, least: float) -> Row:
-    return _row(f"{name} [%]", value, least, least=True, unit=100, digits=".1f")
+    row = _row(f"{name} [%]", value, least, least=True, unit=100)
+    return row if value is None else row._replace(value=f"{100 * value:.1f}")
 
 
 def _worst(name: str, values: np.ndarray, threshold: float, *, least: bool = False) -> Row:
@@ -156,8 +150,8 @@ def _worst(name: str, values: np.ndarray, threshold: float, *, least: bool = Fal
     if not len(known):
         return _row(name, None, threshold, least=least)
     beyond = int((known < threshold if least else known > threshold).sum())
-    worst = float(known.min() if least else known.max())
-    return _row(name, worst, threshold, least=least, note=f" ({beyond} beyond)" if beyond else "")
+    row = _row(name, float(known.min() if least else known.max()), threshold, least=least)
+    return row._replace(value=f"{row.value} ({beyond} beyond)") if beyond else row
 
 
 def _border(name: str, value: float | None, borders: str) -> Row:

@@ -9,19 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gmrdata.pages.frames import BODY_BGR, OUTLINE_BGR, PATH_BGR, ClipTile, frame_tiles, jpeg_image
+from gmrdata.pages import frames, plots, report_data
 from gmrdata.pages.html import Cell, Table, render
-from gmrdata.pages.plots import COLOURS, name_rows, plot_predicted_view, plot_top_view, quiet, svg
-from gmrdata.pages.report_data import (
-    SCALE_NOT_OBSERVABLE,
-    THRESHOLDS,
-    ClipReport,
-    GmrSummary,
-    ReportData,
-    figure_texts,
-    score_texts,
-    verdicts,
-)
+from gmrdata.pages.plots import COLOURS, quiet, svg
+from gmrdata.pages.report_data import ClipReport, GmrSummary, ReportData
 from gmrdata.twins.pseudo_gt_error import error_series
 from gmrdata.values.files import write_text
 from gmrdata.values.motion import Motion
@@ -57,7 +48,9 @@ def page(report: ReportData) -> str:
         if clip.predicted
     ]
     has_gmr = bool(report.scores or report.learning_curve or predicted)
-    seconds = report.run.seconds
+    anchors = [("#summary", "Summary")]
+    anchors += [(f"#clip-{i}", clip.id) for i, clip in enumerate(report.clips)]
+    anchors += [("#gmr", "GMR")] if has_gmr else []
     scales, curve = None, None
     if any(clip.figures.scale_error_percent is not None for clip in report.clips):
         height_in = 0.75 + 0.38 * len(report.clips)
@@ -67,31 +60,26 @@ def page(report: ReportData) -> str:
     return render(
         "report",
         report=report,
-        links=_links(report, has_gmr),
-        most=THRESHOLDS,
-        n_good=sum(all(verdicts(clip.figures).values()) for clip in report.clips),
+        links=[*anchors, ("#making", "How it was made"), ("#meaning", "What the numbers mean")],
+        most=report_data.THRESHOLDS,
+        n_good=sum(all(report_data.verdicts(clip.figures).values()) for clip in report.clips),
         clip_table=_clip_table(report),
         scales=scales,
         clips=[_clip(i, clip) for i, clip in enumerate(report.clips)],
-        colours={"body": _rgb(BODY_BGR), "outline": _rgb(OUTLINE_BGR), "path": _rgb(PATH_BGR)},
+        colours={name: "rgb({2} {1} {0})".format(*bgr) for name, bgr in frames.OVERLAY_BGR.items()},
         has_gmr=has_gmr,
         score_table=_score_table(report.scores),
         predicted=predicted,
         learning_curve=curve,
-        seconds={**seconds, "All stages": sum(seconds.values())},
+        seconds={**report.run.seconds, "All stages": sum(report.run.seconds.values())},
     )
 
 
-def _links(report: ReportData, has_gmr: bool) -> list[tuple[str, str]]:
-    links = [("#summary", "Summary")]
-    links += [(f"#clip-{i}", clip.id) for i, clip in enumerate(report.clips)]
-    links += [("#gmr", "GMR")] if has_gmr else []
-    return [*links, ("#making", "How it was made"), ("#meaning", "What the numbers mean")]
+def _predicted_path(index: int, true: Motion, predicted: Motion) -> Markup:
+    def draw(plot: Figure) -> None:
+        plots.plot_predicted_view(plot.subplots(), true, predicted)
 
-
-def _rgb(colour_bgr: tuple[int, int, int]) -> str:
-    blue, green, red = colour_bgr
-    return f"rgb({red} {green} {blue})"
+    return svg(draw, 4.2, 4.0, f"gmr-{index}")
 
 
 def _clip_table(report: ReportData) -> Table:
@@ -99,11 +87,11 @@ def _clip_table(report: ReportData) -> Table:
         "clip", "camera", Cell("frames with", unit="a camera"), Cell("OME", unit="[°]"),
         Cell("TME", unit="[mm]"), Cell("camera rotation", unit="[°]"), Cell("scale", unit="[%]"),
     )  # fmt: skip
-    most = {key: f"≤ {value:g}" for key, value in THRESHOLDS.items()}
+    most = {key: f"≤ {value:g}" for key, value in report_data.THRESHOLDS.items()}
     most["frames_with_camera"] = "all"
     rows: list[tuple[Cell | str, ...]] = []
     for index, clip in enumerate(report.clips):
-        texts, met = figure_texts(clip.figures), verdicts(clip.figures)
+        texts, met = report_data.figure_texts(clip.figures), report_data.verdicts(clip.figures)
         cells = (Cell(texts[key], met=met.get(key)) for key in FIGURES)
         rows.append((Cell(clip.id, href=f"#clip-{index}"), clip.camera_motion, *cells))
     caption = (
@@ -124,55 +112,44 @@ def _score_table(scores: Mapping[str, GmrSummary]) -> Table:
     )
     rows: list[list[Cell | str]] = []
     for name, score in scores.items():
-        ours, zero = score_texts(score), score_texts(score.zero_motion)
+        ours, zero = report_data.score_texts(score), report_data.score_texts(score.zero_motion)
         rows.append([name])
         for metric in ours:
             rows[-1] += [ours[metric], Cell(zero[metric], kind="beside")]
     return Table(headings, rows, caption)
 
 
-def _predicted_path(index: int, true: Motion, predicted: Motion) -> Markup:
-    def draw(plot: Figure) -> None:
-        plot_predicted_view(plot.subplots(), true, predicted)
-
-    return svg(draw, 4.2, 4.0, f"gmr-{index}")
-
-
 def _clip(index: int, clip: ClipReport) -> dict[str, object]:
     """What the page shows of a clip."""
-    tiles = frame_tiles(clip)
+    tiles = frames.frame_tiles(clip)
+    whole = [_picture(clip, tile, tile.frame(), f"frame {tile.image_number} · ") for tile in tiles]
+    paths = svg(lambda plot: plots.plot_top_view(plot.subplots(), clip), 5.2, 5.0, f"paths-{index}")
     return {
         "report": clip,
         "fps_hz": clip.figures_fps_hz or clip.true.motion.fps_hz,  # of the errors
         "figures": _clip_figures(clip),
-        "frames": [
-            _picture(clip, tile, tile.frame(), f"frame {tile.image_number} · {tile.time_s:.1f} s")
-            for tile in tiles
-        ],
-        "close_ups": [
-            _picture(clip, tile, tile.close_up(*CLOSE_UP_PX), f"{tile.time_s:.1f} s")
-            for tile in tiles
-        ],
-        "paths": svg(lambda plot: plot_top_view(plot.subplots(), clip), 5.2, 5.0, f"paths-{index}"),
+        "frames": whole,
+        "close_ups": [_picture(clip, tile, tile.close_up(*CLOSE_UP_PX)) for tile in tiles],
+        "paths": paths,
         "errors": svg(lambda plot: plot_errors(plot, clip), 7.4, 5.0, f"errors-{index}"),
         "record": _record(clip),
     }
 
 
 def _clip_figures(clip: ClipReport) -> list[tuple[str, Cell]]:
-    figures, met = clip.figures, verdicts(clip.figures)
+    figures, met = clip.figures, report_data.verdicts(clip.figures)
     units = {"ome_deg": "°", "tme_mm": " mm"}
     units |= {} if figures.camera_rotation_deg is None else {"camera_rotation_deg": "°"}
     units |= {} if figures.scale_error_percent is None else {"scale_error_percent": " %"}
     return [
         (FIGURES[key], Cell(text + units.get(key, ""), met=met.get(key)))
-        for key, text in figure_texts(figures).items()
+        for key, text in report_data.figure_texts(figures).items()
     ]
 
 
-def _picture(clip: ClipReport, tile: ClipTile, drawn: np.ndarray, name: str) -> Cell:
-    name += "" if tile.has_camera else " · no camera"
-    return Cell(name, picture=jpeg_image(drawn, f"{clip.id}, {name}"))
+def _picture(clip: ClipReport, tile: frames.ClipTile, drawn: np.ndarray, name: str = "") -> Cell:
+    name += f"{tile.time_s:.1f} s" + ("" if tile.has_camera else " · no camera")
+    return Cell(name, picture=frames.jpeg_image(drawn, f"{clip.id}, {name}"))
 
 
 def _record(clip: ClipReport) -> list[tuple[str, str]]:
@@ -198,25 +175,20 @@ def plot_errors(plot: Figure, clip: ClipReport) -> None:
     series = error_series(clip.pseudo, clip.true, fps_hz=clip.figures_fps_hz)
     panels = plot.subplots(2, 2, sharex=True)
     times_s = series.motion_times_s
-    for axes, at_s, errors, role, title in (
-        (panels[0, 0], times_s, series.ome_deg, "person", "Orientation motion error [°]"),
-        (panels[0, 1], times_s, series.tme_mm, "person", "Translation motion error [mm]"),
-        (panels[1, 0], series.times_s, series.camera_rotation_deg, "camera",
-         "Camera rotation error [°]"),
-    ):  # fmt: skip
-        _plot_error(axes, at_s, errors, role, title)
+    _plot_error(panels[0, 0], times_s, series.ome_deg, "person", "Orientation motion error [°]")
+    _plot_error(panels[0, 1], times_s, series.tme_mm, "person", "Translation motion error [mm]")
+    rotation_deg, title = series.camera_rotation_deg, "Camera rotation error [°]"
+    _plot_error(panels[1, 0], series.times_s, rotation_deg, "camera", title)
     _plot_inliers(panels[1, 1], clip)
     for axes in panels[1]:
         axes.set_xlabel("time [s]")
 
 
 def _plot_error(axes: Axes, times_s: np.ndarray, errors: np.ndarray, role: str, title: str) -> None:
-    axes.set_title(title)
-    quiet(axes)
+    quiet(axes, title)
     known = errors[np.isfinite(errors)]
     if len(known):
-        mean = float(known.mean())
-        pale = COLOURS[role + "-pale"]
+        mean, pale = float(known.mean()), COLOURS[role + "-pale"]
         axes.fill_between(times_s, 0, errors, color=pale, alpha=0.45, linewidth=0)
         axes.plot(times_s, errors, color=COLOURS[role], linewidth=1.5)
         axes.axhline(mean, color=COLOURS["muted"], linewidth=1, linestyle=(0, (4, 3)))
@@ -228,8 +200,7 @@ def _plot_error(axes: Axes, times_s: np.ndarray, errors: np.ndarray, role: str, 
 
 
 def _plot_inliers(axes: Axes, clip: ClipReport) -> None:
-    axes.set_title("Inliers per frame")
-    quiet(axes)
+    quiet(axes, "Inliers per frame")
     counts, fps_hz = clip.quality.inliers, clip.pseudo.motion.fps_hz
     if counts is None or not len(counts):
         _plot_nothing(axes, "not recorded")
@@ -249,25 +220,23 @@ def _plot_nothing(axes: Axes, why: str) -> None:
 def plot_scales(plot: Figure, clips: Sequence[ClipReport]) -> None:
     """Error of each metric scale with its own sigma [%], beside its threshold."""
     axes = plot.subplots()
-    most = THRESHOLDS["scale_error_percent"]
+    most = report_data.THRESHOLDS["scale_error_percent"]
     axes.axvspan(-most, most, color=COLOURS["rule"], alpha=0.5, linewidth=0)
     axes.axvline(0, color=COLOURS["muted"], linewidth=1)
     reach = most
     for row, clip in enumerate(clips):
         error, sigma = clip.figures.scale_error_percent, relative_sigma_percent(clip)
         if error is None:
-            axes.annotate(
-                SCALE_NOT_OBSERVABLE, (0, row), xytext=(8, 0), textcoords="offset points",
-                va="center", color=COLOURS["muted"],
-            )  # fmt: skip
+            words, colour = report_data.SCALE_NOT_OBSERVABLE, COLOURS["muted"]
+            label = axes.annotate(words, (0, row), (8, 0), textcoords="offset points", color=colour)
+            label.set_verticalalignment("center")
             continue
         colour = COLOURS["good" if abs(error) <= most else "bad"]
         axes.errorbar(
             error, row, xerr=sigma, fmt="o", color=colour, markersize=6, linewidth=2, capsize=4
         )
         reach = max(reach, abs(error) + (sigma or 0.0))
-    name_rows(axes, [clip.id for clip in clips])
-    axes.set_ylim(len(clips) - 0.4, -0.6)
+    plots.name_rows(axes, [clip.id for clip in clips])
     axes.set_xlim(-1.15 * reach, 1.15 * reach)
     axes.set_xlabel("error of the metric scale [%], with ± one sigma of its own estimate")
 
@@ -290,14 +259,12 @@ def plot_learning_curve(plot: Figure, points: Sequence[tuple[int, float]]) -> No
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:g}" if losses.max() < 12 * losses.min() else "")
-    axes.set_xlabel("step")
-    axes.set_ylabel("training loss")
+    axes.set(xlabel="step", ylabel="training loss")
     quiet(axes)
     axes.tick_params(which="minor", length=0)
 
 
 def _running_median(values: np.ndarray) -> np.ndarray:
     half = max(1, len(values) // 40)
-    return np.array(
-        [np.median(values[max(0, i - half) : i + half + 1]) for i in range(len(values))]
-    )
+    parts = (values[max(0, i - half) : i + half + 1] for i in range(len(values)))
+    return np.array([np.median(part) for part in parts])

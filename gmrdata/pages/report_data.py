@@ -1,7 +1,4 @@
-"""What a report shows, as plain values; whoever makes the report fills them in.
-
-And the thresholds that pseudo ground truth has to meet, and the figures as text.
-"""
+"""What a report shows, as plain values, and the thresholds that pseudo ground truth has to meet."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,15 +18,13 @@ class ClipFigures(Config):
     """How far a clip's pseudo ground truth lies from the truth."""
 
     ome_deg: float
-    """Orientation motion error, mean over the motions (eq. 15) [deg]."""
+    """Mean over the motions (eq. 15)."""
     tme_mm: float
-    """Translation motion error, mean over the motions (eq. 16) [mm]."""
+    """Mean over the motions (eq. 16)."""
     camera_rotation_deg: float | None
-    """Camera rotation error, mean over the frames, after one best rotation of the recovered world
-    [deg]; None without cameras."""
+    """Mean over the frames, after a best rotation of the recovered world; None without cameras."""
     scale_error_percent: float | None
-    """Signed error of the metric scale [%]; None where the camera doesn't translate, so that no
-    scale enters."""
+    """Signed error of the metric scale; None where the camera doesn't translate."""
     frames: int
     frames_with_camera: int
 
@@ -58,12 +53,10 @@ class ClipReport:
 
     id: str
     camera_motion: str
-    """The camera programme: "circular", "linear", "panning", ..."""
     true: Clip
     pseudo: Clip
-    """As it was recovered."""
     true_from_pseudo: np.ndarray
-    """(4, 4) rigid: maps the recovered world to the true world [m]."""
+    """(4, 4) rigid [m]."""
     images_dir: Path
     masks_dir: Path | None
     """Masks `<image stem>.png`, 255 = dynamic object; None draws no outline."""
@@ -71,10 +64,9 @@ class ClipReport:
     figures: ClipFigures
     quality: Quality
     figures_fps_hz: float | None = None
-    """Rate at which the motions of `figures` were taken [Hz], of which the clips' rate is a
-    multiple; None for the clips' own rate."""
+    """Rate of the motions of `figures`, a whole part of the clips'; None for the clips' own."""
     predicted: Motion | None = None
-    """GMR's world motion for this clip, accumulated from the first frame, if there is one."""
+    """GMR's world motion for this clip, accumulated from the first frame."""
 
     @property
     def has_camera(self) -> np.ndarray:
@@ -83,14 +75,11 @@ class ClipReport:
 
 
 class Score(Config):
-    """Mean errors of one motion estimate over a manifest."""
+    """Mean errors of one motion estimate over a manifest: orientation, translation, vertices."""
 
     ome_deg: float
-    """Orientation motion error [deg]."""
     tme_mm: float
-    """Translation motion error [mm]."""
     vme_mm: float
-    """Vertex motion error [mm]."""
 
 
 class GmrSummary(Score):
@@ -113,7 +102,7 @@ class RunReport:
     recipe: str = ""
     """The whole recipe, as YAML."""
     limits: tuple[str, ...] = ()
-    """Sentences on what this run's figures do not say, beside those that hold for every report."""
+    """Sentences on what this run's figures do not say, beside those of every report."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +111,6 @@ class ReportData:
 
     run: RunReport
     clips: tuple[ClipReport, ...]
-    """In the order of the page."""
     scores: Mapping[str, GmrSummary] = field(default_factory=dict)
     """GMR's scores by manifest; empty when none was trained."""
     learning_curve: tuple[tuple[int, float], ...] = ()
@@ -161,20 +149,15 @@ def figure_texts(figures: ClipFigures) -> dict[str, str]:
 
 def score_texts(score: Score) -> dict[str, str]:
     """A score as text, without units, by key."""
-    return {
-        "ome_deg": f"{score.ome_deg:.2f}",
-        "tme_mm": f"{score.tme_mm:.1f}",
-        "vme_mm": f"{score.vme_mm:.1f}",
-    }
+    digits = {"ome_deg": 2, "tme_mm": 1, "vme_mm": 1}
+    return {key: f"{getattr(score, key):.{n}f}" for key, n in digits.items()}
 
 
-class _ClipName(Config):
+class ClipSummary(ClipFigures):
+    """One clip of a summary."""
+
     id: str
     camera_motion: str
-
-
-class ClipSummary(ClipFigures, _ClipName):
-    """One clip of a summary."""
 
 
 class Summary(Record):
@@ -182,7 +165,6 @@ class Summary(Record):
 
     format: Literal["gmrdata-summary/1"] = "gmrdata-summary/1"
     clips: tuple[ClipSummary, ...]
-    """In the order of the report."""
     gmr: dict[str, GmrSummary]
     """By manifest."""
     seconds: dict[str, float]

@@ -8,13 +8,7 @@ from matplotlib.figure import Figure
 from gmrdata.pages.frames import write_bytes
 from gmrdata.pages.html import Table, render
 from gmrdata.pages.plots import COLOURS, picture, quiet, svg
-from gmrdata.score.compare import (
-    HEADINGS,
-    Comparison,
-    comparison_explanations,
-    comparison_lead,
-    table_rows,
-)
+from gmrdata.score import compare
 from gmrdata.score.records import Scores
 from gmrdata.score.table import explanations, lead, protocol_rows, score_rows
 from gmrdata.values.files import remove_orphans, write_text
@@ -43,14 +37,11 @@ def write_scores_pages(folder: Path) -> None:
 
 
 def write_comparison_page(comparison_path: Path, scores_paths: Sequence[Path]) -> Path:
-    """Write `comparison.html` beside a `comparison.json`; the path of the page.
-
-    The `scores_paths` are `scores.json` of its runs, in their order.
-    """
+    """Write the page beside a `comparison.json`; each run has its `scores.json`, in their order."""
     remove_orphans(comparison_path.parent)
     records = [Scores.read(path) for path in scores_paths]
     page = comparison_path.with_name("comparison.html")
-    write_text(page, comparison_page(Comparison.read(comparison_path), records))
+    write_text(page, comparison_page(compare.Comparison.read(comparison_path), records))
     return page
 
 
@@ -63,36 +54,26 @@ def scores_page(scores: Scores) -> str:
         name = scores.protocol.name
         caption = f"As {name} measures, and 95 % intervals over clips."
         tables.append((f"Protocol {name}", Table(*protocol, caption)))
-    return render(
-        "scores",
-        title=f"Scores of {scores.name}",
-        lead=lead(scores),
-        heading="Scores",
-        tables=tables,
-        statements=scores.statements,
-        plot=_plot([scores.name], [scores]),
-        n_clips=len(scores.over_time.clips),
+    return _page(
+        [scores.name], [scores], f"Scores of {scores.name}", lead=lead(scores), heading="Scores",
+        tables=tables, statements=scores.statements, n_clips=len(scores.over_time.clips),
         explanations=explanations(scores),
-    )
+    )  # fmt: skip
 
 
-def comparison_page(comparison: Comparison, records: Sequence[Scores]) -> str:
+def comparison_page(comparison: compare.Comparison, records: Sequence[Scores]) -> str:
     caption = "Differences to the first run, clip by clip."
-    return render(
-        "scores",
-        title="Comparison of runs",
-        lead=comparison_lead(comparison),
-        heading="Runs",
-        tables=[("", Table(HEADINGS, table_rows(comparison), caption))],
-        statements=(),
-        plot=_plot(comparison.runs, records),
-        n_clips=None,
-        explanations=comparison_explanations(comparison),
-    )
+    table = Table(compare.HEADINGS, compare.table_rows(comparison), caption)
+    return _page(
+        comparison.runs, records, "Comparison of runs", lead=compare.comparison_lead(comparison),
+        heading="Runs", tables=[("", table)], statements=(), n_clips=None,
+        explanations=compare.comparison_explanations(comparison),
+    )  # fmt: skip
 
 
-def _plot(names: Sequence[str], records: Sequence[Scores]) -> str:
-    return svg(lambda plot: plot_over_time(plot, names, records), *SIZE_IN, "over-time")
+def _page(names: Sequence[str], records: Sequence[Scores], title: str, **shown: object) -> str:
+    plot = svg(lambda plot: plot_over_time(plot, names, records), *SIZE_IN, "over-time")
+    return render("scores", title=title, plot=plot, **shown)
 
 
 def plot_over_time(plot: Figure, names: Sequence[str], records: Sequence[Scores]) -> None:

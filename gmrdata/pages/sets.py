@@ -97,10 +97,7 @@ def _clip_section(clip: ClipEntry, warning: str | None) -> dict[str, object]:
 
 
 def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
-    """Stage: `contact.jpg`, frames with the mask's outline, and `paths.png`, the paths from above.
-
-    It is made anew when the rendered clip changed.
-    """
+    """Stage: `contact.jpg` and `paths.png` of a rendered clip, made anew when it changed."""
     names = {"clip": "clip.npz", "frames": "frames", "masks": "masks"}
     inputs = {role: rendered_dir / name for role, name in names.items()}
 

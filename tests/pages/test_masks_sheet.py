@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.pages.frames import TINT_BGR, MaskSheetConfig, make_mask_sheet, mask_sheet
+from gmrdata.pages.frames import TINT_BGR, make_mask_sheet, mask_sheet
 from gmrdata.values.errors import BadFrames
 
 
@@ -25,7 +25,7 @@ def grey_dirs(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def test_the_masked_part_is_tinted_and_the_rest_left(grey_dirs: tuple[Path, Path]) -> None:
-    sheet = mask_sheet(*grey_dirs, MaskSheetConfig(n_frames=5, tile_width_px=80))
+    sheet = mask_sheet(*grey_dirs, n_frames=5, tile_width_px=80)
     assert sheet.shape == (2 * 40 + 4, 4 * 80 + 3 * 4, 3)  # four to a row, 4 px apart
     expected = np.round(0.65 * 100 + 0.35 * np.array(TINT_BGR))
     np.testing.assert_array_equal(sheet[20, 20], expected)

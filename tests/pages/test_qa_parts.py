@@ -80,11 +80,11 @@ def test_reasons_that_differ_in_a_number_are_of_one_kind() -> None:
     kinds = kinds_of(reasons)
     words = [kind.words for kind in dict.fromkeys(kinds.values())]
     assert words == ["image_….jpg is missing", "the camera jumps", "no camera was found"]
-    assert {kind.words: n for kind, n in counts_of(reasons, kinds).items()} == {
+    assert {kind.words: n for kind, n in counts_of(reasons).items()} == {
         "the camera jumps": 3, "image_….jpg is missing": 2, "no camera was found": 1,
     }  # fmt: skip
     # The second person's jump is not asked for: the first has one already.
-    assert {kind.words: at for kind, at in example_frames(reasons, kinds).items()} == {
+    assert {kind.words: at for kind, at in example_frames(reasons).items()} == {
         "image_….jpg is missing": 2, "the camera jumps": 3, "no camera was found": 2,
     }  # fmt: skip
 
