@@ -178,7 +178,6 @@ def sample_outfit(
     """Dress someone.
 
     Args:
-        rng: The same state gives the same outfit.
         female: 0 for a man, 1 for a woman.
         age: 2/3 is young and 1 is old, as in Anny.
         surroundings: (N, 3) sRGB colours that the clothes should differ from.
@@ -192,13 +191,11 @@ def sample_outfit(
     sleeve = float(rng.choice([0.12, 0.62, 1.0, 1.96], p=[0.1, 0.4, 0.1, 0.4]))
     has_jacket, has_print, has_belt, has_stripe = rng.random(4) < (0.2, 0.4, 0.4, 0.12)
     leg_kind = rng.choice(3, p=[0.6, 0.3, 0.1] if is_woman else [0.67, 0.33, 0.0])
-    legs = (
-        _cloth(rng, TROUSERS, LEG_KINDS, 0.85, avoid)
-        if leg_kind < 2
-        else _cloth(rng, CLOTHS, KINDS, 0.34, avoid)
-    )
     if leg_kind < 2:  # trousers have quiet patterns
+        legs = _cloth(rng, TROUSERS, LEG_KINDS, 0.85, avoid)
         legs = replace(legs, second=(2 * legs.first + legs.second) / 3)
+    else:
+        legs = _cloth(rng, CLOTHS, KINDS, 0.34, avoid)
     half_bits = rng.random((8, 4)) < 0.5
     v_neck = rng.random() < 0.3
     colours = [_jittered(rng, CLOTHS) for _ in range(3)]

@@ -15,8 +15,6 @@ SMPL = {name: name for name in JOINT_NAMES} | {
 """`left_hip` as in SMPL's papers and `L_Hip` as in its FBX files."""
 _PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|[mf]_avg_|def-)")
 _SUFFIX = re.compile(r"[._]\d+$")
-
-
 _MIDDLE = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
 _SIDED = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist", "hand")
 
@@ -50,11 +48,8 @@ def find_bones(
 ) -> dict[int, int]:
     """`{index of the SMPL joint: index of the bone}`: which bone drives with which joint.
 
-    Args:
-        names: The bones' names.  A namespace (`mixamorig:`), `DEF-`, and a number that a converter
-            put behind each name (`mixamorig:Hips_01`) are overlooked, and so are capitals.
-        parents: Index of each bone's parent, -1 for none.
-        joint_map: `{bone: SMPL joint}` with exact names, or None for the known namings.
+    A namespace (`mixamorig:`), `DEF-`, capitals, and a number that a converter put behind each name
+    (`mixamorig:Hips_01`) are overlooked, but not by a joint_map `{bone: SMPL joint}`.
 
     Raises:
         BadCharacter: a joint that is needed has no bone, the map is wrong for this file, or the
@@ -73,10 +68,7 @@ def find_bones(
 
 
 def joint_of_bone(bones: Mapping[int, int], parents: Sequence[int]) -> list[int]:
-    """The joint that each bone moves with: its own, or that of the nearest bone above that has one.
-
-    Bones above and beside the pelvis move with the pelvis (0).
-    """
+    """The joint that each bone moves with: its own, of the nearest bone above, or the pelvis."""
     own = {bone: joint for joint, bone in bones.items()}
     return [own.get(_nearest(bone, parents, own), 0) for bone in range(len(parents))]
 
@@ -103,16 +95,12 @@ def _by_name(names: Sequence[str]) -> dict[str, int]:
 
 def _by_map(names: Sequence[str], joint_map: Mapping[str, str], path: Path) -> dict[str, int]:
     if unknown := [name for name in joint_map if name not in names]:
-        raise BadCharacter(
-            f"{path}: joint_map names the bones {', '.join(unknown)}, which it does not have. "
-            f"Its bones are {', '.join(names)}"
-        )
+        what = f"joint_map names the bones {', '.join(unknown)}, which it does not have"
+        raise BadCharacter(f"{path}: {what}. Its bones are {', '.join(names)}")
     joints = Counter(joint_map.values())
     if wrong := sorted(joints.keys() - JOINT.keys()):
-        raise BadCharacter(
-            f"{path}: joint_map speaks of the joints {', '.join(wrong)}; there are "
-            f"{', '.join(JOINT)}"
-        )
+        what = f"joint_map speaks of the joints {', '.join(wrong)}"
+        raise BadCharacter(f"{path}: {what}; there are {', '.join(JOINT)}")
     if twice := sorted(joint for joint, count in joints.items() if count > 1):
         raise BadCharacter(f"{path}: joint_map gives {', '.join(twice)} more than one bone")
     return {joint: names.index(name) for name, joint in joint_map.items()}

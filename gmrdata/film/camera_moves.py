@@ -22,28 +22,20 @@ SLOWEST_M_PER_S = 0.3
 
 
 def look_at(centres_world_m: np.ndarray, targets_world_m: np.ndarray) -> np.ndarray:
-    """World_from_cam rotations (..., 3, 3) of cameras that look at targets, the horizon level.
-
-    Centres and targets are (..., 3) points in the z-up world [m]; axes are OpenCV's.
-    """
+    """World_from_cam rotations (..., 3, 3), OpenCV axes, level, of centres and targets (..., 3)."""
     forward = np.asarray(targets_world_m, dtype=np.float64) - centres_world_m
     right = np.cross(forward, (0.0, 0.0, 1.0))
     length = np.linalg.norm(forward, axis=-1, keepdims=True)
     level = np.linalg.norm(right, axis=-1, keepdims=True)
     if not np.all(level > 1e-6 * np.maximum(length, 1e-6)):
-        raise BadRecipe(
-            "the camera would look straight up or down, or be inside its subject; "
-            "give it another height or distance"
-        )
+        what = "the camera would look straight up or down, or be inside its subject"
+        raise BadRecipe(f"{what}; give it another height or distance")
     forward, right = forward / length, right / level
     return np.stack([right, np.cross(forward, right), forward], axis=-1)
 
 
 def smooth_path(points_m: np.ndarray, fps_hz: float, sigma_s: float, lag_s: float) -> np.ndarray:
-    """A path (T, 3) [m] as a camera operator follows it: low-pass filtered, and late by `lag_s`.
-
-    The low-pass is Gaussian, of standard deviation `sigma_s`.  The path rests before its start.
-    """
+    """A path (T, 3) [m] as a camera operator follows it: Gaussian low-pass, and late by `lag_s`."""
     smooth = gaussian_filter1d(points_m, max(sigma_s * fps_hz, 1e-3), axis=0, mode="nearest")
     frames = np.arange(len(points_m))
     late = np.clip(frames - lag_s * fps_hz, 0, len(points_m) - 1)
@@ -110,8 +102,8 @@ def station(
     subject: SubjectPath, azimuth_rad: float, distance_m: float, height_m: float
 ) -> np.ndarray:
     """A place (3,) for the camera, on the ground `distance_m` from the path's middle [m]."""
-    place = subject.centre_m + distance_m * _direction(azimuth_rad)
-    return np.array([place[0], place[1], height_m])
+    place_m = subject.centre_m + distance_m * _direction(azimuth_rad)
+    return np.array([*place_m[:2], height_m])
 
 
 def line(

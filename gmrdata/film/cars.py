@@ -78,11 +78,10 @@ def drive_past(
     cars: Sequence[Drive],
     rng: np.random.Generator,
 ) -> Drive:
-    """A drive that crosses the first camera's line of sight to its subject.
+    """A drive across the first camera's line of sight, clear of everyone: paths (T, 3) and cars.
 
     It is parallel to the longer side of the area that everyone covers: a street runs along that.
     Where nothing can cross, as in a street that is filmed along its length, it passes beside.
-    It keeps clear of the extras who walk, paths (T, 3) [m], and of the cars that are there already.
     """
     walked_m = [path[:, :2] for path in (*shot.subjects_m, *people_m)]
     filmed_m = [camera.centres_world_m[:, :2] for camera in shot.cameras]

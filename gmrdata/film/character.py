@@ -13,7 +13,7 @@ import json
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import unquote
 
@@ -43,9 +43,8 @@ def linked_files(path: Path) -> dict[str, Path]:
         raise MissingInput(f"{path}: no such file")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise BadCharacter(
-            f"{path}: a character is a .glb, .gltf or .fbx file; export it as one (.glb is best)"
-        )
+        what = "a character is a .glb, .gltf or .fbx file"
+        raise BadCharacter(f"{path}: {what}; export it as one (.glb is best)")
     if suffix == ".fbx":
         with path.open("rb") as file:
             if not file.read(64).startswith(_FBX_STARTS):
@@ -63,9 +62,8 @@ def _gltf_of(path: Path) -> Any:
     try:
         scene = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise BadCharacter(
-            f"{path}: its JSON part can't be read ({error}); export it again"
-        ) from None
+        said = f"its JSON part can't be read ({error}); export it again"
+        raise BadCharacter(f"{path}: {said}") from None
     if not isinstance(scene, dict) or not isinstance(scene.get("asset"), dict):
         raise BadCharacter(f"{path}: not a glTF file; export the character again")
     return scene
@@ -78,10 +76,8 @@ def _json_chunk(path: Path, data: bytes) -> bytes:
     if version != 2:
         raise BadCharacter(f"{path}: glTF {version}, and only glTF 2 is read; export it again")
     if length != len(data):
-        raise BadCharacter(
-            f"{path}: has {len(data)} bytes and says {length}, so it is cut off or damaged; "
-            "copy or export it again"
-        )
+        what = f"has {len(data)} bytes and says {length}, so it is cut off or damaged"
+        raise BadCharacter(f"{path}: {what}; copy or export it again")
     chunk_length, kind = _CHUNK_HEADER.unpack_from(data, _GLB_HEADER.size)
     start = _GLB_HEADER.size + _CHUNK_HEADER.size
     if kind != b"JSON" or start + chunk_length > len(data):
@@ -105,8 +101,8 @@ def _inside(path: Path, name: str) -> Path:
         f"{path}: names the file {name!r}, which is not in its folder; nothing was read from "
         "there. Put everything into one .glb"
     )
-    bad_letters = any(ord(letter) < 32 for letter in plain) or "\\" in plain or ":" in plain
-    if not plain or bad_letters or PurePosixPath(plain).is_absolute() or ".." in plain.split("/"):
+    bad_letters = any(ord(letter) < 32 or letter in "\\:" for letter in plain)
+    if not plain or bad_letters or plain.startswith("/") or ".." in plain.split("/"):
         raise outside
     folder = path.resolve().parent
     try:
@@ -121,19 +117,14 @@ def _inside(path: Path, name: str) -> Path:
 
 
 class Character(Config):
-    """A skinned character whose bones are driven by the 24 joints.
-
-    The truth that is stored stays the motion on the body's tree.  How far the character's own
-    joints are from it is measured and stored: `gmrdata.film.character`.
-    """
+    """A skinned character whose bones are driven by the 24 joints."""
 
     path: Path
     """A .glb, .gltf or .fbx file with one skeleton; any unit, standing along the axes in a T-pose
     or an A-pose.  An FBX file must hold its pictures itself.  Surfaces become matt, and a
     half transparent one is there or not."""
     joint_map: dict[str, str] | None = None
-    """`{bone: SMPL joint}`; None: by the bones' names, where they are Mixamo's, SMPL's, CMU's,
-    Unreal's or Rigify's."""
+    """`{bone: SMPL joint}`; None: by the names of Mixamo, SMPL, CMU, Unreal or Rigify."""
     scale: Literal["legs", "keep"] = "legs"
     """`legs`: made as large as gives its legs (hip, knee, ankle) the length of the body's; `keep`:
     the file's size.  Then its feet slide by as much as its legs differ from the body's."""
@@ -152,14 +143,13 @@ class CharacterRecord:
     """What a render with a character knows beside the truth; T frames."""
 
     joints_world_m: np.ndarray
-    """(T, 24, 3) the character's joints, which are the heads of its bones, in the world [m]; NaN
-    where it has no bone for a joint."""
+    """(T, 24, 3) heads of the character's bones, world [m]; NaN for a joint without a bone."""
     residual_m: np.ndarray
     """(T, 24, 3) the same less the body's joints, world axes [m]."""
     in_frame: np.ndarray
     """(T,) bool: the whole character is inside the image."""
     bones: tuple[str, ...]
-    """24 names of bones, empty where there is none for a joint."""
+    """24 names, empty for a joint without a bone."""
     scale: float
     """By how much the character's file was enlarged."""
 
@@ -179,17 +169,12 @@ def load_character(path: Path) -> CharacterRecord:
         "scale": ("f", ()),
     }
     joints_m, residual_m, in_frame, bones, scale = read_truth(path, shapes, frames_of="in_frame")
-    names = tuple(str(name) for name in bones)
-    return CharacterRecord(joints_m, residual_m, in_frame, names, float(scale))
+    return CharacterRecord(joints_m, residual_m, in_frame, tuple(bones.tolist()), float(scale))
 
 
 def residual_figures(record: CharacterRecord) -> dict[str, float]:
-    """The residual in three numbers for the manifest.
-
-    `character_residual_mm_mean` and `_max` are over all frames and all joints that have a bone;
-    `character_bone_direction_deg_mean` is the mean angle between the character's and the body's
-    thighs, shanks, upper arms and forearms.
-    """
+    """The residual in three numbers for the manifest: two over all frames and all joints that have
+    a bone, and the mean angle between the character's and the body's `LIMBS`."""
     residual_mm = 1000 * np.linalg.norm(record.residual_m, axis=-1)
     return {
         "character_residual_mm_mean": float(np.nanmean(residual_mm)),

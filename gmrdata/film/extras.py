@@ -21,20 +21,17 @@ from gmrdata.values.records import Config
 STRAIGHT_S = 8.0
 """For longer, a passer-by walks in a figure of eight, so that the place needn't be so large [s]."""
 EXTRAS_STREAM = 1000
-"""Spawn key of the extras' random numbers: apart from those of the place, its meshes and the
-person, so that extras leave these as they are."""
+"""Spawn key of the extras' random numbers, so that place and person stay as they are."""
 
 
 class Extras(Config):
     """Who and what moves through the scene beside the clip's person.
 
-    Their instance numbers go on from the person's 1: first the company, then the passers-by, then
-    the cars.
+    Their instance numbers go on from the person's 1: company, then passers-by, then cars.
     """
 
     company: int = Field(default=0, ge=0, le=2)
-    """People who go along with the clip's person, about 0.9 to 1.5 m away, in view for at least
-    four fifths of the frames."""
+    """People who go along, about 0.9 to 1.5 m away, in view for at least 4/5 of the frames."""
     passers_by: int = Field(default=0, ge=0, le=8)
     """People who cross the view once, in front of the clip's person or behind."""
     cars: int = Field(default=0, ge=0, le=2)
@@ -51,13 +48,11 @@ class Extras(Config):
     @property
     def inputs(self) -> dict[str, Path]:
         """Files that the extras depend on, by name."""
-        if not self.passers_by:
-            return {}
         from gmrdata.motion.files import input_files
 
         return {
             f"extras_{role}{number}": file
-            for number, path in enumerate(self.motions)
+            for number, path in enumerate(self.motions if self.passers_by else ())
             for role, file in input_files(path).items()
         }
 
@@ -79,27 +74,26 @@ class Cast:
 
 
 def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int) -> Cast:
-    """Plan all extras of a place.
+    """Plan all extras of a place; the first clip's camera is the one to be crossed.
 
     Those of one kind don't depend on how many more of their kind are asked for; passers-by make way
-    for company, and cars for both.  Of the clips that are filmed there the first one's camera is
-    the one to be crossed.  BadRecipe: there is no room for someone, or a motion is too short.
+    for company, and cars for both.  BadRecipe: no room for someone, or a motion is too short.
     """
     if not extras.names:
         return Cast((), ())
     shot = shot_of(clips)
     kinds = np.random.SeedSequence(seed, spawn_key=(EXTRAS_STREAM,)).spawn(3)
     walkers: list[Motion] = []
-    for n, own in enumerate(kinds[0].spawn(extras.company)):
-        walkers.append(keep_company(f"company_{n + 1}", shot, walkers, body, own))
-    for n, own in enumerate(kinds[1].spawn(extras.passers_by)):
+    cars: list[Drive] = []
+    for n, own in enumerate(kinds[0].spawn(extras.company), 1):
+        walkers.append(keep_company(f"company_{n}", shot, walkers, body, own))
+    for n, own in enumerate(kinds[1].spawn(extras.passers_by), 1):
         rng = np.random.default_rng(own)
         motion = _passing_motion(extras.motions, shot, body, rng)
-        walkers.append(pass_by(f"passer_by_{n + 1}", motion, shot, walkers, rng))
-    cars: list[Drive] = []
+        walkers.append(pass_by(f"passer_by_{n}", motion, shot, walkers, rng))
     paths_m = [walker.pelvis_m for walker in walkers]
-    for n, own in enumerate(kinds[2].spawn(extras.cars)):
-        cars.append(drive_past(f"car_{n + 1}", shot, paths_m, cars, np.random.default_rng(own)))
+    for n, own in enumerate(kinds[2].spawn(extras.cars), 1):
+        cars.append(drive_past(f"car_{n}", shot, paths_m, cars, np.random.default_rng(own)))
     return Cast(tuple(walkers), tuple(cars))
 
 
@@ -121,10 +115,9 @@ def _passing_motion(
     path = files[int(rng.integers(len(files)))]
     whole = resample(read_motion(path, body, shape=sample_shape(body, rng)), shot.fps_hz)
     if whole.n_frames < shot.n_frames:
-        raise BadRecipe(
-            f"extras.motions: {path} lasts {whole.n_frames / shot.fps_hz:.2f} s, the clip "
-            f"{shot.n_frames / shot.fps_hz:.2f} s; give longer motions, or none for embedded gaits"
-        )
+        lasts = f"lasts {whole.n_frames / shot.fps_hz:.2f} s, the clip {shot.duration_s:.2f} s"
+        remedy = "give longer motions, or none for embedded gaits"
+        raise BadRecipe(f"extras.motions: {path} {lasts}; {remedy}")
     start = int(rng.integers(whole.n_frames - shot.n_frames + 1))
     return slice_motion(whole, start, start + shot.n_frames)
 
@@ -132,10 +125,7 @@ def _passing_motion(
 def save_extras(
     folder: Path, names: tuple[str, ...], cast: Cast, filmed: Clip, body: BodyModel
 ) -> None:
-    """Write `<name>.npz` for each of `Extras.names` into a folder, which is made if there are any.
-
-    A person's file is a clip, with the filmed clip's rows and camera, that `load_clip` reads.
-    """
+    """Write `<name>.npz` for each of `Extras.names`: of a person a clip with the filmed camera."""
     if names:
         folder.mkdir(exist_ok=True)
     n_frames = filmed.motion.n_frames

@@ -18,10 +18,9 @@ class TextureConfig(Config):
     """A picture that the body wears, such as those of the SMPL literature."""
 
     image: Path
-    """The picture, .png or .jpg."""
+    """.png or .jpg."""
     uv: Path
-    """Picture coordinates of the body's faces: an .obj, or an .npz with `vt` (N, 2) and `ft` (F, 3)
-    as some model files have them."""
+    """Picture coordinates of the faces: an .obj, or an .npz with `vt` (N, 2) and `ft` (F, 3)."""
 
 
 class PersonConfig(Config):
@@ -35,9 +34,8 @@ class PersonConfig(Config):
     @property
     def inputs(self) -> dict[str, Path]:
         """Files that the pictures depend on, by name."""
-        if self.texture is None:
-            return {}
-        return {"texture_image": self.texture.image, "texture_uv": self.texture.uv}
+        worn = self.texture
+        return {} if worn is None else {"texture_image": worn.image, "texture_uv": worn.uv}
 
 
 def sample_person(body: BodyModel, rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
@@ -48,8 +46,7 @@ def sample_person(body: BodyModel, rng: np.random.Generator, spread: float = 1.0
     shoulders to a tired woman's hips.  Other bodies get normal coefficients within two deviations.
     """
     if body.adult_shapes is None:
-        normal = rng.normal(0.0, 1.0, body.n_shape)
-        shape = np.clip(normal, -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT)
+        shape = rng.normal(0.0, 1.0, body.n_shape).clip(-LARGEST_COEFFICIENT, LARGEST_COEFFICIENT)
     else:
         adult = body.adult_shapes[int(rng.integers(len(body.adult_shapes)))]
         shape = adult + rng.normal(0.0, JITTER, body.n_shape)

@@ -24,6 +24,8 @@ FRAME_MARGIN_SHARE = 0.03
 STEP_M = 0.25
 DISTANCES_M = np.arange(2.0, 25.01, STEP_M)
 """Distances that are tried, nearest first, until the subject stays in frame."""
+At = Callable[[float], CameraPath]
+"""A camera by its distance [m]."""
 
 
 class View(Config):
@@ -43,8 +45,7 @@ class Moving(View):
     """A camera that moves, on wheels unless it is held in the hand."""
 
     handheld_deg: float = Field(default=0.0, ge=0, le=5)
-    """Hand-held shake: standard deviation of the rotation per axis [degrees], with a 1/f spectrum
-    from 0.1 to 3 Hz."""
+    """Shake: standard deviation of the rotation per axis [degrees]; 1/f from 0.1 to 3 Hz."""
     handheld_m: float = Field(default=0.0, ge=0, le=0.3)
     """The same for the position per axis [m]."""
 
@@ -54,9 +55,8 @@ class Circular(Moving):
 
     kind: Literal["circular"] = "circular"
     rate_deg_per_s: float = Field(default=25.0, gt=0, le=180)
-    """Angular speed on the circle [degrees/s]."""
     direction: Literal["counterclockwise", "clockwise"] = "counterclockwise"
-    """Direction of travel seen from above."""
+    """Seen from above."""
     radius_m: float | None = Field(default=None, gt=0)
     """Radius of the circle [m]; None: `distance_m`, or the smallest that frames all."""
 
@@ -72,15 +72,13 @@ class Travelling(Moving):
 
 
 class Linear(Travelling):
-    """As fast as the subject."""
-
     kind: Literal["linear"] = "linear"
     look: Literal["fixed", "subject"] = "fixed"
     """Keep the orientation, or turn to the subject."""
 
 
 class LinearPanning(Travelling):
-    """Along a straight line, slower than the subject, turning to it."""
+    """Slower than the subject, turning to it."""
 
     kind: Literal["linear_panning"] = "linear_panning"
 
@@ -98,7 +96,7 @@ class Small(View):
     drift_m: float = Field(default=0.03, gt=0, le=0.3)
     """Standard deviation of the position per axis [m]."""
     shake_deg: float = Field(default=0.4, ge=0, le=5)
-    """Standard deviation of the rotation per axis [degrees]."""
+    """The same for the rotation per axis [degrees]."""
 
 
 class Static(View):
@@ -121,10 +119,8 @@ def camera_programme(kind: str, **settings: object) -> Programme:
     try:
         return TypeAdapter[Programme](Programme).validate_python({"kind": kind, **settings})
     except ValidationError as error:
-        problems = "; ".join(
-            f"{'.'.join(str(part) for part in found['loc'])}: {found['msg']}".removeprefix(": ")
-            for found in error.errors()
-        )
+        found = (f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        problems = "; ".join(problem.removeprefix(": ") for problem in found)
         raise BadRecipe(f"camera programme {kind}: {problems}") from None
 
 
@@ -149,9 +145,8 @@ def camera_path(
     """
     pelvis = np.asarray(pelvis_world_m, dtype=np.float64)
     if pelvis.shape != (len(pelvis), 3) or not len(pelvis) or not np.isfinite(pelvis).all():
-        raise BadMotionFile(
-            f"the subject's path must be (T, 3) finite numbers, this one is {pelvis.shape}"
-        )
+        what = "the subject's path must be (T, 3) finite numbers"
+        raise BadMotionFile(f"{what}, this one is {pelvis.shape}")
     subject = subject_path(pelvis, fps_hz, programme.lag_s, rng)
     intrinsics_px = intrinsics_from_fov(hfov_deg, width_px, height_px)
 
@@ -166,10 +161,6 @@ def camera_path(
     return _nearest_in_frame(at, DISTANCES_M, pelvis, programme.kind, "give distance_m")
 
 
-At = Callable[[float], CameraPath]
-"""A camera by its distance [m]."""
-
-
 def _nearest_in_frame(
     at: At, distances_m: np.ndarray, pelvis_m: np.ndarray, kind: str, remedy: str
 ) -> CameraPath:
@@ -179,10 +170,8 @@ def _nearest_in_frame(
         camera = at(float(distance_m))
         if in_frame(camera, box, FRAME_MARGIN_SHARE).all():
             return camera
-    raise BadRecipe(
-        f"a {kind} camera can't keep the subject in frame from any distance up to "
-        f"{DISTANCES_M[-1]:.0f} m; widen hfov_deg, shorten the clip, or {remedy}"
-    )
+    what = f"keep the subject in frame from any distance up to {DISTANCES_M[-1]:.0f} m"
+    raise BadRecipe(f"a {kind} camera can't {what}; widen hfov_deg, shorten the clip, or {remedy}")
 
 
 def _world_from_cam(programme: Programme, subject: SubjectPath, distance_m: float) -> np.ndarray:

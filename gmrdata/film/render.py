@@ -7,8 +7,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TextIO
@@ -68,10 +67,9 @@ def find_renderer(engine: str, device: str) -> str:
             f"engine: {engine}: {NAMES[engine]} had not drawn eight pixels after "
             f"{PROBE_S} s; take `engine: cycles`"
         ) from None
-    lines = answer.stdout.splitlines()
-    found = [line.removeprefix(RENDERER_LINE).strip() for line in lines if RENDERER_LINE in line]
+    found = [line for line in answer.stdout.splitlines() if RENDERER_LINE in line]
     if answer.returncode == 0 and found:
-        return f"{NAMES[engine]} on {found[-1]}"
+        return f"{NAMES[engine]} on {found[-1].removeprefix(RENDERER_LINE).strip()}"
     lines = answer.stderr.splitlines()
     error, end = _error_and_end(lines, answer.returncode)
     last = lines[-1].strip() if lines else "it said nothing"
@@ -185,10 +183,9 @@ def frame_files(out_dir: Path, config: RenderConfig, row: int, n_frames: int) ->
 def optional_outputs(out_dir: Path, config: RenderConfig) -> dict[str, Any]:
     """What a recipe adds to a finished folder, as keywords of `manifest.entry.clip_entry`."""
     files = {"joints": "joints.npz", "video": "video.mp4", "character": CHARACTER_FILE}
-    outputs: dict[str, Any] = {
-        f"{name}_path": out_dir / file for name, file in files.items() if getattr(config, name)
-    }
-    asked = [name for name in FOLDERS if getattr(config, name)]
+    asked = [name for name in (*files, *FOLDERS) if getattr(config, name)]
+    outputs: dict[str, Any]
+    outputs = {f"{name}_path": out_dir / files[name] for name in asked if name in files}
     outputs |= {f"{name}_dir": out_dir / name for name in asked if (out_dir / name).is_dir()}
     extras = [out_dir / EXTRAS_FOLDER / f"{name}.npz" for name in config.scene.extras.names]
     return outputs | {"extras_paths": extras}
@@ -233,10 +230,13 @@ def render_clip(
     )
 
     def work(partial_dir: Path) -> dict[str, str]:
+        from gmrdata.stage.progress import progress_bar
+
         renderer = find_renderer(config.engine, config.device)
         motion = load_clip(clip_path).motion
-        bar = nullcontext(on_frame) if on_frame else _frame_bar(out_dir.name, motion.n_frames)
-        with bar as tell:
+        with progress_bar(shown=on_frame is None) as bar:
+            task = bar.add_task(f"rendering {out_dir.name}", total=motion.n_frames)
+            tell = on_frame or (lambda _: bar.advance(task))
             run_blender(job.model_copy(update={"out_dir": partial_dir}), partial_dir, tell)
         if config.video:
             frames = sorted((partial_dir / "frames").glob(f"*.{config.image_format}"))
@@ -244,16 +244,6 @@ def render_clip(
         return {"renderer": renderer}
 
     return run_stage("render", out_dir, config, job.inputs, work, resumable=True, run=run)
-
-
-@contextmanager
-def _frame_bar(name: str, n_frames: int) -> Iterator[Callable[[int], None]]:
-    """A progress bar, and what moves it on by a frame."""
-    from gmrdata.stage.progress import progress_bar
-
-    with progress_bar() as bar:
-        task = bar.add_task(f"rendering {name}", total=n_frames)
-        yield lambda _: bar.advance(task)
 
 
 def full_json(recipe: Config) -> str:

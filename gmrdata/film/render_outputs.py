@@ -1,9 +1,8 @@
 """What a rendering leaves beside frames and masks: joints, surface passes, clearance.
 
-Depth, normals, flow and instances are PNG, which every image library reads as it is:
-`cv2.imread(path, cv2.IMREAD_UNCHANGED)` gives the stored numbers, colours in the order blue, green,
-red.  The flow's form is that of KITTI's 2015 benchmark (http://www.cvlibs.net/datasets/kitti).
-A reader raises BadFrames for a file that is not there or is another kind of picture.
+Depth, normals, flow and instances are PNG: `cv2.imread(path, cv2.IMREAD_UNCHANGED)` gives what is
+stored, colours in the order blue, green, red.  The flow's form is that of KITTI's 2015 benchmark
+(http://www.cvlibs.net/datasets/kitti).  BadFrames: no such file, or another kind of picture.
 """
 
 from collections.abc import Mapping
@@ -98,10 +97,7 @@ def read_truth(path: Path, shapes: TruthShapes, frames_of: str) -> list[np.ndarr
 
 
 def write_depth(path: Path, depth_m: np.ndarray) -> None:
-    """Write (H, W) depths along the optical axis [m] in whole millimetres.
-
-    0 stands for no surface (NaN, infinite) and for one farther than 65.535 m.
-    """
+    """Write (H, W) depths along the optical axis [m] in whole mm; 0: none within 65.535 m."""
     near = np.nan_to_num(depth_m, nan=np.inf) < FARTHEST_M
     _write(path, np.rint(np.where(near, depth_m, 0.0) * MM_PER_M))
 
@@ -113,10 +109,7 @@ def read_depth(path: Path) -> np.ndarray:
 
 
 def write_normals(path: Path, normals: np.ndarray) -> None:
-    """Write (H, W, 3) unit normals: red, green, blue are x, y, z, with -1 -> 0 and 1 -> 65535.
-
-    Pixels without a normal (zeros) become 0, 0, 0.
-    """
+    """Write (H, W, 3) unit normals, x y z as red green blue: -1 -> 0, 1 -> 65535; none is zeros."""
     there = (normals != 0).any(axis=-1, keepdims=True)
     stored = np.where(there, (np.clip(normals, -1, 1) + 1) / 2 * _MOST, 0.0)
     _write(path, np.rint(stored)[..., ::-1])
@@ -129,16 +122,14 @@ def read_normals(path: Path) -> np.ndarray:
 
 
 def write_flow(path: Path, flow_px: np.ndarray) -> None:
-    """Write (H, W, 2) flow [px]: red and green are 64 u + 2^15 and 64 v + 2^15, blue is 1 if known.
+    """Write (H, W, 2) flow [px]: red and green are 64 u + 2^15 and 64 v + 2^15, blue is 1.
 
-    Pixels with NaN, and with a flow of 512 px or more, are not known: 0, 0, 0.
+    NaN, and a flow of 512 px or more, are not known: 0, 0, 0.
     """
     stored = np.rint(flow_px * FLOW_STEPS_PER_PX + FLOW_ZERO)
-    known = ((stored >= 0) & (stored <= _MOST)).all(axis=-1)  # False for NaN
-    u, v = stored[..., 0], stored[..., 1]
-    pixels = np.stack([np.ones_like(u), v, u], axis=-1)
-    pixels[~known] = 0
-    _write(path, pixels)
+    known = ((stored >= 0) & (stored <= _MOST)).all(axis=-1, keepdims=True)  # False for NaN
+    pixels = np.concatenate([np.ones_like(stored[..., :1]), stored[..., ::-1]], axis=-1)
+    _write(path, np.where(known, pixels, 0.0))
 
 
 def read_flow(path: Path) -> np.ndarray:
@@ -190,11 +181,8 @@ class Clearance(Record):
     @property
     def figures(self) -> dict[str, float]:
         """As a manifest's quality figures."""
-        return {
-            "camera_clearance_m": self.camera_m,
-            "person_clearance_m": self.person_m,
-            "clear_sight_share": self.sight_share,
-        }
+        names = ("camera_clearance_m", "person_clearance_m", "clear_sight_share")
+        return dict(zip(names, (self.camera_m, self.person_m, self.sight_share), strict=True))
 
 
 def clearance_figures(folder: Path) -> Mapping[str, float]:

@@ -41,8 +41,7 @@ def try_render_clips(
 ) -> stage_jobs.Outcome:
     """Render each clip, given by id, in a worker of its own; reasons of failures are kept.
 
-    One progress bar shows the frames of all.  A Blender process that ends without its result is
-    started once more, at the next missing frame.
+    A Blender process that ends without its result is started once more, at the next missing frame.
     """
     calls = [
         stage_jobs.Job(clip_id, render_clip, dict(job) | {"run": run}, retries=RETRIES)
@@ -102,10 +101,8 @@ def require_takes(selection: Selection, motions_dir: Path | None) -> None:
     command = fetch_command(selection.missing, motions_dir)
     how = "" if command is None else f". To get what is missing:\n  {command}"
     if not selection.takes:
-        raise MissingInput(
-            f"recipe {selection.recipe.name}: none of its trials found. Give their folder with "
-            f"--motions{how}"
-        )
+        what = f"recipe {selection.recipe.name}: none of its trials found"
+        raise MissingInput(f"{what}. Give their folder with --motions{how}")
     if selection.missing:
         missing = ", ".join(selection.missing)
         console.print(f"no motion file for {missing}: left out{how}", markup=False, soft_wrap=True)

@@ -14,9 +14,8 @@ Light = Literal["sun", "overcast", "indoor"]
 class BackdropConfig(Config):
     """A .blend file that the person is filmed in.
 
-    Its meshes, lamps and sky are taken as they were saved; its cameras, its animation, its drivers
-    and its scripts are left out.  All that it shows must be inside the file (in Blender: File,
-    External Data, Pack Resources)."""
+    Its meshes, lamps and sky are taken as saved, without cameras, animation, drivers and scripts.
+    All that it shows must be inside the file (in Blender: File, External Data, Pack Resources)."""
 
     path: Path
     scene_name: str | None = None
@@ -41,8 +40,7 @@ class SceneConfig(Config):
     seed: int = Field(default=0, ge=0)
     """Chooses houses, things, pictures on them, and clothes."""
     light: Light | None = None
-    """Sharp sun, an overcast sky without shadows, or a room's lamp; None: sun outdoors, a lamp in a
-    room."""
+    """Sharp sun, an overcast sky without shadows, or a room's lamp; None: sun, or the lamp."""
     hdri_path: Path | None = None
     """An equirectangular .hdr or .exr file to show as the sky; it lights nothing."""
     backdrop: BackdropConfig | None = None

@@ -26,11 +26,10 @@ class Probe:
     """What was measured on a slice of one clip, rendered at its real settings."""
 
     frame_cpu_s: float
-    """Processor time of a frame [s]."""
     clip_cpu_s: float
     """Processor time that a clip takes before its first frame: Blender's start, the scene [s]."""
     frame_bytes: float
-    """Size of a frame's files [bytes]."""
+    """Of all files of a frame."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +50,10 @@ class DryRun:
     @property
     def seconds(self) -> float | None:
         """Estimate of the wall time when each worker has a core of its own [s]."""
-        if self.probe is None:
+        if (probe := self.probe) is None:
             return None
-        clips_s = self.clips_to_do * self.probe.clip_cpu_s
-        return (clips_s + self.frames_to_do * self.probe.frame_cpu_s) / self.workers
+        cpu_s = self.clips_to_do * probe.clip_cpu_s + self.frames_to_do * probe.frame_cpu_s
+        return cpu_s / self.workers
 
     @property
     def size_bytes(self) -> float | None:
@@ -83,16 +82,10 @@ def dry_run(
     states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, "to do")
     states |= {id: f"can't be filmed: {reason}" for id, reason in reasons.items()}
     frames = {id: clip.motion.n_frames for id, clip in clips.items()}
-    rows: list[tuple[str, ...]] = [
-        (
-            take.id,
-            take.clip.trial or f"gait {take.clip.gait}",
-            take.camera_motion,
-            str(frames.get(take.id, "")),
-            states[take.id],
-        )
-        for take in selection.takes
-    ]
+    rows: list[tuple[str, ...]] = []
+    for take in selection.takes:
+        motion, count = take.clip.trial or f"gait {take.clip.gait}", str(frames.get(take.id, ""))
+        rows.append((take.id, motion, take.camera_motion, count, states[take.id]))
     rows += [(trial, trial, "", "", "no motion file") for trial in selection.missing]
     there = count_files([jobs[id].out_dir for id in todo], "masks/[0-9]*.png")
     frames_to_do = max(0, sum(frames[id] for id in todo) - there)
@@ -122,10 +115,8 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
 
 def summary_lines(plan: DryRun) -> list[str]:
     """The sums of a dry run, for a person."""
-    lines = [
-        f"{plan.clips} clips, {plan.frames} frames; to do: {plan.clips_to_do} clips, "
-        f"{plan.frames_to_do} frames"
-    ]
+    to_do = f"to do: {plan.clips_to_do} clips, {plan.frames_to_do} frames"
+    lines = [f"{plan.clips} clips, {plan.frames} frames; {to_do}"]
     if probe := plan.probe:
         lines.append(
             f"about {_duration(plan.seconds or 0.0)} with {plan.workers} workers on as many cores, "

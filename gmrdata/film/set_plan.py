@@ -55,9 +55,9 @@ class SyntheticClip(Config):
     shape: tuple[float, ...] | None = None
     """Shape coefficients of the person, as many as the body has; `people` decides when left out."""
     scene: SceneConfig | None = None
-    """The clip's place; drawn from the set's `scenes`, or that of `render`, when left out."""
+    """Drawn from the set's `scenes`, or that of `render`, when left out."""
     character: Character | None = None
-    """A rigged character to film in this clip; that of `render`, if any, when left out."""
+    """That of `render`, if any, when left out."""
 
     @model_validator(mode="after")
     def _one_motion(self) -> "SyntheticClip":
@@ -67,12 +67,9 @@ class SyntheticClip(Config):
 
 
 class PeopleConfig(Config):
-    """Who is filmed."""
-
     vary: bool = False
-    """Whether each clip has a person, skin, hair and clothes of its own, drawn by the set's seed
-    and the clip's id; else a file's motion has the body's mean shape, a gait one of its own, and
-    the scene's seed chooses the clothes."""
+    """Whether each clip has a person, skin, hair and clothes of its own; else a file's motion has
+    the body's mean shape, a gait one of its own, and the scene's seed chooses the clothes."""
     spread: float = Field(default=1.0, ge=0, le=1.2)
     """How far shapes go from the mean; 1: as adults do in the body's own distribution."""
 
@@ -83,9 +80,8 @@ class SyntheticRecipe(Config):
     recipe: Literal["synthetic"]
     name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
     version: str = "1.0.0"
-    """Its version, major.minor.patch."""
     seed: int = Field(default=0, ge=0)
-    """Seed of every random choice."""
+    """Of every random choice."""
     body: str = "anny"
     """Or the path of an SMPL model file."""
     workers: int = Field(default=2, ge=1)
@@ -95,14 +91,12 @@ class SyntheticRecipe(Config):
     clips: tuple[SyntheticClip, ...] = ()
     """Further clips."""
     camera_off: bool = False
-    """Render each clip a second time, as `<id>_off`, with the same motion in the same place under
-    a static camera (Table 6).  A static clip has no such twin."""
+    """Render each clip that is not static a second time, as `<id>_off`, under a static camera."""
     min_in_frame_share: float = Field(default=0.9, ge=0, le=1)
     """A clip that has the whole person in frame in a smaller share of its frames gets a warning."""
     people: PeopleConfig = PeopleConfig()
     scenes: tuple[SceneConfig, ...] = ()
-    """Places of which each clip draws one, by the set's seed and its id; a place without a `seed`
-    gets one of the clip's own too.  None: all clips are in the place of `render`."""
+    """Of these each clip draws one, and a seed if it has none; empty: that of `render`."""
     film: Film = Film()
     render: RenderConfig = RenderConfig()
 
@@ -112,8 +106,7 @@ def clip_rng(
 ) -> np.random.Generator:
     """The generator of one kind of choice for one clip."""
     digest = hashlib.sha256(f"{clip_id}/{choice}".encode()).digest()
-    words = np.frombuffer(digest[:16], dtype="<u4")
-    return np.random.default_rng([seed, *words.tolist()])
+    return np.random.default_rng([seed, *np.frombuffer(digest[:16], dtype="<u4").tolist()])
 
 
 def render_config(recipe: SyntheticRecipe, clip: SyntheticClip) -> RenderConfig:
@@ -132,14 +125,11 @@ def _scene(recipe: SyntheticRecipe, clip_id: str) -> SceneConfig:
         return recipe.render.scene
     rng = clip_rng(recipe.seed, clip_id, "place")
     scene = recipe.scenes[int(rng.integers(len(recipe.scenes)))]
-    if "seed" in scene.model_fields_set:
-        return scene
-    return scene.model_copy(update={"seed": int(rng.integers(2**31))})
+    own = {} if "seed" in scene.model_fields_set else {"seed": int(rng.integers(2**31))}
+    return scene.model_copy(update=own)
 
 
 class PlanConfig(Config):
-    """What decides one planned clip."""
-
     seed: int
     clip: SyntheticClip
     film: Film
@@ -147,8 +137,6 @@ class PlanConfig(Config):
 
 
 class TwinConfig(Config):
-    """What decides a planned twin beside the clip that it is the twin of."""
-
     id: str
 
 
@@ -216,7 +204,7 @@ def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:
 
 @dataclass(frozen=True)
 class Take:
-    """One clip to render: a clip of the recipe, or its twin with the camera's motion off."""
+    """A clip of the recipe, or its twin with the camera's motion off (Table 6)."""
 
     id: str
     clip: SyntheticClip
@@ -252,10 +240,8 @@ def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
             if recipe.camera_off and clip.programme.kind != "static":
                 takes.append(Take(f"{clip.id}_off", clip, camera_off=True))
     if repeated := sorted(id for id, n in Counter(take.id for take in takes).items() if n > 1):
-        raise BadRecipe(
-            f"clip ids must be unique, but these are repeated: {', '.join(repeated)}; "
-            "rename clips (camera_off adds _off to each)"
-        )
+        what = f"clip ids must be unique, but these are repeated: {', '.join(repeated)}"
+        raise BadRecipe(f"{what}; rename clips (camera_off adds _off to each)")
     missing = tuple(clip.trial for clip in wanted if clip.trial and clip.trial not in files)
     return Selection(recipe, tuple(takes), files, missing)
 

@@ -1,8 +1,7 @@
-"""Where passers-by and company walk: placed motions that keep clear of everyone.
+"""Where passers-by and company walk: motions placed so that they keep clear of everyone.
 
 Each is found by sampling ways until one is clear of the people and the cameras and is seen long
-enough.  So the constraints hold exactly, whatever the subject and the camera do.  A `Shot` is what
-extras keep clear of and are seen by.
+enough.  So the constraints hold exactly, whatever the subject and the camera do.
 """
 
 from collections.abc import Sequence
@@ -58,8 +57,7 @@ class Shot:
         """Whether each camera sees a point (T, 3) [m] for long enough, not behind its subject.
 
         That is a share of the frames, but no more of them than a time [s] has.  In less than a
-        second nobody gets out from behind another, so there it doesn't matter: a dry run probes two
-        frames.
+        second, as a dry run probes, nobody gets out from behind another: there it doesn't matter.
         """
         enough = min(share, seconds * self.fps_hz / self.n_frames)
         for camera, subject_m in zip(self.cameras, self.subjects_m, strict=True):
@@ -96,8 +94,7 @@ def place_in_sight(
 ) -> tuple[np.ndarray, float]:
     """A place (2,) [m] in line with the first camera and its subject, and the line's angle [rad].
 
-    It is in front of the subject as often as behind, where there is room in front for something of
-    a half width, and `reach_m` farther behind than it must at most.
+    It is in front as often as behind, where there is room, and at most `reach_m` too far behind.
     """
     near_m, room_m = FROM_CAMERA_M + half_width_m, PEOPLE_APART_M + half_width_m
     camera_m = shot.cameras[0].centres_world_m[row, :2]
@@ -128,10 +125,7 @@ def facing_rad(motion: Motion, row: int) -> float:
 def pass_by(
     name: str, motion: Motion, shot: Shot, others: Sequence[Motion], rng: np.random.Generator
 ) -> Motion:
-    """Place a motion so that it crosses the first camera's line of sight to its subject.
-
-    The motion has the shot's frames, and `others` are extras that are there already.
-    """
+    """Place a motion of the shot's length across the first camera's sight of its subject."""
     for _ in range(TRIES):
         row = round(rng.uniform(0.2, 0.8) * (shot.n_frames - 1))
         place_m, sight_rad = place_in_sight(shot, row, 0.0, BEHIND_M, rng)
@@ -154,10 +148,9 @@ def no_way(name: str, remedy: str) -> BadRecipe:
 def keep_company(
     name: str, shot: Shot, others: Sequence[Motion], body: BodyModel, seed: np.random.SeedSequence
 ) -> Motion:
-    """A gait beside the first subject, in its direction and at its mean speed.
+    """A gait beside the first subject, in its direction and at its mean speed, as near as can be.
 
-    It goes straight on, so it leaves a subject that turns; beside one that stays, or comes back, it
-    steps to and fro.  Of the ways that are clear of everyone and in view, a near one is taken.
+    It goes straight on; beside a subject that stays, or comes back, it steps to and fro.
     """
     subject_m = shot.subjects_m[0][:, :2]
     way_m = subject_m[-1] - subject_m[0]
@@ -228,7 +221,5 @@ def _is_clear(placed: Motion, shot: Shot, others: Sequence[Motion]) -> bool:
     rooms = [(path_m, PEOPLE_APART_M) for path_m in shot.subjects_m]
     rooms += [(other.pelvis_m, PEOPLE_APART_M) for other in others]
     rooms += [(camera.centres_world_m, FROM_CAMERA_M) for camera in shot.cameras]
-    return all(
-        np.linalg.norm((placed.pelvis_m - path_m)[:, :2], axis=1).min() >= room_m
-        for path_m, room_m in rooms
-    )
+    away_m = [np.linalg.norm((placed.pelvis_m - path_m)[:, :2], axis=1) for path_m, _ in rooms]
+    return all(far_m.min() >= room_m for far_m, (_, room_m) in zip(away_m, rooms, strict=True))

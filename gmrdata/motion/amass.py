@@ -80,10 +80,8 @@ def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray,
         raise BadMotionFile(f"{path}: no AMASS motion, {lacks}")
     poses, trans = (finite_numbers(arrays[key], key, path) for key in ("poses", "trans"))
     if poses.ndim != 2 or poses.shape[1] not in HANDS:
-        raise BadMotionFile(
-            f"{path}: poses are {poses.shape}; known are (T, 72) of SMPL, (T, 156) of SMPL+H and "
-            "(T, 165) of SMPL-X"
-        )
+        known = "(T, 72) of SMPL, (T, 156) of SMPL+H and (T, 165) of SMPL-X"
+        raise BadMotionFile(f"{path}: poses are {poses.shape}; known are {known}")
     if trans.shape != (len(poses), 3):
         found = f"trans is {trans.shape} for {len(poses)} frames"
         raise BadMotionFile(f"{path}: {found}; fetch it again")
@@ -130,9 +128,8 @@ def _subject(
     """Leg length [m], J0 (3,) [m] and betas of the file's subject."""
     if betas_body is None:
         if not str(arrays.get("body", "smpl")).startswith("smpl"):
-            raise BadMotionFile(
-                f"{path}: a clip on the body {str(arrays['body'])!r}; give that body as source_body"
-            )
+            what = f"a clip on the body {str(arrays['body'])!r}"
+            raise BadMotionFile(f"{path}: {what}; give that body as source_body")
         rest_pelvis_m = finite_numbers(arrays.get("rest_pelvis_m", 0.0), "rest_pelvis_m", path)
         return SMPL_LEG_M, np.broadcast_to(rest_pelvis_m, 3), np.zeros(0)
     found = finite_numbers(arrays.get("betas", ()), "betas", path).ravel()

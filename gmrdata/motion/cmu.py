@@ -91,10 +91,8 @@ def fetch_trials(
 ) -> Path:
     """Get trials and their skeletons; those that are there and have their recorded hash stay.
 
-    Args:
-        trials: Names like 02_03.
-        out_dir: Gets `02.asf`, `02_03.amc`, ..., `SHA256SUMS` and `fetched.json`; is given back.
-        redo: Fetch again what is there and has another hash, or none on record.
+    `out_dir`, which is given back, gets `02.asf`, `02_03.amc`, `SHA256SUMS` and `fetched.json`.
+    With `redo` what is there and has another hash, or none on record, is fetched again.
 
     Raises:
         BadRecipe: a name is no trial's, or the address is not one of the web.

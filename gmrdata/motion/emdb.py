@@ -46,7 +46,8 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
 
     The body is SMPL's of the sequence's gender, see `body_of`.
     """
-    has_pose, has_camera = _has_pose(sequence), rigid_rows(sequence.cam_from_world)
+    has_pose = usable_rows(sequence.poses_rad, sequence.trans_m)
+    has_camera = rigid_rows(sequence.cam_from_world)
     shape = sequence.betas[: body.n_shape].copy()
     rotmats = smpl_rotmats(np.where(has_pose[:, None], sequence.poses_rad, np.nan))
     trans_m = np.where(has_pose[:, None], sequence.trans_m, np.nan)
@@ -59,10 +60,6 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
     camera = CameraPath(sequence.intrinsics_px, *size_px, world_from_cam, has_camera)
     valid = sequence.good & has_pose & has_camera
     return Clip(clip_id, motion, valid, np.arange(sequence.n_frames), camera)
-
-
-def _has_pose(sequence: EmdbSequence) -> np.ndarray:
-    return usable_rows(sequence.poses_rad, sequence.trans_m)
 
 
 def body_of(sequence: EmdbSequence, bodies: Sequence[BodyModel]) -> BodyModel:
@@ -151,7 +148,7 @@ def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, ru
         save_clip(partial_dir / CLIP_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
         tests = (
             (sequence.good, "good_frames_mask is False"),
-            (_has_pose(sequence), "poses or trans is not finite"),
+            (usable_rows(sequence.poses_rad, sequence.trans_m), "poses or trans is not finite"),
             (rigid_rows(sequence.cam_from_world), "extrinsics is no rigid transform"),
         )
         reasons = first_reasons([""] * sequence.n_frames, tests)

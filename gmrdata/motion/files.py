@@ -105,10 +105,8 @@ def _check_options(
     if unit_m is not None and not 0.0 < unit_m < np.inf:
         raise BadRecipe(f"{path}: unit_m is {unit_m}; a unit is a positive number of metres")
     if shape is not None and (np.shape(shape) != (body.n_shape,) or not np.isfinite(shape).all()):
-        raise BadRecipe(
-            f"{path}: body {body.name} takes a shape of {body.n_shape} finite numbers; leave it "
-            "out for the mean shape"
-        )
+        what = f"body {body.name} takes a shape of {body.n_shape} finite numbers"
+        raise BadRecipe(f"{path}: {what}; leave it out for the mean shape")
 
 
 def _trial(file: Path) -> str:

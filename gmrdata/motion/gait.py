@@ -10,7 +10,8 @@ import numpy as np
 
 from gmrdata.motion.gait_body import pose_body
 from gmrdata.motion.gait_steps import FIRST_STEP, plan_footsteps, sample_path
-from gmrdata.motion.gait_style import GAIT_KINDS, GaitStyle, sample_style
+from gmrdata.motion.gait_style import GAIT_KINDS as GAIT_KINDS
+from gmrdata.motion.gait_style import GaitStyle, sample_style
 from gmrdata.motion.ground import motion_of
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import BadRecipe
@@ -18,8 +19,6 @@ from gmrdata.values.motion import Motion
 
 N_DRAWN = 10
 """Shape coefficients that vary, as many as SMPL's; further ones of a body stay at the mean."""
-
-__all__ = ["GAIT_KINDS", "sample_shape", "embedded_motions", "gait_with_contacts", "make_gait"]
 
 
 def embedded_motions(
@@ -30,15 +29,7 @@ def embedded_motions(
     fps_hz: float = 30.0,
     duration_s: float = 12.0,
 ) -> list[Motion]:
-    """A set of motions that goes round all kinds, each of its own build, style and path.
-
-    Args:
-        rng: Source of all variety; the same state gives the same bytes.
-        duration_s: Length of each [s].
-
-    Raises:
-        BadRecipe: a number is not positive.
-    """
+    """A set of motions that goes round all kinds, each of its own build, style and path."""
     if count < 1:
         raise BadRecipe(f"embedded motions: count is {count}; ask for at least 1")
     kinds = [GAIT_KINDS[number % len(GAIT_KINDS)] for number in range(count)]
@@ -54,12 +45,9 @@ def make_gait(
     *,
     shape: np.ndarray | None = None,
 ) -> Motion:
-    """One embedded motion in the world frame, z-up, feet on z = 0.
+    """One embedded motion of `GAIT_KINDS` in the world frame, z-up, feet on z = 0.
 
-    Args:
-        kind: One of GAIT_KINDS.
-        rng: Source of all variety; the same state gives the same bytes.
-        shape: (S,) build of the body, or None to draw one.
+    The same state of `rng` gives the same bytes; with None for the build `shape` (S,) it draws one.
 
     Raises:
         BadRecipe: there is no such kind, a number is not positive, or the shape is another body's.
@@ -76,19 +64,15 @@ def gait_with_contacts(
     *,
     shape: np.ndarray | None = None,
 ) -> tuple[Motion, np.ndarray]:
-    """Like `make_gait`, with the contacts.
+    """Like `make_gait`, and (T, 2) bool: the left and the right foot stand, touch-down to toe-off.
 
-    Returns:
-        The motion, and (T, 2) bool: whether the left and the right foot stand, from touch-down to
-        toe-off.  From a sixth of its stance on a foot's ball does not move, to the digit.
+    From a sixth of its stance on a foot's ball does not move, to the digit.
     """
     _check(kind, duration_s, fps_hz)
     shape = sample_shape(body, rng) if shape is None else np.asarray(shape, dtype=np.float64)
     if shape.shape != (body.n_shape,) or not np.isfinite(shape).all():
-        raise BadRecipe(
-            f"gait {kind}: body {body.name} takes a shape of {body.n_shape} finite numbers, not "
-            f"{shape}; leave it out to draw one"
-        )
+        what = f"body {body.name} takes a shape of {body.n_shape} finite numbers, not {shape}"
+        raise BadRecipe(f"gait {kind}: {what}; leave it out to draw one")
     heights_m = body.rest_joints_m(shape)[:, 1]
     leg_m = float(heights_m[JOINT["left_hip"]] - heights_m[JOINT["left_ankle"]])
     style = sample_style(kind, leg_m, rng)

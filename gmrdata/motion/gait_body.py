@@ -24,12 +24,8 @@ def pose_body(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Someone who makes planned steps, at (T,) times and step counts (even: left touch-down).
 
-    Args:
-        half_window: Frames before and after each one over which the pelvis' height is smoothed.
-
-    Returns:
-        Rotations (T, 24, 3, 3), the root's first, pelvis (T, 3) [m], and (T, 2) bool whether the
-        left and the right foot stand.
+    Gives rotations (T, 24, 3, 3), the root's first, pelvis (T, 3) [m], and (T, 2) bool whether the
+    left and the right foot stand.  The pelvis' height is smoothed over a window of frames.
     """
     joints_m = body.rest_joints_m(shape)
 
@@ -46,7 +42,7 @@ def pose_body(
     trunk = _pose_trunk(path, time_s, steps, style)
     ground_m = gait_steps.ground_under_pelvis(steps, plan)
     pelvis_m = _place_pelvis(path, steps, ground_m, trunk, style, reach_m)
-    pelvis_m = _lift_pelvis(pelvis_m, trunk.pelvis, hips_m, feet, reach_m, half_window)
+    pelvis_m += _lift_m(pelvis_m, trunk.pelvis, hips_m, feet, reach_m, half_window)
     local = _local_rotations(trunk, legs, hips_m, pelvis_m, feet)
     _swing_arms(local, joints_m, time_s, steps, style)
     rotmats = np.concatenate([trunk.pelvis[:, None], local], axis=1)
@@ -116,7 +112,7 @@ def _place_pelvis(
     return pelvis
 
 
-def _lift_pelvis(
+def _lift_m(
     pelvis_m: np.ndarray,
     pelvis_rotmats: np.ndarray,
     hips_m: np.ndarray,
@@ -124,7 +120,7 @@ def _lift_pelvis(
     reach_m: float,
     half_window: int,
 ) -> np.ndarray:
-    """Raise the pelvis as far as both legs reach their ankles at all times: (T, 3) world [m].
+    """By how much the pelvis can rise while both legs reach their ankles: (T, 3) world [m].
 
     The greatest height that a frame admits changes abruptly.  A weighted mean over a window, of its
     minimum over a window of the same width, is smooth and nowhere above it.
@@ -138,7 +134,7 @@ def _lift_pelvis(
     lowest = minimum_filter1d(most_m, 2 * half_window + 1, mode="nearest")
     weights = np.hanning(2 * half_window + 3)[1:-1]
     lift = convolve1d(lowest, weights / weights.sum(), mode="nearest")
-    return pelvis_m + lift[:, None] * np.array([0.0, 0.0, 1.0])
+    return lift[:, None] * np.array([0.0, 0.0, 1.0])
 
 
 def _local_rotations(

@@ -112,19 +112,16 @@ def sample_path(
     turned = _heading(kind, stop_m, rng)
     s_m = np.linspace(start_m, stop_m, int((stop_m - start_m) / 0.03) + 2)
     facing = CubicSpline(s_m, heading_rad + turned(s_m))
-    if kind == "side_step":
-        # Sideways, and back now and then.
+    if kind == "side_step":  # and back now and then
         period_m = rng.uniform(3.5, 7.0)
         sideways = np.tanh(3 * np.sin(2 * np.pi * s_m / period_m + rng.uniform(0, 2 * np.pi)))
-        left = np.array([-np.sin(heading_rad), np.cos(heading_rad)])
-        velocity = sideways[:, None] * left
+        velocity = sideways[:, None] * [-np.sin(heading_rad), np.cos(heading_rad)]
     else:
         velocity = np.stack([np.cos(facing(s_m)), np.sin(facing(s_m))], axis=-1)
     curvature = facing.derivative()
     pace = 1 + 0.05 * np.sin(0.7 * s_m + style.wander[0])
-    steps = CubicSpline(
-        s_m, (1 + BEND * curvature(s_m) ** 2) * pace / style.step_m
-    ).antiderivative()
+    steps_per_m = (1 + BEND * curvature(s_m) ** 2) * pace / style.step_m
+    steps = CubicSpline(s_m, steps_per_m).antiderivative()
     return GroundPath(
         position_m=CubicSpline(s_m, velocity).antiderivative(),
         facing_rad=facing,
@@ -148,9 +145,7 @@ def _heading(kind: str, length_m: float, rng: np.random.Generator) -> Curve:
     if kind == "step_up":
         curvature = rng.uniform(-0.03, 0.03)
         return lambda s: curvature * s
-    swing_rad, period_m = rng.uniform(0.05, 0.3), rng.uniform(9.0, 16.0)
-    if kind == "run":
-        period_m *= 2
+    swing_rad, period_m = rng.uniform(0.05, 0.3), rng.uniform(9.0, 16.0) * (1 + (kind == "run"))
     phase = rng.uniform(0, 2 * np.pi)
     return lambda s: swing_rad * np.sin(2 * np.pi * s / period_m + phase)
 
@@ -170,10 +165,7 @@ def _turns(length_m: float, rng: np.random.Generator) -> Curve:
 
 
 def ease(u: np.ndarray) -> np.ndarray:
-    """Minimum-jerk step from 0 to 1 over u in [0, 1]: no velocity or acceleration at either end.
-
-    Flash & Hogan, The coordination of arm movements, J. Neuroscience 5 (1985).
-    """
+    """Minimum-jerk step from 0 to 1 over u in [0, 1] (Flash & Hogan, J. Neuroscience 5, 1985)."""
     u = np.clip(u, 0.0, 1.0)
     return u**3 * (10 - 15 * u + 6 * u**2)
 
@@ -195,18 +187,16 @@ class Footsteps:
 
 @dataclass(frozen=True, eq=False)
 class FootPoses:
-    """One foot over T frames, world."""
+    """One foot over T frames, world: (T, 3) ankles, all else by frame."""
 
     ankle_m: np.ndarray
-    """(T, 3)."""
     rotmats: np.ndarray
     """(T, 3, 3) world_from_foot, relative to the T-pose."""
     toes_rad: np.ndarray
-    """(T,) toes bent up against the foot."""
+    """Toes bent up against the foot."""
     yaw_rad: np.ndarray
-    """(T,)."""
     planted: np.ndarray
-    """(T,) bool, from touch-down to toe-off."""
+    """Bool, from touch-down to toe-off."""
 
 
 def upright(facing_rad: np.ndarray) -> np.ndarray:
@@ -239,16 +229,14 @@ def plan_footsteps(
 ) -> Footsteps:
     """Put each foot down where the pelvis passes in its stance, on its side of the path.
 
-    Args:
-        ground_m: (N,) height of the ground for each footfall from FIRST_STEP on [m].
-        rng: People don't step exactly evenly: draws a centimetre here and there.
+    `ground_m` (N,) is the height of the ground for each footfall from FIRST_STEP on [m].
     """
     number = np.arange(len(ground_m)) + FIRST_STEP
     side = np.where(number % 2 == 0, 1.0, -1.0)
     s_m = path.s_at(number + style.duty - style.lag_steps)
     # A foot already points to where the body will be heading over it.
     facing = path.facing_rad(path.s_at(number + style.duty))
-    uneven = rng.normal(size=(3, len(number)))
+    uneven = rng.normal(size=(3, len(number)))  # a centimetre here and there
     return Footsteps(
         s_m=s_m,
         across_m=side * style.spacing_m / 2 + 0.006 * uneven[0],
@@ -279,9 +267,8 @@ def foot_poses(
 ) -> FootPoses:
     """Pose the left or the right foot at (T,) step counts.
 
-    The foot is a flat sole at a footfall, or on its way between two, that is pitched about a pivot:
-    the heel after touch-down, the ball before toe-off, and in the air a point that moves from the
-    ball to the heel.
+    It is a flat sole at a footfall, or on its way between two, that is pitched about a pivot: the
+    heel after touch-down, the ball before toe-off, and in the air a point from ball to heel.
     """
     ankle_m, ball_m, heel_m = _rest_foot(body, shape, side)
     parity = SIDES.index(side)

@@ -13,10 +13,8 @@ GAIT_KINDS: tuple[str, ...] = (
     "walk", "run", "turn", "side_step", "circle", "figure_eight", "step_up",
 )  # fmt: skip
 """Kinds of embedded motion."""
-
 WALK_RATIO_M_S = 0.39
 """Step length over cadence in walking: 0.0065 m per step/min."""
-
 GRAVITY_M_S2 = 9.81
 
 
@@ -24,14 +22,14 @@ GRAVITY_M_S2 = 9.81
 class GaitStyle:
     """One person's way to move; amplitudes are half of peak to peak.
 
-    `pelvis_tilt_rad` and `lean_rad` (the chest's) are means, forwards; `chest_yaw_rad` is against
-    the pelvis; `arm_mean_rad` and `arm_swing_rad` are the shoulders' flexion.
+    `cadence_hz` is of steps; `pelvis_tilt_rad` and `lean_rad` (the chest's) are means, forwards;
+    `pelvis_yaw_rad` is with the leading leg, `chest_yaw_rad` against the pelvis; `arm_mean_rad` and
+    `arm_swing_rad` are the shoulders' flexion.
     """
 
     step_m: float
-    """Distance between successive footfalls along the path [m]."""
+    """Between successive footfalls along the path."""
     cadence_hz: float
-    """Of steps."""
     duty: float
     """Share of a stride (two steps) that a foot stands; below 0.5 there is flight."""
     spacing_m: float
@@ -52,7 +50,6 @@ class GaitStyle:
     sway_m: float
     """Pelvis shift towards the standing leg [m]."""
     pelvis_yaw_rad: float
-    """With the leading leg."""
     pelvis_list_rad: float
     """Drop of the swing side [rad]."""
     pelvis_tilt_rad: float

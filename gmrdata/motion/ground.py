@@ -101,8 +101,8 @@ def floor_height_m(heights_m: np.ndarray) -> float:
     """
     heights_m = np.sort(heights_m)
     low_m = float(np.percentile(heights_m, LOW_PERCENTILE))
-    edges = [np.searchsorted(heights_m, heights_m + off_m) for off_m in (-LEVEL_M, LEVEL_M)]
-    on_level = edges[1] - edges[0]
+    lower, upper = (np.searchsorted(heights_m, heights_m + off_m) for off_m in (-LEVEL_M, LEVEL_M))
+    on_level = upper - lower
     often = np.flatnonzero(on_level >= FLOOR_SHARE * len(heights_m))
     if not len(often):
         return low_m

@@ -62,10 +62,8 @@ def take_clip(
     shape = shapes.mean(axis=0) if len(rows) else np.zeros(body.n_shape)
     motion = motion_of(body, shape, rotmats, pelvis_m, files.VIDEO_HZ / step, source)
     world_from_cam = np.tile(camera.world_from_cam, (n_rows, 1, 1))
-    has_camera = np.ones(n_rows, dtype=bool)
-    path = CameraPath(
-        camera.intrinsics_px, *files.SIZES_PX[camera_number], world_from_cam, has_camera
-    )
+    lens = (camera.intrinsics_px, *files.SIZES_PX[camera_number])
+    path = CameraPath(*lens, world_from_cam, np.ones(n_rows, dtype=bool))
     return Clip(clip_id, motion, valid, numbers + 1, path)
 
 
@@ -78,16 +76,13 @@ class Human36mConfig(Config):
 
     subject: int
     camera: int = 4
-    """Number of the camera that the clips have, 1 to 4.  The motion is the same in each; 4 is the
-    frontal one (60457274), which HMR and SPIN test on."""
+    """1 to 4; the motion is the same in each.  4 is frontal (60457274): HMR and SPIN test on it."""
 
 
 def make_human36m(
     root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> tuple[Path, ...]:
-    """Write one clip per take, `train.yaml` (S1, S5, S6, S7, S8) and `test.yaml` (S9, S11).
-
-    The manifests of those subjects that are in the annotation files below `root` are given.
+    """Write one clip per take; `train.yaml` (S1, S5, S6, S7, S8) and `test.yaml` (S9, S11), if any.
 
     Raises:
         MissingInput: no subject's parameters, or not its cameras.

@@ -42,7 +42,6 @@ FAILED = "failed"
 FEW_FILES = 8
 """So many files are read faster than worker processes start."""
 MAX_LISTED = 20
-"""Bad files that the error message lists."""
 
 
 def gait_source(name: str) -> Source:
@@ -76,7 +75,7 @@ def licence_of(source: Source) -> str:
 
 @dataclass(frozen=True)
 class LibraryFile:
-    """A motion file, its clip's id, and what the manifest says of its origin."""
+    """A motion file, and its clip's id and origin."""
 
     path: Path
     id: str
@@ -102,19 +101,17 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
     once = {path.resolve(): (path, inside) for path, inside in reversed(found)}
     found = list(reversed(once.values()))
     stems = Counter(path.stem for path, _ in found)
-    files = []
+    files: dict[str, LibraryFile] = {}
     for path, inside in found:
         with_folders = path.suffix.lower() == ".npz" or stems[path.stem] > 1
         name = ".".join(inside.with_suffix("").parts) if with_folders else path.stem
-        files.append(LibraryFile(path, clip_id(name), _source(path, inside)))
-    by_id: dict[str, Path] = {}
-    for file in files:
-        if (other := by_id.setdefault(file.id, file.path)) is not file.path:
+        file = LibraryFile(path, clip_id(name), _source(path, inside))
+        if (other := files.setdefault(file.id, file)) is not file:
             raise BadRecipe(
-                f"{other} and {file.path} would both be clip {file.id}. Give the folder that holds"
+                f"{other.path} and {path} would both be clip {file.id}. Give the folder that holds"
                 " both, or import them into two folders"
             )
-    return files
+    return list(files.values())
 
 
 def clip_id(name: str) -> str:
@@ -164,10 +161,7 @@ def make_library(
     Each file is a stage of its own, done by one of several worker processes, and is not done again.
     A file that can't be read doesn't keep the others from the manifest.
 
-    Args:
-        body: The body to put them on, as `load_body` takes it.
-        fps_hz: Frame rate to believe instead of the files' [Hz].
-        joint_map: As in `read_motion`.
+    `body` is as `load_body` takes it; `fps_hz` and `joint_map` as `read_motion` does.
 
     Raises:
         MissingInput: there is no motion file.

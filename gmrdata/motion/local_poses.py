@@ -63,9 +63,8 @@ def read_local_poses(
 
     Returns:
         One clip per unbroken run of a person; `valid` is False where a frame was filled.  A run may
-        be a single frame, which no motion can be predicted from.  Only the local rotations are
-        meant to be used.  `image_numbers` are the frames' numbers in the video, or the rows of the
-        file.
+        be a single frame, which no motion can be predicted from.  `image_numbers` are the frames'
+        numbers in the video, or the rows of the file.
 
     Raises:
         MissingInput: there is no such file.
@@ -85,9 +84,8 @@ def read_local_poses(
         return (Clip(path.stem, motion, np.ones(n, bool), np.arange(n), None),)
     people = read_people(path)
     if fps_hz is None:
-        raise BadMotionFile(
-            f"{path}: does not say its frame rate. Give the video's with --fps-hz (fps_hz)"
-        )
+        remedy = "Give the video's with --fps-hz (fps_hz)"
+        raise BadMotionFile(f"{path}: does not say its frame rate. {remedy}")
     rate_hz = check_rate_hz(fps_hz, path)
     if not people:
         raise BadMotionFile(f"{path}: has no person in it. Give a file with tracked people")
@@ -95,9 +93,8 @@ def read_local_poses(
         clip for person in people for clip in runs_of(person, body, rate_hz, path, bridge_frames)
     )
     if all(clip.motion.n_frames < MIN_FRAMES for clip in runs):
-        raise BadMotionFile(
-            f"{path}: no person has two frames in a row, which is no motion. Give a longer sequence"
-        )
+        what = "no person has two frames in a row, which is no motion"
+        raise BadMotionFile(f"{path}: {what}. Give a longer sequence")
     return runs
 
 
@@ -115,10 +112,9 @@ def _of_clip(path: Path, fps_hz: float | None, body: BodyModel) -> tuple[Clip, .
     for start, stop in runs:
         motion = slice_motion(clip.motion, start, stop)
         if not np.isfinite(motion.local_rotmats).all():
-            raise BadMotionFile(
-                f"{path}: a valid frame holds NaN or infinite poses. Mark such frames as not valid,"
-                " or make the clip again"
-            )
+            what = "a valid frame holds NaN or infinite poses"
+            remedy = "Mark such frames as not valid, or make the clip again"
+            raise BadMotionFile(f"{path}: {what}. {remedy}")
         motion = replace(motion, shape=shape, fps_hz=rate_hz, body=body.name, source=source)
         numbers = clip.image_numbers[start:stop]
         numbers = np.arange(start, stop) if (numbers < 0).any() else numbers

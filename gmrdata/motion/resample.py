@@ -61,9 +61,8 @@ def _brackets(
         raise BadRecipe(f"a frame rate of {fps_hz} Hz is not positive")
     first = start_s * source_fps_hz
     if not -ON_A_SAMPLE <= first <= n_frames - 1 + ON_A_SAMPLE:
-        raise BadRecipe(
-            f"start_s = {start_s} s is outside a motion of {(n_frames - 1) / source_fps_hz:.3f} s"
-        )
+        lasts_s = (n_frames - 1) / source_fps_hz
+        raise BadRecipe(f"start_s = {start_s} s is outside a motion of {lasts_s:.3f} s")
     step = source_fps_hz / fps_hz
     count = int((n_frames - 1 - first + ON_A_SAMPLE) / step) + 1
     rows = first + np.arange(count) * step

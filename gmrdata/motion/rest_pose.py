@@ -13,7 +13,6 @@ LIMBS = tuple(
 )
 """(joint, end) of the eight bones whose directions retargeting keeps exactly."""
 _LEGS = (*LIMBS[:2], *LIMBS[4:6])
-
 SHORTEST_LEG_M, LONGEST_LEG_M = 0.3, 1.5
 """Hip-knee-ankle of a small child and more than that of the tallest person."""
 SHORTEST_LIMB_M = 0.02
@@ -38,10 +37,8 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
         )
     for start, end in LIMBS:
         if np.linalg.norm(rest_joints_m[end] - rest_joints_m[start]) < SHORTEST_LIMB_M:
-            raise BadMotionFile(
-                f"{name}: {JOINT_NAMES[start]} and {JOINT_NAMES[end]} coincide in the zero pose; "
-                "give a joint_map that names other joints"
-            )
+            what = f"{JOINT_NAMES[start]} and {JOINT_NAMES[end]} coincide in the zero pose"
+            raise BadMotionFile(f"{name}: {what}; give a joint_map that names other joints")
 
 
 def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
@@ -75,14 +72,11 @@ def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarr
     a = from_vector / np.linalg.norm(from_vector)
     b = to_vector / np.linalg.norm(to_vector)
     axis = np.cross(a, b)
-    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
-    if sine < 1e-12:
-        if cosine > 0.0:
-            return np.eye(3)
-        axis, sine = np.cross(a, np.eye(3)[np.argmin(np.abs(a))]), 1.0
-        axis /= np.linalg.norm(axis)
-        return np.asarray(Rotation.from_rotvec(np.pi * axis).as_matrix())
-    return np.asarray(Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix())
+    sine, cosine = np.linalg.norm(axis), a @ b
+    angle_rad = np.arctan2(sine, cosine)
+    if sine < 1e-12:  # any axis across does
+        axis, angle_rad = np.cross(a, np.eye(3)[np.argmin(np.abs(a))]), np.pi * (cosine < 0.0)
+    return np.asarray(Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle_rad).as_matrix())
 
 
 def limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:

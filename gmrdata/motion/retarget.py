@@ -37,13 +37,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.motion import rest_pose
 from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections, world_motion
-from gmrdata.motion.rest_pose import (
-    check_size,
-    leg_length_m,
-    limb_corrections,
-    source_from_rest_axes,
-)
+from gmrdata.motion.rest_pose import leg_length_m
 from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel
 from gmrdata.values.motion import Motion
@@ -70,14 +66,13 @@ def retarget(
         upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while
             the person stands upright and looks ahead [deg], where that is not the zero pose.
         name: What messages and the motion's `source` call it.
-        ground: As in `read_motion`.
     """
     shape = np.zeros(body.n_shape) if shape is None else np.asarray(shape, dtype=np.float64)
     body_rest_m = body.rest_joints_m(shape)
     source_rest_m = np.full((N_JOINTS, 3), np.nan)
     source_rest_m[list(joints)] = source.rest_joints_m()[list(joints.values())]
-    check_size(source_rest_m, name)
-    axes = source_from_rest_axes(source_rest_m, name)
+    rest_pose.check_size(source_rest_m, name)
+    axes = rest_pose.source_from_rest_axes(source_rest_m, name)
     source_rest_m = source_rest_m @ axes
 
     world_from_joint = global_rotmats(source.parents, source.local_rotmats)
@@ -93,7 +88,7 @@ def retarget(
         JOINT[joint]: Rotation.from_euler("x", -pitch_deg, degrees=True).as_matrix()
         for joint, pitch_deg in (upright_pitch_deg or {}).items()
     }
-    corrections = limb_corrections(source_rest_m, body_rest_m) | feet | upright
+    corrections = rest_pose.limb_corrections(source_rest_m, body_rest_m) | feet | upright
     local_rotmats = _local_rotmats(turned, corrections, source.n_frames)
     scale = leg_length_m(body_rest_m) / leg_length_m(source_rest_m)
     middle_m = scale * sum(paths_m[hip] for hip in _HIPS) / len(_HIPS) @ WORLD_FROM_REST.T
