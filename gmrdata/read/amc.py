@@ -15,16 +15,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.numbers import bad_line, parse_block, parse_floats, read_text
+from gmrdata.read.numbers import bad_line, parse_floats, read_text
 from gmrdata.read.source_motion import SourceMotion, check_rate_hz, cmu_rate_hz, recorded_rows
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import is_cmu
 
 INCH_M = 0.0254
-_BONE_NAME = re.compile(r"^[ \t]*([A-Za-z_]\S*)", re.MULTILINE)
 _FRAME_NUMBER = re.compile(r"[0-9]+")
 Section = list[tuple[int, list[str]]]
-"""Lines of a section as (line number, words)."""
+"""Lines as (line number, words)."""
 Entries = dict[str, tuple[int, list[str]]]
 """Line number and further words by the first word of a line."""
 
@@ -62,8 +61,7 @@ class _Bone:
 def read_asf(path: Path, *, unit_m: float | None = None) -> Asf:
     """Read an ASF skeleton.
 
-    Without `unit_m`, metres per unit are inches divided by the file's `length`, which is CMU's use
-    (0.056444 m for `length 0.45`).
+    Without `unit_m`, metres per unit are inches divided by the file's `length`, as CMU means it.
     """
     sections = _sections(path)
     missing = [key for key in ("units", "root", "bonedata", "hierarchy") if key not in sections]
@@ -163,8 +161,7 @@ def _read_bones(section: Section, degrees: bool, path: Path) -> dict[str, _Bone]
         elif not key.startswith("("):
             block[key] = (line, words[1:])
     if block is not None:
-        what = "the last bone of :bonedata has no 'end'; the file is truncated"
-        raise BadMotionFile(f"{path}: {what}")
+        raise BadMotionFile(f"{path}: truncated, the last bone of :bonedata has no 'end'")
     return bones
 
 
@@ -307,48 +304,33 @@ def _bone_columns(
         column += due
     lost = [n for n, dof in zip(asf.names, asf.channels, strict=True) if dof and n not in columns]
     if lost:
-        raise BadMotionFile(
-            f"{path}: its frames have no {', '.join(lost)}, which {asf_path.name} has; "
-            "the file is truncated, or its skeleton is another one: give asf_path"
-        )
+        what = f"its frames have no {', '.join(lost)}, which {asf_path.name} has; the file is"
+        raise BadMotionFile(f"{path}: {what} truncated, or has another skeleton: give asf_path")
     return columns
 
 
 def _table(body: list[str], columns: dict[str, slice], path: Path, first_line: int) -> np.ndarray:
     """(T, C): one row per frame."""
-    text = "\n".join(body)
-    names = _BONE_NAME.findall(text)
-    n_frames = len(names) // len(columns)
-    n_columns = max(found.stop for found in columns.values())
-    values = parse_block(_BONE_NAME.sub("", text))
-    regular = names == list(columns) * n_frames
-    if values is None or not regular or values.size != n_frames * n_columns:
-        _explain(body, columns, path, first_line)
-        raise BadMotionFile(f"{path}: the frames are not regular; fetch the file again")
-    table = values.reshape(n_frames, n_columns)
+    due = [("", 1), *((bone, c.stop - c.start) for bone, c in columns.items())]
+    values: list[float] = []
+    found = zip(_filled_lines(body, first_line), cycle(due), strict=False)
+    for (line_number, words), (name, n_values) in found:
+        line = body[line_number - first_line]
+        if not name and not (len(words) == 1 and _FRAME_NUMBER.fullmatch(words[0])):
+            raise bad_line(path, line_number, f"{line[:40]!r} where a frame's number is due")
+        if name and (words[0] != name or len(words) - 1 != n_values):
+            what = f"{line[:40]!r} where {name} with {n_values} values is due"
+            raise bad_line(path, line_number, f"{what}; fetch the file again")
+        values += parse_floats(words[1:] if name else words, path, line_number)
+    if name != due[-1][0]:
+        raise bad_line(path, line_number, "the last frame is not complete; the file is truncated")
+    table = np.reshape(values, (-1, sum(n_values for _, n_values in due)))
     jumps = np.flatnonzero(np.diff(table[:, 0]) != 1.0)
     if jumps.size:
         before, after = table[jumps[0], 0], table[jumps[0] + 1, 0]
         what = f"frame {after:g} follows frame {before:g}; frames are missing"
         raise BadMotionFile(f"{path}: {what}. Split the file there, or fetch it again")
     return table
-
-
-def _explain(body: list[str], columns: dict[str, slice], path: Path, first_line: int) -> None:
-    """Raise with the line at which the frames stop being regular."""
-    due = [("", 0), *((bone, c.stop - c.start) for bone, c in columns.items())]
-    filled = list(_filled_lines(body, first_line))
-    for (line_number, words), (name, n_values) in zip(filled, cycle(due), strict=False):
-        line = body[line_number - first_line]
-        if name == "" and not (len(words) == 1 and _FRAME_NUMBER.fullmatch(words[0])):
-            raise bad_line(path, line_number, f"{line[:40]!r} where a frame's number is due")
-        if name and (words[0] != name or len(words) - 1 != n_values):
-            what = f"{line[:40]!r} where {name} with {n_values} values is due"
-            raise bad_line(path, line_number, f"{what}; fetch the file again")
-        parse_floats(words[1:] if name else words, path, line_number)
-    if len(filled) % len(due):
-        what = "the last frame is not complete; the file is truncated"
-        raise bad_line(path, filled[-1][0], what)
 
 
 def _filled_lines(lines: list[str], first_line: int) -> Iterator[tuple[int, list[str]]]:
@@ -361,14 +343,11 @@ def _local_rotmats(
 ) -> np.ndarray:
     """(T, J, 3, 3): C M C^-1 of every bone."""
     rotmats = np.broadcast_to(np.eye(3), (n_frames, len(asf.names), 3, 3)).copy()
-    for bone, name in enumerate(asf.names):
-        axes = asf.channels[bone]
-        if not axes or name not in angles:
-            continue
-        values = angles[name]
-        if name == "root":
-            values = values[:, [i for i, word in enumerate(asf.root_order) if word[0] == "r"]]
-        turned = Rotation.from_euler(axes, values, degrees=degrees).as_matrix()
+    turns = [i for i, word in enumerate(asf.root_order) if word[0] == "r"]
+    angles = angles | {"root": angles["root"][:, turns]}
+    for bone in (n for n, axes in enumerate(asf.channels) if axes):
+        values = angles[asf.names[bone]]
+        turned = Rotation.from_euler(asf.channels[bone], values, degrees=degrees).as_matrix()
         frame = asf.world_from_axis[bone]
         rotmats[:, bone] = frame @ turned.reshape(-1, 3, 3) @ frame.T
     return rotmats

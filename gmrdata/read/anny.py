@@ -15,8 +15,8 @@ Posing bodies into it makes one local pose fit both.
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib import metadata
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,7 @@ from gmrdata.stage.progress import progress_bar
 from gmrdata.values.body import JOINT, MIRRORED, N_JOINTS, PARENTS, PHENOTYPES, BodyModel
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.joint_names import MIXAMO
+from gmrdata.values.skinning import joint_positions_m
 
 if TYPE_CHECKING:
     from anny import Anny
@@ -67,9 +68,6 @@ def build_anny(work_dir: Path) -> BodyModel:
     """Make the body, about a minute.  The same anny gives the same arrays.
 
     anny puts a cache of some 700 MB into `work_dir`; it is gone afterwards.
-
-    Raises:
-        BadBodyFile: the installed anny has other bones or another mesh than this module knows.
     """
     import torch
 
@@ -87,8 +85,8 @@ def build_anny(work_dir: Path) -> BodyModel:
             posed_m = []
             for start in range(0, N_ADULTS, BATCH):
                 batch = {key: values[start : start + BATCH] for key, values in people.items()}
-                rest, rest_vertices_m = _rest(anny, batch)
-                posed = t_posed(rest.symmetric(), rest_vertices_m, skin_weights)
+                rest_m, rest_vertices_m = _rest(anny, batch)
+                posed = t_posed(symmetric(rest_m), rest_vertices_m, skin_weights)
                 posed_m.append(np.concatenate(posed, axis=1))
                 bar.update(task, advance=len(posed[0]))
             return np.concatenate(posed_m)
@@ -118,63 +116,48 @@ def build_anny(work_dir: Path) -> BodyModel:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class RestPose:
-    """Rest joints of N shapes of a body whose rest pose is not SMPL's; SMPL's axes, metres."""
-
-    joints_m: np.ndarray
-    """(N, 24, 3)."""
-    index_knuckles_m: np.ndarray
-    """(N, 2, 3) base of the index finger, left and right hand."""
-    little_knuckles_m: np.ndarray
-    """(N, 2, 3) base of the little finger, left and right hand."""
-
-    def symmetric(self) -> "RestPose":
-        """The mean of the body and its mirror image: a rig's own asymmetry is an artefact."""
-        places_m = (self.joints_m, self.index_knuckles_m, self.little_knuckles_m)
-        twins = (list(MIRRORED), [1, 0], [1, 0])
-        mirrored_m = (p[:, t] * (-1.0, 1.0, 1.0) for p, t in zip(places_m, twins, strict=True))
-        return RestPose(*((p + m) / 2 for p, m in zip(places_m, mirrored_m, strict=True)))
+def symmetric(rest_m: np.ndarray) -> np.ndarray:
+    """The mean of a rest pose and its mirror image: a rig's own asymmetry is an artefact."""
+    return np.asarray((rest_m + rest_m[:, [*MIRRORED, 25, 24, 27, 26]] * (-1.0, 1.0, 1.0)) / 2)
 
 
 def t_posed(
-    rest: RestPose, vertices_m: np.ndarray, skin_weights: np.ndarray
+    rest_m: np.ndarray, vertices_m: np.ndarray, skin_weights: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joints (N, 24, 3) and vertices (N, V, 3) in the T-pose, the pelvis at the origin [m].
 
-    Given are the rest vertices (N, V, 3) in the same axes [m] and skin weights (V, 24).
+    Given are the rest pose, rest vertices (N, V, 3) in its axes [m] and skin weights (V, 24).
     """
-    rotmats = t_pose_rotmats(rest)
-    joints_m = np.zeros_like(rest.joints_m)
-    for joint in range(1, N_JOINTS):
-        bone_m = rest.joints_m[:, joint] - rest.joints_m[:, PARENTS[joint]]
-        turned_m = np.einsum("nab,nb->na", rotmats[:, PARENTS[joint]], bone_m)
-        joints_m[:, joint] = joints_m[:, PARENTS[joint]] + turned_m
-    offsets_m = joints_m - np.einsum("njab,njb->nja", rotmats, rest.joints_m)
+    rotmats = t_pose_rotmats(rest_m)
+    joints_m = rest_m[:, :N_JOINTS]
+    bones_m = joints_m - joints_m[:, [0, *PARENTS[1:]]]
+    t_joints_m = joint_positions_m(PARENTS, rotmats, bones_m)
+    offsets_m = t_joints_m - np.einsum("njab,njb->nja", rotmats, joints_m)
     posed_m = np.empty_like(vertices_m)
     for n in range(len(vertices_m)):
         blended = np.tensordot(skin_weights, rotmats[n], axes=1)
         posed_m[n] = np.einsum("vab,vb->va", blended, vertices_m[n]) + skin_weights @ offsets_m[n]
-    return joints_m, posed_m
+    return t_joints_m, posed_m
 
 
-def t_pose_rotmats(rest: RestPose) -> np.ndarray:
-    """Rotation of each joint's body part from the rest pose to the T-pose, (N, 24, 3, 3).
+def t_pose_rotmats(rest_m: np.ndarray) -> np.ndarray:
+    """Rotation of each joint's body part from a rest pose to the T-pose, (N, 24, 3, 3).
 
-    The rest pose must have bent elbows and legs that are not vertical already, as an A-pose has.
+    A rest pose is (N, 28, 3) in SMPL's axes [m]: the joints, then the bases of the left and right
+    index finger and of the left and right little finger.  It must have bent elbows and legs that
+    are not vertical already, as an A-pose has.
     """
-    rotmats = np.tile(np.eye(3), (len(rest.joints_m), N_JOINTS, 1, 1))
+    rotmats = np.tile(np.eye(3), (len(rest_m), N_JOINTS, 1, 1))
     for side, outward in (("left", LEFT), ("right", -LEFT)):
 
         def bone(start: str, end: str, side: str = side) -> np.ndarray:
-            ends = [JOINT[f"{side}_{start}"], JOINT[f"{side}_{end}"]]
-            return np.diff(rest.joints_m[:, ends], axis=1)[:, 0]
+            return rest_m[:, JOINT[f"{side}_{end}"]] - rest_m[:, JOINT[f"{side}_{start}"]]
 
         # A straight arm bends at the elbow to the front, which fixes its twist.
         upper_arm, forearm = bone("shoulder", "elbow"), bone("elbow", "wrist")
         hinge, t_hinge = np.cross(upper_arm, forearm), np.cross(outward, FRONT)
-        hand = 0 if side == "left" else 1
-        across = rest.index_knuckles_m[:, hand] - rest.little_knuckles_m[:, hand]
+        index, little = (24, 26) if side == "left" else (25, 27)
+        across = rest_m[:, index] - rest_m[:, little]
         hands = _turn_pair(bone("wrist", "hand"), across, outward, FRONT)
         # The sole stays as level as it was: a foot only turns about the vertical.
         feet = _turn_pair(bone("ankle", "foot") * (1.0, 0.0, 1.0), UP, FRONT, UP)
@@ -222,13 +205,16 @@ def merged_weights(anny: "Anny") -> np.ndarray:
     """
     joint_of_bone: list[int] = []
     mapped = {BONES[joint]: number for joint, number in JOINT.items()}
-    for side in ("Left", "Right"):
-        for finger in ("Index", "Middle", "Ring", "Pinky"):
-            mapped[f"mixamorig:{side}Hand{finger}1"] = JOINT[f"{side.lower()}_hand"]
+    for side, finger in product(("Left", "Right"), ("Index", "Middle", "Ring", "Pinky")):
+        mapped[f"mixamorig:{side}Hand{finger}1"] = JOINT[f"{side.lower()}_hand"]
     for label, parent in zip(anny.bone_labels, anny.bone_parents, strict=True):
         joint_of_bone.append(mapped[label] if label in mapped else joint_of_bone[parent])
     weights = anny.dense_vertex_bone_weights.numpy() @ np.eye(N_JOINTS)[joint_of_bone]
-    twins = _twins(anny.template_vertices.numpy())
+    vertices_m = anny.template_vertices.numpy()
+    # x is to the side in Anny's axes as in SMPL's.
+    apart_m, twins = cKDTree(vertices_m).query(vertices_m * (-1.0, 1.0, 1.0))
+    if apart_m.max() > 1e-4:
+        raise _other_version("'s mesh is not symmetric")
     even: np.ndarray = weights + weights[twins][:, list(MIRRORED)]
     return even / even.sum(axis=1, keepdims=True)
 
@@ -245,14 +231,6 @@ def part_toes(weights: np.ndarray, vertices_m: np.ndarray, joints_m: np.ndarray)
         ahead = (vertices_m[:, 2] - joints_m[foot, 2]) / TOE_BEND_M + 0.5
         weights[:, foot] = both * np.clip(ahead, 0.0, 1.0)
         weights[:, ankle] = both - weights[:, foot]
-
-
-def _twins(vertices_m: np.ndarray) -> np.ndarray:
-    """Index of each vertex's mirror image; x is to the side in Anny's axes as in SMPL's."""
-    apart_m, twins = cKDTree(vertices_m).query(vertices_m * (-1.0, 1.0, 1.0))
-    if apart_m.max() > 1e-4:
-        raise _other_version("'s mesh is not symmetric")
-    return np.asarray(twins)
 
 
 def _other_version(what: str) -> BadBodyFile:
@@ -329,9 +307,8 @@ def _read_anny() -> "Anny":
     from anny import Anny
 
     # The default skinning would compile kernels of Warp and cache those elsewhere.
-    return Anny(
-        rig="mixamo", topology=TOPOLOGY, skinning_method="lbs", phenotype_blendshapes="original"
-    )
+    how = {"skinning_method": "lbs", "phenotype_blendshapes": "original"}
+    return Anny(rig="mixamo", topology=TOPOLOGY, **how)
 
 
 def _crowd(anny: "Anny") -> "dict[str, Tensor]":
@@ -356,22 +333,21 @@ def _adults(anny: "Anny", seed: int, **distributions: object) -> "dict[str, Tens
     return dict(people.sample(N_ADULTS)[1])
 
 
-def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[RestPose, np.ndarray]:
-    """Anny's rest joints and vertices in SMPL's axes: Anny's z is up and its front is -y."""
+def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[np.ndarray, np.ndarray]:
+    """Anny's rest pose and vertices in SMPL's axes: Anny's z is up and its front is -y."""
     import torch
 
     with torch.no_grad():
         rest = anny(phenotype_kwargs=phenotypes)
-    heads_m = _smpl_axes(rest["rest_bone_heads"].numpy())
-    bones = {label: heads_m[:, n] for n, label in enumerate(anny.bone_labels)}
+    number = {label: n for n, label in enumerate(anny.bone_labels)}
+    knuckles = ("LeftHandIndex1", "RightHandIndex1", "LeftHandPinky1", "RightHandPinky1")
+    bones = [*(BONES[joint] for joint in JOINT), *(f"mixamorig:{name}" for name in knuckles)]
     try:
-        joints_m = np.stack([bones[BONES[joint]] for joint in JOINT], axis=1)
-        hands = [f"mixamorig:{side}Hand" for side in ("Left", "Right")]
-        index = np.stack([bones[f"{hand}Index1"] for hand in hands], axis=1)
-        little = np.stack([bones[f"{hand}Pinky1"] for hand in hands], axis=1)
+        rows = [number[bone] for bone in bones]
     except KeyError as missing:
         raise _other_version(f" has no bone {missing} in its Mixamo rig") from None
-    return RestPose(joints_m, index, little), _smpl_axes(rest["rest_vertices"].numpy())
+    heads_m = _smpl_axes(rest["rest_bone_heads"].numpy())
+    return heads_m[:, rows], _smpl_axes(rest["rest_vertices"].numpy())
 
 
 def _smpl_axes(points_m: np.ndarray) -> np.ndarray:

@@ -110,11 +110,9 @@ def load_body(body: str) -> BodyModel:
             raise BadBodyFile(f"{error}. Delete {made}, and it is made again") from None
     path = Path(body).expanduser()
     if not path.is_file():
-        raise MissingInput(
-            f"{path}: no such body file. Give 'anny' for the free default body, or the path of "
-            "your own SMPL model; SMPL is free for research after registering at "
-            "https://smpl.is.tue.mpg.de and accepting its licence"
-        )
+        what = "no such body file. Give 'anny' for the free default body, or the path of your own"
+        remedy = "SMPL is free for research after registering at https://smpl.is.tue.mpg.de"
+        raise MissingInput(f"{path}: {what} SMPL model; {remedy} and accepting its licence")
     if path.suffix == ".npz" and str(read_plain_npz(path).get("format")) == FORMAT:
         return read_body(path)
     if path.suffix in (".npz", ".pkl"):

@@ -14,10 +14,6 @@ def read_uv(path: Path, faces: np.ndarray) -> np.ndarray:
     The file is a Wavefront .obj of the body's triangles in any order, whose `f` lines name texture
     coordinates (`v/vt`); or an .npz with `vt` (N, 2) and `ft` (F, 3), in the order of the body's
     faces, as SMPL-X's model files have them.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadBodyFile: it can't be read, or isn't of this body.
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file of texture coordinates")

@@ -14,14 +14,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmrdata.read import source_motion
 from gmrdata.read.numbers import bad_line, parse_floats, parse_table, read_text
-from gmrdata.read.source_motion import (
-    SourceMotion,
-    check_rate_hz,
-    cmu_rate_hz,
-    rate_of_frame_time_hz,
-    recorded_rows,
-)
+from gmrdata.read.source_motion import SourceMotion, recorded_rows
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.joint_names import is_cmu
 
@@ -154,11 +149,12 @@ def read_bvh(
     unit_note = "given" if unit_m is not None else "CMU's" if cmu else "centimetres"
     unit_m = unit_m if unit_m is not None else CMU_UNIT_M if cmu else CENTIMETRE_M
     if fps_hz is not None:
-        fps_hz, rate_note = check_rate_hz(fps_hz, path), "given"
+        fps_hz, rate_note = source_motion.check_rate_hz(fps_hz, path), "given"
     elif cmu:
-        fps_hz, rate_note = cmu_rate_hz(path), "CMU's index"
+        fps_hz, rate_note = source_motion.cmu_rate_hz(path), "CMU's index"
     else:
-        fps_hz, rate_note = rate_of_frame_time_hz(frame_time[0], path, frame_time[1]), "header"
+        rate_note = "header"
+        fps_hz = source_motion.rate_of_frame_time_hz(frame_time, path, table_line)
     notes = (f"{fps_hz:.7g} Hz ({rate_note})", f"{unit_m:.6g} m per unit ({unit_note})")
     rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
     rows, rows_notes = recorded_rows(table, rotation_columns, cmu, drop_rest_frame, path)
@@ -175,10 +171,8 @@ def read_bvh(
     )
 
 
-def _read_motion_header(
-    lines: list[str], start: int, path: Path
-) -> tuple[int, tuple[str, int], int]:
-    """Frame count, (frame time, its line number), index of the first line of numbers."""
+def _read_motion_header(lines: list[str], start: int, path: Path) -> tuple[int, str, int]:
+    """Frame count, frame time, and its line's number, after which the numbers begin."""
     filled = [i for i in range(start, min(start + 20, len(lines))) if lines[i].strip()][:2]
     keys = [lines[i].partition(":") for i in filled]
     if [key.strip().lower() for key, _, _ in keys] != ["frames", "frame time"]:
@@ -186,7 +180,7 @@ def _read_motion_header(
     number = keys[0][2].strip()
     if not (number.isascii() and number.isdigit() and len(number) < 9):
         raise bad_line(path, filled[0] + 1, f"{number[:40]!r} is no number of frames")
-    return int(number), (keys[1][2].strip(), filled[1] + 1), filled[1] + 1
+    return int(number), keys[1][2].strip(), filled[1] + 1
 
 
 def _columns(tree: Hierarchy, kind: str) -> list[list[tuple[str, int]]]:

@@ -41,7 +41,6 @@ class FetchConfig(Config):
     first_wait_s: float = Field(default=1.0, ge=0)
     """Mean wait before the second attempt; it doubles with each further one [s]."""
     longest_wait_s: float = Field(default=30.0, ge=0)
-    """Upper bound of the mean wait [s]."""
     largest_bytes: int = Field(default=1 << 28, gt=0)
     """A longer answer is no motion file and is refused [bytes]."""
 
@@ -49,6 +48,7 @@ class FetchConfig(Config):
 BLOCK_BYTES = 1 << 16
 _RANGE = re.compile(r"bytes ([0-9]+)-([0-9]+)/([0-9]+)")
 _PASSING = frozenset({408, 425, 429, 500, 502, 503, 504})
+_WEB = ("http", "https")
 
 
 class PassingFailure(FetchFailed):
@@ -90,16 +90,8 @@ def download(
 ) -> Path:
     """Fetch all bytes of a file, with further attempts where they may help.
 
-    Args:
-        path: The file's final name, which is not touched.
-        rng: Spreads the waits, so that many clients don't come back at the same time.
-
-    Returns:
-        The `.part` file, as long as the server said; what is in it was not looked at.
-
-    Raises:
-        NotOnServer: there is no such file.
-        FetchFailed: it could not be fetched.
+    Gives the `.part` file beside the final `path`, as long as the server said; what is in it was
+    not looked at.  `rng` spreads the waits, so that many clients don't come back at the same time.
     """
     wait_s = config.first_wait_s
     for attempt in range(1, config.attempts + 1):
@@ -212,7 +204,7 @@ class _WebOnly(urllib.request.HTTPRedirectHandler):
     def redirect_request(
         self, req: Any, fp: IO[bytes], code: int, msg: str, headers: Any, newurl: str
     ) -> urllib.request.Request | None:
-        if urlsplit(newurl).scheme not in ("http", "https"):
+        if urlsplit(newurl).scheme not in _WEB:
             raise FetchFailed(f"{req.full_url}: redirects to {newurl[:200]}, which is not followed")
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
@@ -221,15 +213,10 @@ def _open_url(url: str, headers: Mapping[str, str], timeout_s: float) -> HTTPRes
     """Ask for a file; errors are sorted into those worth another attempt and the others."""
     agent = {"User-Agent": f"gmrdata/{__version__}"}
     request = urllib.request.Request(url, headers={**agent, **headers})
-    # No handlers for addresses of files, ftp and data.
-    web = urllib.request
-    kinds: tuple[type[web.BaseHandler], ...] = (web.ProxyHandler, web.HTTPHandler, web.HTTPSHandler)
-    kinds += (web.UnknownHandler, _WebOnly, web.HTTPErrorProcessor, web.HTTPDefaultErrorHandler)
-    opener = web.OpenerDirector()
-    for kind in kinds:
-        opener.add_handler(kind())
     try:
-        return opener.open(request, timeout=timeout_s)
+        if request.type not in _WEB:
+            raise urllib.error.URLError(f"unknown url type: {request.type}")
+        return urllib.request.build_opener(_WebOnly).open(request, timeout=timeout_s)
     except urllib.error.HTTPError as error:
         error.close()
         raise _of_status(url, error) from None
@@ -243,16 +230,13 @@ def _open_url(url: str, headers: Mapping[str, str], timeout_s: float) -> HTTPRes
 
 def _blocks(answer: HTTPResponse, url: str, limit_s: float) -> Iterator[bytes]:
     start_s = time.monotonic()
-    while True:
-        try:
-            block = answer.read1(BLOCK_BYTES)
-        except (OSError, HTTPException) as error:
-            raise PassingFailure(f"{url}: the connection broke ({_say(error)})") from None
-        if not block:
-            return
-        if time.monotonic() - start_s > limit_s:
-            raise PassingFailure(f"{url}: not done after {limit_s:g} s")
-        yield block
+    try:
+        while block := answer.read1(BLOCK_BYTES):
+            if time.monotonic() - start_s > limit_s:
+                raise PassingFailure(f"{url}: not done after {limit_s:g} s")
+            yield block
+    except (OSError, HTTPException) as error:
+        raise PassingFailure(f"{url}: the connection broke ({_say(error)})") from None
 
 
 def _of_status(url: str, error: urllib.error.HTTPError) -> FetchFailed:

@@ -1,7 +1,6 @@
 """EMDB's sequences: `P0/09_outdoor_walk/P0_09_outdoor_walk_data.pkl` and the like, as arrays.
 
-Layout after EMDB's own description of its files (Kaufmann et al. 2023).  Nothing that a pickle asks
-for is run.
+Layout after EMDB's own description (Kaufmann et al. 2023).  Nothing that a pickle asks for is run.
 """
 
 from dataclasses import dataclass
@@ -10,17 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.numbers import (
-    WrongContent,
-    check_file,
-    checked,
-    kind_of,
-    numbers,
-    pinhole_of,
-    text_of,
-    usable_rows,
-    value_of,
-)
+from gmrdata.read import numbers
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.values.errors import MissingInput
 
@@ -48,9 +37,9 @@ class EmdbSequence:
     name: str
     """`P0_09_outdoor_walk`."""
     emdb1: bool
-    """Whether it is in EMDB 1, on which poses are scored."""
+    """In EMDB 1, on which poses are scored."""
     emdb2: bool
-    """Whether it is in EMDB 2, on which global trajectories are scored."""
+    """In EMDB 2, on which global trajectories are scored."""
     gender: str
     """Of the SMPL body: "female", "male" or "neutral"."""
     good: np.ndarray
@@ -75,17 +64,10 @@ class EmdbSequence:
 
 
 def read_emdb(path: Path) -> EmdbSequence:
-    """Read one `*_data.pkl`.  NaN in poses and cameras is kept; `gmrdata.motion.emdb` drops it.
-
-    Raises:
-        MissingInput: there is no such file.
-        UnsafePickle: the pickle wants to call something; the message names it, nothing was run.
-        BrokenPickle: truncated, or no pickle.
-        BadSequence: a key is missing, or an array's type, shape or length doesn't fit the others.
-    """
-    check_file(path, LARGEST_FILE_BYTES, "EMDB")
+    """Read one `*_data.pkl`.  NaN in poses and cameras is kept; `gmrdata.motion.emdb` drops it."""
+    numbers.check_file(path, LARGEST_FILE_BYTES, "EMDB")
     content = load_plain(path)
-    with checked(path, "get the file again from EMDB"):
+    with numbers.checked(path, "get the file again from EMDB"):
         return _sequence(content)
 
 
@@ -93,29 +75,28 @@ def _sequence(content: Any) -> EmdbSequence:
     smpl, camera = (_typed(content, k, (dict,), "a dictionary") for k in ("smpl", "camera"))
     n_frames = _whole(content, "n_frames", most=10_000_000)
     width_px, height_px = (_whole(camera, key, most=100_000) for key in ("width", "height"))
-    root_rad = _floats(smpl, "poses_root", n_frames, 3)
-    body_rad = _floats(smpl, "poses_body", n_frames, 69)
+    poses = (("poses_root", 3), ("poses_body", 69))
     betas = _floats(smpl, "betas", 10)
-    if not usable_rows(betas[None]).all():
-        raise WrongContent("betas are not finite")
-    gender = text_of(value_of(content, "gender"), "gender").lower()
+    if not numbers.usable_rows(betas[None]).all():
+        raise numbers.WrongContent("betas are not finite")
+    gender = numbers.text_of(numbers.value_of(content, "gender"), "gender").lower()
     if gender not in GENDERS:
-        raise WrongContent(f"gender is {gender[:20]!r}, expected {', '.join(GENDERS)}")
+        raise numbers.WrongContent(f"gender is {gender[:20]!r}, expected {', '.join(GENDERS)}")
     flags = [_typed(content, f"emdb{n}", (bool, np.bool_), "True or False") for n in (1, 2)]
-    good = np.asarray(value_of(content, "good_frames_mask"))
+    good = np.asarray(numbers.value_of(content, "good_frames_mask"))
     if good.shape != (n_frames,) or good.dtype.kind not in "biu":
-        expected = f"expected {n_frames} of True, False"
-        raise WrongContent(f"good_frames_mask is {kind_of(good)}, {expected}")
+        what = f"{numbers.kind_of(good)}, expected {n_frames} of True, False"
+        raise numbers.WrongContent(f"good_frames_mask is {what}")
     return EmdbSequence(
-        name=text_of(value_of(content, "name"), "name"),
+        name=numbers.text_of(numbers.value_of(content, "name"), "name"),
         emdb1=bool(flags[0]),
         emdb2=bool(flags[1]),
         gender=gender,
         good=good != 0,
-        poses_rad=np.concatenate([root_rad, body_rad], axis=1),
+        poses_rad=np.hstack([_floats(smpl, key, n_frames, size) for key, size in poses]),
         trans_m=_floats(smpl, "trans", n_frames, 3),
         betas=betas,
-        intrinsics_px=pinhole_of(value_of(camera, "intrinsics"), "intrinsics"),
+        intrinsics_px=numbers.pinhole_of(numbers.value_of(camera, "intrinsics"), "intrinsics"),
         cam_from_world=_floats(camera, "extrinsics", n_frames, 4, 4),
         width_px=width_px,
         height_px=height_px,
@@ -123,19 +104,19 @@ def _sequence(content: Any) -> EmdbSequence:
 
 
 def _typed(content: Any, key: str, kinds: tuple[type, ...], expected: str) -> Any:
-    value = value_of(content, key)
+    value = numbers.value_of(content, key)
     if not isinstance(value, kinds):
-        raise WrongContent(f"{key} is {kind_of(value)}, expected {expected}")
+        raise numbers.WrongContent(f"{key} is {numbers.kind_of(value)}, expected {expected}")
     return value
 
 
 def _floats(content: Any, key: str, *shape: int) -> np.ndarray:
-    return numbers(value_of(content, key), key, shape)
+    return numbers.floats_of(numbers.value_of(content, key), key, shape)
 
 
 def _whole(content: Any, key: str, most: int) -> int:
-    value = value_of(content, key)
+    value = numbers.value_of(content, key)
     is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not is_whole or not 1 <= value <= most:
-        raise WrongContent(f"{key} is {value!r:.40}, expected a whole number from 1")
+        raise numbers.WrongContent(f"{key} is {value!r:.40}, expected a whole number from 1")
     return int(value)

@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from gmrdata.values.errors import BadFrames, MissingInput
+from gmrdata.values.files import atomic_path
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -32,13 +33,9 @@ def number_in_name(name: str) -> int | None:
 
 
 def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
-    """The .jpg and .png files of a folder in the order of their numbers.
+    """The .jpg and .png files of a folder in the order of their numbers; at least 2, without gaps.
 
     `left_out` are numbers of unusable images: neither they nor their absence is an error.
-
-    Raises:
-        MissingInput: there is no such folder.
-        BadFrames: fewer than 2 images, a number that occurs twice, or one that is missing.
     """
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of images")
@@ -57,9 +54,6 @@ def check_images(paths: list[Path]) -> tuple[int, int]:
     """(width_px, height_px) of all images, as stored (an EXIF rotation is not applied).
 
     Only headers and end marks are looked at, so that a long sequence costs milliseconds.
-
-    Raises:
-        BadFrames: no images, an empty, truncated or unknown file, or different sizes.
     """
     if not paths:
         raise BadFrames("no images were given; at least 2 frames needed")
@@ -67,10 +61,8 @@ def check_images(paths: list[Path]) -> tuple[int, int]:
     expected = Counter(sizes).most_common(1)[0][0]
     for path, size in zip(paths, sizes, strict=True):
         if size != expected:
-            raise BadFrames(
-                f"{path}: {size[0]}x{size[1]} px, other frames are {expected[0]}x{expected[1]} px; "
-                "all frames of a sequence must have one size"
-            )
+            what = f"{size[0]}x{size[1]} px, other frames are {expected[0]}x{expected[1]} px"
+            raise BadFrames(f"{path}: {what}; all frames of a sequence must have one size")
     return expected
 
 
@@ -90,10 +82,8 @@ def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
 
     image = decoded(path, cv2.IMREAD_GRAYSCALE, "missing or not an image; make this file again")
     if size_px is not None and image.shape != size_px[::-1]:
-        raise BadFrames(
-            f"{path}: {image.shape[1]}x{image.shape[0]} px, "
-            f"its frame is {size_px[0]}x{size_px[1]} px; make this file again at that size"
-        )
+        sizes = "{1}x{0} px, its frame is {2}x{3} px".format(*image.shape, *size_px)
+        raise BadFrames(f"{path}: {sizes}; make this file again at that size")
     return image
 
 
@@ -109,8 +99,6 @@ def read_color(path: Path) -> np.ndarray:
 def write_gray(path: Path, image: np.ndarray) -> None:
     """Write (H, W) uint8 as PNG, as a whole or not at all."""
     import cv2
-
-    from gmrdata.values.files import atomic_path
 
     _, encoded = cv2.imencode(".png", image)
     with atomic_path(path) as temporary:

@@ -13,23 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.numbers import (
-    WrongContent,
-    check_file,
-    checked,
-    kind_of,
-    numbers,
-    rigid_rows,
-    usable_rows,
-)
+from gmrdata.read import numbers
 from gmrdata.values.errors import BadRecord, BadSequence, MissingInput
 from gmrdata.values.files import read_json
 from gmrdata.values.transforms import invert, rigid
 
-TRAINING_SUBJECTS = (1, 5, 6, 7, 8)
-"""Subjects that everybody trains on."""
-TEST_SUBJECTS = (9, 11)
-"""Subjects that everybody tests on."""
+TRAINING_SUBJECTS, TEST_SUBJECTS = (1, 5, 6, 7, 8), (9, 11)
+"""Subjects that everybody trains on, and tests on."""
 VIDEO_HZ = 50.0
 """Rate of the videos, and of frame numbers [Hz]."""
 ACTIONS = {
@@ -56,16 +46,13 @@ def find_subjects(root: Path) -> dict[int, Path]:
     folders = (root, root / "annotations")
     found = {}
     for subject in (*TRAINING_SUBJECTS, *TEST_SUBJECTS):
-        names = [name.format(subject) for name in PARAMETER_FILES]
-        paths = [folder / name for name in names for folder in folders]
-        there = next((path for path in paths if path.is_file()), None)
-        if there is not None:
-            found[subject] = there
+        paths = [folder / n.format(subject) for n in PARAMETER_FILES for folder in folders]
+        there = [path for path in paths if path.is_file()]
+        if there:
+            found[subject] = there[0]
     if not found:
-        raise MissingInput(
-            f"{root}: no {PARAMETER_FILES[0].format('N')} here or in annotations/. Name the folder"
-            " of Human3.6M's annotation files"
-        )
+        what = f"no {PARAMETER_FILES[0].format('N')} here or in annotations/"
+        raise MissingInput(f"{root}: {what}. Name the folder of Human3.6M's annotation files")
     return found
 
 
@@ -99,45 +86,39 @@ class Take:
 
 @dataclass(frozen=True, eq=False)
 class FixedCamera:
-    """One of the four cameras, which do not move."""
+    """One of the four cameras: K (3, 3) [px], and its place (4, 4) in the z-up world [m]."""
 
     intrinsics_px: np.ndarray
-    """(3, 3) calibration matrix [px]."""
     world_from_cam: np.ndarray
-    """(4, 4) rigid transform, z-up world [m]."""
 
 
 def read_takes(path: Path) -> list[Take]:
     """All takes of a subject's file of SMPL parameters, in order of action and subaction.
 
     NaN in a frame is kept; `usable_rows` finds such frames.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadSequence: truncated, or not laid out as above; the message names the place.
     """
     content = _read(path)
     takes = []
-    with checked(path, _AGAIN):
+    with numbers.checked(path, _AGAIN):
         for action, of_action in _numbered(content, ""):
             if action not in ACTIONS:
-                raise WrongContent(f"action {action} is none of Human3.6M's 2 to 16")
+                raise numbers.WrongContent(f"action {action} is none of Human3.6M's 2 to 16")
             for subaction, of_take in _numbered(of_action, f"[{action}]"):
                 takes.append(_take(action, subaction, of_take))
         if not takes:
-            raise WrongContent("holds no takes")
+            raise numbers.WrongContent("holds no takes")
     return takes
 
 
 def read_cameras(path: Path) -> dict[int, FixedCamera]:
     """The cameras of a subject by their numbers 1 to 4; errors as in `read_takes`."""
     content = _read(path)
-    with checked(path, _AGAIN):
+    with numbers.checked(path, _AGAIN):
         return {n: _camera(values, f"[{n}]") for n, values in _numbered(content, "")}
 
 
 def _read(path: Path) -> Any:
-    check_file(path, LARGEST_FILE_BYTES, "Human3.6M")
+    numbers.check_file(path, LARGEST_FILE_BYTES, "Human3.6M")
     try:
         return read_json(path)
     except BadRecord as error:
@@ -148,23 +129,23 @@ def _numbered(value: Any, place: str) -> list[tuple[int, Any]]:
     """Items of an object whose keys are whole numbers, in their order."""
     _require_object(value, place or "the file")
     if not all(_WHOLE_NUMBER.fullmatch(key) for key in value):
-        raise WrongContent(f"{place or 'the file'} has keys that are no whole numbers")
+        raise numbers.WrongContent(f"{place or 'the file'} has keys that are no whole numbers")
     return [(int(key), value[key]) for key in sorted(value, key=int)]
 
 
 def _require_object(value: Any, place: str) -> None:
     if not isinstance(value, dict):
-        raise WrongContent(f"{place} is {kind_of(value)}, not an object")
+        raise numbers.WrongContent(f"{place} is {numbers.kind_of(value)}, not an object")
 
 
 def _take(action: int, subaction: int, value: Any) -> Take:
     place = f"[{action}][{subaction}]"
     rows = _numbered(value, place)
     if not rows:
-        raise WrongContent(f"{place} has no frames")
+        raise numbers.WrongContent(f"{place} has no frames")
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
     if frames[-1] >= MOST_FRAMES:
-        raise WrongContent(f"{place} has a frame {frames[-1]}, which no video has")
+        raise numbers.WrongContent(f"{place} has a frame {frames[-1]}, which no video has")
     poses_rad, shapes, trans_m = (
         np.stack([_flat(row, f"{place}[{n}]", key, size) for n, row in rows])
         for key, size in (("pose", 72), ("shape", 10), ("trans", 3))
@@ -178,18 +159,19 @@ def _flat(row: Any, place: str, key: str, size: int) -> np.ndarray:
     value = row.get(key)
     while isinstance(value, list) and len(value) == 1 and size > 1:
         value = value[0]
-    return numbers(value, f"{place}.{key}", (size,))
+    return numbers.floats_of(value, f"{place}.{key}", (size,))
 
 
 def _camera(value: Any, place: str) -> FixedCamera:
     t_mm, focal_px, centre_px = (
         _flat(value, place, key, size) for key, size in (("t", 3), ("f", 2), ("c", 2))
     )
-    rotmat = numbers(value.get("R"), f"{place}.R", (3, 3))
-    if not rigid_rows(rigid(rotmat, np.zeros(3))[None]).all():
-        raise WrongContent(f"{place}.R is no rotation")
-    if not (usable_rows(t_mm[None], focal_px[None], centre_px[None]).all() and focal_px.min() > 0):
-        raise WrongContent(f"{place} has no finite t, f and c with f > 0")
+    rotmat = numbers.floats_of(value.get("R"), f"{place}.R", (3, 3))
+    if not numbers.rigid_rows(rigid(rotmat, np.zeros(3))[None]).all():
+        raise numbers.WrongContent(f"{place}.R is no rotation")
+    finite = numbers.usable_rows(t_mm[None], focal_px[None], centre_px[None]).all()
+    if not (finite and focal_px.min() > 0):
+        raise numbers.WrongContent(f"{place} has no finite t, f and c with f > 0")
     intrinsics_px = np.diag([*focal_px, 1.0])
     intrinsics_px[:2, 2] = centre_px
     return FixedCamera(intrinsics_px, invert(rigid(rotmat, t_mm / 1000.0)))

@@ -82,10 +82,8 @@ def parse_table(
             what = f"{len(words)} numbers where the channels need {n_columns}; the file is"
             raise bad_line(path, line_number, f"{what} truncated or edited, fetch it again")
         parse_floats(words, path, line_number)
-    raise BadMotionFile(
-        f"{path}: the header promises {n_rows} frames and the file has {len(filled)}; "
-        "fetch it again, or correct the number after 'Frames:'"
-    )
+    what = f"the header promises {n_rows} frames and the file has {len(filled)}; fetch it again"
+    raise BadMotionFile(f"{path}: {what}, or correct the number after 'Frames:'")
 
 
 class WrongContent(ValueError):
@@ -131,7 +129,7 @@ def array_of(value: Any, what: str, shape: tuple[int | None, ...], kinds: str) -
     return value
 
 
-def numbers(value: Any, what: str, shape: tuple[int | None, ...]) -> np.ndarray:
+def floats_of(value: Any, what: str, shape: tuple[int | None, ...]) -> np.ndarray:
     """Numbers of nested lists or of an array as float64; NaN and infinities are kept."""
     try:
         array = np.asarray(value)
@@ -156,7 +154,7 @@ def text_of(value: Any, what: str) -> str:
 
 def pinhole_of(value: Any, what: str) -> np.ndarray:
     """A calibration matrix K (3, 3) [px] without skew below its diagonal."""
-    intrinsics_px = numbers(value, what, (3, 3))
+    intrinsics_px = floats_of(value, what, (3, 3))
     below = (intrinsics_px[1, 0], *intrinsics_px[2])
     positive = (np.diag(intrinsics_px) > 0).all()
     if not (usable_rows(intrinsics_px[None]).all() and positive and below == (0, 0, 0, 1)):

@@ -74,13 +74,7 @@ def keypoint_files(folder: Path) -> dict[int, Path]:
 
 
 def read_people(path: Path) -> list[Person2d]:
-    """The people of one frame.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadRecord: truncated, or no JSON.
-        BadKeypoints: JSON of another kind, another number of keypoints, or numbers that are none.
-    """
+    """The people of one frame."""
     record = read_json(path)
     people = record.get("people") if isinstance(record, dict) else None
     if not isinstance(people, list):

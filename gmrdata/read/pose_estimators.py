@@ -3,27 +3,19 @@
 VIBE's `vibe_output.pkl` and WHAM's `wham_output.pkl` are written by joblib.dump: a dict from the
 tracker's person number to a dict of arrays over the T frames in which the person was tracked
 (VIBE: demo.py of mkocabas/VIBE and the table in its doc/demo.md; WHAM: demo.py of yohanshin/WHAM,
-with `--save_pkl`).  Read are
-
-- `pose` (T, 72) axis-angle of SMPL's 24 joints, the root (in the camera's frame) first [rad],
-- `frame_ids` (T,) the video's frames, from 0; a track may have gaps,
-- `betas` (T, 10) SMPL's neutral shape.
-
-WHAM's `pose_world`, which is not read, differs from `pose` in the root alone.
+with `--save_pkl`).  Read are `pose` (T, 72), axis-angle of SMPL's 24 joints with the root (in the
+camera's frame) first [rad]; `frame_ids` (T,), the video's frames from 0, with gaps; and `betas`
+(T, 10), SMPL's neutral shape.  WHAM's `pose_world` differs from `pose` in the root alone.
 
 PHALP's `outputs/results/demo_<video>.pkl`, which 4D-Humans' track.py writes with its own pose
 estimator in it, is written by joblib.dump with zlib: a dict from the frame's name to a dict of the
 frame (phalp/trackers/PHALP.py of brjathu/PHALP; the table in 4D-Humans' README) with one entry per
-track in its lists:
-
-- `time` the frame's number, from 0; `shot` 1 where a new shot begins,
-- `tid` each track's number; `tracked_time` frames since it was last seen,
-- `smpl` each track's `body_pose` (23, 3, 3), `global_orient` (1, 3, 3) and `betas` (10,).
-
-A track that is not seen stays in the lists for a while with its last pose.  Such entries
-(`tracked_time` above 0) are no poses of their frame and are left out; and no motion is bridged
-over the beginning of a shot, although tracks go on there.  Older versions also stored `embedding`
-as torch's tensors, which the reader of pickles refuses.
+track in its lists: `time`, the frame's number from 0; `shot`, 1 where a new shot begins; `tid`,
+each track's number; `tracked_time`, frames since it was last seen; and `smpl`, each track's
+`body_pose` (23, 3, 3), `global_orient` (1, 3, 3) and `betas` (10,).  A track that is not seen stays
+in the lists for a while with its last pose.  Such entries (`tracked_time` above 0) are no poses of
+their frame and are left out; and no motion is bridged over the beginning of a shot, although tracks
+go on there.  Older versions also stored `embedding` as torch's tensors, which is refused.
 
 GVHMR's `hmr4d_results.pt` is written by torch.save (tools/demo/demo.py and
 hmr4d/model/gvhmr/gvhmr_pl_demo.py of zju3dv/GVHMR): `smpl_params_global` and `smpl_params_incam`,
@@ -43,18 +35,10 @@ from typing import Any
 
 import numpy as np
 
+from gmrdata.read import tracked_people
 from gmrdata.read.numbers import finite_numbers
 from gmrdata.read.safe_pickle import MAX_UNPACKED_BYTES, load_plain
-from gmrdata.read.tracked_people import (
-    PersonPoses,
-    frame_numbers,
-    mean_betas,
-    orthonormal,
-    person_name,
-    rotmats_of_rotvecs,
-    shown,
-    whole_number,
-)
+from gmrdata.read.tracked_people import PersonPoses
 from gmrdata.values.body import N_JOINTS, N_LOCAL
 from gmrdata.values.errors import BadMotionFile, UnsafePickle
 
@@ -73,13 +57,7 @@ _BROKEN = (
 
 
 def read_people(path: Path) -> list[PersonPoses]:
-    """The people of an estimator's file, which is known by what it holds.
-
-    Raises:
-        BadMotionFile: an unknown layout, a missing array, another shape, or NaN.
-        UnsafePickle: it holds something else than plain data; nothing of it was run.
-        BrokenPickle: a truncated pickle.
-    """
+    """The people of an estimator's file, which is known by what it holds; nothing of it is run."""
     with path.open("rb") as stream:
         if stream.read(len(ZIP)) == ZIP:
             return _gvhmr(path)
@@ -93,10 +71,9 @@ def read_people(path: Path) -> list[PersonPoses]:
     if keys & VIBE_KEYS:
         return [_vibe_or_wham_person(key, values, path) for key, values in content.items()]
     found = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
-    raise BadMotionFile(
-        f"{path}: holds no poses in a known form (first entry has: {found or 'no dict'}). Known are"
-        " VIBE's, WHAM's, PHALP's and GVHMR's outputs, .npz, .bvh and .amc"
-    )
+    what = f"holds no poses in a known form (first entry has: {found or 'no dict'})"
+    known = "Known are VIBE's, WHAM's, PHALP's and GVHMR's outputs, .npz, .bvh and .amc"
+    raise BadMotionFile(f"{path}: {what}. {known}")
 
 
 def _require(values: Any, keys: frozenset[str], name: str, path: Path) -> None:
@@ -106,12 +83,13 @@ def _require(values: Any, keys: frozenset[str], name: str, path: Path) -> None:
 
 
 def _vibe_or_wham_person(key: Any, values: Any, path: Path) -> PersonPoses:
-    name = person_name(key, path)
+    name = tracked_people.person_name(key, path)
     _require(values, VIBE_KEYS, name, path)
     poses = finite_numbers(values["pose"], f"pose of {name}", path)
-    rotmats = rotmats_of_rotvecs(poses, N_JOINTS, f"pose of {name}", path)
-    numbers = frame_numbers(values["frame_ids"], len(poses), f"frame_ids of {name}", path)
-    betas = mean_betas(values.get("betas"), f"betas of {name}", path)
+    rotmats = tracked_people.rotmats_of_rotvecs(poses, N_JOINTS, f"pose of {name}", path)
+    ids = f"frame_ids of {name}"
+    numbers = tracked_people.frame_numbers(values["frame_ids"], len(poses), ids, path)
+    betas = tracked_people.mean_betas(values.get("betas"), f"betas of {name}", path)
     return PersonPoses(name, rotmats, numbers, betas)
 
 
@@ -119,24 +97,24 @@ def _phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]:
     tracks: dict[str, list[tuple[int, Any]]] = defaultdict(list)
     cuts = set()
     for name, frame in content.items():
-        time = _check_frame(frame, shown(name), path)
-        if whole_number(frame.get("shot")):
+        time = _check_frame(frame, tracked_people.shown(name), path)
+        if tracked_people.whole_number(frame.get("shot")):
             cuts.add(time)
         unseen = frame.get("tracked_time") or [0] * len(frame["tid"])
         for track, waited, smpl in zip(frame["tid"], unseen, frame["smpl"], strict=False):
-            if whole_number(waited) == 0:
-                tracks[person_name(track, path)].append((time, smpl))
+            if tracked_people.whole_number(waited) == 0:
+                tracks[tracked_people.person_name(track, path)].append((time, smpl))
     return [_phalp_person(*track, frozenset(cuts), path) for track in tracks.items()]
 
 
 def _check_frame(frame: Any, name: str, path: Path) -> int:
-    """The frame's number."""
+    """The number of a frame whose lists are of one length."""
     _require(frame, PHALP_KEYS, f"frame {name}", path)
     lists = [frame[key] for key in ("tid", "smpl", "tracked_time") if frame.get(key) is not None]
     if not all(isinstance(one, list) and len(one) == len(frame["tid"]) for one in lists):
         what = f"the lists of frame {name} are of different lengths"
         raise BadMotionFile(f"{path}: {what}; make the file again")
-    time = whole_number(frame["time"])
+    time = tracked_people.whole_number(frame["time"])
     if time is None:
         raise BadMotionFile(f"{path}: the time of frame {name} is no number; make it again")
     return time
@@ -151,13 +129,12 @@ def _phalp_person(
     betas = [smpl["betas"] for _, smpl in entries if "betas" in smpl]
     what = f"betas of {name}"
     known = finite_numbers(betas, what, path).reshape(len(betas), -1) if betas else None
-    rotmats = orthonormal(np.stack(poses), f"body_pose of {name}", path)
-    numbers = frame_numbers(times, len(poses), f"times of {name}", path)
-    return PersonPoses(name, rotmats, numbers, mean_betas(known, what, path), cuts)
+    rotmats = tracked_people.orthonormal(np.stack(poses), f"body_pose of {name}", path)
+    numbers = tracked_people.frame_numbers(times, len(poses), f"times of {name}", path)
+    return PersonPoses(name, rotmats, numbers, tracked_people.mean_betas(known, what, path), cuts)
 
 
 def _phalp_pose(smpl: Any, what: str, path: Path) -> np.ndarray:
-    """(23, 3, 3) of one track in one frame."""
     found = smpl.get("body_pose") if isinstance(smpl, Mapping) else None
     pose = finite_numbers(found, what, path)
     if pose.shape != (N_LOCAL, 3, 3):
@@ -172,14 +149,13 @@ def _gvhmr(path: Path) -> list[PersonPoses]:
     content = _load_tensors(path)
     found = next((content[key] for key in GVHMR_KEYS if key in content), None)
     if not isinstance(found, Mapping) or "body_pose" not in found:
-        raise BadMotionFile(
-            f"{path}: has no body_pose in {' or '.join(GVHMR_KEYS)} (it has"
-            f" {', '.join(map(str, content))[:200]}). Give GVHMR's hmr4d_results.pt"
-        )
+        has = ", ".join(map(str, content))[:200]
+        what = f"has no body_pose in {' or '.join(GVHMR_KEYS)} (it has {has})"
+        raise BadMotionFile(f"{path}: {what}. Give GVHMR's hmr4d_results.pt")
     value = found["body_pose"]
     value = value.detach().double().numpy() if isinstance(value, torch.Tensor) else value
     poses = finite_numbers(value, "body_pose", path)
-    local_rotmats = rotmats_of_rotvecs(poses, N_SMPLX_BODY, "body_pose", path)
+    local_rotmats = tracked_people.rotmats_of_rotvecs(poses, N_SMPLX_BODY, "body_pose", path)
     return [PersonPoses("person", local_rotmats, np.arange(len(poses)), None)]
 
 

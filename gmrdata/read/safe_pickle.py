@@ -15,7 +15,7 @@ import lzma
 import pickle  # noqa: TID251  Only its interpreter is used, with every import and call taken out.
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -38,15 +38,23 @@ _ZLIB_FIRST = b"\x78"
 """No pickle begins so: there is no such opcode."""
 
 
-def _unpacked_bytes(path: Path, data: bytes) -> bytes:
+def _unpacked(path: Path, data: bytes) -> bytes:
     """Unpack zlib, gzip, bz2, xz and lzma."""
+    opener = next((o for first, o in _OPENERS.items() if data.startswith(first)), None)
     if data.startswith(_ZLIB_FIRST):
-        return _unpacked(path, _zlib_chunks(data))
-    for first, opener in _OPENERS.items():
-        if data.startswith(first):
-            stream = opener(io.BytesIO(data))
-            return _unpacked(path, iter(partial(stream.read, _CHUNK_BYTES), b""))
-    return data
+        chunks = _zlib_chunks(data)
+    elif opener is not None:
+        chunks = iter(partial(opener(io.BytesIO(data)).read, _CHUNK_BYTES), b"")
+    else:
+        return data
+    found, size_bytes = [], 0
+    for chunk in chunks:
+        found.append(chunk)
+        size_bytes += len(chunk)
+        if size_bytes > MAX_UNPACKED_BYTES:
+            what = f"unpacks to more than {MAX_UNPACKED_BYTES} bytes; no motion needs that"
+            raise BrokenPickle(f"{path}: {what}")
+    return b"".join(found)
 
 
 def _zlib_chunks(data: bytes) -> Iterator[bytes]:
@@ -61,17 +69,6 @@ def _zlib_chunks(data: bytes) -> Iterator[bytes]:
         raise EOFError("the compressed data ends in its middle")
 
 
-def _unpacked(path: Path, chunks: Iterable[bytes]) -> bytes:
-    found, size_bytes = [], 0
-    for chunk in chunks:
-        found.append(chunk)
-        size_bytes += len(chunk)
-        if size_bytes > MAX_UNPACKED_BYTES:
-            what = f"unpacks to more than {MAX_UNPACKED_BYTES} bytes; no motion needs that"
-            raise BrokenPickle(f"{path}: {what}")
-    return b"".join(found)
-
-
 _BROKEN = (
     pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
     OverflowError, MemoryError, RecursionError, AssertionError, struct.error, zlib.error,
@@ -82,22 +79,15 @@ _BROKEN = (
 def load_plain(path: Path) -> Any:
     """Read a pickle or joblib file of plain data, as it is or compressed, as in `_OPENERS`.
 
-    Returns:
-        Nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Python
-        2's strings are read as Latin-1, sparse matrices as `scipy.sparse.csc_matrix` or
-        `csr_matrix`, chumpy's arrays as numpy's.
-
-    Raises:
-        MissingInput: there is no such file.
-        UnsafePickle: the pickle wants to import something that is not plain data; the message names
-            it.  Nothing of it was run.
-        BrokenPickle: truncated, or not a pickle.
+    Gives nested dicts, lists, tuples, sets, strings, bytes, numbers, None and numpy arrays.  Python
+    2's strings are read as Latin-1, sparse matrices as `scipy.sparse.csc_matrix` or `csr_matrix`,
+    chumpy's arrays as numpy's.  Anything else is an UnsafePickle that names it.
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     data = path.read_bytes()
     try:
-        return pickle_records.plain(_Interpreter(_unpacked_bytes(path, data)).load())
+        return pickle_records.plain(_Interpreter(_unpacked(path, data)).load())
     except UnsafePickle as error:
         remedy = "Do not trust this file; get it from its maker"
         raise UnsafePickle(f"{path}: {error}. {remedy}") from None

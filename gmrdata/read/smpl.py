@@ -20,12 +20,10 @@ _GENDER_NAMES = {"n": "neutral", "f": "female", "m": "male"}
 
 
 def read_smpl(path: Path) -> BodyModel:
-    """Read SMPL's model (Loper et al. 2015).
+    """Read SMPL's model (Loper et al. 2015): a `.pkl`, with or without chumpy, or an `.npz` of it.
 
     The gender stands in the file's name only: "SMPL_NEUTRAL.pkl", "basicModel_f_lbs_10_207_0.pkl".
     The joint regressor is linear (eq. 10) and applied here, to the template and each direction.
-
-    The file is the official `.pkl`, with or without chumpy's arrays, or an `.npz` of its keys.
     """
     arrays = _read_arrays(path)
     n_joints = arrays["weights"].shape[-1:]
@@ -82,8 +80,7 @@ def _dense(path: Path, key: str, value: Any) -> np.ndarray:
 def _gender(path: Path) -> str:
     found = _GENDER.search(path.stem.lower())
     if found is None:
-        raise BadBodyFile(
-            f"{path}: name the file so that it says neutral, female or male, like SMPL_NEUTRAL"
-            f"{path.suffix}: the file does not say, and one gender's shape means nothing on another"
-        )
+        like = f"neutral, female or male, like SMPL_NEUTRAL{path.suffix}"
+        why = "the file does not say, and one gender's shape means nothing on another"
+        raise BadBodyFile(f"{path}: name the file so that it says {like}: {why}")
     return _GENDER_NAMES.get(found[1], found[1])

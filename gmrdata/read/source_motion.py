@@ -1,7 +1,4 @@
-"""SourceMotion: a motion on its own skeleton, as the BVH and ASF/AMC readers give it.
-
-Also which rows of a file were recorded, and which number is believed to be its frame rate.
-"""
+"""SourceMotion: a motion on its own skeleton, from BVH or ASF/AMC; its recorded rows and rate."""
 
 import re
 from collections.abc import Sequence
@@ -12,6 +9,7 @@ import numpy as np
 
 from gmrdata.read.numbers import bad_line
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.skinning import joint_positions_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +44,8 @@ class SourceMotion:
 
     def rest_joints_m(self) -> np.ndarray:
         """Joint positions in the zero pose, root at its offset: (J, 3) [m]."""
-        positions = np.array(self.offsets_m, dtype=np.float64)
-        for joint, parent in enumerate(self.parents):
-            if parent >= 0:
-                positions[joint] += positions[parent]
-        return positions
+        unturned = np.tile(np.eye(3), (1, len(self.parents), 1, 1))
+        return np.asarray(joint_positions_m(self.parents, unturned, self.offsets_m)[0])
 
 
 REST_FRAME_JUMP_DEG = 10.0

@@ -1,7 +1,4 @@
-"""One sequence of 3DPW: its arrays, its images, what is odd about them, and which frames serve.
-
-Users of 3DPW keep different frames of a person; the rules of the field have names here.
-"""
+"""One sequence of 3DPW: its arrays, its images, what is odd about them, and which frames serve."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -19,8 +16,7 @@ from gmrdata.values.errors import BadFrames, BadRecipe, BadSequence, MissingInpu
 from gmrdata.values.rows import first_reasons, text_runs
 
 CENTRE_TOLERANCE = 0.05
-"""3DPW's principal points are the images' middles; by this share of the width or height they may
-be elsewhere before K is taken for that of other images."""
+"""Share of the width or height by which 3DPW's principal point may be off the image's middle."""
 SAME_POSE_RAD = 1e-3
 """Largest difference between a 30 Hz pose and the 60 Hz row that it was taken from [rad]."""
 CONFIDENT = 0.3
@@ -71,7 +67,7 @@ class Sequence3DPW:
 
     @property
     def name(self) -> str:
-        """The sequence's name, that of its file."""
+        """That of its file."""
         return self.files.name
 
     @property
@@ -81,20 +77,12 @@ class Sequence3DPW:
 
 
 def read_sequence(root: Path, name: str) -> Sequence3DPW:
-    """Read a sequence by its name, from whichever split of the dataset's folder it is in.
-
-    Raises:
-        MissingInput: the sequence, or its folder of images, is not there.
-        UnsafePickle: the pickle wants to call something; nothing was run.
-        BrokenPickle: truncated, or no pickle.
-        BadSequence: arrays that do not fit together, K of other images, or a path out of the root.
-        BadFrames: not one image can be used.
-    """
+    """Read a sequence by its name, from whichever split of the dataset's folder it is in."""
     return read_found(find_sequence(root, name))
 
 
 def read_found(files: SequenceFiles) -> Sequence3DPW:
-    """Read a sequence that `find_sequences` found; errors as in `read_sequence`."""
+    """Read a sequence that `find_sequences` found."""
     require_name(files.name)
     require_inside(files.root, files.pickle_path)
     arrays = read_sequence_file(files.pickle_path)
@@ -163,10 +151,8 @@ def check_intrinsics(path: Path, intrinsics_px: np.ndarray, width_px: int, heigh
     if _is_middle(centre_px, (height_px, width_px)):
         why = "it is that of the other orientation; a tool has turned the images, unpack imageFiles"
         why += " again"
-    raise BadSequence(
-        f"{path}: cam_intrinsics has its principal point at ({centre_px[0]:g}, {centre_px[1]:g}) "
-        f"px, the images are {width_px}x{height_px} px: {why}"
-    )
+    what = f"cam_intrinsics has its principal point at ({centre_px[0]:g}, {centre_px[1]:g}) px"
+    raise BadSequence(f"{path}: {what}, the images are {width_px}x{height_px} px: {why}")
 
 
 def _is_middle(centre_px: np.ndarray, size_px: Sequence[int]) -> bool:

@@ -1,7 +1,4 @@
-"""A 3DPW sequence file (.pkl) as checked arrays, each with the meaning that it really has.
-
-Nothing that the pickle asks for is run.
-"""
+"""A 3DPW sequence file (.pkl), of which nothing is run, as arrays with their real meanings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,22 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.numbers import (
-    WrongContent,
-    array_of,
-    check_file,
-    checked,
-    kind_of,
-    pinhole_of,
-    text_of,
-    value_of,
-)
+from gmrdata.read import numbers
 from gmrdata.read.safe_pickle import load_plain
 
-FPS_HZ = 30.0
-"""Rate of the images and of all arrays that are aligned to them [Hz]."""
-IMU_HZ = 60.0
-"""Rate of the IMUs and of `poses_60Hz` and `trans_60Hz` [Hz]."""
+FPS_HZ, IMU_HZ = 30.0, 60.0
+"""Rates of the images and arrays, and of the IMUs with `poses_60Hz` and `trans_60Hz` [Hz]."""
 N_KEYPOINTS = 18
 """OpenPose's COCO keypoints in `poses2d`."""
 GENDERS = {"f": "female", "m": "male"}
@@ -40,8 +26,7 @@ class Person:
     """
 
     poses_rad: np.ndarray
-    """(N, 72) axis-angle of the 24 SMPL joints; the first three are world_from_root [rad].
-    `poses` in the file."""
+    """(N, 72) axis-angle of the 24 SMPL joints, `poses`; the first are world_from_root [rad]."""
     trans_m: np.ndarray
     """(N, 3) SMPL's `transl` in the world [m].  Not the pelvis: that is `trans` + J0(betas)."""
     betas: np.ndarray
@@ -81,7 +66,6 @@ class SequenceArrays:
     img_frame_ids: np.ndarray
     """(N,) rows of the **60 Hz** arrays (0, 2, 4, ...), not numbers of images."""
     people: tuple[Person, ...]
-    """One or two people."""
 
     @property
     def n_frames(self) -> int:
@@ -101,24 +85,28 @@ def read_sequence_file(path: Path) -> SequenceArrays:
     `poses2d` or `poses2D`, (N, 3, 18) or (N, 18, 3).  NaN in poses and cameras is kept: see
     `gmrdata.read.threedpw` for which frames can be used.
     """
-    check_file(path, LARGEST_FILE_BYTES, "3DPW")
+    numbers.check_file(path, LARGEST_FILE_BYTES, "3DPW")
     content = load_plain(path)
-    with checked(path, "get the file again from 3DPW"):
+    with numbers.checked(path, "get the file again from 3DPW"):
         return _sequence(content)
 
 
 def _sequence(content: Any) -> SequenceArrays:
-    cam_from_world = _floats(value_of(content, "cam_poses"), "cam_poses", (None, 4, 4))
+    cam_poses = numbers.value_of(content, "cam_poses")
+    cam_from_world = _floats(cam_poses, "cam_poses", (None, 4, 4))
     n_frames = len(cam_from_world)
     if n_frames == 0:
-        raise WrongContent("cam_poses is empty: the sequence has no frames")
-    ids = array_of(value_of(content, "img_frame_ids"), "img_frame_ids", (n_frames,), "iu")
-    poses = value_of(content, "poses")
+        raise numbers.WrongContent("cam_poses is empty: the sequence has no frames")
+    ids = numbers.value_of(content, "img_frame_ids")
+    ids = numbers.array_of(ids, "img_frame_ids", (n_frames,), "iu")
+    poses = numbers.value_of(content, "poses")
     if not isinstance(poses, list | tuple) or not poses:
-        raise WrongContent(f"poses is {kind_of(poses)}, expected a list with one array per person")
+        expected = "expected a list with one array per person"
+        raise numbers.WrongContent(f"poses is {numbers.kind_of(poses)}, {expected}")
+    intrinsics = numbers.value_of(content, "cam_intrinsics")
     return SequenceArrays(
-        name=text_of(value_of(content, "sequence"), "sequence"),
-        intrinsics_px=pinhole_of(value_of(content, "cam_intrinsics"), "cam_intrinsics"),
+        name=numbers.text_of(numbers.value_of(content, "sequence"), "sequence"),
+        intrinsics_px=numbers.pinhole_of(intrinsics, "cam_intrinsics"),
         cam_from_world=cam_from_world,
         img_frame_ids=ids.astype(np.int64),
         people=tuple(_person(content, index, len(poses), n_frames) for index in range(len(poses))),
@@ -127,10 +115,10 @@ def _sequence(content: Any) -> SequenceArrays:
 
 def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -> Person:
     def one(*keys: str) -> Any:
-        values = value_of(content, *keys)
+        values = numbers.value_of(content, *keys)
         if not isinstance(values, list | tuple) or len(values) != n_people:
             expected = f"expected a list for {n_people} people, as poses"
-            raise WrongContent(f"{keys[0]} is {kind_of(values)}, {expected}")
+            raise numbers.WrongContent(f"{keys[0]} is {numbers.kind_of(values)}, {expected}")
         return values[index]
 
     def floats(key: str, *shape: int | None) -> np.ndarray:
@@ -139,25 +127,26 @@ def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -
     def optional(key: str, *shape: int | None) -> np.ndarray | None:
         return floats(key, *shape) if content.get(key) is not None else None
 
-    valid = array_of(one("campose_valid"), f"campose_valid[{index}]", (n_frames,), "biu")
+    valid = numbers.array_of(one("campose_valid"), f"campose_valid[{index}]", (n_frames,), "biu")
     joints_m = optional("jointPositions", n_frames, 72)
     betas = floats("betas", None)
     if len(betas) < SMPL_SHAPES or not np.isfinite(betas).all():
         expected = f"expected {SMPL_SHAPES} finite ones"
-        raise WrongContent(f"betas[{index}] has {len(betas)} values, {expected}")
-    gender = text_of(one("genders", "gender"), f"genders[{index}]").lower()
+        raise numbers.WrongContent(f"betas[{index}] has {len(betas)} values, {expected}")
+    gender = numbers.text_of(one("genders", "gender"), f"genders[{index}]").lower()
     if gender not in GENDERS | {name: name for name in GENDERS.values()}:
-        raise WrongContent(f"genders[{index}] is {gender[:20]!r}, expected 'm' or 'f'")
+        raise numbers.WrongContent(f"genders[{index}] is {gender[:20]!r}, expected 'm' or 'f'")
     keypoints = one("poses2d", "poses2D")  # (N, 3, 18) in the files, (N, 18, 3) in the readme
     if isinstance(keypoints, np.ndarray) and keypoints.shape[1:] == (3, N_KEYPOINTS):
         keypoints = keypoints.transpose(0, 2, 1)
+    keypoints_px = _floats(keypoints, f"poses2d[{index}]", (n_frames, N_KEYPOINTS, 3))
     return Person(
         poses_rad=floats("poses", n_frames, 72),
         trans_m=floats("trans", n_frames, 3),
         betas=betas,
         gender=GENDERS.get(gender, gender),
         campose_valid=valid != 0,
-        poses2d_px=_floats(keypoints, f"poses2d[{index}]", (n_frames, N_KEYPOINTS, 3)).copy("C"),
+        poses2d_px=keypoints_px.copy("C"),
         poses_60hz_rad=optional("poses_60Hz", None, 72),
         trans_60hz_m=optional("trans_60Hz", None, 3),
         joints_world_m=None if joints_m is None else joints_m.reshape(n_frames, 24, 3),
@@ -167,4 +156,4 @@ def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -
 
 
 def _floats(value: Any, what: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    return array_of(value, what, shape, "fiu").astype(np.float64)
+    return numbers.array_of(value, what, shape, "fiu").astype(np.float64)

@@ -22,7 +22,6 @@ class SequenceFiles:
 
     root: Path
     name: str
-    """E.g. `courtyard_arguing_00`."""
     split: str
 
     @property
@@ -45,7 +44,13 @@ def find_sequences(root: Path) -> list[SequenceFiles]:
 
     Other folders beside the three splits (some tools make one called `all`) are left alone.
     """
-    folder = _require_layout(root)
+    if not root.is_dir():
+        raise MissingInput(f"{root}: no such folder; give the one that holds {IMAGES_DIR}")
+    folder = root / SEQUENCES_DIR
+    if not folder.is_dir():
+        remedy = f"give 3DPW's root folder, which holds {IMAGES_DIR} and {SEQUENCES_DIR}"
+        raise MissingInput(f"{root}: has no folder {SEQUENCES_DIR}; {remedy}")
+    require_inside(root, folder)
     splits = [split for split in SPLITS if (folder / split).is_dir()]
     found = []
     for split in splits:
@@ -101,14 +106,3 @@ def require_inside(root: Path, path: Path) -> None:
     if not leads_to.is_relative_to(root.resolve()):
         remedy = "put the file itself there, or give the folder that really holds the dataset"
         raise BadSequence(f"{path}: is, or passes, a link out of {root}; {remedy} as root")
-
-
-def _require_layout(root: Path) -> Path:
-    if not root.is_dir():
-        raise MissingInput(f"{root}: no such folder; give the one that holds {IMAGES_DIR}")
-    sequences_dir = root / SEQUENCES_DIR
-    if not sequences_dir.is_dir():
-        remedy = f"give 3DPW's root folder, which holds {IMAGES_DIR} and {SEQUENCES_DIR}"
-        raise MissingInput(f"{root}: has no folder {SEQUENCES_DIR}; {remedy}")
-    require_inside(root, sequences_dir)
-    return sequences_dir

@@ -68,10 +68,8 @@ def rotmats_of_rotvecs(rotvecs: np.ndarray, n_joints: int, what: str, path: Path
     the two hand joints are the identity then.
     """
     if rotvecs.ndim != 2 or rotvecs.shape[1] != 3 * n_joints or not len(rotvecs):
-        raise BadMotionFile(
-            f"{path}: {what} is {rotvecs.shape}, not (T, {3 * n_joints}): {n_joints} joints as"
-            " axis-angle. Give the estimator's own output"
-        )
+        fault = f"{rotvecs.shape}, not (T, {3 * n_joints}): {n_joints} joints as axis-angle"
+        raise BadMotionFile(f"{path}: {what} is {fault}. Give the estimator's own output")
     local = np.zeros((len(rotvecs), N_LOCAL, 3))
     has_root = n_joints == N_LOCAL + 1
     local[:, : n_joints - has_root] = rotvecs.reshape(-1, n_joints, 3)[:, int(has_root) :]
@@ -115,12 +113,9 @@ def runs_of(
     """A person's unbroken runs as clips: where frames are missing or a shot ends, one ends.
 
     The clips have no camera, the identity as root and the pelvis at 0, since the file's do not
-    matter; `image_numbers` are the video's frames.
-
-    Args:
-        body: The body that stands for the person; the file's shape is taken where it is of it.
-        bridge_frames: Gaps of so many frames or fewer are filled instead, by slerp of each joint;
-            never over the beginning of a shot.  Filled frames are not valid.
+    matter; `image_numbers` are the video's frames.  The file's shape is taken where it is of the
+    body.  Gaps of `bridge_frames` or fewer are filled instead, by slerp of each joint, but never
+    over the beginning of a shot; filled frames are not valid.
     """
     numbers = person.frame_numbers
     begins = np.diff(numbers, prepend=numbers[0]) > 1 + bridge_frames
@@ -151,8 +146,7 @@ def runs_of(
 
 
 def _filled(rotmats: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (n, 23, 3, 3) of all frames from the first number to the last, and which were
-    there."""
+    """Rotations (n, 23, 3, 3) from the first number to the last, and which of them were there."""
     frames = np.arange(numbers[0], numbers[-1] + 1)
     before = np.searchsorted(numbers, frames, side="right") - 1
     valid = numbers[before] == frames

