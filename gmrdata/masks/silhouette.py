@@ -105,12 +105,10 @@ def dilate(mask: np.ndarray, radius_px: int) -> np.ndarray:
         return mask
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
     left, top, width, height = cv2.boundingRect(mask)
-    part = np.s_[
-        max(0, top - radius_px) : top + height + radius_px,
-        max(0, left - radius_px) : left + width + radius_px,
-    ]
+    rows = slice(max(0, top - radius_px), top + height + radius_px)
+    columns = slice(max(0, left - radius_px), left + width + radius_px)
     widened = np.zeros_like(mask)
-    widened[part] = cv2.dilate(mask[part], disc)
+    widened[rows, columns] = cv2.dilate(mask[rows, columns], disc)
     return widened
 
 

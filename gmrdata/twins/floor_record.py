@@ -47,7 +47,7 @@ class SequenceErrors(_Errors):
     accepted: bool
     frames: NonNegativeInt
     kept_share: Figure
-    """Share of all people's frames that may be used, 0 to 1."""
+    """Of all people's frames, 0 to 1."""
     scale_error_percent: Figure | None
     scale_within_2sigma: bool | None
     """Whether the true scale is within two of the stated standard errors."""
@@ -58,16 +58,14 @@ class SequenceErrors(_Errors):
 
 
 class FloorGroup(Config):
-    """Figures of some sequences.
+    """Figures of some sequences, of which `accepted` may be used.
 
     Errors are of the accepted ones; null where there are none.  OME, TME and VME are means over all
     people's motions, errors of cameras over the sequences.
     """
 
     sequences: int
-    """Sequences that were tried."""
     accepted: int
-    """Those that may be used."""
     class_right: int
     """Those whose camera was given its true class."""
     n_motions: int
