@@ -4,7 +4,7 @@ from typing import Any
 
 import cv2  # noqa: F401
 import numpy as np
-import pycolmap
+import pycolmap as pycolmap
 
 from gmrdata.values import transforms
 
@@ -13,8 +13,6 @@ from gmrdata.values import transforms
 
 # Only fatal messages: what goes wrong is told by our own errors, with the file and the remedy.
 pycolmap.logging.minloglevel = 3
-
-__all__ = ["pycolmap"]
 
 
 def matrix_of(rigid: Any) -> np.ndarray:

@@ -9,17 +9,11 @@ from numpy.typing import ArrayLike
 from pydantic import NonNegativeInt, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass as part
 
+from gmrdata.values import records
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import write_npz
-from gmrdata.values.records import (
-    MAKE_AGAIN,
-    PART,
-    ArrayShapes,
-    Figure,
-    Record,
-    read_arrays,
-)
+from gmrdata.values.records import PART, Figure
 
 CAMERAS_FILE = "cameras.npz"
 POINTS_FILE = "points.npz"
@@ -33,20 +27,20 @@ Mapper = Literal["global", "incremental", "small_parallax", "rotation_only"]
 
 @part(frozen=True, config=PART)
 class Evidence:
-    """Figures behind the choice of a geometry, and what they say."""
+    """Figures behind the choice of a geometry, and what they say; residuals of a pure rotation."""
 
     verdict: Literal["rotation_only", "full", "either"]
     """"either": a pure rotation fits, but its residuals grow with the baseline."""
     reason: str
     """The verdict in words, with its figures and thresholds."""
     rotation_only_median_px: Figure
-    """Median residual of all matches under a pure rotation [px]."""
+    """Of all matches [px]."""
     rotation_only_wide_median_px: Figure
-    """90th percentile of the pairs' median residuals [px]."""
+    """90th percentile of the pairs' medians [px]."""
     rotation_only_near_median_px: Figure
-    """10th percentile of the pairs' median residuals [px]."""
+    """10th percentile of the pairs' medians [px]."""
     rotation_only_share: Figure
-    """Share of the matches that agree with a pure rotation."""
+    """Share of the matches that agree."""
     panoramic_pairs_share: Figure
     """Share of the pairs that COLMAP's two-view test calls panoramic."""
     pairs: int
@@ -56,12 +50,11 @@ class Evidence:
 
 @part(frozen=True, config=PART)
 class ModelRecord:
-    """What became of one model that a mapper returned."""
+    """What became of one model that a mapper returned, and why."""
 
     frames: int
     kept: bool
     reason: str
-    """What it was joined by, or why it was dropped."""
 
 
 @part(frozen=True, config=PART)
@@ -73,7 +66,6 @@ class SmoothTurn:
     noise_deg: Figure
     """What the images leave open of a camera's orientation, per axis."""
     largest_change_deg: Figure
-    """By which an orientation was moved."""
     cutoff_cycles_per_frame: Figure
     """Frequency of which half is passed; 0.5 where all is."""
 
@@ -101,7 +93,7 @@ class Smoothing:
 NOT_SMOOTHED = Smoothing(None, None)
 
 
-class CamerasQuality(Record):
+class CamerasQuality(records.Record):
     """`quality.json`: figures about the cameras that were found, without those interpolated."""
 
     format: Literal["gmrdata-cameras-quality/1"] = "gmrdata-cameras-quality/1"
@@ -117,27 +109,26 @@ class CamerasQuality(Record):
     """Mean error of what holds the cameras: points, or matches under a pure rotation [px]."""
     median_reprojection_px: Figure
     inliers_per_frame: tuple[NonNegativeInt, ...]
-    """T counts of points or matches that hold each camera."""
+    """Points or matches that hold each camera."""
     interpolated: tuple[NonNegativeInt, ...]
-    """Rows whose camera was interpolated between its neighbours'."""
     keyframes: tuple[NonNegativeInt, ...]
     cuts_after_frames: tuple[NonNegativeInt, ...]
     """Rows after which the picture changes to another place."""
     featureless: tuple[NonNegativeInt, ...]
     """Rows that show nothing of the background."""
     models: tuple[ModelRecord, ...]
-    """Models of the mapper, the largest first; none for a pure rotation."""
+    """The largest first; none for a pure rotation."""
     resected_frames: NonNegativeInt
     """Keyframes that the mapper left out and that were placed against its points."""
     focal_factor: Figure | None
     """Focal length that the background asks for, over the given one; null where it holds none."""
     focal_sigma: Figure | None
-    """Its standard error; null together with it."""
+    """Its standard error."""
     smoothing: Smoothing
     points: NonNegativeInt | None
-    """Points of the background; null for a pure rotation, which has none."""
+    """Of the background; null for a pure rotation, which has none."""
     median_track_length: Figure | None
-    """Median number of keyframes that see a point; null likewise."""
+    """Number of keyframes that see a point; null likewise."""
     largest_turn_deg: Figure | None
     """Largest angle from the mean orientation; null for six degrees of freedom."""
     worked_on_px: tuple[PositiveInt, PositiveInt]
@@ -145,8 +136,7 @@ class CamerasQuality(Record):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        if len(self.inliers_per_frame) != self.frames:
-            n = len(self.inliers_per_frame)
+        if (n := len(self.inliers_per_frame)) != self.frames:
             raise ValueError(f"{n} inliers_per_frame, but {self.frames} frames")
         if (self.focal_factor is None) != (self.focal_sigma is None):
             raise ValueError("of focal_factor and focal_sigma only one is null")
@@ -167,7 +157,7 @@ class SfmCameras:
 
 
 CAMERAS_FORMAT = "gmrdata-cameras/1"
-_CAMERA_SHAPES: ArrayShapes = {
+_CAMERA_SHAPES: records.ArrayShapes = {
     "camera_intrinsics_px": ("f", (3, 3)),
     "camera_size_px": ("iu", (2,)),
     "world_from_cam": ("f", ("T", 4, 4)),
@@ -177,7 +167,7 @@ _CAMERA_SHAPES: ArrayShapes = {
     "interpolated": ("b", ("T",)),
 }
 POINTS_FORMAT = "gmrdata-points/1"
-_POINT_SHAPES: ArrayShapes = {"xyz": ("f", ("N", 3)), "track_lengths": ("iu", ("N",))}
+_POINT_SHAPES: records.ArrayShapes = {"xyz": ("f", ("N", 3)), "track_lengths": ("iu", ("N",))}
 
 
 def save_cameras(path: Path, cameras: SfmCameras) -> None:
@@ -198,22 +188,19 @@ def save_cameras(path: Path, cameras: SfmCameras) -> None:
 def load_cameras(sfm_dir: Path) -> SfmCameras:
     """Read `cameras.npz` of a reconstruction's folder."""
     path = sfm_dir / CAMERAS_FILE
-    arrays = read_arrays(path, CAMERAS_FORMAT, _CAMERA_SHAPES)
+    arrays = records.read_arrays(path, CAMERAS_FORMAT, _CAMERA_SHAPES)
     geometry = str(arrays["geometry"])
     if geometry not in get_args(Geometry):
-        raise BadRecord(f"{path}: unknown geometry {geometry!r}; {MAKE_AGAIN}")
-    width_px, height_px = (int(size) for size in arrays["camera_size_px"])
-    intrinsics_px, world_from_cam = arrays["camera_intrinsics_px"], arrays["world_from_cam"]
-    camera_path = CameraPath(
-        intrinsics_px, width_px, height_px, world_from_cam, arrays["has_camera"]
-    )
-    return SfmCameras(
-        camera_path, cast("Geometry", geometry), arrays["image_numbers"], arrays["interpolated"]
-    )
+        raise BadRecord(f"{path}: unknown geometry {geometry!r}; {records.MAKE_AGAIN}")
+    width_px, height_px = map(int, arrays["camera_size_px"])
+    intrinsics_px, poses = arrays["camera_intrinsics_px"], arrays["world_from_cam"]
+    found = CameraPath(intrinsics_px, width_px, height_px, poses, arrays["has_camera"])
+    numbers, interpolated = arrays["image_numbers"], arrays["interpolated"]
+    return SfmCameras(found, cast("Geometry", geometry), numbers, interpolated)
 
 
 def load_quality(sfm_dir: Path) -> CamerasQuality:
-    """Read `quality.json` of a reconstruction's folder."""
+    """The figures in a reconstruction's folder."""
     return CamerasQuality.read(sfm_dir / QUALITY_FILE)
 
 
@@ -224,4 +211,4 @@ def save_points(path: Path, points: np.ndarray, track_lengths: np.ndarray) -> No
 
 def load_points(sfm_dir: Path) -> np.ndarray:
     """Background points (N, 3) of a reconstruction's folder, in the cameras' unit."""
-    return read_arrays(sfm_dir / POINTS_FILE, POINTS_FORMAT, _POINT_SHAPES)["xyz"]
+    return records.read_arrays(sfm_dir / POINTS_FILE, POINTS_FORMAT, _POINT_SHAPES)["xyz"]

@@ -20,8 +20,7 @@ from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.rotation_only import RotationOnly, slopes_by_turns
 from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX
 
-NOISE_FLOOR_PX = 0.05
-"""Features are not placed better than this [px]."""
+NOISE_FLOOR_PX = 0.05  # features are not placed better
 FREED_NOT_INDEPENDENT = 2.5
 """The error by covariance is too small by this, as errors of a feature in several frames have much
 in common.  Measured: 2.4 over eight filmed arcs with right intrinsics."""
@@ -78,10 +77,8 @@ def _sigma(model: Any, camera: Any, adjuster: Any) -> float | None:
 
 MATCHES_PER_PAIR = 100
 MAX_ITERATIONS = 30
-MAX_LOG_FACTOR = 1.5
-"""Beyond this the fit has run away."""
-MAX_SIGMA = 0.5
-"""A factor that is less certain than this says nothing."""
+MAX_LOG_FACTOR = 1.5  # beyond this the fit has run away
+MAX_SIGMA = 0.5  # a factor that is less certain than this says nothing
 NOT_INDEPENDENT = 5.0
 """The error by covariance is too small by this: a camera in the hand also moves a little, and what
 parallax it leaves leans on the focal length.  Measured on drawn points 4 to 15 m away, for turns

@@ -14,18 +14,15 @@ from gmrdata.masks.folder import find_mask
 from gmrdata.read.frames import image_number, read_gray
 from gmrdata.stage.jobs import in_threads
 
-MASK_MARGIN_PX = 8
-"""Points nearer to a mask see what moves in half of their window."""
-FAST_PNG = 1
-"""zlib's level of compression."""
+MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
+FAST_PNG = 1  # zlib's level of compression
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """T frames of one size, their masks and their calibration."""
+    """T frames of one size, all in one folder, their masks and their calibration."""
 
     images: list[Path]
-    """The frames in order, all in one folder."""
     masks_dir: Path | None
     """Masks (255 = dynamic), one per frame; None to use the whole of every frame."""
     intrinsics_px: np.ndarray
@@ -35,7 +32,6 @@ class Frames:
 
     @property
     def numbers(self) -> np.ndarray:
-        """(T,) the images' numbers."""
         return np.array([image_number(image) for image in self.images])
 
     def mask(self, image: Path) -> np.ndarray:
@@ -57,10 +53,7 @@ class Frames:
 
 
 def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
-    """Frames whose longer side is at most so long; those that are given if it is so already.
-
-    Smaller ones, in shades of grey, and their masks are written to folders in `out_dir`.
-    """
+    """The frames if none is longer than that; else smaller grey ones and masks, in `out_dir`."""
     import cv2
 
     share = longest_px / max(frames.size_px)
@@ -68,9 +61,9 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
         return frames
     width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
     masks_dir = None if frames.masks_dir is None else out_dir / "masks"
-    for folder in (out_dir / "frames", masks_dir):
-        if folder is not None:
-            folder.mkdir(parents=True)
+    (out_dir / "frames").mkdir(parents=True)
+    if masks_dir is not None:
+        masks_dir.mkdir()
 
     def reduce_one(image: Path) -> Path:
         # As PNG it would take 40 times as long to write, and 14 times to read.

@@ -21,12 +21,9 @@ PANORAMIC = ("PANORAMIC", "PLANAR_OR_PANORAMIC")
 PARALLAX_GROWTH = 2.5
 """Residuals of the worst tenth of pairs over those of the best, above which parallax may show.
 Measured: 1.2 for a still camera, 1.5-1.7 for pans, 3.4 for a hand-held one that moves by 3 cm."""
-PARALLAX_PX = 0.5
-"""Residuals of the worst tenth of pairs below which parallax does no harm [px]."""
-CLEARLY_BETTER = 0.7
-"""Six degrees of freedom must lower the median residual to this share to be worth them."""
-VAGUE_FOCAL = 0.02
-"""A model whose focal length is uncertain by more, as a share, is held by little parallax."""
+PARALLAX_PX = 0.5  # residuals of the worst tenth of pairs below which parallax does no harm
+CLEARLY_BETTER = 0.7  # share of the median residual that makes six degrees of freedom worth it
+VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by little parallax
 
 
 def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
@@ -45,10 +42,7 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
 def _solve_keyframes(
     key_rows: np.ndarray, timeline: Timeline, work_dir: Path, frames: Frames, config: SfmConfig
 ) -> tuple[Solution, Evidence, bool]:
-    """Solve keyframes, as a pure rotation where that does, then all frames.
-
-    Also returned: the evidence for the geometry, and whether a bent model was set aside.
-    """
+    """All frames by their keyframes; the evidence; and whether a bent model was set aside."""
     keys = replace(frames, images=[frames.images[row] for row in key_rows])
     intrinsics_px = frames.intrinsics_px
     matches = match_frames(keys, work_dir, config)
@@ -90,13 +84,11 @@ def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidenc
         and wide_px <= config.rotation_only_wide_median_px
         and share >= config.rotation_only_share
     )
+    panoramic = [pair.configuration in PANORAMIC for pair in matches.pairs]
     parallax = wide_px > max(PARALLAX_PX, PARALLAX_GROWTH * near_px)
-    said = "a pure rotation explains" if fits else "a pure rotation does not explain"
-    doubt = (
-        f", but residuals grow with the baseline (from {near_px} px), which may be parallax"
-        if fits and parallax
-        else ""
-    )
+    said, doubt = f"a pure rotation {'explains' if fits else 'does not explain'}", ""
+    if fits and parallax:
+        doubt = f", but residuals grow with the baseline (from {near_px} px), which may be parallax"
     return Evidence(
         verdict="full" if not fits else "either" if parallax else "rotation_only",
         reason=(
@@ -110,11 +102,9 @@ def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidenc
         rotation_only_wide_median_px=wide_px,
         rotation_only_near_median_px=near_px,
         rotation_only_share=share,
-        panoramic_pairs_share=figure(
-            np.mean([pair.configuration in PANORAMIC for pair in matches.pairs])
-        ),
+        panoramic_pairs_share=float(np.mean(panoramic)),
         pairs=len(matches.pairs),
-        features_per_frame=figure(np.median([len(points) for points in matches.keypoints_px])),
+        features_per_frame=float(np.median([len(points) for points in matches.keypoints_px])),
     )
 
 
@@ -122,9 +112,8 @@ def explains_better(mapped: Solution | None, turning: RotationOnly, config: SfmC
     """Whether six degrees of freedom are worth it where a pure rotation fits as well."""
     if mapped is None or mapped.has_camera.sum() < turning.has_camera.sum():
         return False
-    agree = turning.residuals_px < config.rotation_only_inlier_px
-    threshold_px = CLEARLY_BETTER * np.median(turning.residuals_px[agree])
-    return bool(np.median(mapped.errors_px) < threshold_px)
+    agree_px = turning.residuals_px[turning.residuals_px < config.rotation_only_inlier_px]
+    return bool(np.median(mapped.errors_px) < CLEARLY_BETTER * np.median(agree_px))
 
 
 def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:

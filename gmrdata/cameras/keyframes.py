@@ -19,21 +19,15 @@ from gmrdata.cameras.recipe import SfmConfig
 
 WINDOW_PX = 21
 LEVELS = 3
-RETURN_PX = 0.5
-"""A point that is followed there and back must come home this close [px]."""
-CENTRE_PX = 0.5
-"""Our (0, 0) is the corner of the first pixel, OpenCV's its centre."""
+RETURN_PX = 0.5  # a point that is followed there and back must come home this close
+CENTRE_PX = 0.5  # our (0, 0) is the corner of the first pixel, OpenCV's its centre
 CORNERS = 400
 CORNER_QUALITY = 0.01
 CORNER_SPACING_PX = 8
-FEATURELESS = 8
-"""With fewer corners a frame shows nothing of the background."""
-CUT_SHARE = 0.1
-"""Where fewer corners than this survive one step, the two frames show different places."""
-FEWEST_CORNERS = 20
-"""With fewer to begin with, survival says nothing."""
-FOLLOWED = "FOLLOWED"
-"""Configuration of a pair whose matches were followed, not verified by COLMAP."""
+FEATURELESS = 8  # with fewer corners a frame shows nothing of the background
+CUT_SHARE = 0.1  # where fewer corners survive one step, the two frames show different places
+FEWEST_CORNERS = 20  # with fewer to begin with, survival says nothing
+FOLLOWED = "FOLLOWED"  # configuration of matches that were followed, not verified by COLMAP
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +64,7 @@ def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
     rows, survived, corners = [0], [], []
     for row in range(1, len(images)):
         image, free = frames.read(images[row], shrink)
-        next_px, found = follow(before, image, now_px)
-        found &= is_free(next_px, free)
+        next_px, found = follow(before, image, now_px, free=free)
         survived.append(found.mean() if len(found) else 0.0)
         corners.append(len(found))
         start_px, now_px = start_px[found], next_px[found]
@@ -151,24 +144,23 @@ def _follow_into(
     features, result = chosen, []
     home_px = now_px = keypoints_px[chosen]
     for (before, _), (image, free) in pairwise(frames[:-1]):
-        now_px, found = follow(before, image, now_px)
-        found &= is_free(now_px, free)
+        now_px, found = follow(before, image, now_px, free=free)
         features, home_px, now_px = features[found], home_px[found], now_px[found]
-        exact_px, sure = follow(start, image, home_px, now_px)
-        sure &= is_free(exact_px, free)
+        exact_px, sure = follow(start, image, home_px, now_px, free)
         result.append((features[sure], exact_px[sure]))
     return result
 
 
 def follow(
-    before: np.ndarray, after: np.ndarray, points_px: np.ndarray, guess_px: np.ndarray | None = None
+    before: np.ndarray,
+    after: np.ndarray,
+    points_px: np.ndarray,
+    guess_px: np.ndarray | None = None,
+    free: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find image points (N, 2) again in another frame (Lucas and Kanade 1981; Bouguet 2000) [px].
+    """Image points (N, 2) [px] in another frame, and which are found, back too, and where `free`.
 
     Only the finest level of the pyramid is searched where their places (N, 2) are guessed.
-
-    Returns:
-        (N, 2) where they are [px], and (N,) bool: found, and found back.
     """
     if not len(points_px):
         return np.zeros((0, 2)), np.zeros(0, dtype=bool)
@@ -177,8 +169,9 @@ def follow(
     levels = LEVELS if guess_px is None else 0
     there, ok = _flow(before, after, start, guess, levels)
     back, ok_back = _flow(after, before, there, start.copy(), levels)
-    near = np.linalg.norm((back - start)[:, 0], axis=1) < RETURN_PX
-    return there[:, 0].astype(np.float64) + CENTRE_PX, ok & ok_back & near
+    ok &= ok_back & (np.linalg.norm((back - start)[:, 0], axis=1) < RETURN_PX)
+    there_px = there[:, 0].astype(np.float64) + CENTRE_PX
+    return there_px, ok if free is None else ok & is_free(there_px, free)
 
 
 def _flow(

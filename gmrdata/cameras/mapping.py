@@ -18,8 +18,7 @@ from gmrdata.cameras.smoothing import camera_information, smooth_cameras
 from gmrdata.cameras.solution import SeenPoints, Solution
 from gmrdata.values import transforms
 
-MIN_PARALLAX_DEG = 0.1
-"""Points with less hardly have a depth [deg]; COLMAP's usual 1 degree empties slow sequences."""
+MIN_PARALLAX_DEG = 0.1  # points with less hardly have a depth; COLMAP's 1 empties slow sequences
 SMALL_START_DEG = 0.5
 """Parallax of the first pair where the camera hardly leaves its place [deg]; COLMAP's usual 16
 degrees find no pair there.  About a hand's 5 cm before a background 5 m away."""
@@ -31,10 +30,9 @@ def map_frames(
     """Map all frames; None if neither mapper finds a model.
 
     The global mapper goes first.  The incremental one is tried where the global one leaves frames
-    out, and is taken if it registers more of them, or as many with more observations.  Models that
-    share frames are joined.  Where neither finds a model, the camera may hardly leave its place:
-    the incremental one is run with lower thresholds for parallax.  A pan has no model even then.
-    COLMAP's `database.db` of the same matches lies in `work_dir`.
+    out, and is taken if it registers more of them, or as many with more observations.  Where
+    neither finds a model, the camera may hardly leave its place: the incremental one is run with
+    lower thresholds for parallax.  A pan has no model even then.
     """
     found: list[Solution] = []
     mappers: tuple[Mapper, ...] = ("global", "incremental", "small_parallax")
@@ -56,7 +54,7 @@ def place_between(
     world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
     world_from_cam[key_rows], inliers[key_rows] = keys.world_from_cam, keys.inliers
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
-    between = sorted(set(range(n)) - {int(row) for row in key_rows})
+    between = set(range(n)) - set(key_rows.tolist())
     place_frames(between, world_from_cam, inliers, seen, matches, intrinsics_px)
     return replace(keys, world_from_cam=world_from_cam, inliers=inliers, seen=seen)
 
@@ -103,10 +101,9 @@ def _run(mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig) -> l
 
 def _global_options(config: SfmConfig) -> Any:
     options = _common(pycolmap.GlobalPipelineOptions(), config)
-    options.mapper.bundle_adjustment.refine_focal_length = False
-    options.mapper.bundle_adjustment.refine_extra_params = False
-    options.mapper.bundle_adjustment.ceres.use_gpu = False
-    options.mapper.global_positioning.use_gpu = False
+    adjustment = options.mapper.bundle_adjustment
+    adjustment.refine_focal_length = adjustment.refine_extra_params = False
+    adjustment.ceres.use_gpu = options.mapper.global_positioning.use_gpu = False
     return options
 
 
@@ -140,7 +137,7 @@ def _finish(
         world_from_cam[row], inliers[row] = transforms.invert(cam_from_world), len(points)
         seen[row] = points
     _forget_weak(world_from_cam, inliers, seen, config.min_frame_points)
-    missing = [row for row in range(n) if row not in seen]
+    missing = set(range(n)) - set(seen)
     n_resected = place_frames(missing, world_from_cam, inliers, seen, matches, intrinsics_px)
     points3d = [model.point3D(i) for i in sorted(model.point3D_ids())]
     return Solution(
@@ -173,12 +170,9 @@ def _views(model: Any, frames: Frames) -> Iterator[tuple[int, np.ndarray, dict[i
     row_of_name = {image.name: row for row, image in enumerate(frames.images)}
     # Sorted, since COLMAP keeps them in hash tables.
     for image in map(model.image, sorted(model.reg_image_ids())):
-        yield (
-            row_of_name[image.name],
-            matrix_of(image.cam_from_world()),
-            {
-                feature: np.asarray(model.point3D(point.point3D_id).xyz)
-                for feature, point in enumerate(image.points2D)
-                if point.has_point3D()
-            },
-        )
+        points = {
+            feature: np.asarray(model.point3D(point.point3D_id).xyz)
+            for feature, point in enumerate(image.points2D)
+            if point.has_point3D()
+        }
+        yield row_of_name[image.name], matrix_of(image.cam_from_world()), points

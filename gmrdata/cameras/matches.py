@@ -14,14 +14,10 @@ from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
 DATABASE_FILE = "database.db"
-FEWEST_FEATURES = 8
-"""A frame with fewer can't be matched."""
-MIN_FRAMES = 3
-"""Frames with features that a reconstruction needs at least."""
-MASKED_SHARE = 0.9
-"""Masks that cover more than this leave nothing to be seen."""
-DARK_GREY = 24
-"""Frames whose 95th percentile is darker than this are black [of 255]."""
+FEWEST_FEATURES = 8  # a frame with fewer can't be matched
+MIN_FRAMES = 3  # frames with features that a reconstruction needs at least
+MASKED_SHARE = 0.9  # masks that cover more leave nothing to be seen
+DARK_GREY = 24  # frames whose 95th percentile is darker are black [of 255]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +43,7 @@ class Matches:
 
 
 def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:
-    """Find and match features; COLMAP's `database.db` stays in `work_dir` for the mappers.
-
-    Raises:
-        BadFrames: a mask is missing or of another size.
-        NoReconstruction: too few features outside the masks, or no two frames match.
-    """
+    """Find and match features; COLMAP's `database.db` stays in `work_dir` for the mappers."""
     pycolmap.set_random_seed(config.seed)
     database_path = work_dir / DATABASE_FILE
     _extract(frames, work_dir, config)
@@ -72,8 +63,8 @@ def _extract(frames: Frames, work_dir: Path, config: SfmConfig) -> None:
         colmap_masks_dir.mkdir()
         for image in frames.images:
             # COLMAP's sense: no features where the mask is 0.
-            mask = frames.mask(image)
-            write_gray(colmap_masks_dir / f"{image.name}.png", 255 * (mask <= 127).astype(np.uint8))
+            free = (frames.mask(image) <= 127).astype(np.uint8)
+            write_gray(colmap_masks_dir / f"{image.name}.png", 255 * free)
         reader.mask_path = str(colmap_masks_dir)
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = config.threads or own_cores()
@@ -101,8 +92,7 @@ def _match(database_path: Path, config: SfmConfig) -> None:
     matching = pycolmap.FeatureMatchingOptions()
     matching.num_threads = 1
     pairing = pycolmap.SequentialPairingOptions()
-    pairing.overlap = config.overlap
-    pairing.quadratic_overlap = True
+    pairing.overlap, pairing.quadratic_overlap = config.overlap, True
     pairing.num_threads = 1
     verification = pycolmap.TwoViewGeometryOptions()
     verification.min_num_inliers = config.min_pair_inliers
@@ -153,12 +143,11 @@ def _read(database_path: Path, images: list[Path]) -> Matches:
         for pair_id, geometry in zip(pair_ids, geometries, strict=True):
             first, second = (row_of_id[i] for i in pycolmap.pair_id_to_image_pair(pair_id))
             features = np.asarray(geometry.inlier_matches, dtype=np.int64).reshape(-1, 2)
-            if len(features) == 0:
-                continue
-            configuration = pycolmap.TwoViewGeometryConfiguration(geometry.config).name
-            if first > second:
-                first, second, features = second, first, features[:, ::-1]
-            pairs.append(PairMatches(first, second, features, configuration))
+            if len(features):
+                configuration = pycolmap.TwoViewGeometryConfiguration(geometry.config).name
+                if first > second:
+                    first, second, features = second, first, features[:, ::-1]
+                pairs.append(PairMatches(first, second, features, configuration))
     return Matches(keypoints_px, sorted(pairs, key=lambda pair: (pair.first, pair.second)))
 
 

@@ -1,8 +1,7 @@
 """Models of one sequence: joined where they share frames, and given the frames that they lack.
 
 COLMAP's incremental mapper starts a new model where it can't go on, and lets it grow back into
-frames that it has already.  What both models see there fixes the similarity between them.  Frames
-that no mapper placed are placed against the points that are known already.
+frames that it has already.  What both models see there fixes the similarity between them.
 """
 
 from collections import Counter
@@ -18,8 +17,7 @@ from gmrdata.cameras.solution import SeenPoints
 from gmrdata.values import transforms
 from gmrdata.values.camera import project_cam
 
-MIN_PNP_INLIERS = 20
-"""Points that a frame must agree with to be placed by them."""
+MIN_PNP_INLIERS = 20  # points that a frame must agree with to be placed by them
 
 
 def place_frames(
@@ -30,17 +28,13 @@ def place_frames(
     matches: Matches,
     intrinsics_px: np.ndarray,
 ) -> int:
-    """Place frames that lack a camera by the points that their matched neighbours see.
+    """Place frames by the points that their matched neighbours see; how many it could.
 
-    Cameras (T, 4, 4), numbers of points (T,) and `seen` are filled in place.  Returns how many
-    frames got a camera.
+    Cameras (T, 4, 4), numbers of points (T,) and `seen` are filled in place.
     """
-    camera = pycolmap.Camera(
-        model="PINHOLE",
-        width=round(2 * intrinsics_px[0, 2]),
-        height=round(2 * intrinsics_px[1, 2]),
-        params=list(pinhole_params(intrinsics_px)),
-    )
+    width_px, height_px = (round(2 * middle_px) for middle_px in intrinsics_px[:2, 2])
+    params = pinhole_params(intrinsics_px)
+    camera = pycolmap.Camera(model="PINHOLE", width=width_px, height=height_px, params=params)
     placed = 0
     for row, points in _points_of(set(rows), seen, matches).items():
         if len(points) < MIN_PNP_INLIERS:
@@ -64,31 +58,21 @@ def _points_of(rows: set[int], seen: SeenPoints, matches: Matches) -> SeenPoints
         for mine, other, column in ((pair.first, pair.second, 0), (pair.second, pair.first, 1)):
             if mine not in rows or other not in seen:
                 continue
-            for features in pair.features:
-                theirs = int(features[1 - column])
+            for own, theirs in pair.features[:, [column, 1 - column]].tolist():
                 if theirs in seen[other]:
-                    found[mine][int(features[column])] = seen[other][theirs]
+                    found[mine][own] = seen[other][theirs]
     return found
 
 
-MIN_SHARED_POINTS = 12
-"""Points that both models must have; a similarity is fixed by three."""
-MIN_COMMON_OBSERVATIONS = 2
-"""Image points by which a point of one model is known to be a point of the other."""
-POINT_ERROR_SHARE = 0.05
-"""How far apart the two may be, as a share of the distance to the camera: depths are uncertain."""
-MIN_INLIER_SHARE = 0.5
-"""Share of the shared points that must agree with the similarity."""
-MAX_SHARED_ERROR_PX = 4.0
-"""Median error at which one model's points appear in the other's cameras of the shared frames."""
+MIN_SHARED_POINTS = 12  # that both models must have; a similarity is fixed by three
+MIN_COMMON_OBSERVATIONS = 2  # image points by which points of both are known to be one
+POINT_ERROR_SHARE = 0.05  # how far apart the two may be, of the way to the camera: depths vary
+MIN_INLIER_SHARE = 0.5  # of the shared points that must agree with the similarity
+MAX_SHARED_ERROR_PX = 4.0  # median, of one model's points in the other's shared cameras
 
 
 def join_models(models: list[Any], seed: int) -> tuple[Any, tuple[ModelRecord, ...]]:
-    """Join to the largest model all that share enough with it, one after the other.
-
-    Returns the largest model, in its own world, with what was joined to it; and what became of
-    each model, the largest first.
-    """
+    """The largest model with all that share enough with it; what became of each, largest first."""
     ranked = sorted(models, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))
     whole, waiting = pycolmap.Reconstruction(ranked[0]), dict(enumerate(ranked[1:], start=1))
     records = {0: ModelRecord(whole.num_reg_images(), True, "the largest")}
@@ -139,11 +123,8 @@ def _similarity(whole: Any, model: Any, seed: int) -> tuple[Any | None, str]:
 
 def _owners(model: Any) -> dict[tuple[int, int], int]:
     """The point behind each image point, by image and number."""
-    return {
-        at: point_id
-        for point_id in sorted(model.point3D_ids())
-        for at in _image_points(model.point3D(point_id))
-    }
+    ids = sorted(model.point3D_ids())
+    return {at: point_id for point_id in ids for at in _image_points(model.point3D(point_id))}
 
 
 def _image_points(point: Any) -> list[tuple[int, int]]:
@@ -171,12 +152,11 @@ def _seen_from(model: Any, image_id: int) -> np.ndarray:
 
 def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list[int]) -> float:
     """Median distance at which the whole's points appear in the model's cameras and in its own."""
-    model_from_whole = whole_from_model.inverse()
+    back = whole_from_model.inverse()
     errors = []
     for image_id in shared:
         points = _seen_from(whole, image_id)
-        moved = points @ (model_from_whole.scale * model_from_whole.rotation.matrix()).T
-        moved += model_from_whole.translation
+        moved = points @ (back.scale * back.rotation.matrix()).T + back.translation
         own_px = _project(whole.image(image_id), points)
         errors.append(np.linalg.norm(_project(model.image(image_id), moved) - own_px, axis=1))
     return float(np.median(np.concatenate(errors)))
@@ -202,10 +182,9 @@ def _take_over(whole: Any, model: Any) -> None:
         known = sorted({owners[at] for at in seen if at in owners})
         free = [pycolmap.TrackElement(*at) for at in seen if at not in owners]
         if known:
-            frames = {e.image_id for e in whole.point3D(known[0]).track.elements}
             for element in free:
-                if element.image_id not in frames:
-                    frames.add(element.image_id)
+                track = whole.point3D(known[0]).track
+                if all(element.image_id != other.image_id for other in track.elements):
                     whole.add_observation(known[0], element)
         elif len(free) >= 2:
             whole.add_point3D(point.xyz, pycolmap.Track(free))

@@ -36,9 +36,9 @@ class RotationOnly:
     residuals_px: np.ndarray
     """(M,) reprojection error of the sampled matches within that group [px]."""
     pair_of_residual: np.ndarray
-    """(M,) index into the pairs that were used, ascending."""
+    """(M,) index into the P pairs that were used, ascending."""
     pairs_rows: np.ndarray
-    """(P, 2) first and second frame of the pairs that were used."""
+    """(P, 2) their first and second frame."""
     information: csr_array
     """(3T, 3T) of small turns in the world's axes, R <- exp(w) R, at the noise that the residuals
     show [1/rad^2]; the world is fixed at its first frame, and frames without a camera are zero."""
@@ -62,10 +62,7 @@ class _Rays(NamedTuple):
 def solve_rotation_only(
     matches: Matches, intrinsics_px: np.ndarray, inlier_px: float, rng: np.random.Generator
 ) -> RotationOnly:
-    """Fit pure rotations to all verified matches, of at least one pair.
-
-    A match supports a pairwise rotation up to a residual of `inlier_px`.
-    """
+    """Fit pure rotations to all verified matches; up to `inlier_px` one supports its pair's."""
     threshold_rad = inlier_px / float(intrinsics_px[0, 0])
     sampled = [_sample(pair, rng) for pair in matches.pairs]
     rays = [unit_rays(points, intrinsics_px) for points in matches.keypoints_px]
@@ -133,8 +130,7 @@ def _kabsch(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _sample(pair: PairMatches, rng: np.random.Generator) -> np.ndarray:
-    n = len(pair.features)
-    if n <= MATCHES_PER_PAIR:
+    if (n := len(pair.features)) <= MATCHES_PER_PAIR:
         return pair.features
     return pair.features[np.sort(rng.choice(n, MATCHES_PER_PAIR, replace=False))]
 
@@ -173,12 +169,10 @@ def _gather(
 def _predict(
     rotmats: np.ndarray, data: _Rays, intrinsics_px: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rays of the first frames, seen in the second ones; second_from_first rotations; errors.
-
-    Reprojection errors (M, 2) [px] of rays that turn out of sight count as far away.
-    """
+    """Rays in the second frames, second_from_first rotations, reprojection errors (M, 2) [px]."""
     second_from_first = np.swapaxes(rotmats[data.rows[:, 1]], 1, 2) @ rotmats[data.rows[:, 0]]
     seen = np.einsum("mij,mj->mi", second_from_first, data.first)
+    # Rays that turn out of sight count as far away.
     image_px = (seen / np.maximum(seen[:, 2:], 1e-3)) @ intrinsics_px[:2].T
     return seen, second_from_first, image_px - data.second_px
 
@@ -245,16 +239,10 @@ def _normal_equations(
 def slopes_by_turns(
     rays: np.ndarray, seen: np.ndarray, second_from_first: np.ndarray, focal_px: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How image points in second frames follow the rays, and small turns of both cameras.
+    """How image points in second frames follow rays (M, 3) and small turns of both cameras.
 
-    Args:
-        rays: (M, 3) in the first frames.
-        seen: (M, 3) the same in the second frames.
-        focal_px: (2,) fx and fy.
-
-    Returns:
-        Slopes (M, 2, 3) by `seen` [px], and (M, 2, 6) by turns R <- R exp(w) of the first and of
-        the second camera [px/rad].
+    Slopes (M, 2, 3) by rays `seen` (M, 3) in the second frames [px], and (M, 2, 6) by turns
+    R <- R exp(w) of the first and of the second camera [px/rad]; `focal_px` is fx and fy.
     """
     depth = np.maximum(seen[:, 2], 1e-3)
     projection = np.zeros((len(seen), 2, 3))

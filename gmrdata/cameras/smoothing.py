@@ -19,10 +19,8 @@ from gmrdata.cameras.files import NOT_SMOOTHED, Smoothing, SmoothPlace, SmoothTu
 from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.recipe import SfmConfig
 
-CAUCHY_SCALE_PX = 1.0
-"""As in the bundle adjustment."""
-LEAST_NOISE_PX = 0.05
-"""Image points are never taken to be better than this [px]."""
+CAUCHY_SCALE_PX = 1.0  # as in the bundle adjustment
+LEAST_NOISE_PX = 0.05  # image points are never taken to be better
 NEAREST_DEPTH = 1e-6
 
 
@@ -32,17 +30,13 @@ def camera_information(
     seen_points: Mapping[int, np.ndarray],
     intrinsics_px: np.ndarray,
 ) -> tuple[csr_array, np.ndarray]:
-    """Information of each camera's six degrees of freedom, from its reprojection Jacobian.
+    """(6T, 6T) block-diagonal J^T W J and (6T,) slope J^T W r of cameras, zero where there is none.
 
     The unknowns of a camera are a small turn w [rad] and a step d, both in the world's axes:
     R <- exp(w) R, c <- c + d.  Observations are weighted as by the Cauchy loss of the bundle
     adjustment, and by the noise that the residuals show.  The points (N, 3), by row of a frame
     with a camera as their image points (N, 2), are held fixed, so the errors that frames share
     through them are not in here.
-
-    Returns:
-        (6T, 6T) block-diagonal J^T W J and (6T,) slope J^T W r, both over the variance of the
-        image points; zero where there is no camera.
     """
     n = len(world_from_cam)
     blocks, slopes = np.zeros((n, 6, 6)), np.zeros((n, 6))
@@ -86,16 +80,14 @@ def _linearized(
     return focal_px * rays + intrinsics_px[:2, 2] - image_px, jacobian
 
 
-ITERATIONS = 3
-"""Corrections are small, so the first step is nearly all of it."""
+ITERATIONS = 3  # corrections are small, so the first step is nearly all of it
 OFTEN = 0.95
 """The path's own acceleration is the size that it keeps to so often: a single jump lies outside and
 is no way that the camera went, a burst of shake in a twentieth of the frames counts."""
 STRIDE = 3
 """Frames over which the path's own acceleration is looked at: noise is a ninth of what it is from
 frame to frame, while a shake of 3 Hz at 30 frames/s loses a quarter."""
-NOISE_SAMPLES = 50
-"""Second differences whose noise is worked out; its median counts."""
+NOISE_SAMPLES = 50  # second differences whose noise is worked out; its median counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +128,7 @@ class Differences:
 def second_differences(
     has_camera: np.ndarray, timeline: Timeline, max_gap_frames: int, stride: int = 1
 ) -> Differences:
-    """The threes of frames that follow each other without a long gap or a cut between them.
-
-    From one of the three to the next are `stride` frames with a camera.
-    """
+    """The threes of frames, `stride` placed ones apart, without a long gap or a cut between."""
     placed = np.flatnonzero(has_camera)
     near, reach = timeline.near(placed, max_gap_frames), 2 * stride
     starts = [i for i in range(len(placed) - reach) if near[i : i + reach].all()]
@@ -160,12 +149,9 @@ def smooth_cameras(
 
     Minimizes x^T H x / 2 + g^T x + sum |e(x)|^2 / (2 sigma^2) over the corrections x of all frames,
     with e their second differences of turn and of place: one sparse system of normal equations.
-
-    Args:
-        world_from_cam: (T, 4, 4) cameras where their images want them; NaN where there is none.
-        information: (kT, kT) matrix H: k = 6 by turn and step in the world's axes as
-            `camera_information` has them, or k = 3 by turn alone; `slope` (kT,) is g.
-        place_unit: Median distance of the background [unit of length].
+    The information (kT, kT) is H: k = 6 by turn and step in the world's axes as
+    `camera_information` has them, or k = 3 by turn alone; the slope (kT,) is g; the place's unit is
+    the background's median distance.
     """
     n, k = len(world_from_cam), information.shape[0] // len(world_from_cam)
     has_camera = np.isfinite(world_from_cam[:, 0, 0])

@@ -38,11 +38,9 @@ class Solution:
     track_lengths: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """(N,) frames that see each point."""
     models: tuple[files.ModelRecord, ...] = ()
-    """Separate models that the mapper returned, the largest first, and what became of them."""
     n_resected: int = 0
     """Frames that the mapper left out and that were placed against its points afterwards."""
     seen: SeenPoints = field(default_factory=dict)
-    """Points that each frame with a camera sees."""
     largest_turn_deg: float | None = None
     """Largest angle from the mean orientation; None for "full"."""
     smoothing: files.Smoothing = files.NOT_SMOOTHED

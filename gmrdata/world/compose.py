@@ -15,10 +15,7 @@ from gmrdata.values.motion import Motion
 
 
 def motion_in_world(seen: Motion, world_from_cam: np.ndarray, scale: float = 1.0) -> Motion:
-    """The person in the world: R_w = R_col R_c and T_w = R_col T_c + s T_col (eqs. 7 and 8).
-
-    `scale` is metres per unit of the cameras' (T, 4, 4) translations.
-    """
+    """R_w = R_col R_c and T_w = R_col T_c + s T_col (eqs. 7, 8), s metres per unit of T_col."""
     return _moved(seen, metric_cameras(world_from_cam, scale), "camera", "world")
 
 
@@ -45,12 +42,9 @@ def _moved(motion: Motion, b_from_a: np.ndarray, a: str, b: Literal["world", "ca
     )
 
 
-FEET_SIGMA_M = 0.02
-"""How far planted soles lie from one plane, as a standard deviation [m]."""
-BODY_UP_SIGMA_RAD = np.deg2rad(5.0)
-"""How far a person's mean up direction is from the vertical, as a standard deviation [rad]."""
-LARGEST_RESIDUAL_M = 0.05
-"""Planted soles further from one plane than this (RMS) are not on flat ground, as on stairs [m]."""
+FEET_SIGMA_M = 0.02  # standard deviation of planted soles from one plane
+BODY_UP_SIGMA_RAD = np.deg2rad(5.0)  # that of a person's mean up direction from the vertical
+LARGEST_RESIDUAL_M = 0.05  # soles further from one plane (RMS) are not on flat ground
 
 
 def level_from_world(

@@ -13,10 +13,8 @@ from gmrdata.world.planted_feet import SOLE_POINTS, standing
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 SAMPLES = 400
-LARGEST_TILT_RAD = np.deg2rad(15.0)
-"""Between the ground's normal and the person's mean up direction."""
-LOWEST_CAMERA = 0.1
-"""A camera nearer to the ground than this share of its distance to the feet tells too little."""
+LARGEST_TILT_RAD = np.deg2rad(15.0)  # between the ground's normal and the person's mean up
+LOWEST_CAMERA = 0.1  # a camera nearer to the ground, as a share of the way to the feet, is too low
 
 
 def ground_contact_scale(
@@ -81,12 +79,10 @@ def _near_feet(
 def _fit_plane(
     points: np.ndarray, up: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, float, int, float] | None:
-    """Normal (3,), offset, number and RMS of the points on the best nearly level plane.
-
-    Samples of three points, then least squares with Cauchy weights.
-    """
+    """Normal (3,), offset, number and RMS of the points on the best nearly level plane."""
     if len(points) < 3:
         return None
+    # Samples of three points, then least squares with Cauchy weights.
     rng = np.random.default_rng(0)
     corners = points[rng.integers(0, len(points), (SAMPLES, 3))]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

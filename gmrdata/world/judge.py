@@ -57,13 +57,15 @@ def _sequence_reasons(
     quality: CamerasQuality, jump_share: float, kept_share: float, config: VerdictConfig
 ) -> Iterator[str]:
     registered, fewest = quality.registered_share, config.min_registered_share
+    cuts, featureless = len(quality.cuts_after_frames), len(quality.featureless)
     if registered < fewest:
-        known = _without_camera(quality)
-        yield f"{registered:.0%} of the images have a camera, fewer than {fewest:.0%}{known}"
+        known = [f"{featureless} are black or even, or wholly masked"] if featureless else []
+        known += [f"the picture changes to another place {cuts} times"] if cuts else []
+        few = f"{registered:.0%} of the images have a camera, fewer than {fewest:.0%}"
+        yield "; ".join([few, ", ".join(known)] if known else [few])
     error_px, most_px = quality.mean_reprojection_px, config.max_reprojection_px
     if error_px > most_px:
         yield f"the mean reprojection error is {error_px:.2f} px, more than {most_px:g} px"
-    cuts = len(quality.cuts_after_frames)
     if cuts / max(1, quality.frames - 1) > config.max_cuts_share:
         yield (
             f"the picture changes to another place {cuts} times: images out of order, black, or "
@@ -99,14 +101,6 @@ def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[s
     apart, furthest = estimate.disagreement or 0.0, config.max_cue_disagreement
     if apart > furthest:
         yield f"two cues of the scale are {apart:.1f} standard errors apart, more than {furthest:g}"
-
-
-def _without_camera(quality: CamerasQuality) -> str:
-    """What is known of the images without a camera."""
-    featureless, cuts = len(quality.featureless), len(quality.cuts_after_frames)
-    known = [f"{featureless} are black or even, or wholly masked"] if featureless else []
-    known += [f"the picture changes to another place {cuts} times"] if cuts else []
-    return f"; {', '.join(known)}" if known else ""
 
 
 def frame_reasons(

@@ -14,17 +14,12 @@ from gmrdata.values.motion import Motion
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 SIDES = ("left", "right")
-SOLE_POINTS = slice(2, 5)
-"""Heel, ball and toe: the points that lie on the sole."""
-SOLE_THICKNESS_M = 0.02
-"""Rest vertices this close above the lowest one of a foot belong to its sole [m]."""
+SOLE_POINTS = slice(2, 5)  # heel, ball and toe
+SOLE_THICKNESS_M = 0.02  # rest vertices this close above a foot's lowest one belong to its sole
 
 
 def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
-    """Points of both feet (T, 2, 5, 3), in the motion's frame of reference [m].
-
-    Left and right; ankle joint, foot joint (ball), and the sole's heel, ball and toe vertices.
-    """
+    """Left and right ankle, foot joint, and the sole's heel, ball and toe, (T, 2, 5, 3) [m]."""
     from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 
     joints_m = motion_joints_m(body, motion)
@@ -36,10 +31,7 @@ def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
 
 
 def standing(points_world_m: np.ndarray, slip_m: float) -> np.ndarray:
-    """(T, ...) bool: points (T, ..., 3) that move less than `slip_m` to or from their next frame.
-
-    Unknown points are NaN, and don't stand.
-    """
+    """(T, ...) bool: points (T, ..., 3) that move less than `slip_m` to a neighbour; not NaN."""
     still = np.linalg.norm(np.diff(points_world_m, axis=0), axis=-1) < slip_m
     result = np.zeros(points_world_m.shape[:-1], dtype=bool)
     result[1:] |= still

@@ -126,10 +126,7 @@ def compose_clips(
     config: PseudoGtConfig,
     dataset_camera: np.ndarray | None,
 ) -> tuple[list[Clip], ScaleEstimate]:
-    """The clips in one metric, level world, and the scale that made it metric.
-
-    All are of the same T frames; the background's `points` (N, 3) are in the path's unit.
-    """
+    """The clips of the same T frames in one metric, level world, and the scale that made it so."""
     usable = [path.has_camera & clip.valid for clip in camera_clips]
     if max(rows.sum() for rows in usable) < 2:
         raise NoReconstruction(f"{camera_clips[0].id}: no two frames have both pose and camera")
@@ -187,4 +184,5 @@ def _level(
         root_rotmats.append(motion.root_rotmats[rows])
         pelvis_m.append(motion.pelvis_m[rows])
     forward = world_from_cam[np.any(usable, axis=0).argmax(), :3, 2]
-    return level_from_world(*map(np.concatenate, (root_rotmats, pelvis_m, planted_m)), forward)
+    rotmats, pelvises_m = np.concatenate(root_rotmats), np.concatenate(pelvis_m)
+    return level_from_world(rotmats, pelvises_m, np.concatenate(planted_m), forward)

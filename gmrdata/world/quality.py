@@ -27,7 +27,6 @@ class PseudoGtQuality(Record):
     scale: Figure | None
     """Metres per unit of the reconstruction; null where scale does not enter."""
     scale_sigma: Figure | None
-    """Its standard error; null together with it."""
     scale_matters: bool
     scale_disagreement: Figure | None
     """In standard errors; null for fewer than two cues."""

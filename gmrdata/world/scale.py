@@ -1,8 +1,7 @@
 """Metres per unit of a reconstruction, with an error bar, from independent cues.
 
-The person is metric, so their planted feet stand still (`planted_feet`) and on the triangulated
-ground (`ground_contact`) at the true scale only.  A data set's own metric camera drifts, but tells
-the path's length over short times (`short_windows`).
+The person is metric, so their planted feet stand still and on the triangulated ground at the true
+scale only.  A data set's own metric camera drifts, but tells the path's length over short times.
 """
 
 from collections.abc import Sequence
@@ -42,8 +41,7 @@ def short_windows_scale(
     power = float((moves**2).sum())
     if len(moves) < FEWEST_WINDOWS or power <= 0:
         return None
-    scale = float((moves * moves_m).sum()) / power
-    if scale <= 0:
+    if (scale := float((moves * moves_m).sum()) / power) <= 0:
         return None
     residual_m = float(np.sqrt(np.mean((moves_m - scale * moves) ** 2)))
     independent = max(1.0, known.sum() / fps_hz / config.drift_time_s)
@@ -87,13 +85,12 @@ NO_SCALE = ScaleEstimate(None, None, (), matters=False)
 
 @dataclass(frozen=True, eq=False)
 class SeenPerson:
-    """A person whose metric body is known in the frames of the cameras whose scale is sought."""
+    """A person in front of T cameras up to scale, NaN where they or the person are unknown."""
 
     motion: Motion
     """T frames, camera frame."""
     body: BodyModel
     camera_path: CameraPath
-    """T cameras up to scale; NaN where the camera or this person's motion is unknown."""
 
 
 def estimate_scale(
@@ -145,7 +142,7 @@ def estimate_scale(
 def _of_person(
     person: SeenPerson, points: np.ndarray | None, config: ScaleConfig
 ) -> list[CueEstimate]:
-    """The cues that one person's feet give; the ground's needs a rough scale to begin with."""
+    """The cues of one person's feet; the ground's needs a rough scale to begin with."""
     path, fps_hz = person.camera_path, person.motion.fps_hz
     feet_cam_m = foot_points_m(person.body, person.motion)
     feet = planted_feet_scale(path, feet_cam_m, fps_hz, config)

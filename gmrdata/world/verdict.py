@@ -1,7 +1,4 @@
-"""What was decided of a clip: accepted or not, which frames are dropped, and why.
-
-A person's decision on a sequence replaces the thresholds' one and says so.
-"""
+"""What was decided of a clip, by thresholds or a person: accepted or not, and what is dropped."""
 
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Literal, Self
@@ -36,7 +33,6 @@ class Verdict:
     reasons: tuple[str, ...]
     """Why not, for a rejected one; and what a person decided, for any."""
     dropped: tuple[Dropped, ...]
-    """Ranges in ascending order."""
 
     @property
     def kept(self) -> np.ndarray:
@@ -75,11 +71,7 @@ NOTHING_LEFT = "no frame can be used"
 
 
 class Override(Config):
-    """What a person decided who looked at a sequence.
-
-    Frames that are in none of the ranges, and a sequence without `verdict`, stay as the thresholds
-    left them.
-    """
+    """What a person decided who looked at a sequence; all else stays as the thresholds left it."""
 
     verdict: Literal["accepted", "rejected"] | None = None
     """Whether the sequence can be used; None: as the thresholds say, even where `keep` and `drop`
@@ -94,11 +86,12 @@ class Override(Config):
 
     @model_validator(mode="after")
     def _decides_something(self) -> Self:
-        for name, ranges in (("keep", self.keep), ("drop", self.drop)):
-            for start, stop in ranges:
-                if stop <= start:
-                    at = f"{name} {start}..{stop}"
-                    raise ValueError(f"{at} is empty; stop is one past the last frame")
+        named = [("keep", run) for run in self.keep] + [("drop", run) for run in self.drop]
+        for name, (start, stop) in named:
+            if stop <= start:
+                raise ValueError(
+                    f"{name} {start}..{stop} is empty; stop is one past the last frame"
+                )
         if self.verdict is None and not self.keep and not self.drop:
             raise ValueError("it decides nothing; give verdict, keep or drop, or leave it out")
         return self
