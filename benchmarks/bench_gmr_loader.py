@@ -17,7 +17,7 @@ import pytest
 import torch
 
 from gmrdata.gmr.config import ModelConfig, WindowConfig
-from gmrdata.gmr.flat_runs import PackRecord, RunRows, in_files
+from gmrdata.gmr.flat_runs import PackRecord, TrainingRun, in_files
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.steps import prefetched
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch
@@ -31,7 +31,7 @@ OUT = Path("out/bench/gmr_loader.json")
 Batches = Callable[[Callable[[int], Batch], Iterable[int]], Iterator[tuple[int, Batch]]]
 
 
-def random_walks(n_runs: int) -> Iterator[RunRows]:
+def random_walks(n_runs: int) -> Iterator[TrainingRun]:
     """Runs in which each joint's quaternion and the root go on at random."""
     rng = np.random.default_rng(0)
     for _ in track(range(n_runs), "packing", total=n_runs):
@@ -43,7 +43,7 @@ def random_walks(n_runs: int) -> Iterator[RunRows]:
         roots = np.stack([cos, -sin, no, sin, cos, no, no, no, no + 1], axis=1)
         pelvis_m = np.cumsum(0.1 * rng.normal(size=(RUN_FRAMES, 3)), axis=0)
         poses = quaternions.reshape(RUN_FRAMES, 92)
-        yield RunRows(0, poses, roots.reshape(-1, 3, 3), pelvis_m, np.zeros(10))
+        yield TrainingRun(poses, roots.reshape(-1, 3, 3), pelvis_m, np.zeros(10))
 
 
 def one_by_one(make: Callable[[int], Batch], steps: Iterable[int]) -> Iterator[tuple[int, Batch]]:

@@ -6,8 +6,8 @@ import torch
 from gmr.steps import bare_step, our_step, recipe, workload
 from gmr.timing import paired
 
-from gmrdata.gmr.model import parameter_count
 from gmrdata.values.body import BodyModel
+from tests.gmr.direct_reading import parameter_count
 
 LAYERS, HIDDEN, BATCH, FRAMES, PAIRS = 4, 2048, 32, 64, 20
 PRODUCT_SIZE, PRODUCTS = 8192, 10

@@ -117,7 +117,7 @@ def direct_loss(work: Workload, model: Gmr, batch: Batch) -> Tensor:
         for motions in (predicted, batch.motions)
     )
     distances_m = (predicted_m - true_m).abs().sum(-1).mean(-1)
-    return terms.total + work.config.loss.vertex * distances_m[batch.mask].mean()
+    return terms["loss"] + work.config.loss.vertex * distances_m[batch.mask].mean()
 
 
 def bare_step(work: Workload) -> Step:

@@ -56,8 +56,7 @@ def as_if_still(seen: Motion) -> Motion:
 class CameraFiles:
     """Where one clip's recovered cameras lie."""
 
-    cameras_path: Path
-    """`cameras.npz` of a reconstruction."""
+    cameras_path: Path  # `cameras.npz` of a reconstruction
     quality_path: Path | None
     """`quality.json` of the pseudo ground truth, which states the scale; None where there is
     none."""
@@ -146,7 +145,6 @@ class CameraFigures(MethodFigures):
     """What the record says of this baseline."""
 
     camera: WhichCamera
-    """Which camera was applied."""
 
 
 class CameraPredictions(Predictions):

@@ -13,8 +13,7 @@ from gmrdata.values.errors import BadKeypoints
 
 BEYOND_IMAGE_SHARE = 0.1
 """How far outside the image a detector may put a joint, as a share of the larger side."""
-SAME_SHAPE = 0.02
-"""By how much the ratio of the sides may differ where images were made smaller."""
+SAME_SHAPE = 0.02  # by how much the ratio of the sides may differ where images were made smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +22,8 @@ class ClipKeypoints:
 
     points: np.ndarray
     """(T, 24, 3) x [px], y [px], confidence of SMPL's joints; zero where there is none."""
-    missing: tuple[str, ...]
-    """(T,) why a row has nothing; empty where it has."""
-    n_crowded: int
-    """Rows in which one of several people was chosen."""
+    missing: tuple[str, ...]  # (T,) why a row has nothing; empty where it has
+    n_crowded: int  # rows in which one of several people was chosen
 
 
 def clip_keypoints(

@@ -76,14 +76,10 @@ class MeanConfig(Config):
 class MeanFigures(MethodFigures):
     """The mean motion, as the record has it."""
 
-    mean_rotvec_rad: tuple[float, float, float]
-    """dR as a rotation vector [rad]."""
-    mean_m: tuple[float, float, float]
-    """dT [m]."""
+    mean_rotvec_rad: tuple[float, float, float]  # dR as a rotation vector [rad]
+    mean_m: tuple[float, float, float]  # dT [m]
     fps_hz: float
-    """Frame rate [Hz]."""
-    n_motions: int
-    """How many were averaged."""
+    n_motions: int  # how many were averaged
 
 
 class MeanPredictions(Predictions):
@@ -96,14 +92,10 @@ class MeanPredictions(Predictions):
 class MeanMotion:
     """The mean motion from one frame to the next."""
 
-    delta_rotmat: np.ndarray
-    """(3, 3) dR."""
-    delta_m: np.ndarray
-    """(3,) dT [m]."""
+    delta_rotmat: np.ndarray  # (3, 3) dR
+    delta_m: np.ndarray  # (3,) dT [m]
     fps_hz: float
-    """Frame rate [Hz]."""
-    n_motions: int
-    """How many were averaged."""
+    n_motions: int  # how many were averaged
 
 
 def predict_mean(

@@ -4,24 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from gmrdata.gmr.config import LossConfig, Representation, StepsConfig, WindowConfig
-from gmrdata.values.records import Config
-
-
-class JointModelConfig(Config):
-    """Size of the network: GMR's, with image features in place of local poses."""
-
-    layers: int = Field(default=4, ge=1)
-    """Bidirectional GRU layers, as GMR's 4."""
-    hidden: int = Field(default=2048, ge=1)
-    """Units per direction, and size of the latent feature, as GMR's 2048."""
-    output: Representation = "axis-angle"
-    """Representation of dR; local rotations are always put out in 6D, as VIBE does."""
-    dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
-    """Share of features dropped in training between GRU layers and before the last; not the
-    paper's."""
-    output_scale: float = Field(default=1.0, gt=0.0)
-    """Factor on the motion's output; see `gmrdata.gmr.config.ModelConfig`."""
+from gmrdata.gmr.config import LossConfig, NetworkConfig, StepsConfig, WindowConfig
 
 
 class JointConfig(StepsConfig):
@@ -32,9 +15,8 @@ class JointConfig(StepsConfig):
     """
 
     recipe: Literal["joint"] = "joint"
-    """Kind of recipe."""
-    model: JointModelConfig = JointModelConfig()
-    """The network."""
+    model: NetworkConfig = NetworkConfig()
+    """The network; local rotations are always put out in 6D, as VIBE does."""
     loss: LossConfig = LossConfig()
     """Eq. 5 for the motion.  The vertex term poses the body by the true local pose."""
     local_pose: float = Field(default=1.0, ge=0.0)
@@ -49,7 +31,6 @@ class JointConfig(StepsConfig):
 
     @property
     def windows(self) -> WindowConfig:
-        """How windows are cut."""
         return WindowConfig(
             frames=self.frames, fps_hz=self.fps_hz, reverse_probability=self.reverse_probability
         )

@@ -6,18 +6,15 @@ may hold NaN.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from gmrdata.baselines.joint_config import JointConfig
-from gmrdata.gmr.flat_runs import RunRows, in_memory
-from gmrdata.gmr.losses import Motions
+from gmrdata.gmr.flat_runs import TrainingRun, in_memory
 from gmrdata.gmr.runs import MIN_FRAMES, check_finite
-from gmrdata.gmr.windows import TrainingSet, sample_window, stacked
+from gmrdata.gmr.windows import Batch, TrainingSet, sample_window, stacked
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.clip import Clip
@@ -26,23 +23,15 @@ from gmrdata.values.files import read_npz
 from gmrdata.values.motion import whole_ratio
 
 KEY = "features"
-N_LOCAL_VALUES = N_LOCAL * 9
-"""Numbers of the local rotations of a frame."""
+N_LOCAL_VALUES = N_LOCAL * 9  # numbers of the local rotations of a frame
 
 
 def features_path(folder: Path, clip_id: str) -> Path:
-    """Where the features of a clip lie."""
     return folder / f"{clip_id}.npz"
 
 
 def load_features(folder: Path, clip: Clip) -> np.ndarray:
-    """The features of a clip's rows: (T, D) float32.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: not readable as an .npz of plain arrays.
-        BadFeatures: no array of that name and shape, or NaN in a valid row.
-    """
+    """The features of a clip's rows: (T, D) float32."""
     path = features_path(folder, clip.id)
     if not path.is_file():
         raise MissingInput(f"{path}: no image features of clip {clip.id}; write `{KEY}` (T, D)")
@@ -62,30 +51,8 @@ def load_features(folder: Path, clip: Clip) -> np.ndarray:
     return np.asarray(found, dtype=np.float32)
 
 
-@dataclass(frozen=True, eq=False)
-class JointBatch:
-    """B windows of T frames as tensors."""
-
-    features: Tensor
-    """(B, T, D); zero in padding."""
-    lengths: Tensor
-    """(B,) int64 on the CPU: real frames."""
-    frame_mask: Tensor
-    """(B, T) bool: real frames."""
-    motions: Motions
-    """True motions; the identity in padding."""
-    local_rotmats: Tensor
-    """(B, T, 23, 3, 3) true local poses; the identity in padding."""
-    shape: Tensor
-    """(B, S)."""
-
-
 def rows_per_frame(clip: Clip, fps_hz: float) -> int:
-    """How many rows of a clip there are for one frame of the network.
-
-    Raises:
-        BadMotionFile: the clip's rate is no whole multiple.
-    """
+    """How many rows of a clip there are for one frame of the network."""
     step = whole_ratio(clip.motion.fps_hz, fps_hz)
     if step is None:
         raise BadMotionFile(
@@ -95,34 +62,21 @@ def rows_per_frame(clip: Clip, fps_hz: float) -> int:
     return step
 
 
-def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float) -> list[RunRows]:
+def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float) -> list[TrainingRun]:
     """Runs of a clip's valid frames, all phases of a higher rate.
 
-    Args:
-        clip: The clip, in the world frame.
-        features: (T, D) of its rows.
-        fps_hz: The network's rate [Hz].
-
-    Returns:
-        Runs whose rows are the features, and the local rotations after them (`split_rows`).
-
-    Raises:
-        BadMotionFile: a valid frame holds NaN, or the rate does not fit.
+    Their rows are the features (T, D), and the local rotations after them (`split_rows`).
     """
     check_finite(clip)
     step = rows_per_frame(clip, fps_hz)
     motion = clip.motion
     local = motion.local_rotmats.reshape(motion.n_frames, -1)
     rows = np.concatenate([features, local.astype(np.float32)], axis=1)
-    phases = [
-        slice(start + phase, stop, step)
-        for start, stop in valid_runs(clip.valid)
-        for phase in range(step)
-        if stop - start - phase > (MIN_FRAMES - 1) * step
-    ]
     return [
-        RunRows(0, rows[now], motion.root_rotmats[now], motion.pelvis_m[now], motion.shape)
-        for now in phases
+        TrainingRun(rows[now], motion.root_rotmats[now], motion.pelvis_m[now], motion.shape)
+        for start, stop in valid_runs(clip.valid)
+        for now in (slice(start + phase, stop, step) for phase in range(step))
+        if stop - now.start > (MIN_FRAMES - 1) * step
     ]
 
 
@@ -133,13 +87,7 @@ def split_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def training_runs(pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float) -> TrainingSet:
-    """Runs of all training clips.
-
-    Raises:
-        BadFeatures: clips have features of different sizes.
-        BadManifest: no clip has two valid frames in a row.
-        BadMotionFile: as `joint_runs`.
-    """
+    """Runs of all training clips, with features of one size."""
     sizes = sorted({features.shape[1] for _, features in pairs})
     if len(sizes) > 1:
         raise BadFeatures(
@@ -155,18 +103,21 @@ def training_runs(pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float) -> Tr
     return TrainingSet(in_memory(runs), "6d")
 
 
-def make_joint_batch(training_set: TrainingSet, config: JointConfig, step: int) -> JointBatch:
-    """The windows of one step: the same for the same recipe and step."""
+def make_joint_batch(training_set: TrainingSet, config: JointConfig, step: int) -> Batch:
+    """The windows of one step, with features as input: the same for the same recipe and step.
+
+    Local rotations are the identity in padding.
+    """
     rng = np.random.default_rng([config.seed, step])
     windows = [sample_window(training_set, config.windows, rng) for _ in range(config.batch_size)]
     rows, lengths, motions = stacked(windows, config.frames)
     features, local_rotmats = split_rows(rows)
     is_real = np.arange(config.frames) < lengths[:, None]
     local_rotmats[~is_real] = np.eye(3)
-    return JointBatch(
-        features=torch.from_numpy(features),
+    return Batch(
+        poses=torch.from_numpy(features),
         lengths=torch.from_numpy(lengths),
-        frame_mask=torch.from_numpy(is_real),
+        mask=torch.from_numpy(is_real[:, 1:]),
         motions=motions,
         local_rotmats=torch.from_numpy(local_rotmats),
         shape=torch.from_numpy(np.stack([window.shape for window in windows])),

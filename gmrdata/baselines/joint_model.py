@@ -11,93 +11,68 @@ from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr import rotations
 from gmrdata.gmr.checkpoint import StepState, load_weights, read_step_state, trained_checkpoint
 from gmrdata.gmr.losses import Motions
-from gmrdata.gmr.model import encode, make_encoder, motions_of
+from gmrdata.gmr.model import MotionNetwork
 from gmrdata.values.body import N_LOCAL
+from gmrdata.values.shapes import Float
 
 
 class JointState(StepState):
     """`state.json` of a kept step."""
 
     format: Literal["gmrdata-joint/2"] = "gmrdata-joint/2"
-    n_features: int
-    """Numbers per frame that the network takes."""
+    n_features: int  # numbers per frame that the network takes
     config: JointConfig
-    """The recipe."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointOutput:
     """What the network sees in B sequences of T frames."""
 
-    motions: Motions
-    """dR (B, T-1, 3, 3) and dT (B, T-1, 3) [m]."""
-    local_rotmats: Tensor
-    """(B, T, 23, 3, 3) parent_from_joint."""
+    motions: Motions  # dR (B, T-1, 3, 3) and dT (B, T-1, 3) [m]
+    local_rotmats: Tensor  # (B, T, 23, 3, 3) parent_from_joint
 
 
-class JointModel(nn.Module):
+class JointModel(MotionNetwork):
     """GMR's encoder over image features, with a head for the motion and one for the local pose."""
 
     feature_mean: Tensor
     feature_scale: Tensor
     mean_pose: Tensor
-    identity: Tensor
 
     def __init__(self, config: JointConfig, n_features: int) -> None:
-        super().__init__()
+        super().__init__(n_features, config.model)
         self.config = config
         self.n_features = n_features
-        size = config.model
-        self.encoder = make_encoder(n_features, size.hidden, size.layers, size.dropout)
-        self.projection = nn.Linear(2 * size.hidden, size.hidden)
-        self.dropout = nn.Dropout(size.dropout)
-        self.motion = nn.Linear(size.hidden, rotations.SIZE[size.output] + 3)
-        self.pose = nn.Linear(size.hidden, N_LOCAL * rotations.SIZE["6d"])
+        hidden = config.model.hidden
+        self.motion = nn.Linear(hidden, rotations.SIZE[config.model.output] + 3)
+        self.pose = nn.Linear(hidden, N_LOCAL * rotations.SIZE["6d"])
         self.register_buffer("feature_mean", torch.zeros(n_features))
         self.register_buffer("feature_scale", torch.ones(n_features))
         self.register_buffer("mean_pose", torch.tensor(rotations.IDENTITY["6d"]).repeat(N_LOCAL))
-        self.register_buffer(
-            "identity", torch.tensor(rotations.IDENTITY[size.output]), persistent=False
-        )
 
-    def start_from(self, features: Tensor, local_rotmats: Tensor) -> None:
-        """Take the scale of the inputs and the mean pose from training frames.
-
-        Args:
-            features: (n, D).
-            local_rotmats: (n, 23, 3, 3).
-        """
+    def start_from(
+        self, features: Float[Tensor, "n numbers"], local_rotmats: Float[Tensor, "n 23 3 3"]
+    ) -> None:
+        """Take the scale of the inputs and the mean pose from training frames."""
         self.feature_mean.copy_(features.mean(0))
         # A feature that never changes says nothing, and stays at zero.
         spread = features.std(0, correction=0)
         self.feature_scale.copy_(torch.where(spread > 0, 1 / spread.clamp_min(1e-12), 0.0))
         self.mean_pose.copy_(rotations.from_rotmats(local_rotmats, "6d").flatten(1).mean(0))
 
-    def forward(self, features: Tensor, lengths: Tensor | None = None) -> JointOutput:
-        """Local poses of T frames, and the T-1 motions between them.
-
-        Args:
-            features: (B, T, D).
-            lengths: (B,) int on the CPU: real frames of each row; None where all T are real.
-        """
+    def forward(
+        self, features: Float[Tensor, "batch frames numbers"], lengths: Tensor | None = None
+    ) -> JointOutput:
+        """Local poses of T frames, and the T-1 motions between them; `lengths` as in `features`."""
         scaled = (features - self.feature_mean) * self.feature_scale
-        latent = self.dropout(self.projection(encode(self.encoder, scaled, lengths)))
-        size = self.config.model
-        values = self.motion(latent[:, :-1]) * size.output_scale
+        latent = self.features(scaled, lengths)
         poses = (self.mean_pose + self.pose(latent)).unflatten(-1, (N_LOCAL, -1))
-        return JointOutput(
-            Motions(*motions_of(values, size.output, self.identity)),
-            rotations.to_rotmats(poses, "6d"),
-        )
+        motions = Motions(*self.motions(self.motion(latent[:, :-1])))
+        return JointOutput(motions, rotations.to_rotmats(poses, "6d"))
 
 
 def load_joint(run_dir: Path) -> JointModel:
-    """The network of a run, on the CPU, in evaluation mode.
-
-    Raises:
-        MissingInput: the folder holds no such network.
-        BadCheckpoint: a file is truncated, or of another network.
-    """
+    """The network of a run, on the CPU, in evaluation mode."""
     folder = trained_checkpoint(run_dir)
     state = read_step_state(folder, JointState)
     model = JointModel(state.config, state.n_features)

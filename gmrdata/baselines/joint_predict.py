@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
 
-from gmrdata.baselines.joint_data import features_path, load_features
+from gmrdata.baselines.joint_data import features_path, load_features, rows_per_frame
+from gmrdata.baselines.joint_model import JointModel, load_joint
 from gmrdata.baselines.predictions import (
     NetworkFigures,
     NetworkPredictions,
@@ -25,9 +27,6 @@ from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadFeatures
 from gmrdata.values.records import Config
 
-if TYPE_CHECKING:
-    from gmrdata.baselines.joint_model import JointModel
-
 
 class JointPredictConfig(Config):
     """There is nothing to choose: the frame rate is the network's."""
@@ -40,13 +39,8 @@ def predict_joint(
 
     Args:
         run_dir: A finished run of `gmrdata.baselines.joint_train`.
-        manifest_path: The clips.
-        features_dir: Their image features; see `gmrdata.baselines.joint_data`.
-        out_dir: Folder to make; see `gmrdata.baselines.predictions`.  Clips are at the network's
-            frame rate.
-
-    Returns:
-        `out_dir`.
+        features_dir: The clips' image features; see `gmrdata.baselines.joint_data`.
+        out_dir: See `gmrdata.baselines.predictions`.  Clips are at the network's frame rate.
 
     Raises:
         MissingInput: a file is not there.
@@ -61,8 +55,6 @@ def predict_joint(
     }
 
     def work(partial_dir: Path) -> None:
-        from gmrdata.baselines.joint_model import load_joint
-
         model = load_joint(run_dir)
         predictions = []
         for one in subjects:
@@ -79,19 +71,11 @@ def predict_joint(
     return run_stage("baseline-joint", out_dir, JointPredictConfig(), inputs, work, run=run)
 
 
-def seen_in_features(model: "JointModel", subject: Subject, features: np.ndarray) -> Prediction:
-    """What the network sees of a subject, every run of valid frames a sequence of its own.
+def seen_in_features(model: JointModel, subject: Subject, features: np.ndarray) -> Prediction:
+    """What the network sees in features (T, D), every run of valid frames a sequence of its own.
 
-    Args:
-        model: The network, in evaluation mode.
-        subject: The subject; its shape is kept, its motion is not looked at but for the first pose.
-        features: (T, D) of its rows.
-
-    Raises:
-        BadMotionFile: the clip's rate is no multiple of the network's.
+    The subject's shape is kept; its motion is not looked at but for the first pose.
     """
-    from gmrdata.baselines.joint_data import rows_per_frame
-
     clip = subject.clip
     step = rows_per_frame(clip, model.config.fps_hz)
     rows, valid = every_row(clip.valid, step)
@@ -114,11 +98,8 @@ def seen_in_features(model: "JointModel", subject: Subject, features: np.ndarray
     return predicted(subject, motion, valid, step=step)
 
 
-def _seen(model: "JointModel", features: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _seen(model: JointModel, features: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Local rotations (n, 23, 3, 3), dR (n-1, 3, 3) and dT (n-1, 3) [m], orthonormal to float64."""
-    import torch
-    from scipy.spatial.transform import Rotation
-
     with torch.no_grad():
         output = model(torch.from_numpy(np.ascontiguousarray(features))[None])
 

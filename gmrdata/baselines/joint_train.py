@@ -16,7 +16,6 @@ from torch import Tensor
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.baselines.joint_data import (
-    JointBatch,
     features_path,
     load_features,
     make_joint_batch,
@@ -24,19 +23,13 @@ from gmrdata.baselines.joint_data import (
     training_runs,
 )
 from gmrdata.baselines.joint_model import JointModel, JointOutput, JointState
-from gmrdata.gmr.checkpoint import (
-    latest_checkpoint,
-    load_optimizer,
-    load_weights,
-    read_step_state,
-    save_step,
-)
+from gmrdata.gmr import checkpoint
 from gmrdata.gmr.losses import gmr_loss
 from gmrdata.gmr.parallel import check_device
 from gmrdata.gmr.runs import check_clips_fit, usable_clips
 from gmrdata.gmr.steps import Log, derived_seed, fill_gradients, is_due, run_steps, torch_settings
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
-from gmrdata.gmr.windows import TrainingSet
+from gmrdata.gmr.windows import Batch, TrainingSet
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
@@ -54,14 +47,8 @@ def train_joint(
     """Train the network on the clips of manifests.  A run that was stopped goes on where it was.
 
     Args:
-        manifest_paths: Manifests whose clips are trained on.
         features_dir: Their image features; see `gmrdata.baselines.joint_data`.
-        run_dir: The run folder to make.
-        config: The recipe; None for its defaults.
         body_path: Body of the clips, as `load_body` takes it; None for the default body.
-
-    Returns:
-        `run_dir`.
 
     Raises:
         BadManifest: no clips to train on, or of another body than the given one.
@@ -93,19 +80,7 @@ def train_joint(
 def fit_joint(
     training_set: TrainingSet, body: BodyModel, run_dir: Path, config: JointConfig
 ) -> JointModel:
-    """Train a network: goes on from the folder's latest checkpoint, or begins.
-
-    Args:
-        training_set: What to train on.
-        body: Its body.
-        run_dir: Gets `checkpoints` and `metrics.jsonl`.
-        config: The recipe.
-
-    Raises:
-        TrainingDiverged: the loss became infinite or NaN.
-        BadCheckpoint: the checkpoint to go on from is broken.
-        StageFailed: a GPU is asked for, and there is none.
-    """
+    """Train a network: goes on from the folder's latest checkpoint, or begins."""
     check_device(config.device)
     with torch_settings(config.device, config.threads, derived_seed(config.seed, 0)):
         learner = _JointLearner(training_set, body, run_dir, config)
@@ -128,14 +103,14 @@ class _JointLearner:
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
         self.done = self._resume()
 
-    def batch_of(self, step: int) -> JointBatch:
+    def batch_of(self, step: int) -> Batch:
         return make_joint_batch(self._training_set, self._config, step + 1)
 
-    def gradients(self, batch: JointBatch) -> dict[str, float]:
+    def gradients(self, batch: Batch) -> dict[str, float]:
         config = self._config
 
         def terms() -> dict[str, Tensor]:
-            output = self.model(batch.features.to(config.device), batch.lengths)
+            output = self.model(batch.poses.to(config.device), batch.lengths)
             return joint_loss(output, batch, self._loss_body, config)
 
         return fill_gradients(self.model, terms, config.gradient_norm)
@@ -151,38 +126,33 @@ class _JointLearner:
                 n_features=self.model.n_features,
                 config=self._config,
             )
-            save_step(self._run_dir, state, self.model, self.optimizer)
+            checkpoint.save_step(self._run_dir, state, self.model, self.optimizer)
 
     def _resume(self) -> int:
-        folder = latest_checkpoint(self._run_dir)
+        folder = checkpoint.latest_checkpoint(self._run_dir)
         if folder is None:
             return 0
-        load_weights(folder, self.model)
-        load_optimizer(folder, self.model, self.optimizer)
-        return read_step_state(folder, JointState).step
+        checkpoint.load_weights(folder, self.model)
+        checkpoint.load_optimizer(folder, self.model, self.optimizer)
+        return checkpoint.read_step_state(folder, JointState).step
 
 
 def joint_loss(
-    output: JointOutput, batch: JointBatch, loss_body: LossBody, config: JointConfig
+    output: JointOutput, batch: Batch, loss_body: LossBody, config: JointConfig
 ) -> dict[str, Tensor]:
-    """Eq. 5 of the motion, and the chordal loss of the local pose.
-
-    Returns:
-        `loss`, which is minimised, and its terms before they are weighted.
-    """
+    """Eq. 5 of the motion and the chordal loss of the local pose; terms are not weighted yet."""
     device = output.local_rotmats.device
     true_local = batch.local_rotmats.to(device)
     bodies = None
     if config.loss.vertex > 0:
         bodies = Bodies(loss_body, batch.shape.to(device), true_local[:, :-1])
-    mask = batch.frame_mask.to(device)
-    motion = gmr_loss(
-        output.motions, batch.motions.to(device), mask[:, 1:], bodies, config.loss
-    ).by_name()
+    true, mask = batch.motions.to(device), batch.mask.to(device)
+    motion = gmr_loss(output.motions, true, mask, bodies, config.loss)
     per_joint = (output.local_rotmats - true_local).square().sum((-1, -2))
+    is_real = (torch.arange(per_joint.shape[1]) < batch.lengths[:, None]).to(device)
     if config.loss.reduction == "mean":
-        local_pose = per_joint.mean(-1)[mask].mean()
+        local_pose = per_joint.mean(-1)[is_real].mean()
     else:
-        local_pose = torch.where(mask[..., None], per_joint, 0.0).sum() / len(mask)
+        local_pose = torch.where(is_real[..., None], per_joint, 0.0).sum() / len(is_real)
     loss = motion.pop("loss") + config.local_pose * local_pose
     return {"loss": loss, "local_pose": local_pose} | motion

@@ -17,8 +17,7 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import motion_joints_m
 
-NEAREST_M = 0.1
-"""Joints nearer to the camera's plane than this can't be in the picture [m]."""
+NEAREST_M = 0.1  # joints nearer to the camera's plane than this can't be in the picture [m]
 
 
 class PlacementConfig(Config):
@@ -128,10 +127,8 @@ NOT_TOLD = "too few joints detected, or none of them before the camera"
 class Placed:
     """Where a person is over T rows."""
 
-    pelvis_m: np.ndarray
-    """(T, 3) in the camera's frame [m]; NaN where it is not known."""
-    missing: tuple[str, ...]
-    """(T,) why it is not known; empty where it is."""
+    pelvis_m: np.ndarray  # (T, 3) in the camera's frame [m]; NaN where it is not known
+    missing: tuple[str, ...]  # (T,) why it is not known; empty where it is
     residual_px: float | None
     """Median distance of the joints from their keypoints; None where no row is known [px]."""
 

@@ -27,10 +27,8 @@ from gmrdata.values.records import Config, Record
 class Subject:
     """A clip of the manifest, and what writing another motion of the same body takes."""
 
-    clip: Clip
-    """The clip; `valid` is False outside the manifest's kept ranges, and True somewhere."""
-    rest_pelvis_m: np.ndarray
-    """(3,) J0 of its body and shape, rest frame [m]."""
+    clip: Clip  # the clip; `valid` is False outside the manifest's kept ranges, and True somewhere
+    rest_pelvis_m: np.ndarray  # (3,) J0 of its body and shape, rest frame [m]
 
 
 def manifest_subjects(path: Path) -> tuple[list[Subject], dict[str, str]]:
@@ -100,12 +98,9 @@ RECORD = "predictions.json"
 class ClipFigures(Config):
     """What the record says of a clip."""
 
-    fps_hz: float
-    """Rate of its predicted motion [Hz]."""
+    fps_hz: float  # rate of its predicted motion [Hz]
     n_frames: int
-    """Its frames."""
-    n_valid: int
-    """Those that are predicted."""
+    n_valid: int  # those that are predicted
 
 
 class MethodFigures(Config):
@@ -115,8 +110,7 @@ class MethodFigures(Config):
 class NetworkFigures(MethodFigures):
     """A method that uses a trained network."""
 
-    run: str
-    """Name of its run folder."""
+    run: str  # name of its run folder
 
 
 class Predictions(Record):
@@ -124,13 +118,9 @@ class Predictions(Record):
 
     format: Literal["gmrdata-predictions/1"] = "gmrdata-predictions/1"
     method: str
-    """Name of the baseline."""
-    figures: MethodFigures
-    """What there is to say of the method."""
-    clips: Mapping[str, ClipFigures]
-    """Clips that are predicted, by id."""
-    left_out: dict[str, str]
-    """Why clips are not predicted, by id."""
+    figures: MethodFigures  # what there is to say of the method
+    clips: Mapping[str, ClipFigures]  # clips that are predicted, by id
+    left_out: dict[str, str]  # why clips are not predicted, by id
 
 
 class NetworkPredictions(Predictions):
@@ -143,12 +133,9 @@ class NetworkPredictions(Predictions):
 class Prediction:
     """One clip's predicted world motion."""
 
-    clip: Clip
-    """The motion, without camera."""
-    rest_pelvis_m: np.ndarray
-    """(3,) J0 of its body and shape, rest frame [m]."""
-    figures: Mapping[str, object]
-    """What the method's record says of a clip besides `ClipFigures`."""
+    clip: Clip  # the motion, without camera
+    rest_pelvis_m: np.ndarray  # (3,) J0 of its body and shape, rest frame [m]
+    figures: Mapping[str, object]  # what the method's record says of a clip besides `ClipFigures`
 
 
 def predicted(

@@ -37,8 +37,7 @@ from gmrdata.values.rows import text_runs
 class VibeCamConfig(Config):
     """How people are placed, and who they are among the detected."""
 
-    placement: PlacementConfig = PlacementConfig()
-    """The fit of one frame."""
+    placement: PlacementConfig = PlacementConfig()  # the fit of one frame
     person_ids: Mapping[str, int] = Field(default_factory=dict)
     """Track of STAF to follow, by clip id; others take the most confident person of each frame."""
     image_size_px: tuple[int, int] | None = None
@@ -48,12 +47,9 @@ class VibeCamConfig(Config):
 class UnpredictedRows(Config):
     """Rows start, start + 1, ..., stop - 1."""
 
-    start: int
-    """The first."""
-    stop: int
-    """One past the last."""
-    reason: str
-    """Why they have no prediction."""
+    start: int  # the first
+    stop: int  # one past the last
+    reason: str  # why they have no prediction
 
 
 class PlacedFigures(ClipFigures):
@@ -61,10 +57,8 @@ class PlacedFigures(ClipFigures):
 
     median_residual_px: float | None
     """Median distance of joints from their keypoints [px]; None where no row is known."""
-    n_rows_with_several_people: int
-    """Rows in which one of several people was chosen."""
-    not_predicted: tuple[UnpredictedRows, ...]
-    """Rows without a prediction."""
+    n_rows_with_several_people: int  # rows in which one of several people was chosen
+    not_predicted: tuple[UnpredictedRows, ...]  # rows without a prediction
 
 
 class VibeCamPredictions(Predictions):

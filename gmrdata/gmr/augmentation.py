@@ -25,10 +25,7 @@ _LOCAL = np.array(MIRRORED[1:]) - 1  # row of the counterpart among the 23 local
 
 
 def mirror_motion(motion: Motion) -> Motion:
-    """The motion with left and right exchanged, in the world.
-
-    One in the camera's frame is refused, since its image would be mirrored too.
-    """
+    """A world's motion with left and right exchanged; a camera's image would be mirrored too."""
     if motion.frame != "world":
         raise BadMotionFile(
             f"{motion.source}: only motions in the world can be mirrored. Give such a motion"

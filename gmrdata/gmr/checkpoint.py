@@ -28,8 +28,7 @@ from gmrdata.values.files import read_json, write_json, write_text
 from gmrdata.values.records import Config, Record
 
 STATE_FILE = "state.json"
-Weights = Literal["model", "average", "best"]
-"""What training goes on from, its average, and the best network: the names of their files."""
+Weights = Literal["model", "average", "best"]  # what training goes on from, its average, the best
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
 
@@ -55,8 +54,7 @@ class GmrState(StepState):
     model: ModelConfig
     fps_hz: float = Field(gt=0)
     processes: int  # on which a step's windows depend
-    averaged: bool
-    """Whether there are averaged weights, which are then the network."""
+    averaged: bool  # whether there are averaged weights, which are then the network
     best: BestScore | None
 
 
@@ -74,10 +72,7 @@ class Best:
 
 
 def best_of(best: Best | None, step: int, score: str, value: float, model: Gmr) -> Best | None:
-    """The better of the best so far and the network's weights now; the older one if equal.
-
-    A score that is not a number is no score.
-    """
+    """The better of the best so far and the network's weights now; NaN is no score."""
     if not math.isfinite(value) or (best is not None and best.score.value <= value):
         return best
     return Best(BestScore(step=step, score=score, value=value), writable(model.state_dict()))
@@ -88,7 +83,7 @@ def checkpoint_dir(run_dir: Path, step: int) -> Path:
 
 
 def latest_checkpoint(run_dir: Path) -> Path | None:
-    """The checkpoint that the pointer names, or None where there is none yet."""
+    """The checkpoint that the pointer names; None where there is none yet."""
     pointer = run_dir / "checkpoints" / "latest"
     if not pointer.is_file():
         return None
@@ -99,7 +94,6 @@ def latest_checkpoint(run_dir: Path) -> Path | None:
 
 
 def trained_checkpoint(run_dir: Path) -> Path:
-    """The latest checkpoint of a run; MissingInput where there is none."""
     folder = latest_checkpoint(run_dir)
     if folder is None:
         raise MissingInput(f"{run_dir}: no trained model there. Give the folder of a finished run")
@@ -128,9 +122,8 @@ def save_checkpoint(
         averaged=average is not None,
         best=None if best is None else best.score,
     )
-    more = {} if average is None else {"average": writable(average.state_dict())}
-    if best is not None:
-        more["best"] = best.weights
+    more = {} if best is None else {"best": best.weights}
+    more |= {} if average is None else {"average": writable(average.state_dict())}
     return save_step(run_dir, state, model, optimizer, more)
 
 
@@ -144,7 +137,7 @@ def save_step(
     """Write a step's files, point `latest` to them, and drop older ones.
 
     A process that is killed at any moment leaves the former folder or this one.  `optimizer` is an
-    Adam over `model.parameters()`, and `more` has `writable` tensors by name for further files.
+    Adam over `model.parameters()`; `more` has `writable` tensors of further files.
     """
     tensors: dict[str, dict[str, Tensor]] = {
         "model": writable(model.state_dict()),
@@ -182,7 +175,7 @@ def read_state(folder: Path) -> GmrState:
 
 
 def read_step_state(folder: Path, kind: type[State]) -> State:
-    """A kept step's `state.json`; BadCheckpoint where it lacks a key or is no such file."""
+    """A kept step's `state.json`."""
     try:
         return kind.read(folder / STATE_FILE)
     except (MissingInput, BadRecord) as error:
@@ -217,17 +210,14 @@ def load_weights(folder: Path, model: nn.Module, kind: Weights = "model") -> Non
 
 def load_optimizer(folder: Path, model: nn.Module, optimizer: torch.optim.Optimizer) -> None:
     """Fill an optimiser that was just made over `model.parameters()`; errors as `load_weights`."""
-    shapes = {}
+    shapes, state = {}, {}
     for name, parameter in model.named_parameters():
         shapes[f"{name}.step"] = torch.Size(())
         shapes |= {f"{name}.{key}": parameter.shape for key in _MOMENTS}
     tensors = _read_tensors(folder, "optimizer", shapes)
-    state = {
-        i: {key: tensors[f"{name}.{key}"] for key in ("step", *_MOMENTS)}
-        for i, (name, _) in enumerate(model.named_parameters())
-    }
-    groups = optimizer.state_dict()["param_groups"]
-    optimizer.load_state_dict({"state": state, "param_groups": groups})
+    for i, (name, _) in enumerate(model.named_parameters()):
+        state[i] = {key: tensors[f"{name}.{key}"] for key in ("step", *_MOMENTS)}
+    optimizer.load_state_dict(optimizer.state_dict() | {"state": state})
 
 
 def writable(tensors: dict[str, Tensor]) -> dict[str, Tensor]:

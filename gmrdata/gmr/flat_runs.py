@@ -10,7 +10,7 @@ import io
 import shutil
 from collections.abc import Iterable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -33,15 +33,15 @@ class PackRecord(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class RunRows:
-    """One run on its way into a set."""
+class TrainingRun:
+    """Frames that follow each other: a whole run, or a window of it."""
 
-    part: int
-    """Which of several manifests it comes from, from 0; parts come one after the other."""
-    poses: np.ndarray  # (n, D) network input
+    poses: np.ndarray  # (n, D) network input without extra inputs
     root_rotmats: np.ndarray  # (n, 3, 3) frame_from_root
     pelvis_m: np.ndarray  # (n, 3) [m]
     shape: np.ndarray  # (S,)
+    part: int = 0  # which of several manifests it comes from; parts come one after the other
+    mirrored: bool = False  # left and right exchanged: in the root's motion, not yet in `poses`
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +58,13 @@ class FlatRuns:
     ends: np.ndarray  # (R,) int64 frames up to and including each run
 
     def rows(self, run: int) -> slice:
-        """The frames of a run."""
         return slice(int(self.ends[run - 1]) if run else 0, int(self.ends[run]))
 
 
 _FRAME_ARRAYS = {"poses": np.float32, "root_rotmats": np.float64, "pelvis_m": np.float64}
 
 
-def in_memory(runs: Iterable[RunRows]) -> FlatRuns:
+def in_memory(runs: Iterable[TrainingRun]) -> FlatRuns:
     """Lay runs end to end in memory; there must be one at least."""
     kept = list(runs)
     frames = {
@@ -75,7 +74,7 @@ def in_memory(runs: Iterable[RunRows]) -> FlatRuns:
     return FlatRuns(**frames, **_of_runs(kept, [len(run.poses) for run in kept]))
 
 
-def in_files(runs: Iterable[RunRows], folder: Path, about: PackRecord) -> FlatRuns:
+def in_files(runs: Iterable[TrainingRun], folder: Path, about: PackRecord) -> FlatRuns:
     """Lay runs end to end in one .npy per quantity, or find them there; mapped into memory.
 
     Processes that ask at once write once.  A folder that exists is complete; one of something else
@@ -99,14 +98,13 @@ def in_files(runs: Iterable[RunRows], folder: Path, about: PackRecord) -> FlatRu
 
 
 def remove_files(folder: Path) -> None:
-    """Remove what `in_files` made."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.with_name(f".{folder.name}.lock").unlink(missing_ok=True)
 
 
-def _write(runs: Iterable[RunRows], folder: Path) -> None:
+def _write(runs: Iterable[TrainingRun], folder: Path) -> None:
     none = np.zeros((0,))
-    kept: list[RunRows] = []  # without their frames, which are many
+    kept: list[TrainingRun] = []  # without their frames, which are many
     lengths: list[int] = []
     row_shapes: dict[str, tuple[int, ...]] = {}
     with ExitStack() as stack:
@@ -120,7 +118,7 @@ def _write(runs: Iterable[RunRows], folder: Path) -> None:
                     row_shapes[name] = rows.shape[1:]
                     stream.write(_header(name, (0, *rows.shape[1:])))
                 stream.write(rows.data)
-            kept.append(RunRows(run.part, none, none, none, run.shape))
+            kept.append(replace(run, poses=none, root_rotmats=none, pelvis_m=none))
             lengths.append(len(run.poses))
         for name, stream in streams.items():
             stream.seek(0)
@@ -138,7 +136,7 @@ def _header(name: str, shape: tuple[int, ...]) -> bytes:
     return header.getvalue()
 
 
-def _of_runs(runs: list[RunRows], lengths: list[int]) -> dict[str, np.ndarray]:
+def _of_runs(runs: list[TrainingRun], lengths: list[int]) -> dict[str, np.ndarray]:
     return {
         "shapes": np.stack([run.shape for run in runs]).astype(np.float32),
         "parts": np.array([run.part for run in runs], np.int64),

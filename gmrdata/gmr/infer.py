@@ -51,9 +51,6 @@ def predict_at_source_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
 
     They are at the network's frame rate or above; their root is not looked at.  In the predicted
     world the pelvis stands upright at the origin in the first frame; `stand` finds a better one.
-
-    Raises:
-        BadMotionFile: less than two frames at the network's rate, NaN poses, or a lower rate.
     """
     n = motion.n_frames
     poses = without_root(motion)
@@ -84,22 +81,16 @@ def _rest_of_the_way(gmr: TrainedGmr, poses: Motion, seen: Motion, n_missing: in
     start, end = transforms.rigid(late.root_rotmats[-2:], late.pelvis_m[-2:])
     frames = np.arange(poses.n_frames - n_missing, poses.n_frames)
     times_s = np.array([(seen.n_frames - 1) / gmr.fps_hz, *(frames / poses.fps_hz)])
-    late_from_root = _between(start, end, 1.0 - (end_s - times_s) * gmr.fps_hz)
+    shares = 1.0 - (end_s - times_s[:, None]) * gmr.fps_hz
+    turn = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
+    rotmats = start[:3, :3] @ Rotation.from_rotvec(shares * turn).as_matrix()
+    late_from_root = transforms.rigid(rotmats, start[:3, 3] + shares * (end - start)[:3, 3])
     joint = transforms.rigid(seen.root_rotmats[-1], seen.pelvis_m[-1])
     world_from_late = joint @ transforms.invert(late_from_root[0])
     return np.asarray(world_from_late @ late_from_root[1:])
 
 
-def _between(start: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Transforms (N, 4, 4) at shares (N,) of the way from one (4, 4) to another."""
-    turn = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
-    rotmats = start[:3, :3] @ Rotation.from_rotvec(shares[:, None] * turn).as_matrix()
-    return transforms.rigid(rotmats, start[:3, 3] + shares[:, None] * (end - start)[:3, 3])
-
-
-UP = np.array([0.0, 0.0, 1.0])
-SHORTEST_UP = 0.5
-"""Standing feet that point everywhere have a median near zero, which is no direction."""
+SHORTEST_UP = 0.5  # feet that point everywhere have a median near zero, which is no direction
 _UP_IN_REST = np.array([0.0, 1.0, 0.0])
 
 
@@ -111,7 +102,10 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
     up = up_of_standing_feet(motion, body)
     level_from_world, how = np.eye(3), "no foot stands still; up from the first pelvis"
     if up is not None:
-        level_from_world, how = minimal_rotation(up, UP), "up from standing feet"
+        level_from_world, how = (
+            minimal_rotation(up, np.eye(3)[2]),
+            "up from standing feet",
+        )
     root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = motion.pelvis_m @ level_from_world.T
     motion, _ = put_on_floor(body, replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m))
@@ -147,8 +141,6 @@ def _geometric_median(points: np.ndarray) -> np.ndarray:
     return np.asarray(middle)
 
 
-CLIP_FILE, AMASS_FILE = "clip.npz", "amass.npz"
-BVH_FILE, GLB_FILE = "motion.bvh", "body.glb"
 RECORD_FILE = "infer.json"
 
 
@@ -165,13 +157,10 @@ class InferredMotion(Config):
 
     frames: int
     fps_hz: float
-    first_frame: int
-    """Number of its first image; -1 without images."""
+    first_frame: int  # number of its first image; -1 without images
     last_frame: int
-    filled_frames: int
-    """Frames of gaps that were filled."""
-    path_m: float
-    """Length of the pelvis's path over the ground [m]."""
+    filled_frames: int  # of gaps
+    path_m: float  # length of the pelvis's path over the ground [m]
     source: str
 
 
@@ -179,27 +168,22 @@ class InferRecord(Record):
     """`infer.json`."""
 
     format: Literal["gmrdata-infer/1"] = "gmrdata-infer/1"
-    poses: str
-    """Name of the file of poses."""
+    poses: str  # name of the file of poses
     body: str
     model: NetworkUsed
-    motions: dict[str, InferredMotion]
-    """By folder."""
-    left_out: dict[str, str]
-    """Runs of frames that are too short, and why."""
+    motions: dict[str, InferredMotion]  # by folder
+    left_out: dict[str, str]  # runs of frames that are too short, and why
 
 
 class InferConfig(Config):
     """What is made of a file of poses."""
 
-    fps_hz: float | None = Field(default=None, gt=0.0)
-    """True frame rate of the poses [Hz]; None for the file's own."""
+    fps_hz: float | None = Field(default=None, gt=0.0)  # true rate of the poses; None: the file's
     bridge_frames: int = Field(default=0, ge=0)
     """Longest gap of a person's track that is filled, by slerp of the joints [frames].  At longer
     ones a new motion begins, with a world of its own."""
     which: Which = "latest"
-    video: bool = True
-    """Whether to draw the video, of width x height, which takes longer than all else."""
+    video: bool = True  # of width x height, which takes longer to draw than all else
     width_px: int = Field(default=640, ge=64, le=4096)
     height_px: int = Field(default=480, ge=64, le=4096)
 
@@ -223,7 +207,6 @@ def infer_world_motion(
     """Stage: predict the world motion of each person of a file and write it in usual formats.
 
     Args:
-        run_dir: A finished training run.
         source: Local poses, as `gmrdata.motion.local_poses` lists the formats.
         body_name: The body that stands for the people, as `load_body` takes it.
         out_dir: Gets `infer.json` and a folder for each unbroken run of each person: `clip.npz`,
@@ -242,27 +225,22 @@ def infer_world_motion(
     from gmrdata.read.bodies import load_body
 
     inputs = {f"poses_{role}": path for role, path in input_files(source).items()}
-    inputs["run"] = run_dir
-    if joint_map is not None:
-        inputs["joint_map"] = joint_map
-    if body_name != "anny":
-        inputs["body"] = Path(body_name)
+    inputs |= {"run": run_dir} | ({"joint_map": joint_map} if joint_map is not None else {})
+    inputs |= {"body": Path(body_name)} if body_name != "anny" else {}
     if out_dir.is_dir() and is_made("infer", out_dir, config, inputs):
         return out_dir
     # Before anything is written, so that a bad file leaves nothing behind.
     body = load_body(body_name)
     gmr, worlds, left_out = _predict(run_dir, source, body, config, joint_map)
 
-    record = InferRecord(
-        poses=source.name,
-        body=body.name,
-        model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
-        motions={name: _described(clip) for name, clip in worlds.items()},
-        left_out=left_out,
-    )
-
     def work(partial_dir: Path) -> None:
-        record.write(partial_dir / RECORD_FILE)
+        InferRecord(
+            poses=source.name,
+            body=body.name,
+            model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
+            motions={name: _described(clip) for name, clip in worlds.items()},
+            left_out=left_out,
+        ).write(partial_dir / RECORD_FILE)
         for name, world in track(worlds.items(), "writing motions", total=len(worlds)):
             _write_files(partial_dir / name, world, body)
         for name, world in worlds.items():
@@ -310,9 +288,9 @@ def _too_short(motion: Motion, fps_hz: float) -> str:
 
 def _write_files(folder: Path, clip: Clip, body: BodyModel) -> None:
     """All but the pictures; each file is written as a whole, so what is there is kept."""
-    if not (folder / CLIP_FILE).exists():
-        save_clip(folder / CLIP_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
-    writers = {AMASS_FILE: write_amass, BVH_FILE: write_bvh, GLB_FILE: write_glb}
+    if not (clip_path := folder / "clip.npz").exists():
+        save_clip(clip_path, clip, body.rest_pelvis_m(clip.motion.shape))
+    writers = {"amass.npz": write_amass, "motion.bvh": write_bvh, "body.glb": write_glb}
     for file_name, write in writers.items():
         if not (folder / file_name).exists():
             write(folder / file_name, clip.motion, body)
@@ -332,7 +310,7 @@ def _described(clip: Clip) -> InferredMotion:
 
 
 def _folder_name(clip_id: str, taken: Collection[str]) -> str:
-    """A name of letters, digits, `_`, `-` and `.` that leads nowhere and is not taken yet."""
+    """A name that leads nowhere and is not taken yet."""
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", clip_id).strip(".")[:100] or "motion"
     number = 2
     while name in taken:

@@ -11,8 +11,6 @@ rest, about which the foot may turn: the extra input takes dR for it from the sa
 network's output from the network.
 """
 
-from collections.abc import Callable
-
 import torch
 from torch import Tensor, nn
 
@@ -45,8 +43,7 @@ def joints_in_root_frame(
     return places_m[..., 1:, :], root_from_joint[..., 1:, :, :]
 
 
-SCALE = 10.0
-"""Motions at 10 fps are about 0.1 rad and 0.1 m; the network's other numbers are about 1."""
+SCALE = 10.0  # motions at 10 fps are about 0.1 rad and 0.1 m; the other numbers are about 1
 
 
 def velocities(
@@ -71,11 +68,8 @@ def motions_if_standing(
     return _with_last(SCALE * torch.cat([rotations.log_map(delta_rotmats), delta_m], dim=-1))
 
 
-Make = Callable[[Tensor], Tensor]
-SIZE: dict[ExtraInput, int] = {"velocity": 3, "standing": 6}
-"""Numbers per joint."""
-MAKE: dict[ExtraInput, Make] = {"velocity": velocities, "standing": motions_if_standing}
-"""Functions from (..., T, 23, 3, 3) to (..., T, 23, `SIZE`)."""
+SIZE: dict[ExtraInput, int] = {"velocity": 3, "standing": 6}  # numbers per joint
+MAKE = {"velocity": velocities, "standing": motions_if_standing}
 
 
 def _with_last(values: Tensor) -> Tensor:
@@ -112,14 +106,6 @@ def root_step_m(
 ) -> Float[Tensor, "*batch 3"]:
     """dT [m]: the mean of what each joint leaves to the root; none leaves no step."""
     return (shares * (places_m - _next(places_m) @ delta_rotmats.mT)).sum(-2)
-
-
-def joints_seen(
-    poses: Float[Tensor, "batch frames numbers"], representation: Representation
-) -> tuple[Float[Tensor, "batch frames 23 3"], Float[Tensor, "batch frames 23 3 3"]]:
-    """`joints_in_root_frame` of the network's input; finite in padding, but of no meaning."""
-    with torch.no_grad():
-        return joints_in_root_frame(input_rotmats(poses, representation))
 
 
 def input_rotmats(

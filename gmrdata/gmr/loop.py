@@ -11,32 +11,14 @@ import numpy as np
 import torch
 from torch import nn
 
-from gmrdata.gmr.checkpoint import (
-    Best,
-    best_of,
-    latest_checkpoint,
-    load_optimizer,
-    load_weights,
-    read_best,
-    read_state,
-    save_checkpoint,
-)
+from gmrdata.gmr import checkpoint, steps
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.flat_runs import remove_files
-from gmrdata.gmr.losses import Counts, LossTerms, Motions, counts_of, gmr_loss
+from gmrdata.gmr.losses import Motions, counts_of, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaging, check_device, own_part
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
 from gmrdata.gmr.runs import fitting_clips, runs_at
-from gmrdata.gmr.steps import (
-    Log,
-    derived_seed,
-    fill_gradients,
-    is_due,
-    run_steps,
-    start_average,
-    torch_settings,
-)
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.gmr.windows import Batch, Mix, TrainingSet, make_batch, make_training_set
 from gmrdata.stage.progress import track
@@ -61,21 +43,11 @@ def fit(
 ) -> Gmr:
     """Train a network: goes on from the folder's latest checkpoint, or begins.
 
-    Errors as in `gmrdata.gmr.train.train`.
+    Gives it with averaged weights if the recipe averages them; errors as in `train`.
 
     Args:
-        clips: What to train on.
-        body: Their body.
-        run_dir: Gets `checkpoints`, `metrics.jsonl` and, if wanted, `tensorboard`.
-        config: The recipe.
-        held_out: What to score now and then.
-        mix: Which clips come from which manifest.
         pack_dir: Folder for the training frames, used as it is if it is there, and removed when the
             training is done; None to keep them in memory.
-        processes: Which of several processes this is.
-
-    Returns:
-        The network, with averaged weights if the recipe averages them.
     """
     check_device(config.device)
     training_set = make_training_set(
@@ -87,9 +59,10 @@ def fit(
         pack_dir=pack_dir,
     )
     scored_runs = held_out_runs(held_out, body, config.windows.fps_hz)
-    with torch_settings(config.device, config.threads, derived_seed(config.seed, 0)):
+    seed = steps.derived_seed(config.seed, 0)
+    with steps.torch_settings(config.device, config.threads, seed):
         learner = _GmrLearner(training_set, scored_runs, body, run_dir, config, processes)
-        run_steps(learner, config, run_dir, processes, tensorboard=config.tensorboard)
+        steps.run_steps(learner, config, run_dir, processes, tensorboard=config.tensorboard)
     if pack_dir is not None and processes.is_first:
         remove_files(pack_dir)
     return learner.used
@@ -113,8 +86,8 @@ class _GmrLearner:
         self.model = Gmr(config.model).to(config.device)
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
         decay = config.average_decay
-        self.average = start_average(self.model, decay) if decay > 0 else None
-        self.best: Best | None = None
+        self.average = steps.start_average(self.model, decay) if decay > 0 else None
+        self.best: checkpoint.Best | None = None
         self.done = self._resume()
         self._network = averaging(_compiled(self.model, config), processes)
 
@@ -134,19 +107,19 @@ class _GmrLearner:
     def rate_at(self, step: int) -> float:
         return learning_rate_at(self._config, step)
 
-    def after(self, done: int, log: Log) -> None:
+    def after(self, done: int, log: steps.Log) -> None:
         config, fps_hz = self._config, self._config.windows.fps_hz
         if self.average is not None:
             self.average.update_parameters(self.model)
         if not self._processes.is_first:
             return
-        if self._scored_runs and is_due(done, config.eval_every, config):
+        if self._scored_runs and steps.is_due(done, config.eval_every, config):
             scores = held_out_scores(self.used, self._scored_runs, fps_hz)
             name = config.best_by
-            self.best = best_of(self.best, done, name, scores[name], self.used)
+            self.best = checkpoint.best_of(self.best, done, name, scores[name], self.used)
             log({"step": done} | scores)
-        if is_due(done, config.checkpoint_every, config):
-            save_checkpoint(
+        if steps.is_due(done, config.checkpoint_every, config):
+            checkpoint.save_checkpoint(
                 self._run_dir,
                 done,
                 self.model,
@@ -160,10 +133,10 @@ class _GmrLearner:
 
     def _resume(self) -> int:
         """Load the latest checkpoint, if any: the number of steps done."""
-        folder, config = latest_checkpoint(self._run_dir), self._config
+        folder, config = checkpoint.latest_checkpoint(self._run_dir), self._config
         if folder is None:
             return 0
-        state = read_state(folder)
+        state = checkpoint.read_state(folder)
         if state.step > config.steps:
             raise BadCheckpoint(f"{folder}: has more steps than the {config.steps} to train")
         if state.processes != self._processes.count:
@@ -171,12 +144,12 @@ class _GmrLearner:
                 f"{folder}: made by {state.processes} processes, so a step has other windows than"
                 f" with {self._processes.count}. Go on with as many, or train again"
             )
-        load_weights(folder, self.model)
-        load_optimizer(folder, self.model, self.optimizer)
+        checkpoint.load_weights(folder, self.model)
+        checkpoint.load_optimizer(folder, self.model, self.optimizer)
         if self.average is not None:
-            load_weights(folder, self.used, "average")
+            checkpoint.load_weights(folder, self.used, "average")
             self.average.n_averaged.fill_(state.step + 1)
-        self.best = read_best(folder)
+        self.best = checkpoint.read_best(folder)
         return state.step
 
 
@@ -189,37 +162,20 @@ def gradient_step(
 ) -> dict[str, float]:
     """`fill_gradients` with eq. 5 of this process's part of the windows of all."""
     counts, part = counts_of(batch.mask, processes.count), own_part(batch, processes)
+    device = config.device
 
     def terms() -> dict[str, torch.Tensor]:
-        return batch_loss(network, part, loss_body, config, counts).by_name()
+        with torch.autocast(device, torch.bfloat16, enabled=config.precision == "bf16"):
+            delta_rotmats, delta_m = network(part.poses.to(device), part.lengths)
+        predicted = Motions(delta_rotmats[:, :-1], delta_m[:, :-1])
+        true, mask, bodies = part.motions.to(device), part.mask.to(device), None
+        if config.loss.vertex > 0:
+            # T frames have T-1 motions, and eq. 13 moves the body from the first frame of each.
+            local_rotmats = part.local_rotmats[:, :-1].to(device)
+            bodies = Bodies(loss_body, part.shape.to(device), local_rotmats)
+        return gmr_loss(predicted, true, mask, bodies, config.loss, counts)
 
-    return fill_gradients(network, terms, config.gradient_norm, processes)
-
-
-def batch_loss(
-    network: nn.Module,
-    batch: Batch,
-    loss_body: LossBody,
-    config: TrainConfig,
-    counts: Counts | None = None,
-) -> LossTerms:
-    """Eq. 5 of a batch; means are over `counts`, if not over this batch alone."""
-    device = config.device
-    with torch.autocast(device, torch.bfloat16, enabled=config.precision == "bf16"):
-        delta_rotmats, delta_m = network(batch.poses.to(device), batch.lengths)
-    bodies = None
-    if config.loss.vertex > 0:
-        # T frames have T-1 motions, and eq. 13 moves the body from the first frame of each.
-        local_rotmats = batch.local_rotmats[:, :-1].to(device)
-        bodies = Bodies(loss_body, batch.shape.to(device), local_rotmats)
-    return gmr_loss(
-        Motions(delta_rotmats[:, :-1], delta_m[:, :-1]),
-        batch.motions.to(device),
-        batch.mask.to(device),
-        bodies,
-        config.loss,
-        counts,
-    )
+    return steps.fill_gradients(network, terms, config.gradient_norm, processes)
 
 
 def learning_rate_at(config: TrainConfig, step: int) -> float:

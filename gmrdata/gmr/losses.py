@@ -31,27 +31,12 @@ class Motions:
         return type(self)(self.delta_rotmats[windows], self.delta_m[windows])
 
 
-@dataclass(frozen=True, eq=False)
-class LossTerms:
-    """The loss and its unweighted terms, each a scalar tensor."""
-
-    total: Tensor
-    orientation: Tensor
-    translation: Tensor
-    vertex: Tensor
-    smoothness: Tensor
-
-    def by_name(self) -> dict[str, Tensor]:
-        return {"loss" if name == "total" else name: term for name, term in vars(self).items()}
-
-
 @dataclass(frozen=True)
 class Counts:
     """What the terms of a step are means over.
 
-    Where several processes share a step, each has its part of the windows but these are the whole
-    step's counts divided by the number of processes: the mean over the processes, of losses and of
-    gradients, then is the mean over the step.
+    Where processes share a step, these are the whole step's counts divided by their number: the
+    mean over the processes, of losses and of gradients, then is the mean over the step.
     """
 
     motions: float  # between real frames
@@ -72,16 +57,11 @@ def gmr_loss(
     bodies: Bodies | None,
     config: LossConfig,
     counts: Counts | None = None,
-) -> LossTerms:
-    """Eq. 5.
+) -> dict[str, Tensor]:
+    """Eq. 5: `loss`, and its terms before they are weighted, by the names of their weights.
 
-    Args:
-        predicted: The network's motions, the last one already dropped.
-        true: The true ones.
-        mask: Motions that count; padding is False.
-        bodies: The people in the first frame of each motion; None where `config.vertex` is 0.
-        config: Weights and readings.
-        counts: What means are over, if not over what `mask` has.
+    `mask` is False in padding.  `bodies` are the people in the first frame of each motion; None
+    where `config.vertex` is 0.  Means are over `counts`, if not over what `mask` has.
     """
     counts = counts or counts_of(mask)
     orientation = _orientation(predicted.delta_rotmats, true.delta_rotmats, config.orientation_loss)
@@ -94,8 +74,8 @@ def gmr_loss(
     terms = {
         "orientation": _total(orientation, mask) / motions,
         "translation": _total(translation, mask) / motions,
-        "smoothness": _total(smoothness, _pairs(mask)) / (counts.pairs if mean else motions),
         "vertex": orientation.new_zeros(()),
+        "smoothness": _total(smoothness, _pairs(mask)) / (counts.pairs if mean else motions),
     }
     if bodies is not None:
         per_vertex_m = vertex_l1_m(
@@ -103,10 +83,9 @@ def gmr_loss(
         )
         scale = 1 if mean else len(bodies.body.body.template_m)
         terms["vertex"] = _total(per_vertex_m, mask) * scale / motions
-    total = orientation.new_zeros(())
-    for name, term in terms.items():
-        total = total + getattr(config, name) * term
-    return LossTerms(total=total, **terms)
+    loss = config.orientation * terms["orientation"] + config.translation * terms["translation"]
+    loss = loss + config.smoothness * terms["smoothness"] + config.vertex * terms["vertex"]
+    return {"loss": loss} | terms
 
 
 def _orientation(predicted: Tensor, true: Tensor, kind: str) -> Tensor:

@@ -18,8 +18,7 @@ from torch import nn
 from gmrdata.gmr.windows import Batch
 from gmrdata.values.errors import StageFailed
 
-PATIENCE = timedelta(hours=2)
-"""How long processes wait for one another: for scores on held-out clips, which the first makes."""
+PATIENCE = timedelta(hours=2)  # they wait for scores on held-out clips, which the first makes
 
 
 @dataclass(frozen=True)
@@ -30,8 +29,7 @@ class Processes:
     count: int = 1
 
     @property
-    def is_first(self) -> bool:
-        """Whether this is the one that writes."""
+    def is_first(self) -> bool:  # the one that writes
         return self.rank == 0
 
 
@@ -39,7 +37,6 @@ ALONE = Processes()
 
 
 def check_device(device: str) -> None:
-    """Refuse to begin without the device."""
     if device == "cuda" and not torch.cuda.is_available():
         raise StageFailed("no GPU here that torch can use. Train with device: cpu")
 
@@ -75,7 +72,6 @@ def averaging(model: nn.Module, processes: Processes) -> nn.Module:
 
 
 def averaged(values: torch.Tensor, processes: Processes) -> torch.Tensor:
-    """Mean over the processes."""
     if processes.count > 1:
         dist.all_reduce(values)
         values = values / processes.count

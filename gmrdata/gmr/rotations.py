@@ -10,8 +10,7 @@ from torch import Tensor
 from gmrdata.gmr.config import Representation
 from gmrdata.values.shapes import Float
 
-SIZE: dict[Representation, int] = {"quaternion": 4, "axis-angle": 3, "6d": 6}
-"""Numbers per rotation."""
+SIZE: dict[Representation, int] = {"quaternion": 4, "axis-angle": 3, "6d": 6}  # per rotation
 IDENTITY: dict[Representation, tuple[float, ...]] = {
     "quaternion": (1.0, 0.0, 0.0, 0.0),
     "axis-angle": (0.0, 0.0, 0.0),

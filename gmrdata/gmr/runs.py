@@ -18,10 +18,8 @@ from gmrdata.values.motion import Motion, whole_ratio
 
 @dataclass(frozen=True, eq=False)
 class UsableClip:
-    """A clip with the class of its camera's motion: "none" without a camera."""
-
     clip: Clip
-    camera_motion: str
+    camera_motion: str  # class of its camera's motion: "none" without a camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +43,7 @@ class ClipFile:
 
 
 class LazyClips(Sequence[Clip]):
-    """Clips that are read from disk each time that they are asked for, and not kept: a set may be
-    larger than the memory."""
+    """Clips that are read each time that they are asked for: a set may exceed the memory."""
 
     def __init__(self, files: Sequence[ClipFile]) -> None:
         self._files = files
@@ -59,20 +56,14 @@ class LazyClips(Sequence[Clip]):
 
 
 def usable_clips(path: Path) -> UsableClips:
-    """Load the clips of a manifest, except those that its quality record rejects.
-
-    Raises:
-        MissingInput: the manifest or a clip's file is not there.
-        BadManifest: the manifest is broken, or only a list.
-        BadMotionFile: a clip's file is broken.
-    """
+    """Load the clips of a manifest, except those that its quality record rejects."""
     files, skipped, manifest = usable_files(path)
     clips = tuple(UsableClip(file.load(), file.entry.camera_motion) for file in files)
     return UsableClips(clips, skipped, manifest)
 
 
 def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
-    """The same, still on disk, and why by id for the rest; errors as there, but for the clips'."""
+    """The same, still on disk, and why by id for the rest."""
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
         raise BadManifest(f"{path}: only lists clips and has no files. Make the clips first")
@@ -120,10 +111,6 @@ def runs_at(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[Motion]:
     Where the clip's rate is k times the asked one, every k-th frame is taken as it is; all k phases
     of that, or the one that begins with the run's first frame.  Other ratios are resampled.  Runs
     have at least two frames.
-
-    Raises:
-        BadMotionFile: a valid frame holds NaN or infinite numbers, or the clip's rate is lower than
-            the one asked for.
     """
     check_finite(clip)
     ratio = clip.motion.fps_hz / fps_hz

@@ -9,6 +9,7 @@ one that is scored later.
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path, PurePosixPath
 
 from gmrdata.gmr.config import DataConfig
@@ -20,8 +21,7 @@ from gmrdata.read.source_motion import CMU_TRIAL
 from gmrdata.stage import recipes
 from gmrdata.values.errors import BadManifest, BadRecipe
 
-# Data sets whose sequences are no CMU trials, whatever they are called.
-_OTHERS = frozenset({"gmrdata", "3DPW", "Human3.6M", "EMDB"})
+_OTHERS = ("gmrdata", "3DPW", "Human3.6M", "EMDB")  # no CMU trials, whatever they are called
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,6 @@ class Split:
 
     @property
     def statement(self) -> str:
-        """What was left out, for a person to read; empty if nothing was."""
         reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
         n_out = sum(self.left_out.values())
         total = len(self.training) + n_out
@@ -43,13 +42,7 @@ class Split:
 
 
 def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split:
-    """Choose the clips of manifests.
-
-    Raises:
-        MissingInput: a manifest is not there, or no list of a name is published.
-        BadManifest: a manifest is broken or only a list, or nothing is left to train on.
-        BadRecipe: as many weights as manifests are needed; or no clip is of a held-out subject.
-    """
+    """Choose the clips of manifests."""
     if config.weights is not None and len(config.weights) != len(manifest_paths):
         raise BadRecipe(
             f"data.weights has {len(config.weights)} weights for {len(manifest_paths)} manifests."
@@ -79,9 +72,8 @@ def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split
         raise BadRecipe(f"data.held_out_subjects: no clip is of {', '.join(missing)}")
     names = tuple(path.name for path in manifest_paths)
     mix = Mix(tuple(map(len, training)), config.weights, names)
-    flat = tuple(file for part in training for file in part)
-    split = Split(flat, tuple(held_out), dict(left_out), mix)
-    if not flat:
+    split = Split(tuple(chain(*training)), tuple(held_out), dict(left_out), mix)
+    if not split.training:
         said = f" ({split.statement})" if split.statement else ""
         raise BadManifest(f"no usable clips{said}. Give manifests with clips that are not rejected")
     return split

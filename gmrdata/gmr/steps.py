@@ -25,21 +25,18 @@ from gmrdata.stage.progress import progress_bar
 from gmrdata.values.errors import MissingExtra, TrainingDiverged
 from gmrdata.values.files import write_text
 
-Log = Callable[[Mapping[str, float]], None]
-"""Takes a line: `step`, and numbers by name."""
+Log = Callable[[Mapping[str, float]], None]  # takes a line: `step`, and numbers by name
 
 Batch = TypeVar("Batch")
 Tensors = tuple[Tensor, ...] | list[Tensor]
-AHEAD = 2
-"""Batches that are ready or being made while a step is computed."""
+AHEAD = 2  # batches that are ready or being made while a step is computed
 
 
 class Learner(Protocol[Batch]):
     """What the loop asks of a training, which begins with `done` steps.  Steps count from 0.
 
-    `batch_of` depends on the step's number alone.  `gradients` fills them and gives the step's
-    figures, `loss` and `gradient_norm` among them.  `rate_at` is the optimiser's step size, and
-    `after` averages, scores and keeps.
+    `batch_of` depends on the step's number alone; `gradients` fills them and gives the figures,
+    `loss` and `gradient_norm` among them; `rate_at` is Adam's step size; `after` scores and keeps.
     """
 
     done: int
@@ -91,14 +88,8 @@ def fill_gradients(
 ) -> dict[str, float]:
     """Fill the gradients of a step: the mean over the processes.
 
-    Args:
-        network: The network.
-        terms: Computes `loss`, which is minimised, and other scalars to log.
-        longest: Length to which the gradient is clipped; None for no limit.
-        processes: Which of several processes this is.
-
-    Returns:
-        The terms, and `gradient_norm`: the gradient's length before clipping.
+    `terms` computes `loss`, which is minimised, and other scalars to log.  Gives them, and
+    `gradient_norm`: the gradient's length before it is clipped to `longest`.
     """
     network.train()
     network.zero_grad(set_to_none=True)
@@ -135,8 +126,7 @@ def derived_seed(seed: int, counter: int, rank: int = 0) -> int:
 def start_average(model: nn.Module, decay: float) -> AveragedModel:
     """An exponential moving average of a network's weights (Polyak and Juditsky 1992).
 
-    It begins as a copy, and `update_parameters` takes one more step into it.  The average of the
-    last steps is less noisy than the last one.
+    It begins as a copy, and `update_parameters` takes one more step into it.
     """
 
     def update(averages: Tensors, values: Tensors, n_averaged: Tensor | int) -> None:
@@ -154,7 +144,6 @@ def decay_at(decay: float, step: int) -> float:
 
 
 def check_finite(values: Mapping[str, float], run_dir: Path, step: int) -> None:
-    """Refuse a step, counted from 1, whose figures are not all finite."""
     if all(math.isfinite(value) for value in values.values()):
         return
     kept = latest_checkpoint(run_dir)
@@ -178,8 +167,7 @@ def prefetched(make: Callable[[int], Batch], steps: Iterable[int]) -> Iterator[t
                 if len(waiting) > AHEAD:
                     earlier, batch = waiting.popleft()
                     yield earlier, batch.result()
-            while waiting:
-                earlier, batch = waiting.popleft()
+            for earlier, batch in waiting:
                 yield earlier, batch.result()
         finally:
             for _, batch in waiting:

@@ -26,26 +26,20 @@ from gmrdata.values.records import Config
 class WeightedManifest(Config):
     """A manifest to train on, and how often."""
 
-    manifest: Path
-    """Relative to the recipe's folder."""
+    manifest: Path  # relative to the recipe's folder
     weight: float | None = Field(default=None, gt=0.0)
     """Share of the windows that come from it, up to a factor; None for its share of all frames."""
 
 
 class GmrRecipe(Config):
-    """Train a network on manifests and score it on others."""
+    """Train a network on manifests and score it on others; paths start at the recipe's folder."""
 
     recipe: Literal["gmr"]
-    """Kind of recipe."""
     training: tuple[Path | WeightedManifest, ...] = ()
-    """Manifests to train on, relative to the recipe's folder; else those of the command line.
-    Either all of them have a weight or none."""
+    """All of them with a weight or none; where there are none, those of the command line."""
     scored: tuple[Path, ...] = ()
-    """Manifests to score on, relative to the recipe's folder."""
-    body: Path | None = None
-    """Body model of the clips, relative to the recipe's folder; the default body if left out."""
+    body: Path | None = None  # body model of the clips; the default body if left out
     train: TrainConfig = TrainConfig()
-    """The network and its training."""
 
     @model_validator(mode="after")
     def _weights_fit(self) -> Self:
@@ -57,22 +51,17 @@ class GmrRecipe(Config):
         return self
 
     def training_paths(self, folder: Path) -> list[Path]:
-        """The manifests to train on, for a recipe that lies in `folder`."""
-        return [
-            folder / (one.manifest if isinstance(one, WeightedManifest) else one)
-            for one in self.training
-        ]
+        ones = (one if isinstance(one, Path) else one.manifest for one in self.training)
+        return [folder / path for path in ones]
 
     def train_config(self) -> TrainConfig:
         """`train`, with the weights that stand beside the manifests."""
-        weights = [weight for weight in self._weights() if weight is not None]
-        if not weights:
-            return self.train
-        data = self.train.data.model_copy(update={"weights": tuple(weights)})
-        return self.train.model_copy(update={"data": data})
+        weights = tuple(weight for weight in self._weights() if weight is not None)
+        data = self.train.data.model_copy(update={"weights": weights})
+        return self.train.model_copy(update={"data": data}) if weights else self.train
 
     def _weights(self) -> list[float | None]:
-        return [one.weight if isinstance(one, WeightedManifest) else None for one in self.training]
+        return [None if isinstance(one, Path) else one.weight for one in self.training]
 
 
 def train(
@@ -87,9 +76,6 @@ def train(
     """Train a network on the clips of manifests; resumes a killed run.
 
     Args:
-        manifest_paths: Manifests whose clips are trained on.
-        run_dir: The run folder to make.
-        config: The recipe.
         body_path: Body of the clips, as `load_body` takes it; None for the default body.
         held_out_paths: Manifests to score every `eval_every` steps; they don't change the training.
 
@@ -111,8 +97,7 @@ def train(
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}
-    if body_path is not None:
-        inputs["body"] = body_path
+    inputs |= {} if body_path is None else {"body": body_path}
     processes = join_processes(config.device)
 
     def fit_in(partial_dir: Path) -> dict[str, Any]:

@@ -20,8 +20,7 @@ from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import joint_transforms
 
 BLOCK_VERTICES = 1024  # on the CPU; a GPU takes all at once
-CHUNK_BYTES = {"cpu": 2 << 20, "cuda": 512 << 20}
-"""Memory that the vertices of a block may take: the share of a cache, or of a GPU."""
+CHUNK_BYTES = {"cpu": 2 << 20, "cuda": 512 << 20}  # share of a cache, or of a GPU, for a block
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +31,7 @@ class VertexBlock:
     weights: Tensor  # (J, v) share of each joint in each vertex
     template_m: Tensor  # (3 v,) rest vertices of the mean shape, seen from the pelvis [m]
     shape_dirs_m: Tensor  # (3 v, S) their offset for one unit of each shape coefficient [m]
-    pose_dirs_m: Tensor | None
-    """(3 v, 207) their offset per entry of (local rotation - identity) [m], if the body has it."""
+    pose_dirs_m: Tensor | None  # (3 v, 207) their offset per entry of (local rotation - I) [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from torch import Tensor
 from gmrdata.gmr import rotations
 from gmrdata.gmr.augmentation import mirror_local, mirror_points_m, mirror_rotmats, turned
 from gmrdata.gmr.config import ExtraInput, Representation, WindowConfig
-from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, RunRows, in_files, in_memory
+from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, TrainingRun, in_files, in_memory
 from gmrdata.gmr.inputs import input_rotmats
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.model import network_input
@@ -26,12 +26,9 @@ from gmrdata.values.shapes import Float, Int
 class Mix:
     """How clips in a row belong to manifests, and how often windows come from each."""
 
-    sizes: tuple[int, ...]
-    """Number of clips of each manifest, in order."""
-    weights: tuple[float, ...] | None = None
-    """Share of the windows from each manifest, up to a factor; None for its share of all frames."""
-    names: tuple[str, ...] = ()
-    """Names of the manifests, for messages."""
+    sizes: tuple[int, ...]  # number of clips of each manifest, in order
+    weights: tuple[float, ...] | None = None  # share of the windows from each; None: by its frames
+    names: tuple[str, ...] = ()  # of the manifests, for messages
 
 
 def sample_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.Generator) -> int:
@@ -48,33 +45,13 @@ def sample_run(runs: FlatRuns, weights: Sequence[float] | None, rng: np.random.G
 
 
 @dataclass(frozen=True, eq=False)
-class TrainingRun:
-    """Frames that follow each other: a whole run, or a window of it."""
-
-    poses: np.ndarray  # (n, D) float32 network input without extra inputs
-    root_rotmats: np.ndarray  # (n, 3, 3) frame_from_root
-    pelvis_m: np.ndarray  # (n, 3) [m]
-    shape: np.ndarray  # (S,) float32
-    mirrored: bool = False
-    """Whether left and right are exchanged: in the root's motion already, not yet in `poses`."""
-
-
-@dataclass(frozen=True, eq=False)
 class TrainingSet:
     """All runs end to end, in memory or in mapped files."""
 
     frames: FlatRuns
-    representation: Representation
-    """Of `poses`."""
-    extra_inputs: tuple[ExtraInput, ...] = ()
-    """What a batch's network input has beside them."""
-    weights: tuple[float, ...] | None = None
-    """Weight of each manifest; None where a run is drawn by its share of all frames."""
-
-    @property
-    def runs(self) -> tuple[TrainingRun, ...]:
-        """Every run as a whole."""
-        return tuple(self.window(run, slice(None)) for run in range(len(self.frames.ends)))
+    representation: Representation  # of `poses`
+    extra_inputs: tuple[ExtraInput, ...] = ()  # what a batch's network input has beside them
+    weights: tuple[float, ...] | None = None  # of each manifest; None: runs by their frames
 
     def window(self, run: int, rows: slice) -> TrainingRun:
         """Some frames of a run, as arrays of their own."""
@@ -112,11 +89,6 @@ def make_training_set(
 
     The clips are gone through once and not kept, so they may come from disk one by one.  With
     `pack_dir`, the runs' arrays are files in that folder, mapped and not kept in memory.
-
-    Raises:
-        BadManifest: no clip has two valid frames in a row, a manifest with a weight has none, or
-            the clips are of different bodies.
-        BadMotionFile: a clip has NaN in a valid frame, or too low a frame rate.
     """
     rows = _run_rows(clips, representation, config.fps_hz, mix)
     about = PackRecord(input=representation, fps_hz=config.fps_hz)
@@ -124,10 +96,8 @@ def make_training_set(
     if mix is None or mix.weights is None:
         return TrainingSet(frames, representation, extra_inputs)
     for part in set(range(len(mix.sizes))) - set(frames.parts.tolist()):
-        name = mix.names[part] if mix.names else f"number {part}"
-        raise BadManifest(
-            f"manifest {name} has a weight, but no clip of it gives a window. Leave it out"
-        )
+        name = f"manifest {mix.names[part] if mix.names else f'number {part}'}"
+        raise BadManifest(f"{name} has a weight, but no clip of it gives a window. Leave it out")
     return TrainingSet(frames, representation, extra_inputs, mix.weights)
 
 
@@ -185,7 +155,6 @@ def sample_window(
 
 
 def reverse(run: TrainingRun) -> TrainingRun:
-    """The same frames in the opposite order."""
     return TrainingRun(run.poses[::-1], run.root_rotmats[::-1], run.pelvis_m[::-1], run.shape)
 
 
@@ -239,7 +208,7 @@ def _signed(poses: np.ndarray, representation: Representation) -> np.ndarray:
 
 def _run_rows(
     clips: Iterable[Clip], representation: Representation, fps_hz: float, mix: Mix | None
-) -> Iterator[RunRows]:
+) -> Iterator[TrainingRun]:
     """The runs of the clips, one after the other."""
     parts = None if mix is None else np.repeat(np.arange(len(mix.sizes)), mix.sizes)
     body, n_clips, n_runs = "", 0, 0
@@ -255,7 +224,7 @@ def _run_rows(
             part = 0 if parts is None else int(parts[n_clips - 1])
             local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
             poses = network_input(local_rotmats, representation).float().numpy()
-            yield RunRows(part, poses, motion.root_rotmats, motion.pelvis_m, motion.shape)
+            yield TrainingRun(poses, motion.root_rotmats, motion.pelvis_m, motion.shape, part)
     if not n_runs:
         raise BadManifest(
             f"none of the {n_clips} training clips has two valid frames in a row at"

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from gmrdata.baselines.joint_config import JointConfig, JointModelConfig
+from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.baselines.joint_data import (
-    JointBatch,
     joint_runs,
     load_features,
     make_joint_batch,
@@ -23,10 +22,10 @@ from gmrdata.baselines.joint_predict import predict_joint
 from gmrdata.baselines.joint_train import fit_joint, joint_loss
 from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import latest_checkpoint
-from gmrdata.gmr.config import LossConfig
+from gmrdata.gmr.config import LossConfig, NetworkConfig
 from gmrdata.gmr.flat_runs import in_memory
 from gmrdata.gmr.vertex_loss import make_loss_body
-from gmrdata.gmr.windows import TrainingSet
+from gmrdata.gmr.windows import Batch, TrainingSet
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
@@ -45,7 +44,7 @@ from gmrdata.values.motion_metrics import angles_rad
 WriteSet = Callable[..., Path]
 N_FEATURES = 48
 SMALL = JointConfig(
-    model=JointModelConfig(layers=1, hidden=48, output_scale=0.1),
+    model=NetworkConfig(layers=1, hidden=48, output_scale=0.1),
     loss=LossConfig(n_vertices=16),
     frames=16,
     learning_rate=3e-3,
@@ -163,7 +162,7 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(
         (tmp_path / name).mkdir()
     fit_joint(runs, small_body, tmp_path / "whole", config)
 
-    def stop_in_step_6(runs: TrainingSet, config: JointConfig, step: int) -> JointBatch:
+    def stop_in_step_6(runs: TrainingSet, config: JointConfig, step: int) -> Batch:
         if step == 6:
             raise KeyboardInterrupt
         return make_joint_batch(runs, config, step)
@@ -221,14 +220,14 @@ def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
     config = SMALL.model_copy(update={"reverse_probability": 0.0})
     batch = make_joint_batch(TrainingSet(in_memory(runs), "6d"), config, step=1)
     assert batch.lengths.tolist() == [6] * 8
-    assert batch.frame_mask.sum().item() == 48
+    assert batch.mask.sum().item() == 40
     torch.manual_seed(0)
     model = JointModel(config, N_FEATURES).eval()
-    output = model(batch.features, batch.lengths)
+    output = model(batch.poses, batch.lengths)
     cut = replace(
         batch,
-        features=batch.features[:, :6],
-        frame_mask=batch.frame_mask[:, :6],
+        poses=batch.poses[:, :6],
+        mask=batch.mask[:, :5],
         motions=type(batch.motions)(
             batch.motions.delta_rotmats[:, :5], batch.motions.delta_m[:, :5]
         ),
@@ -238,7 +237,7 @@ def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
     for reduction in ("mean", "sum"):
         both = config.model_copy(update={"loss": LossConfig(reduction=reduction)})
         padded = joint_loss(output, batch, loss_body, both)
-        whole = joint_loss(model(cut.features), cut, loss_body, both)
+        whole = joint_loss(model(cut.poses), cut, loss_body, both)
         for one, other in zip(padded.items(), whole.items(), strict=True):
             assert one[0] == other[0]
             assert one[1].item() == pytest.approx(other[1].item(), rel=1e-4, abs=1e-9)
@@ -254,7 +253,7 @@ def test_a_window_played_backwards(walks: list[Clip]) -> None:
         )
         for share in (0.0, 1.0)
     ]
-    assert torch.equal(batches[0].features[:, :12].flip(1), batches[1].features[:, :12])
+    assert torch.equal(batches[0].poses[:, :12].flip(1), batches[1].poses[:, :12])
     ahead, back = (batch.motions.delta_rotmats[:, :11] for batch in batches)
     torch.testing.assert_close(back, ahead.flip(1).transpose(-1, -2))
 

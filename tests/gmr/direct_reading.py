@@ -1,9 +1,12 @@
-"""Eq. 13 as it is written: the body posed with the root as the first joint of its chain."""
+"""Eq. 13 and the network's size as they are written."""
 
 import torch
 from torch import Tensor
 
-from gmrdata.values.body import N_JOINTS, PARENTS, BodyModel
+from gmrdata.gmr import rotations
+from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.model import input_size
+from gmrdata.values.body import N_JOINTS, N_LOCAL, PARENTS, BodyModel
 
 
 def direct_mesh_m(
@@ -46,3 +49,16 @@ def direct_mesh_m(
     weights = torch.as_tensor(body.skin_weights).to(local_rotmats)
     blended = (weights @ transforms).unflatten(-1, (3, 4))
     return (blended[..., :3] @ rest_m[..., None])[..., 0] + blended[..., 3]
+
+
+def parameter_count(config: ModelConfig) -> int:
+    """Number of trained numbers, by formula.
+
+    A GRU direction of h units on n inputs has 3h(n + h) weights and 6h biases.
+    """
+    h = config.hidden
+    sizes = [input_size(config)] + [2 * h] * (config.layers - 1)
+    encoder = sum(2 * (3 * h * (n + h) + 6 * h) for n in sizes)
+    outputs = rotations.SIZE[config.output] + 3
+    outputs += (N_LOCAL + 1) * (config.rotation, config.translation).count("standing_joint")
+    return encoder + (2 * h * h + h) + (h * outputs + outputs)

@@ -9,9 +9,10 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import Representation, WindowConfig
+from gmrdata.gmr.flat_runs import TrainingRun
 from gmrdata.gmr.rotations import to_rotmats
 from gmrdata.gmr.runs import runs_at
-from gmrdata.gmr.windows import Batch, TrainingRun, make_batch, make_training_set, reverse
+from gmrdata.gmr.windows import Batch, make_batch, make_training_set, reverse
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadMotionFile
 from gmrdata.values.motion import Motion
@@ -143,13 +144,14 @@ def test_windows_are_rows_of_the_runs(
     """Each window's poses are found in one run, forwards or backwards, with that run's motion."""
     config = WindowConfig(frames=9, reverse_probability=0.5)
     training_set = make_training_set(make_clips(3, 2), representation, config)
+    runs = [training_set.window(i, slice(None)) for i in range(len(training_set.frames.ends))]
     batch = make_batch(training_set, config, 16, seed=0, step=0)
     directions = set()
     for row in range(16):
         pose = batch.local_rotmats[row].numpy()
         found = [
             (run, start, backwards)
-            for run in training_set.runs
+            for run in runs
             for start in range(len(run.poses) - 8)
             for backwards, order in ((False, 1), (True, -1))
             if np.array_equal(
@@ -205,7 +207,7 @@ def test_quaternions_of_a_window_are_those_that_inference_makes() -> None:
     clip = replace(clip, motion=replace(clip.motion, local_rotmats=local))
     config = WindowConfig(frames=10, reverse_probability=0.5)
     training_set = make_training_set([clip], "quaternion", config)
-    assert training_set.runs[0].poses[:, 16].min() < -0.9
+    assert training_set.window(0, slice(None)).poses[:, 16].min() < -0.9
     batch = make_batch(training_set, config, 64, seed=1, step=2)
     quaternions = batch.poses.reshape(64, 10, 23, 4)
     assert (quaternions[:, 0, :, 0] >= 0).all()

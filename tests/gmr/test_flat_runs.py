@@ -12,7 +12,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gmrdata.gmr.config import Representation, WindowConfig
-from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, RunRows, in_files, in_memory, remove_files
+from gmrdata.gmr.flat_runs import (
+    FlatRuns,
+    PackRecord,
+    TrainingRun,
+    in_files,
+    in_memory,
+    remove_files,
+)
 from gmrdata.gmr.model import network_input
 from gmrdata.gmr.windows import Batch, Mix, make_batch, make_training_set, sample_run
 from gmrdata.values.clip import Clip
@@ -24,15 +31,15 @@ OTHER_PACK = PackRecord(input="quaternion", fps_hz=20.0)
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 
 
-def random_runs(lengths: list[int], parts: list[int], seed: int = 0) -> Iterator[RunRows]:
+def random_runs(lengths: list[int], parts: list[int], seed: int = 0) -> Iterator[TrainingRun]:
     rng = np.random.default_rng(seed)
     for length, part in zip(lengths, parts, strict=True):
-        yield RunRows(
-            part,
+        yield TrainingRun(
             rng.normal(size=(length, 92)),
             rng.normal(size=(length, 3, 3)),
             rng.normal(size=(length, 3)),
             rng.normal(size=4),
+            part,
         )
 
 
@@ -77,7 +84,8 @@ def test_frames_are_those_of_the_clip(
     (clip,) = make_clips(1, 2, fps_hz=10.0)
     config = WindowConfig(frames=clip.motion.n_frames, reverse_probability=0.0)
     training_set = make_training_set([clip], representation, config)
-    (run,) = training_set.runs
+    run = training_set.window(0, slice(None))
+    assert len(training_set.frames.ends) == 1
     local_rotmats = make_batch(training_set, config, 1, seed=0, step=0).local_rotmats[0].numpy()
     np.testing.assert_allclose(local_rotmats, clip.motion.local_rotmats, atol=1e-6)
     assert local_rotmats.dtype == np.float32
@@ -106,7 +114,7 @@ def test_files_hold_what_memory_holds(tmp_path: Path, lengths: list[int], seed: 
 def test_a_pack_is_made_once_and_as_a_whole(tmp_path: Path) -> None:
     folder = tmp_path / "pack"
 
-    def stopping() -> Iterator[RunRows]:
+    def stopping() -> Iterator[TrainingRun]:
         yield from random_runs([5], [0])
         raise KeyboardInterrupt
 

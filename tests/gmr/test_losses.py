@@ -121,25 +121,25 @@ def test_terms_are_the_equations(
         expected = value / count if reduction == "mean" else value / B
         if name == "vertex" and reduction == "sum":
             expected *= len(small_body.template_m) / 20
-        assert getattr(found, name).item() == pytest.approx(expected, rel=1e-8), name
+        assert found[name].item() == pytest.approx(expected, rel=1e-8), name
         total += {"smoothness": 1e-2}.get(name, 1.0) * expected
-    assert found.total.item() == pytest.approx(total, rel=1e-8)
+    assert found["loss"].item() == pytest.approx(total, rel=1e-8)
 
 
 def test_weights_and_a_missing_vertex_term() -> None:
     predicted, true = random_motions(1), random_motions(2)
     config = LossConfig(orientation=2.0, translation=3.0, vertex=0.0, smoothness=5.0)
     found = gmr_loss(predicted, true, torch.ones(B, N, dtype=torch.bool), None, config)
-    expected = 2 * found.orientation + 3 * found.translation + 5 * found.smoothness
-    assert found.total.item() == pytest.approx(expected.item(), rel=1e-12)
-    assert found.vertex.item() == 0
+    expected = 2 * found["orientation"] + 3 * found["translation"] + 5 * found["smoothness"]
+    assert found["loss"].item() == pytest.approx(expected.item(), rel=1e-12)
+    assert found["vertex"].item() == 0
 
 
 def test_padding_has_no_value_and_no_gradient(small_body: BodyModel) -> None:
     predicted, true, bodies = random_motions(1), random_motions(2), random_bodies(small_body, 3)
     mask = torch.arange(N) < torch.tensor([4, 1, N])[:, None]
     leaves = [predicted.delta_rotmats.requires_grad_(), predicted.delta_m.requires_grad_()]
-    gmr_loss(predicted, true, mask, bodies, LossConfig()).total.backward()
+    gmr_loss(predicted, true, mask, bodies, LossConfig())["loss"].backward()
     for leaf in leaves:
         assert leaf.grad is not None
         assert leaf.grad[~mask].abs().max() == 0
@@ -166,9 +166,9 @@ def test_parts_of_a_step_add_up(small_body: BodyModel, reduction: Literal["mean"
                 counts_of(mask, processes=B),
             )
         )
-    for name in ("total", "orientation", "translation", "vertex", "smoothness"):
-        mean = sum(getattr(part, name).item() for part in parts) / B
-        assert mean == pytest.approx(getattr(whole, name).item(), rel=1e-12), name
+    for name in ("loss", "orientation", "translation", "vertex", "smoothness"):
+        mean = sum(part[name].item() for part in parts) / B
+        assert mean == pytest.approx(whole[name].item(), rel=1e-12), name
 
 
 @pytest.mark.parametrize("has_pose_dirs", [False, True])
@@ -252,7 +252,7 @@ def test_a_vertex_subset_estimates_the_whole(
     mask = torch.ones(B, N, dtype=torch.bool)
     config = LossConfig(reduction=reduction)
     whole, part = (
-        gmr_loss(predicted, true, mask, random_bodies(small_body, 3, n), config).vertex.item()
+        gmr_loss(predicted, true, mask, random_bodies(small_body, 3, n), config)["vertex"].item()
         for n in (None, 112)
     )
     assert part == pytest.approx(whole, rel=0.03)
@@ -301,8 +301,7 @@ def test_gradients_by_finite_differences(
     def loss(values: torch.Tensor) -> torch.Tensor:
         rotmats = to_rotmats(values[..., :3], "axis-angle")
         terms = gmr_loss(Motions(rotmats, values[..., 3:]), true, mask, bodies, config)
-        found: torch.Tensor = getattr(terms, "orientation" if term in KINDS else term)
-        return found
+        return terms["orientation" if term in KINDS else term]
 
     # A step so short that no vertex of eq. 13 passes the kink of its L1 norm.
     leaf = values.requires_grad_()
@@ -334,7 +333,7 @@ def test_gradients_are_finite_at_0_and_pi(
             bodies,
             LossConfig(orientation_loss=kind),
         )
-        found.total.backward()
-        assert torch.isfinite(found.total)
+        found["loss"].backward()
+        assert torch.isfinite(found["loss"])
         assert values.grad is not None
         assert torch.isfinite(values.grad).all()

@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, Representation
-from gmrdata.gmr.model import Gmr, input_size, network_input, parameter_count
+from gmrdata.gmr.model import Gmr, input_size, network_input
+from tests.gmr.direct_reading import parameter_count
 
 REPRESENTATIONS: tuple[Representation, ...] = ("quaternion", "axis-angle", "6d")
 INPUTS = {"quaternion": 92, "axis-angle": 69, "6d": 138}
