@@ -90,8 +90,8 @@ def posed_vertex_errors_mm(
     errors_mm = [np.zeros(0)]
     for rows in _chunks(len(delta_m), body):
         vertices_m = _posed_m(body, shape, local_rotmats[rows])
-        parts = (array[rows] for array in (delta_rotmats, delta_m, true_rotmats, true_m))
-        errors_mm.append(vertex_errors_mm(*parts, vertices_m))
+        predicted, true = (delta_rotmats[rows], delta_m[rows]), (true_rotmats[rows], true_m[rows])
+        errors_mm.append(vertex_errors_mm(*predicted, *true, vertices_m))
     return np.concatenate(errors_mm)
 
 
