@@ -1,4 +1,4 @@
-"""The recipe of structure from motion."""
+"""The recipe of structure from motion, and the thresholds that its cameras must keep to."""
 
 from pydantic import Field
 
@@ -72,3 +72,24 @@ class SfmConfig(Config):
     worker process's share of them.  All else of COLMAP uses one, so that results repeat."""
     seed: int = Field(default=0, ge=0)
     """Seed of every random choice."""
+
+
+class CamerasVerdictConfig(Config):
+    """What cameras must keep to, up to scale and without a body."""
+
+    min_registered_share: float = Field(default=0.7, ge=0, le=1)
+    """Share of the images that have a camera."""
+    max_reprojection_px: float = Field(default=1.0, gt=0)
+    """Mean reprojection error of the background [px]."""
+    max_cuts_share: float = Field(default=0.05, ge=0)
+    """Share of the steps between images at which the picture changes to another place, or the
+    camera jumps."""
+    min_inliers: int = Field(default=25, ge=0)
+    """Background points or matches that hold a frame's camera."""
+    max_turn_deg_per_s: float = Field(default=500.0, gt=0)
+    """Turning speed of the camera from one frame to the next [degrees/s]."""
+    max_focal_deviation: float = Field(default=0.1, gt=0, lt=1)
+    """Difference of the focal length that the background asks for from the given one, as a share of
+    it, that is still right."""
+    focal_sigmas: float = Field(default=3.0, ge=0)
+    """By how many standard errors it must be larger to be called wrong."""

@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmrdata.cameras.verdict import angles_deg, relative_moves
 from gmrdata.pages.html import Cell, Table
 from gmrdata.pages.qa_data import Found
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
-from gmrdata.world.judge import angles_deg, relative_moves
 from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 

@@ -6,18 +6,21 @@ Every check compares one figure with one threshold of the recipe, and what fails
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.files import CamerasQuality
+from gmrdata.cameras.verdict import (
+    angles_deg,
+    camera_reasons,
+    frame_tests,
+    relative_moves,
+    turns_too_fast,
+)
 from gmrdata.values import transforms
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.rows import first_reasons, text_runs
 from gmrdata.world.recipe import VerdictConfig
 from gmrdata.world.scale import ScaleEstimate
 from gmrdata.world.verdict import Verdict, verdict_of
-
-ANOTHER_PLACE = "no camera was found: the picture shows another place, beyond a cut"
-NOTHING_SEEN = "no camera was found: the picture is black or even, or all of it is masked"
 
 
 def judge(
@@ -46,49 +49,20 @@ def judge(
     jump_share = float(np.mean(jumps(clip, config))) if len(reasons) > 1 else 0.0
     failed = [
         *doubts,
-        *_sequence_reasons(quality, jump_share, kept_share, config),
-        *_focal_reasons(quality, config),
+        *camera_reasons(quality, config),
+        *_body_reasons(jump_share, kept_share, config),
         *_scale_reasons(estimate, config),
     ]
     return verdict_of(clip.id, not failed, failed, reasons)
 
 
-def _sequence_reasons(
-    quality: CamerasQuality, jump_share: float, kept_share: float, config: VerdictConfig
-) -> Iterator[str]:
-    registered, fewest = quality.registered_share, config.min_registered_share
-    cuts, featureless = len(quality.cuts_after_frames), len(quality.featureless)
-    if registered < fewest:
-        known = [f"{featureless} are black or even, or wholly masked"] if featureless else []
-        known += [f"the picture changes to another place {cuts} times"] if cuts else []
-        few = f"{registered:.0%} of the images have a camera, fewer than {fewest:.0%}"
-        yield "; ".join([few, ", ".join(known)] if known else [few])
-    error_px, most_px = quality.mean_reprojection_px, config.max_reprojection_px
-    if error_px > most_px:
-        yield f"the mean reprojection error is {error_px:.2f} px, more than {most_px:g} px"
-    if cuts / max(1, quality.frames - 1) > config.max_cuts_share:
-        yield (
-            f"the picture changes to another place {cuts} times: images out of order, black, or "
-            "of several takes"
-        )
+def _body_reasons(jump_share: float, kept_share: float, config: VerdictConfig) -> Iterator[str]:
     if jump_share > config.max_cuts_share:
         at = f"at {jump_share:.0%} of the steps between images"
         yield f"the camera jumps {at}: images out of order, or missing"
     if kept_share < config.min_kept_share:
         can = f"{kept_share:.0%} of the data set's valid frames can be used"
         yield f"{can}, fewer than {config.min_kept_share:.0%}"
-
-
-def _focal_reasons(quality: CamerasQuality, config: VerdictConfig) -> Iterator[str]:
-    factor, sigma = quality.focal_factor, quality.focal_sigma
-    # Both are null where the background holds no focal length: nothing was measured then.
-    if factor is None or sigma is None:
-        return
-    if abs(factor - 1.0) - config.max_focal_deviation > config.focal_sigmas * sigma:
-        yield (
-            f"the background asks for a focal length {factor:.2f} times the given one "
-            f"(standard error {sigma:.2f}, at most {config.max_focal_deviation:.0%} off is right)"
-        )
 
 
 def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[str]:
@@ -113,17 +87,12 @@ def frame_reasons(
 ) -> list[str]:
     """Why each of the T frames must not be used; empty where it may.  Arguments as in `judge`."""
     camera = camera_of(clip)
-    n, has_camera = camera.n_frames, camera.has_camera
-    # An interpolated camera has none of its own; it is marked, and held by its neighbours.
-    enough = np.isin(sfm_rows, quality.interpolated)
-    enough |= np.array(quality.inliers_per_frame)[sfm_rows] >= config.min_inliers
+    n = camera.n_frames
+    *before, enough = frame_tests(quality, sfm_rows, camera.has_camera, config)
     tests = [
-        (sfm_rows >= 0, "it has no image"),
-        (~_behind_cut(quality, sfm_rows, has_camera), ANOTHER_PLACE),
-        (has_camera | ~np.isin(sfm_rows, quality.featureless), NOTHING_SEEN),
-        (has_camera, "no camera was found"),
+        *before,
         (clip.valid, "the body is not known"),
-        (enough, f"fewer than {config.min_inliers} inliers"),
+        enough,
         (~_both_sides(jumps(clip, config), 1, n), "the camera jumps"),
     ]
     if dataset_camera is not None:
@@ -137,21 +106,11 @@ def frame_reasons(
 
 def jumps(clip: Clip, config: VerdictConfig) -> np.ndarray:
     """(T - 1,) bool: steps between frames that are too far for a camera that somebody holds."""
-    steps = relative_moves(camera_of(clip).world_from_cam, 1)
-    metres_per_s = np.linalg.norm(steps[:, :3, 3], axis=1) * clip.motion.fps_hz
-    degrees_per_s = angles_deg(steps) * clip.motion.fps_hz
+    world_from_cam, fps_hz = camera_of(clip).world_from_cam, clip.motion.fps_hz
+    steps_m = np.linalg.norm(relative_moves(world_from_cam, 1)[:, :3, 3], axis=1)
     # A comparison with NaN is False: an unknown step is no jump.
-    return (metres_per_s > config.max_speed_m_per_s) | (degrees_per_s > config.max_turn_deg_per_s)
-
-
-def _behind_cut(
-    quality: CamerasQuality, sfm_rows: np.ndarray, has_camera: np.ndarray
-) -> np.ndarray:
-    """(T,) bool: frames of a stretch between two cuts in which no frame has a camera."""
-    cuts = np.array(quality.cuts_after_frames, dtype=int)
-    stretch = np.searchsorted(cuts, sfm_rows)
-    placed = np.unique(stretch[has_camera])
-    return ~np.isin(stretch, placed) & (len(cuts) > 0)
+    too_far = steps_m * fps_hz > config.max_speed_m_per_s
+    return np.asarray(too_far | turns_too_fast(world_from_cam, fps_hz, config))
 
 
 def _both_sides(steps: np.ndarray, step: int, n: int) -> np.ndarray:
@@ -169,20 +128,6 @@ def without_short_runs(reasons: list[str], min_run: int) -> list[str]:
             short = f"only {stop - start} usable frames in a row"
             reasons = [*reasons[:start], *[short] * (stop - start), *reasons[stop:]]
     return reasons
-
-
-def relative_moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
-    """(T - step, 4, 4) motion over `step` frames, in the axes of the first camera of each."""
-    return np.asarray(transforms.invert(world_from_cam[:-step]) @ world_from_cam[step:])
-
-
-def angles_deg(moves: np.ndarray) -> np.ndarray:
-    """(N,) rotation angles of transforms (N, 4, 4) [degrees]; NaN where unknown."""
-    known = np.isfinite(moves).all(axis=(1, 2))
-    angles = np.full(len(moves), np.nan)
-    if known.any():
-        angles[known] = Rotation.from_matrix(moves[known, :3, :3]).magnitude()
-    return np.rad2deg(angles)
 
 
 def window_differences(

@@ -1,0 +1,106 @@
+"""Whether cameras can be used, as far as they tell by themselves: all of them, and each of them.
+
+Nothing here needs a body or metres.  Every check compares one figure with one threshold of the
+recipe, and what fails says both.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.cameras.files import CamerasQuality
+from gmrdata.cameras.recipe import CamerasVerdictConfig
+from gmrdata.values import transforms
+
+ANOTHER_PLACE = "no camera was found: the picture shows another place, beyond a cut"
+NOTHING_SEEN = "no camera was found: the picture is black or even, or all of it is masked"
+
+
+def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
+    """Why the cameras of a sequence can't be used."""
+    registered, fewest = quality.registered_share, config.min_registered_share
+    cuts, featureless = len(quality.cuts_after_frames), len(quality.featureless)
+    if registered < fewest:
+        known = [f"{featureless} are black or even, or wholly masked"] if featureless else []
+        known += [f"the picture changes to another place {cuts} times"] if cuts else []
+        few = f"{registered:.0%} of the images have a camera, fewer than {fewest:.0%}"
+        yield "; ".join([few, ", ".join(known)] if known else [few])
+    error_px, most_px = quality.mean_reprojection_px, config.max_reprojection_px
+    if error_px > most_px:
+        yield f"the mean reprojection error is {error_px:.2f} px, more than {most_px:g} px"
+    if cuts / max(1, quality.frames - 1) > config.max_cuts_share:
+        yield (
+            f"the picture changes to another place {cuts} times: images out of order, black, or "
+            "of several takes"
+        )
+    yield from _focal_reasons(quality, config)
+
+
+def _focal_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
+    factor, sigma = quality.focal_factor, quality.focal_sigma
+    # Both are null where the background holds no focal length: nothing was measured then.
+    if factor is None or sigma is None:
+        return
+    if abs(factor - 1.0) - config.max_focal_deviation > config.focal_sigmas * sigma:
+        yield (
+            f"the background asks for a focal length {factor:.2f} times the given one "
+            f"(standard error {sigma:.2f}, at most {config.max_focal_deviation:.0%} off is right)"
+        )
+
+
+def frame_tests(
+    quality: CamerasQuality,
+    sfm_rows: np.ndarray,
+    has_camera: np.ndarray,
+    config: CamerasVerdictConfig,
+) -> list[tuple[np.ndarray, str]]:
+    """What each of T frames must pass, (T,) bool, and the reason where it doesn't; in order.
+
+    Args:
+        sfm_rows: (T,) row of the reconstruction for each frame; -1 for a frame without an image.
+        has_camera: (T,) bool.
+    """
+    # An interpolated camera has none of its own; it is marked, and held by its neighbours.
+    enough = np.isin(sfm_rows, quality.interpolated)
+    enough |= np.array(quality.inliers_per_frame)[sfm_rows] >= config.min_inliers
+    return [
+        (sfm_rows >= 0, "it has no image"),
+        (~_behind_cut(quality, sfm_rows, has_camera), ANOTHER_PLACE),
+        (has_camera | ~np.isin(sfm_rows, quality.featureless), NOTHING_SEEN),
+        (has_camera, "no camera was found"),
+        (enough, f"fewer than {config.min_inliers} inliers"),
+    ]
+
+
+def _behind_cut(
+    quality: CamerasQuality, sfm_rows: np.ndarray, has_camera: np.ndarray
+) -> np.ndarray:
+    """(T,) bool: frames of a stretch between two cuts in which no frame has a camera."""
+    cuts = np.array(quality.cuts_after_frames, dtype=int)
+    stretch = np.searchsorted(cuts, sfm_rows)
+    placed = np.unique(stretch[has_camera])
+    return ~np.isin(stretch, placed) & (len(cuts) > 0)
+
+
+def turns_too_fast(
+    world_from_cam: np.ndarray, fps_hz: float, config: CamerasVerdictConfig
+) -> np.ndarray:
+    """(T - 1,) bool: steps between frames over which no camera turns that somebody holds."""
+    # A comparison with NaN is False: an unknown step is no jump.
+    turn_deg = angles_deg(relative_moves(world_from_cam, 1))
+    return np.asarray(turn_deg * fps_hz > config.max_turn_deg_per_s)
+
+
+def relative_moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
+    """(T - step, 4, 4) motion over `step` frames, in the axes of the first camera of each."""
+    return np.asarray(transforms.invert(world_from_cam[:-step]) @ world_from_cam[step:])
+
+
+def angles_deg(moves: np.ndarray) -> np.ndarray:
+    """(N,) rotation angles of transforms (N, 4, 4) [degrees]; NaN where unknown."""
+    known = np.isfinite(moves).all(axis=(1, 2))
+    angles = np.full(len(moves), np.nan)
+    if known.any():
+        angles[known] = Rotation.from_matrix(moves[known, :3, :3]).magnitude()
+    return np.rad2deg(angles)
