@@ -20,6 +20,7 @@ settings.load_profile("gmrdata")
 pytest_plugins = (
     "tests.browser",
     "tests.filming",
+    "tests.fixtures.file_server",
     "tests.fixtures.filmed_sets",
     "tests.fixtures.inference",
     "tests.fixtures.motion_files",

@@ -1,14 +1,10 @@
 """Fetching from a real server on this machine that behaves well and badly."""
 
 import hashlib
-import http.server
 import json
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +14,17 @@ from gmrdata import cli
 from gmrdata.motion.cmu import check_trials, fetch_command, fetch_trials, listed_trials, plan
 from gmrdata.read.download import FetchConfig
 from gmrdata.values.errors import BadRecipe, FetchFailed
+from tests.fixtures.file_server import (
+    Answer,
+    Handler,
+    Server,
+    drop_half,
+    redirect,
+    send,
+    slow,
+    status,
+    tag_of,
+)
 
 ASF = b""":units
   length 0.45
@@ -46,82 +53,11 @@ AMC = b":FULLY-SPECIFIED\n:DEGREES\n" + b"".join(
 FILES = {"/02/02.asf": ASF, "/02/02_03.amc": AMC, "/02/02_04.amc": AMC.replace(b"1 2", b"2 2")}
 HALF = len(AMC) // 2
 
-Handler = http.server.BaseHTTPRequestHandler
-Answer = Callable[[Handler, bytes], None]
-
-
-@dataclass
-class Server:
-    """What a test tells the server, and what the server saw."""
-
-    url: str
-    answers: dict[str, list[Answer]] = field(default_factory=dict)
-    """By path: how the first requests are answered; later ones are answered well."""
-    seen: list[tuple[str, str | None]] = field(default_factory=list)
-    """Path and Range of every request."""
-
-    def requests(self, name: str) -> list[str | None]:
-        return [wanted for path, wanted in self.seen if path.endswith(name)]
-
-
-def _send(handler: Handler, status: int, body: bytes, **headers: str) -> None:
-    handler.send_response(status)
-    for key, value in ({"Content_Length": str(len(body))} | headers).items():
-        handler.send_header(key.replace("_", "-"), value)
-    handler.end_headers()
-    handler.wfile.write(body)
-
-
-def _well(handler: Handler, body: bytes) -> None:
-    tag = f'"{hashlib.sha256(body).hexdigest()[:8]}"'
-    wanted = handler.headers.get("Range")
-    if wanted is not None and handler.headers.get("If-Range") in (None, tag):
-        start = int(wanted.removeprefix("bytes=").removesuffix("-"))
-        place = f"bytes {start}-{len(body) - 1}/{len(body)}"
-        _send(handler, 206, body[start:], ETag=tag, Content_Range=place)
-        return
-    _send(handler, 200, body, ETag=tag)
-
-
-def _drop(handler: Handler, body: bytes) -> None:
-    tag = f'"{hashlib.sha256(body).hexdigest()[:8]}"'
-    _send(handler, 200, body[:HALF], ETag=tag, Content_Length=str(len(body)))
-
-
-def _status(code: int) -> Answer:
-    return lambda handler, body: _send(handler, code, b"sorry")
-
-
-def _redirect(place: str) -> Answer:
-    return lambda handler, body: _send(handler, 302, b"", Location=place)
-
-
-def _slow(handler: Handler, body: bytes) -> None:
-    time.sleep(0.6)
-
 
 @pytest.fixture
-def server() -> Iterator[Server]:
-    class Requests(Handler):
-        def do_GET(self) -> None:
-            state.seen.append((self.path, self.headers.get("Range")))
-            todo = state.answers.get(self.path, [])
-            if self.path not in FILES:
-                _send(self, 404, b"no such file")
-            else:
-                (todo.pop(0) if todo else _well)(self, FILES[self.path])
-
-        def log_message(self, *words: object) -> None:
-            pass
-
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Requests) as listening:
-        listening.handle_error = lambda *_: None  # a client that went away is what some tests want
-        state = Server(f"http://127.0.0.1:{listening.server_address[1]}")
-        thread = threading.Thread(target=listening.serve_forever, kwargs={"poll_interval": 0.02})
-        thread.start()
-        yield state
-        listening.shutdown()
-        thread.join()
+def server(file_server: Server) -> Server:
+    file_server.files |= FILES
+    return file_server
 
 
 def _fetch(server: Server, out: Path, *trials: str, **options: object) -> list[float]:
@@ -157,7 +93,7 @@ def test_a_good_server_and_once_more(server: Server, tmp_path: Path) -> None:
 
 
 def test_a_dropped_connection_is_resumed(server: Server, tmp_path: Path) -> None:
-    server.answers["/02/02_03.amc"] = [_drop]
+    server.answers["/02/02_03.amc"] = [drop_half]
     waits = _fetch(server, tmp_path)
     assert len(waits) == 1 and 0.5 <= waits[0] <= 1.5
     assert server.requests("02_03.amc") == [None, f"bytes={HALF}-"]
@@ -166,7 +102,7 @@ def test_a_dropped_connection_is_resumed(server: Server, tmp_path: Path) -> None
 
 
 def test_a_later_run_resumes(server: Server, tmp_path: Path) -> None:
-    server.answers["/02/02_03.amc"] = [_drop, _status(503), _status(503)]
+    server.answers["/02/02_03.amc"] = [drop_half, status(503), status(503)]
     with pytest.raises(FetchFailed, match="1 of 1 trials missing: 02_03\n.*503"):
         _fetch(server, tmp_path)
     assert "02_03.amc" not in _names(tmp_path) and "02_03.amc.part" in _names(tmp_path)
@@ -181,13 +117,13 @@ def test_a_later_run_resumes(server: Server, tmp_path: Path) -> None:
 
 def test_a_server_that_ignores_range_and_a_changed_file(server: Server, tmp_path: Path) -> None:
     def whole(handler: Handler, body: bytes) -> None:
-        _send(handler, 200, body, ETag='"x"')
+        send(handler, 200, body, ETag='"x"')
 
     def other(handler: Handler, body: bytes) -> None:
-        _send(handler, 206, body[HALF:], ETag='"o"', Content_Range=f"bytes {HALF}-9999/10000")
+        send(handler, 206, body[HALF:], ETag='"o"', Content_Range=f"bytes {HALF}-9999/10000")
 
-    server.answers["/02/02_03.amc"] = [_drop, whole]
-    server.answers["/02/02_04.amc"] = [_drop, other]
+    server.answers["/02/02_03.amc"] = [drop_half, whole]
+    server.answers["/02/02_04.amc"] = [drop_half, other]
     _fetch(server, tmp_path, "02_03", "02_04")
     assert (tmp_path / "02_03.amc").read_bytes() == AMC
     assert (tmp_path / "02_04.amc").read_bytes() == FILES["/02/02_04.amc"]
@@ -195,22 +131,22 @@ def test_a_server_that_ignores_range_and_a_changed_file(server: Server, tmp_path
 
 
 def test_500_twice_then_good(server: Server, tmp_path: Path) -> None:
-    server.answers["/02/02_03.amc"] = [_status(500), _status(500)]
+    server.answers["/02/02_03.amc"] = [status(500), status(500)]
     waits = _fetch(server, tmp_path)
     assert 0.5 <= waits[0] <= 1.5 and 1.0 <= waits[1] <= 3.0
     assert _names(tmp_path) == DONE
 
 
 def _cut(handler: Handler, body: bytes) -> None:
-    _send(handler, 200, body[:-9])
+    send(handler, 200, body[:-9])
 
 
 def _longer(handler: Handler, body: bytes) -> None:
-    _send(handler, 200, body, Content_Length=str(len(body) - 9))
+    send(handler, 200, body, Content_Length=str(len(body) - 9))
 
 
 def _page(kind: str) -> Answer:
-    return lambda handler, body: _send(handler, 200, b"<html>Sorry</html>", Content_Type=kind)
+    return lambda handler, body: send(handler, 200, b"<html>Sorry</html>", Content_Type=kind)
 
 
 @pytest.mark.parametrize(
@@ -220,9 +156,9 @@ def _page(kind: str) -> Answer:
         (_longer, "no usable .amc: 02_03.amc:1202: "),
         (_page("text/html"), "sends a web page"),
         (_page("text/plain"), "no usable .amc: a web page"),
-        (_redirect("file:///etc/hostname"), "redirects to file:///etc/hostname, which is not"),
-        (_redirect("ftp://127.0.0.1/02_03.amc"), "redirects to ftp:.* is not followed"),
-        (_status(403), "answers 403"),
+        (redirect("file:///etc/hostname"), "redirects to file:///etc/hostname, which is not"),
+        (redirect("ftp://127.0.0.1/02_03.amc"), "redirects to ftp:.* is not followed"),
+        (status(403), "answers 403"),
     ],
 )
 def test_wrong_answers_are_refused_at_once(
@@ -236,13 +172,13 @@ def test_wrong_answers_are_refused_at_once(
 
 
 def test_redirects_within_the_web_are_followed(server: Server, tmp_path: Path) -> None:
-    server.answers["/02/02_03.amc"] = [_redirect(f"{server.url}/02/02_04.amc")]
+    server.answers["/02/02_03.amc"] = [redirect(f"{server.url}/02/02_04.amc")]
     _fetch(server, tmp_path)
     assert (tmp_path / "02_03.amc").read_bytes() == FILES["/02/02_04.amc"]
 
 
 def test_a_slow_server(server: Server, tmp_path: Path) -> None:
-    server.answers["/02/02_03.amc"] = [_slow] * 3
+    server.answers["/02/02_03.amc"] = [slow] * 3
     with pytest.raises(FetchFailed, match="timed out.*gave up after 3 attempts"):
         _fetch(server, tmp_path, timeout_s=0.2)
     assert _names(tmp_path) == ["02.asf", "SHA256SUMS", "fetched.json"]
@@ -316,7 +252,7 @@ def test_a_killed_run_leaves_no_final_name(server: Server, tmp_path: Path) -> No
     def hang(handler: Handler, body: bytes) -> None:
         handler.send_response(200)
         handler.send_header("Content-Length", str(len(body)))
-        handler.send_header("ETag", f'"{hashlib.sha256(body).hexdigest()[:8]}"')
+        handler.send_header("ETag", tag_of(body))
         handler.end_headers()
         handler.wfile.write(body[:HALF])
         time.sleep(0.5)
