@@ -12,40 +12,52 @@ from gmrdata.values.errors import BadRecipe
 
 
 def fetch(
-    source: Positional[Literal["cmu"]],
+    source: Positional[Literal["cmu", "models"]],
     trials: Positional[tuple[str, ...]] = (),
-    out: Path = Path("cmu"),
+    out: Path | None = None,
     published_list: Annotated[str | None, arg(name="list")] = None,
     base_url: str | None = None,
     timeout_s: float = 30.0,
     redo: bool = False,
     dry_run: flags.DryRun = False,
 ) -> None:
-    """Get motions (ASF/AMC) of the CMU motion capture database from CMU's site or a mirror.
+    """Get motions (ASF/AMC) of the CMU motion capture database, or the networks that make masks.
 
     Args:
-        source: Whose motions; there is cmu.
-        trials: Names of trials, like 02_03.
-        out: Folder for the files, their SHA256SUMS and fetched.json; what is there is kept.
+        source: cmu, or models: YOLOX-nano and BlazePose GHUM lite (both Apache-2.0, 7 MB).
+        trials: Names of CMU's trials, like 02_03.
+        out: Folder for the files; what is there is kept.  ./cmu, with SHA256SUMS and fetched.json,
+            when left out; for models the cache folder in which every verb looks for them.
         published_list: Every trial of a list that gmrdata publishes, e.g. paper_table8.
-        base_url: A mirror of http://mocap.cs.cmu.edu/subjects.
+        base_url: A mirror of http://mocap.cs.cmu.edu/subjects, or a folder with the models' files.
         timeout_s: Longest silence of the server [s].
         redo: Fetch again files that are there and are not as recorded.
     """
     import numpy as np
 
     from gmrdata.motion.cmu import fetch_trials, listed_trials, plan
-    from gmrdata.read.download import CMU_URL, FetchConfig
+    from gmrdata.read.download import FetchConfig
+    from gmrdata.read.models import fetch_models, models_dir, plan_models
 
-    wanted = (*trials, *(listed_trials(published_list) if published_list is not None else ()))
-    flags.need(wanted, "trials like 02_03, or --list paper_table8")
     if not timeout_s > 0:
         raise BadRecipe(f"--timeout-s {timeout_s:g}: must be more than 0")
-    config = FetchConfig(base_url=base_url or CMU_URL, timeout_s=timeout_s)
+    config, rng = FetchConfig(base_url=base_url, timeout_s=timeout_s), np.random.default_rng()
+    wanted = (*trials, *(listed_trials(published_list) if published_list is not None else ()))
+    if source == "models":
+        if wanted:
+            raise BadRecipe("trials and --list are for fetch cmu; fetch models gets all of them")
+        folder = out or models_dir()
+        if dry_run:
+            print_table(*plan_models(folder, config))
+        else:
+            answer("\n".join(map(str, fetch_models(folder, config, rng, redo=redo))))
+        return
+    flags.need(wanted, "trials like 02_03, or --list paper_table8")
+    out = out or Path("cmu")
     if dry_run:
         print_table(*plan(wanted, out, config))
         return
-    answer(fetch_trials(wanted, out, config, np.random.default_rng(), redo=redo))
+    answer(fetch_trials(wanted, out, config, rng, redo=redo))
 
 
 def motions(

@@ -7,14 +7,13 @@ from contextlib import nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from typing import Literal
-from urllib.parse import urlsplit
 
 import numpy as np
 
 from gmrdata.manifest.current import ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.read.amc import read_amc, read_asf
-from gmrdata.read.download import FetchConfig, download, drop_part, part_of
+from gmrdata.read.download import FetchConfig, download, drop_part, part_of, web_folder
 from gmrdata.read.source_motion import is_trial
 from gmrdata.stage import recipes
 from gmrdata.stage.progress import console, progress_bar
@@ -23,6 +22,7 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, FetchFail
 from gmrdata.values.files import sha256_of_file, write_text
 from gmrdata.values.records import Config, Record
 
+CMU_URL = "http://mocap.cs.cmu.edu/subjects"
 RECORD = "fetched.json"
 SUMS = "SHA256SUMS"
 
@@ -51,13 +51,10 @@ def skeleton_of(trial: str) -> str:
     return f"{trial.partition('_')[0]}.asf"
 
 
-def file_url(base_url: str, name: str) -> str:
-    """Address of `02.asf` or `02_03.amc` below `base_url`."""
-    parts = urlsplit(base_url)
-    if parts.scheme not in ("http", "https") or not parts.netloc or parts.query or parts.fragment:
-        raise BadRecipe(f"--base-url {base_url}: must be an http:// or https:// folder")
+def file_url(base_url: str | None, name: str) -> str:
+    """Address of `02.asf` or `02_03.amc` on CMU's site or below a mirror's `base_url`."""
     subject = Path(name).stem.partition("_")[0]
-    return f"{base_url.rstrip('/')}/{subject}/{name}"
+    return f"{web_folder(base_url or CMU_URL)}/{subject}/{name}"
 
 
 def fetch_command(trials: Sequence[str], folder: Path | None) -> str | None:

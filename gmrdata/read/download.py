@@ -21,17 +21,15 @@ from pydantic import Field
 
 from gmrdata import __version__
 from gmrdata.stage.progress import console
-from gmrdata.values.errors import BadRecord, FetchFailed, MissingInput
+from gmrdata.values.errors import BadRecipe, BadRecord, FetchFailed, MissingInput
 from gmrdata.values.records import Config, Record
-
-CMU_URL = "http://mocap.cs.cmu.edu/subjects"
 
 
 class FetchConfig(Config):
     """Where from, and how patiently."""
 
-    base_url: str = CMU_URL
-    """Folder with one folder per subject; http or https."""
+    base_url: str | None = None
+    """A mirror's folder, http or https; the files' own address when left out."""
     timeout_s: float = Field(default=30.0, gt=0)
     """Longest silence of the server [s]."""
     file_limit_s: float = Field(default=900.0, gt=0)
@@ -42,7 +40,7 @@ class FetchConfig(Config):
     """Mean wait before the second attempt; it doubles with each further one [s]."""
     longest_wait_s: float = Field(default=30.0, ge=0)
     largest_bytes: int = Field(default=1 << 28, gt=0)
-    """A longer answer is no motion file and is refused [bytes]."""
+    """A longer answer is none of the files that are fetched, and is refused [bytes]."""
 
 
 BLOCK_BYTES = 1 << 16
@@ -68,6 +66,14 @@ class PartNote(Record):
     """The server's ETag or date of change."""
     size: int | None
     """Length of the whole file, if the server said it [bytes]."""
+
+
+def web_folder(base_url: str) -> str:
+    """The address of a folder without the slash at its end; BadRecipe if it is not on the web."""
+    parts = urlsplit(base_url)
+    if parts.scheme not in _WEB or not parts.netloc or parts.query or parts.fragment:
+        raise BadRecipe(f"--base-url {base_url}: must be an http:// or https:// folder")
+    return base_url.rstrip("/")
 
 
 def part_of(path: Path, suffix: str = "") -> Path:
@@ -130,7 +136,7 @@ def _attempt(url: str, path: Path, config: FetchConfig) -> None:
         _refuse_page(answer, url)
         start, total = _place(answer, url, n_there, note, path)
         if total is not None and total > config.largest_bytes:
-            raise FetchFailed(f"{url}: {total} bytes are too many for a motion file")
+            raise FetchFailed(f"{url}: {total} bytes are more than {config.largest_bytes}")
         if start == 0:
             drop_part(path)
             validator = _validator(answer)
@@ -151,7 +157,7 @@ def _append(answer: HTTPResponse, url: str, part: Path, start: int, config: Fetc
         for block in _blocks(answer, url, config.file_limit_s):
             n_bytes += len(block)
             if n_bytes > config.largest_bytes:
-                raise FetchFailed(f"{url}: more than {config.largest_bytes} bytes, no motion file")
+                raise FetchFailed(f"{url}: more than {config.largest_bytes} bytes came")
             stream.write(block)
         stream.flush()
         os.fsync(stream.fileno())

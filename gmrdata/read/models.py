@@ -1,0 +1,134 @@
+"""The small free networks that make masks: where they come from, and where they are kept."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.read.bodies import cache_dir
+from gmrdata.read.download import FetchConfig, download, drop_part, part_of, web_folder
+from gmrdata.stage.progress import track as with_bar
+from gmrdata.stage.store import locked
+from gmrdata.values.errors import BadDetector, FetchFailed, MissingInput
+from gmrdata.values.files import sha256_of_file
+
+REMEDY = "`gmrdata fetch models` gets it"
+
+
+@dataclass(frozen=True)
+class Model:
+    """A network's file as its authors published it."""
+
+    name: str
+    """Of its file."""
+    url: str
+    sha256: str
+
+
+YOLOX_NANO = Model(
+    "yolox_nano.onnx",
+    "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx",
+    "695e750a5d5754bb5a8d5325643b59282191a7e7a564e435a415fd3c578eab14",
+)
+"""A detector on COCO's 80 classes (Apache-2.0)."""
+POSE_LANDMARKS = Model(
+    "pose_landmark_lite.tflite",
+    "https://storage.googleapis.com/mediapipe-assets/modules/pose_landmark/pose_landmark_lite.tflite",
+    "f17bfbecadb61c3be1baa8b8d851cc6619c870a87167b32848ad20db306b9d61",
+)
+"""BlazePose GHUM lite, a person's landmarks and outline (Apache-2.0)."""
+MODELS = (YOLOX_NANO, POSE_LANDMARKS)
+
+
+def models_dir() -> Path:
+    """Where networks are looked for, and fetched to."""
+    return cache_dir() / "models"
+
+
+def find_model(model: Model, given: Path | None = None) -> Path:
+    """The file of a network: the one that is given, or else the one that was fetched.
+
+    Raises:
+        MissingInput: it is not there; the message names the command that gets it.
+        BadDetector: the fetched file is not the published one.
+    """
+    path = require_model(given or models_dir() / model.name)
+    if given is None and sha256_of_file(path) != model.sha256:
+        raise BadDetector(f"{path}: not the published file; {REMEDY} anew with --redo")
+    return path
+
+
+def require_model(path: Path) -> Path:
+    """A network's file; MissingInput with the command that gets it if it is not there."""
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such model file; {REMEDY}")
+    return path
+
+
+def fetch_models(
+    out_dir: Path,
+    config: FetchConfig,
+    rng: np.random.Generator,
+    *,
+    redo: bool = False,
+    sleep: Callable[[float], None] = time.sleep,
+) -> list[Path]:
+    """Get the networks whose published files are not there, and check each against its SHA-256.
+
+    With `redo` a file of another content is fetched again.
+
+    Raises:
+        BadRecipe: the address is not one of the web.
+        FetchFailed: some could not be fetched, or are not the published ones; the others are there.
+    """
+    urls = [_url(model, config) for model in MODELS]
+    out_dir.mkdir(parents=True, exist_ok=True)
+    get = partial(download, config=config, rng=rng, sleep=sleep)
+    problems = []
+    with locked(out_dir / ".fetch.lock"):
+        for model, url in zip(with_bar(MODELS, "fetching models"), urls, strict=True):
+            try:
+                _fetch(model, out_dir / model.name, url, get, redo)
+            except FetchFailed as error:
+                problems.append(str(error))
+    if problems:
+        raise FetchFailed("\n".join(problems))
+    return [out_dir / model.name for model in MODELS]
+
+
+def plan_models(
+    out_dir: Path, config: FetchConfig
+) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    """A table of what `fetch_models` would do, without doing or asking anything."""
+    rows = [(m.name, _url(m, config), _state(m, out_dir / m.name)) for m in MODELS]
+    return ("file", "address", "state"), rows
+
+
+def _url(model: Model, config: FetchConfig) -> str:
+    return model.url if config.base_url is None else f"{web_folder(config.base_url)}/{model.name}"
+
+
+def _state(model: Model, path: Path) -> str:
+    if not path.is_file():
+        return "unfinished" if part_of(path).is_file() else "to do"
+    return "done" if sha256_of_file(path) == model.sha256 else "there, with another hash"
+
+
+def _fetch(
+    model: Model, path: Path, url: str, get: Callable[[str, Path], Path], redo: bool
+) -> None:
+    state = _state(model, path)
+    if state == "done":
+        return
+    if path.exists() and not redo:
+        raise FetchFailed(f"{path} is {state}: move it away, or pass --redo to fetch it again")
+    part = get(url, path)
+    if (found := sha256_of_file(part)) != model.sha256:
+        drop_part(path)
+        what = f"its SHA-256 is {found}, that of the published file {model.sha256}"
+        raise FetchFailed(f"{url}: not the published file: {what}")
+    part.replace(path)
+    drop_part(path)
