@@ -28,9 +28,12 @@ def set_up_render(scene: Any, job: RenderJob) -> None:
     if config.engine == "eevee":
         _set_up_eevee(scene, config)
     render.use_persistent_data = True
-    if config.shutter > 0:
+    if (open_share := config.shutter + config.readout) > 0:
         render.use_motion_blur = True
-        render.motion_blur_position, render.motion_blur_shutter = "CENTER", config.shutter
+        render.motion_blur_position, render.motion_blur_shutter = "CENTER", open_share
+    if config.readout > 0:  # each row takes its part of the time in which any row is exposed
+        scene.cycles.rolling_shutter_type = "TOP"
+        scene.cycles.rolling_shutter_duration = config.shutter / open_share
     set_up_output(scene, job.threads)
     if config.scene.backdrop is None:
         scene.view_settings.view_transform = "Standard"

@@ -108,6 +108,9 @@ class RenderConfig(Config):
     """Share of a frame's time for which the shutter is open, half before the frame's moment and
     half after it: motion blur.  0: none.  A blurred person is masked where it covers half of a
     pixel's time; depth, normals and flow stay those of the moment."""
+    readout: float = Field(default=0.0, ge=0, le=1)
+    """Share of a frame's time in which its rows are read out from top to bottom: a rolling shutter,
+    whose middle row is of the frame's moment.  20 ms of 30 fps are 0.6.  0: all rows at once."""
     image_format: Literal["jpg", "png"] = "jpg"
     """Format of the frames; png loses nothing and takes about five times the space."""
     jpeg_quality: int = Field(default=92, ge=1, le=100)
@@ -131,8 +134,8 @@ class RenderConfig(Config):
     def _cycles_has_devices_and_blur(self) -> "RenderConfig":
         if self.engine == "eevee" and self.device == "gpu":
             raise ValueError("device: is Cycles'; EEVEE draws with the OpenGL that it finds")
-        if self.engine == "eevee" and self.shutter > 0:
-            raise ValueError("shutter: motion blur needs `engine: cycles`")
+        if self.engine == "eevee" and self.shutter + self.readout > 0:
+            raise ValueError("shutter and readout: motion blur needs `engine: cycles`")
         return self
 
 

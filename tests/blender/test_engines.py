@@ -110,7 +110,7 @@ def test_without_a_gpu_the_devices_are_named(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("said", [{"device": "gpu"}, {"shutter": 0.5}])
+@pytest.mark.parametrize("said", [{"device": "gpu"}, {"shutter": 0.5}, {"readout": 0.6}])
 def test_what_eevee_has_not(said: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         RenderConfig.model_validate({"engine": "eevee"} | said)
@@ -141,23 +141,26 @@ def test_eevee_shows_the_same_place_with_the_same_truth(
         assert np.median(off) < 8 and ours.std() > 25  # one place, one light, other edges
 
 
-def coverage(clip: Clip, body: BodyModel, shutter: float) -> np.ndarray:
-    """(H, W) share of each pixel that the projected mesh covers in frame 1 while a shutter is open.
+def covered(clip: Clip, body: BodyModel, moment: float) -> np.ndarray:
+    """(H, W) share of each pixel that the projected mesh covers, a share of a frame after frame 1.
 
-    Drawn eight times as fine, at 17 moments; between frames the person goes straight.
+    Drawn eight times as fine; between frames the person goes straight.
     """
     fine, camera = 8, camera_of(clip)
     vertices_m = motion_vertices_m(body, clip.motion)[1].astype(np.float64)
-    total = np.zeros((HEIGHT_PX, WIDTH_PX))
-    moments = (np.arange(17) + 0.5) / 17 - 0.5
-    for moment in moments:
-        there_m = vertices_m + np.array([0.0, shutter * moment * STEP_M, 0.0])
-        points_px = project(camera.world_from_cam[1], there_m, camera.intrinsics_px)
-        canvas = np.zeros((HEIGHT_PX * fine, WIDTH_PX * fine), np.uint8)
-        for face in np.round((points_px * fine - 0.5) * 16).astype(np.int32)[body.faces]:
-            cv2.fillConvexPoly(canvas, face, (255,), shift=4)
-        total += cv2.resize(canvas, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA) / 255
-    return total / len(moments)
+    there_m = vertices_m + np.array([0.0, moment * STEP_M, 0.0])
+    points_px = project(camera.world_from_cam[1], there_m, camera.intrinsics_px)
+    canvas = np.zeros((HEIGHT_PX * fine, WIDTH_PX * fine), np.uint8)
+    for face in np.round((points_px * fine - 0.5) * 16).astype(np.int32)[body.faces]:
+        cv2.fillConvexPoly(canvas, face, (255,), shift=4)
+    size_px = WIDTH_PX, HEIGHT_PX
+    return np.asarray(cv2.resize(canvas, size_px, interpolation=cv2.INTER_AREA) / 255)
+
+
+def coverage(clip: Clip, body: BodyModel, shutter: float) -> np.ndarray:
+    """(H, W) mean share that is covered while a shutter is open, of 17 moments."""
+    moments = shutter * ((np.arange(17) + 0.5) / 17 - 0.5)
+    return np.mean([covered(clip, body, moment) for moment in moments], axis=0)
 
 
 def test_an_open_shutter_smears_the_person_and_leaves_the_truth(
@@ -180,6 +183,25 @@ def test_an_open_shutter_smears_the_person_and_leaves_the_truth(
     untouched = cv2.dilate((smeared > 0).astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
     assert mixed.sum() > 200
     assert change[mixed].mean() > 3 * change[untouched].mean()
+
+
+@pytest.mark.parametrize("shutter", [0.0, 0.1])
+def test_a_rolling_shutter_shows_each_row_at_its_own_time(
+    shutter: float, sharp: Path, job: tuple[Path, Path], tmp_path: Path, small_body: BodyModel
+) -> None:
+    """The mask is that of the mesh row by row, and no other order of the rows fits as well."""
+    readout, clip = 0.9, load_clip(job[0])  # 15 px from the top row to the bottom row
+    config = RenderConfig(samples=31, image_format="png", shutter=shutter, readout=readout)
+    out_dir = render_clip(*job, tmp_path / "rolled", config, on_frame=lambda _: None)
+    mask = read(out_dir / "masks/00001.png") > 0
+    iou = {}
+    for direction in (1, 0, -1):
+        moments = direction * readout * ((np.arange(HEIGHT_PX) + 0.5) / HEIGHT_PX - 0.5)
+        rows = [covered(clip, small_body, moment)[row] for row, moment in enumerate(moments)]
+        expected = np.array(rows) >= 0.5
+        iou[direction] = (mask & expected).sum() / (mask | expected).sum()
+    assert mask.sum() > 300 and iou[1] > 0.9 > iou[0] + 0.1 > iou[-1], iou
+    assert sha256_of_file(out_dir / "clip.npz") == sha256_of_file(sharp / "clip.npz")
 
 
 def test_a_saved_scene_renders_the_same_pixels_elsewhere(sharp: Path, tmp_path: Path) -> None:
