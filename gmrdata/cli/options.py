@@ -57,7 +57,12 @@ JointMap = Annotated[
 ]
 Frames = Annotated[Path, arg(help="Folder of numbered images, or a video file.")]
 MaskModel = Annotated[
-    Path | None, arg(help="ONNX file of the detector: YOLOX on COCO, raw output.")
+    Path | None,
+    arg(help="ONNX file of the detector, YOLOX on COCO; from `gmrdata fetch models` if left out."),
+]
+MaskLandmarks = Annotated[
+    Path | None,
+    arg(help="TFLite file of BlazePose GHUM lite; from `gmrdata fetch models` if left out."),
 ]
 MaskWeights = Annotated[
     Path | None, arg(help="State dict of Mask R-CNN; torchvision fetches its own when left out.")

@@ -14,6 +14,7 @@ def masks(
     out: Path,
     sources: tuple[str, ...] = ("onnx",),
     model: flags.MaskModel = None,
+    landmarks: flags.MaskLandmarks = None,
     weights: flags.MaskWeights = None,
     classes: flags.MaskClasses = (),
     camera_body: Path | None = None,
@@ -26,16 +27,18 @@ def masks(
         out: Output folder: masks/ (`<image stem>.png`, 255 = dynamic), masks_by/ with each
             source's own, sheet/contact.jpg to look at, and frames/ of a video. A run that was
             stopped goes on at the next missing frame.
-        sources: Where masks come from; several are united: onnx (a YOLOX detector), maskrcnn
-            (torchvision's, extra `maskrcnn`), silhouette (the projected body), a folder of masks,
-            or a recipe (.yaml) of kind `masks`.
+        sources: Where masks come from; several are united: onnx (a YOLOX detector's boxes), person
+            (people's outlines), maskrcnn (torchvision's, extra `maskrcnn`), silhouette (the
+            projected body), a folder of masks, or a recipe (.yaml) of kind `masks`.
         camera_body: Clip file (.npz) in the camera's frame, for the silhouette.
     """
     from gmrdata.masks.sources import masks_named
     from gmrdata.pages.frames import masks_of_frames
 
     flags.need(sources, "a source of masks: --sources onnx")
-    config = masks_named(sources, model=model, weights=weights, classes=classes)
+    config = masks_named(
+        sources, model=model, landmarks=landmarks, weights=weights, classes=classes
+    )
     people = () if camera_body is None else flags.one_person(camera_body, body)
     for made in masks_of_frames(frames, out, config, people=people, run=Run(redo=redo)):
         answer(made)
@@ -47,6 +50,7 @@ def sfm(
     out: Path,
     masks: tuple[str, ...] = ("silhouette",),
     model: flags.MaskModel = None,
+    landmarks: flags.MaskLandmarks = None,
     weights: flags.MaskWeights = None,
     classes: flags.MaskClasses = (),
     body: flags.Body = "anny",
@@ -67,9 +71,7 @@ def sfm(
     from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
 
     flags.need(masks, "a source of masks: --masks silhouette")
-    config = SequenceConfig(
-        masks=masks_named(masks, model=model, weights=weights, classes=classes),
-        sfm=SfmConfig(seed=seed),
-    )
+    named = masks_named(masks, model=model, landmarks=landmarks, weights=weights, classes=classes)
+    config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
     people = flags.one_person(camera_body, body)
     answer(regenerate_sequence(frames, people, out, config, run=Run(redo=redo)))

@@ -12,10 +12,11 @@ from pydantic.dataclasses import dataclass as part
 from gmrdata.masks import boxes, yolox
 from gmrdata.masks.boxes import Detection, Detections
 from gmrdata.read.frames import check_images, list_images, read_color, write_gray
+from gmrdata.read.models import require_model
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.errors import BadDetector, MissingInput
+from gmrdata.values.errors import BadDetector
 from gmrdata.values.files import read_json, write_json
 from gmrdata.values.records import PART, Record
 
@@ -84,7 +85,7 @@ def onnx_masks(
     def work(partial: Path) -> None:
         images = list_images(images_dir, left_out)
         size_px = check_images(images)
-        found = _detect_all(model_path, images, partial, config)
+        found = detect_all(model_path, images, partial, config)
         chosen = boxes.track(found, config.min_score, config.tracks)
         frames = {}
         for image, frame, choice in zip(images, found, chosen, strict=True):
@@ -141,9 +142,7 @@ def read_inputs(path: Path) -> list[OnnxInput]:
     from google.protobuf.message import DecodeError
     from onnx import ModelProto
 
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such model file")
-    content = path.read_bytes()
+    content = require_model(path).read_bytes()
     if not content:
         raise BadDetector(f"{path}: empty file (0 bytes); fetch the model again")
     try:
@@ -163,10 +162,10 @@ def _shape(value: Any) -> tuple[int | None, ...]:
     return tuple(size.dim_value if size.dim_value > 0 else None for size in sizes)
 
 
-def _detect_all(
+def detect_all(
     model_path: Path, images: list[Path], partial: Path, config: OnnxConfig
 ) -> list[Detections]:
-    """Detections of all frames, one file each, so that a stopped run keeps what it has."""
+    """Detections of all frames, weak ones too, which `<partial>/seen` keeps for a later run."""
     detect = open_detector(model_path, config)
     found = []
     for image in with_bar(images, "detecting"):

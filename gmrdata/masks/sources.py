@@ -9,8 +9,10 @@ from pydantic import Field, ValidationError
 from gmrdata.masks.folder import FolderMaskConfig, folder_masks
 from gmrdata.masks.maskrcnn import MaskRcnnConfig, maskrcnn_masks
 from gmrdata.masks.onnx import OnnxConfig, onnx_masks
+from gmrdata.masks.person import PersonMaskConfig, person_masks
 from gmrdata.masks.silhouette import SilhouetteConfig, silhouette_masks
 from gmrdata.masks.union import UnionConfig, unite_masks
+from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import stage_seconds
@@ -20,6 +22,13 @@ from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 
 Settings = TypeVar("Settings", bound=Config)
+USED_BY = {
+    "--model": ("onnx", "person"),
+    "--landmarks": ("person",),
+    "--weights": ("maskrcnn",),
+    "--classes": ("onnx", "maskrcnn"),
+}
+"""Which sources read an option of the command line."""
 
 
 class SilhouetteSource(SilhouetteConfig):
@@ -40,8 +49,18 @@ class OnnxSource(OnnxConfig):
     """A YOLOX detector in an ONNX file, run by OpenCV."""
 
     kind: Literal["onnx"] = "onnx"
-    model: Path
-    """A relative path counts from where the command runs."""
+    model: Path | None = None
+    """A relative path counts from where the command runs; the one of `fetch models` if left out."""
+
+
+class PersonSource(PersonMaskConfig):
+    """People's outlines by BlazePose, started by a YOLOX detector; both run by OpenCV."""
+
+    kind: Literal["person"] = "person"
+    model: Path | None = None
+    """The detector's ONNX file; the one of `gmrdata fetch models` if left out."""
+    landmarks: Path | None = None
+    """BlazePose's TFLite file; the one of `gmrdata fetch models` if left out."""
 
 
 class MaskRcnnSource(MaskRcnnConfig):
@@ -53,7 +72,8 @@ class MaskRcnnSource(MaskRcnnConfig):
 
 
 MaskSource = Annotated[
-    SilhouetteSource | FolderSource | OnnxSource | MaskRcnnSource, Field(discriminator="kind")
+    SilhouetteSource | FolderSource | OnnxSource | PersonSource | MaskRcnnSource,
+    Field(discriminator="kind"),
 ]
 
 
@@ -85,10 +105,11 @@ def make_masks(
     `left_out` are known to be unusable and get no mask.
 
     Raises:
-        MissingInput: silhouettes without people, or a file that is not there.
+        MissingInput: silhouettes without people, or a file that is not there; for a network that
+            was not fetched the message names the command.
         BadFrames: a frame or mask is missing, unreadable or of another size.
         BadMotionFile: a clip is not in the camera frame, or has no intrinsics.
-        BadDetector: not an ONNX file, truncated, or a network of another layout.
+        BadDetector: not a file of such a network, truncated, or one of another layout.
         MissingExtra: torchvision is not installed, or doesn't fit torch.
         FetchFailed: torchvision could not fetch its weights.
     """
@@ -103,16 +124,17 @@ def masks_named(
     names: Sequence[str],
     *,
     model: Path | None = None,
+    landmarks: Path | None = None,
     weights: Path | None = None,
     classes: tuple[str, ...] = (),
 ) -> MasksConfig:
     """The sources that a command line names; the options are those of the detectors.
 
-    A name is "silhouette", "onnx", "maskrcnn", a folder of masks, or a recipe file (.yaml) of kind
-    `masks`, whose sources all count and whose other settings hold.
+    A name is "silhouette", "onnx", "person", "maskrcnn", a folder of masks, or a recipe file
+    (.yaml) of kind `masks`, whose sources all count and whose other settings hold.
 
     Raises:
-        MissingInput: "onnx" without a model, or a name that is neither of these nor a folder.
+        MissingInput: a name that is neither of these nor a folder.
         BadRecipe: a class that COCO lacks, a broken recipe, or an option that nothing uses.
     """
     chosen: dict[str, object] = {"classes": classes} if classes else {}
@@ -123,9 +145,9 @@ def masks_named(
             if name == "silhouette":
                 sources.append(SilhouetteSource())
             elif name == "onnx":
-                if model is None:
-                    raise MissingInput("masks from a detector (onnx) need its file: pass --model")
                 sources.append(OnnxSource.model_validate({"model": model} | chosen))
+            elif name == "person":
+                sources.append(PersonSource(model=model, landmarks=landmarks))
             elif name == "maskrcnn":
                 sources.append(MaskRcnnSource.model_validate({"weights": weights} | chosen))
             elif name.endswith(".yaml"):
@@ -135,20 +157,20 @@ def masks_named(
             elif Path(name).is_dir():
                 sources.append(FolderSource(path=Path(name)))
             else:
-                known = "silhouette, onnx, maskrcnn, a folder of masks or a recipe (.yaml)"
+                known = "silhouette, onnx, person, maskrcnn, a folder of masks or a recipe (.yaml)"
                 raise MissingInput(f"{name}: no such folder of masks; name {known}")
     except ValidationError as error:
         raise BadRecipe("; ".join(found["msg"] for found in error.errors())) from None
-    _require_used(names, {"--model": model, "--weights": weights, "--classes": classes})
+    given = {"--model": model, "--landmarks": landmarks, "--weights": weights}
+    _require_used(names, given | {"--classes": classes})
     return MasksConfig.model_validate({"sources": tuple(sources)} | settings)
 
 
 def _require_used(names: Sequence[str], options: dict[str, object]) -> None:
     """An option that no source reads is a mistake, not a default."""
-    used_by = {"--model": ("onnx",), "--weights": ("maskrcnn",), "--classes": ("onnx", "maskrcnn")}
     for option, value in options.items():
-        if value and not set(used_by[option]) & set(names):
-            raise BadRecipe(f"{option} is for {' and '.join(used_by[option])}, which is not named")
+        if value and not set(USED_BY[option]) & set(names):
+            raise BadRecipe(f"{option} is for {' and '.join(USED_BY[option])}, which is not named")
 
 
 def sources_dir(masks_dir: Path) -> Path:
@@ -187,8 +209,15 @@ def _make(
             made = _settings(source, FolderMaskConfig)
             return folder_masks(source.path, images_dir, out_dir, made, left_out=left_out, run=run)
         case OnnxSource():
-            onnx = _settings(source, OnnxConfig)
-            return onnx_masks(source.model, images_dir, out_dir, onnx, left_out=left_out, run=run)
+            onnx, model = _settings(source, OnnxConfig), find_model(YOLOX_NANO, source.model)
+            return onnx_masks(model, images_dir, out_dir, onnx, left_out=left_out, run=run)
+        case PersonSource():
+            person = _settings(source, PersonMaskConfig)
+            files = (
+                find_model(YOLOX_NANO, source.model),
+                find_model(POSE_LANDMARKS, source.landmarks),
+            )
+            return person_masks(*files, images_dir, out_dir, person, left_out=left_out, run=run)
         case MaskRcnnSource():
             net = _settings(source, MaskRcnnConfig)
             weights = source.weights

@@ -17,6 +17,12 @@ def yolox_nano(shared_path: Callable[[str], Path]) -> Path:
 
 
 @pytest.fixture(scope="session")
+def pose_landmarks(shared_path: Callable[[str], Path]) -> Path:
+    """The real weights of BlazePose GHUM lite."""
+    return shared_path("models/pose_landmark_lite.tflite")
+
+
+@pytest.fixture(scope="session")
 def dog_dir(shared_path: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first four frames of a real video of a dog, half size."""
     folder = tmp_path_factory.mktemp("dog")

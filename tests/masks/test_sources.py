@@ -13,6 +13,7 @@ from gmrdata.masks.sources import (
     MaskRcnnSource,
     MasksConfig,
     OnnxSource,
+    PersonSource,
     SilhouetteSource,
     make_masks,
     masks_named,
@@ -34,12 +35,13 @@ def test_a_recipe_says_the_kinds_and_their_settings() -> None:
             "sources": [
                 {"kind": "silhouette", "dilate_px": 3},
                 {"kind": "onnx", "model": "m.onnx", "classes": ["dog"]},
+                {"kind": "person", "landmarks": "l.tflite", "dilate_px": 2},
                 {"kind": "maskrcnn", "weights": "w.pt"},
                 {"kind": "folder", "path": "made", "masked_value": 0},
             ],
         }
     )
-    kinds = (SilhouetteSource, OnnxSource, MaskRcnnSource, FolderSource)
+    kinds = (SilhouetteSource, OnnxSource, PersonSource, MaskRcnnSource, FolderSource)
     assert tuple(map(type, config.sources)) == kinds
     assert MasksConfig.model_validate_json(config.model_dump_json()) == config
 
@@ -47,9 +49,8 @@ def test_a_recipe_says_the_kinds_and_their_settings() -> None:
 @pytest.mark.parametrize(
     ("source", "said"),
     [
-        ({"kind": "sam"}, "'sam' .* 'silhouette', 'folder', 'onnx', 'maskrcnn'"),
+        ({"kind": "sam"}, "'sam' .* 'silhouette', 'folder', 'onnx', 'person', 'maskrcnn'"),
         ({"dilate_px": 3}, "discriminator 'kind'"),
-        ({"kind": "onnx"}, "model"),
         ({"kind": "folder"}, "path"),
         ({"kind": "silhouette", "model": "m.onnx"}, "Extra inputs"),
     ],
@@ -66,11 +67,12 @@ def test_no_source_at_all_is_refused() -> None:
 
 def test_a_command_line_names_sources(tmp_path: Path) -> None:
     model = tmp_path / "m.onnx"
-    names = ("silhouette", "onnx", "maskrcnn", str(tmp_path))
-    config = masks_named(names, model=model, classes=("dog",))
+    names = ("silhouette", "onnx", "person", "maskrcnn", str(tmp_path))
+    config = masks_named(names, model=model, landmarks=Path("l"), classes=("dog",))
     assert config.sources == (
         SilhouetteSource(),
         OnnxSource(model=model, classes=("dog",)),
+        PersonSource(model=model, landmarks=Path("l")),
         MaskRcnnSource(classes=("dog",)),
         FolderSource(path=tmp_path),
     )
@@ -89,10 +91,10 @@ def test_a_recipe_file_brings_its_settings(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "options", "error", "said"),
     [
-        (("onnx",), {}, MissingInput, "pass --model"),
         (("no_folder",), {}, MissingInput, "no_folder: no such folder of masks; name silhouette"),
         (("none.yaml",), {}, MissingInput, "none.yaml: no such recipe file"),
-        (("silhouette",), {"model": Path("m.onnx")}, BadRecipe, "--model is for onnx"),
+        (("silhouette",), {"model": Path("m.onnx")}, BadRecipe, "--model is for onnx and person"),
+        (("onnx",), {"landmarks": Path("l")}, BadRecipe, "--landmarks is for person"),
         (("silhouette",), {"classes": ("dog",)}, BadRecipe, "--classes is for onnx and maskrcnn"),
         (("onnx",), {"model": Path("m"), "classes": ("dgo",)}, BadRecipe, "not classes .* dgo"),
         (("onnx",), {"model": Path("m"), "weights": Path("w")}, BadRecipe, "--weights is for mask"),
@@ -137,6 +139,26 @@ def test_left_out_images_get_no_mask_and_make_no_error(noise_dir: Path, tmp_path
         make_masks(noise_dir, tmp_path / "masks", config)
     out_dir = make_masks(noise_dir, tmp_path / "masks", config, left_out={1})
     assert sorted(path.name for path in out_dir.glob("*.png")) == ["00000.png", "00002.png"]
+
+
+@pytest.mark.parametrize(
+    ("source", "lacks"),
+    [
+        (OnnxSource(), "yolox_nano.onnx"),
+        (PersonSource(), "yolox_nano.onnx"),
+        (PersonSource(model=Path(__file__)), "pose_landmark_lite.tflite"),
+    ],
+)
+def test_a_network_that_was_not_fetched_is_named_with_the_command(
+    source: OnnxSource | PersonSource,
+    lacks: str,
+    noise_dir: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    with pytest.raises(MissingInput, match=f"{lacks}: no such model file; `gmrdata fetch models`"):
+        make_masks(noise_dir, tmp_path / "masks", MasksConfig(sources=(source,)))
 
 
 def test_a_silhouette_needs_the_body(noise_dir: Path, tmp_path: Path) -> None:

@@ -57,10 +57,10 @@ def test_a_video_and_a_folder_of_masks(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((), "pass --model"),
+        (("--sources", "person"), "no such model file; `gmrdata fetch models` gets it"),
         (("--sources", "silhouette"), "pass --camera-body"),
-        (("--model", "no.onnx"), "no.onnx"),
-        (("--sources", "maskrcnn", "--model", "m.onnx"), "--model is for onnx"),
+        (("--model", "no.onnx"), "no.onnx: no such model file; `gmrdata fetch models` gets it"),
+        (("--sources", "maskrcnn", "--model", "m.onnx"), "--model is for onnx and person"),
         (("--sources",), "nothing given. Name a source of masks"),
     ],
 )
@@ -70,6 +70,8 @@ def test_what_is_missing_is_told(
     noise_dir: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert said in fails(capsys, "masks", noise_dir, "--out", tmp_path / "out", *arguments)
     assert not (tmp_path / "out" / "masks").exists()

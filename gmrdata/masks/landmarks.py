@@ -1,0 +1,136 @@
+"""BlazePose GHUM lite: a person's outline from a square crop of a picture, run by OpenCV.
+
+Bazarevsky et al., "BlazePose" (2020), and Grishchenko et al., "BlazePose GHUM Holistic" (2022).
+The network wants a crop of 256 x 256 pixels in which the person stands upright.  Two of its
+landmarks, the middle of the hips and a point above it, give the crop of the next frame.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.read.models import REMEDY, require_model
+from gmrdata.values.errors import BadDetector
+
+CROP_PX = 256
+HIP_CENTRE, UPRIGHT = 33, 34
+"""Rows of the landmarks: the middle of the hips, and a point above it, half a person away."""
+CROP_MARGIN = 1.25
+"""A crop is larger than the person by this."""
+OUTPUT_SIZES = {"landmarks": 39 * 5, "score": 1, "mask": CROP_PX * CROP_PX, "world": 39 * 3}
+"""Numbers in each output, by which they are told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crop:
+    """A square of the picture in which a person is looked for."""
+
+    centre_px: np.ndarray
+    """(2,) in the picture [px]."""
+    side_px: float
+    turn_rad: float = 0.0
+    """Turn of the person's upright against the picture's, clockwise [rad]."""
+
+    @property
+    def crop_from_image(self) -> np.ndarray:
+        """(2, 3) from points of the picture to points of the network's input [px]."""
+        cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        linear = np.array([[cos, sin], [-sin, cos]]) * CROP_PX / self.side_px
+        return np.c_[linear, CROP_PX / 2 - linear @ self.centre_px]
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """What the network says of one crop."""
+
+    score: float
+    """From 0 to 1: that there is a person."""
+    mask: np.ndarray
+    """(H, W) uint8, 255 on the person."""
+    box_px: np.ndarray
+    """(4,) left, top, right, bottom of the mask; all 0 where it is empty [px]."""
+    next_crop: Crop
+
+
+LandmarkNetwork = Callable[[np.ndarray, Crop], Person]
+
+
+def crop_around(box_px: np.ndarray) -> Crop:
+    """The upright crop around a person's box (4,) [px]."""
+    low, high = box_px[:2], box_px[2:]
+    return Crop((low + high) / 2, CROP_MARGIN * float((high - low).max()))
+
+
+def open_landmark_network(model_path: Path) -> LandmarkNetwork:
+    """A function from a BGR picture (H, W, 3) and a crop of it to what the network says.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadDetector: not a TFLite file, truncated, or a network of another layout.
+    """
+    net = _open(model_path)
+
+    def look(image: np.ndarray, crop: Crop) -> Person:
+        import cv2
+
+        square = cv2.warpAffine(image, crop.crop_from_image, (CROP_PX, CROP_PX))
+        return _person(_run(net, square, model_path), crop, image.shape[1::-1])
+
+    _run(net, np.zeros((CROP_PX, CROP_PX, 3), np.uint8), model_path)
+    return look
+
+
+def _open(model_path: Path) -> Any:
+    import cv2
+
+    content = np.frombuffer(require_model(model_path).read_bytes(), dtype=np.uint8)
+    try:
+        net = cv2.dnn.readNetFromTFLite(content)
+    except cv2.error:
+        fault = "truncated, or not a TFLite file that OpenCV can open"
+        raise BadDetector(f"{model_path}: {fault}; {REMEDY} anew with --redo") from None
+    net.setPreferableBackend(cv2.dnn.DNN_BACKEND_OPENCV)
+    return net
+
+
+def _run(net: Any, square: np.ndarray, model_path: Path) -> dict[str, np.ndarray]:
+    """The outputs by name, for a BGR crop (256, 256, 3)."""
+    import cv2
+
+    try:
+        net.setInput(cv2.dnn.blobFromImage(square, 1 / 255, swapRB=True))
+        answer = net.forward(net.getUnconnectedOutLayersNames())
+    except cv2.error:
+        answer = ()
+    by_size = {output.size: output.ravel() for output in answer}
+    if set(OUTPUT_SIZES.values()) - set(by_size):
+        what = f"its outputs have {sorted(by_size)} numbers, not {sorted(OUTPUT_SIZES.values())}"
+        raise BadDetector(f"{model_path}: not BlazePose GHUM: {what}; {REMEDY}")
+    return {name: by_size[size] for name, size in OUTPUT_SIZES.items()}
+
+
+def _person(outputs: dict[str, np.ndarray], crop: Crop, size_px: tuple[int, ...]) -> Person:
+    import cv2
+
+    image_from_crop = cv2.invertAffineTransform(crop.crop_from_image)
+    landmarks = outputs["landmarks"].reshape(39, 5)[[HIP_CENTRE, UPRIGHT], :2].astype(np.float64)
+    hips_px, upright_px = landmarks @ image_from_crop[:, :2].T + image_from_crop[:, 2]
+    up_px = upright_px - hips_px
+    logits = outputs["mask"].reshape(CROP_PX, CROP_PX)
+    # Outside of the crop nobody was looked for.
+    whole = cv2.warpAffine(logits, image_from_crop, size_px, borderValue=(-1.0,))
+    mask = np.where(whole > 0, np.uint8(255), np.uint8(0))
+    left, top, width, height = cv2.boundingRect(mask)
+    return Person(
+        score=float(outputs["score"][0]),
+        mask=mask,
+        box_px=np.array([left, top, left + width, top + height], dtype=np.float64),
+        next_crop=Crop(
+            centre_px=hips_px,
+            side_px=max(1.0, 2 * CROP_MARGIN * float(np.linalg.norm(up_px))),
+            turn_rad=float(np.arctan2(up_px[0], -up_px[1])),
+        ),
+    )
