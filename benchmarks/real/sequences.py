@@ -6,13 +6,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pytest
 from real.cases import Case, MaskKind
 from real.clips import RealClip
 from real.pictures import Film
 
-from gmrdata.masks.sources import MasksConfig, OnnxSource, make_masks, masks_seconds
+from gmrdata.masks.sources import MasksConfig, OnnxSource, PersonSource, make_masks, masks_seconds
 from gmrdata.read.frames import read_color
+from gmrdata.read.models import POSE_LANDMARKS
 
 JPEG_QUALITY = 95
 JOINED_FRAMES = 60
@@ -43,7 +43,7 @@ def make_sequence(case: Case, clips_dir: Path, detector: Path, out_dir: Path) ->
     """Write a case's frames and masks.
 
     Args:
-        detector: YOLOX in an ONNX file.
+        detector: YOLOX in an ONNX file; BlazePose lies beside it under its published name.
     """
     clip, rng = RealClip(clips_dir / case.clip), np.random.default_rng(case.seed)
     rows = np.arange(len(clip.images))[slice(*case.part)]
@@ -107,4 +107,5 @@ def masks_config(kind: MaskKind, detector: Path) -> MasksConfig:
     """Where masks of a kind come from."""
     if kind == "boxes":
         return MasksConfig(sources=(OnnxSource(model=detector),))
-    pytest.skip(f"no source of {kind} masks yet")
+    landmarks = detector.with_name(POSE_LANDMARKS.name)
+    return MasksConfig(sources=(PersonSource(model=detector, landmarks=landmarks),))
