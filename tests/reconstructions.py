@@ -37,6 +37,7 @@ def good_quality(n_frames: int, **figures: Any) -> CamerasQuality:
         "resected_frames": 0,
         "focal_factor": None,
         "focal_sigma": None,
+        "weakest_step": None,
         "smoothing": NOT_SMOOTHED,
         "points": 900,
         "median_track_length": 4.0,

@@ -58,6 +58,18 @@ class ModelRecord:
 
 
 @part(frozen=True, config=PART)
+class WeakestStep:
+    """Where the cameras before and those after hold together least, at an unknown scale between."""
+
+    after: NonNegativeInt
+    """Row of the last keyframe before the step."""
+    before: NonNegativeInt
+    """Row of the first keyframe after it."""
+    loose_share: Figure
+    """Standard error of the places of one side, given the other, over the way of both."""
+
+
+@part(frozen=True, config=PART)
 class SmoothTurn:
     """What the prior assumed of the camera's turn, and what came of it."""
 
@@ -124,6 +136,8 @@ class CamerasQuality(records.Record):
     """Focal length that the background asks for, over the given one; null where it holds none."""
     focal_sigma: Figure | None
     """Its standard error."""
+    weakest_step: WeakestStep | None
+    """Null but for six degrees of freedom."""
     smoothing: Smoothing
     points: NonNegativeInt | None
     """Of the background; null for a pure rotation, which has none."""

@@ -11,6 +11,7 @@ from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words
 from gmrdata.cameras.keyframes import choose_keyframes, with_frames_between
 from gmrdata.cameras.mapping import map_frames, place_between, refine_mapped
 from gmrdata.cameras.matches import Matches, match_frames
+from gmrdata.cameras.one_scale import weakest_step
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import RotationOnly, refine_turning, solve_rotation_only
 from gmrdata.cameras.solution import Solution, fill_short_gaps, quality_of, turning_solution
@@ -68,6 +69,8 @@ def _solve_keyframes(
             "could build a model; the parallax may be too small, the intrinsics wrong or the "
             "background moving"
         )
+    step = weakest_step(mapped, matches, key_rows, intrinsics_px, config.max_reprojection_px)
+    mapped = replace(mapped, weakest_step=step)
     placed = place_between(mapped, key_rows, everything, intrinsics_px)
     return refine_mapped(placed, everything, intrinsics_px, timeline, config), evidence, bent
 

@@ -42,7 +42,7 @@ def camera_information(
     blocks, slopes = np.zeros((n, 6, 6)), np.zeros((n, 6))
     residuals_px = [np.zeros((0, 2))]
     for row in sorted(seen_px):
-        residual_px, jacobian = _linearized(
+        residual_px, jacobian = linearized(
             world_from_cam[row], seen_px[row], seen_points[row], intrinsics_px
         )
         weight = 1.0 / (1.0 + (residual_px**2).sum(axis=1) / CAUCHY_SCALE_PX**2)
@@ -62,7 +62,7 @@ def noise_px(residuals_px: np.ndarray) -> float:
     return max(LEAST_NOISE_PX, median_px / 1.1774)
 
 
-def _linearized(
+def linearized(
     world_from_cam: np.ndarray, image_px: np.ndarray, points: np.ndarray, intrinsics_px: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residuals (N, 2) [px] and their derivatives (N, 2, 6) by turn and step."""

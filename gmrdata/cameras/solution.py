@@ -41,6 +41,8 @@ class Solution:
     n_resected: int = 0
     """Frames that the mapper left out and that were placed against its points afterwards."""
     seen: SeenPoints = field(default_factory=dict)
+    weakest_step: files.WeakestStep | None = None
+    """None but for "full"."""
     largest_turn_deg: float | None = None
     """Largest angle from the mean orientation; None for "full"."""
     smoothing: files.Smoothing = files.NOT_SMOOTHED
@@ -136,6 +138,7 @@ def quality_of(
         resected_frames=solution.n_resected,
         focal_factor=focal.factor if focal else None,
         focal_sigma=focal.sigma if focal else None,
+        weakest_step=solution.weakest_step,
         smoothing=solution.smoothing,
         points=len(solution.points) if solution.geometry == "full" else None,
         median_track_length=float(np.median(lengths)) if len(lengths) else None,

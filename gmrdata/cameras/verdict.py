@@ -34,6 +34,13 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
             f"the picture changes to another place {cuts} times: images out of order, black, or "
             "of several takes"
         )
+    step, most = quality.weakest_step, config.max_loose_share
+    if step is not None and step.loose_share > most:
+        yield (
+            f"the cameras up to row {step.after} and those from row {step.before} on hardly hold "
+            f"each other: {step.loose_share:.2%} of their way is open, more than {most:.2%}; the "
+            "two may differ in scale, or most of what both see may move"
+        )
     yield from _focal_reasons(quality, config)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.files import WeakestStep
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.motion import Motion
@@ -67,6 +68,10 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ({"registered_share": 0.6}, "60% of the images have a camera, fewer than 70%"),
         ({"mean_reprojection_px": 1.5}, "reprojection error is 1.50 px, more than 1 px"),
         ({"cuts_after_frames": list(range(0, 88, 2))}, "to another place 44 times"),
+        (
+            {"weakest_step": WeakestStep(40, 52, 0.0123)},
+            "up to row 40 and those from row 52 on hardly hold each other: 1.23% of their way",
+        ),
         (
             {"focal_factor": 0.77, "focal_sigma": 0.02},
             "focal length 0.77 times the given one (standard error 0.02, at most 10% off is right)",

@@ -1,0 +1,147 @@
+"""Whether one scale holds throughout: how firmly the frames before each step hold those after it.
+
+A mapper may join pieces of a sequence that share too little: each is right in itself, at well under
+a pixel, but they differ in size.  At every step the cameras on one side may therefore move, turn
+and grow as one piece against those on the other: seven unknowns, of which the points that both
+sides see are the only evidence.  Where the image points of one side hold a point with the
+information P, and those of the other with Q, it holds the two together with (P^-1 + Q^-1)^-1.
+What is left open of the cameras' places is said as a share of their way.  As the sides may differ
+in size, lengths of each are measured by its own distance to what it sees.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmrdata.cameras.files import WeakestStep
+from gmrdata.cameras.matches import Matches
+from gmrdata.cameras.smoothing import linearized, noise_px
+from gmrdata.cameras.solution import Solution
+
+POSSIBLE = np.array([1, 1, 1, 10, 10, 10, np.log(10)])
+"""Standard deviations where nothing is known: of the turn [rad], of the shift [median distances],
+and of the scale's logarithm: ten times as large."""
+
+LEAST_WAY = 0.2
+"""Way over the distance of what is seen, below which a camera hardly travels and errors count as
+if it were this."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """M image points of K cameras, and the N points behind them."""
+
+    centres: np.ndarray
+    """(K, 3) places of the cameras, in order."""
+    points: np.ndarray
+    """(N, 3)."""
+    camera: np.ndarray
+    """(M,) which camera, ascending."""
+    point: np.ndarray
+    """(M,) which point."""
+    information: np.ndarray
+    """(M, 3, 3) what the image point says of the point's place."""
+
+    @property
+    def distances(self) -> np.ndarray:
+        """(M,) from the camera to the point."""
+        return np.asarray(
+            np.linalg.norm(self.points[self.point] - self.centres[self.camera], axis=1)
+        )
+
+
+def weakest_step(
+    mapped: Solution,
+    matches: Matches,
+    key_rows: np.ndarray,
+    intrinsics_px: np.ndarray,
+    most_px: float,
+) -> WeakestStep | None:
+    """The step over which the cameras hold together least; None where no two of them see a point.
+
+    Args:
+        mapped: K keyframes with six degrees of freedom.
+        matches: Those of the keyframes.
+        key_rows: (K,) rows of the keyframes among all frames.
+        most_px: Image points that the model explains no better than this don't count [px].
+    """
+    placed = np.array([row for row in sorted(mapped.seen) if mapped.seen[row]], dtype=np.int64)
+    if len(placed) < 2:
+        return None
+    seen = _gather(mapped, matches, placed, intrinsics_px, most_px)
+    shares = np.array(list(_loose_shares(seen)))
+    worst = int(shares.argmax())
+    after, before = key_rows[placed[worst : worst + 2]].tolist()
+    return WeakestStep(after, before, float(shares[worst]))
+
+
+def _gather(
+    mapped: Solution,
+    matches: Matches,
+    placed: np.ndarray,
+    intrinsics_px: np.ndarray,
+    most_px: float,
+) -> _Seen:
+    """What the frames `placed` (K,) see, with the noise that it shows."""
+    numbers: dict[bytes, int] = {}
+    point, residuals_px, slopes = [], [], []
+    for row in placed.tolist():
+        cam, points = mapped.world_from_cam[row], np.array(list(mapped.seen[row].values()))
+        seen_px = matches.keypoints_px[row][list(mapped.seen[row])]
+        residual_px, slope = linearized(cam, seen_px, points, intrinsics_px)
+        # A point is the same in two frames if it is in the same place.
+        point.append([numbers.setdefault(place.tobytes(), len(numbers)) for place in points])
+        residuals_px.append(residual_px)
+        slopes.append(slope[:, :, 3:])
+    residual_px, slope = np.concatenate(residuals_px), np.concatenate(slopes)
+    fits = np.linalg.norm(residual_px, axis=1) < most_px
+    information = np.swapaxes(slope, 1, 2) @ slope / noise_px(residual_px[fits]) ** 2
+    return _Seen(
+        centres=mapped.world_from_cam[placed, :3, 3],
+        points=np.array([np.frombuffer(place) for place in numbers]),
+        camera=np.repeat(np.arange(len(placed)), [len(own) for own in point]),
+        point=np.concatenate(point).astype(np.int64),
+        information=information * fits[:, None, None],
+    )
+
+
+def _loose_shares(seen: _Seen) -> Iterator[float]:
+    """What each of the K - 1 steps leaves open of the cameras' places, over the way of them all."""
+    left, total = np.zeros((2, len(seen.points), 3, 3))
+    np.add.at(total, seen.point, seen.information)
+    last = np.full(len(seen.points), -1)
+    np.maximum.at(last, seen.point, seen.camera)
+    distances, unit = seen.distances, float(np.median(seen.distances))
+    for step in range(len(seen.centres) - 1):
+        here = seen.camera == step
+        np.add.at(left, seen.point[here], seen.information[here])
+        both = np.trace(left, axis1=1, axis2=2).astype(bool) & (last > step)
+        moves = _moves((seen.points[both] - seen.centres[step]) / unit)
+        held = _held(left[both], total[both]) * unit**2
+        known = np.einsum("nki,nkl,nlj->ij", moves, held, moves)
+        covariance = np.linalg.inv(known + np.diag(POSSIBLE**-2.0))
+        before = seen.camera <= step
+        moves = _moves((seen.centres - seen.centres[step]) / unit)
+        variances = np.einsum("nki,ij,nkj->n", moves, covariance, moves)
+        open_, way = np.zeros(2), np.zeros(2)
+        sides = (slice(0, step + 1), before), (slice(step + 1, None), ~before)
+        for side, (cameras, of_side) in enumerate(sides):
+            distance = np.median(distances[of_side]) / unit
+            open_[side] = np.sqrt(variances[cameras].sum() / len(variances)) / distance
+            way[side] = np.linalg.norm(np.ptp(seen.centres[cameras], axis=0)) / unit / distance
+        yield float(open_.min() / max(way.sum(), LEAST_WAY))
+
+
+def _held(left: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) information by which points hold two sides together, by that of one and of both."""
+    # Hardly anything, so that a point without a depth can be inverted.
+    damping = 1e-9 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return np.asarray(left @ np.linalg.solve(total + damping, total - left))
+
+
+def _moves(arms: np.ndarray) -> np.ndarray:
+    """(N, 3, 7) how places (N, 3) follow a small turn, a shift and a growth about the origin."""
+    turns = np.swapaxes(np.cross(np.eye(3), arms[:, None]), 1, 2)
+    shifts = np.broadcast_to(np.eye(3), turns.shape)
+    return np.concatenate([turns, shifts, arms[:, :, None]], axis=2)
