@@ -36,21 +36,19 @@ def ground_contact_scale(
     soles_m = np.einsum("tij,tfkj->tfki", rotmats, feet_cam_m[:, :, SOLE_POINTS])
     up = np.nanmean(np.einsum("tij,tj->ti", rotmats, up_cam), axis=0)
     up /= np.linalg.norm(up)
-    # Of each foot the lowest that stands still: a heel about to leave the ground is slow as well.
     still = standing(soles_m + rough_scale * centres[:, None, None], config.slip_m(fps_hz))
-    lowest = np.where(still, soles_m @ up, np.inf).argmin(axis=-1)
     frames, foot = np.nonzero(still.any(axis=-1))
     if not len(frames):
         return None
-    planted_m = soles_m[frames, foot, lowest[frames, foot]]
-    near = _near_feet(points, centres[frames] + planted_m / rough_scale, up, rough_scale, config)
+    feet = centres[frames] + soles_m[frames, foot].mean(axis=1) / rough_scale
+    near = _near_feet(points, feet, up, rough_scale, config)
     plane = _fit_plane(near, up, config.ground_inlier_m / rough_scale)
     if plane is None or plane[2] < config.min_ground_points:
         return None
     normal, offset, n_points, residual = plane
-    height_m = -planted_m @ normal
+    frames, height_m, away_m = _lowest(soles_m, still, normal)
     height = centres[frames] @ normal - offset
-    if np.median(height_m) < LOWEST_CAMERA * np.median(np.linalg.norm(planted_m, axis=1)):
+    if np.median(height_m) < LOWEST_CAMERA * np.median(away_m):
         return None
     scales = height_m / height
     scale = float(np.median(scales))
@@ -62,6 +60,21 @@ def ground_contact_scale(
     if not np.isfinite([scale, sigma]).all():
         return None
     return CueEstimate("ground_contact", scale, sigma, n_points, residual * scale, person=None)
+
+
+def _lowest(
+    soles_m: np.ndarray, still: np.ndarray, normal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frames in which soles (T, 2, K, 3) stand still, and of each the lowest point that does: how
+    far below the camera it is, and how far away [m].
+
+    Of both feet, since a slow one may be in the air; and along the ground's normal, since a person
+    who leans forward would call toes and the front foot the lowest.
+    """
+    depths_m = np.where(still, -soles_m @ normal, -np.inf).reshape(len(soles_m), -1)
+    frames, lowest = np.flatnonzero(still.any(axis=(1, 2))), depths_m.argmax(axis=1)
+    away_m = np.linalg.norm(soles_m, axis=-1).reshape(depths_m.shape)
+    return frames, depths_m[frames, lowest[frames]], away_m[frames, lowest[frames]]
 
 
 def _near_feet(

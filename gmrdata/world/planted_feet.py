@@ -16,6 +16,8 @@ from gmrdata.world.recipe import CueEstimate, ScaleConfig
 SIDES = ("left", "right")
 SOLE_POINTS = slice(2, 5)  # heel, ball and toe
 SOLE_THICKNESS_M = 0.02  # rest vertices this close above a foot's lowest one belong to its sole
+SOLE_END = 0.2  # share of a sole's length that is its heel, or its toes
+BALL_M = 0.02  # and so near to the foot joint, seen from above, is its ball
 
 
 def foot_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
@@ -40,13 +42,19 @@ def standing(points_world_m: np.ndarray, slip_m: float) -> np.ndarray:
 
 
 def _sole_vertices(body: BodyModel, shape: np.ndarray, side: str) -> list[int]:
-    """Indices of a foot's heel, ball and toe on the sole, in the rest pose."""
+    """Indices of the lowest vertices of a foot's heel, ball and toe, in the rest pose.
+
+    A sole is round at its ends: the hindmost and the foremost vertex are 13 mm above the floor,
+    which makes the camera 13 mm lower and the scale of the ground 1 % too small.
+    """
     rest_m = body.rest_vertices_m(shape)
     sole = sole_vertices(body, rest_m, side, SOLE_THICKNESS_M)
-    forward_m = rest_m[sole, 2]
+    forward_m, end_m = rest_m[sole, 2], SOLE_END * np.ptp(rest_m[sole, 2])
     ball_m = body.rest_joints_m(shape)[JOINT[f"{side}_foot"]]
-    nearest = np.linalg.norm(rest_m[sole][:, [0, 2]] - ball_m[[0, 2]], axis=1).argmin()
-    return [int(sole[forward_m.argmin()]), int(sole[nearest]), int(sole[forward_m.argmax()])]
+    apart_m = np.linalg.norm(rest_m[sole][:, [0, 2]] - ball_m[[0, 2]], axis=1)
+    heel, toe = forward_m <= forward_m.min() + end_m, forward_m >= forward_m.max() - end_m
+    parts = heel, apart_m <= apart_m.min() + BALL_M, toe
+    return [int(sole[np.where(part, rest_m[sole, 1], np.inf).argmin()]) for part in parts]
 
 
 def planted_feet_scale(

@@ -184,6 +184,18 @@ def test_sole_points_lie_on_the_ground_while_they_stand(small_body: BodyModel) -
     assert (np.diff(along, axis=1) > 0).all()
 
 
+def test_sole_points_are_the_lowest_of_a_round_sole(anny: BodyModel) -> None:
+    """The hindmost and the foremost points of the default body's soles are 13 mm higher."""
+    shape = np.zeros(anny.n_shape)
+    local, root = np.tile(np.eye(3), (1, 23, 1, 1)), np.eye(3)[None]
+    pelvis_m, person = anny.rest_pelvis_m(shape)[None], ("anny", "neutral")
+    rest = Motion(local, root, pelvis_m, shape, 30.0, *person, frame="camera", source="rest")
+    soles_m = foot_points_m(anny, rest)[0, :, SOLE_POINTS]
+    height_m = soles_m[..., 1] - anny.rest_vertices_m(shape)[:, 1].min()
+    assert (height_m < 0.001).all()
+    assert (np.diff(soles_m[..., 2], axis=1) > 0.03).all()
+
+
 def test_two_people_give_a_cue_each(small_body: BodyModel) -> None:
     motion, path = filmed("walk", "circular", small_body, seed=0)
     other, _ = filmed("side_step", "circular", small_body, seed=1)

@@ -11,7 +11,7 @@ from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.motion import Motion
-from gmrdata.values.transforms import apply, rigid
+from gmrdata.values.transforms import apply, invert, rigid
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.ground_contact import ground_contact_scale
 from gmrdata.world.planted_feet import foot_points_m
@@ -69,6 +69,23 @@ def test_soles_on_the_ground_tell_the_scale(
     assert cue is not None and cue.name == "ground_contact" and cue.support > 50
     assert cue.scale == pytest.approx(UNIT_M, rel=0.012)
     assert abs(cue.scale - UNIT_M) < 2 * cue.sigma < 0.06 * UNIT_M
+
+
+def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(
+    small_body: BodyModel,
+) -> None:
+    """The left foot is on the ground heel and all; the right one, in front, waits 4 cm above it."""
+    motion, path = walk(small_body, Circular())
+    middle_m = motion.pelvis_m.mean(axis=0) * [1, 1, 0]
+    sole_m = np.array([[0, 0, 0.07], [0.1, 0, 0.03], [-0.05, 0, 0], [0.15, 0, 0], [0.2, 0, 0.005]])
+    feet_m = middle_m + np.stack([sole_m, sole_m + np.array([0.6, 0.2, 0.04])])
+    cam_from_world = invert(path.world_from_cam)
+    feet_cam_m = apply(cam_from_world, np.tile(feet_m.reshape(-1, 3), (path.n_frames, 1, 1)))
+    lean = Rotation.from_euler("y", 12, degrees=True).apply([0.0, 0.0, 1.0])
+    found, points = reconstructed(path, scenery(motion, 0.0, 600))
+    feet_cam_m, up_cam = feet_cam_m.reshape(-1, 2, 5, 3), cam_from_world[:, :3, :3] @ lean
+    cue = ground_contact_scale(found, points, feet_cam_m, up_cam, 30.0, 0.9 * UNIT_M, CONFIG)
+    assert cue is not None and cue.scale == pytest.approx(UNIT_M, rel=1e-4)
 
 
 def test_without_a_ground_there_is_no_such_cue(small_body: BodyModel) -> None:
