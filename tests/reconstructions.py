@@ -37,6 +37,8 @@ def good_quality(n_frames: int, **figures: Any) -> CamerasQuality:
         "resected_frames": 0,
         "focal_factor": None,
         "focal_sigma": None,
+        "radial_k1": None,
+        "radial_k1_sigma": None,
         "weakest_step": None,
         "smoothing": NOT_SMOOTHED,
         "points": 900,

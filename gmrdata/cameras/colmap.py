@@ -1,6 +1,7 @@
 """pycolmap, imported in the one order that works, and silent; what its callers share."""
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Literal
 
 import cv2  # noqa: F401
 import numpy as np
@@ -21,16 +22,24 @@ def matrix_of(rigid: Any) -> np.ndarray:
     return transforms.rigid(matrix[:, :3], matrix[:, 3])
 
 
-def bundle_adjuster(
-    model: Any, free_focal: bool = False, max_iterations: int = 50, tolerance: float = 1e-6
-) -> Any:
-    """Adjusts all of a model with a loss that forgives wrong matches; two cameras hold the gauge.
+FreeIntrinsic = Literal["focal", "radial"]
 
-    On one thread, so that results repeat; of the intrinsics at most the focal length is free.
+
+def bundle_adjuster(
+    model: Any,
+    images: Iterable[int] | None = None,
+    free: FreeIntrinsic | None = None,
+    max_iterations: int = 50,
+    tolerance: float = 1e-6,
+) -> Any:
+    """Adjusts a model with a loss that forgives wrong matches; two cameras hold the gauge.
+
+    On one thread, so that results repeat; of the intrinsics at most one is free.
     """
     options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = free_focal
-    options.refine_principal_point = options.refine_extra_params = False
+    options.refine_focal_length = free == "focal"
+    options.refine_extra_params = free == "radial"
+    options.refine_principal_point = False
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = 1.0
@@ -38,7 +47,7 @@ def bundle_adjuster(
     options.ceres.solver_options.max_num_iterations = max_iterations
     options.ceres.solver_options.function_tolerance = tolerance
     problem = pycolmap.BundleAdjustmentConfig()
-    for image_id in sorted(model.reg_image_ids()):
+    for image_id in sorted(model.reg_image_ids() if images is None else images):
         problem.add_image(image_id)
     problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     # Not `pycolmap.bundle_adjustment`, which turns its log back on.

@@ -136,6 +136,12 @@ class CamerasQuality(records.Record):
     """Focal length that the background asks for, over the given one; null where it holds none."""
     focal_sigma: Figure | None
     """Its standard error."""
+    radial_k1: Figure | None
+    """Distortion that the background shows at the given focal length, by one term: a point at r, in
+    units of the focal length, is seen at r + k1 r^3.  Said, never corrected; null for a pure
+    rotation, and where nothing holds it."""
+    radial_k1_sigma: Figure | None
+    """Its standard error."""
     weakest_step: WeakestStep | None
     """Null but for six degrees of freedom."""
     smoothing: Smoothing
@@ -148,12 +154,25 @@ class CamerasQuality(records.Record):
     worked_on_px: tuple[PositiveInt, PositiveInt]
     """Width and height of the frames that cameras were sought in."""
 
+    @property
+    def lens_in_words(self) -> list[tuple[str, str]]:
+        """What the background asks of the lens: names and figures, as far as it says."""
+        focal = "Focal length that the background asks for, over the given one"
+        k1 = "Radial distortion k1 that the background shows, which is not corrected"
+        rows = (
+            (focal, self.focal_factor, self.focal_sigma),
+            (k1, self.radial_k1, self.radial_k1_sigma),
+        )
+        return [(name, f"{at:.4g} ± {sigma:.2g}") for name, at, sigma in rows if sigma is not None]
+
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         if (n := len(self.inliers_per_frame)) != self.frames:
             raise ValueError(f"{n} inliers_per_frame, but {self.frames} frames")
         if (self.focal_factor is None) != (self.focal_sigma is None):
             raise ValueError("of focal_factor and focal_sigma only one is null")
+        if (self.radial_k1 is None) != (self.radial_k1_sigma is None):
+            raise ValueError("of radial_k1 and radial_k1_sigma only one is null")
         return self
 
 

@@ -138,6 +138,8 @@ def quality_of(
         resected_frames=solution.n_resected,
         focal_factor=focal.factor if focal else None,
         focal_sigma=focal.sigma if focal else None,
+        radial_k1=focal.radial_k1 if focal else None,
+        radial_k1_sigma=focal.radial_k1_sigma if focal else None,
         weakest_step=solution.weakest_step,
         smoothing=solution.smoothing,
         points=len(solution.points) if solution.geometry == "full" else None,

@@ -6,6 +6,7 @@ from tyro.conf import Positional
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer
+from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
 
 
@@ -66,6 +67,7 @@ def sfm(
         masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them.
         seed: Seed of the reconstruction.
     """
+    from gmrdata.cameras.files import load_quality
     from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.masks.sources import masks_named
     from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
@@ -75,3 +77,5 @@ def sfm(
     config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
     people = flags.one_person(camera_body, body)
     answer(regenerate_sequence(frames, people, out, config, run=Run(redo=redo)))
+    for name, figure in load_quality(out / "sfm").lens_in_words:
+        console.print(f"{name}: {figure}", markup=False, soft_wrap=True)

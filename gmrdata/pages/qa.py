@@ -312,9 +312,6 @@ def _camera_class(record: PseudoGtQuality, config: MotionClassConfig) -> Table:
 
 
 def _reconstruction(cameras: CamerasQuality) -> list[tuple[str, object]]:
-    focal = None
-    if cameras.focal_factor is not None:
-        focal = f"{cameras.focal_factor:.4g} ± {cameras.focal_sigma:.2g}"
     rows = [
         ("Geometry", GEOMETRY_WORDS[cameras.geometry]),
         ("Mapper", cameras.mapper),
@@ -327,7 +324,7 @@ def _reconstruction(cameras: CamerasQuality) -> list[tuple[str, object]]:
         ("Points", cameras.points),
         ("Median frames per point", cameras.median_track_length),
         ("Median reprojection error [px]", cameras.median_reprojection_px),
-        ("Focal length that the background asks for, over the given one", focal),
+        *cameras.lens_in_words,
     ]
     return [(name, value) for name, value in rows if value is not None]
 

@@ -33,6 +33,8 @@ QUALITY = good_quality(
     focal_factor=1.01,
     focal_sigma=0.02,
     weakest_step=WeakestStep(2, 4, 0.0003),
+    radial_k1=0.013,
+    radial_k1_sigma=0.009,
 )
 QUALITY_KEYS = list(keys_of(QUALITY.model_dump(mode="json")))
 CAMERAS = SfmCameras(
@@ -72,6 +74,7 @@ def test_each_figure_is_needed_and_named(tmp_path: Path, path: tuple[str | int, 
         ({"registered_share": None}, "`registered_share` is wrong"),
         ({"inliers_per_frame": [200] * 4}, "4 inliers_per_frame, but 5 frames"),
         ({"focal_sigma": None}, "focal_factor and focal_sigma"),
+        ({"radial_k1": None}, "radial_k1 and radial_k1_sigma"),
         ({"geometry": "bent"}, "`geometry` is wrong"),
     ],
 )

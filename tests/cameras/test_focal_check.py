@@ -9,7 +9,7 @@ import pytest
 
 from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
 from gmrdata.cameras.files import load_quality
-from gmrdata.cameras.focal import FREED_NOT_INDEPENDENT, freed_focal
+from gmrdata.cameras.focal import FREED_NOT_INDEPENDENT, SYSTEMATIC_FOCAL, freed_focal
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 
@@ -42,15 +42,27 @@ def with_focal(model: Any, factor: float) -> Any:
     return wrong
 
 
+def distorted(model: Any, k1: float) -> Any:
+    """The model with its image points where a lens with that distortion shows them."""
+    (camera,) = model.cameras.values()
+    focal_px, centre_px = camera.params[:2], camera.params[2:]
+    for image in model.images.values():
+        for seen in image.points2D:
+            at = (seen.xy - centre_px) / focal_px
+            seen.xy = centre_px + focal_px * at * (1 + k1 * (at @ at))
+    return model
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_right_intrinsics_are_kept_within_the_standard_error(seed: int) -> None:
     freed = freed_focal(with_focal(synthetic(seed), 1.0))
-    assert freed is not None and freed.sigma is not None
-    assert 1e-5 < freed.sigma < 0.02
+    assert freed is not None and freed.radial_k1 is not None and freed.radial_k1_sigma is not None
+    assert 0.0125 < freed.sigma < 0.02
     assert abs(freed.factor - 1.0) < 1.5 * freed.sigma
+    assert abs(freed.radial_k1) < 2 * freed.radial_k1_sigma < 0.1
 
 
-@pytest.mark.parametrize("factor", [1.3, 1 / 1.3])
+@pytest.mark.parametrize("factor", [2.2, 1.3, 1.05, 1 / 1.05, 1 / 1.3, 1 / 2.2])
 def test_wrong_intrinsics_are_undone(factor: float) -> None:
     freed = freed_focal(with_focal(synthetic(3), factor))
     assert freed is not None
@@ -59,11 +71,12 @@ def test_wrong_intrinsics_are_undone(factor: float) -> None:
 
 def test_the_standard_error_is_that_of_many_noises() -> None:
     """Errors of single image points are independent here, so the covariance is right as it is."""
-    found = [freed_focal(with_focal(synthetic(seed), 1.0)) for seed in range(10, 30)]
+    found = [freed_focal(with_focal(synthetic(seed), 1.0)) for seed in range(10, 20)]
     factors = np.array([freed.factor for freed in found if freed is not None])
     stated = np.array([freed.sigma for freed in found if freed is not None])
-    pulls = (factors - 1.0) / (stated / FREED_NOT_INDEPENDENT)
-    assert 0.6 < pulls.std() < 1.6
+    by_noise = np.sqrt(stated**2 - SYSTEMATIC_FOCAL**2) / FREED_NOT_INDEPENDENT
+    pulls = (factors - 1.0) / by_noise
+    assert 0.5 < pulls.std() < 1.7
 
 
 def test_the_model_stays_as_it_is_and_the_figures_repeat() -> None:
@@ -75,6 +88,28 @@ def test_the_model_stays_as_it_is_and_the_figures_repeat() -> None:
     assert camera.focal_length_x == pytest.approx(770.0)
     for i, matrix in before.items():
         assert np.array_equal(model.image(i).cam_from_world().matrix(), matrix)
+
+
+@pytest.mark.parametrize("k1", [0.06, -0.2])
+def test_distortion_is_measured_and_is_not_taken_for_a_focal_length(k1: float) -> None:
+    model = distorted(synthetic(5), k1)
+    bundle_adjuster(model).solve()
+    freed = freed_focal(model)
+    assert freed is not None and freed.radial_k1 is not None and freed.radial_k1_sigma is not None
+    assert abs(freed.radial_k1 - k1) < 2 * freed.radial_k1_sigma < 0.1
+    assert abs(freed.factor - 1.0) < 2 * freed.sigma
+
+
+def test_a_lens_with_two_focal_lengths_is_kept() -> None:
+    model = synthetic(6)
+    (camera,) = model.cameras.values()
+    fx, fy, cx, cy = camera.params
+    for image in model.images.values():
+        for seen in image.points2D:
+            seen.xy = [seen.xy[0], cy + 1.1 * (seen.xy[1] - cy)]
+    camera.params = [fx, 1.1 * fy, cx, cy]
+    freed = freed_focal(model)
+    assert freed is not None and abs(freed.factor - 1.0) < 0.01
 
 
 def test_nothing_is_said_of_an_empty_model() -> None:
