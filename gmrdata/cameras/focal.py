@@ -97,8 +97,8 @@ def _thinned(model: Any) -> tuple[Any, list[int]]:
     (camera,) = copy.cameras.values()
     fx, fy, cx, cy = camera.params
     for image in images if fx != fy else ():
-        for seen in copy.image(image).points2D:
-            seen.xy = [seen.xy[0], cy + (seen.xy[1] - cy) * fx / fy]
+        for spot in copy.image(image).points2D:
+            spot.xy = [spot.xy[0], cy + (spot.xy[1] - cy) * fx / fy]
     camera.model = pycolmap.CameraModelId.SIMPLE_RADIAL
     camera.params = [fx, cx, cy, 0.0]
     return copy, images
