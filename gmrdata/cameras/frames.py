@@ -5,7 +5,7 @@ from more pixels than about a million, while everything takes as many times long
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,10 @@ class Frames:
     @property
     def numbers(self) -> np.ndarray:
         return np.array([image_number(image) for image in self.images])
+
+    def some(self, rows: np.ndarray) -> "Frames":
+        """The frames of some rows."""
+        return replace(self, images=[self.images[row] for row in rows])
 
     def mask(self, image: Path) -> np.ndarray:
         """A frame's mask (h, w) uint8."""

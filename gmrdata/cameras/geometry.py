@@ -30,9 +30,14 @@ VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by li
 def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
     """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
     keys = choose_keyframes(frames, config)
+    # Neither the prior nor the filling reaches over what looks like a cut, matched or not.
     timeline = Timeline(frames.numbers, keys.cuts)
     try:
-        solution, evidence, bent = _solve_keyframes(keys.rows, timeline, work_dir, frames, config)
+        matches = match_frames(frames.some(keys.rows), work_dir, config)
+        keys = keys.but_matched(matches)
+        solution, evidence, bent = _solve_keyframes(
+            keys.rows, matches, timeline, work_dir, frames, config
+        )
     except NoReconstruction as error:
         raise NoReconstruction(f"{error}{cuts_in_words(keys.cuts)}") from None
     filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
@@ -41,12 +46,15 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
 
 
 def _solve_keyframes(
-    key_rows: np.ndarray, timeline: Timeline, work_dir: Path, frames: Frames, config: SfmConfig
+    key_rows: np.ndarray,
+    matches: Matches,
+    timeline: Timeline,
+    work_dir: Path,
+    frames: Frames,
+    config: SfmConfig,
 ) -> tuple[Solution, Evidence, bool]:
     """All frames by their keyframes; the evidence; and whether a bent model was set aside."""
-    keys = replace(frames, images=[frames.images[row] for row in key_rows])
-    intrinsics_px = frames.intrinsics_px
-    matches = match_frames(keys, work_dir, config)
+    keys, intrinsics_px = frames.some(key_rows), frames.intrinsics_px
 
     def turn(of: Matches) -> RotationOnly:
         rng = np.random.default_rng(config.seed)

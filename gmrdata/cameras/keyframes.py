@@ -35,22 +35,19 @@ class Keyframes:
     """Which frames are keyframes, and what the choice was made on."""
 
     rows: np.ndarray
-    """(K,) rows in order; the first and the last frame are among them."""
+    """(K,) rows in order; the first and the last frame and both sides of a cut are among them."""
     survived: np.ndarray
     """(T-1,) share of the corners of frame t that were found again in frame t + 1."""
-    corners: np.ndarray
-    """(T-1,) number of corners that were looked for."""
-    last_corners: int
+    cuts: np.ndarray
+    """(C,) rows t after which the picture changes to another place."""
+    featureless: np.ndarray
+    """(F,) rows that show nothing of the background: black, even, or wholly masked."""
 
-    @property
-    def cuts(self) -> np.ndarray:
-        """Rows t after which the picture changes to another place."""
-        return np.flatnonzero((self.survived < CUT_SHARE) & (self.corners >= FEWEST_CORNERS))
-
-    @property
-    def featureless(self) -> np.ndarray:
-        """Rows that show nothing of the background: black, even, or wholly masked."""
-        return np.flatnonzero(np.append(self.corners, self.last_corners) < FEATURELESS)
+    def but_matched(self, matches: Matches) -> "Keyframes":
+        """The same without cuts over which features match: frames far apart, but of one place."""
+        linked = {(self.rows[pair.first], self.rows[pair.second]) for pair in matches.pairs}
+        cuts = [row for row in self.cuts if (row, row + 1) not in linked]
+        return replace(self, cuts=np.array(cuts, dtype=np.int64))
 
 
 def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
@@ -68,22 +65,27 @@ def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
         survived.append(found.mean() if len(found) else 0.0)
         corners.append(len(found))
         start_px, now_px = start_px[found], next_px[found]
-        moved_px = np.median(np.linalg.norm(now_px - start_px, axis=1)) if len(now_px) else np.inf
-        late = row - rows[-1] >= config.keyframe_gap
-        if moved_px >= step_px or len(now_px) < n_start / 2 or late or row == len(images) - 1:
+        late = row - rows[-1] >= config.keyframe_gap or row == len(images) - 1
+        lost = not len(now_px) or len(now_px) < n_start / 2
+        if late or lost or np.median(np.linalg.norm(now_px - start_px, axis=1)) >= step_px:
             rows.append(row)
             start_px = now_px = _corners(image, free)
             n_start = len(start_px)
         before = image
-    least = min(config.min_keyframes, len(images))
-    # Evenly spread ones are added where the motion asks for fewer.
-    spread = np.linspace(0, len(images) - 1, least).round().astype(np.int64)
-    return Keyframes(
-        np.array(rows) if len(rows) >= least else np.union1d(rows, spread),
-        np.array(survived),
-        np.array(corners, dtype=np.int64),
-        len(now_px),
-    )
+    return _as_keyframes(rows, np.array(survived), np.array([*corners, len(now_px)]), config)
+
+
+def _as_keyframes(
+    rows: list[int], survived: np.ndarray, corners: np.ndarray, config: SfmConfig
+) -> Keyframes:
+    """The rows with those that cuts and the least number of keyframes ask for."""
+    cuts = np.flatnonzero((survived < CUT_SHARE) & (corners[:-1] >= FEWEST_CORNERS))
+    chosen, least = np.union1d(np.array(rows), cuts), min(config.min_keyframes, len(corners))
+    if len(chosen) < least:
+        # Evenly spread ones where the motion asks for fewer.
+        spread = np.linspace(0, len(corners) - 1, least).round().astype(np.int64)
+        chosen = np.union1d(chosen, spread)
+    return Keyframes(chosen, survived, cuts, np.flatnonzero(corners < FEATURELESS))
 
 
 def _corners(image: np.ndarray, free: np.ndarray) -> np.ndarray:

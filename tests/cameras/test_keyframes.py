@@ -17,12 +17,13 @@ from gmrdata.cameras.keyframes import (
     is_free,
     with_frames_between,
 )
-from gmrdata.cameras.matches import Matches, PairMatches
+from gmrdata.cameras.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.values.errors import BadFrames
 
 SIZE_PX = (240, 160)
+INTRINSICS_PX = np.array([[220.0, 0, 120], [0, 220.0, 80], [0, 0, 1]])
 
 
 def texture(seed: int) -> np.ndarray:
@@ -50,7 +51,7 @@ def frames_of(folder: Path, pictures: list[np.ndarray]) -> list[Path]:
 
 
 def given(images: list[Path], masks_dir: Path | None = None) -> Frames:
-    return Frames(images, masks_dir, np.eye(3), SIZE_PX)
+    return Frames(images, masks_dir, INTRINSICS_PX, SIZE_PX)
 
 
 def test_points_are_followed_to_a_tenth_of_a_pixel() -> None:
@@ -115,6 +116,10 @@ def test_masked_parts_do_not_count(tmp_path: Path) -> None:
         choose_keyframes(given(frames, tmp_path / "masks"), config)
 
 
+MATCHED = ((3, 4), (4, 8))
+"""What lies before the second cut has matches behind it, but not across it alone."""
+
+
 def test_a_cut_and_black_frames_are_noticed(tmp_path: Path) -> None:
     pictures = [shifted(texture(0), row) for row in range(4)]
     pictures += [shifted(texture(1), row) for row in range(4)]
@@ -122,7 +127,23 @@ def test_a_cut_and_black_frames_are_noticed(tmp_path: Path) -> None:
     frames = frames_of(tmp_path / "frames", pictures)
     keys = choose_keyframes(given(frames), SfmConfig(keyframe_gap=100, min_keyframes=2))
     assert keys.cuts.tolist() == [3, 7]
-    assert {0, 4, 8, 10} <= set(keys.rows.tolist())
+    assert keys.featureless.tolist() == [8, 9, 10]
+    # Both sides of a cut are looked at more closely.
+    assert {0, 3, 4, 7, 8, 10} <= set(keys.rows.tolist())
+    points_px = [np.zeros((1, 2))] * len(keys.rows)
+    at = {row: key for key, row in enumerate(keys.rows.tolist())}
+    pairs = [PairMatches(at[a], at[b], np.zeros((1, 2), int), "CALIBRATED") for a, b in MATCHED]
+    assert keys.but_matched(Matches(points_px, pairs)).cuts.tolist() == [7]
+
+
+def test_a_low_frame_rate_is_no_cut_where_features_match(tmp_path: Path) -> None:
+    pictures = [shifted(texture(seed), 110.0 * row) for seed in (0, 1) for row in range(4)]
+    frames, config = given(frames_of(tmp_path / "frames", pictures)), SfmConfig(first_octave=-1)
+    keys = choose_keyframes(frames, config)
+    assert keys.rows.tolist() == list(range(8)) and keys.cuts.tolist() == list(range(7))
+    (tmp_path / "colmap").mkdir()
+    matches = match_frames(frames.some(keys.rows), tmp_path / "colmap", config)
+    assert keys.but_matched(matches).cuts.tolist() == [3]
 
 
 def test_features_are_followed_into_the_frames_between(tmp_path: Path) -> None:
@@ -174,9 +195,8 @@ def test_a_camera_that_stands_still_is_static(tmp_path: Path) -> None:
         for _ in range(6)
     ]
     frames_of(tmp_path / "frames", noisy)
-    intrinsics_px = np.array([[220.0, 0, 120], [0, 220.0, 80], [0, 0, 1]])
     out_dir = reconstruct(
-        tmp_path / "frames", None, intrinsics_px, tmp_path / "sfm", SfmConfig(keyframe_gap=2)
+        tmp_path / "frames", None, INTRINSICS_PX, tmp_path / "sfm", SfmConfig(keyframe_gap=2)
     )
     cameras, quality = load_cameras(out_dir), load_quality(out_dir)
     assert cameras.geometry == quality.geometry == "static"
