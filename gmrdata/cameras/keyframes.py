@@ -1,9 +1,10 @@
 """Keyframes: as many frames as the camera's motion needs, so that not each one goes through SIFT.
 
 Corners of the background are followed from frame to frame (Lucas and Kanade 1981, pyramids by
-Bouguet).  A frame becomes a keyframe when they have moved far enough since the last one, when half
-of them are lost, or after the longest gap; a slow or short sequence gets more, evenly spread.  The
-frames between get their matches by following the keyframes' features into them.
+Bouguet).  A frame becomes a keyframe when they have moved far enough since the last one, or the
+nearest of them beside what a turn of the camera explains, when half of them are lost, or after the
+longest gap; a slow or short sequence gets more, evenly spread.  The frames between get their
+matches by following the keyframes' features into them.
 """
 
 from collections.abc import Sequence
@@ -16,6 +17,7 @@ import numpy as np
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.rotation_only import relative_rotation, unit_rays
 
 WINDOW_PX = 21
 LEVELS = 3
@@ -27,6 +29,8 @@ CORNER_SPACING_PX = 8
 FEATURELESS = 8  # with fewer corners a frame shows nothing of the background
 CUT_SHARE = 0.1  # where fewer corners survive one step, the two frames show different places
 FEWEST_CORNERS = 20  # with fewer to begin with, survival says nothing
+RIGID_PX = 1.0  # corners this near to their epipolar line go the way of the camera
+NEAR_PERCENTILE = 80  # the nearest fifth of the background counts
 FOLLOWED = "FOLLOWED"  # configuration of matches that were followed, not verified by COLMAP
 
 
@@ -51,10 +55,11 @@ class Keyframes:
 
 
 def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
-    """Choose keyframes by how far the background moves in the image."""
+    """Choose keyframes by how far the background moves in the image, and how far its near parts."""
     images, size_px = frames.images, frames.size_px
     shrink = min(1.0, config.keyframe_image_size_px / max(size_px))
-    step_px = config.keyframe_step * max(size_px) * shrink
+    steps_px = max(size_px) * shrink * np.array([config.keyframe_step, config.keyframe_parallax])
+    intrinsics_px = np.diag([shrink, shrink, 1.0]) @ frames.intrinsics_px
     before, free = frames.read(images[0], shrink)
     start_px = now_px = _corners(before, free)
     n_start = len(start_px)
@@ -67,7 +72,7 @@ def choose_keyframes(frames: Frames, config: SfmConfig) -> Keyframes:
         start_px, now_px = start_px[found], next_px[found]
         late = row - rows[-1] >= config.keyframe_gap or row == len(images) - 1
         lost = not len(now_px) or len(now_px) < n_start / 2
-        if late or lost or np.median(np.linalg.norm(now_px - start_px, axis=1)) >= step_px:
+        if late or lost or _moved(start_px, now_px, intrinsics_px, steps_px):
             rows.append(row)
             start_px = now_px = _corners(image, free)
             n_start = len(start_px)
@@ -86,6 +91,38 @@ def _as_keyframes(
         spread = np.linspace(0, len(corners) - 1, least).round().astype(np.int64)
         chosen = np.union1d(chosen, spread)
     return Keyframes(chosen, survived, cuts, np.flatnonzero(corners < FEATURELESS))
+
+
+def _moved(
+    start_px: np.ndarray, now_px: np.ndarray, intrinsics_px: np.ndarray, steps_px: np.ndarray
+) -> bool:
+    """Whether points (N, 2) went one of the steps [px]: of all motion, or of parallax alone."""
+    apart_px = np.linalg.norm(now_px - start_px, axis=1)
+    if np.median(apart_px) >= steps_px[0]:
+        return True
+    # The closer look takes longer, and points that all move alike don't need it.
+    if np.ptp(apart_px) < steps_px[1]:
+        return False
+    near_px = np.percentile(parallax_px(start_px, now_px, intrinsics_px), NEAR_PERCENTILE)
+    return bool(near_px >= steps_px[1])
+
+
+def parallax_px(start_px: np.ndarray, now_px: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
+    """(N,) what a turn of the camera leaves unexplained of the motion of points (N, 2) [px].
+
+    It is zero for points that no single motion of the camera explains, whatever their depths: a
+    person who walks is not near background.
+    """
+    parallax = np.zeros(len(start_px))
+    if len(start_px) < FEWEST_CORNERS:
+        return parallax
+    _, rigid = cv2.findEssentialMat(start_px, now_px, intrinsics_px, cv2.RANSAC, 0.999, RIGID_PX)
+    rays, now_rays = unit_rays(start_px, intrinsics_px), unit_rays(now_px, intrinsics_px)
+    threshold_rad = RIGID_PX / float(intrinsics_px[0, 0])
+    turn, _ = relative_rotation(rays, now_rays, threshold_rad, np.random.default_rng(0))
+    seen = rays @ turn.T @ intrinsics_px.T
+    left_px = np.linalg.norm(seen[:, :2] / seen[:, 2:] - now_px, axis=1)
+    return parallax if rigid is None else np.where(rigid[:, 0] > 0, left_px, parallax)
 
 
 def _corners(image: np.ndarray, free: np.ndarray) -> np.ndarray:

@@ -14,6 +14,9 @@ class SfmConfig(Config):
     keyframe_step: float = Field(default=0.04, ge=0, le=0.5)
     """How far the background moves from one keyframe to the next, as a share of the frame's longer
     side; 0: every frame is a keyframe."""
+    keyframe_parallax: float = Field(default=0.015, ge=0, le=0.5)
+    """How far the nearest fifth of the background moves beside what a turn of the camera explains,
+    as a share of the same."""
     keyframe_gap: int = Field(default=15, ge=1)
     """Frames from one keyframe to the next at most."""
     min_keyframes: int = Field(default=12, ge=2)

@@ -15,11 +15,13 @@ from gmrdata.cameras.keyframes import (
     choose_keyframes,
     follow,
     is_free,
+    parallax_px,
     with_frames_between,
 )
 from gmrdata.cameras.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.values.camera import project
 from gmrdata.values.errors import BadFrames
 
 SIZE_PX = (240, 160)
@@ -96,6 +98,32 @@ def test_keyframes_come_as_fast_as_the_background_moves(tmp_path: Path) -> None:
     assert choose_keyframes(given(still), more).rows.tolist() == [0, 2, 4, 7, 9, 11]
     more = SfmConfig(keyframe_gap=100, min_keyframes=50)
     assert choose_keyframes(given(still), more).rows.tolist() == list(range(12))
+
+
+def points_seen(intrinsics_px: np.ndarray, place: list[float], turn_deg: float) -> np.ndarray:
+    """100 points 2 m away and 300 points 50 m away, in a camera that has moved and turned [px]."""
+    rng = np.random.default_rng(0)
+    near = rng.uniform([-0.8, -0.5, 2.0], [0.8, 0.5, 2.2], (100, 3))
+    far = rng.uniform([-20.0, -15.0, 50.0], [20.0, 15.0, 60.0], (300, 3))
+    camera = np.eye(4)
+    camera[:3, :3] = cv2.Rodrigues(np.deg2rad([0.0, turn_deg, 0.0]))[0]
+    camera[:3, 3] = place
+    return project(camera, np.concatenate([near, far]), intrinsics_px)
+
+
+def test_parallax_is_what_a_turn_leaves_and_a_walking_person_has_none() -> None:
+    start_px = points_seen(INTRINSICS_PX, [0.0, 0.0, 0.0], 0.0)
+    turned_px = points_seen(INTRINSICS_PX, [0.0, 0.0, 0.0], 5.0)
+    assert parallax_px(start_px, turned_px, INTRINSICS_PX).max() < 0.01
+    moved_px = points_seen(INTRINSICS_PX, [0.1, 0.0, 0.0], 5.0)
+    parallax = parallax_px(start_px, moved_px, INTRINSICS_PX)
+    # 0.1 m before 2.1 m is 10.5 px, before 55 m 0.4 px.
+    assert np.median(parallax[:100]) == pytest.approx(10.5, abs=0.8)
+    assert parallax[100:].max() < 1.0
+    walking_px = moved_px.copy()
+    walking_px[:100:3] += [0.0, 12.0]
+    assert parallax_px(start_px, walking_px, INTRINSICS_PX)[:100:3].max() == 0.0
+    assert parallax_px(start_px[:19], moved_px[:19], INTRINSICS_PX).tolist() == [0.0] * 19
 
 
 def test_masked_parts_do_not_count(tmp_path: Path) -> None:
