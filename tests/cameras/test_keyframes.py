@@ -229,4 +229,4 @@ def test_a_camera_that_stands_still_is_static(tmp_path: Path) -> None:
     cameras, quality = load_cameras(out_dir), load_quality(out_dir)
     assert cameras.geometry == quality.geometry == "static"
     assert np.array_equal(cameras.path.world_from_cam, np.tile(np.eye(4), (6, 1, 1)))
-    assert quality.largest_turn_deg < 0.05
+    assert quality.largest_turn_deg is not None and quality.largest_turn_deg < 0.05
