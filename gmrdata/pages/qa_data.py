@@ -24,11 +24,10 @@ from gmrdata.values.clip import Clip, load_clip, rows_of_numbers
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.people import person_file
-from gmrdata.world.dataset import Doubts, load_dataset_camera
 from gmrdata.world.judge import window_differences
 from gmrdata.world.quality import PseudoGtQuality, load_record
 from gmrdata.world.recipe import VerdictConfig
-from gmrdata.world.verdict import Verdict
+from gmrdata.world.verdict import Doubts, Verdict, load_dataset_camera
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from gmrdata.values.clip import camera_of, save_clip
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.people import PersonFiles, person_file
 from gmrdata.values.records import MAKE_AGAIN, Config, Record
-from gmrdata.world.dataset import Doubts, save_dataset_camera
+from gmrdata.world.verdict import Doubts, save_dataset_camera
 
 PEOPLE_FILE, DOUBTS_FILE = "people.json", "doubts.json"
 DATASET_CAMERA_FILE = "dataset_camera.npz"

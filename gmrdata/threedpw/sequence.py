@@ -19,10 +19,9 @@ from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.people import person_file
-from gmrdata.world.dataset import Doubts
 from gmrdata.world.quality import load_record, quality_record, unsolved_quality
 from gmrdata.world.sequence import regenerate_sequence
-from gmrdata.world.verdict import verdict_of
+from gmrdata.world.verdict import Doubts, verdict_of
 
 UNSOLVED = "unsolved"
 """The stage's name where there is no reconstruction."""

@@ -17,13 +17,12 @@ from gmrdata.values.errors import BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
 from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.world.compose import level_from_world, metric_cameras, motion_in_world
-from gmrdata.world.dataset import Doubts, load_dataset_camera
 from gmrdata.world.judge import judge
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
 from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale
-from gmrdata.world.verdict import Verdict, overridden
+from gmrdata.world.verdict import Doubts, Verdict, load_dataset_camera, overridden
 
 
 def make_pseudo_gt(

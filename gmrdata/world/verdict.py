@@ -1,6 +1,7 @@
-"""What was decided of a clip, by thresholds or a person: accepted or not, and what is dropped."""
+"""What was decided of a clip, by thresholds or a person, and what its data set says itself."""
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -8,8 +9,12 @@ from pydantic import Field, NonNegativeInt, StringConstraints, model_validator
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.values.errors import BadRecipe
-from gmrdata.values.records import PART, Config, Figure
+from gmrdata.values.files import write_npz
+from gmrdata.values.records import PART, ArrayShapes, Config, Figure, Record, read_arrays
 from gmrdata.values.rows import text_runs, texts_of
+
+DATASET_CAMERA_FORMAT = "gmrdata-dataset-camera/1"
+_SHAPES: ArrayShapes = {"world_from_cam": ("f", ("T", 4, 4))}
 
 
 @part(frozen=True, config=PART)
@@ -140,3 +145,23 @@ def _frames(name: str, ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndar
             )
         inside[start:stop] = True
     return inside
+
+
+class Doubts(Record):
+    """`doubts.json`: why the data set does not vouch for frames, or for the whole sequence."""
+
+    format: Literal["gmrdata-doubts/1"] = "gmrdata-doubts/1"
+    frames: tuple[tuple[str, ...], ...]
+    """For each person T texts: why a frame must not be used; empty where it may."""
+    sequence: tuple[str, ...]
+    """Why the sequence can't be used at all; none where it can."""
+
+
+def save_dataset_camera(path: Path, world_from_cam: np.ndarray) -> None:
+    """Write a data set's metric cameras (T, 4, 4); NaN where unknown."""
+    write_npz(path, {"format": DATASET_CAMERA_FORMAT, "world_from_cam": world_from_cam})
+
+
+def load_dataset_camera(path: Path) -> np.ndarray:
+    """Read cameras (T, 4, 4) [m], NaN where unknown."""
+    return read_arrays(path, DATASET_CAMERA_FORMAT, _SHAPES)["world_from_cam"]

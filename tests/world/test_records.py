@@ -13,11 +13,10 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import save_clip
 from gmrdata.values.errors import BadRecord
 from gmrdata.values.people import PersonFiles
-from gmrdata.world.dataset import Doubts, load_dataset_camera, save_dataset_camera
 from gmrdata.world.pseudo_gt import make_pseudo_gt
 from gmrdata.world.quality import PseudoGtQuality, load_record, quality_record, unsolved_quality
 from gmrdata.world.recipe import PseudoGtConfig
-from gmrdata.world.verdict import verdict_of
+from gmrdata.world.verdict import Doubts, load_dataset_camera, save_dataset_camera, verdict_of
 from tests.reconstructions import good_quality, keys_of, pseudo_gt_quality, without
 from tests.world.test_make import Circular, as_input, made, reconstruction, true_clip
 
