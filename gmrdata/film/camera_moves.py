@@ -46,22 +46,14 @@ def smooth_path(points_m: np.ndarray, fps_hz: float, sigma_s: float, lag_s: floa
 class SubjectPath:
     """A subject's path over T frames."""
 
-    time_s: np.ndarray
-    """(T,), 0 at the middle of the clip [s]."""
-    target_m: np.ndarray
-    """(T, 3) what a camera that follows looks at: the smoothed, delayed pelvis, world [m]."""
-    centre_m: np.ndarray
-    """(3,) middle of the path, world [m]."""
-    heading_rad: float
-    """Walking direction, from x to y; a chosen one for a subject that stays in place."""
-    speed_m_per_s: float
-    """Mean speed along the walking direction, 0 when standing."""
-    side: float
-    """+1 or -1: which side of the path the camera takes."""
-    jitter_rad: float
-    """By how much the camera is off the exact side."""
-    waves: np.ndarray
-    """(T, 6) smooth noise of unit variance: 3 of position, 3 of rotation."""
+    time_s: np.ndarray  # (T,), 0 at the middle of the clip [s]
+    target_m: np.ndarray  # (T, 3) smoothed, delayed pelvis, which a follower looks at, world [m]
+    centre_m: np.ndarray  # (3,) middle of the path, world [m]
+    heading_rad: float  # walking direction, from x to y; a chosen one for a subject in place
+    speed_m_per_s: float  # mean speed along the walking direction, 0 when standing
+    side: float  # +1 or -1: which side of the path the camera takes
+    jitter_rad: float  # by how much the camera is off the exact side
+    waves: np.ndarray  # (T, 6) smooth noise of unit variance: 3 of position, 3 of rotation
 
 
 def subject_path(

@@ -27,12 +27,9 @@ TRIES = 3000
 class Drive:
     """A car's way.  Its frame: x ahead, y to its left, z up, the origin on the ground below it."""
 
-    world_from_car: np.ndarray
-    """(T, 4, 4) rigid transforms [m]."""
-    driven_m: np.ndarray
-    """(T,) way from the middle of the drive [m]: what the wheels have turned."""
-    middle_m: np.ndarray
-    """(2,) middle of the drive, world [m]."""
+    world_from_car: np.ndarray  # (T, 4, 4) rigid transforms [m]
+    driven_m: np.ndarray  # (T,) way from the middle of the drive [m]: what the wheels have turned
+    middle_m: np.ndarray  # (2,) middle of the drive, world [m]
 
     @property
     def ahead(self) -> np.ndarray:
@@ -59,10 +56,8 @@ class Drive:
 
 
 def way_driven_m(time_s: np.ndarray, speed_m_per_s: float) -> np.ndarray:
-    """Way from the middle (T,) [m] at times before and after it [s].
-
-    At constant speed, but for a start from rest and a stop `HALF_DRIVE_M` from the middle.
-    """
+    """Way from the middle (T,) [m] at times before and after it [s], at constant speed but for a
+    start from rest and a stop `HALF_DRIVE_M` from the middle."""
     braking_m = speed_m_per_s**2 / (2 * BRAKING_M_PER_S2)
     even_s = (HALF_DRIVE_M - braking_m) / speed_m_per_s
     since_s = np.abs(time_s)

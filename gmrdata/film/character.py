@@ -35,10 +35,8 @@ CHARACTER_FILE = "character.npz"
 
 
 def linked_files(path: Path) -> dict[str, Path]:
-    """Files that a character's file names, buffers and pictures, by the name that it gives them.
-
-    All are inside the file's folder.  None for FBX, whose pictures must be inside the file.
-    """
+    """Buffers and pictures that a character's file names, by those names; all are in its folder.
+    None for FBX, whose pictures must be inside the file."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     suffix = path.suffix.lower()
@@ -142,16 +140,11 @@ class Character(Config):
 class CharacterRecord:
     """What a render with a character knows beside the truth; T frames."""
 
-    joints_world_m: np.ndarray
-    """(T, 24, 3) heads of the character's bones, world [m]; NaN for a joint without a bone."""
-    residual_m: np.ndarray
-    """(T, 24, 3) the same less the body's joints, world axes [m]."""
-    in_frame: np.ndarray
-    """(T,) bool: the whole character is inside the image."""
-    bones: tuple[str, ...]
-    """24 names, empty for a joint without a bone."""
-    scale: float
-    """By how much the character's file was enlarged."""
+    joints_world_m: np.ndarray  # (T, 24, 3) heads of the bones, world [m]; NaN without a bone
+    residual_m: np.ndarray  # (T, 24, 3) the same less the body's joints, world axes [m]
+    in_frame: np.ndarray  # (T,) bool: the whole character is inside the image
+    bones: tuple[str, ...]  # 24 names, empty for a joint without a bone
+    scale: float  # by how much the character's file was enlarged
 
 
 def save_character(path: Path, record: CharacterRecord) -> None:

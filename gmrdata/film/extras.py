@@ -61,8 +61,7 @@ class Extras(Config):
 class Cast:
     """The extras; the walkers come first in the order of instance numbers, then the cars."""
 
-    walkers: tuple[Motion, ...]
-    """World motions of company and passers-by, of one length and rate."""
+    walkers: tuple[Motion, ...]  # world motions of company and passers-by, of one length and rate
     cars: tuple[Drive, ...]
 
     @property

@@ -48,14 +48,10 @@ JOINT_ARRAYS: TruthShapes = {
 class Joints2d:
     """Joints of T frames, in the order of `gmrdata.values.body.JOINT_NAMES`."""
 
-    world_m: np.ndarray
-    """(T, 24, 3) places in the world [m]."""
-    camera_m: np.ndarray
-    """(T, 24, 3) places in the camera's OpenCV axes [m]."""
-    image_px: np.ndarray
-    """(T, 24, 2) image points; NaN behind the camera."""
-    in_frame: np.ndarray
-    """(T, 24) bool: in front of the camera and inside the image."""
+    world_m: np.ndarray  # (T, 24, 3) places in the world [m]
+    camera_m: np.ndarray  # (T, 24, 3) places in the camera's OpenCV axes [m]
+    image_px: np.ndarray  # (T, 24, 2) image points; NaN behind the camera
+    in_frame: np.ndarray  # (T, 24) bool: in front of the camera and inside the image
     visible: np.ndarray
     """(T, 24) bool: in the frame, and neither the scene nor another part of the body hides it."""
 
@@ -83,9 +79,7 @@ def load_joints(path: Path) -> Joints2d:
 
 def read_truth(path: Path, shapes: TruthShapes, frames_of: str) -> list[np.ndarray]:
     """The arrays of a file of truth, in the order of `shapes`: kind (numpy's letter) and shape.
-
-    The first axis of the array `frames_of` tells the number of frames.
-    """
+    The first axis of the array `frames_of` tells the number of frames."""
     arrays = read_npz(path)
     n_frames = len(np.atleast_1d(arrays.get(frames_of, ())))
     for key, (kind, shape) in shapes.items():
@@ -123,9 +117,7 @@ def read_normals(path: Path) -> np.ndarray:
 
 def write_flow(path: Path, flow_px: np.ndarray) -> None:
     """Write (H, W, 2) flow [px]: red and green are 64 u + 2^15 and 64 v + 2^15, blue is 1.
-
-    NaN, and a flow of 512 px or more, are not known: 0, 0, 0.
-    """
+    NaN, and a flow of 512 px or more, are not known: 0, 0, 0."""
     stored = np.rint(flow_px * FLOW_STEPS_PER_PX + FLOW_ZERO)
     known = ((stored >= 0) & (stored <= _MOST)).all(axis=-1, keepdims=True)  # False for NaN
     pixels = np.concatenate([np.ones_like(stored[..., :1]), stored[..., ::-1]], axis=-1)

@@ -40,7 +40,6 @@ def try_render_clips(
     jobs: Mapping[str, RenderJob], client: Any, failures_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> stage_jobs.Outcome:
     """Render each clip, given by id, in a worker of its own; reasons of failures are kept.
-
     A Blender process that ends without its result is started once more, at the next missing frame.
     """
     calls = [

@@ -26,10 +26,8 @@ class Probe:
     """What was measured on a slice of one clip, rendered at its real settings."""
 
     frame_cpu_s: float
-    clip_cpu_s: float
-    """Processor time that a clip takes before its first frame: Blender's start, the scene [s]."""
-    frame_bytes: float
-    """Of all files of a frame."""
+    clip_cpu_s: float  # before its first frame: Blender's start, the scene [s]
+    frame_bytes: float  # of all files of a frame
 
 
 @dataclass(frozen=True)
@@ -39,13 +37,10 @@ class DryRun:
     rows: Sequence[Sequence[str]]
     clips: int
     clips_to_do: int
-    frames: int
-    """Of all clips that can be filmed."""
+    frames: int  # of all clips that can be filmed
     frames_to_do: int
-    workers: int
-    """That have a clip to render."""
-    probe: Probe | None
-    """None when there is nothing to do, or no probe was wanted."""
+    workers: int  # that have a clip to render
+    probe: Probe | None  # None when there is nothing to do, or no probe was wanted
 
     @property
     def seconds(self) -> float | None:
@@ -65,9 +60,7 @@ def dry_run(
     recipe: SyntheticRecipe, out_dir: Path, *, motions_dir: Path | None = None, probe: bool = True
 ) -> DryRun:
     """Plan every clip in a temporary folder and, for a probe, render two frames of one there.
-
-    Nothing is written below `out_dir`, and what is done there counts as done.
-    """
+    Nothing is written below `out_dir`, and what is done there counts as done."""
     selection = select(recipe, motions_dir)
     with tempfile.TemporaryDirectory(prefix="gmrdata-") as name:
         folder = Path(name)

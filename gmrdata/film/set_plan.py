@@ -220,10 +220,8 @@ class Selection:
     """The clips of a recipe that can be rendered, and those whose motion is not there."""
 
     recipe: SyntheticRecipe
-    takes: tuple[Take, ...]
-    """A clip's twin follows it."""
-    files: dict[str, Path]
-    """Motions by their trial's name."""
+    takes: tuple[Take, ...]  # a clip's twin follows it
+    files: dict[str, Path]  # motions by their trial's name
     missing: tuple[str, ...]
 
 

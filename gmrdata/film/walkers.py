@@ -41,8 +41,7 @@ class Shot:
     """Clips that share one place, all with T frames."""
 
     fps_hz: float
-    subjects_m: tuple[np.ndarray, ...]
-    """(T, 3) pelvis path for each clip, world [m]."""
+    subjects_m: tuple[np.ndarray, ...]  # (T, 3) pelvis path for each clip, world [m]
     cameras: tuple[CameraPath, ...]
 
     @property
@@ -93,9 +92,7 @@ def place_in_sight(
     shot: Shot, row: int, half_width_m: float, reach_m: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
     """A place (2,) [m] in line with the first camera and its subject, and the line's angle [rad].
-
-    It is in front as often as behind, where there is room, and at most `reach_m` too far behind.
-    """
+    It is in front as often as behind, where there is room, and at most `reach_m` too far behind."""
     near_m, room_m = FROM_CAMERA_M + half_width_m, PEOPLE_APART_M + half_width_m
     camera_m = shot.cameras[0].centres_world_m[row, :2]
     sight_m = shot.subjects_m[0][row, :2] - camera_m
@@ -149,9 +146,7 @@ def keep_company(
     name: str, shot: Shot, others: Sequence[Motion], body: BodyModel, seed: np.random.SeedSequence
 ) -> Motion:
     """A gait beside the first subject, in its direction and at its mean speed, as near as can be.
-
-    It goes straight on; beside a subject that stays, or comes back, it steps to and fro.
-    """
+    It goes straight on; beside a subject that stays, or comes back, it steps to and fro."""
     subject_m = shot.subjects_m[0][:, :2]
     way_m = subject_m[-1] - subject_m[0]
     far_m = float(np.linalg.norm(way_m))

@@ -65,9 +65,7 @@ def gait_with_contacts(
     shape: np.ndarray | None = None,
 ) -> tuple[Motion, np.ndarray]:
     """Like `make_gait`, and (T, 2) bool: the left and the right foot stand, touch-down to toe-off.
-
-    From a sixth of its stance on a foot's ball does not move, to the digit.
-    """
+    From a sixth of its stance on a foot's ball does not move, to the digit."""
     _check(kind, duration_s, fps_hz)
     shape = sample_shape(body, rng) if shape is None else np.asarray(shape, dtype=np.float64)
     if shape.shape != (body.n_shape,) or not np.isfinite(shape).all():

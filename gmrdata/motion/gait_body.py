@@ -53,14 +53,11 @@ def pose_body(
 class _Trunk:
     """Orientations (T, 3, 3) over T frames, world_from_joint relative to the T-pose."""
 
-    facing_rad: np.ndarray
-    """(T,) direction of travel that the person faces [rad]."""
+    facing_rad: np.ndarray  # (T,) direction of travel that the person faces [rad]
     pelvis: np.ndarray
-    chest: np.ndarray
-    """Of spine3."""
+    chest: np.ndarray  # of spine3
     head: np.ndarray
-    lean_in_rad: np.ndarray
-    """(T,) lean to the left, into a left bend [rad]."""
+    lean_in_rad: np.ndarray  # (T,) lean to the left, into a left bend [rad]
 
 
 def _pose_trunk(

@@ -41,9 +41,7 @@ def turn(axis: str, angle_rad: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True, eq=False)
 class Leg:
     """A leg at rest: hip to knee (3,) and knee to ankle (3,) [m].
-
-    Its knee turns about the rest frame's x axis, flexion moves the heel back.
-    """
+    Its knee turns about the rest frame's x axis, flexion moves the heel back."""
 
     thigh_m: np.ndarray
     shank_m: np.ndarray
@@ -62,18 +60,14 @@ class Leg:
 
     def knee_rad(self, distance_m: np.ndarray) -> np.ndarray:
         """Knee angle about x, relative to rest, for hip-to-ankle distances (...) [rad].
-
-        Distances beyond the leg's reach give the straight leg, and ones too short the folded leg.
-        """
+        Distances beyond the leg's reach give the straight leg, ones too short the folded leg."""
         constant, amplitude, straight_rad = self._hinge()
         cosine = (np.square(distance_m) - constant) / amplitude
         return straight_rad + np.arccos(np.clip(cosine, -1.0, 1.0))
 
     def solve(self, hip_to_ankle_m: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """frame_from_thigh and thigh_from_shank (T, 3, 3) for a wanted vector (T, 3) in any frame.
-
-        The knee's axis follows `left` (T, 3), in the same frame, as well as it can.
-        """
+        The knee's axis follows `left` (T, 3), in the same frame, as well as it can."""
         knee = turn("x", self.knee_rad(np.linalg.norm(hip_to_ankle_m, axis=-1)))
         at_rest_m = self.thigh_m + knee @ self.shank_m
         lateral = np.broadcast_to(np.array([1.0, 0.0, 0.0]), at_rest_m.shape)
@@ -93,14 +87,10 @@ def _frames(along: np.ndarray, hint: np.ndarray) -> np.ndarray:
 class GroundPath:
     """A path over the ground by its own length s (N,) [m]."""
 
-    position_m: Curve
-    """Position on the ground (N, 2) [m]."""
-    facing_rad: Curve
-    """Direction that the person faces (N,), from world x towards world y [rad]."""
-    curvature_rad_m: Curve
-    """Change of `facing_rad` per metre (N,)."""
-    s_at: Curve
-    """(N,) step count -> (N,) s [m] where it is reached."""
+    position_m: Curve  # position on the ground (N, 2) [m]
+    facing_rad: Curve  # direction that the person faces (N,), from world x towards world y [rad]
+    curvature_rad_m: Curve  # change of `facing_rad` per metre (N,)
+    s_at: Curve  # (N,) step count -> (N,) s [m] where it is reached
 
 
 def sample_path(
@@ -174,15 +164,11 @@ def ease(u: np.ndarray) -> np.ndarray:
 class Footsteps:
     """A clip's (N,) footfalls, from FIRST_STEP on; even ones are the left foot's."""
 
-    s_m: np.ndarray
-    """Place along the path."""
-    across_m: np.ndarray
-    """Place of the ankle to the left of the path, as the person faces."""
-    ahead_m: np.ndarray
-    """Place of the ankle to the front."""
+    s_m: np.ndarray  # place along the path
+    across_m: np.ndarray  # place of the ankle to the left of the path, as the person faces
+    ahead_m: np.ndarray  # place of the ankle to the front
     ground_m: np.ndarray
-    yaw_rad: np.ndarray
-    """Direction of the foot, from world x towards world y."""
+    yaw_rad: np.ndarray  # direction of the foot, from world x towards world y
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,13 +176,10 @@ class FootPoses:
     """One foot over T frames, world: (T, 3) ankles, all else by frame."""
 
     ankle_m: np.ndarray
-    rotmats: np.ndarray
-    """(T, 3, 3) world_from_foot, relative to the T-pose."""
-    toes_rad: np.ndarray
-    """Toes bent up against the foot."""
+    rotmats: np.ndarray  # (T, 3, 3) world_from_foot, relative to the T-pose
+    toes_rad: np.ndarray  # toes bent up against the foot
     yaw_rad: np.ndarray
-    planted: np.ndarray
-    """Bool, from touch-down to toe-off."""
+    planted: np.ndarray  # bool, from touch-down to toe-off
 
 
 def upright(facing_rad: np.ndarray) -> np.ndarray:
@@ -228,9 +211,7 @@ def plan_footsteps(
     path: GroundPath, style: GaitStyle, ground_m: np.ndarray, rng: np.random.Generator
 ) -> Footsteps:
     """Put each foot down where the pelvis passes in its stance, on its side of the path.
-
-    `ground_m` (N,) is the height of the ground for each footfall from FIRST_STEP on [m].
-    """
+    `ground_m` (N,) is the height of the ground for each footfall from FIRST_STEP on [m]."""
     number = np.arange(len(ground_m)) + FIRST_STEP
     side = np.where(number % 2 == 0, 1.0, -1.0)
     s_m = path.s_at(number + style.duty - style.lag_steps)
@@ -248,9 +229,7 @@ def plan_footsteps(
 
 def ground_under_pelvis(steps: np.ndarray, plan: Footsteps) -> np.ndarray:
     """Height by which the pelvis has followed the ground at (T,) step counts [m].
-
-    It rises in the step that begins as a foot touches down on other ground.
-    """
+    It rises in the step that begins as a foot touches down on other ground."""
     row = np.flatnonzero(np.diff(plan.ground_m))
     number = row + 1 + FIRST_STEP
     return plan.ground_m[0] + ease(steps[:, None] - number + 0.1) @ np.diff(plan.ground_m)[row]
@@ -300,9 +279,7 @@ def _below_ankle(
     row: np.ndarray, swing: np.ndarray, path: GroundPath, plan: Footsteps, style: GaitStyle
 ) -> np.ndarray:
     """Point of the flat sole below the ankle at (T,) shares of a swing: (T, 3) [m].
-
-    It follows the path's bends, as a straight line would lead the outer foot through the inner leg.
-    """
+    It follows the path's bends: a straight line would lead the outer foot through the inner leg."""
     # Share of the way to the next footfall: at rest at both ends, fastest after half time.  A foot
     # that came to rest sooner would be too far ahead of the hip for the leg to reach.
     share = betainc(2.2 + style.late, 2.2, swing)

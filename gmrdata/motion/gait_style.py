@@ -27,44 +27,30 @@ class GaitStyle:
     `arm_swing_rad` are the shoulders' flexion.
     """
 
-    step_m: float
-    """Between successive footfalls along the path."""
+    step_m: float  # between successive footfalls along the path
     cadence_hz: float
-    duty: float
-    """Share of a stride (two steps) that a foot stands; below 0.5 there is flight."""
-    spacing_m: float
-    """Distance between the ankles' lines across the direction that the person faces [m]."""
-    lag_steps: float
-    """Over the foot, the pelvis is so much before the middle of its stance, in steps."""
+    duty: float  # share of a stride (two steps) that a foot stands; below 0.5 there is flight
+    spacing_m: float  # between the ankles' lines, across the direction that the person faces
+    lag_steps: float  # over the foot, the pelvis is so much before the middle of its stance
     toe_out_rad: float
-    strike_rad: float
-    """Toes above heel at touch-down [rad]."""
-    toe_off_rad: float
-    """Heel above toes at its largest, just after the foot leaves the ground [rad]."""
-    clearance_m: float
-    """Height of the foot's arc in swing, on top of what its pitch gives [m]."""
-    late: float
-    """How much more of its way a swinging foot makes in the second half; 0 is even."""
-    bob_m: float
-    """Pelvis height amplitude; positive is highest over the standing leg, negative lowest [m]."""
-    sway_m: float
-    """Pelvis shift towards the standing leg [m]."""
+    strike_rad: float  # toes above heel at touch-down [rad]
+    toe_off_rad: float  # heel above toes at its largest, just after the foot leaves the ground
+    clearance_m: float  # height of the foot's arc in swing, on top of what its pitch gives [m]
+    late: float  # how much more of its way a swinging foot makes in the second half; 0 is even
+    bob_m: float  # pelvis height amplitude; if positive, highest over the standing leg
+    sway_m: float  # pelvis shift towards the standing leg [m]
     pelvis_yaw_rad: float
-    pelvis_list_rad: float
-    """Drop of the swing side [rad]."""
+    pelvis_list_rad: float  # drop of the swing side [rad]
     pelvis_tilt_rad: float
     chest_yaw_rad: float
     lean_rad: float
     arm_swing_rad: float
     arm_mean_rad: float
     arm_out_rad: float
-    arm_in_rad: float
-    """Upper arms turned inwards about their own axis, which brings the hands to the front [rad]."""
+    arm_in_rad: float  # upper arms turned about their own axis, which brings the hands to the front
     elbow_rad: float
-    elbow_swing_rad: float
-    """Elbow flexion amplitude; most bent when the arm is in front [rad]."""
-    soft_knee_rad: float
-    """The knee stays bent by at least this much [rad]."""
+    elbow_swing_rad: float  # flexion amplitude; most bent when the arm is in front
+    soft_knee_rad: float  # the knee stays bent by at least this much [rad]
     wander: tuple[float, ...]
     """Four phases of the slow changes of pace, step length, gaze and posture [rad]."""
 

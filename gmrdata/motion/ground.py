@@ -115,10 +115,8 @@ def floor_height_m(heights_m: np.ndarray) -> float:
 
 
 def sole_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
-    """Some points of the soles over time, (T, P, 3) [m].
-
-    They follow the ankle and toe joints rigidly; skin hardly bends there.
-    """
+    """Some points of the soles over time, (T, P, 3) [m]: they follow the ankle and toe joints
+    rigidly, as skin hardly bends there."""
     rest_joints_m = body.rest_joints_m(motion.shape)
     joints_m, frame_from_joint = posed_joints_m(rest_joints_m, motion.rotmats, motion.pelvis_m)
     soles_m = [
@@ -153,9 +151,7 @@ def _level_rotation(points_m: np.ndarray) -> np.ndarray:
 
 def _sole_vertices_m(body: BodyModel, shape: np.ndarray) -> dict[int, np.ndarray]:
     """Rest positions of the sole's lowest vertices by the joint that carries them most [m].
-
-    They are the lowest of the left and of the right half of each strip of a foot part.
-    """
+    They are the lowest of the left and of the right half of each strip of a foot part."""
     vertices_m = body.rest_vertices_m(shape)
     carrier = body.skin_weights.argmax(axis=1)
     soles = {}

@@ -43,10 +43,8 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
 
 def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
     """source_from_rest (3, 3), a rotation by multiples of 90 degrees.
-
     A body's rest axes are x left, y up, z front.  A file's up is y or z, and its front may be any
-    axis; the zero pose shows which.
-    """
+    axis; the zero pose shows which."""
 
     def both(part: str) -> np.ndarray:
         return np.asarray(rest_joints_m[[JOINT[f"left_{part}"], JOINT[f"right_{part}"]]])
@@ -81,9 +79,7 @@ def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarr
 
 def limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:
     """C (3, 3) of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
-
-    Both zero poses are (24, 3) in rest axes [m].
-    """
+    Both zero poses are (24, 3) in rest axes [m]."""
     poses_m = (body_rest_m, source_rest_m)
     return {a: minimal_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
 
