@@ -3,8 +3,7 @@
 from typing import Literal
 
 Metric = Literal["ome_deg", "tme_mm", "vme_mm"]
-METRICS: tuple[Metric, ...] = ("ome_deg", "tme_mm", "vme_mm")
-"""The paper's errors (eqs. 15-17)."""
+METRICS: tuple[Metric, ...] = ("ome_deg", "tme_mm", "vme_mm")  # the paper's errors (eqs. 15-17)
 Method = Literal["predicted", "zero"]
 METHODS: tuple[Method, ...] = ("predicted", "zero")
 """What was predicted, and a body that neither turns nor moves."""
@@ -20,5 +19,4 @@ WorldMetric = Literal[
 ProtocolName = Literal["gmr", "wham", "tram", "gvhmr", "slahmr", "emdb"]
 Remainder = Literal["own_segment", "joined_but_last_frame", "joined"]
 """What becomes of the frames after the last full segment; see `world_metrics.segments_of`."""
-Interval = tuple[float, float]
-"""Lower and upper end."""
+Interval = tuple[float, float]  # lower and upper end

@@ -20,8 +20,7 @@ from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 SMPL_VERTICES = 6890
 SMPL_FEET = (3216, 3387, 6617, 6787)
 """Two points on each foot of SMPL, left and right: yohanshin/WHAM, lib/eval/eval_utils.py."""
-SOLE_M = 0.03
-"""Vertices of a foot up to this high above its lowest one are its sole [m]."""
+SOLE_M = 0.03  # vertices of a foot up to this high above its lowest one are its sole [m]
 
 
 def foot_vertices(body: BodyModel) -> tuple[int, ...]:
@@ -46,16 +45,14 @@ class ClipErrors:
 
     clip_id: str
     camera_motion: str
-    errors: dict[Method, dict[Metric, np.ndarray]]
-    """OME, TME and VME per motion: (n,) by method and metric."""
+    errors: dict[Method, dict[Metric, np.ndarray]]  # (n,) OME, TME and VME of each motion
     motion_type: str | None = None
     over_time_mm: dict[Method, np.ndarray] = field(default_factory=dict)
     """Vertex error in each frame of the clip's longest run, whose first pose is the true one: (K,)
     by method [mm]."""
     protocol: dict[Method, dict[WorldMetric, np.ndarray]] = field(default_factory=dict)
     """A protocol's samples: (n,) by method and metric; none without a protocol."""
-    protocol_fps_hz: float | None = None
-    """Rate of the protocol's frames [Hz]; None without a protocol."""
+    protocol_fps_hz: float | None = None  # rate of the protocol's frames [Hz], if there is one
     dropped_frames: int = 0
 
     @property

@@ -21,8 +21,7 @@ HEADINGS = ("metric", "run", "mean of clips", "difference", "95 % interval", "p"
 CSV_HEADINGS: list[Cell] = [
     "metric", "run", "n_clips", "mean_of_clips", "difference", "low", "high", "p_value",
 ]  # fmt: skip
-SAME_ZERO = 1e-6
-"""Largest difference, in deg or mm, between two scores of zero motion on the same frames."""
+SAME_ZERO = 1e-6  # largest difference of two scores of zero motion on the same frames [deg, mm]
 
 
 class CompareConfig(Config):

@@ -14,8 +14,7 @@ import numpy as np
 from gmrdata.score import Interval
 from gmrdata.values.shapes import Float
 
-LEVEL = 0.95
-"""Share of the resampled figures that an interval holds."""
+LEVEL = 0.95  # share of the resampled figures that an interval holds
 Counts = Float[np.ndarray, "resamples clips"]
 PerClip = Float[np.ndarray, " clips"]
 
@@ -58,10 +57,8 @@ class PairedDifference(NamedTuple):
     """How a run differs from the first one in one metric; of one clip without interval and p."""
 
     n_clips: int
-    difference: float | None
-    """Mean over clips of the run's figures minus the first run's."""
-    interval95: Interval | None
-    """Ends of its 95 % bootstrap interval over clips."""
+    difference: float | None  # mean over clips of the run's figures minus the first run's
+    interval95: Interval | None  # ends of its 95 % bootstrap interval over clips
     p_value: float | None
     """Two-sided permutation test over clips: how often a difference as large comes about where it
     is chance which of the two runs a figure belongs to."""
@@ -72,9 +69,7 @@ def paired_difference(
 ) -> PairedDifference:
     """Compare two runs clip by clip, on one clip or more.
 
-    Args:
-        permutations: How many are drawn at most; all 2^n of them are used where they are no more
-            than that, and p is exact.
+    At most `permutations` are drawn; all 2^n are used where they are no more, and p is exact.
     """
     from scipy.stats import permutation_test
 

@@ -21,12 +21,10 @@ class PredictedRun:
     """A person over consecutive frames without a gap: the truth and a prediction of it."""
 
     true: Motion
-    predicted: Motion
-    """The same frames at the same rate, in a world of the prediction's own."""
+    predicted: Motion  # the same frames at the same rate, in a world of the prediction's own
 
 
-World = tuple[PredictedRun, ...]
-"""Runs, in the order of time, whose predictions share one world."""
+World = tuple[PredictedRun, ...]  # runs, in the order of time, whose predictions share one world
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +33,9 @@ class PredictedClip:
 
     clip_id: str
     camera_motion: str
-    runs: tuple[PredictedRun, ...]
-    """For OME, TME, VME and the vertex error over time, at their rate."""
-    worlds: tuple[World, ...]
-    """For a protocol, at the prediction's own rate."""
-    dropped_frames: int = 0
-    """Valid frames, at the prediction's rate, for which there is no prediction."""
+    runs: tuple[PredictedRun, ...]  # for OME, TME, VME and vertex error over time, at their rate
+    worlds: tuple[World, ...]  # for a protocol, at the prediction's own rate
+    dropped_frames: int = 0  # valid frames, at the prediction's rate, without a prediction
 
 
 def still_motion(true: Motion, first: Motion) -> Motion:
@@ -116,11 +111,7 @@ def file_clip(
 
 
 def every_row(valid: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows 0, step, 2 step, ..., and which of them are valid.
-
-    One is valid where all rows since the one before are, so that no step between two valid rows
-    hides a gap.
-    """
+    """Rows 0, step, 2 step, ..., and which are valid: those with no gap since the one before."""
     rows = np.arange(0, len(valid), step)
     return rows, np.array([valid[max(0, row - step + 1) : row + 1].all() for row in rows])
 

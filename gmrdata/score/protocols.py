@@ -145,19 +145,15 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
         ),
     )
 }
-"""By name."""
 
 
 @dataclass(frozen=True, eq=False)
 class WorldBody:
     """What protocols look at of a body over time in one world."""
 
-    root_rotmats: Rotmats
-    """world_from_root."""
-    joints_m: Float[np.ndarray, "frames 24 3"]
-    """SMPL's joints, the pelvis first [m]."""
-    feet_m: Points
-    """Points of the feet [m]."""
+    root_rotmats: Rotmats  # world_from_root
+    joints_m: Float[np.ndarray, "frames 24 3"]  # SMPL's joints, the pelvis first [m]
+    feet_m: Points  # points of the feet [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,10 +162,8 @@ class WorldPair:
 
     predicted: WorldBody
     true: WorldBody
-    runs: tuple[Rows, ...]
-    """Rows between the gaps; together they are all frames."""
-    fps_hz: float
-    """Frame rate [Hz]."""
+    runs: tuple[Rows, ...]  # rows between the gaps; together they are all frames
+    fps_hz: float  # frame rate [Hz]
 
 
 def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[WorldMetric, Samples]:

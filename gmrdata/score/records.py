@@ -35,8 +35,7 @@ class PaperMetrics(Config, Generic[T]):
         return {metric: self.get(metric) for metric in METRICS}
 
 
-WorldFigures = dict[str, float | None]
-"""A protocol's figures; None for one that no clip has."""
+WorldFigures = dict[str, float | None]  # a protocol's figures; None for one that no clip has
 
 
 class RowFloor(PaperMetrics[float]):

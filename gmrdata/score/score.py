@@ -142,8 +142,7 @@ def score_predictions(
     return _write_scores(out_dir, manifest_path, predictor, inputs, config, run)
 
 
-Predict = Callable[[UsableClip], PredictedClip | str]
-"""A prediction of a clip, or the reason why there is none."""
+Predict = Callable[[UsableClip], PredictedClip | str]  # or the reason why there is none
 _Predictor = tuple[str, ScoredNetwork | ScoredFiles, Predict, float]
 """Its name, what predicts, and the rate of OME, TME and VME [Hz]."""
 
@@ -155,10 +154,7 @@ def score_clips(
     protocol: Protocol | None = None,
     predicted_body: BodyModel | None = None,
 ) -> tuple[list[ClipErrors], dict[str, str]]:
-    """Errors of each clip that has a prediction, and the reason by id of each that has none.
-
-    The `predicted_body` is None where it is the clips' own.
-    """
+    """Errors of each clip that has a prediction, and the reason by id of each that has none."""
     scored, skipped, its_body = [], {}, predicted_body or body
     for one in track(clips, "scoring", total=len(clips)):
         predicted = predict(one)

@@ -1,7 +1,4 @@
-"""Scores of clips put together: per class of camera motion, per type of motion, overall.
-
-And the pseudo ground truth's own error beside them, with what is below it.
-"""
+"""Scores of clips by class of camera motion, by type of motion and overall, beside the floor."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -23,8 +20,7 @@ BELOW: dict[Metric, str] = {
     "tme_mm": "TME {:.2f} mm is below {:.2f} mm",
     "vme_mm": "VME {:.2f} mm is below {:.2f} mm",
 }
-Draws = Callable[[int], np.ndarray]
-"""How often each of n clips is drawn in each resample: n -> (resamples, n)."""
+Draws = Callable[[int], np.ndarray]  # how often each of n clips is drawn: n -> (resamples, n)
 
 
 def summarise(

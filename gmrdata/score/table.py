@@ -10,21 +10,18 @@ from gmrdata.score import METHODS, METRICS, Interval, records
 from gmrdata.score.records import ClipScore, GroupScore, Scores, metrics_with
 from gmrdata.values.files import write_text
 
-Table = tuple[tuple[str, ...], list[tuple[str, ...]]]
-"""Headings and rows."""
-Cell = str | float | None
-"""A cell of a CSV file."""
+Table = tuple[tuple[str, ...], list[tuple[str, ...]]]  # headings and rows
+Cell = str | float | None  # a cell of a CSV file
 ZERO_HEADING = "with no motion at all"
 
 
 class MetricWords(NamedTuple):
     title: str
     unit: str
-    digits: int
-    """Decimals that are shown."""
+    digits: int  # decimals that are shown
 
 
-METRIC_WORDS = {
+METRIC_WORDS = {  # by key in `scores.json`
     "ome_deg": MetricWords("OME", "°", 2),
     "tme_mm": MetricWords("TME", "mm", 1),
     "vme_mm": MetricWords("VME", "mm", 1),
@@ -36,7 +33,6 @@ METRIC_WORDS = {
     "jitter_10m_per_s3": MetricWords("jitter", "10 m/s³", 1),
     "foot_sliding_mm": MetricWords("foot sliding", "mm", 1),
 }
-"""By key in `scores.json`."""
 MEANINGS = {
     "ome_deg": "Angle between the predicted and the true turn from frame to frame.",
     "tme_mm": "Distance between the predicted and the true step, seen from the body.",

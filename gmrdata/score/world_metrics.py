@@ -16,8 +16,7 @@ from gmrdata.values.motion_metrics import angles_rad
 from gmrdata.values.shapes import Float
 from gmrdata.values.transforms import fit_similarity
 
-Rows = tuple[int, int]
-"""Frames start, start + 1, ... stop - 1."""
+Rows = tuple[int, int]  # frames start, start + 1, ... stop - 1
 Places = Float[np.ndarray, "frames 3"]
 Rotmats = Float[np.ndarray, "frames 3 3"]
 Points = Float[np.ndarray, "frames points 3"]

@@ -24,8 +24,7 @@ PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18,
 """Parent of each joint; the pelvis has none (-1).  A parent always comes before its children."""
 
 N_JOINTS = 24
-N_LOCAL = 23
-"""Joints with a local rotation: all but the pelvis, whose rotation is the root's."""
+N_LOCAL = 23  # joints with a local rotation: all but the pelvis, whose rotation is the root's
 
 JOINT = {name: i for i, name in enumerate(JOINT_NAMES)}
 
@@ -44,28 +43,18 @@ class BodyModel:
     rest vertices are linear in the shape, so a regressor is applied once, when the model is read.
     """
 
-    name: str
-    """Which body this is, as stored in clips: "anny", "smpl-neutral", "smpl-male", ..."""
-    template_m: np.ndarray
-    """(V, 3) rest vertices of the mean shape, rest frame [m]."""
-    shape_dirs_m: np.ndarray
-    """(V, 3, S) vertex offset for one unit of each shape coefficient [m]."""
-    joints_template_m: np.ndarray
-    """(24, 3) rest joints of the mean shape, rest frame [m]."""
-    joint_shape_dirs_m: np.ndarray
-    """(24, 3, S) joint offset for one unit of each shape coefficient [m]."""
-    skin_weights: np.ndarray
-    """(V, 24) share of each joint in each vertex; rows sum to 1."""
-    faces: np.ndarray
-    """(F, 3) vertex indices, counter-clockwise seen from outside."""
+    name: str  # which body this is, as stored in clips: "anny", "smpl-neutral", "smpl-male", ...
+    template_m: np.ndarray  # (V, 3) rest vertices of the mean shape, rest frame [m]
+    shape_dirs_m: np.ndarray  # (V, 3, S) vertex offset for one unit of each shape coefficient [m]
+    joints_template_m: np.ndarray  # (24, 3) rest joints of the mean shape, rest frame [m]
+    joint_shape_dirs_m: np.ndarray  # (24, 3, S) joint offset for one unit of each coefficient [m]
+    skin_weights: np.ndarray  # (V, 24) share of each joint in each vertex; rows sum to 1
+    faces: np.ndarray  # (F, 3) vertex indices, counter-clockwise seen from outside
     pose_dirs_m: np.ndarray | None
     """(V, 3, 207) vertex offset per entry of (local rotation - identity) [m], if it has them."""
-    licence: str
-    """Terms under which renders and arrays of this body may be passed on."""
-    adult_shapes: np.ndarray | None = None
-    """(N, S) shapes of usual adults, to draw people from; None for a body without such a list."""
-    adult_phenotypes: np.ndarray | None = None
-    """(N, 6) `PHENOTYPES` of those adults."""
+    licence: str  # terms under which renders and arrays of this body may be passed on
+    adult_shapes: np.ndarray | None = None  # (N, S) shapes of usual adults, to draw people from
+    adult_phenotypes: np.ndarray | None = None  # (N, 6) `PHENOTYPES` of those adults
 
     @property
     def n_shape(self) -> int:

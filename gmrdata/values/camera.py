@@ -16,14 +16,11 @@ class CameraPath:
     the top-left pixel (COLMAP), so the centre of an image of width w is at x = w / 2.
     """
 
-    intrinsics_px: np.ndarray
-    """(3, 3) calibration matrix K [px], the same for all frames."""
+    intrinsics_px: np.ndarray  # (3, 3) calibration matrix K [px], the same for all frames
     width_px: int
     height_px: int
-    world_from_cam: np.ndarray
-    """(T, 4, 4) rigid transforms [m]; NaN where `has_camera` is False."""
-    has_camera: np.ndarray
-    """(T,) bool: whether the camera of this frame is known."""
+    world_from_cam: np.ndarray  # (T, 4, 4) rigid transforms [m]; NaN where `has_camera` is False
+    has_camera: np.ndarray  # (T,) bool: whether the camera of this frame is known
 
     @property
     def n_frames(self) -> int:
@@ -69,10 +66,7 @@ def intrinsics_from_fov(hfov_deg: float, width_px: int, height_px: int) -> np.nd
 
 
 def project_cam(points_cam_m: np.ndarray, intrinsics_px: np.ndarray) -> np.ndarray:
-    """Project points (..., 3) in the camera frame [m] to (..., 2) image points [px].
-
-    Points with depth <= 0 are behind the camera; their image points are NaN.
-    """
+    """Project camera-frame points (..., 3) [m] to (..., 2) [px]; NaN for a depth of 0 or less."""
     depth_m = points_cam_m[..., 2:]
     with np.errstate(divide="ignore", invalid="ignore"):
         rays = np.where(depth_m > 0, points_cam_m / depth_m, np.nan)
@@ -90,8 +84,7 @@ def project(
 
 HEAD_ABOVE_PELVIS_M = 0.85
 FEET_BELOW_PELVIS_M = 1.05
-REACH_M = 0.4
-"""A standing adult of 1.9 m fits this box round the pelvis."""
+REACH_M = 0.4  # a standing adult of 1.9 m fits this box round the pelvis
 
 
 def in_frame(

@@ -17,8 +17,7 @@ from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.records import PART, Config
 
 MotionClass = Literal["static", "small", "panning", "linear", "linear_panning", "circular"]
-MOST_ROWS = 400
-"""Pairs of frames are compared on so many evenly spaced rows."""
+MOST_ROWS = 400  # pairs of frames are compared on so many evenly spaced rows
 
 
 class MotionClassConfig(Config):
@@ -44,22 +43,16 @@ class MotionClassConfig(Config):
 class MotionFigures:
     """What a class was decided on."""
 
-    extent_m: float
-    """Largest distance between two places of the camera [m]."""
-    path_m: float
-    """Length of the way, without what is shorter than half a second [m]."""
-    turn_deg: float
-    """Largest angle between two orientations [degrees]."""
-    line_rms_m: float
-    """Root mean square distance of the places from the best straight line [m]."""
-    circle_rms_m: float | None
-    """The same from the best circle, seen from above [m]; None for a straight way."""
-    bend_deg: float
-    """Angle that the way covers on that circle [degrees]."""
-    goes_round: bool
-    """Whether the person is inside that circle."""
-    distance_m: float
-    """Median distance to the person [m]."""
+    extent_m: float  # largest distance between two places of the camera [m]
+    path_m: float  # length of the way, without what is shorter than half a second [m]
+    turn_deg: float  # largest angle between two orientations [degrees]
+    line_rms_m: float  # root mean square distance of the places from the best straight line [m]
+    circle_rms_m: (
+        float | None
+    )  # the same from the best circle, seen from above [m]; None if straight
+    bend_deg: float  # angle that the way covers on that circle [degrees]
+    goes_round: bool  # whether the person is inside that circle
+    distance_m: float  # median distance to the person [m]
 
 
 def classify(

@@ -14,7 +14,7 @@ from gmrdata.values.records import ArrayShapes, check_shapes, require_tag
 
 CLIP_FORMAT = "gmrdata-clip/1"
 
-_SHAPES: ArrayShapes = {
+_SHAPES: ArrayShapes = {  # the arrays of a clip of T frames and S shape coefficients
     "format": ("U", ()),
     "poses": ("f", ("T", 72)),
     "trans": ("f", ("T", 3)),
@@ -29,30 +29,24 @@ _SHAPES: ArrayShapes = {
     "source": ("U", ()),
     "id": ("U", ()),
 }
-"""The arrays of a clip of T frames and S shape coefficients."""
 
-_CAMERA_SHAPES: ArrayShapes = {
+_CAMERA_SHAPES: ArrayShapes = {  # those that a clip with a camera has beside them
     "camera_intrinsics_px": ("f", (3, 3)),
     "camera_size_px": ("iu", (2,)),
     "world_from_cam": ("f", ("T", 4, 4)),
     "has_camera": ("b", ("T",)),
 }
-"""Those that a clip with a camera has beside them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
     """One person in one take, over T frames."""
 
-    id: str
-    """Unique within a manifest; letters, digits, `_`, `-` and `.`."""
+    id: str  # unique within a manifest; letters, digits, `_`, `-` and `.`
     motion: Motion
-    valid: np.ndarray
-    """(T,) bool: frames whose motion can be used."""
-    image_numbers: np.ndarray
-    """(T,) int: number in the image's file name for each row; -1 where the clip has no image."""
-    camera: CameraPath | None
-    """None for a training motion."""
+    valid: np.ndarray  # (T,) bool: frames whose motion can be used
+    image_numbers: np.ndarray  # (T,) int: number in the file name of each row's image; -1 for none
+    camera: CameraPath | None  # None for a training motion
 
 
 def camera_of(clip: Clip) -> CameraPath:

@@ -122,8 +122,7 @@ def read_json(path: Path) -> Any:
         raise BadRecord(f"{path}: not JSON ({error}); make it again") from None
 
 
-MAX_UNPACKED_BYTES = 4 << 30
-"""An .npz that unpacks to more is refused before it fills the memory."""
+MAX_UNPACKED_BYTES = 4 << 30  # an .npz that unpacks to more is refused before it fills the memory
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:

@@ -15,22 +15,14 @@ class Motion:
 
     local_rotmats: np.ndarray
     """(T, 23, 3, 3) parent_from_joint rotation of joints 1..23, relative to SMPL's T-pose."""
-    root_rotmats: np.ndarray
-    """(T, 3, 3) frame_from_root: R of the paper's eqs. 2-8."""
-    pelvis_m: np.ndarray
-    """(T, 3) pelvis position in `frame` [m]: T of the paper's eqs. 2-8.  Not SMPL's `trans`."""
-    shape: np.ndarray
-    """(S,) shape coefficients of `body`."""
-    fps_hz: float
-    """Frame rate [Hz]."""
-    body: str
-    """Name of the BodyModel that `shape` belongs to."""
-    gender: str
-    """"neutral", "female" or "male"."""
-    frame: Literal["world", "camera"]
-    """World: z-up and fixed.  Camera: each row in the OpenCV frame of the camera at that time."""
-    source: str
-    """Where the motion came from, for a person to read: a file and what was done to it."""
+    root_rotmats: np.ndarray  # (T, 3, 3) frame_from_root: R of the paper's eqs. 2-8
+    pelvis_m: np.ndarray  # (T, 3) in `frame` [m]: T of the paper's eqs. 2-8, not SMPL's `trans`
+    shape: np.ndarray  # (S,) shape coefficients of `body`
+    fps_hz: float  # frame rate [Hz]
+    body: str  # name of the BodyModel that `shape` belongs to
+    gender: str  # "neutral", "female" or "male"
+    frame: Literal["world", "camera"]  # fixed z-up world, or each row's own OpenCV camera frame
+    source: str  # where the motion came from, for a person to read: a file and what was done to it
 
     @property
     def n_frames(self) -> int:

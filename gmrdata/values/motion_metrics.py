@@ -61,17 +61,14 @@ def vertex_errors_mm(
     return np.asarray(np.linalg.norm(offsets_m, axis=-1).mean(-1) * 1000)
 
 
-CHUNK_BYTES = 64 << 20
-"""Memory for the vertices of one chunk of frames."""
+CHUNK_BYTES = 64 << 20  # memory for the vertices of one chunk of frames
 
 
 class VertexErrors(NamedTuple):
     """Errors of a predicted motion's vertices."""
 
-    vme_mm: np.ndarray
-    """(T-1,) mean over the vertices for each motion (eq. 17) [mm]."""
-    over_time_mm: np.ndarray
-    """(T,) the same in each frame, the motions accumulated from the true first pose (fig. 5)."""
+    vme_mm: np.ndarray  # (T-1,) mean over the vertices for each motion (eq. 17) [mm]
+    over_time_mm: np.ndarray  # (T,) the same, motions accumulated from the true first pose (fig. 5)
 
 
 def posed_vertex_errors_mm(

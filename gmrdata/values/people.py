@@ -8,8 +8,7 @@ from pathlib import Path
 class PersonFiles:
     """One person of a sequence."""
 
-    clip_path: Path
-    """Clip with the person in the camera frame, intrinsics and image numbers."""
+    clip_path: Path  # clip with the person in the camera frame, intrinsics and image numbers
     body_path: Path
 
 

@@ -72,8 +72,7 @@ def figure(value: float | np.floating) -> float:
     return float(f"{float(value):.6g}")
 
 
-Figure = Annotated[float, AfterValidator(figure)]
-"""A field that is rounded to six significant digits."""
+Figure = Annotated[float, AfterValidator(figure)]  # rounded to six significant digits
 
 
 def read_arrays(path: Path, tag: str, shapes: ArrayShapes) -> dict[str, np.ndarray]:

@@ -13,8 +13,7 @@ from gmrdata.values.body import N_JOINTS, PARENTS, BodyModel
 from gmrdata.values.motion import Motion
 from gmrdata.values.shapes import Float
 
-CHUNK_BYTES = 64 << 20
-"""Memory that the transforms of one chunk of frames may take."""
+CHUNK_BYTES = 64 << 20  # memory that the transforms of one chunk of frames may take
 
 
 def global_rotmats(

@@ -13,12 +13,10 @@ from torch import Tensor
 from gmrdata.values.body import N_JOINTS, N_LOCAL, PARENTS, BodyModel
 from gmrdata.values.shapes import Float
 
-Tensors = dict[str, Tensor]
-"""A body's arrays of one dtype on one device, by their names in BodyModel."""
+Tensors = dict[str, Tensor]  # a body's arrays of one dtype on one device, by BodyModel's names
 _TENSORS: WeakKeyDictionary[BodyModel, dict[tuple[torch.dtype, torch.device], Tensors]] = (
     WeakKeyDictionary()
-)
-"""Tensors of the bodies that are still alive, so that calling the forward pass again is cheap."""
+)  # tensors of the bodies that are still alive, so that calling the forward pass again is cheap
 _FLAT = ("template_m", "shape_dirs_m", "pose_dirs_m")
 """Those with the vertices' coordinates in one dimension: (V*3,), (V*3, S) and (V*3, 207)."""
 _WHOLE = ("joints_template_m", "joint_shape_dirs_m", "skin_weights")
