@@ -47,9 +47,7 @@ class MotionFigures:
     path_m: float  # length of the way, without what is shorter than half a second [m]
     turn_deg: float  # largest angle between two orientations [degrees]
     line_rms_m: float  # root mean square distance of the places from the best straight line [m]
-    circle_rms_m: (
-        float | None
-    )  # the same from the best circle, seen from above [m]; None if straight
+    circle_rms_m: float | None  # the same from the best circle, from above [m]; None if straight
     bend_deg: float  # angle that the way covers on that circle [degrees]
     goes_round: bool  # whether the person is inside that circle
     distance_m: float  # median distance to the person [m]
