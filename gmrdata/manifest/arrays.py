@@ -42,11 +42,8 @@ def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
 def unmatched_rows(
     field: str, clip: clip_file.Clip, rows: np.ndarray, names: list[str]
 ) -> Iterator[str]:
-    """Rows whose image or mask is not in the listing.
-
-    Args:
-        rows: (T,) bool: rows that need a file, if they have an image number.
-    """
+    """Those of `rows` (T,) bool, which need a file if they have an image number, whose image or
+    mask is not in the listing."""
     numbers = {number_in_name(name) for name in names}
     wanted = {int(number) for number in clip.image_numbers[rows] if number >= 0}
     if missing := sorted(wanted - numbers):

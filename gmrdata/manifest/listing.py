@@ -39,8 +39,7 @@ def files_of(clip: Clip) -> dict[str, FileRecord]:
 class ListedFile:
     """One line of a listing."""
 
-    path: str
-    """Relative to the folder, with forward slashes."""
+    path: str  # relative to the folder, with forward slashes
     size_bytes: int
     sha256: str
 
@@ -53,10 +52,8 @@ def file_record(root: Path, path: Path) -> FileRecord:
 
 
 def folder_record(root: Path, folder: Path) -> FolderRecord:
-    """Hash every file of a folder below `root`, also in its sub-folders, and write the listing.
-
-    It is named after the folder, because clips of several manifests may share it.
-    """
+    """Hash every file of a folder below `root`, also in its sub-folders, and write the listing,
+    named after the folder because clips of several manifests may share it."""
     relative = relative_to_root(root, folder)
     listing = root / "listings" / f"{relative}.tsv"
     if listing.resolve().is_relative_to(folder.resolve()):

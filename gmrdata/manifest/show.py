@@ -39,11 +39,8 @@ def manifest_table(path: Path) -> Table:
 
 
 def diff_manifests(a: Path, b: Path) -> list[str]:
-    """What differs between two manifests: one line per field, clips matched by id.
-
-    Returns:
-        Lines such as `clips[walk].fps_hz: 10.0 -> 12.0`, empty if the two say the same.
-    """
+    """What differs between two manifests, clips matched by id: one line per field, such as
+    `clips[walk].fps_hz: 10.0 -> 12.0`; none if the two say the same."""
     old, new = (_by_id(read_manifest(path)) for path in (a, b))
     return _differences(old, new, "")
 

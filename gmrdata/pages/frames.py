@@ -210,15 +210,11 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
 class ClipTile:
     """One frame of a clip, with what was recovered."""
 
-    drawn: np.ndarray
-    """(DRAWING_SCALE * H, DRAWING_SCALE * W, 3) BGR, with the overlay."""
-    person_px: np.ndarray
-    """(4,) left, top, right, bottom of the person in `drawn` [px]; the whole frame if unknown."""
+    drawn: np.ndarray  # (DRAWING_SCALE * H, DRAWING_SCALE * W, 3) BGR, with the overlay
+    person_px: np.ndarray  # (4,) left, top, right, bottom in `drawn` [px]; all of it if unknown
     image_number: int
-    time_s: float
-    """Since the clip's first frame."""
-    has_camera: bool
-    """Whether a camera was recovered; without one only the mask is drawn."""
+    time_s: float  # since the clip's first frame
+    has_camera: bool  # without one only the mask is drawn
 
     def frame(self) -> np.ndarray:
         """(H, W, 3) BGR: the whole frame."""

@@ -1,7 +1,4 @@
-"""HTML pages from the templates beside this file.
-
-The templates escape every value; a page carries its style and needs nothing beside it.
-"""
+"""HTML pages that need nothing beside them, from templates that escape every value."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,17 +12,13 @@ class Cell:
     """A value of a table, and how it is shown."""
 
     text: object
-    unit: str = ""
-    """What stands below it, in a heading."""
+    unit: str = ""  # what stands below it, in a heading
     met: bool | None = None
     """Whether it keeps to its threshold; said by a sign and a colour.  None says nothing."""
     href: str = ""
-    kind: str = ""
-    """Its class in the style: "beside", "words-cell", ..."""
-    sort: object = None
-    """What a sortable column goes by, in place of the text."""
-    picture: str = ""
-    """Before the text."""
+    kind: str = ""  # its class in the style: "beside", "words-cell", ...
+    sort: object = None  # what a sortable column goes by, in place of the text
+    picture: str = ""  # before the text
 
 
 @dataclass(frozen=True)
@@ -35,10 +28,8 @@ class Table:
     headings: Sequence[Cell | str]
     rows: Iterable[Sequence[Cell | str]]
     caption: str
-    foot: Sequence[Cell | str] = ()
-    """A last, quieter row."""
-    sortable: bool = False
-    """Whether a click on a heading sorts by that column."""
+    foot: Sequence[Cell | str] = ()  # a last, quieter row
+    sortable: bool = False  # by the column whose heading is clicked
 
 
 def render(template: str, **values: object) -> str:

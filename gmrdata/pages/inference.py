@@ -35,11 +35,8 @@ SHORTEST_WAY_M = 0.5
 
 
 def film_camera(motion: Motion) -> np.ndarray:
-    """Cameras for all frames: (T, 4, 4) world_from_cam [m].
-
-    They look at the person across the longest way of the path, from the side that the front of the
-    body shows to, and never turn; so whatever turns in the picture is the person.
-    """
+    """Cameras (T, 4, 4), world_from_cam [m], that look across the longest way of the path from the
+    side that the body's front shows to.  They never turn: what turns in the film is the person."""
     targets_m = smooth_path(motion.pelvis_m, motion.fps_hz, FOLLOW_SIGMA_S, lag_s=0.0)
     targets_m[:, 2] = max(0.5, float(np.median(motion.pelvis_m[:, 2])))
     centres_m = targets_m + DISTANCE_M * _side(motion)
@@ -109,10 +106,8 @@ class _View(NamedTuple):
 def draw_body(
     vertices_m: np.ndarray, faces: np.ndarray, world_from_cam: np.ndarray, film: Film
 ) -> np.ndarray:
-    """The picture (height, width, 3) uint8, red first, of a body (V, 3) [m] above the floor z = 0.
-
-    Its faces (F, 3) go counter-clockwise seen from outside.
-    """
+    """The picture (height, width, 3) uint8, red first, of a body (V, 3) [m] above the floor z = 0,
+    whose faces (F, 3) go counter-clockwise seen from outside."""
     large = (film.height_px * OVERSAMPLING, film.width_px * OVERSAMPLING, 3)
     intrinsics_px = film.intrinsics_px * [[OVERSAMPLING], [OVERSAMPLING], [1.0]]
     picture = np.empty(large, np.uint8)

@@ -25,10 +25,8 @@ KINDS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 
 
 def write_overview(path: Path, report: ReportData, n_frames: int = 5) -> Path:
-    """Write a picture with a row per clip: `n_frames` with overlays, then the paths from above.
-
-    The file is a .png or .jpg; BadFrames for another, or where an image or mask can't be read.
-    """
+    """Write a row per clip, `n_frames` with overlays and the paths from above, to a .png or .jpg;
+    BadFrames for another file, or where an image or mask can't be read."""
     if not report.clips:
         raise BadFrames(f"{path}: the report has no clip to draw")
     if path.suffix.lower() not in KINDS:

@@ -75,10 +75,8 @@ _LABEL = "label"
 
 
 def svg(draw: Draw, width_in: float, height_in: float, name: str) -> Markup:
-    """An inline SVG element whose colours are CSS variables; the page scales it to its column.
-
-    Its inner ids are made from `name`, which is unique on the page.
-    """
+    """An inline SVG element whose colours are CSS variables, and whose inner ids are made from
+    `name`, which is unique on the page; the page scales it to its column."""
     stream = io.StringIO()
     with _style({"svg.hashsalt": name}):
         plot = drawn(draw, width_in, height_in, dpi=72)
@@ -188,11 +186,8 @@ def _plot_found(
 
 
 def plot_predicted_view(axes: Axes, true: Motion, predicted: Motion) -> float:
-    """True (wide, pale) and predicted (thin) person path, both from the true first frame on [m].
-
-    A predicted motion is accumulated from its own first frame (eqs. 3-4), so only what comes after
-    can differ.
-    """
+    """True (wide, pale) and predicted (thin) person path [m], both from the true first frame on,
+    since a predicted motion is accumulated from its own first frame (eqs. 3-4)."""
     true_from_predicted = transforms.rigid(
         true.root_rotmats[0], true.pelvis_m[0]
     ) @ transforms.invert(transforms.rigid(predicted.root_rotmats[0], predicted.pelvis_m[0]))
@@ -204,10 +199,8 @@ def plot_predicted_view(axes: Axes, true: Motion, predicted: Motion) -> float:
 
 
 def aligned_paths(clip: ClipReport) -> tuple[np.ndarray, np.ndarray | None]:
-    """Recovered pelvis (T, 3) and world_from_cam (T, 4, 4) in the true world [m].
-
-    NaN where there is no camera; None for a clip that has none at all.
-    """
+    """Recovered pelvis (T, 3) and world_from_cam (T, 4, 4) in the true world [m], NaN where there
+    is no camera; None for a clip that has none at all."""
     good = clip.has_camera
     pelvis_m = transforms.apply(clip.true_from_pseudo, clip.pseudo.motion.pelvis_m)
     pelvis_m = np.where(good[:, None], pelvis_m, np.nan)

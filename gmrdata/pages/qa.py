@@ -42,10 +42,8 @@ THUMBNAIL_WIDTH_PX = 88
 
 
 def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
-    """Write the pages of a set that was regenerated from 3DPW's folder `root`; see `write_pages`.
-
-    Nothing is written where `out_dir` holds no verdicts, or nothing changed since.
-    """
+    """Write the pages of a set that was regenerated from 3DPW's folder `root`, see `write_pages`;
+    nothing where `out_dir` holds no verdicts, or nothing changed since."""
     paths = SetPaths(out_dir.resolve())
     if not paths.verdicts.is_file():
         return

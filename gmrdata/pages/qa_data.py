@@ -34,8 +34,7 @@ from gmrdata.world.verdict import Doubts, Verdict, load_dataset_camera
 class Aligned:
     """The data set's cameras, moved rigidly, and the root mean squares that are left."""
 
-    world_from_cam: np.ndarray
-    """(T, 4, 4) in the made world [m]; NaN where unknown."""
+    world_from_cam: np.ndarray  # (T, 4, 4) in the made world [m]; NaN where unknown
     n_frames: int
     rms_m: float
     rms_deg: float
@@ -73,24 +72,16 @@ class Found:
     """A sequence of T frames and P people.  What is empty or None was not made, or is gone."""
 
     verdict: SequenceVerdict
-    message: str
-    """The whole message of a sequence that could not be regenerated; else empty."""
-    files: SequenceFiles | None
-    """None for one whose name can't be trusted: nothing of it is opened."""
+    message: str  # the whole message if it could not be regenerated; else empty
+    files: SequenceFiles | None  # None where the name can't be trusted: nothing of it is opened
     record: PseudoGtQuality | None
     people: PeopleRecord | None
-    doubts: tuple[tuple[str, ...], ...]
-    """(P, T) why the data set itself doesn't vouch for a frame; empty where it does."""
-    reasons: tuple[tuple[str, ...], ...]
-    """(P, T) why each frame is dropped; empty where it is kept."""
-    clips: Mapping[int, Clip]
-    """The world motions by person; none without a reconstruction."""
-    dataset_camera: np.ndarray | None
-    """(T, 4, 4) world_from_cam of the data set; NaN where unknown."""
-    sfm_rows: np.ndarray | None
-    """(T,) row of the reconstruction for each frame, -1 for a frame without."""
-    missing: tuple[str, ...]
-    """What should be there and can't be read."""
+    doubts: tuple[tuple[str, ...], ...]  # (P, T) why the data set doubts a frame; else empty
+    reasons: tuple[tuple[str, ...], ...]  # (P, T) why a frame is dropped; else empty
+    clips: Mapping[int, Clip]  # world motions by person; none without a reconstruction
+    dataset_camera: np.ndarray | None  # (T, 4, 4) world_from_cam; NaN where unknown
+    sfm_rows: np.ndarray | None  # (T,) the reconstruction's row for each frame, -1 if it has none
+    missing: tuple[str, ...]  # what should be there and can't be read
 
     @property
     def name(self) -> str:
@@ -192,8 +183,7 @@ OTHER_COLOUR = "#8f979e"
 
 @dataclass(frozen=True)
 class Kind:
-    words: str
-    """The reason; "…" for the number in which several differ."""
+    words: str  # the reason; "…" for the number in which several differ
     colour: str
 
 
@@ -243,10 +233,8 @@ JPEG_QUALITY = 80
 @dataclass(frozen=True, eq=False)
 class Tile:
     image_number: int
-    picture: np.ndarray | None
-    """(h, w, 3) BGR, the masked part tinted; None if the image can't be read."""
-    problem: str
-    """Why there is no picture, or no mask on it; empty if there are both."""
+    picture: np.ndarray | None  # (h, w, 3) BGR, the masked part tinted; None if it can't be read
+    problem: str  # why there is no picture, or no mask on it; else empty
 
     @property
     def shown(self) -> Markup | None:

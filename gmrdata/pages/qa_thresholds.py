@@ -22,8 +22,7 @@ class Row(NamedTuple):
     name: str
     value: str
     threshold: str
-    met: bool | None
-    """Whether it keeps to the threshold; None where nothing can be said."""
+    met: bool | None  # whether it keeps to the threshold; None where nothing can be said
 
 
 def threshold_table(rows: Iterable[Row], heading: str, caption: str) -> Table:

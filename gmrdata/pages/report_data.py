@@ -33,18 +33,12 @@ class ClipFigures(Config):
 class Quality:
     """What the reconstruction knows about itself, without the truth."""
 
-    geometry: str
-    """"full", "rotation_only" for a camera that only pans, or "static"."""
-    scale: float | None = None
-    """Metres per unit of the reconstruction; None where it doesn't enter."""
-    scale_sigma: float | None = None
-    """One standard deviation of `scale`, in the same unit."""
-    reprojection_error_px: float | None = None
-    """Mean reprojection error of the inliers [px]."""
-    inliers: np.ndarray | None = None
-    """(T,) int: inlier points (or matches) in each frame, by the rows of the pseudo clip."""
-    notes: tuple[tuple[str, str], ...] = ()
-    """Further rows for the clip's table, each a name and a value with its unit."""
+    geometry: str  # "full", "rotation_only" for a camera that only pans, or "static"
+    scale: float | None = None  # metres per unit of the reconstruction; None where it doesn't enter
+    scale_sigma: float | None = None  # one standard deviation of `scale`, in the same unit
+    reprojection_error_px: float | None = None  # mean of the inliers
+    inliers: np.ndarray | None = None  # (T,) int: inlier points (or matches) per frame of `pseudo`
+    notes: tuple[tuple[str, str], ...] = ()  # rows for the clip's table: name, value with unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,18 +49,14 @@ class ClipReport:
     camera_motion: str
     true: Clip
     pseudo: Clip
-    true_from_pseudo: np.ndarray
-    """(4, 4) rigid [m]."""
+    true_from_pseudo: np.ndarray  # (4, 4) rigid [m]
     images_dir: Path
-    masks_dir: Path | None
-    """Masks `<image stem>.png`, 255 = dynamic object; None draws no outline."""
+    masks_dir: Path | None  # `<image stem>.png`, 255 = dynamic object; None draws no outline
     body: BodyModel
     figures: ClipFigures
     quality: Quality
-    figures_fps_hz: float | None = None
-    """Rate of the motions of `figures`, a whole part of the clips'; None for the clips' own."""
-    predicted: Motion | None = None
-    """GMR's world motion for this clip, accumulated from the first frame."""
+    figures_fps_hz: float | None = None  # a whole part of the clips' rate; None for that rate
+    predicted: Motion | None = None  # GMR's, accumulated from the first frame
 
     @property
     def has_camera(self) -> np.ndarray:
@@ -94,15 +84,11 @@ class RunReport:
     """How the run was made."""
 
     title: str
-    data_source: str
-    """Where the motions came from, in a sentence."""
-    seconds: Mapping[str, float]
-    """Wall time per stage [s], in the order in which they ran."""
+    data_source: str  # where the motions came from, in a sentence
+    seconds: Mapping[str, float]  # wall time per stage, in the order in which they ran
     versions: Mapping[str, str] = field(default_factory=dict)
-    recipe: str = ""
-    """The whole recipe, as YAML."""
-    limits: tuple[str, ...] = ()
-    """Sentences on what this run's figures do not say, beside those of every report."""
+    recipe: str = ""  # all of it, as YAML
+    limits: tuple[str, ...] = ()  # sentences on what this run's figures don't say
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +97,8 @@ class ReportData:
 
     run: RunReport
     clips: tuple[ClipReport, ...]
-    scores: Mapping[str, GmrSummary] = field(default_factory=dict)
-    """GMR's scores by manifest; empty when none was trained."""
-    learning_curve: tuple[tuple[int, float], ...] = ()
-    """(step, training loss) pairs."""
+    scores: Mapping[str, GmrSummary] = field(default_factory=dict)  # GMR's, by manifest
+    learning_curve: tuple[tuple[int, float], ...] = ()  # (step, training loss)
 
 
 THRESHOLDS = {"ome_deg": 0.5, "tme_mm": 15.0, "scale_error_percent": 5.0}

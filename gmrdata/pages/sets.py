@@ -40,10 +40,8 @@ ANEW = Run(redo=True)
 
 
 def write_set_pages(recipe: SyntheticRecipe, out_dir: Path) -> None:
-    """Draw every clip of a rendered set to `sheets/<id>` and list them in `index.html`.
-
-    Nothing is drawn where `out_dir` holds no manifest.
-    """
+    """Draw every clip of a rendered set to `sheets/<id>` and list them in `index.html`; nothing
+    where `out_dir` holds no manifest."""
     if not (manifest_path := out_dir / "synthetic.yaml").is_file():
         return
     remove_orphans(out_dir)

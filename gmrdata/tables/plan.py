@@ -22,22 +22,14 @@ from gmrdata.values.errors import BadRecipe
 class Given:
     """Files and people."""
 
-    manifests: tuple[Path, ...]
-    """To train on."""
-    scored: Path | None = None
-    """Manifest to score; None for the held-out subjects of the manifests to train on."""
-    poses: Path | None = None
-    """Folder with another network's <clip id>.npz (the paper: VIBE's)."""
-    keypoints: Path | None = None
-    """Folder with <clip id>/ of 2D keypoints."""
-    features: Path | None = None
-    """Folder with <clip id>.npz of image features, of clips to train on and to score."""
-    videos: tuple[Path, ...] = ()
-    """Manifests of videos that the non-sequential model is trained on."""
-    held_out: tuple[int | str, ...] = ()
-    """People to hold out in place of the recipe's."""
-    body: Path | None = None
-    """Body model of the clips; None for the default body."""
+    manifests: tuple[Path, ...]  # to train on
+    scored: Path | None = None  # manifest to score; None for the held-out subjects of `manifests`
+    poses: Path | None = None  # folder of another network's <clip id>.npz (the paper: VIBE's)
+    keypoints: Path | None = None  # folder with <clip id>/ of 2D keypoints
+    features: Path | None = None  # folder of <clip id>.npz: image features, to train and score on
+    videos: tuple[Path, ...] = ()  # manifests to train the non-sequential model on
+    held_out: tuple[int | str, ...] = ()  # people, in place of the recipe's
+    body: Path | None = None  # body model of the clips; None for the default body
 
     def subjects(self, scale: Scale) -> tuple[int | str, ...]:
         """Who is not trained on; nobody is held out where a manifest to score is given."""
@@ -65,12 +57,9 @@ def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[s
 
 @dataclass(frozen=True)
 class Scoring:
-    row: Row
-    """The row; or, where several rows use one score, the one whose predictions are scored."""
-    id: str
-    """Its folder below scores/."""
-    training: str | None
-    """Id of the training whose network is scored."""
+    row: Row  # where several rows use one score, the one whose predictions are scored
+    id: str  # its folder below scores/
+    training: str | None  # id of the one whose network is scored
 
 
 @dataclass(frozen=True)
@@ -80,12 +69,9 @@ class Plan:
     recipe: TableRecipe
     scale: ScaleName
     given: Given
-    trainings: dict[str, TrainConfig | JointConfig]
-    """By folder below runs/: each network once, though several rows may use it."""
-    scorings: dict[str, list[Scoring]]
-    """By name of a row in the recipe: its scores, seed by seed."""
-    lacking: dict[str, list[str]]
-    """By name of a row that can't be made: what would have to be given."""
+    trainings: dict[str, TrainConfig | JointConfig]  # by folder below runs/; rows may share one
+    scorings: dict[str, list[Scoring]]  # by a row's name in the recipe, seed by seed
+    lacking: dict[str, list[str]]  # by name of a row that can't be made: what must be given for it
 
     @property
     def subjects(self) -> tuple[int | str, ...]:
@@ -139,11 +125,8 @@ PROBED_STEPS = 2
 def planned_runs(
     plan: Plan, out_dir: Path, workers: int
 ) -> tuple[list[tuple[str, ...]], list[str]]:
-    """The trainings of a table as rows under `HEADINGS`, and lines on the sum of what is left.
-
-    The estimate is of the network's forward and backward pass on this machine; the loss and the
-    data come on top.
-    """
+    """The trainings of a table as rows under `HEADINGS`, and lines on the sum of what is left.  The
+    estimate is of the network's forward and backward pass here; loss and data come on top."""
     probed: dict[str, tuple[int, float | None]] = {}
     rows: list[tuple[str, ...]] = []
     left_minutes: list[float | None] = []

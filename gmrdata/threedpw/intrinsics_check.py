@@ -123,10 +123,8 @@ def _observed(
     config: IntrinsicsConfig,
     rule: ValidRule,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One person's M keypoints: design (M, 2, 3 + 3 J) and measured points from c (M, 2) [px].
-
-    The unknowns are f, s and an offset for each of the J keypoints.
-    """
+    """One person's M keypoints: design (M, 2, 3 + 3 J) and measured points from c (M, 2) [px].  The
+    unknowns are f, s and an offset for each of the J keypoints."""
     person = sequence.arrays.people[person_index]
     clip = camera_clip(sequence, person_index, bodies, rule)
     body = fitting_body(person, bodies, str(sequence.files.pickle_path))

@@ -60,8 +60,7 @@ class SequencePeople:
 
     people: tuple[PersonFiles, ...]
     dataset_camera_path: Path
-    doubts_path: Path
-    """What speaks against the data set's own frames, and against the sequence as a whole."""
+    doubts_path: Path  # what speaks against the data set's frames, and the sequence
     left_out: tuple[int, ...]
 
 

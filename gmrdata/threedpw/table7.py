@@ -43,12 +43,9 @@ class ComparedRow:
     """A range of Table 7 and one of our clips; at least one of the two."""
 
     sequence: str
-    listed: ListedClip | None
-    """The row of Table 7; None: it has none of this sequence."""
-    clip: Clip | None
-    """Our clip; None: we have none of this sequence."""
-    kept_beyond: int
-    """Frames that the clip keeps and that are in no row of Table 7."""
+    listed: ListedClip | None  # None: Table 7 has none of this sequence
+    clip: Clip | None  # None: we have none of this sequence
+    kept_beyond: int  # frames that the clip keeps and that are in no row of Table 7
 
     @property
     def kept_share(self) -> float | None:
@@ -175,11 +172,8 @@ def table_rows(rows: Iterable[ComparedRow]) -> list[tuple[str, ...]]:
 
 
 def summary(rows: Sequence[ComparedRow]) -> str:
-    """One line: how many rows of Table 7 we have, agree with and cover.
-
-    A row agrees in class if all our people of it do.  A frame is covered if an accepted clip of
-    anybody keeps it.
-    """
+    """One line: how many rows of Table 7 we have, agree with (in the class of all our people of it)
+    and cover (a frame is, if an accepted clip of anybody keeps it)."""
     listed = {row.listed.id: row.listed for row in rows if row.listed is not None}
     ours: dict[str, list[ComparedRow]] = {name: [] for name in listed}
     for row in rows:

@@ -39,10 +39,8 @@ LONGEST_SHARE = 4.0
 def smooth_noise(
     n_frames: int, fps_hz: float, shortest_period_s: float, n_channels: int, rng: Generator
 ) -> np.ndarray:
-    """Random curves (N, C) without any part that is faster than `shortest_period_s` [s].
-
-    Each of the C independent curves is a sum of sine waves of standard-normal amplitudes.
-    """
+    """Random curves (N, C) without any part that is faster than `shortest_period_s` [s]: each an
+    independent sum of sine waves of standard-normal amplitudes."""
     times_s = np.arange(n_frames)[:, None, None] / fps_hz
     shape = (n_channels, N_WAVES)
     periods_s = shortest_period_s * np.exp(rng.uniform(0.0, np.log(LONGEST_SHARE), shape))
@@ -186,10 +184,8 @@ def dataset_side(clips: Sequence[Clip], config: FaultConfig, rng: Generator) -> 
 def drift(
     n_frames: int, pivot_world_m: np.ndarray, config: FaultConfig, rng: Generator
 ) -> np.ndarray:
-    """drifted_from_world (N, 4, 4): identity at first; grows to `drift_m` and `drift_deg`.
-
-    Only the translation moves the point `pivot_world_m` (3,) [m].
-    """
+    """drifted_from_world (N, 4, 4): identity at first; grows to `drift_m` and `drift_deg`.  Only
+    the translation moves the point `pivot_world_m` (3,) [m]."""
     offset_m = rng.uniform(*config.drift_m) * _direction(rng)
     tilt_rad = np.deg2rad(rng.uniform(0, DRIFT_TILT_DEG))
     azimuth_rad = rng.uniform(0.0, 2 * np.pi)

@@ -61,10 +61,8 @@ def floor_of_twins(
     seed: int | None = None,
     run: Run = DEFAULT_RUN,
 ) -> MadeFloor:
-    """Regenerate twins to `out_dir/regenerated` and measure them.  A run that was stopped goes on.
-
-    In `out_dir/floor.json` sequences that failed are listed as rejected.
-    """
+    """Regenerate twins to `out_dir/regenerated` and measure them; a run that was stopped goes on.
+    In `out_dir/floor.json` sequences that failed are listed as rejected."""
     twins = read_truth(twins_dir)
     names = recipe.sequences or tuple(sorted(twins.classes))
     for name in names:

@@ -42,11 +42,8 @@ def camera_angles_deg(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> n
 
 def camera_path_mm(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:
     """Mean distance of the centres of world_from_cam (n, 4, 4) after one best rigid transform of
-    the pseudo world [mm]; None without cameras.
-
-    The absolute trajectory error of Sturm et al. (2012, section IV-D), as a mean.  The scale is not
-    fitted, so its error counts.
-    """
+    the pseudo world [mm]; None without cameras.  It is the absolute trajectory error of Sturm et
+    al. (2012, section IV-D), as a mean.  The scale is not fitted, so its error counts."""
     if not len(pseudo_cameras):
         return None
     centres_m, true_centres_m = pseudo_cameras[:, :3, 3], true_cameras[:, :3, 3]
@@ -79,8 +76,7 @@ class MotionErrors(NamedTuple):
 
     ome_deg: np.ndarray
     tme_mm: np.ndarray
-    vme_mm: np.ndarray
-    """(0,) without a body."""
+    vme_mm: np.ndarray  # (0,) without a body
 
 
 def motion_errors(
@@ -92,9 +88,7 @@ def motion_errors(
     body: BodyModel | None,
 ) -> MotionErrors:
     """Errors of the motions between frames `step` apart, in all phases, none of them over a gap.
-
-    `rows` of `pseudo`, ascending, may be used; `true_rows` of `true` show the same images.
-    """
+    `rows` of `pseudo`, ascending, may be used; `true_rows` of `true` show the same images."""
     pairs, unbroken = _pairs(rows, true_rows, step)
     if not unbroken.any():
         raise NothingToCompare(
@@ -143,26 +137,20 @@ BODY_AXIS_M = 0.5
 
 @dataclass(frozen=True, eq=False)
 class PseudoGtError:
-    """How far a pseudo ground truth is from the truth; cameras as the functions of these names.
-
-    OME, TME and VME are means over motions (eqs. 15-17).
-    """
+    """How far a pseudo ground truth is from the truth: cameras as the functions of these names;
+    OME, TME and VME as means over motions (eqs. 15-17)."""
 
     ome_deg: float
     tme_mm: float
-    vme_mm: float | None
-    """Of the true body in its true local pose, so of the motion alone; None without a body."""
+    vme_mm: float | None  # of the true body in its true pose: of motion alone; None without a body
     n_motions: int
     camera_rotation_deg: float | None
     camera_path_mm: float | None
     scale_error_percent: float | None
-    trajectory_mm: float
-    """Mean distance of the pelvis after `true_from_pseudo`."""
-    frames: int
-    """Frames with a pseudo ground truth and a truth."""
+    trajectory_mm: float  # mean distance of the pelvis after `true_from_pseudo`
+    frames: int  # with a pseudo ground truth and a truth
     frames_with_camera: int
-    true_from_pseudo: np.ndarray
-    """(4, 4) rigid: fits the bodies' places and orientations best."""
+    true_from_pseudo: np.ndarray  # (4, 4) rigid: fits the bodies' places and orientations best
 
 
 def compare_clips(
@@ -213,15 +201,11 @@ def compare_clips(
 class ErrorSeries:
     """Errors over time, NaN where the pseudo clip has no camera."""
 
-    times_s: np.ndarray
-    """(T,) time of each frame."""
-    motion_times_s: np.ndarray
-    """(n,) middle of each motion; at a lower rate than the clip's they overlap."""
-    ome_deg: np.ndarray
-    """(n,), as is `tme_mm`."""
+    times_s: np.ndarray  # (T,) of each frame
+    motion_times_s: np.ndarray  # (n,) middle of each; below the clip's rate motions overlap
+    ome_deg: np.ndarray  # (n,), as is `tme_mm`
     tme_mm: np.ndarray
-    camera_rotation_deg: np.ndarray
-    """(T,) after one best rotation of the recovered world."""
+    camera_rotation_deg: np.ndarray  # (T,) after one best rotation of the recovered world
 
 
 def error_series(pseudo: Clip, true: Clip, *, fps_hz: float | None = None) -> ErrorSeries:
@@ -329,10 +313,8 @@ def sequence_errors(
     scale_sigma: float | None = None,
     reasons: Sequence[str] = (),
 ) -> SequenceErrors:
-    """Figures of one sequence whose people, if any, were recovered in the order of `truth`.
-
-    `scale` is in metres per unit of the recovered path, `scale_sigma` its stated standard error.
-    """
+    """Figures of one sequence whose people, if any, were recovered in the order of `truth`; `scale`
+    is in metres per unit of the recovered path, `scale_sigma` its stated standard error."""
     n_frames = truth[0].motion.n_frames
     recovered = [*clips, *[None] * (len(truth) - len(clips))]
     people = [_person(clip, true, body) for clip, true in zip(recovered, truth, strict=True)]

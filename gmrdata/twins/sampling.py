@@ -215,10 +215,8 @@ MIN_SIDE_PX, MIN_FRAMES = 64, 60
 
 
 def film_of(size: str, n_frames: int) -> Film:
-    """The twins' film of `n_frames` at 30 fps, with 3DPW's horizontal field of view at any size.
-
-    The size is "small", "full", or width and height like 180x320 [px]; else BadRecipe.
-    """
+    """The twins' film of `n_frames` at 30 fps, with 3DPW's horizontal field of view at any size:
+    "small", "full", or width and height like 180x320 [px]; else BadRecipe."""
     width_px, height_px = SIZES_PX.get(size, (0, 0))
     if found := re.fullmatch(r"(\d{1,5})x(\d{1,5})", size):
         width_px, height_px = int(found[1]), int(found[2])

@@ -96,8 +96,7 @@ class TwinTruth:
     """A folder that `gmrdata threedpw twin` made."""
 
     folder: Path
-    classes: dict[str, str]
-    """What the camera does, by sequence."""
+    classes: dict[str, str]  # what the camera does, by sequence
 
     @property
     def root(self) -> Path:
@@ -184,10 +183,8 @@ def make_twins(
 def write_sequence_twin(
     recipe: TwinRecipe, clip: SyntheticClip, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Stage: one sequence of the twin set `out_dir`, as its folder of images.
-
-    The folder comes last, so one that exists is complete.
-    """
+    """Stage: one sequence of the twin set `out_dir`, as its folder of images, which comes last, so
+    that one that exists is complete."""
     rendered = render_dir(out_dir / SET_FOLDER, clip.id)
     root, truth_dir = out_dir / DATASET_FOLDER, out_dir / TRUTH_FOLDER
     body_path = out_dir / SET_FOLDER / "body" / "body.npz"
