@@ -33,9 +33,7 @@ def bundle_adjuster(
     tolerance: float = 1e-6,
 ) -> Any:
     """Adjusts a model with a loss that forgives wrong matches; two cameras hold the gauge.
-
-    On one thread, so that results repeat; of the intrinsics at most one is free.
-    """
+    On one thread, so that results repeat; of the intrinsics at most one is free."""
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length = free == "focal"
     options.refine_extra_params = free == "radial"

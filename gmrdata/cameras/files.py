@@ -180,11 +180,9 @@ class CamerasQuality(records.Record):
 class SfmCameras:
     """Cameras that structure from motion found."""
 
-    path: CameraPath
-    """Translations are in an arbitrary unit; all zero but for "full"."""
+    path: CameraPath  # Translations are in an arbitrary unit; all zero but for "full"
     geometry: Geometry
-    image_numbers: np.ndarray
-    """(T,) int: number in the image's file name for each row."""
+    image_numbers: np.ndarray  # (T,) int: number in the image's file name for each row
     interpolated: np.ndarray
     """(T,) bool: rows whose camera was not found in the image but between its neighbours'."""
 

@@ -37,15 +37,12 @@ MOST_KEYFRAMES, MOST_POINTS, FEWEST_SEEN = 16, 800, 3  # of the thinned copy
 class FreedFocal:
     """What the background asks for."""
 
-    factor: float
-    """Focal length over that of the intrinsics that were given; 1 where they are right."""
-    sigma: float
-    """Standard error of `factor`."""
+    factor: float  # Focal length over that of the given intrinsics; 1 where they are right
+    sigma: float  # Standard error of `factor`
     radial_k1: float | None = None
     """Distortion at the given focal length: a point at r, in units of it, is seen at r + k1 r^3.
     None where it was not measured: of a camera that only turns."""
-    radial_k1_sigma: float | None = None
-    """Its standard error."""
+    radial_k1_sigma: float | None = None  # Its standard error
 
 
 def freed_focal(model: Any) -> FreedFocal | None:
@@ -68,10 +65,8 @@ def freed_focal(model: Any) -> FreedFocal | None:
 
 
 class _Adjusted(NamedTuple):
-    value: float
-    """Logarithm of the focal length's factor, or k1."""
-    sigma: float
-    """By covariance."""
+    value: float  # Logarithm of the focal length's factor, or k1
+    sigma: float  # By covariance
     cost: float
 
 

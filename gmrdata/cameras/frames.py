@@ -23,12 +23,9 @@ class Frames:
     """T frames of one size, all in one folder, their masks and their calibration."""
 
     images: list[Path]
-    masks_dir: Path | None
-    """Masks (255 = dynamic), one per frame; None to use the whole of every frame."""
-    intrinsics_px: np.ndarray
-    """(3, 3) calibration matrix [px]."""
-    size_px: tuple[int, int]
-    """(width, height)."""
+    masks_dir: Path | None  # Masks (255 = dynamic), one per frame; None to use whole frames
+    intrinsics_px: np.ndarray  # (3, 3) calibration matrix [px]
+    size_px: tuple[int, int]  # (width, height)
 
     @property
     def numbers(self) -> np.ndarray:
@@ -93,10 +90,8 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
 class Timeline:
     """When the T frames were taken, as far as their names and pictures tell."""
 
-    image_numbers: np.ndarray
-    """(T,) ascending; the numbers of left-out images are missing among them."""
-    cuts: np.ndarray
-    """(C,) rows t after which the picture changes to another place."""
+    image_numbers: np.ndarray  # (T,) ascending; the numbers of left-out images are missing
+    cuts: np.ndarray  # (C,) rows t after which the picture changes to another place
 
     def near(self, rows: np.ndarray, max_gap_frames: int) -> np.ndarray:
         """(R-1,) bool: neighbours of R rows in order with no cut and no long gap between them."""

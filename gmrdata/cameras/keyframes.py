@@ -40,12 +40,9 @@ class Keyframes:
 
     rows: np.ndarray
     """(K,) rows in order; the first and the last frame and both sides of a cut are among them."""
-    survived: np.ndarray
-    """(T-1,) share of the corners of frame t that were found again in frame t + 1."""
-    cuts: np.ndarray
-    """(C,) rows t after which the picture changes to another place."""
-    featureless: np.ndarray
-    """(F,) rows that show nothing of the background: black, even, or wholly masked."""
+    survived: np.ndarray  # (T-1,) share of the corners of frame t that frame t + 1 shows again
+    cuts: np.ndarray  # (C,) rows t after which the picture changes to another place
+    featureless: np.ndarray  # (F,) rows without any background: black, even, or wholly masked
 
     def but_matched(self, matches: Matches) -> "Keyframes":
         """The same without cuts over which features match: frames far apart, but of one place."""
@@ -198,9 +195,7 @@ def follow(
     free: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Image points (N, 2) [px] in another frame, and which are found, back too, and where `free`.
-
-    Only the finest level of the pyramid is searched where their places (N, 2) are guessed.
-    """
+    Only the finest level of the pyramid is searched where their places (N, 2) are guessed."""
     if not len(points_px):
         return np.zeros((0, 2)), np.zeros(0, dtype=bool)
     start = _to_opencv(points_px)

@@ -26,20 +26,16 @@ class PairMatches:
 
     first: int
     second: int
-    features: np.ndarray
-    """(M, 2) feature index in the first and in the second frame."""
-    configuration: str
-    """What COLMAP's two-view test says: CALIBRATED, PLANAR, PANORAMIC, PLANAR_OR_PANORAMIC, ..."""
+    features: np.ndarray  # (M, 2) feature index in the first and in the second frame
+    configuration: str  # By COLMAP's two-view test: CALIBRATED, PLANAR, PANORAMIC, ...
 
 
 @dataclass(frozen=True, eq=False)
 class Matches:
     """All that is known of a sequence before a geometry is chosen."""
 
-    keypoints_px: list[np.ndarray]
-    """T arrays (N, 2): image points of each frame [px]."""
-    pairs: list[PairMatches]
-    """Pairs with enough verified matches, in order of (first, second)."""
+    keypoints_px: list[np.ndarray]  # T arrays (N, 2): image points of each frame [px]
+    pairs: list[PairMatches]  # Pairs with enough verified matches, in order of (first, second)
 
 
 def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:

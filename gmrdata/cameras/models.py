@@ -29,9 +29,7 @@ def place_frames(
     intrinsics_px: np.ndarray,
 ) -> int:
     """Place frames by the points that their matched neighbours see; how many it could.
-
-    Cameras (T, 4, 4), numbers of points (T,) and `seen` are filled in place.
-    """
+    Cameras (T, 4, 4), numbers of points (T,) and `seen` are filled in place."""
     width_px, height_px = (round(2 * middle_px) for middle_px in intrinsics_px[:2, 2])
     params = pinhole_params(intrinsics_px)
     camera = pycolmap.Camera(model="PINHOLE", width=width_px, height=height_px, params=params)

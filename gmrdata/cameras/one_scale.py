@@ -32,16 +32,11 @@ if it were this."""
 class _Seen:
     """M image points of K cameras, and the N points behind them."""
 
-    centres: np.ndarray
-    """(K, 3) places of the cameras, in order."""
-    points: np.ndarray
-    """(N, 3)."""
-    camera: np.ndarray
-    """(M,) which camera, ascending."""
-    point: np.ndarray
-    """(M,) which point."""
-    information: np.ndarray
-    """(M, 3, 3) what the image point says of the point's place."""
+    centres: np.ndarray  # (K, 3) places of the cameras, in order
+    points: np.ndarray  # (N, 3)
+    camera: np.ndarray  # (M,) which camera, ascending
+    point: np.ndarray  # (M,) which point
+    information: np.ndarray  # (M, 3, 3) what the image point says of the point's place
 
     @property
     def distances(self) -> np.ndarray:
@@ -60,11 +55,8 @@ def weakest_step(
 ) -> WeakestStep | None:
     """The step over which the cameras hold together least; None where no two of them see a point.
 
-    Args:
-        mapped: K keyframes with six degrees of freedom.
-        matches: Those of the keyframes.
-        key_rows: (K,) rows of the keyframes among all frames.
-        most_px: Image points that the model explains no better than this don't count [px].
+    Of K keyframes with six degrees of freedom, `key_rows` (K,) among all frames, and their matches;
+    image points that the model explains no better than `most_px` don't count.
     """
     placed = np.array([row for row in sorted(mapped.seen) if mapped.seen[row]], dtype=np.int64)
     if len(placed) < 2:

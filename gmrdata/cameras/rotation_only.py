@@ -31,14 +31,10 @@ class RotationOnly:
 
     world_from_cam_rotmats: np.ndarray
     """(T, 3, 3); identity where `has_camera` is False.  The tree's first frame is the world."""
-    has_camera: np.ndarray
-    """(T,) bool: frames that matches link to the largest group."""
-    residuals_px: np.ndarray
-    """(M,) reprojection error of the sampled matches within that group [px]."""
-    pair_of_residual: np.ndarray
-    """(M,) index into the P pairs that were used, ascending."""
-    pairs_rows: np.ndarray
-    """(P, 2) their first and second frame."""
+    has_camera: np.ndarray  # (T,) bool: frames that matches link to the largest group
+    residuals_px: np.ndarray  # (M,) reprojection error of the sampled matches in that group [px]
+    pair_of_residual: np.ndarray  # (M,) index into the P pairs that were used, ascending
+    pairs_rows: np.ndarray  # (P, 2) their first and second frame
     information: csr_array
     """(3T, 3T) of small turns in the world's axes, R <- exp(w) R, at the noise that the residuals
     show [1/rad^2]; the world is fixed at its first frame, and frames without a camera are zero."""

@@ -94,10 +94,8 @@ NOISE_SAMPLES = 50  # second differences whose noise is worked out; its median c
 class Differences:
     """Second differences over the frames of a path, where three are close enough."""
 
-    rows: np.ndarray
-    """(M, 3) rows of frames with a camera, one after the other."""
-    spans: np.ndarray
-    """(M, 2) steps from the first to the second and from there to the third [frames]."""
+    rows: np.ndarray  # (M, 3) rows of frames with a camera, one after the other
+    spans: np.ndarray  # (M, 2) steps from the first to the second and on to the third [frames]
 
     @property
     def units(self) -> np.ndarray:

@@ -25,26 +25,19 @@ class Solution:
 
     geometry: files.Geometry
     mapper: files.Mapper
-    world_from_cam: np.ndarray
-    """(T, 4, 4); NaN where there is no camera."""
-    errors_px: np.ndarray
-    """(M,) reprojection error of each observation, or of each match that agrees [px]."""
-    inliers: np.ndarray
-    """(T,) points or matches that hold each camera."""
-    focal: FreedFocal | None
-    """The focal length that the background would choose; None where it doesn't say."""
+    world_from_cam: np.ndarray  # (T, 4, 4); NaN where there is no camera
+    errors_px: np.ndarray  # (M,) reprojection error of each observation or agreeing match [px]
+    inliers: np.ndarray  # (T,) points or matches that hold each camera
+    focal: FreedFocal | None  # What the background would choose; None where it doesn't say
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     """(N, 3) background points [unit of length of the cameras]; none but for "full"."""
     track_lengths: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """(N,) frames that see each point."""
     models: tuple[files.ModelRecord, ...] = ()
-    n_resected: int = 0
-    """Frames that the mapper left out and that were placed against its points afterwards."""
+    n_resected: int = 0  # Frames that the mapper left out and that its points placed afterwards
     seen: SeenPoints = field(default_factory=dict)
-    weakest_step: files.WeakestStep | None = None
-    """None but for "full"."""
-    largest_turn_deg: float | None = None
-    """Largest angle from the mean orientation; None for "full"."""
+    weakest_step: files.WeakestStep | None = None  # None but for "full"
+    largest_turn_deg: float | None = None  # Largest turn from the mean orientation; None for "full"
     smoothing: files.Smoothing = files.NOT_SMOOTHED
 
     @property

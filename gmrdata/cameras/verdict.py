@@ -64,11 +64,7 @@ def frame_tests(
     config: CamerasVerdictConfig,
 ) -> list[tuple[np.ndarray, str]]:
     """What each of T frames must pass, (T,) bool, and the reason where it doesn't; in order.
-
-    Args:
-        sfm_rows: (T,) row of the reconstruction for each frame; -1 for a frame without an image.
-        has_camera: (T,) bool.
-    """
+    `sfm_rows` (T,) are rows of the reconstruction, -1 for a frame without an image."""
     # An interpolated camera has none of its own; it is marked, and held by its neighbours.
     enough = np.isin(sfm_rows, quality.interpolated)
     enough |= np.array(quality.inliers_per_frame)[sfm_rows] >= config.min_inliers

@@ -19,12 +19,9 @@ from gmrdata.values.records import Config
 class Detections:
     """What a detector found in one frame."""
 
-    boxes_px: np.ndarray
-    """(N, 4) left, top, right, bottom; (0, 0) is the outer corner of the first pixel [px]."""
-    scores: np.ndarray
-    """(N,) from 0 to 1."""
-    classes: np.ndarray
-    """(N,) index in COCO_NAMES."""
+    boxes_px: np.ndarray  # (N, 4) left, top, right, bottom from the first pixel's outer corner [px]
+    scores: np.ndarray  # (N,) from 0 to 1
+    classes: np.ndarray  # (N,) index in COCO_NAMES
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -85,10 +82,8 @@ def grow(boxes_px: np.ndarray, share: float, margin_px: float) -> np.ndarray:
 
 
 def fill_boxes(boxes_px: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """Mask of all pixels of a picture of (width, height) that a box (N, 4) [px] touches.
-
-    Boxes may lie outside the picture.  The mask is (height, width) uint8, 255 inside.
-    """
+    """Mask (height, width) uint8, 255 on all pixels of a picture of (width, height) that a box
+    (N, 4) [px] touches; boxes may lie outside the picture."""
     mask = np.zeros(size_px[::-1], dtype=np.uint8)
     low = np.clip(np.floor(boxes_px[:, :2]), 0, size_px).astype(int)
     high = np.clip(np.ceil(boxes_px[:, 2:]), 0, size_px).astype(int)
@@ -116,17 +111,13 @@ class TrackConfig(Config):
 class TrackedFrame:
     """What is masked in one frame."""
 
-    rows: np.ndarray
-    """(K,) detections of the frame that belong to kept tracks."""
+    rows: np.ndarray  # (K,) detections of the frame that belong to kept tracks
     filled_px: np.ndarray
     """(F, 4) boxes of kept tracks that have no detection here: interpolated or held [px]."""
 
 
 def track(frames: list[Detections], min_score: float, config: TrackConfig) -> list[TrackedFrame]:
-    """Choose and complete the boxes of a sequence, from the weak detections of its frames too.
-
-    A track is kept if one of its boxes has `min_score` or more.
-    """
+    """Choose and complete a sequence's boxes; tracks with a box of `min_score` or more are kept."""
     rows: list[list[int]] = [[] for _ in frames]
     filled: list[list[np.ndarray]] = [[] for _ in frames]
     for linked in link(frames, config):

@@ -51,9 +51,7 @@ def folder_masks(
 
 def find_mask(masks_dir: Path, image: Path) -> Path:
     """The mask of an image: `<stem>.png` or, as COLMAP names it, `<image file name>.png`.
-
-    BadFrames where there is none: a frame is never used unmasked in silence.
-    """
+    BadFrames where there is none: a frame is never used unmasked in silence."""
     if not masks_dir.is_dir():
         raise MissingInput(f"{masks_dir}: no such folder of masks")
     names = (f"{image.stem}.png", f"{image.name}.png")

@@ -16,10 +16,8 @@ from gmrdata.read.models import REMEDY, require_model
 from gmrdata.values.errors import BadDetector
 
 CROP_PX = 256
-HIP_CENTRE, UPRIGHT = 33, 34
-"""Rows of the landmarks: the middle of the hips, and a point above it, half a person away."""
-CROP_MARGIN = 1.25
-"""A crop is larger than the person by this."""
+HIP_CENTRE, UPRIGHT = 33, 34  # Landmarks: the middle of the hips, and half a person above it
+CROP_MARGIN = 1.25  # A crop is larger than the person by this
 OUTPUT_SIZES = {"landmarks": 39 * 5, "score": 1, "mask": CROP_PX * CROP_PX, "world": 39 * 3}
 """Numbers in each output, by which they are told apart."""
 
@@ -28,11 +26,9 @@ OUTPUT_SIZES = {"landmarks": 39 * 5, "score": 1, "mask": CROP_PX * CROP_PX, "wor
 class Crop:
     """A square of the picture in which a person is looked for."""
 
-    centre_px: np.ndarray
-    """(2,) in the picture [px]."""
+    centre_px: np.ndarray  # (2,) in the picture [px]
     side_px: float
-    turn_rad: float = 0.0
-    """Turn of the person's upright against the picture's, clockwise [rad]."""
+    turn_rad: float = 0.0  # Turn of the person's upright against the picture's, clockwise [rad]
 
     @property
     def crop_from_image(self) -> np.ndarray:
@@ -46,12 +42,9 @@ class Crop:
 class Person:
     """What the network says of one crop."""
 
-    score: float
-    """From 0 to 1: that there is a person."""
-    mask: np.ndarray
-    """(H, W) uint8, 255 on the person."""
-    box_px: np.ndarray
-    """(4,) left, top, right, bottom of the mask; all 0 where it is empty [px]."""
+    score: float  # From 0 to 1: that there is a person
+    mask: np.ndarray  # (H, W) uint8, 255 on the person
+    box_px: np.ndarray  # (4,) left, top, right, bottom of the mask; all 0 where it is empty [px]
     next_crop: Crop
 
 
@@ -66,11 +59,7 @@ def crop_around(box_px: np.ndarray) -> Crop:
 
 def open_landmark_network(model_path: Path) -> LandmarkNetwork:
     """A function from a BGR picture (H, W, 3) and a crop of it to what the network says.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadDetector: not a TFLite file, truncated, or a network of another layout.
-    """
+    MissingInput where there is no file; BadDetector for one that is no such TFLite network."""
     net = _open(model_path)
 
     def look(image: np.ndarray, crop: Crop) -> Person:

@@ -46,8 +46,7 @@ class Instances:
     """What the network found in one frame."""
 
     found: Detections
-    masks: np.ndarray
-    """(N, H, W) bool."""
+    masks: np.ndarray  # (N, H, W) bool
 
 
 def maskrcnn_masks(
@@ -80,11 +79,8 @@ def maskrcnn_masks(
 
 
 def instances_of(output: Mapping[str, np.ndarray], config: MaskRcnnConfig) -> Instances:
-    """The wanted instances of the network's answer for one frame.
-
-    The answer has `boxes` (N, 4) [px], `scores` (N,), `labels` (N,), which are category numbers of
-    COCO, and `masks` (N, 1, H, W), which are probabilities.
-    """
+    """The wanted instances of an answer for one frame: `boxes` (N, 4) [px], `scores` (N,), `labels`
+    (N,), which are category numbers of COCO, and `masks` (N, 1, H, W), which are probabilities."""
     wanted = class_indices(config.classes)
     index_of_number = {CATEGORY_NUMBERS[index]: index for index in wanted}
     scores = output["scores"].astype(np.float64)

@@ -130,15 +130,12 @@ class OnnxInput(NamedTuple):
     """One input of a network."""
 
     name: str
-    shape: tuple[int | None, ...]
-    """None where the file leaves a size open."""
+    shape: tuple[int | None, ...]  # None where the file leaves a size open
 
 
 def read_inputs(path: Path) -> list[OnnxInput]:
     """The inputs that an ONNX file wants to be given, which OpenCV does not tell.
-
-    Weights are none of them; those that lie in other files are not looked for.
-    """
+    Weights are none of them; those that lie in other files are not looked for."""
     from google.protobuf.message import DecodeError
     from onnx import ModelProto
 

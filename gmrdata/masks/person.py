@@ -51,14 +51,8 @@ def person_masks(
     came into view.  Whom the landmark network does not see gets the detector's box.  A run that was
     stopped goes on at the next frame that the detector has not seen.
 
-    Args:
-        detector_path: YOLOX on COCO's 80 classes as an ONNX file.
-        landmarks_path: BlazePose GHUM lite as a TFLite file.
-
-    Raises:
-        MissingInput: there is no such model or folder.
-        BadDetector: one of the files is no such network.
-        BadFrames: a frame is missing, unreadable or of another size than the others.
+    The detector is YOLOX on COCO's 80 classes as an ONNX file, the landmark network BlazePose GHUM
+    lite as a TFLite file; BadDetector where one is no such network.
     """
 
     def work(partial: Path) -> None:
@@ -81,8 +75,7 @@ class _Clip:
     """The masks of a clip while they are made; their files take on whom a later frame shows."""
 
     images: list[Path]
-    boxes_px: list[np.ndarray]
-    """(N, 4) of the detector, by frame [px]."""
+    boxes_px: list[np.ndarray]  # (N, 4) of the detector, by frame [px]
     masks_dir: Path
     config: PersonMaskConfig
     look: LandmarkNetwork

@@ -17,15 +17,11 @@ from gmrdata.values.people import PersonFiles, stage_inputs
 from gmrdata.values.records import Config
 
 NEAREST_DEPTH_M = 0.05
-SUBPIXEL_BITS = 4
-"""cv2 takes polygon corners as integers with this many fractional bits."""
+SUBPIXEL_BITS = 4  # cv2 takes polygon corners as integers with this many fractional bits
 DOT_SPACING_PX = 2.0
-MOST_DOT_STEPS = 8
-"""Triangles with longer sides than so many dots are filled."""
-DOTTED_FROM_PX = 4
-"""Discs of this radius, 2 px apart, leave a rim that is rough by less than 0.14 px."""
-FRAMES_AT_ONCE = 64
-"""Frames whose bodies are posed together."""
+MOST_DOT_STEPS = 8  # Triangles with longer sides than so many dots are filled
+DOTTED_FROM_PX = 4  # Discs of this radius, 2 px apart, leave a rim rough by less than 0.14 px
+FRAMES_AT_ONCE = 64  # Frames whose bodies are posed together
 
 
 class SilhouetteConfig(Config):
@@ -51,9 +47,7 @@ def silhouette_masks(
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where the people are, 0 elsewhere.
-
-    The clips are in the camera frame, with intrinsics and image numbers.
-    """
+    The clips are in the camera frame, with intrinsics and image numbers."""
     if not people:
         what = "at least one person in the camera frame: pass --camera-body"
         raise MissingInput(f"{images_dir}: masks from the silhouette need {what}")
@@ -173,8 +167,7 @@ def _masks_of_person(
 
 def rows_that_show(valid: np.ndarray, row: int, bridge_frames: int) -> list[int]:
     """Rows whose bodies cover where a person may be at a row: it, or its one or two neighbours that
-    are `valid` (T,), `bridge_frames` away at most; none where the person may be anywhere.
-    """
+    are `valid` (T,), `bridge_frames` away at most; none where the person may be anywhere."""
     if valid[row]:
         return [row]
     known = np.flatnonzero(valid)

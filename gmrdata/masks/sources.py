@@ -22,13 +22,12 @@ from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 
 Settings = TypeVar("Settings", bound=Config)
-USED_BY = {
+USED_BY = {  # Which sources read an option of the command line
     "--model": ("onnx", "person"),
     "--landmarks": ("person",),
     "--weights": ("maskrcnn",),
     "--classes": ("onnx", "maskrcnn"),
 }
-"""Which sources read an option of the command line."""
 
 
 class SilhouetteSource(SilhouetteConfig):

@@ -50,9 +50,7 @@ def unite_masks(
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Stage: one `<image stem>.png` per image, 255 where any source says so, and `masks.json`.
-
-    `source_dirs` are folders of masks (255 = dynamic) by the name of what made them.
-    """
+    `source_dirs` are folders of masks (255 = dynamic) by the name of what made them."""
 
     def work(partial_dir: Path) -> None:
         images = list_images(images_dir, left_out)

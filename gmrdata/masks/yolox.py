@@ -19,7 +19,7 @@ from pydantic import AfterValidator, Field, model_validator
 from gmrdata.masks.boxes import Detections, TrackConfig
 from gmrdata.values.records import Config
 
-COCO_NAMES: tuple[str, ...] = (
+COCO_NAMES: tuple[str, ...] = (  # The 80 classes in the order of their category numbers
     *("person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat"),
     *("traffic light", "fire hydrant", "stop sign", "parking meter", "bench", "bird", "cat"),
     *("dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe", "backpack"),
@@ -32,19 +32,15 @@ COCO_NAMES: tuple[str, ...] = (
     *("refrigerator", "book", "clock", "vase", "scissors", "teddy bear", "hair drier"),
     "toothbrush",
 )
-"""The 80 classes in the order of their category numbers."""
-UNUSED_CATEGORIES = frozenset({12, 26, 29, 30, 45, 66, 68, 69, 71, 83})
-"""Numbers from 1 to 90 that no class has."""
-CATEGORY_NUMBERS: tuple[int, ...] = tuple(
+UNUSED_CATEGORIES = frozenset({12, 26, 29, 30, 45, 66, 68, 69, 71, 83})  # Numbers that no class has
+CATEGORY_NUMBERS: tuple[int, ...] = tuple(  # Category number of each of COCO_NAMES
     number for number in range(1, 91) if number not in UNUSED_CATEGORIES
 )
-"""Category number of each of COCO_NAMES."""
 
-DYNAMIC = (
+DYNAMIC = (  # What the paper masks in 3DPW: people, vehicles and animals
     *("person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat"),
     *("bird", "cat", "dog", "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe"),
 )
-"""What the paper masks in 3DPW: people, vehicles and animals."""
 
 
 def class_indices(names: tuple[str, ...]) -> list[int]:
@@ -86,8 +82,7 @@ class DetectorConfig(Config):
 STRIDES_PX = (8, 16, 32)
 PADDING = 114
 BOX_AND_OBJECT = 5
-LARGEST_LOG_SIZE = 20.0
-"""A box of e^20 cells is none: such an answer isn't logarithms, so it was decoded already."""
+LARGEST_LOG_SIZE = 20.0  # Nothing is e^20 cells large: such an answer was decoded already
 
 
 def letterbox(image: np.ndarray, input_size_px: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:

@@ -73,9 +73,7 @@ def level_from_world(
 
 def ground_normal(planted_m: np.ndarray, body_up: np.ndarray) -> np.ndarray:
     """Unit normal (3,) of the ground under planted feet (M, 3) [m], given the body's up (3,).
-
-    Linear least squares for two small tilts and a height, the tilts with a prior of zero.
-    """
+    Linear least squares for two small tilts and a height, the tilts with a prior of zero."""
     if len(planted_m) < 3:
         return body_up
     across = np.linalg.svd(body_up[None])[2][1:]

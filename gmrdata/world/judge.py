@@ -133,10 +133,8 @@ def without_short_runs(reasons: list[str], min_run: int) -> list[str]:
 def window_differences(
     world_from_cam: np.ndarray, dataset_camera: np.ndarray, step: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How differently two cameras (T, 4, 4) turn and move over `step` frames, (T - step,) [deg, m].
-
-    NaN where one is unknown.
-    """
+    """How differently two cameras (T, 4, 4) turn and move over `step` frames, (T - step,) [deg, m];
+    NaN where one is unknown."""
     ours, theirs = relative_moves(world_from_cam, step), relative_moves(dataset_camera, step)
     apart_m = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
     return angles_deg(transforms.invert(ours) @ theirs), apart_m

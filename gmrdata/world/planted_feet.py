@@ -114,9 +114,7 @@ def _stances(
     turned_m: np.ndarray, centres: np.ndarray, scale: float, slip_m: float
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Stances of each foot at a scale, as (points (n, K, 3) [m], centres (n, 3), planted (n-1, K)).
-
-    A foot is down between two frames if one of its points stands still between them.
-    """
+    A foot is down between two frames if one of its points stands still between them."""
     world_m = turned_m + scale * centres[:, None, None]
     still = np.linalg.norm(np.diff(world_m, axis=0), axis=-1) < slip_m
     return [

@@ -44,8 +44,7 @@ def make_pseudo_gt(
         sfm_dir: Folder that `gmrdata.cameras.reconstruct.reconstruct` made.
         people: All with the same rows.
         out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
-        dataset_camera_path: The data set's own camera (`save_dataset_camera`), right over short
-            times.
+        dataset_camera_path: Of the data set, by `save_dataset_camera`; right over short times.
         doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
 
     Raises:

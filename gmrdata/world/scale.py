@@ -64,11 +64,9 @@ class ScaleEstimate:
 
     scale: float | None
     """Metres per unit; None where the camera stays in place or travels less than can be told."""
-    sigma: float | None
-    """Standard error of `scale`; widened where the cues disagree."""
+    sigma: float | None  # Standard error of `scale`; widened where the cues disagree
     cues: tuple[CueEstimate, ...]
-    matters: bool = True
-    """Whether `sigma` makes the camera's speed wrong by more than `ScaleConfig.slow_m_per_s`."""
+    matters: bool = True  # Whether `sigma` makes the camera's speed wrong by over `slow_m_per_s`
 
     @property
     def disagreement(self) -> float | None:
@@ -87,8 +85,7 @@ NO_SCALE = ScaleEstimate(None, None, (), matters=False)
 class SeenPerson:
     """A person in front of T cameras up to scale, NaN where they or the person are unknown."""
 
-    motion: Motion
-    """T frames, camera frame."""
+    motion: Motion  # T frames, camera frame
     body: BodyModel
     camera_path: CameraPath
 
@@ -104,15 +101,11 @@ def estimate_scale(
     """Metric scale of a camera path from one or more who walk before it, over the same T frames.
 
     None is given of a camera that travels less than the cues can tell, and so little that it does
-    not matter; and unless the geometry is "full".
+    not matter; and unless the geometry is "full".  NoReconstruction where no cue finds a scale.
 
     Args:
         points: (N, 3) background points in the cameras' unit, for the cue of the ground.
-        dataset_camera: (T, 4, 4) metric world_from_cam of the data set, right over short times;
-            NaN where unknown.
-
-    Raises:
-        NoReconstruction: not one cue finds a scale.
+        dataset_camera: (T, 4, 4) metric world_from_cam, right over short times; NaN where unknown.
     """
     if geometry != "full":
         return NO_SCALE

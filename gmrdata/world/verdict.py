@@ -68,8 +68,7 @@ def verdict_of(
     return Verdict(clip_id, frames, kept, kept / frames, accepted, tuple(reasons), dropped)
 
 
-FrameRange = tuple[Annotated[int, Field(ge=0)], int]
-"""(start, stop): frames start, start + 1, ..., stop - 1."""
+FrameRange = tuple[Annotated[int, Field(ge=0)], int]  # (start, stop): start, ..., stop - 1
 Reason = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 NOTHING_TO_USE = "the frame has no camera or no pose"
 NOTHING_LEFT = "no frame can be used"
@@ -110,10 +109,8 @@ class Override(Config):
 def overridden(verdict: Verdict, override: Override, unusable: np.ndarray) -> Verdict:
     """Let a person's decision replace that of the thresholds, and list what it overrules.
 
-    Nobody can keep frames without a camera or a pose, `unusable` (T,) bool.
-
-    Raises:
-        BadRecipe: a range reaches beyond the sequence.
+    Nobody can keep frames without a camera or a pose, `unusable` (T,) bool.  BadRecipe where a
+    range reaches beyond the sequence.
     """
     decided, n = verdict.frame_reasons, verdict.frames
     kept, dropped = _frames("keep", override.keep, n), _frames("drop", override.drop, n)
