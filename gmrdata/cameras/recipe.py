@@ -87,8 +87,8 @@ class CamerasVerdictConfig(Config):
     max_loose_share: float = Field(default=0.0012, gt=0)
     """What the weakest step leaves open of the cameras' places, as a share of their way.  Measured:
     up to 0.0003 for right cameras of four real clips and 0.0011 for one at half the size in coarse
-    JPEG; from 0.0014 where a moving person fills most of the picture; from 0.03 in a filmed model of
-    which one part was given another scale."""
+    JPEG; from 0.0014 where a moving person fills most of the picture; from 0.03 in a filmed model
+    of which one part was given another scale."""
     max_cuts_share: float = Field(default=0.05, ge=0)
     """Share of the steps between images at which the picture changes to another place, or the
     camera jumps."""
