@@ -32,22 +32,16 @@ Entries = dict[str, tuple[int, list[str]]]
 class Asf:
     """A skeleton of bones.  Bone 0 is the root, which has no extent."""
 
-    names: tuple[str, ...]
-    """(J,) "root" first, a parent before its children."""
-    parents: tuple[int, ...]
-    """(J,) -1 for the root."""
-    bones_m: np.ndarray
-    """(J, 3) end of each bone relative to its start, in the zero pose [m]."""
+    names: tuple[str, ...]  # (J,) "root" first, a parent before its children
+    parents: tuple[int, ...]  # (J,) -1 for the root
+    bones_m: np.ndarray  # (J, 3) end of each bone relative to its start, in the zero pose [m]
     world_from_axis: np.ndarray
     """(J, 3, 3) the frame C in which a bone's degrees of freedom are measured."""
     channels: tuple[str, ...]
     """(J,) per bone the axes of its angles in order, like "xz"; "" for a fixed bone."""
-    root_order: tuple[str, ...]
-    """(6,) meaning of the root's numbers in the AMC: "tx" ... "rz"."""
-    root_position_m: np.ndarray
-    """(3,) constant part of the root's position [m]."""
-    unit_m: float
-    """Metres per unit in the AMC."""
+    root_order: tuple[str, ...]  # (6,) meaning of the root's numbers in the AMC: "tx" ... "rz"
+    root_position_m: np.ndarray  # (3,) constant part of the root's position [m]
+    unit_m: float  # metres per unit in the AMC
     degrees: bool
 
 
@@ -59,10 +53,7 @@ class _Bone:
 
 
 def read_asf(path: Path, *, unit_m: float | None = None) -> Asf:
-    """Read an ASF skeleton.
-
-    Without `unit_m`, metres per unit are inches divided by the file's `length`, as CMU means it.
-    """
+    """Read a skeleton; without `unit_m`, a unit is an inch over the file's `length`, as CMU's."""
     sections = _sections(path)
     missing = [key for key in ("units", "root", "bonedata", "hierarchy") if key not in sections]
     if missing:

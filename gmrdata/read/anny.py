@@ -33,30 +33,26 @@ if TYPE_CHECKING:
     from anny import Anny
     from torch import Tensor
 
-LEFT, UP, FRONT = np.eye(3)
-"""The body's own directions in SMPL's axes."""
+LEFT, UP, FRONT = np.eye(3)  # the body's own directions in SMPL's axes
 TOE_BEND_M = 0.04
 """Length of the foot over which a bend of the toes spreads, its middle at the foot joint."""
 BONES = {joint: f"mixamorig:{bone}" for bone, joint in MIXAMO.items()}
 """Bone of anny's Mixamo rig whose head is a joint of the SMPL tree."""
 BUILDER_VERSION = 4
 """Goes into the cached file's name; raise it with every change of what is built."""
-N_ADULTS = 400
-"""Members of each crowd."""
+N_ADULTS = 400  # members of each crowd
 N_SHAPE = 10
 N_FURTHER = 6
 BATCH = 20
 AGES_YEARS = (20.0, 65.0)
 SEED, CROWD_SEED = 0, 11
-CROWD_AGES = (0.667, 0.95)
-"""Anny's ages of the second crowd: 2/3 is young, 1 is old."""
+CROWD_AGES = (0.667, 0.95)  # Anny's ages of the second crowd: 2/3 is young, 1 is old
 CROWD_GENDER_BETA = 0.2
 """Both parameters of the beta distribution of its gender, 0 male and 1 female: few in between."""
 STATURES_M = (1.45, 2.02)
 BMI_KG_PER_M2 = (16.5, 36.0)
 """Bounds of the people that are kept; a body weighs as much as water of its volume."""
-TOPOLOGY = "anny-noeyes-notongue"
-"""The whole skin as one closed mesh: no eyeballs, no tongue."""
+TOPOLOGY = "anny-noeyes-notongue"  # the whole skin as one closed mesh: no eyeballs, no tongue
 
 
 def file_name() -> str:
@@ -65,10 +61,7 @@ def file_name() -> str:
 
 
 def build_anny(work_dir: Path) -> BodyModel:
-    """Make the body, about a minute.  The same anny gives the same arrays.
-
-    anny puts a cache of some 700 MB into `work_dir`; it is gone afterwards.
-    """
+    """Make the body in a minute, always the same of one anny; meanwhile `work_dir` holds 700 MB."""
     import torch
 
     with progress_bar() as bar:

@@ -20,8 +20,7 @@ from gmrdata.read.source_motion import SourceMotion, recorded_rows
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.joint_names import is_cmu
 
-CMU_UNIT_M = 0.0254 / 0.45
-"""CMU's files hold inches times 0.45."""
+CMU_UNIT_M = 0.0254 / 0.45  # CMU's files hold inches times 0.45
 CENTIMETRE_M = 0.01
 _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
 

@@ -13,10 +13,8 @@ from gmrdata.read import numbers
 from gmrdata.read.safe_pickle import load_plain
 from gmrdata.values.errors import MissingInput
 
-FPS_HZ = 30.0
-"""Rate of the images and all arrays [Hz]."""
-LARGEST_FILE_BYTES = 1 << 29
-"""EMDB's own files have some ten million bytes."""
+FPS_HZ = 30.0  # rate of the images and all arrays [Hz]
+LARGEST_FILE_BYTES = 1 << 29  # EMDB's own files have some ten million bytes
 GENDERS = ("female", "male", "neutral")
 
 
@@ -34,32 +32,23 @@ def find_sequences(root: Path) -> list[Path]:
 class EmdbSequence:
     """One person and one moving camera over N frames at 30 Hz, in EMDB's y-up world."""
 
-    name: str
-    """`P0_09_outdoor_walk`."""
-    emdb1: bool
-    """In EMDB 1, on which poses are scored."""
-    emdb2: bool
-    """In EMDB 2, on which global trajectories are scored."""
-    gender: str
-    """Of the SMPL body: "female", "male" or "neutral"."""
-    good: np.ndarray
-    """(N,) bool: frames in which the person is in view; `good_frames_mask`."""
+    name: str  # `P0_09_outdoor_walk`
+    emdb1: bool  # in EMDB 1, on which poses are scored
+    emdb2: bool  # in EMDB 2, on which global trajectories are scored
+    gender: str  # of the SMPL body: "female", "male" or "neutral"
+    good: np.ndarray  # (N,) bool: frames in which the person is in view; `good_frames_mask`
     poses_rad: np.ndarray
     """(N, 72) axis-angle of the 24 SMPL joints, the first three world_from_root [rad]."""
     trans_m: np.ndarray
     """(N, 3) SMPL's transl in the world [m].  Not the pelvis: that is `trans` + J0(betas)."""
-    betas: np.ndarray
-    """(10,) SMPL shape."""
-    intrinsics_px: np.ndarray
-    """(3, 3) calibration matrix [px]."""
-    cam_from_world: np.ndarray
-    """(N, 4, 4) rigid transforms [m], OpenCV camera axes; `extrinsics`."""
+    betas: np.ndarray  # (10,) SMPL shape
+    intrinsics_px: np.ndarray  # (3, 3) calibration matrix [px]
+    cam_from_world: np.ndarray  # (N, 4, 4) rigid transforms [m], OpenCV camera axes; `extrinsics`
     width_px: int
     height_px: int
 
     @property
     def n_frames(self) -> int:
-        """Number of frames N."""
         return len(self.trans_m)
 
 

@@ -51,10 +51,7 @@ def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
 
 
 def check_images(paths: list[Path]) -> tuple[int, int]:
-    """(width_px, height_px) of all images, as stored (an EXIF rotation is not applied).
-
-    Only headers and end marks are looked at, so that a long sequence costs milliseconds.
-    """
+    """(width_px, height_px) as stored, not turned by EXIF; for speed only file ends are read."""
     if not paths:
         raise BadFrames("no images were given; at least 2 frames needed")
     sizes = [_image_size(path) for path in paths]

@@ -20,8 +20,7 @@ from gmrdata.values.transforms import invert, rigid
 
 TRAINING_SUBJECTS, TEST_SUBJECTS = (1, 5, 6, 7, 8), (9, 11)
 """Subjects that everybody trains on, and tests on."""
-VIDEO_HZ = 50.0
-"""Rate of the videos, and of frame numbers [Hz]."""
+VIDEO_HZ = 50.0  # rate of the videos, and of frame numbers [Hz]
 ACTIONS = {
     2: "Directions", 3: "Discussion", 4: "Eating", 5: "Greeting", 6: "Phoning", 7: "Posing",
     8: "Purchases", 9: "Sitting", 10: "SittingDown", 11: "Smoking", 12: "Photo", 13: "Waiting",
@@ -33,10 +32,8 @@ SIZES_PX = {1: (1000, 1002), 2: (1000, 1000), 3: (1000, 1000), 4: (1000, 1002)}
 PARAMETER_FILES = ("Human36M_subject{}_smpl_param.json", "Human36M_subject{}_SMPL_NeuralAnnot.json")
 """Names of a subject's SMPL parameters; the first that is there is read."""
 CAMERA_FILE = "Human36M_subject{}_camera.json"
-LARGEST_FILE_BYTES = 1 << 31
-"""A subject's parameters have some ten to some hundred million bytes."""
-MOST_FRAMES = 20_000
-"""The longest video has 6343 frames."""
+LARGEST_FILE_BYTES = 1 << 31  # a subject's parameters have some ten to some hundred million bytes
+MOST_FRAMES = 20_000  # the longest video has 6343 frames
 _WHOLE_NUMBER = re.compile(r"0|[1-9][0-9]{0,5}")
 _AGAIN = "get the file again"
 
@@ -70,16 +67,11 @@ def find_cameras(parameter_path: Path, subject: int) -> Path:
 class Take:
     """One performance of an action: N frames that have SMPL parameters, in ascending order."""
 
-    action: int
-    """2 to 16."""
-    subaction: int
-    """1 or 2."""
-    frames: np.ndarray
-    """(N,) int frame numbers in the 50 Hz video, from 0."""
-    poses_rad: np.ndarray
-    """(N, 72) axis-angle of the 24 SMPL joints, the root's in the world [rad]."""
-    shapes: np.ndarray
-    """(N, 10) betas, which each frame's fit chose anew."""
+    action: int  # 2 to 16
+    subaction: int  # 1 or 2
+    frames: np.ndarray  # (N,) int frame numbers in the 50 Hz video, from 0
+    poses_rad: np.ndarray  # (N, 72) axis-angle of the 24 SMPL joints, the root's in the world [rad]
+    shapes: np.ndarray  # (N, 10) betas, which each frame's fit chose anew
     trans_m: np.ndarray
     """(N, 3) SMPL's transl in the world [m].  Not the pelvis: that is `trans` + J0(betas)."""
 
@@ -93,10 +85,7 @@ class FixedCamera:
 
 
 def read_takes(path: Path) -> list[Take]:
-    """All takes of a subject's file of SMPL parameters, in order of action and subaction.
-
-    NaN in a frame is kept; `usable_rows` finds such frames.
-    """
+    """All takes, by action and subaction.  NaN in a frame is kept; `usable_rows` finds it."""
     content = _read(path)
     takes = []
     with numbers.checked(path, _AGAIN):

@@ -23,7 +23,6 @@ class Model:
     """A network's file as its authors published it."""
 
     name: str
-    """Of its file."""
     url: str
     sha256: str
 
@@ -51,9 +50,7 @@ def models_dir() -> Path:
 def find_model(model: Model, given: Path | None = None) -> Path:
     """The file of a network: the one that is given, or else the one that was fetched.
 
-    Raises:
-        MissingInput: it is not there; the message names the command that gets it.
-        BadDetector: the fetched file is not the published one.
+    MissingInput names the command that gets it; BadDetector: what was fetched is not as published.
     """
     path = require_model(given or models_dir() / model.name)
     if given is None and sha256_of_file(path) != model.sha256:
@@ -78,11 +75,8 @@ def fetch_models(
 ) -> list[Path]:
     """Get the networks whose published files are not there, and check each against its SHA-256.
 
-    With `redo` a file of another content is fetched again.
-
-    Raises:
-        BadRecipe: the address is not one of the web.
-        FetchFailed: some could not be fetched, or are not the published ones; the others are there.
+    With `redo` a file of another content is fetched again.  BadRecipe: the address is not one of
+    the web.  FetchFailed: some were not fetched, or not as published; the others are there.
     """
     urls = [_url(model, config) for model in MODELS]
     out_dir.mkdir(parents=True, exist_ok=True)

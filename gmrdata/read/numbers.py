@@ -12,12 +12,9 @@ from scipy.spatial.transform import Rotation
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.errors import BadMotionFile, BadSequence, MissingInput
 
-LARGEST_IN_TEXT = 1e7
-"""Larger magnitudes are no positions or angles of a person in any unit."""
-LARGEST_NUMBER = 1e6
-"""No angle [rad], position [m] or shape coefficient of a person is larger."""
-RIGID_TOLERANCE = 1e-3
-"""Largest entry of R^T R - 1 of a rotation as files round it."""
+LARGEST_IN_TEXT = 1e7  # larger magnitudes are no positions or angles of a person in any unit
+LARGEST_NUMBER = 1e6  # no angle [rad], position [m] or shape coefficient of a person is larger
+RIGID_TOLERANCE = 1e-3  # largest entry of R^T R - 1 of a rotation as files round it
 
 
 def read_text(path: Path) -> str:

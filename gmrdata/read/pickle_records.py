@@ -46,8 +46,7 @@ class Record:
 
     kind: str
     arguments: tuple[Any, ...]
-    state: Any = None
-    """What the pickle wanted to set on the result."""
+    state: Any = None  # what the pickle wanted to set on the result
 
 
 def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:

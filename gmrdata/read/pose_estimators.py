@@ -42,8 +42,7 @@ from gmrdata.read.tracked_people import PersonPoses
 from gmrdata.values.body import N_JOINTS, N_LOCAL
 from gmrdata.values.errors import BadMotionFile, UnsafePickle
 
-ZIP = b"PK\3\4"
-"""How a file of torch.save begins, as each zip does."""
+ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
 VIBE_KEYS = frozenset({"pose", "frame_ids"})
 PHALP_KEYS = frozenset({"time", "tid", "smpl"})
 """What an entry of these files has, which tells them from others."""

@@ -24,8 +24,7 @@ from typing import IO, Any, ClassVar
 from gmrdata.read import pickle_records
 from gmrdata.values.errors import BrokenPickle, MissingInput, UnsafePickle
 
-MAX_UNPACKED_BYTES = 4 << 30
-"""A file that unpacks to more is refused before it fills the memory."""
+MAX_UNPACKED_BYTES = 4 << 30  # a file that unpacks to more is refused before it fills the memory
 _CHUNK_BYTES = 1 << 20
 _OPENERS: dict[bytes, Callable[[IO[bytes]], Any]] = {
     b"\x1f\x8b": lambda stream: gzip.GzipFile(fileobj=stream),
@@ -34,8 +33,7 @@ _OPENERS: dict[bytes, Callable[[IO[bytes]], Any]] = {
     b"\x5d\x00": partial(lzma.LZMAFile, format=lzma.FORMAT_ALONE),
 }
 """First bytes of each compression; zlib's are below."""
-_ZLIB_FIRST = b"\x78"
-"""No pickle begins so: there is no such opcode."""
+_ZLIB_FIRST = b"\x78"  # no pickle begins so: there is no such opcode
 
 
 def _unpacked(path: Path, data: bytes) -> bytes:

@@ -21,12 +21,9 @@ class SourceMotion:
     the same motion has the same rotations whichever file it came from.
     """
 
-    names: tuple[str, ...]
-    """(J,) a parent comes before its children."""
-    parents: tuple[int, ...]
-    """(J,) -1 for the root."""
-    offsets_m: np.ndarray
-    """(J, 3) joint position relative to its parent's in the zero pose [m]."""
+    names: tuple[str, ...]  # (J,) a parent comes before its children
+    parents: tuple[int, ...]  # (J,) -1 for the root
+    offsets_m: np.ndarray  # (J, 3) joint position relative to its parent's in the zero pose [m]
     tips_m: np.ndarray
     """(J, 3) end of the joint's bone relative to the joint in the zero pose [m]; NaN if unknown."""
     local_rotmats: np.ndarray
@@ -34,12 +31,10 @@ class SourceMotion:
     translations_m: np.ndarray
     """(T, J, 3) joint position in its parent's frame [m]; of the root: in the file's world."""
     fps_hz: float
-    notes: tuple[str, ...]
-    """What the reader decided (unit, rate, dropped frame), for the record."""
+    notes: tuple[str, ...]  # what the reader decided (unit, rate, dropped frame), for the record
 
     @property
     def n_frames(self) -> int:
-        """Number of frames T."""
         return int(self.local_rotmats.shape[0])
 
     def rest_joints_m(self) -> np.ndarray:

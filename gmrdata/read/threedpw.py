@@ -19,8 +19,7 @@ CENTRE_TOLERANCE = 0.05
 """Share of the width or height by which 3DPW's principal point may be off the image's middle."""
 SAME_POSE_RAD = 1e-3
 """Largest difference between a 30 Hz pose and the 60 Hz row that it was taken from [rad]."""
-CONFIDENT = 0.3
-"""Confidence above which GLAMR and VIBE count a keypoint."""
+CONFIDENT = 0.3  # confidence above which GLAMR and VIBE count a keypoint
 ValidRule = Literal["campose_valid", "3dpw_eval", "glamr", "vibe", "slahmr"]
 """Users of 3DPW score four different sets of frames; each rule says which ones it keeps.
 
@@ -44,15 +43,11 @@ _RULE_REASONS: dict[ValidRule, str] = {
 class SequenceImages:
     """The images of N rows."""
 
-    paths: tuple[Path, ...]
-    """(N,) `image_{row:05d}.jpg`, there or not."""
-    width_px: int
-    """Of the images as stored, as is `height_px` [px]."""
+    paths: tuple[Path, ...]  # (N,) `image_{row:05d}.jpg`, there or not
+    width_px: int  # of the images as stored, as is `height_px` [px]
     height_px: int
-    faults: tuple[str, ...]
-    """(N,) why a row's image can't be used; empty where it can."""
-    spare: int
-    """Images in the folder that no row belongs to."""
+    faults: tuple[str, ...]  # (N,) why a row's image can't be used; empty where it can
+    spare: int  # images in the folder that no row belongs to
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +62,10 @@ class Sequence3DPW:
 
     @property
     def name(self) -> str:
-        """That of its file."""
         return self.files.name
 
     @property
     def n_frames(self) -> int:
-        """Number of frames N at 30 Hz."""
         return self.arrays.n_frames
 
 

@@ -11,10 +11,8 @@ from gmrdata.read.safe_pickle import load_plain
 
 FPS_HZ, IMU_HZ = 30.0, 60.0
 """Rates of the images and arrays, and of the IMUs with `poses_60Hz` and `trans_60Hz` [Hz]."""
-N_KEYPOINTS = 18
-"""OpenPose's COCO keypoints in `poses2d`."""
-GENDERS = {"f": "female", "m": "male"}
-"""3DPW's letters for the gender of a person's SMPL body."""
+N_KEYPOINTS = 18  # OpenPose's COCO keypoints in `poses2d`
+GENDERS = {"f": "female", "m": "male"}  # 3DPW's letters for the gender of a person's SMPL body
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,21 +29,16 @@ class Person:
     """(N, 3) SMPL's `transl` in the world [m].  Not the pelvis: that is `trans` + J0(betas)."""
     betas: np.ndarray
     """(S,) SMPL shape; S is 10, and longer in some files: a body takes as many as it has."""
-    gender: str
-    """"female" or "male"; `genders` in the files, `gender` in the readme."""
-    campose_valid: np.ndarray
-    """(N,) bool: the camera of this frame was aligned to this person."""
+    gender: str  # "female" or "male"; `genders` in the files, `gender` in the readme
+    campose_valid: np.ndarray  # (N,) bool: the camera of this frame was aligned to this person
     poses2d_px: np.ndarray
     """(N, 18, 3) OpenPose keypoints: x [px], y [px], confidence; all zero where fewer than 6 joints
     were found.  The files have (N, 3, 18)."""
-    poses_60hz_rad: np.ndarray | None = None
-    """(M, 72) as `poses_rad`, at the IMUs' 60 Hz."""
-    trans_60hz_m: np.ndarray | None = None
-    """(M, 3) as `trans_m`, at 60 Hz."""
+    poses_60hz_rad: np.ndarray | None = None  # (M, 72) as `poses_rad`, at the IMUs' 60 Hz
+    trans_60hz_m: np.ndarray | None = None  # (M, 3) as `trans_m`, at 60 Hz
     joints_world_m: np.ndarray | None = None
     """(N, 24, 3) SMPL joints in the world [m]; `jointPositions`, (N, 72) in the files."""
-    betas_clothed: np.ndarray | None = None
-    """(S,) shape of the clothed template."""
+    betas_clothed: np.ndarray | None = None  # (S,) shape of the clothed template
     template_clothed_m: np.ndarray | None = None
     """(V, 3) clothed template, rest frame [m]; V is SMPL's 6890."""
 
@@ -57,8 +50,7 @@ class SequenceArrays:
     Row t of every array but the 60 Hz ones belongs to `image_{t:05d}.jpg`.
     """
 
-    name: str
-    """The name that stands in the file."""
+    name: str  # the name that stands in the file
     intrinsics_px: np.ndarray
     """(3, 3) calibration matrix K [px]; pixel (0, 0) is the outer corner of the top-left pixel."""
     cam_from_world: np.ndarray
@@ -69,7 +61,6 @@ class SequenceArrays:
 
     @property
     def n_frames(self) -> int:
-        """Number of frames N."""
         return len(self.cam_from_world)
 
 

@@ -26,12 +26,10 @@ class SequenceFiles:
 
     @property
     def pickle_path(self) -> Path:
-        """The sequence file."""
         return self.root / SEQUENCES_DIR / self.split / f"{self.name}.pkl"
 
     @property
     def image_dir(self) -> Path:
-        """The folder of its images."""
         return self.root / IMAGES_DIR / self.name
 
     def image_path(self, row: int) -> Path:

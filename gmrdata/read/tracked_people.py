@@ -16,8 +16,7 @@ from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import slerp
 
-LARGEST_NUMBER = 1 << 31
-"""Of a frame or a person."""
+LARGEST_NUMBER = 1 << 31  # of a frame's or a person's number
 LARGEST_SKEW = 0.02
 """How far the product of a rotation matrix with its transpose may be from the identity."""
 _PERSON = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -27,16 +26,12 @@ _PERSON = re.compile(r"[A-Za-z0-9_-]{1,64}")
 class PersonPoses:
     """The frames in which a file has one person."""
 
-    name: str
-    """Unique in the file; letters, digits, `_` and `-`."""
-    local_rotmats: np.ndarray
-    """(T, 23, 3, 3) parent_from_joint."""
-    frame_numbers: np.ndarray
-    """(T,) int, rising: which frame of the video each row is."""
+    name: str  # unique in the file; letters, digits, `_` and `-`
+    local_rotmats: np.ndarray  # (T, 23, 3, 3) parent_from_joint
+    frame_numbers: np.ndarray  # (T,) int, rising: which frame of the video each row is
     betas: np.ndarray | None
     """(S,) shape coefficients of SMPL's neutral body; None where the file has others or none."""
-    cuts: frozenset[int] = frozenset()
-    """Frames with which a new shot of the video begins."""
+    cuts: frozenset[int] = frozenset()  # frames with which a new shot of the video begins
 
 
 def person_name(key: Any, path: Path) -> str:

@@ -44,21 +44,17 @@ class Job:
     """One clip's share of a stage: a call with paths and plain values as its arguments."""
 
     id: str
-    call: Callable[..., Any]
-    """A module-level function, so that a worker process can import it."""
+    call: Callable[..., Any]  # a module-level function, so that a worker process can import it
     arguments: Mapping[str, Any] = field(default_factory=dict)
     retries: int = 0
-    """How often the call is made again after a StageFailed: a process that crashed may not crash
-    again, while bad input stays bad."""
+    """Further calls after a StageFailed: a crash may not come again, while bad input stays bad."""
 
 
 class Outcome(NamedTuple):
     """What became of jobs, by job id."""
 
-    results: dict[str, Any]
-    """Of those that finished."""
-    reasons: dict[str, str]
-    """Why each other job failed."""
+    results: dict[str, Any]  # of those that finished
+    reasons: dict[str, str]  # why each other job failed
 
 
 Units = tuple[int, Callable[[], int]] | None

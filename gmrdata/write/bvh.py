@@ -11,8 +11,7 @@ from gmrdata.values.files import write_text
 from gmrdata.values.joint_names import MIXAMO
 from gmrdata.values.motion import Motion
 
-ORDER = "ZXY"
-"""Rotation channels, applied in this order about the joint's own moving axes."""
+ORDER = "ZXY"  # rotation channels, applied in this order about the joint's own moving axes
 CENTIMETRES = 100.0
 _BVH_NAME = {joint: name for name, joint in MIXAMO.items()}
 _CHILDREN = [[c for c, parent in enumerate(PARENTS) if parent == j] for j in range(len(PARENTS))]

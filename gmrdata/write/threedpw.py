@@ -21,8 +21,7 @@ _ARRAY_TYPES = {"f8": "<", "f4": "<", "i8": "<", "u2": "<", "u1": "|", "b1": "|"
 """Byte order of each element type that is written."""
 _NO_FIELDS = b"NNN" + b"J\xff\xff\xff\xff" * 2 + b"K\x00"
 LETTERS = {name: letter for letter, name in GENDERS.items()}
-LARGEST_ID = (1 << 16) - 1
-"""3DPW's `img_frame_ids` are uint16."""
+LARGEST_ID = (1 << 16) - 1  # 3DPW's `img_frame_ids` are uint16
 
 
 def write_sequence(root: Path, split: str, arrays: SequenceArrays) -> SequenceFiles:

@@ -10,8 +10,7 @@ from gmrdata.read.frames import decoded
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import atomic_path
 
-CRF = 18
-"""libx264's constant rate factor; 18 is about where losses stop being visible."""
+CRF = 18  # libx264's constant rate factor; 18 is about where losses stop being visible
 LARGEST_FPS_DENOMINATOR = 1001
 
 
