@@ -152,7 +152,8 @@ def lay_out_static_people(folder: Path, out_dir: Path) -> None:
 
 def lay_out_dog(video: Path, out_dir: Path) -> None:
     """A camera that goes round a dog; COLMAP's own focal length."""
-    capture, images = cv2.VideoCapture(str(video)), []
+    capture = cv2.VideoCapture(str(video))
+    images: list[Path] = []
     while True:
         more, picture = capture.read()
         if not more:
