@@ -48,8 +48,8 @@ def measure_exactness(root: Path, body_path: Path, scale: Scale) -> list[dict[st
         )
         for id, path in clips.items()
     }
-    with worker_pool(Run(workers=2)) as client:
-        render_clips(jobs, client, root / "failed")
+    with worker_pool(Run(workers=2)) as pool:
+        render_clips(jobs, pool, root / "failed")
     body, rows = read_body(body_path), []
     for clip_id, (name, size_px) in sizes.items():
         folder = root / "render" / clip_id

@@ -30,8 +30,8 @@ def measure_inliers(root: Path, body_path: Path, scale: Scale) -> list[dict[str,
         walk_clip(folder / "clip.npz", body_path, MOVING[name], scale.sfm_frames, scale.sfm_size_px)
         arguments = {"folder": folder, "place": place, "body_path": body_path}
         jobs.append(Job(folder.name, _render_and_reconstruct, arguments))
-    with worker_pool(Run(workers=2)) as client:
-        results = run_jobs("structure from motion", jobs, client, root / "failed")
+    with worker_pool(Run(workers=2)) as pool:
+        results = run_jobs("structure from motion", jobs, pool, root / "failed")
     return [
         {"place": place, "programme": name} | results[f"{place}_{name}"] for place, name in names
     ]

@@ -33,7 +33,7 @@ def measure_workers(root: Path, body_path: Path, scale: Scale) -> dict[str, Any]
     wall_s = {}
     for count in (1, 2):
         start_s = time.perf_counter()
-        with worker_pool(Run(workers=count)) as client:
+        with worker_pool(Run(workers=count)) as pool:
             jobs = {
                 id: RenderJob(
                     clip_path=path,
@@ -43,7 +43,7 @@ def measure_workers(root: Path, body_path: Path, scale: Scale) -> dict[str, Any]
                 )
                 for id, path in clips.items()
             }
-            render_clips(jobs, client, root / "failed")
+            render_clips(jobs, pool, root / "failed")
         wall_s[count] = time.perf_counter() - start_s
     return {
         "clips": scale.pool_clips,

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -23,7 +22,7 @@ from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.pages.scores import write_scores_page
 from gmrdata.read.bodies import keep_body, load_body, read_body
 from gmrdata.score.score import score_manifest
-from gmrdata.stage.jobs import Job, run_jobs, worker_pool
+from gmrdata.stage.jobs import Job, Pool, run_jobs, worker_pool
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -58,11 +57,11 @@ def run_demo(
         files = choose_files(motions_dir, trials, recipe, load_body(str(paths.body)))
         console.print("  filming " + ", ".join(path.stem for path in files.filmed))
     make_motions(paths, recipe, files, run=run)
-    with worker_pool(run, recipe.workers) as client:
+    with worker_pool(run, recipe.workers) as pool:
         _step(3, "render")
-        _render(paths, recipe, client, run)
+        _render(paths, recipe, pool, run)
         _step(4, "masks, cameras, scale, world motion")
-        _regenerate(paths, recipe, client, run)
+        _regenerate(paths, recipe, pool, run)
     _step(5, "manifests")
     write_manifests(paths, recipe, files)
     _step(6, "train GMR")
@@ -92,14 +91,14 @@ def _step(number: int, what: str) -> None:
     console.rule(f"[bold]{number}/8[/bold] {what}", align="left")
 
 
-def _render(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> None:
+def _render(paths: DemoPaths, recipe: DemoRecipe, pool: Pool, run: Run) -> None:
     job = partial(RenderJob, body_path=paths.body, config=recipe.render)
     clips = {clip.id: paths.clip(clip.id) for clip in recipe.clips}
     jobs = {id: job(clip_path=one.planned, out_dir=one.render_dir) for id, one in clips.items()}
-    render_clips(jobs, client, paths.failures_dir, run=run)
+    render_clips(jobs, pool, paths.failures_dir, run=run)
 
 
-def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> None:
+def _regenerate(paths: DemoPaths, recipe: DemoRecipe, pool: Pool, run: Run) -> None:
     ids = [clip.id for clip in recipe.clips]
     shared = {"root": paths.root, "config": recipe.sequence, "run": run}
     stage_dirs = [
@@ -110,7 +109,7 @@ def _regenerate(paths: DemoPaths, recipe: DemoRecipe, client: Any, run: Run) -> 
     run_jobs(
         "regenerating world poses",
         [Job(id, regenerate, {"clip_id": id} | shared) for id in ids],
-        client,
+        pool,
         paths.failures_dir,
         (len(stage_dirs), lambda: sum(folder.is_dir() for folder in stage_dirs)),
     )

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from gmrdata.film.character import CHARACTER_FILE, load_character, residual_figures
 from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
@@ -29,15 +28,23 @@ RETRIES = 1
 
 
 def render_clips(
-    jobs: Mapping[str, RenderJob], client: Any, failures_dir: Path, *, run: Run = DEFAULT_RUN
+    jobs: Mapping[str, RenderJob],
+    pool: stage_jobs.Pool,
+    failures_dir: Path,
+    *,
+    run: Run = DEFAULT_RUN,
 ) -> None:
     """Render each clip as `try_render_clips` does; StageFailed if some clips failed."""
-    outcome = try_render_clips(jobs, client, failures_dir, run=run)
+    outcome = try_render_clips(jobs, pool, failures_dir, run=run)
     stage_jobs.raise_failures(DESCRIPTION, outcome.reasons, len(jobs), failures_dir)
 
 
 def try_render_clips(
-    jobs: Mapping[str, RenderJob], client: Any, failures_dir: Path, *, run: Run = DEFAULT_RUN
+    jobs: Mapping[str, RenderJob],
+    pool: stage_jobs.Pool,
+    failures_dir: Path,
+    *,
+    run: Run = DEFAULT_RUN,
 ) -> stage_jobs.Outcome:
     """Render each clip, given by id, in a worker of its own; reasons of failures are kept.
     A Blender process that ends without its result is started once more, at the next missing frame.
@@ -51,7 +58,7 @@ def try_render_clips(
     return stage_jobs.try_jobs(
         DESCRIPTION,
         calls,
-        client,
+        pool,
         failures_dir,
         units=(n_frames, lambda: stage_jobs.count_files(folders, "masks/[0-9]*.png")),
     )
@@ -84,8 +91,8 @@ def render_set(
     jobs, reasons = plan_takes(selection, body_path, out_dir / "plan", render_dir(out_dir), run)
     stage_jobs.record_failures(failures_dir, reasons, ())
     if jobs:
-        with stage_jobs.worker_pool(run, recipe.workers) as client:
-            reasons |= try_render_clips(jobs, client, failures_dir, run=run).reasons
+        with stage_jobs.worker_pool(run, recipe.workers) as pool:
+            reasons |= try_render_clips(jobs, pool, failures_dir, run=run).reasons
     done = [take for take in selection.takes if take.id not in reasons]
     if done:
         body = read_body(body_path)

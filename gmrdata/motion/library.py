@@ -252,8 +252,8 @@ def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
     """Make clips in worker processes, or a few of them right here."""
     workers = run.workers or os.cpu_count() or 1
     if len(jobs) > FEW_FILES and workers > 1:
-        with worker_pool(run, workers) as client:
-            return try_jobs(READING, jobs, client, failures_dir)
+        with worker_pool(run, workers) as pool:
+            return try_jobs(READING, jobs, pool, failures_dir)
     outcome = Outcome({}, {})
     for job in track(jobs, READING):
         try:

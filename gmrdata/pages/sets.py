@@ -149,8 +149,8 @@ def preview_set(
         for id, job in todo.items()
     ]
     failures_dir = out_dir / "failed"
-    with worker_pool(run, recipe.workers) as client:
-        outcome = try_jobs("preview", jobs, client, failures_dir)
+    with worker_pool(run, recipe.workers) as pool:
+        outcome = try_jobs("preview", jobs, pool, failures_dir)
     drawn = [take for take in selection.takes if take.id in outcome.results]
     title = f"{recipe.name} {recipe.version}: preview"
     lead = "clips. Quick drawings to look at: the set's own frames have other light and colours."

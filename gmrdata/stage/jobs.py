@@ -5,8 +5,9 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, TypeVar
@@ -61,22 +62,64 @@ Units = tuple[int, Callable[[], int]] | None
 """What a progress bar counts instead of jobs: how many there will be, how many there are by now."""
 
 
+Pool = Callable[[], Any]
+"""Gives a Dask client; the first call starts the workers."""
+
+
 def run_jobs(
-    description: str, jobs: Sequence[Job], client: Any, failures_dir: Path, units: Units = None
+    description: str, jobs: Sequence[Job], pool: Pool, failures_dir: Path, units: Units = None
 ) -> dict[str, Any]:
     """Results of `try_jobs` for callers that need them all; StageFailed lists what failed."""
-    outcome = try_jobs(description, jobs, client, failures_dir, units)
+    outcome = try_jobs(description, jobs, pool, failures_dir, units)
     raise_failures(description, outcome.reasons, len(jobs), failures_dir)
     return outcome.results
 
 
 def try_jobs(
-    description: str, jobs: Sequence[Job], client: Any, failures_dir: Path, units: Units = None
+    description: str, jobs: Sequence[Job], pool: Pool, failures_dir: Path, units: Units = None
 ) -> Outcome:
-    """Run every job on a client of `worker_pool`; the others go on where one fails.
+    """Run every job on a `worker_pool`; the others go on where one fails.
 
-    `failures_dir` gets one text file with the reason for each job that failed.
+    Jobs that have nothing left to make are done without a worker.  `failures_dir` gets one text
+    file with the reason for each job that failed.
     """
+    results, reasons = _look_first(jobs), {}
+    if left := [job for job in jobs if job.id not in results]:
+        futures = _submit_and_wait(description, left, pool(), units)
+        for id, future in futures.items():
+            # Not by its status: a worker that dies now takes its results along, and Dask makes them
+            # again, for which these two wait.
+            error = future.exception()
+            if error is None:
+                results[id] = future.result()
+            else:
+                reasons[id] = _reason(error, future.traceback())
+    record_failures(failures_dir, reasons, results)
+    return Outcome({job.id: results[job.id] for job in jobs if job.id in results}, reasons)
+
+
+def _look_first(jobs: Sequence[Job]) -> dict[str, Any]:
+    """Results of the jobs that take a `Run` as `run` and have nothing left to make.
+
+    A job that fails is left, so that its worker says why.
+    """
+
+    def look(job: Job) -> dict[str, Any]:
+        if "run" not in job.arguments:
+            return {}
+        run = replace(job.arguments["run"], only_look=True)
+        try:
+            return {job.id: job.call(**{**job.arguments, "run": run})}
+        except (NotMade, GmrdataError, OSError):
+            return {}
+
+    return {id: result for found in in_threads(look, jobs) for id, result in found.items()}
+
+
+def _submit_and_wait(
+    description: str, jobs: Sequence[Job], client: Any, units: Units
+) -> dict[str, Any]:
+    """Futures that are done, by job id."""
     futures = {
         job.id: client.submit(_call, job, key=f"{description}-{job.id}", pure=False) for job in jobs
     }
@@ -87,36 +130,7 @@ def try_jobs(
             bar.update(task, completed=n_done())
             time.sleep(POLL_S)
         bar.update(task, completed=total)
-    outcome = Outcome({}, {})
-    for id, future in futures.items():
-        # Not by its status: a worker that dies now takes its results along, and Dask makes them
-        # again, for which these two wait.
-        error = future.exception()
-        if error is None:
-            outcome.results[id] = future.result()
-        else:
-            outcome.reasons[id] = _reason(error, future.traceback())
-    record_failures(failures_dir, outcome.reasons, outcome.results)
-    return outcome
-
-
-def look_first(jobs: Sequence[Job], failures_dir: Path) -> list[Job]:
-    """The jobs that have something left to make, without starting a worker to see it.
-
-    Each job's call takes a `Run` as `run`.  A job that fails is left, so that its worker says why.
-    """
-
-    def is_done(job: Job) -> bool:
-        run = replace(job.arguments["run"], only_look=True)
-        try:
-            job.call(**{**job.arguments, "run": run})
-        except (NotMade, GmrdataError, OSError):
-            return False
-        return True
-
-    done = dict(zip((job.id for job in jobs), in_threads(is_done, jobs), strict=True))
-    record_failures(failures_dir, {}, (job.id for job in jobs if done[job.id]))
-    return [job for job in jobs if not done[job.id]]
+    return futures
 
 
 def record_failures(
@@ -140,11 +154,17 @@ def raise_failures(
 
 
 @contextmanager
-def worker_pool(run: Run, workers: int = 2) -> Iterator[Any]:
-    """A Dask client for `run_jobs`: of local processes, or of the cluster at `run.scheduler`.
+def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:
+    """Workers for `run_jobs`: local processes, or those of the cluster at `run.scheduler`.
 
     `workers` is the number of local processes where the run names none.
     """
+    with ExitStack() as stack:
+        yield cache(lambda: stack.enter_context(_client(run, workers)))
+
+
+@contextmanager
+def _client(run: Run, workers: int) -> Iterator[Any]:
     from dask.distributed import Client, LocalCluster
 
     if run.scheduler is not None:

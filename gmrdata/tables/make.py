@@ -96,18 +96,19 @@ def make_table(
     if given.scored is None:
         held_out_set(given.manifests, _data_config(plan), out_dir / "held_out", run=run)
     shared = {"given": given, "out_dir": out_dir, "run": run}
-    runs_dir, scores_dir, failures_dir = (out_dir / name for name in ("runs", "scores", "failures"))
-    training = {
-        runs_dir / id: Job(id.replace("/", "."), train_one, {"id": id, "config": config} | shared)
+    scores_dir, failures_dir = out_dir / "scores", out_dir / "failures"
+    training = [
+        Job(id.replace("/", "."), train_one, {"id": id, "config": config} | shared)
         for id, config in plan.trainings.items()
-    }
-    scoring = {
-        scores_dir / one.id: Job(one.id.replace("/", "."), score_one, {"scoring": one} | shared)
+    ]
+    scoring = [
+        Job(one.id.replace("/", "."), score_one, {"scoring": one} | shared)
         for ones in plan.scorings.values()
         for one in ones
-    }
-    _run("train", training, failures_dir / "train", run)
-    _run("score", scoring, failures_dir / "score", run)
+    ]
+    with worker_pool(run) as pool:
+        run_jobs("train", training, pool, failures_dir / "train")
+        run_jobs("score", scoring, pool, failures_dir / "score")
     scores = {
         name: [Scores.read(scores_dir / one.id / "scores.json") for one in ones]
         for name, ones in plan.scorings.items()
@@ -118,18 +119,6 @@ def make_table(
 def _data_config(plan: Plan) -> DataConfig:
     """The data are those of every row."""
     return train_config(plan.recipe, plan.recipe.rows[0], plan.scale, 0, plan.subjects).data
-
-
-def _run(what: str, jobs: Mapping[Path, Job], failures_dir: Path, run: Run) -> None:
-    left = []
-    for folder, job in jobs.items():
-        if run.redo or not folder.is_dir():
-            left.append(job)
-        else:  # Its stage only looks whether it is the right one: no worker has to start.
-            job.call(**job.arguments)
-    if left:
-        with worker_pool(run) as client:
-            run_jobs(what, left, client, failures_dir)
 
 
 def _record(plan: Plan, scores: Mapping[str, Sequence[Scores]]) -> comparison.TableRecord:

@@ -16,7 +16,7 @@ from gmrdata.read.threedpw_layout import (
     require_one_split,
     splits_of,
 )
-from gmrdata.stage.jobs import Job, look_first, raise_failures, try_jobs, worker_pool
+from gmrdata.stage.jobs import Job, raise_failures, try_jobs, worker_pool
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
@@ -99,10 +99,9 @@ def regenerate_set(
     before = _listing(paths)
     common = {"root": paths.root, "recipe": recipe, "body_paths": body_paths, "run": run}
     jobs = [Job(files.name, regenerate_one, common | {"files": files}) for files in chosen]
-    left = look_first(jobs, paths.failures_dir)
-    reasons = refused | (_regenerate(left, recipe, chosen, paths, run) if left else {})
+    reasons = refused | _regenerate(jobs, recipe, chosen, paths, run)
     _list(recipe, chosen, reasons, paths, run)
-    if not left and _listing(paths) == before:
+    if _listing(paths) == before:
         console.print(f"nothing changed: {len(chosen)} sequences are as they were made")
     raise_failures("sequences", reasons, len(chosen) + len(refused), paths.failures_dir)
     return paths.manifest
@@ -150,11 +149,11 @@ def _regenerate(
 ) -> dict[str, str]:
     """Why sequences failed, by name."""
     folders = [paths.sequence_dir(files.name) / stage for files in chosen for stage in STAGES]
-    with worker_pool(run, recipe.workers) as client:
+    with worker_pool(run, recipe.workers) as pool:
         return try_jobs(
             "regenerating sequences",
             jobs,
-            client,
+            pool,
             paths.failures_dir,
             (len(folders), lambda: sum(folder.is_dir() for folder in folders)),
         ).reasons

@@ -57,9 +57,9 @@ def kill_own_process_once(path: Path, dies: bool) -> None:
 
 
 def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> None:
-    with worker_pool(Run(workers=2)) as client:
+    with worker_pool(Run(workers=2)) as pool:
         jobs = [Job(f"clip{i}", write_process_id, {"path": tmp_path / f"{i}"}) for i in range(4)]
-        results = run_jobs("writing", jobs, client, tmp_path / "failed")
+        results = run_jobs("writing", jobs, pool, tmp_path / "failed")
     assert list(results) == ["clip0", "clip1", "clip2", "clip3"]
     assert os.getpid() not in results.values()
     assert [int((tmp_path / f"{i}").read_text()) for i in range(4)] == list(results.values())
@@ -67,14 +67,14 @@ def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> N
 
 
 def test_one_failure_is_recorded_and_the_others_finish(tmp_path: Path) -> None:
-    with worker_pool(Run(workers=1)) as client:
+    with worker_pool(Run(workers=1)) as pool:
         jobs = [
             Job("bad", fail_on_purpose, {"name": "7.jpg"}),
             Job("worse", fail_unforeseen),
             Job("good", write_process_id, {"path": tmp_path / "done"}),
         ]
         with pytest.raises(StageFailed) as caught:
-            run_jobs("reading", jobs, client, tmp_path / "failed")
+            run_jobs("reading", jobs, pool, tmp_path / "failed")
     assert "reading: 2 of 3 failed" in str(caught.value)
     assert "bad: 7.jpg: 0 bytes. Copy it again" in str(caught.value)
     assert (tmp_path / "failed" / "bad.txt").read_text() == "7.jpg: 0 bytes. Copy it again"
@@ -93,8 +93,8 @@ def test_a_crash_is_tried_again_and_bad_input_is_not(tmp_path: Path) -> None:
         Job("bad", fail_and_count, {"path": tmp_path / "bad"}, retries=1),
         Job("never", crash_until, {"path": tmp_path / "never", "attempt": 2}),
     ]
-    with worker_pool(Run(workers=2)) as client:
-        outcome = try_jobs("rendering", jobs, client, failed)
+    with worker_pool(Run(workers=2)) as pool:
+        outcome = try_jobs("rendering", jobs, pool, failed)
     assert outcome.results == {"once": 2}
     assert outcome.reasons == {
         "twice": "attempt 2 ended with signal 9\nattempt 1 of 2: attempt 1 ended with signal 9",
@@ -113,11 +113,11 @@ def test_a_worker_that_always_dies_is_a_clear_failure(tmp_path: Path) -> None:
     ]
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        worker_pool(Run(workers=1)) as client,
+        worker_pool(Run(workers=1)) as pool,
     ):
-        outcome = try_jobs("rendering", jobs[:1], client, tmp_path / "failed")
+        outcome = try_jobs("rendering", jobs[:1], pool, tmp_path / "failed")
         # The pool goes on with a new worker.
-        assert set(run_jobs("writing", jobs[1:], client, tmp_path / "failed")) == {"good"}
+        assert set(run_jobs("writing", jobs[1:], pool, tmp_path / "failed")) == {"good"}
     assert outcome.results == {}
     assert outcome.reasons["hungry"].startswith("its worker process was killed again and again")
 
@@ -127,8 +127,8 @@ def test_a_worker_that_dies_once_is_replaced(tmp_path: Path) -> None:
         Job(str(i), kill_own_process_once, {"path": tmp_path / str(i), "dies": i == 1})
         for i in range(4)
     ]
-    with worker_pool(Run(workers=2)) as client:
-        outcome = try_jobs("rendering", jobs, client, tmp_path / "failed")
+    with worker_pool(Run(workers=2)) as pool:
+        outcome = try_jobs("rendering", jobs, pool, tmp_path / "failed")
     assert (set(outcome.results), outcome.reasons) == ({"0", "1", "2", "3"}, {})
     assert (tmp_path / "1").read_text() == "xx"
 
@@ -136,9 +136,9 @@ def test_a_worker_that_dies_once_is_replaced(tmp_path: Path) -> None:
 def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
-        with worker_pool(Run(scheduler=address)) as client:
+        with worker_pool(Run(scheduler=address)) as pool:
             results = run_jobs(
-                "writing", [Job("a", write_process_id, {"path": tmp_path / "a"})], client, tmp_path
+                "writing", [Job("a", write_process_id, {"path": tmp_path / "a"})], pool, tmp_path
             )
     assert set(results) == {"a"}
 
@@ -146,9 +146,9 @@ def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
 def test_no_scheduler_at_the_address_is_a_clear_error() -> None:
     with (
         pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"),
-        worker_pool(Run(scheduler="tcp://127.0.0.1:9")),
+        worker_pool(Run(scheduler="tcp://127.0.0.1:9")) as pool,
     ):
-        pass
+        pool()
 
 
 def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from gmrdata.stage.run import Run
 def test_a_worker_has_its_share_of_the_cores(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with worker_pool(Run(workers=2)) as client:
+    with worker_pool(Run(workers=2)) as pool:
         jobs = [Job("clip", own_cores, {})]
-        found = run_jobs("counting", jobs, client, tmp_path / "failed")
+        found = run_jobs("counting", jobs, pool, tmp_path / "failed")
     cores = os.cpu_count() or 1
     assert found == {"clip": max(1, cores // 2)}
     for said, expected in (("3", 3), ("", cores), ("0", cores), ("many", cores)):

@@ -12,8 +12,8 @@ import pytest
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.pages.qa import write_set_pages
+from gmrdata.stage import jobs
 from gmrdata.stage.run import Run
-from gmrdata.threedpw import regenerate
 from gmrdata.threedpw.regenerate import plan, regenerate_set
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.clip import load_clip
@@ -72,7 +72,7 @@ def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.delattr(regenerate, "worker_pool")
+    monkeypatch.delattr(jobs, "_client")
     pages = {path: path.stat().st_mtime_ns for path in made_set.rglob("*.html")}
     regenerate_set(filmed_set.recipe(), filmed_set.root, made_set)
     write_set_pages(filmed_set.recipe(), filmed_set.root, made_set)
