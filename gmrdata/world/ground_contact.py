@@ -13,7 +13,7 @@ from gmrdata.world.planted_feet import SOLE_POINTS, standing
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 SAMPLES = 400
-LARGEST_TILT_RAD = np.deg2rad(15.0)  # between the ground's normal and the person's mean up
+LARGEST_TILT_RAD = np.deg2rad(30.0)  # between the ground's normal and the person's mean up
 LOWEST_CAMERA = 0.1  # a camera nearer to the ground, as a share of the way to the feet, is too low
 
 
@@ -41,10 +41,14 @@ def ground_contact_scale(
     if not len(frames):
         return None
     feet = centres[frames] + soles_m[frames, foot].mean(axis=1) / rough_scale
-    near = _near_feet(points, feet, up, rough_scale, config)
-    plane = _fit_plane(near, up, config.ground_inlier_m / rough_scale)
-    if plane is None or plane[2] < config.min_ground_points:
-        return None
+    # The person may lean, and then the plane that was found tells up better.
+    tolerance = config.ground_inlier_m / rough_scale
+    for _ in range(2):
+        near = _near_feet(points, feet, up, rough_scale, config)
+        plane = _fit_plane(near, up, tolerance)
+        if plane is None or plane[2] < config.min_ground_points:
+            return None
+        up = plane[0]
     normal, offset, n_points, residual = plane
     frames, height_m, away_m = _lowest(soles_m, still, normal)
     height = centres[frames] @ normal - offset

@@ -71,8 +71,9 @@ def test_soles_on_the_ground_tell_the_scale(
     assert abs(cue.scale - UNIT_M) < 2 * cue.sigma < 0.06 * UNIT_M
 
 
+@pytest.mark.parametrize("lean_deg", [12, 24])
 def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(
-    small_body: BodyModel,
+    lean_deg: float, small_body: BodyModel
 ) -> None:
     """The left foot is on the ground heel and all; the right one, in front, waits 4 cm above it."""
     motion, path = walk(small_body, Circular())
@@ -81,7 +82,7 @@ def test_the_foot_in_the_air_and_a_person_who_leans_do_not_lower_the_camera(
     feet_m = middle_m + np.stack([sole_m, sole_m + np.array([0.6, 0.2, 0.04])])
     cam_from_world = invert(path.world_from_cam)
     feet_cam_m = apply(cam_from_world, np.tile(feet_m.reshape(-1, 3), (path.n_frames, 1, 1)))
-    lean = Rotation.from_euler("y", 12, degrees=True).apply([0.0, 0.0, 1.0])
+    lean = Rotation.from_euler("y", lean_deg, degrees=True).apply([0.0, 0.0, 1.0])
     found, points = reconstructed(path, scenery(motion, 0.0, 600))
     feet_cam_m, up_cam = feet_cam_m.reshape(-1, 2, 5, 3), cam_from_world[:, :3, :3] @ lean
     cue = ground_contact_scale(found, points, feet_cam_m, up_cam, 30.0, 0.9 * UNIT_M, CONFIG)
