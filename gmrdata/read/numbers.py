@@ -43,6 +43,8 @@ def parse_floats(words: list[str], path: Path, line_number: int) -> list[float]:
     values = []
     for word in words:
         try:
+            if "_" in word or not word.isascii():  # Python's own forms, which no file's writer has
+                raise ValueError
             values.append(float(word))
         except ValueError:
             what = f"{word[:40]!r} is not a number; fetch the file again"
@@ -66,10 +68,7 @@ def parse_block(text: str) -> np.ndarray | None:
 def parse_table(
     lines: list[str], n_columns: int, n_rows: int, path: Path, first_line: int
 ) -> np.ndarray:
-    """A block with one row of numbers per line, (n_rows, n_columns); empty lines are skipped.
-
-    `first_line` is the line number of `lines[0]` in the file, from 1.
-    """
+    """Lines of numbers as (n_rows, n_columns), empty ones skipped; `first_line` counts from 1."""
     values = parse_block("\n".join(lines))
     if values is not None and values.size == n_rows * n_columns:
         return values.reshape(n_rows, n_columns)

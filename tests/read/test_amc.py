@@ -112,6 +112,7 @@ def test_radians_and_given_unit(tmp_path: Path) -> None:
         ("thigh 0 90\n", "thigh 0 nan\n", ":9: nan is not a usable number"),
         ("thigh 0 90\n", "thigh 0 1e9\n", ":9: 1e9 is not a usable number"),
         ("thigh 0 90\n", "thigh 0 y\n", ":9: 'y' is not a number"),
+        ("thigh 0 90\n", "thigh 0 9_0\n", ":9: '9_0' is not a number"),
         ("\n3\n", "\n4\n", "frame 4 follows frame 2"),
         ("\n2\n", "\nx 2\n", "bone x is not in 07.asf"),
         ("thigh 0 0\n", "", ":11: the last frame is not complete"),

@@ -148,6 +148,7 @@ def test_windows_line_ends_tabs_and_joined_braces_are_the_same_file(tmp_path: Pa
         ("1 2 4 90 0 0 0 90", "1 2 4 90 0 0 0 nan", r":20: nan is not a usable number"),
         ("1 2 4 90 0 0 0 90", "1 2 4 90 0 0 0 1e300", r":20: 1e300 is not a usable number"),
         ("1 2 4 90 0 0 0 90", "1 2 4 90 0 x 0 90", r":20: 'x' is not a number"),
+        ("1 2 4 90 0 0 0 90", "1 2 4 90 0 1_0 0 90", r":20: '1_0' is not a number"),
         ("Frames: 3", "Frames: 4", "promises 4 frames and the file has 3.*Frames:"),
         ("Frames: 3", "Frames: -3", r":17: '-3' is no number of frames"),
         ("Frames: 3", "Frame: 3", "must follow MOTION"),
