@@ -7,36 +7,17 @@ M dR M and dT becomes M dT.  The mirrored body is exactly the body's mirror imag
 sides are alike.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import WindowConfig
 from gmrdata.values.body import MIRRORED
-from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion
 from gmrdata.values.shapes import Float
 
 AXES = np.array([-1.0, 1.0, 1.0])  # diagonal of the reflection M
 _SIGNS = np.outer(AXES, AXES)  # M R M multiplies each entry of R by one of these
 _LOCAL = np.array(MIRRORED[1:]) - 1  # row of the counterpart among the 23 local rotations
-
-
-def mirror_motion(motion: Motion) -> Motion:
-    """A world's motion with left and right exchanged; a camera's image would be mirrored too."""
-    if motion.frame != "world":
-        raise BadMotionFile(
-            f"{motion.source}: only motions in the world can be mirrored. Give such a motion"
-        )
-    return replace(
-        motion,
-        local_rotmats=mirror_local(motion.local_rotmats),
-        root_rotmats=mirror_rotmats(motion.root_rotmats),
-        pelvis_m=mirror_points_m(motion.pelvis_m),
-        source=f"{motion.source}, mirrored",
-    )
 
 
 def mirror_local(
