@@ -95,11 +95,8 @@ def closed_form(
 ) -> np.ndarray | None:
     """The translation (3,) that brings joints nearest to their rays [m]; None for parallel rays.
 
-    Args:
-        joints_m: (n, 3) joints from the pelvis, in the camera's axes [m].
-        points_px: (n, 2) the same in the image [px].
-        confidence: (n,) weights.
-        intrinsics_px: (3, 3) calibration matrix [px].
+    Joints (n, 3) from the pelvis, in the camera's axes [m], are at image points (n, 2) with weights
+    (n,).
     """
     homogeneous = np.concatenate([points_px, np.ones((len(points_px), 1))], axis=1)
     rays = np.linalg.solve(intrinsics_px, homogeneous.T).T
@@ -140,13 +137,7 @@ def place_person(
     body: BodyModel,
     config: PlacementConfig,
 ) -> Placed:
-    """Place a person in each row that has a pose and enough keypoints; the others stay unknown.
-
-    Args:
-        posed: The person in the camera's frame, but for the translation.
-        found: The keypoints of the same rows.
-        intrinsics_px: (3, 3) calibration matrix [px].
-    """
+    """Place a person in each row that has a pose (translation aside) and enough keypoints."""
     joints_m, has_pose = _posed_joints(posed, body)
     pelvis_m = np.full((len(joints_m), 3), np.nan)
     missing, residuals_px = list(found.missing), []

@@ -50,10 +50,7 @@ class MotionFiles:
 def choose_files(
     folder: Path, trials: tuple[str, ...], recipe: DemoRecipe, body: BodyModel
 ) -> MotionFiles:
-    """Pick the files to film from a folder of BVH, ASF/AMC or AMASS files.
-
-    They are those of `trials` (names without suffix, one for each clip), or the first that fit.
-    """
+    """Pick the files of a folder to film: `trials` (without suffix), or the first that fit."""
     files = find_motions(folder)
     n_clips = len(recipe.clips)
     named = {path.stem: path for path in reversed(files)}

@@ -49,11 +49,8 @@ def find_bones(
     """`{index of the SMPL joint: index of the bone}`: which bone drives with which joint.
 
     A namespace (`mixamorig:`), `DEF-`, capitals, and a number that a converter put behind each name
-    (`mixamorig:Hips_01`) are overlooked, but not by a joint_map `{bone: SMPL joint}`.
-
-    Raises:
-        BadCharacter: a joint that is needed has no bone, the map is wrong for this file, or the
-            bones hang together in another way than the joints.
+    (`mixamorig:Hips_01`) are overlooked, but not by a joint_map `{bone: SMPL joint}`.  The bones
+    must hang together as the joints do, and those of `REQUIRED` must be there.
     """
     found = _by_name(names) if joint_map is None else _by_map(names, joint_map, path)
     if missing := [joint for joint in REQUIRED if joint not in found]:

@@ -111,11 +111,7 @@ Programme = Annotated[
 
 
 def camera_programme(kind: str, **settings: object) -> Programme:
-    """A camera programme by its `kind` in a recipe ("circular", ...), and its keys there.
-
-    Raises:
-        BadRecipe: there is no such kind, or it has no such key or value.
-    """
+    """A camera programme by its `kind` in a recipe ("circular", ...), and its keys there."""
     try:
         return TypeAdapter[Programme](Programme).validate_python({"kind": kind, **settings})
     except ValidationError as error:
@@ -135,13 +131,9 @@ def camera_path(
 ) -> CameraPath:
     """The camera of a programme for one subject, in each of its T frames.
 
-    Args:
-        pelvis_world_m: (T, 3) pelvis path of the subject, z-up world with the ground at z = 0 [m].
-        rng: Chooses what the recipe leaves open: side, azimuth, the drift of a held camera.
-
-    Raises:
-        BadMotionFile: the path is empty or not finite.
-        BadRecipe: no distance keeps the subject in frame.
+    The subject's pelvis path (T, 3) is in a z-up world with the ground at z = 0 [m].  `rng` chooses
+    what the recipe leaves open: side, azimuth, the drift of a held camera.  BadRecipe where no
+    distance keeps the subject in frame.
     """
     pelvis = np.asarray(pelvis_world_m, dtype=np.float64)
     if pelvis.shape != (len(pelvis), 3) or not len(pelvis) or not np.isfinite(pelvis).all():

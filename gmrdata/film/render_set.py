@@ -75,11 +75,8 @@ def render_set(
 
     Beside the manifest stands `warnings.txt` where a clip deserves one.  A clip that can't be
     planned or rendered leaves its reason in `failed/<id>.txt` and the others go on; a manifest
-    without some of its clips has "incomplete" in its version.  Returns the manifest's path.
-
-    Raises:
-        MissingInput: not one clip of the recipe can be rendered.
-        StageFailed: some clips failed; the others are done and the manifest lists them.
+    without some of its clips has "incomplete" in its version.  Returns the manifest's path;
+    StageFailed where some clips failed, MissingInput where not one can be rendered.
     """
     selection = select(recipe, motions_dir)
     require_takes(selection, motions_dir)

@@ -95,17 +95,11 @@ _UP_IN_REST = np.array([0.0, 1.0, 0.0])
 
 
 def stand(motion: Motion, body: BodyModel) -> Motion:
-    """The same motion in a z-up world with the floor at z = 0, as its feet show them.
-
-    The person starts above the origin.
-    """
+    """The same in a z-up world with the floor of its feet at z = 0, from above the origin on."""
     up = up_of_standing_feet(motion, body)
     level_from_world, how = np.eye(3), "no foot stands still; up from the first pelvis"
     if up is not None:
-        level_from_world, how = (
-            minimal_rotation(up, np.eye(3)[2]),
-            "up from standing feet",
-        )
+        level_from_world, how = minimal_rotation(up, np.eye(3)[2]), "up from standing feet"
     root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = motion.pelvis_m @ level_from_world.T
     motion, _ = put_on_floor(body, replace(motion, root_rotmats=root_rotmats, pelvis_m=pelvis_m))

@@ -57,10 +57,7 @@ def velocities(
 def motions_if_standing(
     local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
 ) -> Float[Tensor, "*batch frames 23 6"]:
-    """For each joint, the motion that the root would make if this joint stood still.
-
-    Axis-angle of dR [rad] and dT [m], both times `SCALE`.
-    """
+    """The root's motion if each joint stood still: dR (axis-angle) [rad], dT [m], times `SCALE`."""
     joints_m, root_from_joint = joints_in_root_frame(local_rotmats)
     delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[..., 1:, :, :, :].mT
     moved_m = (delta_rotmats @ joints_m[..., 1:, :, :, None])[..., 0]

@@ -38,11 +38,7 @@ class MotionNetwork(nn.Module):
     def features(
         self, frames: Float[Tensor, "batch frames numbers"], lengths: Int[Tensor, " batch"] | None
     ) -> Float[Tensor, "batch frames features"]:
-        """Features of sequences.
-
-        `lengths`, on the CPU, says how many frames of each row are real; the rest is padding, which
-        does not change the other frames' features.  None where all are real.
-        """
+        """Features of sequences, of which `lengths` (on the CPU) frames are real; None: all."""
         if lengths is None or bool((lengths == frames.shape[1]).all()):
             encoded = self.encoder(frames)[0]
         else:
@@ -119,11 +115,7 @@ def network_input(
     representation: Representation,
     extra: Sequence[ExtraInput] = (),
 ) -> Float[Tensor, "*batch frames numbers"]:
-    """Local rotations of sequences as network input.
-
-    Quaternions are continuous in time with w >= 0 in the first frame.  The extra inputs come after
-    them, in the order asked for.
-    """
+    """Network input of local rotations: quaternions continuous in time; then the extra inputs."""
     values = rotations.from_rotmats(local_rotmats, representation)
     if representation == "quaternion":
         values = rotations.continuous_in_time(values)

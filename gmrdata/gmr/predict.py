@@ -31,9 +31,7 @@ class TrainedGmr:
 def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
     """The latest checkpoint of a training run, or what scored best on its held-out clips.
 
-    Raises:
-        MissingInput: the folder is not there, or holds no checkpoint.
-        BadCheckpoint: the checkpoint is truncated or of another kind, or has no best weights.
+    MissingInput where there is none, BadCheckpoint where it is broken or has no best weights.
     """
     run_dir = Path(run_dir)
     folder = trained_checkpoint(run_dir)
@@ -74,12 +72,9 @@ def predict_world_motion(
     pose to have another world.
 
     Args:
-        motion: Local poses, at the network's frame rate or above; they are resampled to it.
+        motion: Two or more local poses, at the network's frame rate or above, to be resampled.
         first_root_rotmat: R_1, world_from_root; the identity if None.
         first_pelvis_m: T_1 [m]; the origin if None.
-
-    Raises:
-        BadMotionFile: fewer than two frames, NaN poses, or a lower frame rate than the network's.
     """
     local = _at_network_rate(gmr, motion)
     delta_rotmats, delta_m = predict_deltas(gmr, local.local_rotmats)

@@ -21,10 +21,7 @@ IDENTITY: dict[Representation, tuple[float, ...]] = {
 def from_rotmats(
     rotmats: Float[Tensor, "*batch 3 3"], representation: Representation
 ) -> Float[Tensor, "*batch numbers"]:
-    """Rotation matrices in a representation, of 3, 4 or 6 numbers.
-
-    Quaternions have w >= 0 and axis-angle vectors a length of at most pi; see `continuous_in_time`.
-    """
+    """Rotations as 3, 4 or 6 numbers: quaternions with w >= 0, axis-angle vectors of at most pi."""
     import roma
 
     if representation == "quaternion":
@@ -62,11 +59,7 @@ def log_map(rotmats: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 3"]:
 def continuous_in_time(
     quaternions: Float[Tensor, "*batch frames joints 4"],
 ) -> Float[Tensor, "*batch frames joints 4"]:
-    """Signs that never jump in time, with w >= 0 in the first frame.
-
-    q and -q are one rotation; a joint that passes 180 degrees would otherwise flip all four
-    numbers.
-    """
+    """Signs that never jump in time, w >= 0 in the first frame: q and -q are one rotation."""
     before, after = quaternions[..., :-1, :, :], quaternions[..., 1:, :, :]
     steps = torch.where((after * before).sum(-1, keepdim=True) < 0, -1.0, 1.0).to(quaternions)
     first = torch.where(quaternions[..., :1, :, :1] < 0, -1.0, 1.0).to(quaternions)

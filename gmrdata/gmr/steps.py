@@ -124,10 +124,7 @@ def derived_seed(seed: int, counter: int, rank: int = 0) -> int:
 
 
 def start_average(model: nn.Module, decay: float) -> AveragedModel:
-    """An exponential moving average of a network's weights (Polyak and Juditsky 1992).
-
-    It begins as a copy, and `update_parameters` takes one more step into it.
-    """
+    """An exponential moving average of a network's weights (Polyak and Juditsky 1992)."""
 
     def update(averages: Tensors, values: Tensors, n_averaged: Tensor | int) -> None:
         get_ema_multi_avg_fn(decay_at(decay, int(n_averaged) - 1))(averages, values, n_averaged)
@@ -155,10 +152,7 @@ def check_finite(values: Mapping[str, float], run_dir: Path, step: int) -> None:
 
 
 def prefetched(make: Callable[[int], Batch], steps: Iterable[int]) -> Iterator[tuple[int, Batch]]:
-    """Each step with its batch, in order; batches are made ahead, in a thread.
-
-    What `make` raises is raised when the loop comes to that step, and not before.
-    """
+    """Each step with its batch, made ahead in a thread; its error is raised when the step comes."""
     waiting: deque[tuple[int, Future[Batch]]] = deque()
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="batches") as thread:
         try:

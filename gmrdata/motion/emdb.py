@@ -94,15 +94,8 @@ class EmdbAbout(Record):
 def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> tuple[Path, ...]:
     """Write one clip per sequence, and those of `DESCRIPTIONS` as manifests that have clips.
 
-    Args:
-        root: The folder that holds P0 to P9.
-        body: A folder with SMPL's models of the genders that the sequences have, or one model.
-
-    Raises:
-        MissingInput: no sequences, or no bodies.
-        BadSequence: a file is broken, or laid out otherwise.
-        UnsafePickle: a file wants to run something; nothing was run.
-        BadBodyFile: a gender's body is missing.
+    `root` holds P0 to P9; `body` is a folder with SMPL's models of the genders that the sequences
+    have, or one model.  Errors are MissingInput, BadSequence, UnsafePickle and BadBodyFile.
     """
     out_dir = out_dir.resolve()
     sequence_paths = find_sequences(root)

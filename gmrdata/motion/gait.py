@@ -48,9 +48,6 @@ def make_gait(
     """One embedded motion of `GAIT_KINDS` in the world frame, z-up, feet on z = 0.
 
     The same state of `rng` gives the same bytes; with None for the build `shape` (S,) it draws one.
-
-    Raises:
-        BadRecipe: there is no such kind, a number is not positive, or the shape is another body's.
     """
     return gait_with_contacts(kind, duration_s, fps_hz, body, rng, shape=shape)[0]
 

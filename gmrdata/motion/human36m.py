@@ -84,10 +84,7 @@ def make_human36m(
 ) -> tuple[Path, ...]:
     """Write one clip per take; `train.yaml` (S1, S5, S6, S7, S8) and `test.yaml` (S9, S11), if any.
 
-    Raises:
-        MissingInput: no subject's parameters, or not its cameras.
-        BadSequence: a file is broken, or laid out otherwise.
-        BadBodyFile: not SMPL's neutral body.
+    The body is SMPL's neutral one.  Errors are MissingInput, BadSequence and BadBodyFile.
     """
     out_dir = out_dir.resolve()
     parameter_paths = files.find_subjects(root)

@@ -16,9 +16,6 @@ def resample(motion: Motion, fps_hz: float, *, start_s: float = 0.0) -> Motion:
     """A motion from `start_s` to its end at another rate: rotations by slerp, positions linearly.
 
     Times that fall on source frames take them unchanged, so an integer ratio of the rates is exact.
-
-    Raises:
-        BadRecipe: the rate is not positive, or `start_s` is outside the motion.
     """
     before, after, share = _brackets(motion.n_frames, motion.fps_hz, fps_hz, start_s)
     positions, rotmats = motion.pelvis_m, motion.rotmats

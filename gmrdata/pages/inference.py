@@ -215,10 +215,7 @@ def write_top_view(path: Path, motion: Motion) -> None:
 def write_body_video(
     path: Path, motion: Motion, body: BodyModel, size_px: tuple[int, int], name: str
 ) -> None:
-    """An mp4 of the body on the ground, in real time; `name` is what the progress bar calls it.
-
-    The motion is in a z-up world with the floor at z = 0.
-    """
+    """An mp4 of the body in a z-up world, the floor at z = 0, in real time; the bar says `name`."""
     step = max(1, int(np.ceil(motion.fps_hz / LARGEST_VIDEO_HZ - 1e-6)))
     rows = np.arange(0, motion.n_frames, step)
     world_from_cam = film_camera(motion)

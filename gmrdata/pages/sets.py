@@ -134,9 +134,7 @@ def preview_set(
     """Draw a few small frames and the paths of every clip to `out_dir/preview/index.html`.
 
     Nothing else below `out_dir` is read or written.  A clip whose plan changed is drawn again.
-
-    Raises:
-        StageFailed: some clips can't be filmed or drawn; the others are on the page.
+    StageFailed names clips that can't be filmed or drawn; the others are on the page.
     """
     selection = select(recipe, motions_dir)
     require_takes(selection, motions_dir)

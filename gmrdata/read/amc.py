@@ -274,10 +274,7 @@ def _body(text: str, asf: Asf, path: Path) -> tuple[int, list[str], bool]:
 def _bone_columns(
     body: list[str], asf: Asf, asf_path: Path, path: Path, first_line: int
 ) -> dict[str, slice]:
-    """Where each bone's numbers stand in a frame's row, after the frame's number in column 0.
-
-    The first frame shows it, which is checked against the skeleton.
-    """
+    """Columns of each bone in a frame's row, by the first frame; they must fit the skeleton."""
     columns: dict[str, slice] = {}
     column = 1
     for line_number, words in _filled_lines(body[1:], first_line + 1):

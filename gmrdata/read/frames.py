@@ -33,10 +33,7 @@ def number_in_name(name: str) -> int | None:
 
 
 def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
-    """The .jpg and .png files of a folder in the order of their numbers; at least 2, without gaps.
-
-    `left_out` are numbers of unusable images: neither they nor their absence is an error.
-    """
+    """A folder's .jpg and .png files by number: two or more, without gaps but for `left_out`."""
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of images")
     paths = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]

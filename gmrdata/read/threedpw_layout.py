@@ -38,10 +38,7 @@ class SequenceFiles:
 
 
 def find_sequences(root: Path) -> list[SequenceFiles]:
-    """All sequences under a root, by split and name.  The sequence files are not opened.
-
-    Other folders beside the three splits (some tools make one called `all`) are left alone.
-    """
+    """All sequences in the three splits, by split and name; their files are not opened."""
     if not root.is_dir():
         raise MissingInput(f"{root}: no such folder; give the one that holds {IMAGES_DIR}")
     folder = root / SEQUENCES_DIR

@@ -24,11 +24,7 @@ SOLE_M = 0.03  # vertices of a foot up to this high above its lowest one are its
 
 
 def foot_vertices(body: BodyModel) -> tuple[int, ...]:
-    """Vertices at the toes and heels, left foot first.
-
-    SMPL's own four for a body of its mesh.  Of another mesh the front-most and the rear-most vertex
-    of each sole in the rest pose.
-    """
+    """Vertices at toes and heels, left first: SMPL's own, or both ends of another mesh's soles."""
     if len(body.template_m) == SMPL_VERTICES and body.name.startswith("smpl"):
         return SMPL_FEET
     found = []

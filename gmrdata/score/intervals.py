@@ -28,11 +28,7 @@ def resampled_counts(n_clips: int, resamples: int, rng: np.random.Generator) -> 
 
 
 def ratio_interval(sums: PerClip, weights: PerClip, counts: Counts) -> Interval | None:
-    """Interval of sum(sums) / sum(weights) where clips are drawn with replacement.
-
-    The weight of a clip without a figure is 0.  Of fewer than two clips with a figure nothing can
-    be said: None.
-    """
+    """Interval of sum(sums) / sum(weights) over resampled clips; None below two with weight."""
     if np.count_nonzero(weights) < 2:
         return None
     below = counts @ weights
@@ -67,10 +63,7 @@ class PairedDifference(NamedTuple):
 def paired_difference(
     first: PerClip, other: PerClip, resamples: int, permutations: int, rng: np.random.Generator
 ) -> PairedDifference:
-    """Compare two runs clip by clip, on one clip or more.
-
-    At most `permutations` are drawn; all 2^n are used where they are no more, and p is exact.
-    """
+    """Compare two runs clip by clip; p is exact where all 2^n permutations are no more."""
     from scipy.stats import permutation_test
 
     differences = other - first

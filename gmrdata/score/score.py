@@ -73,8 +73,6 @@ def score_manifest(
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
 
     Raises:
-        MissingInput: a file is not there.
-        BadCheckpoint: the run's checkpoint is broken.
         BadManifest: no clip can be scored, a clip is of another body, or a floor is given for a
             manifest that is no pseudo ground truth.
         BadRecord: the floor is broken, or of another frame rate.

@@ -76,10 +76,7 @@ def rows_of(scores: Scores) -> Iterator[tuple[str, str, ClipScore | GroupScore]]
 
 
 def score_rows(scores: Scores) -> Table:
-    """OME, TME and VME, with zero motion and the floor: headings and rows for a reader.
-
-    Figures are pooled over motions; groups have intervals beside them.
-    """
+    """Rows for a reader: OME, TME and VME pooled over motions, zero motion and the floor."""
     has_floor = scores.overall.floor is not None
     headings = ("clip", "motions", *map(heading, METRICS), ZERO_HEADING)
     rows = []

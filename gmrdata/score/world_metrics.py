@@ -117,10 +117,7 @@ def root_velocity_errors_mm_per_frame(
 
 
 def jitter_10m_per_s3(joints_m: Points, fps_hz: float, runs: Sequence[Rows]) -> Samples:
-    """Jitter: mean length of the joints' jerk, from third differences [10 m/s^3].
-
-    A run of less than four frames has no jerk.
-    """
+    """Jitter: mean length of the joints' jerk [10 m/s^3]; a run below four frames has none."""
     jerks = [np.diff(joints_m[start:stop], n=3, axis=0) * fps_hz**3 for start, stop in runs]
     return pooled([np.linalg.norm(jerk, axis=-1).mean(-1) / 10 for jerk in jerks])
 
@@ -128,10 +125,7 @@ def jitter_10m_per_s3(joints_m: Points, fps_hz: float, runs: Sequence[Rows]) -> 
 def foot_sliding_mm(
     predicted_feet_m: Points, true_feet_m: Points, runs: Sequence[Rows], contact_m: float
 ) -> Samples:
-    """How far points of the predicted feet move in each frame in which the true ones stand [mm].
-
-    A true point stands while it moves less than `contact_m` from frame to frame.
-    """
+    """How far predicted foot points move while the true ones move less than `contact_m` [mm]."""
     slid_mm = []
     for start, stop in runs:
         stands = _steps_m(true_feet_m[start:stop]) < contact_m

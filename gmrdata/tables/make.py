@@ -28,12 +28,7 @@ from gmrdata.values.files import read_npz, resolve_inside, write_npz
 def held_out_set(
     manifest_paths: Sequence[Path], config: DataConfig, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Write the clips of the held-out subjects, without images, as a set; gives its manifest.
-
-    Raises:
-        BadRecipe: nobody is held out, or no clip is of a held-out subject.
-        BadManifest: two clips have one id.
-    """
+    """Write the clips of the held-out subjects, without images, as a set; gives its manifest."""
     if not config.held_out_subjects:
         raise BadRecipe("nothing to score: give --scored, or subjects to hold out with --held-out")
 
@@ -84,11 +79,8 @@ def make_table(
     """Train and score each row that the given files allow; what is made already is kept.
 
     `out_dir` gets runs/, scores/, and `table<N>.json` (which is returned), `.csv` and `.md`.  The
-    `seeds` stand in place of the recipe's.
-
-    Raises:
-        MissingInput: no row can be made of what is given; says what each of them lacks.
-        StageFailed: a training or a score failed; the others are kept.
+    `seeds` stand in place of the recipe's.  MissingInput where no row can be made of what is given,
+    StageFailed where a training or a score failed; the others are kept.
     """
     plan = plan_table(recipe, scale, given, seeds)
     if not plan.scorings:

@@ -100,14 +100,7 @@ class TableRecipe(Config):
 
 
 def load_table(name: str) -> TableRecipe:
-    """A table's recipe: by its number in the paper, or a YAML file.
-
-    Every training of every row is built, so that a wrong setting is found before any is run.
-
-    Raises:
-        MissingInput: no such file, or no such table.
-        BadRecipe: not YAML, or settings that do not exist or fit; names the file and the row.
-    """
+    """A table's recipe by its number, or a YAML file; each setting of each row is tried."""
     path = recipe_path(f"paper/table{name}") if name.isdecimal() else find_recipe(name)
     recipe = load_recipe(path, TableRecipe)
     for row in recipe.rows:

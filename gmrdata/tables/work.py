@@ -42,14 +42,8 @@ def infer_poses(
     """Predict world motions from given local poses; their orientations are not looked at.
 
     Clips that are written are at the network's frame rate, and have the given poses and shape.
-
     `poses_dir` holds `<clip id>.npz` for each clip, as `gmrdata.baselines.vibe_cam` takes them, of
     the body in `body_path`; of the default body where it is None.
-
-    Raises:
-        MissingInput: a clip has no poses.
-        BadMotionFile: poses are of another kind, body or length; or the clip's rate is no multiple
-            of the network's.
     """
     subjects, left_out = predictions.manifest_subjects(manifest_path)
     inputs = {"run": run_dir, "manifest": manifest_path}

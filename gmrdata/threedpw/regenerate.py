@@ -83,10 +83,7 @@ def regenerate_set(
 
     A sequence that can't be read or masked leaves its reason in `failed/<name>.txt`, and the others
     go on; one without a reconstruction is listed as rejected.  A run that was stopped goes on.
-    Where nothing is left to make, no worker starts.
-
-    Raises:
-        StageFailed: some sequences failed; the others are done and the manifest lists them.
+    Where nothing is left to make, no worker starts.  StageFailed where some sequences failed.
     """
     chosen, refused = choose(root, recipe.sequences)
     paths = SetPaths(out_dir.resolve())

@@ -82,10 +82,6 @@ def compare_with_table7(path: Path) -> list[ComparedRow]:
 
     Table 7 doesn't say which person of a sequence was scored, so each person gets a row.  Its rows
     come in its order, then our clips of other sequences in ours.
-
-    Raises:
-        MissingInput: no such file, or no manifest of kind `pseudo_gt` in the folder.
-        BadManifest: not such a manifest, or several in the folder.
     """
     table7 = read_manifest(published_manifest("paper_table7"))
     assert isinstance(table7, ListManifest)

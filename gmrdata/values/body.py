@@ -76,10 +76,7 @@ class BodyModel:
 
 
 def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> Int[np.ndarray, " n"]:
-    """Rows of n vertices, evenly spread over the body's list, ascending.
-
-    All of them for None, or where the body has no more than asked for.
-    """
+    """Rows of n vertices, evenly spread over the body's list; all of them for None or too few."""
     if n_vertices is None or n_vertices >= n_body_vertices:
         return np.arange(n_body_vertices)
     return (np.arange(n_vertices) * n_body_vertices) // n_vertices

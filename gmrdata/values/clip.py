@@ -72,9 +72,6 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
     AMASS's `trans` is not the pelvis: pelvis = trans + J0.  It is converted here and back in
     `load_clip`, and J0 travels in the file, so no body model is needed to read it.
     `rest_pelvis_m` (3,) is J0 of the clip's body and shape, rest frame [m].
-
-    Raises:
-        BadMotionFile: the clip's arrays do not fit together.
     """
     motion = clip.motion
     arrays: dict[str, ArrayLike] = {
@@ -104,13 +101,7 @@ def save_clip(path: Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
 
 
 def load_clip(path: Path) -> Clip:
-    """Read a clip that `save_clip` wrote.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: the file is truncated, of another format, lacks an array or has an unknown
-            one, or its arrays do not fit together.
-    """
+    """Read a clip that `save_clip` wrote; BadMotionFile where the file is not a whole such clip."""
     from scipy.spatial.transform import Rotation  # slow to load; who starts Blender needs none
 
     arrays = read_npz(path)

@@ -16,10 +16,7 @@ from gmrdata.values.shapes import Float
 
 
 def angles_rad(rotmats: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
-    """Rotation angles in [0, pi], i.e. the length of the log map [rad].
-
-    From sine and cosine together, so it is as accurate near 0 and pi as between.
-    """
+    """Angles in [0, pi] [rad], from sine and cosine: as accurate near 0 and pi as between."""
     skew = rotmats - np.swapaxes(rotmats, -1, -2)
     sines = 0.5 * np.sqrt(skew[..., 2, 1] ** 2 + skew[..., 0, 2] ** 2 + skew[..., 1, 0] ** 2)
     cosines = 0.5 * (np.trace(rotmats, axis1=-2, axis2=-1) - 1)
@@ -80,10 +77,7 @@ def posed_vertex_errors_mm(
     true_rotmats: Float[np.ndarray, "n 3 3"],
     true_m: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, " n"]:
-    """VME of n motions of one body with its true local pose and shape (eq. 17) [mm].
-
-    `local_rotmats` are those of the first frame of each motion.
-    """
+    """VME of n motions (eq. 17) [mm], with the true shape and local poses of their first frames."""
     errors_mm = [np.zeros(0)]
     for rows in _chunks(len(delta_m), body):
         vertices_m = _posed_m(body, shape, local_rotmats[rows])

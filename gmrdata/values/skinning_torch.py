@@ -68,10 +68,7 @@ def place(
 def forward_kinematics(
     rest_joints_m: Float[Tensor, "*rest 24 3"], local_rotmats: Float[Tensor, "*poses 23 3 3"]
 ) -> tuple[Float[Tensor, "*batch 24 3"], Float[Tensor, "*batch 24 3 3"]]:
-    """Joints [m] and root_from_joint with the root at identity and the pelvis at the origin.
-
-    Loper et al. 2015, eq. 4; batch dimensions broadcast.
-    """
+    """Joints [m] and root_from_joint, root at identity in the origin (Loper et al. 2015, eq. 4)."""
     batch = torch.broadcast_shapes(rest_joints_m.shape[:-2], local_rotmats.shape[:-3])
     rest_joints_m = rest_joints_m.expand(*batch, N_JOINTS, 3)
     local_rotmats = local_rotmats.expand(*batch, N_LOCAL, 3, 3)
