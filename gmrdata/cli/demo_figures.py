@@ -23,8 +23,7 @@ from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadRecord
 from gmrdata.world.quality import load_record
 
-FPS_HZ = 10.0
-"""Rate at which all errors are measured [Hz]: the paper's."""
+FPS_HZ = 10.0  # rate at which all errors are measured [Hz]: the paper's
 
 
 def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:

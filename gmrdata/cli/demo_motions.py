@@ -20,12 +20,9 @@ from gmrdata.values.errors import MissingInput
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
 
-SHORTEST_S = 1.2
-"""A trial shorter than this has too few motions at 10 fps to say anything."""
-WIDEST_M = 7.0
-"""The scene's free ground; a trial that walks further than this doesn't fit."""
-LEAST_TRAVEL_M = 0.5
-"""A trial that stays in place would make a dull picture."""
+SHORTEST_S = 1.2  # a trial shorter than this has too few motions at 10 fps to say anything
+WIDEST_M = 7.0  # the scene's free ground; a trial that walks further than this doesn't fit
+LEAST_TRAVEL_M = 0.5  # a trial that stays in place would make a dull picture
 
 
 class MotionsConfig(Config):

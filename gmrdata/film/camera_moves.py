@@ -13,12 +13,9 @@ from gmrdata.values.errors import BadRecipe
 
 FOLLOW_SIGMA_S = 0.35
 """Low-pass on the subject's path: steps bob at about 2 Hz, and an operator doesn't follow those."""
-STANDING_M = 0.5
-"""A subject that ends this close to its start has no walking direction."""
-SWAY_HZ = (0.15, 0.35, 0.7, 1.3, 2.4)
-"""A hand's unrest: sway below 1 Hz and some tremor above."""
-SLOWEST_M_PER_S = 0.3
-"""Speed of a travelling camera whose subject stays in place."""
+STANDING_M = 0.5  # a subject that ends this close to its start has no walking direction
+SWAY_HZ = (0.15, 0.35, 0.7, 1.3, 2.4)  # a hand's unrest: sway below 1 Hz and some tremor above
+SLOWEST_M_PER_S = 0.3  # speed of a travelling camera whose subject stays in place
 
 
 def look_at(centres_world_m: np.ndarray, targets_world_m: np.ndarray) -> np.ndarray:

@@ -8,8 +8,7 @@ import numpy as np
 from gmrdata.film.walkers import FROM_CAMERA_M, PEOPLE_APART_M, Shot, no_way, place_in_sight
 from gmrdata.values.transforms import rigid
 
-CAR_SIZE_M = np.array([4.1, 1.82, 1.45])
-"""(3,) length, width over the wheels, height of a car [m]."""
+CAR_SIZE_M = np.array([4.1, 1.82, 1.45])  # (3,) length, width over the wheels, height of a car [m]
 WHEEL_RADIUS_M = 0.31
 SPEEDS_M_PER_S = (3.0, 8.0)
 HALF_DRIVE_M = 8.5

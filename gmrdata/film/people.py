@@ -10,8 +10,7 @@ from gmrdata.values.records import Config
 
 JITTER = 0.1
 """Deviation by which a drawn person differs from the listed one, so that no two are the same."""
-LARGEST_COEFFICIENT = 2.0
-"""Of people of a body without a list of adults."""
+LARGEST_COEFFICIENT = 2.0  # of people of a body without a list of adults
 
 
 class TextureConfig(Config):

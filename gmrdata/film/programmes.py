@@ -19,13 +19,11 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import rigid
 
-FRAME_MARGIN_SHARE = 0.03
-"""Border that is kept free, as a share of the image's height."""
+FRAME_MARGIN_SHARE = 0.03  # border that is kept free, as a share of the image's height
 STEP_M = 0.25
 DISTANCES_M = np.arange(2.0, 25.01, STEP_M)
 """Distances that are tried, nearest first, until the subject stays in frame."""
-At = Callable[[float], CameraPath]
-"""A camera by its distance [m]."""
+At = Callable[[float], CameraPath]  # a camera by its distance [m]
 
 
 class View(Config):

@@ -25,8 +25,7 @@ from gmrdata.values.files import write_text
 from gmrdata.values.records import Config
 from gmrdata.write.video import write_video_of
 
-RENDERER_LINE = "gmrdata-renderer"
-"""What the probe prints, with the name of what rendered."""
+RENDERER_LINE = "gmrdata-renderer"  # what the probe prints, with the name of what rendered
 PROBE_S = 600
 PACKAGES_DIR = Path(__file__).resolve().parents[2]
 """Where the packages `gmrdata` and `blender` are, side by side in a checkout and in a wheel."""

@@ -31,8 +31,7 @@ CLEARANCE_FILE = "clearance.json"
 IN_FRAME = "in_frame_share"
 """The manifest's figure: share of a clip's frames with the whole person in frame."""
 CHUNK_FRAMES = 64
-T = -1
-"""Stands for the number of frames in `TruthShapes`."""
+T = -1  # stands for the number of frames in `TruthShapes`
 TruthShapes = Mapping[str, tuple[str, tuple[int, ...]]]
 JOINT_ARRAYS: TruthShapes = {
     "joints_world_m": ("f", (T, N_JOINTS, 3)),

@@ -23,8 +23,7 @@ from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import remove_orphans, write_text
 
 DESCRIPTION = "rendering frames"
-RETRIES = 1
-"""How often a crashed Blender process is started again."""
+RETRIES = 1  # how often a crashed Blender process is started again
 
 
 def render_clips(

@@ -16,8 +16,7 @@ from gmrdata.read.bodies import keep_body, read_body
 from gmrdata.stage.jobs import count_files
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 
-PROBE_FRAMES = 2
-"""The first frame pays for the scene, the second is what a frame costs."""
+PROBE_FRAMES = 2  # the first frame pays for the scene, the second is what a frame costs
 HEADINGS = ("clip", "motion", "camera", "frames", "state")
 
 

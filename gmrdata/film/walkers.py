@@ -21,8 +21,7 @@ PEOPLE_APART_M = 0.8
 FROM_CAMERA_M = 1.3
 HALF_TRUNK_M = 0.25
 TRIES = 1500
-COMPANY_M = (0.9, 1.5)
-"""How far company walks from its subject, on average over the clip [m]."""
+COMPANY_M = (0.9, 1.5)  # how far company walks from its subject, on average over the clip [m]
 COMPANY_FARTHEST_M = 2.0
 """How far it may be in any frame, as long as the subject walks straight on [m]."""
 COMPANY_SEEN = 0.8

@@ -209,12 +209,8 @@ def infer_world_motion(
         draw: Adds the pictures, as `gmrdata.pages.inference.draw_motion` does.
         joint_map: For a BVH or AMC with unknown joint names.
 
-    Raises:
-        MissingInput: a file is not there.
-        BadCheckpoint: the run's checkpoint is broken.
-        BadMotionFile: the poses are broken, or too short or slow for the network.
-        UnsafePickle: the poses' file wants to run something.
-        BrokenPickle: it is truncated.
+    Errors are MissingInput, BadCheckpoint, BadMotionFile for poses that are broken, or too short or
+    slow for the network, UnsafePickle and BrokenPickle.
     """
     from gmrdata.read.bodies import load_body
 

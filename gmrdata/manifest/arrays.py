@@ -14,8 +14,7 @@ from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
 
-ROTATION_TOLERANCE = 1e-6
-"""Largest entry of R^T R - I that passes; rotations are stored in float64."""
+ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations are stored in float64
 
 
 def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:

@@ -3,5 +3,4 @@
 from gmrdata.manifest.v1 import *  # noqa: F403
 from gmrdata.manifest.v1 import FORMAT
 
-READS = (FORMAT,)
-"""Formats that this gmrdata reads."""
+READS = (FORMAT,)  # formats that this gmrdata reads

@@ -26,11 +26,7 @@ from gmrdata.values.rows import text_runs
 def created_by(
     recipe: Config | Mapping[str, Any] | None = None, seeds: Mapping[str, int] | None = None
 ) -> current.CreatedBy:
-    """The record for a manifest's head, of the whole recipe and of seeds by their use.
-
-    Absolute paths in the recipe are cut to their last part, because where a data set lay on its
-    maker's disk is nobody's business and differs between machines.
-    """
+    """The record for a manifest's head: the recipe without its maker's paths, and seeds by use."""
     values = recipe.model_dump(mode="json") if isinstance(recipe, Config) else dict(recipe or {})
     return current.CreatedBy(
         gmrdata=__version__,

@@ -18,8 +18,7 @@ from gmrdata.values.files import resolve_inside, sha256_of_file
 _LINE = re.compile(r"([0-9a-f]{64})\t(0|[1-9][0-9]{0,17})\t(.+)")
 RECORDS = (disk.STAGE_FILE, "masks.json")
 """Files at the top of a folder that are about the folder, and no part of what it holds."""
-BAR_FROM = 200
-"""Folders with more files than this show a progress bar."""
+BAR_FROM = 200  # folders with more files than this show a progress bar
 FOLDERS = ("images", "masks", "depth", "normals", "flow", "instances")
 FILES = ("joints", "video", "character")
 

@@ -21,13 +21,10 @@ def dump(value: Any) -> str:
 
 
 def load(path: Path) -> tuple[Any, dict[FieldPath, int]]:
-    """Read a YAML file of plain data.
+    """Read YAML of plain data; and the line (from 1) of each field, like `("clips", 3, "fps_hz")`.
 
     Aliases, repeated keys, tags that build objects, deep nesting and files above 64 MiB are
     refused.
-
-    Returns:
-        The data, and the line (from 1) of each field by its path, e.g. `("clips", 3, "fps_hz")`.
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such manifest")

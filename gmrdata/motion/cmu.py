@@ -90,11 +90,8 @@ def fetch_trials(
 
     `out_dir`, which is given back, gets `02.asf`, `02_03.amc`, `SHA256SUMS` and `fetched.json`.
     With `redo` what is there and has another hash, or none on record, is fetched again.
-
-    Raises:
-        BadRecipe: a name is no trial's, or the address is not one of the web.
-        BadRecord: `fetched.json` is broken, or another version's, and `redo` is not given.
-        FetchFailed: some files could not be fetched; the others are there.
+    FetchFailed lists what could not be fetched, the others are there; BadRecord: `fetched.json` is
+    broken.
     """
     trials = check_trials(trials)
     names = _files(trials)

@@ -35,7 +35,8 @@ def read_motion(
     """Read a BVH, AMC or AMASS file, or one of gmrdata's clips, as a motion of `body`.
 
     The suffix tells the format.  The motion is in a z-up world with the floor at z = 0, and its
-    `source` records what was decided.
+    `source` records what was decided.  Errors are MissingInput, BadRecipe for a wrong `shape` or
+    `unit_m`, and BadMotionFile, which names the place and the remedy.
 
     Args:
         fps_hz: Frame rate to believe instead of the file's [Hz].
@@ -48,11 +49,6 @@ def read_motion(
             mean.
         source_body: The body whose betas an AMASS file holds, for the leg length of its subject.
         ground: Whether to level the floor that the feet show and move it to z = 0.
-
-    Raises:
-        MissingInput: the file, its skeleton or the joint map is not there.
-        BadMotionFile: the file cannot be read; the message names the place and the remedy.
-        BadRecipe: `shape` is not one of `body`, or `unit_m` is not positive.
     """
     path = Path(path)
     _check_options(path, body, unit_m, shape)

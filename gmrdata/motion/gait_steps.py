@@ -21,12 +21,10 @@ FIGURE_EIGHT_RAD = 2.404825557695773
 BEND = 0.15
 """Bends shorten steps by 1 / (1 + BEND * curvature^2): to half where the radius is about 0.4 m."""
 SIDES = ("left", "right")
-SOLE_M = 0.01
-"""Vertices of a foot up to this high above its lowest one are its sole [m]."""
+SOLE_M = 0.01  # vertices of a foot up to this high above its lowest one are its sole [m]
 FIRST_STEP = -4
 """Number of a clip's first footfall; step 0 is the first touch-down of the left foot."""
-CIRCUMDUCTION_M = 0.02
-"""A swinging foot swerves outwards by this much, past the standing one [m]."""
+CIRCUMDUCTION_M = 0.02  # a swinging foot swerves outwards by this much, past the standing one [m]
 SOFT_TOES_RAD = np.radians(20.0)
 """In swing, toes of a foot that is pitched by less than this straighten out smoothly [rad]."""
 

@@ -13,8 +13,7 @@ GAIT_KINDS: tuple[str, ...] = (
     "walk", "run", "turn", "side_step", "circle", "figure_eight", "step_up",
 )  # fmt: skip
 """Kinds of embedded motion."""
-WALK_RATIO_M_S = 0.39
-"""Step length over cadence in walking: 0.0065 m per step/min."""
+WALK_RATIO_M_S = 0.39  # step length over cadence in walking: 0.0065 m per step/min
 GRAVITY_M_S2 = 9.81
 
 

@@ -52,7 +52,10 @@ def read_local_poses(
 ) -> tuple[Clip, ...]:
     """Read the local poses of a file; the table above lists the formats.
 
-    A BVH, AMC or npz is known by its suffix, the others by what they hold.
+    A BVH, AMC or npz is known by its suffix, the others by what they hold.  Gives one clip per
+    unbroken run of a person; `valid` is False where a frame was filled.  A run may be a single
+    frame, which no motion can be predicted from.  `image_numbers` are the frames' numbers in the
+    video, or the rows of the file.
 
     Args:
         fps_hz: The true frame rate [Hz].  Needed for estimators' files, which don't say it.
@@ -61,16 +64,7 @@ def read_local_poses(
         joint_map: For a BVH or AMC with unknown joint names, as `read_motion` takes it.
         bridge_frames: Gaps of so many frames or fewer in a person's track are filled by slerp.
 
-    Returns:
-        One clip per unbroken run of a person; `valid` is False where a frame was filled.  A run may
-        be a single frame, which no motion can be predicted from.  `image_numbers` are the frames'
-        numbers in the video, or the rows of the file.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: another format, broken or NaN poses, fewer than two frames, or no frame rate.
-        UnsafePickle: a pickle that wants to run something.  Nothing of it was run.
-        BrokenPickle: a truncated pickle.
+    Errors are MissingInput, BadMotionFile, UnsafePickle (nothing of it was run) and BrokenPickle.
     """
     path = Path(path)
     if not path.is_file():

@@ -8,15 +8,11 @@ from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import slerp
 
-ON_A_SAMPLE = 1e-6
-"""Sample times closer than this to a source frame, in frames, are that frame."""
+ON_A_SAMPLE = 1e-6  # sample times closer than this to a source frame, in frames, are that frame
 
 
 def resample(motion: Motion, fps_hz: float, *, start_s: float = 0.0) -> Motion:
-    """A motion from `start_s` to its end at another rate: rotations by slerp, positions linearly.
-
-    Times that fall on source frames take them unchanged, so an integer ratio of the rates is exact.
-    """
+    """A motion from `start_s` on at another rate, by slerp and linearly; exact on source frames."""
     before, after, share = _brackets(motion.n_frames, motion.fps_hz, fps_hz, start_s)
     positions, rotmats = motion.pelvis_m, motion.rotmats
     chosen = rotmats[before]

@@ -16,8 +16,7 @@ _LEGS = (*LIMBS[:2], *LIMBS[4:6])
 SHORTEST_LEG_M, LONGEST_LEG_M = 0.3, 1.5
 """Hip-knee-ankle of a small child and more than that of the tallest person."""
 SHORTEST_LIMB_M = 0.02
-LARGEST_TILT_DEG = 40.0
-"""How far a zero pose may lean or face away from the coordinate axes."""
+LARGEST_TILT_DEG = 40.0  # how far a zero pose may lean or face away from the coordinate axes
 
 
 def leg_length_m(rest_joints_m: np.ndarray) -> float:

@@ -32,8 +32,7 @@ BODY_ALPHA = 0.8
 LINE_PX = 2
 TOWARDS_LIGHT = np.array([-0.35, -0.6, -0.72])
 """The body is lit from above the camera's left shoulder."""
-GAP_PX = 4
-"""Between the frames of a sheet [px]."""
+GAP_PX = 4  # between the frames of a sheet [px]
 DRAWING_SCALE = 2
 """Overlays are drawn on frames of twice their size, so that lines and close-ups are smooth."""
 CONTACT_FILE = "contact.jpg"

@@ -30,8 +30,7 @@ HFOV_DEG = 50.0
 DISTANCE_M = 4.2
 HEIGHT_M = 1.7
 FOLLOW_SIGMA_S = 0.6
-SHORTEST_WAY_M = 0.5
-"""On a shorter path the camera stands before the person, else beside the path."""
+SHORTEST_WAY_M = 0.5  # on a shorter path the camera stands before the person, else beside the path
 
 
 def film_camera(motion: Motion) -> np.ndarray:
@@ -66,18 +65,15 @@ def _side(motion: Motion) -> np.ndarray:
 BACKGROUND = np.array([244.0, 245.0, 246.0])
 GRID = np.array([176.0, 182.0, 188.0])
 SKIN = np.array([128.0, 164.0, 208.0])
-SHADOW = 0.8
-"""Brightness of the ground in the shadow."""
+SHADOW = 0.8  # brightness of the ground in the shadow
 LIGHT_FROM_CAMERA = (0.4, 0.5, 1.0)
 """Direction to the light: to the camera's right, from the person to the camera, up."""
 AMBIENT = 0.45
 OVERSAMPLING = 2
-GRID_REACH = 12
-"""Lines of the grid on each side of its middle; they are 1 m apart."""
+GRID_REACH = 12  # lines of the grid on each side of its middle; they are 1 m apart
 FADE_M = 9.0
 NEAREST_M = 0.1
-_BITS = 4
-"""cv2 takes polygon corners as integers with this many fractional bits."""
+_BITS = 4  # cv2 takes polygon corners as integers with this many fractional bits
 
 
 class Film(NamedTuple):
@@ -185,8 +181,7 @@ def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 PLOT_IN = 5.0
-LARGEST_VIDEO_HZ = 30.0
-"""A motion of a higher rate is filmed at every second, third, ... frame."""
+LARGEST_VIDEO_HZ = 30.0  # a motion of a higher rate is filmed at every second, third, ... frame
 POSED_AT_ONCE = 32
 
 

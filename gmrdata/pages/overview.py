@@ -16,10 +16,8 @@ from gmrdata.pages.plots import COLOURS, Draw, picture, plot_top_view
 from gmrdata.pages.report_data import ClipReport, ReportData, Summary
 from gmrdata.values.errors import BadFrames
 
-TILE_PX = (340, 255)
-"""Width and height of a frame's part round the person."""
-AROUND = 1.9
-"""Height of that part in heights of the person."""
+TILE_PX = (340, 255)  # width and height of a frame's part round the person
+AROUND = 1.9  # height of that part in heights of the person
 DPI = 144
 KINDS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 

@@ -59,18 +59,14 @@ _RC: Any = {
     "axes.edgecolor": COLOURS["rule"],
 }
 
-_DIGITS = re.compile(r"(\.[0-9]{2})[0-9]+")
-"""Decimals from the third on."""
+_DIGITS = re.compile(r"(\.[0-9]{2})[0-9]+")  # decimals from the third on
 
-Draw = Callable[[Figure], object]
-"""Fills a plot; called inside the style."""
+Draw = Callable[[Figure], object]  # fills a plot; called inside the style
 
-VIEW_TICKS = 12
-"""About how many viewing directions are drawn along a camera path."""
+VIEW_TICKS = 12  # about how many viewing directions are drawn along a camera path
 TRUE_WIDTH, RECOVERED_WIDTH = 6.0, 1.6
 """Line widths [pt]: the truth is a pale band that the recovered line has to stay on."""
-LABEL_PT = 11.0
-"""From a point to its label [pt]."""
+LABEL_PT = 11.0  # from a point to its label [pt]
 _LABEL = "label"
 
 

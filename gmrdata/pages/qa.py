@@ -35,8 +35,7 @@ STAGE_FILES = {
     "pseudo_gt": ("quality.json",),
 }
 """What the stages leave for people to read, beside their records."""
-OPEN_RANGES = 12
-"""A longer list of dropped ranges is folded."""
+OPEN_RANGES = 12  # a longer list of dropped ranges is folded
 N_TILES = 6
 THUMBNAIL_WIDTH_PX = 88
 

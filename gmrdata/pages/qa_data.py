@@ -177,8 +177,7 @@ def gather(
 
 KIND_COLOURS = ("#e69f00", "#56b4e9", "#cc79a7", "#d55e00", "#0072b2", "#c9b800", "#8a6d3b")
 """Colour-blind readers tell these apart (Okabe and Ito 2008), on white and on black."""
-OTHER_COLOUR = "#8f979e"
-"""The colour of all further kinds."""
+OTHER_COLOUR = "#8f979e"  # the colour of all further kinds
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from gmrdata.twins.pseudo_gt_error import error_series
 from gmrdata.values.files import write_text
 from gmrdata.values.motion import Motion
 
-CLOSE_UP_PX = (300, 380)
-"""Width and height of a close-up: people stand."""
+CLOSE_UP_PX = (300, 380)  # width and height of a close-up: people stand
 
 FIGURES = {
     "frames_with_camera": "Frames with a camera",

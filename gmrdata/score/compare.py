@@ -84,14 +84,11 @@ def compare_scores(
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Differences of runs to the first one, clip by clip.
+    """Differences of two or more runs, by their `scores.json`, to the first one, clip by clip.
 
     Each clip counts once, whatever its length.  Only clips that all runs have are compared; the
     others are named.  A protocol's metrics are compared where all runs have the same protocol.
-
-    Args:
-        paths: `scores.json` of each run, two or more.
-        out_dir: Gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
+    `out_dir` gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
     """
     config = config or CompareConfig()
     if len(paths) < 2:

@@ -48,11 +48,7 @@ def still_motion(true: Motion, first: Motion) -> Motion:
 
 
 def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> PredictedClip | str:
-    """What a network sees in a clip's local poses; the reason where there is no prediction.
-
-    Each run of valid frames is a sequence, and a world, of its own: motions are accumulated
-    (eqs. 3-4) from the run's true first pose.
-    """
+    """What a network sees in runs of valid frames, from their true first poses; or why nothing."""
     from gmrdata.gmr.predict import predict_deltas
 
     runs = []

@@ -72,10 +72,8 @@ def score_manifest(
         out_dir: Gets `scores.json`, whose path is returned, `scores.csv` and `scores.md`.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
 
-    Raises:
-        BadManifest: no clip can be scored, a clip is of another body, or a floor is given for a
-            manifest that is no pseudo ground truth.
-        BadRecord: the floor is broken, or of another frame rate.
+    BadManifest where no clip can be scored, one is of another body, or a floor is given for a
+    manifest that is no pseudo ground truth; BadRecord where the floor is of another frame rate.
     """
     from gmrdata.gmr.predict import load_gmr
 
@@ -115,10 +113,8 @@ def score_predictions(
             prediction's.  Its local pose and shape count in VME and in a protocol.
         predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
 
-    Raises:
-        BadMotionFile: a prediction is missing or lacks frames, and may not be dropped; or it is
-            broken, of another clip or body, or in the camera's frame.
-        BadBodyFile: the two bodies have different meshes.
+    BadMotionFile where a prediction is missing, lacks frames and may not be dropped, is of another
+    clip or body, or in the camera's frame; BadBodyFile where the two bodies have different meshes.
     """
     config = config or ScoreConfig()
 
@@ -171,11 +167,7 @@ def score_clips(
 
 
 def motion_types(manifest: Manifest) -> dict[str, str]:
-    """Type of motion by clip id, in the words of the list that names the clip's sequence.
-
-    A clip has one only where its source is a sequence that a published list (the paper's Table 8 of
-    CMU trials) gives a label; the others are left out.
-    """
+    """Type of motion by clip id: the label of its sequence in a published list, if it has one."""
     labels: dict[tuple[str, str], str] = {}
     for name in recipes.published_names():
         published = read_manifest(recipes.published_manifest(name))

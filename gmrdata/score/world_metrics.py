@@ -24,15 +24,13 @@ Samples = Float[np.ndarray, " samples"]
 
 
 def segments_of(n_frames: int, length: int, remainder: Remainder) -> list[Rows]:
-    """Cut frames into segments of one length.
+    """Cut frames into segments of one length; `remainder` says what becomes of those left over.
 
-    Args:
-        remainder: "own_segment": the frames left over are a shorter segment.
-            "joined_but_last_frame": they belong to the last full segment, but for the very last
-            frame; nothing up to `length` frames has a segment, and where none are left over the
-            last full segment is not scored.  "joined": they belong to the last full segment, and
-            where none are left over the last two segments are one; nothing up to `length` frames
-            has a segment.
+    "own_segment": they are a shorter segment.  "joined_but_last_frame": they belong to the last
+    full segment, but for the very last frame; nothing up to `length` frames has a segment, and
+    where none are left over the last full segment is not scored.  "joined": they belong to the last
+    full segment, and where none are left over the last two segments are one; nothing up to `length`
+    frames has a segment.
     """
     starts = list(range(0, n_frames, length))
     if remainder == "own_segment":

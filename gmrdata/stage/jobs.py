@@ -62,8 +62,7 @@ Units = tuple[int, Callable[[], int]] | None
 """What a progress bar counts instead of jobs: how many there will be, how many there are by now."""
 
 
-Pool = Callable[[], Any]
-"""Gives a Dask client; the first call starts the workers."""
+Pool = Callable[[], Any]  # gives a Dask client; the first call starts the workers
 
 
 def run_jobs(

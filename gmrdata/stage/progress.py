@@ -15,8 +15,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-console = Console(stderr=True, highlight=False)
-"""Progress and errors, for the person who waits."""
+console = Console(stderr=True, highlight=False)  # progress and errors, for the person who waits
 
 _KNOWN_WIDTH = sys.stdout.isatty() or "COLUMNS" in os.environ
 answers = Console(highlight=False, width=None if _KNOWN_WIDTH else 160)

@@ -9,10 +9,8 @@ from gmrdata.values.errors import BadRecipe
 class Run:
     """Passed on as it is from a command to its stages."""
 
-    redo: bool = False
-    """Throw away and make anew what another recipe or other inputs made."""
-    workers: int | None = None
-    """Local worker processes; as many as the recipe says when None."""
+    redo: bool = False  # throw away and make anew what another recipe or other inputs made
+    workers: int | None = None  # local worker processes; as many as the recipe says when None
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:port); local processes when None."""
     only_look: bool = False
@@ -23,5 +21,4 @@ class Run:
             raise BadRecipe(f"--workers {self.workers}: at least one process has to do the work")
 
 
-DEFAULT_RUN = Run()
-"""Keep what is made; the recipe's number of local workers."""
+DEFAULT_RUN = Run()  # keep what is made; the recipe's number of local workers

@@ -243,18 +243,15 @@ class FileState(NamedTuple):
 
     inode: int
     size_bytes: int
-    mtime_ns: int
-    """When its content was last changed; anybody may set this."""
-    ctime_ns: int
-    """When the system last changed anything of it; nobody can set this."""
+    mtime_ns: int  # when its content was last changed; anybody may set this
+    ctime_ns: int  # when the system last changed anything of it; nobody can set this
 
 
 class KnownFile(NamedTuple):
     """A file's hash, and what the system said of the file then."""
 
     sha256: str
-    state: FileState
-    """Unchanged as long as the content is."""
+    state: FileState  # unchanged as long as the content is
 
 
 class InputsRecord(Record):

@@ -2,5 +2,4 @@
 
 from typing import Literal
 
-ScaleName = Literal["paper", "small"]
-"""As the paper trains, or as a machine without a GPU can."""
+ScaleName = Literal["paper", "small"]  # as the paper trains, or as a machine without a GPU can

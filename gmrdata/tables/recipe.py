@@ -14,8 +14,7 @@ from gmrdata.values.errors import BadRecipe
 from gmrdata.values.records import Config
 
 Method = Literal["gmr", "vibe_cam", "camera_as_world", "joint"]
-Settings = dict[str, Any]
-"""Settings of a training, nested as its config is."""
+Settings = dict[str, Any]  # settings of a training, nested as its config is
 
 
 class Scale(Config):

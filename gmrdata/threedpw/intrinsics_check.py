@@ -28,11 +28,9 @@ NEAREST_M = 0.3
 """Joints closer to the camera than this are left out [m]: there a small error is many pixels."""
 MARGIN_SHARE = 0.5
 """Joints that the body has further outside the image than this share of it are left out."""
-FINEST_PX = 0.2
-"""No detector's error is smaller [px]; keeps exact input from dividing by zero."""
+FINEST_PX = 0.2  # no detector's error is smaller [px]; keeps exact input from dividing by zero
 MAX_ITERATIONS = 50
-SETTLED = 1e-7
-"""The fit ends where f changes by less."""
+SETTLED = 1e-7  # the fit ends where f changes by less
 
 
 class IntrinsicsConfig(Config):

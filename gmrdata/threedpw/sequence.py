@@ -23,18 +23,13 @@ from gmrdata.world.quality import load_record, quality_record, unsolved_quality
 from gmrdata.world.sequence import regenerate_sequence
 from gmrdata.world.verdict import Doubts, verdict_of
 
-UNSOLVED = "unsolved"
-"""The stage's name where there is no reconstruction."""
+UNSOLVED = "unsolved"  # the stage's name where there is no reconstruction
 
 
 def regenerate_one(
     files: SequenceFiles, root: Path, recipe: ThreedpwRecipe, body_paths: tuple[Path, ...], run: Run
 ) -> Path:
-    """Run every stage of one sequence, up to the folder of the pseudo ground truth.
-
-    A sequence without a reconstruction is no failure: its clips say so, row by row.  `root` is the
-    set's output folder.
-    """
+    """Run every stage of one sequence; without a reconstruction its clips say so, row by row."""
     require_name(files.name)
     paths = SetPaths(root)
     people_dir, out_dir = paths.sequence_dir(files.name) / "people", paths.pseudo_gt_dir(files.name)
