@@ -99,11 +99,7 @@ def read_listing(path: Path) -> list[ListedFile]:
 
 
 def files_below(folder: Path) -> list[str]:
-    """Sorted relative paths of all files below a folder; links to folders are not entered.
-
-    Left out are the records of what made the folder: the stage's, which holds times, and that of
-    found masks, which is no image's.
-    """
+    """Sorted relative paths of all files below a folder but `RECORDS`; links are not entered."""
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
     real = folder.resolve()

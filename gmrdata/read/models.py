@@ -48,10 +48,7 @@ def models_dir() -> Path:
 
 
 def find_model(model: Model, given: Path | None = None) -> Path:
-    """The file of a network: the one that is given, or else the one that was fetched.
-
-    MissingInput names the command that gets it; BadDetector: what was fetched is not as published.
-    """
+    """A network's file: the one that is given, or else the fetched one, which is as published."""
     path = require_model(given or models_dir() / model.name)
     if given is None and sha256_of_file(path) != model.sha256:
         raise BadDetector(f"{path}: not the published file; {REMEDY} anew with --redo")

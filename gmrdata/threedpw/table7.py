@@ -78,11 +78,7 @@ class ComparedRow:
 
 
 def compare_with_table7(path: Path) -> list[ComparedRow]:
-    """Lay 3DPW pseudo ground truth, a manifest or a folder that holds one, beside Table 7.
-
-    Table 7 doesn't say which person of a sequence was scored, so each person gets a row.  Its rows
-    come in its order, then our clips of other sequences in ours.
-    """
+    """Lay 3DPW pseudo ground truth, a manifest or its folder, beside Table 7: a row per person."""
     table7 = read_manifest(published_manifest("paper_table7"))
     assert isinstance(table7, ListManifest)
     return compare(_clips_of_3dpw(find_manifest(path)), table7.clips)

@@ -56,10 +56,7 @@ class MotionFigures:
 def classify(
     world_from_cam: np.ndarray, pelvis_m: np.ndarray, fps_hz: float, config: MotionClassConfig
 ) -> tuple[MotionClass, MotionFigures]:
-    """Class of the motion of cameras (T, 4, 4) in a z-up world [m], and the figures behind it.
-
-    `pelvis_m` (T, 3) is the person's, in the same world [m].
-    """
+    """Class of the motion of cameras (T, 4, 4) round a pelvis (T, 3), z-up world [m]; and why."""
     finite = np.isfinite(world_from_cam).all() and np.isfinite(pelvis_m).all()
     if not (finite and 0 < len(world_from_cam) == len(pelvis_m)):
         needed = "a camera's class needs finite cameras and a person in each of its frames"

@@ -58,10 +58,7 @@ def camera_of(clip: Clip) -> CameraPath:
 
 
 def rows_of_numbers(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """(T,) where the wanted image numbers (T,) stand among those of N rows (N,).
-
-    A number of -1 is no image; the row is -1 where a number is nowhere, or is -1 itself.
-    """
+    """Rows (T,) of wanted image numbers (T,) among those of N rows (N,); -1 where nowhere."""
     row_of_number = {int(number): row for row, number in enumerate(numbers) if number >= 0}
     return np.array([row_of_number.get(int(n), -1) for n in wanted], dtype=np.int64)
 

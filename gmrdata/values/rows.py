@@ -23,10 +23,7 @@ def texts_of(runs: Iterable[tuple[int, int, str]], n_rows: int) -> list[str]:
 
 
 def first_reasons(reasons: Iterable[str], tests: Iterable[tuple[Iterable[bool], str]]) -> list[str]:
-    """(N,) why each row can't be used: its own reason, or that of the first test it fails.
-
-    A test is what passed (N,), and the reason where it did not.
-    """
+    """(N,) why each row can't be used: its own reason, or that of the first test (N,) it fails."""
     found = list(reasons)
     for passed, reason in tests:
         found = [old or ("" if good else reason) for old, good in zip(found, passed, strict=True)]

@@ -32,10 +32,7 @@ def joint_positions_m(
     world_from_joint: Float[np.ndarray, "frames joints 3 3"],
     translations_m: Float[np.ndarray, "*frames joints 3"],
 ) -> Float[np.ndarray, "frames joints 3"]:
-    """Forward kinematics of a tree (Loper et al. 2015, eq. 4): positions in the world [m].
-
-    `translations_m` are positions in the parents' frames, of all frames or of each [m].
-    """
+    """A tree's joints in the world [m], of places in parents' frames (Loper et al., eq. 4)."""
     positions_m = np.empty(world_from_joint.shape[:-1])
     steps_m = np.broadcast_to(translations_m, positions_m.shape)
     for joint, parent in enumerate(parents):

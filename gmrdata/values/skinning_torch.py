@@ -42,11 +42,7 @@ def posed_vertices(
 def joint_transforms(
     body: BodyModel, shape: Tensor, local_rotmats: Tensor
 ) -> Float[Tensor, "*batch 24 3 4"]:
-    """root_from_rest: where each joint takes the points that are bound to it [m].
-
-    Points of the rest frame with the pelvis at the origin go to the root's frame with the pelvis at
-    the origin.  Arguments are those of `posed_vertices`.
-    """
+    """root_from_rest: where joints take points bound to them [m], both seen from the pelvis."""
     _check_sizes(body, shape, local_rotmats)
     rest_joints_m = _rest_joints(_tensors(body, local_rotmats), shape.to(local_rotmats))
     joints_m, root_from_joint = forward_kinematics(rest_joints_m, local_rotmats)
