@@ -13,7 +13,7 @@ import pytest
 from record import at_least, at_most
 from render.tables import show
 from sfm.bars import sequence_bars
-from sfm.beside import measure_beside, table_row
+from sfm.beside import measure_beside, measure_ours, table_row
 from sfm.breakages import break_sequence
 from sfm.broken import measure_broken
 from sfm.same import differences
@@ -74,6 +74,24 @@ def test_a_long_sequence(sfm: Session) -> None:
             at_least("times faster on it", pair.speedup, 10.0),
         ]
     )
+
+
+def test_a_rolling_shutter(sfm: Session) -> None:
+    """Each row of frames is exposed a little later than the row above, as phones do."""
+    rows = []
+    for readout in (0.0, 0.6):
+        twins = sfm.rolling_twins(readout)
+        made = sfm.regenerate(twins.root, f"rolling_{readout:g}")
+        for name in sorted(twins.classes):
+            ours = measure_ours(twins, name, made)
+            keys = "accepted", "ome_deg", "tme_mm", "camera_path_mm", "camera_rotation_deg"
+            kept = {"scale_error_percent": ours["scale_error_percent"], "kept": ours["kept_share"]}
+            figures = {key: ours[key] for key in keys} | kept
+            rows.append({"sequence": name, "readout_ms": round(readout * 1000 / 30), **figures})
+    show("A rolling shutter", rows)
+    sfm.record.add(rolling=rows)
+    rejected = sum(not row["accepted"] for row in rows)
+    sfm.record.hold([at_most("rejected for a rolling shutter", rejected, 0)])
 
 
 def test_what_is_broken_is_caught(sfm: Session) -> None:

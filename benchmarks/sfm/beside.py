@@ -42,10 +42,11 @@ def measure_beside(twins: Twins, name: str, made: Regenerated, out_dir: Path) ->
         made: What ours left.
         out_dir: Folder to make for the plain recipe.
     """
-    return Beside(_ours(twins, name, made), _plain(twins, name, made, out_dir))
+    return Beside(measure_ours(twins, name, made), _plain(twins, name, made, out_dir))
 
 
-def _ours(twins: Twins, name: str, made: Regenerated) -> dict[str, Any]:
+def measure_ours(twins: Twins, name: str, made: Regenerated) -> dict[str, Any]:
+    """Score what ours left of a sequence."""
     verdict = made.verdicts[name]
     errors = sequence_errors(
         name,

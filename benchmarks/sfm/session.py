@@ -10,12 +10,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import yaml
 from record import Record
 from sfm.ours import Regenerated, regenerate
 from sfm.twins import Twins, make_twins
 
 OUT_DIR = Path("out/bench")
-LONG_RECIPE = Path(__file__).parent / "long.yaml"
+LONG_RECIPE, ROLLING_RECIPE = (Path(__file__).parent / f"{n}.yaml" for n in ("long", "rolling"))
 
 
 @dataclass
@@ -58,6 +59,17 @@ class Session:
         if self.small:
             return self.twins
         return make_twins(LONG_RECIPE, (OUT_DIR / "twins_long").resolve())
+
+    def rolling_twins(self, readout: float) -> Twins:
+        """Two short walks, whose rows are read out within this share of the time of a frame."""
+        recipe = yaml.safe_load(ROLLING_RECIPE.read_text(encoding="utf-8"))
+        recipe["set"]["render"]["readout"] = readout
+        if self.small:
+            recipe["set"]["film"] |= {"duration_s": 0.8, "width_px": 180, "height_px": 320}
+        name = f"twins_rolling_{readout:g}{'_small' if self.small else ''}"
+        path = (OUT_DIR / f"{name}.yaml").resolve()
+        path.write_text(yaml.safe_dump(recipe), encoding="utf-8")
+        return make_twins(path, path.with_suffix(""))
 
     @cached_property
     def made(self) -> Regenerated:
