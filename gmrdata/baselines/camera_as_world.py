@@ -5,21 +5,13 @@ camera stands still, and wrong by its motion where it moves.  With the true or a
 applied it is the reference that knows the camera (eqs. 6-8 of the paper).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from gmrdata.baselines.predictions import (
-    MethodFigures,
-    Prediction,
-    Predictions,
-    Subject,
-    manifest_subjects,
-    predicted,
-    write_predictions,
-)
+from gmrdata.baselines import predictions
 from gmrdata.cameras.files import CAMERAS_FILE, QUALITY_FILE, SfmCameras, load_cameras
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -36,11 +28,7 @@ LEVEL_FROM_CAM = rigid(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0
 
 
 def seen_motion(clip: Clip) -> tuple[Motion, np.ndarray]:
-    """The person in the frame of the camera at each row, and the (T,) bool rows that have it.
-
-    Raises:
-        BadMotionFile: the motion is in the world frame, and the clip has no camera.
-    """
+    """The person in the frame of the camera at each row, and the (T,) bool rows that have it."""
     if clip.motion.frame == "camera":
         return clip.motion, clip.valid
     camera = camera_of(clip)
@@ -52,53 +40,29 @@ def as_if_still(seen: Motion) -> Motion:
     return motion_in_world(seen, np.tile(LEVEL_FROM_CAM, (seen.n_frames, 1, 1)))
 
 
-@dataclass(frozen=True)
-class CameraFiles:
+class CameraFiles(NamedTuple):
     """Where one clip's recovered cameras lie."""
 
     cameras_path: Path  # `cameras.npz` of a reconstruction
-    quality_path: Path | None
-    """`quality.json` of the pseudo ground truth, which states the scale; None where there is
-    none."""
-
-    def inputs(self, clip_id: str) -> dict[str, Path]:
-        """The files by role, for a stage's record."""
-        found = {f"cameras_{clip_id}": self.cameras_path}
-        return found | (
-            {} if self.quality_path is None else {f"scale_{clip_id}": self.quality_path}
-        )
+    quality_path: Path | None  # of the pseudo ground truth, which states the scale; None: no such
 
 
 def find_cameras(folder: Path, clip_id: str) -> CameraFiles:
-    """The cameras of a clip: `folder/<clip id>/` as `gmrdata sfm` made it, or `cameras.npz` there.
-
-    Raises:
-        MissingInput: neither is there.
-    """
+    """The cameras of a clip: `folder/<clip id>/` as `gmrdata sfm` made it, or its `cameras.npz`."""
     made = folder / clip_id
     for path in (made / "sfm" / CAMERAS_FILE, made / CAMERAS_FILE):
         if path.is_file():
             quality_path = made / "pseudo_gt" / QUALITY_FILE
             return CameraFiles(path, quality_path if quality_path.is_file() else None)
-    raise MissingInput(
-        f"{made}: no sfm/{CAMERAS_FILE} and no {CAMERAS_FILE} there. Run gmrdata sfm with"
-        f" --out {made}, or leave the clip out of the manifest"
-    )
+    remedy = f"Run gmrdata sfm with --out {made}, or leave the clip out of the manifest"
+    raise MissingInput(f"{made}: no sfm/{CAMERAS_FILE} and no {CAMERAS_FILE} there. {remedy}")
 
 
 def recovered_cameras(clip: Clip, files: CameraFiles) -> tuple[np.ndarray, np.ndarray]:
     """Recovered cameras of a clip's rows, matched by the images' numbers.
 
+    Gives world_from_cam (T, 4, 4) [m], NaN where there is none, and (T,) bool rows that have one.
     The world is that of the first camera, held level.
-
-    Returns:
-        world_from_cam (T, 4, 4) in metres, NaN where there is none, and (T,) bool rows that have
-        one.
-
-    Raises:
-        MissingInput: a file is not there.
-        BadMotionFile: the cameras are of other images, or up to a scale that nobody states.
-        BadRecord: the record of the scale is broken.
     """
     cameras = load_cameras(files.cameras_path.parent)
     rows = rows_of_numbers(cameras.image_numbers, clip.image_numbers)
@@ -141,13 +105,13 @@ class CameraAsWorldConfig(Config):
     structure from motion found."""
 
 
-class CameraFigures(MethodFigures):
+class CameraFigures(predictions.MethodFigures):
     """What the record says of this baseline."""
 
     camera: WhichCamera
 
 
-class CameraPredictions(Predictions):
+class CameraPredictions(predictions.Predictions):
     """Of this baseline."""
 
     figures: CameraFigures
@@ -161,20 +125,13 @@ def predict_camera_as_world(
     cameras_dir: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Predict world motions from the camera's view of the true motion.
+    """Predict world motions from the camera's view of the true motion; unseen clips are named.
 
-    Clips that no camera sees are left out and named.
-
-    Args:
-        cameras_dir: For recovered cameras: `<clip id>/` of each clip, as `gmrdata sfm` makes it.
-
-    Raises:
-        MissingInput: recovered cameras are asked for, and are not there.
-        BadMotionFile: recovered cameras are of other images, or up to an unknown scale.
-        GmrdataError: as `manifest_subjects`.
+    `cameras_dir` holds recovered cameras: `<clip id>/` of each clip, as `gmrdata sfm` makes it.
+    BadMotionFile where they are of other images, or up to an unknown scale.
     """
     config = config or CameraAsWorldConfig()
-    subjects, left_out = manifest_subjects(manifest_path)
+    subjects, left_out = predictions.manifest_subjects(manifest_path)
     seen = [one for one in subjects if _is_seen(one)]
     left_out |= {one.clip.id: "no camera sees it" for one in subjects if not _is_seen(one)}
     files: dict[str, CameraFiles] = {}
@@ -183,24 +140,25 @@ def predict_camera_as_world(
         if cameras_dir is None:
             raise MissingInput("no recovered cameras given. Name --cameras")
         files = {one.clip.id: find_cameras(cameras_dir, one.clip.id) for one in seen}
-        for clip_id, found in files.items():
-            inputs |= found.inputs(clip_id)
+        for clip_id, (cameras_path, quality_path) in files.items():
+            inputs[f"cameras_{clip_id}"] = cameras_path
+            inputs |= {} if quality_path is None else {f"scale_{clip_id}": quality_path}
 
     def work(partial_dir: Path) -> None:
-        predictions = [_prediction(one, config.camera, files.get(one.clip.id)) for one in seen]
-        figures = CameraFigures(camera=config.camera)
-        write_predictions(
-            partial_dir, "camera_as_world", predictions, left_out, CameraPredictions, figures
-        )
+        made = [_prediction(one, config.camera, files.get(one.clip.id)) for one in seen]
+        kind, figures = CameraPredictions, CameraFigures(camera=config.camera)
+        predictions.write_predictions(partial_dir, "camera_as_world", made, left_out, kind, figures)
 
     return run_stage("baseline-camera-as-world", out_dir, config, inputs, work, run=run)
 
 
-def _prediction(subject: Subject, camera: WhichCamera, files: CameraFiles | None) -> Prediction:
+def _prediction(
+    subject: predictions.Subject, camera: WhichCamera, files: CameraFiles | None
+) -> predictions.Prediction:
     seen, valid = seen_motion(subject.clip)
     if camera == "ignored":
         source = f"camera frame taken as world: {seen.source}"
-        return predicted(subject, replace(as_if_still(seen), source=source), valid)
+        return predictions.predicted(subject, replace(as_if_still(seen), source=source), valid)
     if files is None:
         path = camera_of(subject.clip)
         world_from_cam, known = path.world_from_cam, path.has_camera
@@ -208,8 +166,8 @@ def _prediction(subject: Subject, camera: WhichCamera, files: CameraFiles | None
         world_from_cam, known = recovered_cameras(subject.clip, files)
     source = f"camera frame with the {camera} camera applied: {seen.source}"
     world = replace(motion_in_world(seen, world_from_cam), source=source)
-    return predicted(subject, world, valid & known)
+    return predictions.predicted(subject, world, valid & known)
 
 
-def _is_seen(subject: Subject) -> bool:
+def _is_seen(subject: predictions.Subject) -> bool:
     return subject.clip.motion.frame == "camera" or subject.clip.camera is not None

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.openpose import Person2d, keypoint_files, read_people
+from gmrdata.read.openpose import keypoint_files, read_people
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
@@ -33,24 +33,11 @@ def clip_keypoints(
     person_id: int | None = None,
     image_size_px: tuple[int, int] | None = None,
 ) -> ClipKeypoints:
-    """Read the keypoints of a clip's images.
+    """Read the keypoints of a clip's images, in `folder`'s JSON files of the images' numbers.
 
-    Of several people in a frame, the one with the track `person_id` is taken; without that, the one
-    whose joints have the highest sum of confidences, frame by frame.
-
-    Args:
-        clip: The clip, with its camera and the numbers of its images.
-        folder: The frames' JSON files, with the images' numbers.
-        person_id: The track of STAF to follow, or None.
-        image_size_px: Width and height of the images that the detector was given; None for those of
-            the clip's camera.
-
-    Raises:
-        MissingInput: the folder is not there or empty.
-        BadRecord: a file is truncated.
-        BadKeypoints: a file is of another kind, no file is of one of the clip's images, nobody is
-            detected in any of them, or the points are of images of another size.
-        BadMotionFile: the clip has no camera.
+    Of several people in a frame, the one with STAF's track `person_id` is taken; without that, the
+    one whose joints have the highest sum of confidences, frame by frame.  `image_size_px` are width
+    and height of the images that the detector was given; None for those of the clip's camera.
     """
     camera = camera_of(clip)
     files = keypoint_files(folder)
@@ -61,7 +48,8 @@ def clip_keypoints(
             missing.append("no keypoint file" if number >= 0 else "no image")
             continue
         people = read_people(files[number])
-        person = _chosen(people, person_id)
+        wanted = [one for one in people if person_id is None or one.id == person_id]
+        person = max(wanted, key=lambda one: one.confidence, default=None)
         if person is None:
             missing.append("nobody detected" if not people else f"no person {person_id} detected")
             continue
@@ -73,11 +61,6 @@ def clip_keypoints(
     points[..., :2] *= _factors(folder, camera, image_size_px)
     _check_in_image(points, camera, folder)
     return ClipKeypoints(points, tuple(missing), n_crowded)
-
-
-def _chosen(people: list[Person2d], person_id: int | None) -> Person2d | None:
-    wanted = [one for one in people if person_id is None or one.id == person_id]
-    return max(wanted, key=lambda one: one.confidence, default=None)
 
 
 def _nothing(clip: Clip, folder: Path, numbers: list[int], missing: list[str]) -> str:
@@ -109,18 +92,13 @@ def _factors(
 
 
 def _check_in_image(points: np.ndarray, camera: CameraPath, folder: Path) -> None:
-    """Refuse points that can't be of the camera's images.
-
-    Points of smaller images all lie inside and can't be told from those of a distant person.
-    """
+    """Refuse points outside the camera's images; those of smaller images can't be told apart."""
     seen_px = points[points[..., 2] > 0][:, :2]
     if not len(seen_px):
         return
     if np.abs(seen_px).max() <= 1:
-        raise BadKeypoints(
-            f"{folder}: points are shares of the image, not pixels. Run OpenPose with"
-            " --keypoint_scale 0"
-        )
+        remedy = "Run OpenPose with --keypoint_scale 0"
+        raise BadKeypoints(f"{folder}: points are shares of the image, not pixels. {remedy}")
     size_px = np.array([camera.width_px, camera.height_px])
     margin_px = BEYOND_IMAGE_SHARE * size_px.max()
     if ((seen_px < -margin_px) | (seen_px > size_px + margin_px)).any():

@@ -13,12 +13,12 @@ import torch
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.flat_runs import TrainingRun, in_memory
-from gmrdata.gmr.runs import MIN_FRAMES, check_finite
+from gmrdata.gmr.runs import MIN_FRAMES, check_finite, no_runs
 from gmrdata.gmr.windows import Batch, TrainingSet, sample_window, stacked
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadFeatures, BadManifest, BadMotionFile, MissingInput
+from gmrdata.values.errors import BadFeatures, BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import whole_ratio
 
@@ -26,13 +26,9 @@ KEY = "features"
 N_LOCAL_VALUES = N_LOCAL * 9  # numbers of the local rotations of a frame
 
 
-def features_path(folder: Path, clip_id: str) -> Path:
-    return folder / f"{clip_id}.npz"
-
-
 def load_features(folder: Path, clip: Clip) -> np.ndarray:
     """The features of a clip's rows: (T, D) float32."""
-    path = features_path(folder, clip.id)
+    path = folder / f"{clip.id}.npz"
     if not path.is_file():
         raise MissingInput(f"{path}: no image features of clip {clip.id}; write `{KEY}` (T, D)")
     found = read_npz(path).get(KEY)
@@ -63,10 +59,7 @@ def rows_per_frame(clip: Clip, fps_hz: float) -> int:
 
 
 def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float) -> list[TrainingRun]:
-    """Runs of a clip's valid frames, all phases of a higher rate.
-
-    Their rows are the features (T, D), and the local rotations after them (`split_rows`).
-    """
+    """Runs of valid frames, all phases: rows of features (T, D), then the local rotations."""
     check_finite(clip)
     step = rows_per_frame(clip, fps_hz)
     motion = clip.motion
@@ -96,18 +89,12 @@ def training_runs(pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float) -> Tr
         )
     runs = [run for clip, features in pairs for run in joint_runs(clip, features, fps_hz)]
     if not runs:
-        raise BadManifest(
-            f"none of the {len(pairs)} training clips has two valid frames in a row at"
-            f" {fps_hz:g} fps. Give manifests with longer clips"
-        )
+        raise no_runs(len(pairs), "training", fps_hz, "Give manifests with longer clips")
     return TrainingSet(in_memory(runs), "6d")
 
 
 def make_joint_batch(training_set: TrainingSet, config: JointConfig, step: int) -> Batch:
-    """The windows of one step, with features as input: the same for the same recipe and step.
-
-    Local rotations are the identity in padding.
-    """
+    """The windows of one step, features as input; local rotations are the identity in padding."""
     rng = np.random.default_rng([config.seed, step])
     windows = [sample_window(training_set, config.windows, rng) for _ in range(config.batch_size)]
     rows, lengths, motions = stacked(windows, config.frames)

@@ -7,19 +7,9 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.baselines.joint_data import features_path, load_features, rows_per_frame
+from gmrdata.baselines import predictions
+from gmrdata.baselines.joint_data import load_features, rows_per_frame
 from gmrdata.baselines.joint_model import JointModel, load_joint
-from gmrdata.baselines.predictions import (
-    NetworkFigures,
-    NetworkPredictions,
-    Prediction,
-    Subject,
-    first_pose,
-    manifest_subjects,
-    predicted,
-    roots_of_runs,
-    write_predictions,
-)
 from gmrdata.score.predictions import every_row
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -28,54 +18,40 @@ from gmrdata.values.errors import BadFeatures
 from gmrdata.values.records import Config
 
 
-class JointPredictConfig(Config):
-    """There is nothing to choose: the frame rate is the network's."""
-
-
 def predict_joint(
     run_dir: Path, manifest_path: Path, features_dir: Path, out_dir: Path, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Predict local poses and world motions from image features.
+    """Predict local poses and world motions from image features, at the network's frame rate.
 
-    Args:
-        run_dir: A finished run of `gmrdata.baselines.joint_train`.
-        features_dir: The clips' image features; see `gmrdata.baselines.joint_data`.
-        out_dir: See `gmrdata.baselines.predictions`.  Clips are at the network's frame rate.
-
-    Raises:
-        MissingInput: a file is not there.
-        BadCheckpoint: the run's network is broken.
-        BadFeatures: features do not fit the clip or the network.
-        BadMotionFile: a clip's rate is no multiple of the network's.
+    `run_dir` is a finished run of `gmrdata.baselines.joint_train`, which sees features as there.
+    Errors are MissingInput, BadCheckpoint, BadFeatures for those of other clips or networks, and
+    BadMotionFile for a clip whose rate is no multiple of the network's.
     """
-    subjects, left_out = manifest_subjects(manifest_path)
+    subjects, left_out = predictions.manifest_subjects(manifest_path)
     inputs = {"run": run_dir, "manifest": manifest_path}
-    inputs |= {
-        f"features_{one.clip.id}": features_path(features_dir, one.clip.id) for one in subjects
-    }
+    inputs |= {f"features_{one.clip.id}": features_dir / f"{one.clip.id}.npz" for one in subjects}
 
     def work(partial_dir: Path) -> None:
         model = load_joint(run_dir)
-        predictions = []
+        found = []
         for one in subjects:
             features = load_features(features_dir, one.clip)
             if features.shape[1] != model.n_features:
-                raise BadFeatures(
-                    f"{features_path(features_dir, one.clip.id)}: {features.shape[1]} numbers per"
-                    f" frame, but the model takes {model.n_features}. Give those it was trained on"
-                )
-            predictions.append(seen_in_features(model, one, features))
-        figures = NetworkFigures(run=run_dir.name)
-        write_predictions(partial_dir, "joint", predictions, left_out, NetworkPredictions, figures)
+                path, found_size = inputs[f"features_{one.clip.id}"], features.shape[1]
+                what = f"{found_size} numbers per frame, but the model takes {model.n_features}"
+                raise BadFeatures(f"{path}: {what}. Give those it was trained on")
+            found.append(seen_in_features(model, one, features))
+        kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
+        predictions.write_predictions(partial_dir, "joint", found, left_out, kind, figures)
 
-    return run_stage("baseline-joint", out_dir, JointPredictConfig(), inputs, work, run=run)
+    # There is nothing to choose: the frame rate is the network's.
+    return run_stage("baseline-joint", out_dir, Config(), inputs, work, run=run)
 
 
-def seen_in_features(model: JointModel, subject: Subject, features: np.ndarray) -> Prediction:
-    """What the network sees in features (T, D), every run of valid frames a sequence of its own.
-
-    The subject's shape is kept; its motion is not looked at but for the first pose.
-    """
+def seen_in_features(
+    model: JointModel, subject: predictions.Subject, features: np.ndarray
+) -> predictions.Prediction:
+    """What the network sees in features (T, D), run by run from the subject's first pose on."""
     clip = subject.clip
     step = rows_per_frame(clip, model.config.fps_hz)
     rows, valid = every_row(clip.valid, step)
@@ -85,7 +61,9 @@ def seen_in_features(model: JointModel, subject: Subject, features: np.ndarray) 
         local_rotmats[run], delta_rotmats, delta_m = _seen(model, features[rows[run]])
         return delta_rotmats, delta_m
 
-    root_rotmats, pelvis_m = roots_of_runs(valid, first_pose(clip), motions_of)
+    root_rotmats, pelvis_m = predictions.roots_of_runs(
+        valid, predictions.first_pose(clip), motions_of
+    )
     motion = replace(
         clip.motion,
         local_rotmats=local_rotmats,
@@ -95,7 +73,7 @@ def seen_in_features(model: JointModel, subject: Subject, features: np.ndarray) 
         frame="world",
         source=f"seen in image features of: {clip.motion.source}",
     )
-    return predicted(subject, motion, valid, step=step)
+    return predictions.predicted(subject, motion, valid, step=step)
 
 
 def _seen(model: JointModel, features: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

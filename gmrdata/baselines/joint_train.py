@@ -14,14 +14,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from gmrdata.baselines import joint_data
 from gmrdata.baselines.joint_config import JointConfig
-from gmrdata.baselines.joint_data import (
-    features_path,
-    load_features,
-    make_joint_batch,
-    split_rows,
-    training_runs,
-)
 from gmrdata.baselines.joint_model import JointModel, JointOutput, JointState
 from gmrdata.gmr import checkpoint
 from gmrdata.gmr.losses import gmr_loss
@@ -46,23 +40,14 @@ def train_joint(
 ) -> Path:
     """Train the network on the clips of manifests.  A run that was stopped goes on where it was.
 
-    Args:
-        features_dir: Their image features; see `gmrdata.baselines.joint_data`.
-        body_path: Body of the clips, as `load_body` takes it; None for the default body.
-
-    Raises:
-        BadManifest: no clips to train on, or of another body than the given one.
-        BadMotionFile: a clip holds NaN, or its rate is no multiple of the network's.
-        MissingInput: a clip has no features.
-        BadFeatures: features do not fit their clip or each other.
-        TrainingDiverged: the loss became infinite or NaN.
-        BadCheckpoint: the checkpoint to go on from is broken.
-        StageFailed: a GPU is asked for, and there is none.
+    Their image features are described in `gmrdata.baselines.joint_data`; `body_path` is their body,
+    None the default one.  Errors are those of `gmrdata.gmr.train.train`; MissingInput where a clip
+    has no features, and BadFeatures where features do not fit their clip or each other.
     """
     config = config or JointConfig()
     clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
-    inputs |= {f"features_{clip.id}": features_path(features_dir, clip.id) for clip in clips}
+    inputs |= {f"features_{clip.id}": features_dir / f"{clip.id}.npz" for clip in clips}
     if body_path is not None:
         inputs["body"] = body_path
 
@@ -71,8 +56,8 @@ def train_joint(
 
         body = load_body("anny" if body_path is None else str(body_path))
         check_clips_fit(clips, body)
-        pairs = [(clip, load_features(features_dir, clip)) for clip in clips]
-        fit_joint(training_runs(pairs, config.fps_hz), body, partial_dir, config)
+        pairs = [(clip, joint_data.load_features(features_dir, clip)) for clip in clips]
+        fit_joint(joint_data.training_runs(pairs, config.fps_hz), body, partial_dir, config)
 
     return run_stage("joint-train", run_dir, config, inputs, work, run=run, resumable=True)
 
@@ -96,7 +81,7 @@ class _JointLearner:
     ) -> None:
         self._training_set, self._run_dir, self._config = training_set, run_dir, config
         self._loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
-        features, local_rotmats = split_rows(training_set.frames.poses)
+        features, local_rotmats = joint_data.split_rows(training_set.frames.poses)
         self.model = JointModel(config, features.shape[1])
         self.model.start_from(torch.from_numpy(features), torch.from_numpy(local_rotmats))
         self.model.to(config.device)
@@ -104,7 +89,7 @@ class _JointLearner:
         self.done = self._resume()
 
     def batch_of(self, step: int) -> Batch:
-        return make_joint_batch(self._training_set, self._config, step + 1)
+        return joint_data.make_joint_batch(self._training_set, self._config, step + 1)
 
     def gradients(self, batch: Batch) -> dict[str, float]:
         config = self._config

@@ -138,7 +138,10 @@ def place_person(
     config: PlacementConfig,
 ) -> Placed:
     """Place a person in each row that has a pose (translation aside) and enough keypoints."""
-    joints_m, has_pose = _posed_joints(posed, body)
+    at_origin = replace(posed.motion, pelvis_m=np.zeros((posed.motion.n_frames, 3)))
+    joints_m = motion_joints_m(body, at_origin)  # in the camera's axes
+    has_pose = posed.valid & np.isfinite(joints_m).all(axis=(1, 2))
+    has_pose &= np.isfinite(posed.motion.local_rotmats).all(axis=(1, 2, 3))
     pelvis_m = np.full((len(joints_m), 3), np.nan)
     missing, residuals_px = list(found.missing), []
     previous_m: np.ndarray | None = None
@@ -158,11 +161,3 @@ def place_person(
         residuals_px.append(np.linalg.norm(image_px - points[used, :2], axis=1))
     median_px = float(np.median(np.concatenate(residuals_px))) if residuals_px else None
     return Placed(pelvis_m, tuple(missing), median_px)
-
-
-def _posed_joints(posed: Clip, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
-    """Joints from the pelvis in the camera's axes (T, 24, 3) [m], and (T,) rows that have them."""
-    at_origin = replace(posed.motion, pelvis_m=np.zeros((posed.motion.n_frames, 3)))
-    joints_m = motion_joints_m(body, at_origin)
-    has_pose = posed.valid & np.isfinite(joints_m).all(axis=(1, 2))
-    return joints_m, has_pose & np.isfinite(posed.motion.local_rotmats).all(axis=(1, 2, 3))

@@ -32,13 +32,7 @@ class Subject:
 
 
 def manifest_subjects(path: Path) -> tuple[list[Subject], dict[str, str]]:
-    """The clips of a manifest, and the reason by id of those that can't be used.
-
-    Raises:
-        MissingInput: the manifest or a clip's file is not there.
-        BadManifest: the manifest is broken, or only a list.
-        BadMotionFile: a clip's file is broken.
-    """
+    """The clips of a manifest, and the reason by id of those that can't be used."""
     files, left_out, _ = usable_files(path)
     subjects = []
     for file in files:
@@ -52,20 +46,12 @@ def manifest_subjects(path: Path) -> tuple[list[Subject], dict[str, str]]:
 
 
 def first_pose(clip: Clip) -> tuple[np.ndarray, np.ndarray]:
-    """Root rotation (3, 3) and pelvis (3,) [m] of the first valid row.
-
-    A baseline that knows motions alone begins here; no error of motions sees where it begins.
-
-    Raises:
-        BadMotionFile: that row holds NaN or infinite numbers.
-    """
+    """Root rotation (3, 3) and pelvis (3,) [m] of the first valid row, where baselines begin."""
     row = int(np.argmax(clip.valid))
     root_rotmat, pelvis_m = clip.motion.root_rotmats[row], clip.motion.pelvis_m[row]
     if not (np.isfinite(root_rotmat).all() and np.isfinite(pelvis_m).all()):
-        raise BadMotionFile(
-            f"clip {clip.id}: frame {row} holds NaN or infinite numbers. Mark such frames as not"
-            " valid, or make the clip again"
-        )
+        remedy = "Mark such frames as not valid, or make the clip again"
+        raise BadMotionFile(f"clip {clip.id}: frame {row} holds NaN or infinite numbers. {remedy}")
     return root_rotmat, pelvis_m
 
 
@@ -74,14 +60,10 @@ def roots_of_runs(
     start: tuple[np.ndarray, np.ndarray],
     motions_of: Callable[[slice], tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Roots (T, 3, 3) and pelves (T, 3) [m] of the rows that are valid; NaN elsewhere.
+    """Roots (T, 3, 3) and pelves (T, 3) [m] of the rows that are `valid` (T,); NaN elsewhere.
 
-    A run begins where the one before it ended, since nothing is known of the gap.
-
-    Args:
-        valid: (T,) bool.
-        start: Root rotation and pelvis of the first row that is valid.
-        motions_of: dR (n-1, 3, 3) and dT (n-1, 3) [m] of a run of n rows.
+    A run begins where the one before it ended, since nothing is known of the gap.  `start` is the
+    pose of the first valid row; `motions_of` gives dR (n-1, 3, 3) and dT (n-1, 3) [m] of n rows.
     """
     root_rotmats, pelvis_m = np.full((len(valid), 3, 3), np.nan), np.full((len(valid), 3), np.nan)
     for first, stop in valid_runs(valid):
@@ -147,14 +129,10 @@ def predicted(
     rest_pelvis_m: np.ndarray | None = None,
     figures: Mapping[str, object] | None = None,
 ) -> Prediction:
-    """A prediction for a subject.
+    """A prediction for a subject: a world motion of its rows 0, step, 2 step, ..., where `valid`.
 
-    Args:
-        motion: The prediction, `frame` "world", with the subject's rows 0, step, 2 step, ...
-        valid: (T,) bool: rows that are predicted.
-        step: The subject's rows for one of the prediction.
-        rest_pelvis_m: (3,) J0 of the predicted body and shape [m]; None where those are the
-            subject's.
+    `rest_pelvis_m` (3,) is J0 of the predicted body and shape [m]; None where those are the
+    subject's.
     """
     clip = Clip(subject.clip.id, motion, valid, subject.clip.image_numbers[::step], camera=None)
     rest_m = subject.rest_pelvis_m if rest_pelvis_m is None else rest_pelvis_m
@@ -169,15 +147,10 @@ def write_predictions(
     record: type[Predictions] = Predictions,
     figures: MethodFigures | None = None,
 ) -> None:
-    """Write a baseline's folder.
+    """Write a baseline's folder, with a `predictions.json` of the class `record`.
 
-    Args:
-        left_out: Reason by id of the clips for which it predicts nothing.
-        record: Class of its `predictions.json`.
-        figures: What that says of the method; None for nothing.
-
-    Raises:
-        StageFailed: there are no predictions.
+    `left_out` is the reason by id for which clips have no prediction, `figures` what the record
+    says of the method.  StageFailed where there are no predictions.
     """
     if not predictions:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in sorted(left_out.items()))

@@ -12,18 +12,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
+from gmrdata.baselines import predictions
 from gmrdata.baselines.camera_as_world import as_if_still
 from gmrdata.baselines.clip_keypoints import ClipKeypoints, clip_keypoints
 from gmrdata.baselines.placement import Placed, PlacementConfig, place_person
-from gmrdata.baselines.predictions import (
-    ClipFigures,
-    Prediction,
-    Predictions,
-    Subject,
-    manifest_subjects,
-    predicted,
-    write_predictions,
-)
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -52,7 +44,7 @@ class UnpredictedRows(Config):
     reason: str  # why they have no prediction
 
 
-class PlacedFigures(ClipFigures):
+class PlacedFigures(predictions.ClipFigures):
     """How well a clip's person was placed."""
 
     median_residual_px: float | None
@@ -61,7 +53,7 @@ class PlacedFigures(ClipFigures):
     not_predicted: tuple[UnpredictedRows, ...]  # rows without a prediction
 
 
-class VibeCamPredictions(Predictions):
+class VibeCamPredictions(predictions.Predictions):
     """Of this baseline."""
 
     clips: Mapping[str, PlacedFigures]
@@ -80,41 +72,33 @@ def predict_vibe_cam(
     """Predict world motions as VIBE-CAM does.
 
     Of the manifest's clips, only the intrinsics, the image size and the images' numbers are used.
+    The record says of each clip which rows have no prediction and why.
 
     Args:
         poses_dir: `<clip id>.npz` for each clip: a clip's file with `frame` "camera" and the rows
             of the manifest's clip, whose `trans` is not looked at.
         keypoints_dir: `<clip id>/` for each clip: OpenPose's or STAF's JSON, one file per frame.
-        out_dir: Folder to make; see `gmrdata.baselines.predictions`.  The record says of each clip
-            which rows have no prediction and why.
         body_path: Body of the poses, as `load_body` takes it; None for the default body.
 
-    Returns:
-        `out_dir`.
-
-    Raises:
-        MissingInput: a clip has no poses or no keypoints.
-        BadMotionFile: poses are of another kind, body or length, or a clip has no camera.
-        BadRecord: a keypoint file is truncated.
-        BadKeypoints: keypoints are broken, of other images, or of nobody.
-        BadRecipe: `person_ids` names a clip that is not there.
+    Errors are MissingInput, BadMotionFile, BadRecord, BadKeypoints, and BadRecipe where
+    `person_ids` names a clip that is not there.
     """
     config = config or VibeCamConfig()
-    subjects, left_out = manifest_subjects(manifest_path)
+    subjects, left_out = predictions.manifest_subjects(manifest_path)
     _check_ids(config, [one.clip.id for one in subjects])
     inputs = {"manifest": manifest_path}
     inputs |= {} if body_path is None else {"body": body_path}
     for one in subjects:
-        inputs[f"poses_{one.clip.id}"] = _poses_path(poses_dir, one.clip)
+        inputs[f"poses_{one.clip.id}"] = poses_dir / f"{one.clip.id}.npz"
         inputs[f"keypoints_{one.clip.id}"] = keypoints_dir / one.clip.id
 
     def work(partial_dir: Path) -> None:
         from gmrdata.read.bodies import load_body
 
         body = load_body("anny" if body_path is None else str(body_path))
-        predictions = []
+        made = []
         for one in track(subjects, "placing people", total=len(subjects)):
-            posed = load_poses(_poses_path(poses_dir, one.clip), one.clip, body)
+            posed = load_poses(inputs[f"poses_{one.clip.id}"], one.clip, body)
             found = clip_keypoints(
                 one.clip,
                 keypoints_dir / one.clip.id,
@@ -123,19 +107,14 @@ def predict_vibe_cam(
             )
             intrinsics_px = camera_of(one.clip).intrinsics_px
             placed = place_person(posed, found, intrinsics_px, body, config.placement)
-            predictions.append(_prediction(one, posed, placed, found, body))
-        write_predictions(partial_dir, "vibe_cam", predictions, left_out, VibeCamPredictions)
+            made.append(_prediction(one, posed, placed, found, body))
+        predictions.write_predictions(partial_dir, "vibe_cam", made, left_out, VibeCamPredictions)
 
     return run_stage("baseline-vibe-cam", out_dir, config, inputs, work, run=run)
 
 
 def load_poses(path: Path, clip: Clip, body: BodyModel) -> Clip:
-    """Another network's poses for a clip.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadMotionFile: not in the camera's frame, of another body, or of other rows.
-    """
+    """Another network's poses for a clip: in the camera's frame, of this body and the same rows."""
     posed = load_clip(path)
     motion = posed.motion
     if motion.frame != "camera":
@@ -158,11 +137,11 @@ def load_poses(path: Path, clip: Clip, body: BodyModel) -> Clip:
 
 
 def _prediction(
-    subject: Subject, posed: Clip, placed: Placed, found: ClipKeypoints, body: BodyModel
-) -> Prediction:
+    subject: predictions.Subject, posed: Clip, placed: Placed, found: ClipKeypoints, body: BodyModel
+) -> predictions.Prediction:
     seen = replace(posed.motion, pelvis_m=placed.pelvis_m)
     source = f"VIBE-CAM: {seen.source}, placed by 2D keypoints, camera frame taken as world"
-    return predicted(
+    return predictions.predicted(
         subject,
         replace(as_if_still(seen), source=source),
         np.array([not why for why in placed.missing]),
@@ -177,10 +156,6 @@ def _prediction(
             ],
         },
     )
-
-
-def _poses_path(poses_dir: Path, clip: Clip) -> Path:
-    return poses_dir / f"{clip.id}.npz"
 
 
 def _check_ids(config: VibeCamConfig, clip_ids: list[str]) -> None:

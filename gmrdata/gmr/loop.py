@@ -18,13 +18,13 @@ from gmrdata.gmr.losses import Motions, counts_of, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaging, check_device, own_part
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
-from gmrdata.gmr.runs import fitting_clips, runs_at
+from gmrdata.gmr.runs import fitting_clips, no_runs, runs_at
 from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
 from gmrdata.gmr.windows import Batch, Mix, TrainingSet, make_batch, make_training_set
 from gmrdata.stage.progress import track
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadCheckpoint, BadManifest, StageFailed
+from gmrdata.values.errors import BadCheckpoint, StageFailed
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.motion_metrics import orientation_errors_deg, translation_errors_mm
@@ -41,13 +41,11 @@ def fit(
     pack_dir: Path | None = None,
     processes: Processes = ALONE,
 ) -> Gmr:
-    """Train a network: goes on from the folder's latest checkpoint, or begins.
+    """Train a network: goes on from the folder's latest checkpoint, or begins; errors as `train`.
 
-    Gives it with averaged weights if the recipe averages them; errors as in `train`.
-
-    Args:
-        pack_dir: Folder for the training frames, used as it is if it is there, and removed when the
-            training is done; None to keep them in memory.
+    Gives it with averaged weights if the recipe averages them.  `pack_dir` gets the training
+    frames, or is used as it is if it is there, and is removed when the training is done; None keeps
+    them in memory.
     """
     check_device(config.device)
     training_set = make_training_set(
@@ -193,10 +191,7 @@ def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list
     fitting = fitting_clips(clips, body)
     runs = [run for clip in fitting for run in runs_at(clip, fps_hz, all_phases=False)]
     if not runs:
-        raise BadManifest(
-            f"none of the {len(clips)} held-out clips has two valid frames in a row at {fps_hz:g}"
-            " fps. Give others, or none"
-        )
+        raise no_runs(len(clips), "held-out", fps_hz, "Give others, or none")
     return runs
 
 

@@ -102,6 +102,12 @@ def fitting_clips(clips: Iterable[Clip], body: BodyModel) -> Iterator[Clip]:
         raise BadManifest("no usable clips. Give manifests with clips that are not rejected")
 
 
+def no_runs(n_clips: int, what: str, fps_hz: float, remedy: str) -> BadManifest:
+    """The error that clips have no motion at a frame rate."""
+    said = f"none of the {n_clips} {what} clips has two valid frames in a row at {fps_hz:g} fps"
+    return BadManifest(f"{said}. {remedy}")
+
+
 MIN_FRAMES = 2  # which make one motion
 
 

@@ -15,7 +15,7 @@ from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, TrainingRun, in_files, i
 from gmrdata.gmr.inputs import input_rotmats
 from gmrdata.gmr.losses import Motions
 from gmrdata.gmr.model import network_input
-from gmrdata.gmr.runs import runs_at
+from gmrdata.gmr.runs import no_runs, runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
 from gmrdata.values.motion_deltas import deltas
@@ -226,7 +226,4 @@ def _run_rows(
             poses = network_input(local_rotmats, representation).float().numpy()
             yield TrainingRun(poses, motion.root_rotmats, motion.pelvis_m, motion.shape, part)
     if not n_runs:
-        raise BadManifest(
-            f"none of the {n_clips} training clips has two valid frames in a row at"
-            f" {fps_hz:g} fps. Give manifests with longer clips"
-        )
+        raise no_runs(n_clips, "training", fps_hz, "Give manifests with longer clips")

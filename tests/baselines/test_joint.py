@@ -168,7 +168,7 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(
         return make_joint_batch(runs, config, step)
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr("gmrdata.baselines.joint_train.make_joint_batch", stop_in_step_6)
+        patched.setattr("gmrdata.baselines.joint_data.make_joint_batch", stop_in_step_6)
         fit_joint(runs, small_body, tmp_path / "stopped", config)
     pointer = tmp_path / "stopped" / "checkpoints" / "latest"
     assert pointer.read_text() == "step_00000004\n"
