@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.motion.ground import world_motion
+from gmrdata.motion.ground import levelled, motion_of
 from gmrdata.motion.rest_pose import leg_length_m
 from gmrdata.read.numbers import finite_numbers
 from gmrdata.read.source_motion import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
@@ -70,7 +70,8 @@ def read_amass(
     pelvis_m = (trans + source_pelvis_m) * scale
     betas_note = f"betas of the file{'' if kept else ' not used'}"
     source = f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {betas_note}, path x {scale:.4f}"
-    return world_motion(body, shape, _rotmats(poses), pelvis_m, rate_hz, source, ground=ground)
+    motion = motion_of(body, shape, _rotmats(poses), pelvis_m, rate_hz, source)
+    return levelled(body, motion, ground)
 
 
 def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -18,8 +18,7 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import posed_joints_m
 
 SIDES = ("left", "right")
-PLANTED_M_PER_S = 0.2
-"""A foot counts as standing while its ankle and its toe joint are slower."""
+PLANTED_M_PER_S = 0.2  # a foot counts as standing while its ankle and its toe joint are slower
 SHORTEST_STAND_S = 0.1
 LARGEST_SPREAD_DEG = 15.0
 """Quartile distance of the pitch of standing feet, beyond which it says nothing about flat ones."""
@@ -30,10 +29,8 @@ LARGEST_SPLAY_MISMATCH_DEG = 4.0
 FOOT_JOINTS = tuple(JOINT[f"{side}_{part}"] for side in SIDES for part in ("ankle", "foot"))
 SOLE_STRIPS = 4
 """Strips from back to front in which the lowest vertices of a foot part are looked for."""
-LEVEL_M = 0.015
-"""Standing soles are on a level if they are this near to it."""
-FLOOR_SHARE = 0.25
-"""A level is a floor if this share of the standing soles is on it."""
+LEVEL_M = 0.015  # standing soles are on a level if they are this near to it
+FLOOR_SHARE = 0.25  # a level is a floor if this share of the standing soles is on it
 DEEPEST_DIP_M = 0.15
 """A foot on tiptoe whose toes don't bend dips through the floor by no more than that."""
 LOW_PERCENTILE = 10.0
@@ -59,20 +56,10 @@ def motion_of(
     return Motion(local, root, pelvis_m, shape, fps_hz, *person, frame="world", source=source)
 
 
-def world_motion(
-    body: BodyModel,
-    shape: np.ndarray,
-    rotmats: np.ndarray,
-    pelvis_m: np.ndarray,
-    fps_hz: float,
-    source: str,
-    *,
-    ground: bool,
-) -> Motion:
-    """The same, on the floor where `ground` says so; `source` gets the tilt that was taken away."""
-    motion = motion_of(body, shape, rotmats, pelvis_m, fps_hz, source)
+def levelled(body: BodyModel, motion: Motion, ground: bool) -> Motion:
+    """The same on the floor where `ground` says so; `source` gets the tilt that was taken away."""
     motion, tilt_deg = put_on_floor(body, motion) if ground else (motion, 0.0)
-    return replace(motion, source=f"{source}, floor levelled by {tilt_deg:.1f} deg")
+    return replace(motion, source=f"{motion.source}, floor levelled by {tilt_deg:.1f} deg")
 
 
 def put_on_floor(body: BodyModel, motion: Motion) -> tuple[Motion, float]:

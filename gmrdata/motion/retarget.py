@@ -38,7 +38,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion import rest_pose
-from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections, world_motion
+from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections, levelled, motion_of
 from gmrdata.motion.rest_pose import leg_length_m
 from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel
@@ -95,8 +95,9 @@ def retarget(
     middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
     pelvis_m = middle_m - local_rotmats[:, 0] @ middle_from_pelvis_m
     notes = [*source.notes, f"path x {scale:.4f}", f"flat foot at {flat_pitch_deg:+.1f} deg"]
-    name, rate_hz = f"{name}: {', '.join(notes)}", source.fps_hz
-    return world_motion(body, shape, local_rotmats, pelvis_m, rate_hz, name, ground=ground)
+    name = f"{name}: {', '.join(notes)}"
+    motion = motion_of(body, shape, local_rotmats, pelvis_m, source.fps_hz, name)
+    return levelled(body, motion, ground)
 
 
 def _local_rotmats(
