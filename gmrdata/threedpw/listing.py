@@ -2,22 +2,8 @@
 
 from pathlib import Path
 
-from gmrdata.read.threedpw import (
-    ValidRule,
-    dropped_ranges,
-    known_rule,
-    read_found,
-    read_sequence,
-    unusable_reasons,
-)
-from gmrdata.read.threedpw_layout import (
-    SEQUENCE_NAME,
-    SequenceFiles,
-    find_sequences,
-    require_name,
-    require_one_split,
-    splits_of,
-)
+from gmrdata.read import threedpw
+from gmrdata.read import threedpw_layout as layout
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import BadSequence, GmrdataError
 
@@ -27,19 +13,19 @@ RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "us
 
 def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
     """A row for `HEADINGS` per sequence under a root, and how many say why one can't be read."""
-    known = known_rule(rule)
-    found = find_sequences(root)
-    splits = splits_of(found)
+    known = threedpw.known_rule(rule)
+    found = layout.find_sequences(root)
+    splits = layout.splits_of(found)
     rows: list[tuple[str, ...]] = []
     n_bad = 0
     for files in track(found, "reading sequences"):
         try:
-            require_name(files.name)
-            require_one_split(files.name, splits[files.name])
+            layout.require_name(files.name)
+            layout.require_one_split(files.name, splits[files.name])
             rows.append(_row(files, known))
         except (GmrdataError, OSError) as error:
             # Not the name as it is: it could hold anything, even escape codes for the terminal.
-            name = files.name if SEQUENCE_NAME.fullmatch(files.name) else repr(files.name)
+            name = files.name if layout.SEQUENCE_NAME.fullmatch(files.name) else repr(files.name)
             rows.append((name, files.split, "-", "-", "-", "-", str(error)))
             n_bad += 1
     return rows, n_bad
@@ -52,25 +38,25 @@ def bad_summary(root: Path, n_bad: int, n_sequences: int) -> BadSequence:
 
 def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
     """Rows for `RANGE_HEADINGS`, each person's usable frames and other ranges, and the problems."""
-    known = known_rule(rule)
-    sequence = read_sequence(root, name)
+    known = threedpw.known_rule(rule)
+    sequence = threedpw.read_sequence(root, name)
     rows: list[tuple[str, ...]] = []
     for index, person in enumerate(sequence.arrays.people):
-        reasons = unusable_reasons(sequence, index, known)
+        reasons = threedpw.unusable_reasons(sequence, index, known)
         kept = sum(reason == "" for reason in reasons)
         who = (str(index), person.gender)
         rows.append((*who, "0", str(len(reasons) - 1), str(kept), _share(reasons)))
         rows += [
             (*who, str(start), str(stop - 1), str(stop - start), reason)
-            for start, stop, reason in dropped_ranges(reasons)
+            for start, stop, reason in threedpw.dropped_ranges(reasons)
         ]
     return rows, sequence.problems
 
 
-def _row(files: SequenceFiles, rule: ValidRule) -> tuple[str, ...]:
-    sequence = read_found(files)
+def _row(files: layout.SequenceFiles, rule: threedpw.ValidRule) -> tuple[str, ...]:
+    sequence = threedpw.read_found(files)
     people = sequence.arrays.people
-    reasons = [unusable_reasons(sequence, index, rule) for index in range(len(people))]
+    reasons = [threedpw.unusable_reasons(sequence, index, rule) for index in range(len(people))]
     genders = ", ".join(person.gender for person in people)
     return (
         files.name,

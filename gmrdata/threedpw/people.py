@@ -12,13 +12,8 @@ from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_
 from gmrdata.read.threedpw_layout import SequenceFiles
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.threedpw import intrinsics_check
 from gmrdata.threedpw.camera_frame import camera_clip, world_clip
-from gmrdata.threedpw.intrinsics_check import (
-    FocalEstimate,
-    IntrinsicsConfig,
-    estimate_focal,
-    intrinsics_reason,
-)
 from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values.clip import camera_of, save_clip
 from gmrdata.values.errors import BadRecord
@@ -36,7 +31,7 @@ class PeopleConfig(Config):
     name: str
     split: str
     valid_rule: ValidRule
-    intrinsics: IntrinsicsConfig
+    intrinsics: intrinsics_check.IntrinsicsConfig
 
 
 class PeopleRecord(Record):
@@ -50,7 +45,7 @@ class PeopleRecord(Record):
     """Numbers of images that can't be used."""
     problems: tuple[str, ...]
     """What is odd about the file."""
-    focal: FocalEstimate | None
+    focal: intrinsics_check.FocalEstimate | None
     """What the keypoints say of the intrinsics; null where they say nothing."""
 
 
@@ -114,8 +109,8 @@ def _write(
         known = camera_of(world_clip(sequence, number, bodies, rule))
         dataset_camera[known.has_camera] = known.world_from_cam[known.has_camera]
     save_dataset_camera(partial / DATASET_CAMERA_FILE, dataset_camera)
-    focal = estimate_focal(sequence, bodies, recipe.intrinsics, rule)
-    wrong = intrinsics_reason(focal, recipe.intrinsics)
+    focal = intrinsics_check.estimate_focal(sequence, bodies, recipe.intrinsics, rule)
+    wrong = intrinsics_check.intrinsics_reason(focal, recipe.intrinsics)
     Doubts(
         frames=tuple(tuple(unusable_reasons(sequence, number, rule)) for number in people),
         sequence=() if wrong is None else (wrong,),
