@@ -20,7 +20,7 @@ RECIPE = {
         {"id": "panning", "gait": "walk", "programme": {"kind": "panning"}},
     ],
     "training": {"gait_count": 4, "gait_duration_s": 7.0, "max_files": 3},
-    "render": {"samples": 2},
+    "render": {"samples": 1},
     "gmr": {
         "model": {"layers": 1, "hidden": 32},
         "loss": {"n_vertices": 50},
