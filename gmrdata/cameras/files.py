@@ -67,6 +67,13 @@ class WeakestStep:
     """Row of the first keyframe after it."""
     loose_share: Figure
     """Standard error of the places of one side, given the other, over the way of both."""
+    moving_share: Figure
+    """Share of the matches that don't move as the cameras say, in the worst tenth of the pairs."""
+
+    @property
+    def loose_moving_share(self) -> float:
+        """What moves as one for a while bends a model the more, the less holds it."""
+        return self.loose_share * self.moving_share
 
 
 @part(frozen=True, config=PART)

@@ -18,6 +18,7 @@ from gmrdata.cameras.files import WeakestStep
 from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.smoothing import linearized, noise_px
 from gmrdata.cameras.solution import Solution
+from gmrdata.values.transforms import invert
 
 POSSIBLE = np.array([1, 1, 1, 10, 10, 10, np.log(10)])
 """Standard deviations where nothing is known: of the turn [rad], of the shift [median distances],
@@ -65,7 +66,29 @@ def weakest_step(
     shares = np.array(list(_loose_shares(seen)))
     worst = int(shares.argmax())
     after, before = key_rows[placed[worst : worst + 2]].tolist()
-    return WeakestStep(after, before, float(shares[worst]))
+    moving = _moving_share(mapped.world_from_cam, matches, intrinsics_px, most_px)
+    return WeakestStep(after, before, float(shares[worst]), moving)
+
+
+def _moving_share(
+    cameras: np.ndarray, matches: Matches, intrinsics_px: np.ndarray, most_px: float
+) -> float:
+    """Share of the matches further than `most_px` from where cameras (K, 4, 4) say that they may
+    be (Sampson 1982), in a pair of frames that nine tenths of the pairs fit better."""
+    to_rays = np.linalg.inv(intrinsics_px).T
+    rays = [np.c_[px, np.ones(len(px))] @ to_rays for px in matches.keypoints_px]
+    shares = []
+    for pair in matches.pairs:
+        move = invert(cameras[pair.second]) @ cameras[pair.first]
+        if np.isfinite(move).all():
+            essential = np.cross(move[:3, 3], move[:3, :3], axisb=0, axisc=0)
+            features, same = pair.features.T
+            first, second = rays[pair.first][features], rays[pair.second][same]
+            lines, back = first @ essential.T, second @ essential
+            slope = np.linalg.norm(np.c_[lines[:, :2], back[:, :2]], axis=1)
+            off_px = np.abs((second * lines).sum(axis=1)) * intrinsics_px[0, 0]
+            shares.append(np.mean(off_px > most_px * slope))
+    return float(np.percentile(shares, 90)) if shares else 0.0
 
 
 def _gather(

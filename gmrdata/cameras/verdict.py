@@ -34,14 +34,26 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
             f"the picture changes to another place {cuts} times: images out of order, black, or "
             "of several takes"
         )
-    step, most = quality.weakest_step, config.max_loose_share
-    if step is not None and step.loose_share > most:
-        yield (
-            f"the cameras up to row {step.after} and those from row {step.before} on hardly hold "
-            f"each other: {step.loose_share:.2%} of their way is open, more than {most:.2%}; the "
-            "two may differ in scale, or most of what both see may move"
-        )
+    yield from _step_reasons(quality, config)
     yield from _focal_reasons(quality, config)
+
+
+def _step_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:
+    if (step := quality.weakest_step) is None:
+        return
+    hold = (
+        f"the cameras up to row {step.after} and those from row {step.before} on hardly hold each "
+        f"other: {step.loose_share:.2%} of their way is open"
+    )
+    together, most = step.loose_moving_share, config.max_loose_moving_share
+    if step.loose_share > config.max_loose_share:
+        yield f"{hold}, more than {config.max_loose_share:.2%}; the two may differ in scale"
+    elif together > most:
+        yield (
+            f"{hold}, and up to {step.moving_share:.0%} of what two frames share moves otherwise "
+            f"than they say, which together is {together:.3%}, more than {most:.3%}; they may "
+            "follow what moves"
+        )
 
 
 def _focal_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:

@@ -32,7 +32,7 @@ QUALITY = good_quality(
     smoothing=Smoothing(SmoothTurn(0.05, 0.004, 0.03, 0.5), SmoothPlace(8e-4, 6e-5, 6e-4, 0.5)),
     focal_factor=1.01,
     focal_sigma=0.02,
-    weakest_step=WeakestStep(2, 4, 0.0003),
+    weakest_step=WeakestStep(2, 4, 0.0003, 0.04),
     radial_k1=0.013,
     radial_k1_sigma=0.009,
 )

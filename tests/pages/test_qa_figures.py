@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gmrdata.cameras.files import WeakestStep
 from gmrdata.pages.qa_data import Found
 from gmrdata.pages.qa_thresholds import Row, verdict_rows
 from gmrdata.threedpw.recipe import ThreedpwRecipe
@@ -14,6 +15,7 @@ from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
 from gmrdata.world.scale import ScaleEstimate, fuse
 from gmrdata.world.verdict import verdict_of
+from tests.reconstructions import good_quality
 from tests.world.test_verdict import CONFIG, GOOD, ROWS, circling, clip_of
 
 UNREAD = SequenceVerdict("a", "", False, (), "none", 0.0, None, None)
@@ -51,3 +53,14 @@ def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
     assert record.scale_disagreement is not None and record.scale_disagreement > 5
     found = replace(NOTHING, record=record, clips={0: still})
     assert [row.met for row in scale_rows(found)] == [None, None]
+
+
+def test_the_weakest_step_stands_beside_both_of_its_thresholds() -> None:
+    cameras = good_quality(90, weakest_step=WeakestStep(40, 52, 0.005, 0.1))
+    still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
+    verdict, no_scale = verdict_of("c", True, (), [""] * 90), ScaleEstimate(None, None, (), False)
+    record = quality_of([still], [verdict], no_scale, cameras, PseudoGtConfig())
+    rows = verdict_rows(replace(NOTHING, record=record), ThreedpwRecipe(recipe="threedpw"))
+    open_, moving = [row for row in rows if "weakest step" in row.name or "moves" in row.name]
+    assert (open_.value, open_.threshold, open_.met) == ("0.5", "≤ 0.6", True)
+    assert (moving.value, moving.threshold, moving.met) == ("0.05", "≤ 0.03", False)

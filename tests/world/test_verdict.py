@@ -69,8 +69,14 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ({"mean_reprojection_px": 1.5}, "reprojection error is 1.50 px, more than 1 px"),
         ({"cuts_after_frames": list(range(0, 88, 2))}, "to another place 44 times"),
         (
-            {"weakest_step": WeakestStep(40, 52, 0.0123)},
-            "up to row 40 and those from row 52 on hardly hold each other: 1.23% of their way",
+            {"weakest_step": WeakestStep(40, 52, 0.0123, 0.0)},
+            "up to row 40 and those from row 52 on hardly hold each other: 1.23% of their way is "
+            "open, more than 0.60%; the two may differ in scale",
+        ),
+        (
+            {"weakest_step": WeakestStep(40, 52, 0.0016, 0.25)},
+            "0.16% of their way is open, and up to 25% of what two frames share moves otherwise "
+            "than they say, which together is 0.040%, more than 0.030%; they may follow what moves",
         ),
         (
             {"focal_factor": 0.95, "focal_sigma": 0.015},
@@ -83,6 +89,14 @@ def test_a_sequence_that_misses_a_threshold_is_rejected_with_both_figures(
 ) -> None:
     verdict = judge(clip, good_quality(N, **figures), ROWS, SCALE, CONFIG)
     assert not verdict.accepted and len(verdict.reasons) == 1 and reason in verdict.reasons[0]
+
+
+@pytest.mark.parametrize(("loose", "moving"), [(0.0014, 0.05), (0.0002, 0.6), (0.005, 0.0)])
+def test_a_gap_where_nothing_moves_and_a_crowd_before_what_holds_firmly_are_accepted(
+    clip: Clip, loose: float, moving: float
+) -> None:
+    quality = good_quality(N, weakest_step=WeakestStep(40, 52, loose, moving))
+    assert judge(clip, quality, ROWS, SCALE, CONFIG).accepted
 
 
 @pytest.mark.parametrize(
