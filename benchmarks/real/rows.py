@@ -19,7 +19,7 @@ def measure(case: Case, clips_dir: Path, detector: Path, out_dir: Path) -> dict[
     """Solve a case, and plainly too where that is asked for; its files are deleted."""
     given = make_sequence(case, clips_dir, detector, out_dir / "given")
     solved = solve(given, out_dir / "sfm", case.seed)
-    row = {"name": case.name} | _figures(given, solved)
+    row = {"name": case.name, "sound": case.sound} | _figures(given, solved)
     if case.plain:
         row |= _beside(given, solved, case.seed, out_dir / "plain")
     shutil.rmtree(out_dir)
@@ -31,6 +31,7 @@ def _figures(given: RealSequence, solved: Solved) -> dict[str, Any]:
     every = np.flatnonzero(np.isfinite(found[:, 0, 0]))
     error = None if given.still else errors(found, true, _of_one_take(every, given.takes))
     quality = solved.quality
+    step = quality.weakest_step if quality else None
     return {
         "accepted": solved.accepted,
         "right": _right(given, solved),
@@ -44,6 +45,9 @@ def _figures(given: RealSequence, solved: Solved) -> dict[str, Any]:
         "mapper": quality.mapper if quality else None,
         "reprojection_px": quality.mean_reprojection_px if quality else None,
         "focal": [quality.focal_factor, quality.focal_sigma] if quality else None,
+        "radial_k1": [quality.radial_k1, quality.radial_k1_sigma] if quality else None,
+        "loose_share": step.loose_share if step else None,
+        "moving_share": step.moving_share if step else None,
         "keyframes": len(quality.keyframes) if quality else None,
         "cuts": len(quality.cuts_after_frames) if quality else None,
         "reasons": list(solved.reasons),

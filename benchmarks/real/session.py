@@ -73,10 +73,13 @@ class RealSession:
         wrong = [row["name"] for row in rows if row["accepted"] and row["right"] is False]
         right = [row for row in rows if row["right"]]
         rejected = [row["name"] for row in right if not row["accepted"]]
+        sound = [row for row in right if row["sound"]]
+        lost = sum(not row["accepted"] for row in sound)
         return {
             "wrong_acceptances": len(wrong),
             "wrongly_accepted": wrong,
             "right_rejected_share": round(len(rejected) / max(1, len(right)), 4),
+            "right_rejected_share_of_sound": round(lost / max(1, len(sound)), 4),
             "right_rejected": rejected,
         }
 
