@@ -17,7 +17,7 @@ from gmrdata.values.body import N_JOINTS, BodyModel
 from gmrdata.values.camera import in_frame, project_cam
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadFrames, BadMotionFile
-from gmrdata.values.files import atomic_path, read_npz, write_npz
+from gmrdata.values.files import read_npz, write_bytes, write_npz
 from gmrdata.values.records import Record
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
@@ -144,8 +144,7 @@ def _write(path: Path, pixels: np.ndarray, kind: type[np.integer] = np.uint16) -
     import cv2
 
     _, encoded = cv2.imencode(".png", pixels.astype(kind))
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(encoded.tobytes())
+    write_bytes(path, encoded.tobytes())
 
 
 def _read(path: Path, n_dimensions: int, kind: type[np.integer] = np.uint16) -> np.ndarray:

@@ -20,7 +20,7 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadFrames
-from gmrdata.values.files import atomic_path
+from gmrdata.values.files import write_bytes
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import motion_vertices_m
@@ -58,12 +58,6 @@ def jpeg_image(image: np.ndarray, alt: str, quality: int = 88) -> Markup:
         f'<img src="data:image/jpeg;base64,{encoded}" alt="{escape(alt)}"'
         f' width="{width_px}" height="{height_px}">'
     )
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file as a whole or not at all."""
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data)
 
 
 def spaced(n: int, n_wanted: int) -> list[int]:

@@ -15,13 +15,13 @@ from matplotlib.figure import Figure
 
 from gmrdata.film.camera_moves import look_at, smooth_path
 from gmrdata.gmr.infer import InferConfig
-from gmrdata.pages.frames import write_bytes
 from gmrdata.pages.plots import RECOVERED_WIDTH, finish_view, mark_start, picture, plot_path
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import intrinsics_from_fov, project_cam
 from gmrdata.values.clip import Clip
+from gmrdata.values.files import write_bytes
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.video import write_video

@@ -11,10 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from gmrdata.pages import report_data
-from gmrdata.pages.frames import frame_tiles, tile_sheet, write_bytes
+from gmrdata.pages.frames import frame_tiles, tile_sheet
 from gmrdata.pages.plots import COLOURS, Draw, picture, plot_top_view
 from gmrdata.pages.report_data import ClipReport, ReportData, Summary
 from gmrdata.values.errors import BadFrames
+from gmrdata.values.files import write_bytes
 
 TILE_PX = (340, 255)  # width and height of a frame's part round the person
 AROUND = 1.9  # height of that part in heights of the person

@@ -5,13 +5,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from gmrdata.pages.frames import write_bytes
 from gmrdata.pages.html import Table, render
 from gmrdata.pages.plots import COLOURS, picture, quiet, svg
 from gmrdata.score import compare
 from gmrdata.score.records import Scores
 from gmrdata.score.table import explanations, lead, protocol_rows, score_rows
-from gmrdata.values.files import remove_orphans, write_text
+from gmrdata.values.files import remove_orphans, write_bytes, write_text
 
 ROLES = ("gmr", "person", "camera", "good", "bad")
 """Colours of the curves, in their order; then again, dashed."""

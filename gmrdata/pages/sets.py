@@ -26,7 +26,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.errors import EngineMissing
-from gmrdata.values.files import remove_orphans, write_text
+from gmrdata.values.files import remove_orphans, write_bytes, write_text
 from gmrdata.values.records import Config
 
 PATHS_FILE = "paths.png"
@@ -111,9 +111,9 @@ def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:
 
 
 def _write_pictures(folder: Path, tiles: Sequence[np.ndarray], columns: int, clip: Clip) -> None:
-    frames.write_bytes(folder / frames.CONTACT_FILE, frames.jpeg(frames.tile_sheet(tiles, columns)))
+    write_bytes(folder / frames.CONTACT_FILE, frames.jpeg(frames.tile_sheet(tiles, columns)))
     paths = picture(lambda plot: plot_clip_view(plot.subplots(), clip), PLOT_IN, PLOT_IN, dpi=100)
-    frames.write_bytes(folder / PATHS_FILE, paths)
+    write_bytes(folder / PATHS_FILE, paths)
 
 
 class PreviewConfig(Config):
@@ -192,11 +192,8 @@ def _choose_engine() -> rendering.PreviewEngine:
     try:
         rendering.find_renderer("workbench", "cpu")
     except EngineMissing:
-        console.print(
-            "Workbench can't draw here (it needs OpenGL through EGL); "
-            "the preview is drawn by Cycles with one ray per pixel",
-            markup=False,
-            soft_wrap=True,
-        )
+        what = "Workbench can't draw here (it needs OpenGL through EGL)"
+        instead = "the preview is drawn by Cycles with one ray per pixel"
+        console.print(f"{what}; {instead}", markup=False, soft_wrap=True)
         return "cycles"
     return "workbench"

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from gmrdata.values.errors import BadFrames, MissingInput
-from gmrdata.values.files import atomic_path
+from gmrdata.values.files import write_bytes
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -95,8 +95,7 @@ def write_gray(path: Path, image: np.ndarray) -> None:
     import cv2
 
     _, encoded = cv2.imencode(".png", image)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(encoded.tobytes())
+    write_bytes(path, encoded.tobytes())
 
 
 def _require_one_each(folder: Path, numbers: list[int], left_out: Collection[int]) -> None:

@@ -33,11 +33,7 @@ def sha256_of_file(path: Path) -> str:
 
 
 def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file) -> str:
-    """Hex SHA-256 of a file, or of a folder's relative paths and contents.
-
-    A stage's own record is left out, since it holds times, and so are the files that stages keep
-    beside their folders.
-    """
+    """Hex SHA-256 of a file, or of a folder's paths and contents but for what stages keep of it."""
     if not path.is_dir():
         return hash_file(path)
     digest = hashlib.sha256()
@@ -92,14 +88,18 @@ def write_npz(path: Path, arrays: Mapping[str, ArrayLike], *, compressed: bool =
     archive = io.BytesIO()
     save = np.savez_compressed if compressed else np.savez
     save(archive, **arrays)
+    write_bytes(path, archive.getbuffer())
+
+
+def write_bytes(path: Path, content: bytes | memoryview) -> None:
+    """Write a file as a whole or not at all."""
     with atomic_path(path) as temporary:
-        temporary.write_bytes(archive.getbuffer())
+        temporary.write_bytes(content)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file as a whole or not at all."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    """The same for a text."""
+    write_bytes(path, text.encode())
 
 
 def write_json(path: Path, value: Any) -> None:

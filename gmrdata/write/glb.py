@@ -12,7 +12,7 @@ import pygltflib as gltf
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values.body import JOINT_NAMES, PARENTS, WORLD_FROM_REST, BodyModel
-from gmrdata.values.files import atomic_path
+from gmrdata.values.files import write_bytes
 from gmrdata.values.motion import Motion
 
 JOINTS_PER_VERTEX = 4
@@ -46,8 +46,7 @@ def write_glb(path: Path, motion: Motion, body: BodyModel) -> None:
     document.skins = [gltf.Skin(joints=joints, inverseBindMatrices=bind, skeleton=0)]
     document.animations = [_animation(document, quaternions, motion)]
     document.buffers[0].byteLength = len(document.binary_blob())
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(b"".join(document.save_to_bytes()))
+    write_bytes(path, b"".join(document.save_to_bytes()))
 
 
 def _add(document: gltf.GLTF2, array: np.ndarray, component: int, *, bounds: bool = False) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from gmrdata.read.threedpw_arrays import GENDERS, SequenceArrays
 from gmrdata.read.threedpw_layout import SPLITS, SequenceFiles, require_name
 from gmrdata.values.errors import BadSequence
-from gmrdata.values.files import atomic_path
+from gmrdata.values.files import write_bytes
 
 _ARRAY_TYPES = {"f8": "<", "f4": "<", "i8": "<", "u2": "<", "u1": "|", "b1": "|"}
 """Byte order of each element type that is written."""
@@ -40,9 +40,7 @@ def write_sequence_file(path: Path, arrays: SequenceArrays) -> None:
     has are left out.  `texture_maps` is empty, as it is in 3DPW's own files.
     """
     require_name(arrays.name)
-    content = python2_pickle(_content(arrays))
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
+    write_bytes(path, python2_pickle(_content(arrays)))
 
 
 def _content(arrays: SequenceArrays) -> dict[str, object]:
