@@ -53,10 +53,8 @@ class DemoRecipe(Config):
     @model_validator(mode="after")
     def _can_be_made(self) -> Self:
         if self.render.character is not None:
-            raise ValueError(
-                "render.character: the demo draws its masks from the body; "
-                "use a synthetic recipe for rigged characters"
-            )
+            remedy = "use a synthetic recipe for rigged characters"
+            raise ValueError(f"render.character: the demo draws its masks from the body; {remedy}")
         ids = [clip.id for clip in self.clips]
         if len(ids) != len(set(ids)):
             raise ValueError(f"clip ids must be unique, these are not: {', '.join(ids)}")

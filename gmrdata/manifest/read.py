@@ -29,13 +29,7 @@ MAX_PROBLEMS = 50
 
 
 def read_manifest(path: Path) -> Manifest | ListManifest:
-    """Read a manifest and check it against its format.  The files it lists are not looked at.
-
-    Raises:
-        MissingInput: there is no such file.
-        BadManifest: not plain YAML, of an unknown format, or with fields that break the format; all
-            of them are named, with line and field path.
-    """
+    """Read a manifest, not its files; a BadManifest names each wrong field with line and path."""
     data, lines = yaml_text.load(path)
     _refuse_other_formats(path, data)
     try:
@@ -53,13 +47,9 @@ def read_manifest(path: Path) -> Manifest | ListManifest:
 def load_clips(path: Path) -> list[Clip]:
     """Load every clip of a manifest; `valid` is False outside the manifest's kept ranges.
 
-    Hashes are not checked here, `gmrdata manifest check` does that.
-
-    Raises:
-        MissingInput: the manifest or a clip's file is not there.
-        BadManifest: the manifest is broken, is a list without files, or a clip's file has another
-            id or length than the manifest says.
-        BadMotionFile: a clip's file is broken.
+    Hashes are not checked here, `gmrdata manifest check` does that.  BadManifest also where a
+    clip's file has another id or length than the manifest says, or the manifest is a list without
+    files.
     """
     manifest = read_manifest(path)
     if isinstance(manifest, ListManifest):
@@ -107,10 +97,8 @@ def _refuse_other_formats(path: Path, data: Any) -> None:
     if not isinstance(data, dict) or "format" not in data:
         raise BadManifest(f"{path}: not a manifest, it has no top key 'format'; {reads}")
     if data["format"] not in READS:
-        raise BadManifest(
-            f"{path}: format is {data['format']!r}, but {reads}; "
-            "install the gmrdata that wrote it, or correct the key"
-        )
+        remedy = "install the gmrdata that wrote it, or correct the key"
+        raise BadManifest(f"{path}: format is {data['format']!r}, but {reads}; {remedy}")
 
 
 def _as_json(path: Path, data: Any) -> str:

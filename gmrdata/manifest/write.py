@@ -64,10 +64,8 @@ def _refuse_to_change_a_version(path: Path, manifest: Manifest | ListManifest) -
     try:
         old = read_manifest(path)
     except BadManifest:
-        raise BadManifest(
-            f"{path}: holds something that is no manifest; pass --redo to replace it, "
-            "or another --out"
-        ) from None
+        remedy = "pass --redo to replace it, or another --out"
+        raise BadManifest(f"{path}: holds something that is no manifest; {remedy}") from None
     if (old.name, old.version) == (manifest.name, manifest.version):
         raise BadManifest(
             f"{path}: {old.name} {old.version} is there with other content, and a version "

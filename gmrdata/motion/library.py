@@ -39,8 +39,7 @@ LONGEST_ID = 150
 READING = "reading motions"
 FAILED = "failed"
 """Folder below the library's with a text file for each file that could not be read."""
-FEW_FILES = 8
-"""So many files are read faster than worker processes start."""
+FEW_FILES = 8  # so many files are read faster than worker processes start
 MAX_LISTED = 20
 
 
@@ -107,10 +106,8 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
         name = ".".join(inside.with_suffix("").parts) if with_folders else path.stem
         file = LibraryFile(path, clip_id(name), _source(path, inside))
         if (other := files.setdefault(file.id, file)) is not file:
-            raise BadRecipe(
-                f"{other.path} and {path} would both be clip {file.id}. Give the folder that holds"
-                " both, or import them into two folders"
-            )
+            remedy = "Give the folder that holds both, or import them into two folders"
+            raise BadRecipe(f"{other.path} and {path} would both be clip {file.id}. {remedy}")
     return list(files.values())
 
 
@@ -159,15 +156,9 @@ def make_library(
     """Write one clip per motion file, and `motions.yaml` that lists them; gives its path.
 
     Each file is a stage of its own, done by one of several worker processes, and is not done again.
-    A file that can't be read doesn't keep the others from the manifest.
 
-    `body` is as `load_body` takes it; `fps_hz` and `joint_map` as `read_motion` does.
-
-    Raises:
-        MissingInput: there is no motion file.
-        BadRecipe: two files would make clips of one name.
-        BadMotionFile: files could not be read; the message lists them, after the manifest of the
-            others was written.
+    `body` is as `load_body` takes it; `fps_hz` and `joint_map` as `read_motion` does.  A
+    BadMotionFile lists the files that could not be read, once the others' manifest is written.
     """
     out_dir = out_dir.resolve()
     files = library_files(sources)

@@ -5,15 +5,8 @@ import sys
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
+from rich import progress
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 console = Console(stderr=True, highlight=False)  # progress and errors, for the person who waits
 
@@ -24,14 +17,14 @@ answers = Console(highlight=False, width=None if _KNOWN_WIDTH else 160)
 Item = TypeVar("Item")
 
 
-def progress_bar(*, shown: bool = True) -> Progress:
+def progress_bar(*, shown: bool = True) -> progress.Progress:
     """A bar with counts, elapsed and remaining time; use it as a context manager."""
-    return Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
+    return progress.Progress(
+        progress.TextColumn("{task.description}", markup=False),
+        progress.BarColumn(),
+        progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
         console=console,
         disable=not shown,
     )
