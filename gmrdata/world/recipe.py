@@ -39,10 +39,9 @@ class ScaleConfig(Config):
     contact_sigma_m: float = Field(default=0.012, gt=0)
     """Standard error of the body's soles above the ground, the same in all frames [m]."""
     body_share: float = Field(default=0.01, ge=0)
-    """What all cues of bodies have in common, such as a wrong size or slow errors of the root, as
-    a share; part of the error bar.  Fused scales of eight twins with a travelling camera were off
-    by -2.5 to 2.0 %, seven of them too small: 1.6 % in the root mean square, with what is each
-    cue's own."""
+    """What all cues of bodies have in common, such as a wrong size, as a share; part of the error
+    bar.  Scales under simulated faults are off by 0.5 % (RMS, benchmarks/bench_scale.py), which is
+    each cue's own: bodies of a wrong size are not in that."""
     slow_m_per_s: float = Field(default=0.02, ge=0)
     """Error of the camera's speed up to which the scale need not be known any better, however
     large its error is as a share: of a camera that hardly travels; 2 mm in 0.1 s [m/s]."""
