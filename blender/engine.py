@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -37,6 +38,11 @@ def set_up_render(scene: Any, job: RenderJob) -> None:
     set_up_output(scene, job.threads)
     if config.scene.backdrop is None:
         scene.view_settings.view_transform = "Standard"
+
+
+def as_output(path: Path) -> str:
+    """A path to write to, as Blender takes it: it would fill in what stands in braces."""
+    return str(path).replace("{", "{{").replace("}", "}}")
 
 
 def set_up_output(scene: Any, threads: int) -> None:

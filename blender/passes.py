@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender.engine import traced
+from blender.engine import as_output, traced
 from blender.objects import CUT_OUT
 from blender.people.actors import Actor
 from gmrdata.film.render import RenderConfig
@@ -88,7 +88,7 @@ def add_surface_output(
 def _write_pass(tree: Any, socket: Any, name: str, work_dir: Path) -> None:
     """Let the compositor write a socket of the render to an EXR file."""
     files = tree.nodes.new("CompositorNodeOutputFile")
-    files.directory, files.file_name = str(work_dir), ""
+    files.directory, files.file_name = as_output(work_dir), ""
     files.file_output_items.new(_FILES[name], name)
     files.save_as_render = False
     files.format.media_type = "IMAGE"

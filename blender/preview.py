@@ -24,7 +24,7 @@ def preview(job_path: Path) -> None:
     import_bpy(job.render.threads)
     import bpy
 
-    from blender.engine import set_up_cycles, set_up_output
+    from blender.engine import as_output, set_up_cycles, set_up_output
     from blender.scene import build_scene
 
     with tempfile.TemporaryDirectory(prefix="gmrdata-") as work_dir:
@@ -41,7 +41,7 @@ def preview(job_path: Path) -> None:
             scene.view_settings.view_transform = "Standard"
         for number, row in enumerate(job.rows):
             scene.frame_set(row)
-            scene.render.filepath = str(job.render.out_dir / f"frames/{number:05d}.jpg")
+            scene.render.filepath = as_output(job.render.out_dir / f"frames/{number:05d}.jpg")
             bpy.ops.render.render(write_still=True)
             print(f"{FRAME_LINE} {number}", flush=True)  # noqa: T201 - the parent reads it
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from blender.clearance import measure_clearance
-from blender.engine import set_up_render, traced
+from blender.engine import as_output, set_up_render, traced
 from blender.objects import MOVING_PASS
 from blender.passes import add_surface_output, set_step, wants_surface, write_surface
 from blender.scene import ClipScene, build_scene, save_blend
@@ -103,7 +103,7 @@ def add_mask_output(scene: Any, work_dir: Path) -> None:
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
     tree.links.new(layers.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs[0])
     files = tree.nodes.new("CompositorNodeOutputFile")
-    files.directory, files.file_name = str(work_dir), ""
+    files.directory, files.file_name = as_output(work_dir), ""
     files.file_output_items.new("FLOAT", "coverage")
     files.save_as_render = False
     files.format.media_type = "IMAGE"
@@ -116,7 +116,7 @@ def _render_frame(
     scene: Any, row: int, work_dir: Path, frame: Path, mask: Path, jpeg_quality: int
 ) -> None:
     scene.cycles.seed = row
-    scene.render.filepath = str(work_dir / "frame.bmp")
+    scene.render.filepath = as_output(work_dir / "frame.bmp")
     bpy.ops.render.render(write_still=True)
     if scene.render.engine != "CYCLES":  # EEVEE's edges lie up to a pixel off
         with traced(scene):

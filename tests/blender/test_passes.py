@@ -62,7 +62,8 @@ def job(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Job:
 
 @pytest.fixture(scope="module")
 def full(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out_dir = tmp_path_factory.mktemp("full") / "stride"
+    # Blender would fill in what stands in braces.
+    out_dir = tmp_path_factory.mktemp("full") / "{stride} #1 %d"
     return render_clip(*job, out_dir, FULL, on_frame=lambda _: None)
 
 

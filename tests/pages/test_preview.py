@@ -50,12 +50,13 @@ def check_page(page: Path) -> None:
 def test_a_preview_stays_in_its_folder_and_is_made_once(
     recipe: SyntheticRecipe, tmp_path: Path
 ) -> None:
-    page = preview_set(recipe, tmp_path / "out")
-    assert page == tmp_path / "out/preview/index.html"
+    out_dir = tmp_path / "out {of} #1"
+    page = preview_set(recipe, out_dir)
+    assert page == out_dir / "preview/index.html"
     check_page(page)
-    assert all(name.startswith("preview/") for name in files(tmp_path / "out"))
+    assert all(name.startswith("preview/") for name in files(out_dir))
     written_ns = (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns
-    preview_set(recipe, tmp_path / "out")
+    preview_set(recipe, out_dir)
     assert (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns == written_ns
 
 
