@@ -12,7 +12,7 @@ from gmrdata.cli.demo_recipe import DemoPaths
 
 RECIPE = {
     "recipe": "demo",
-    "workers": 3,
+    "workers": 2,
     "film": {"duration_s": 2.4, "max_frames": 26, "width_px": 480, "height_px": 270},
     "clips": [
         {"id": "circular", "gait": "walk", "programme": {"kind": "circular"}},
