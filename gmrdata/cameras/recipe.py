@@ -88,10 +88,10 @@ class CamerasVerdictConfig(Config):
     """What the weakest step leaves open of the cameras' places, as a share of their way.  Measured:
     up to 0.0014 for right cameras of real clips, the most where the middle third of a drive is left
     out; from 0.03 in a filmed model of which one part was given another scale."""
-    max_loose_moving_share: float = Field(default=0.0003, gt=0)
+    max_loose_moving_share: float = Field(default=0.00025, gt=0)
     """The same, times the share of the matches that move otherwise than the cameras say.  Measured:
     up to 0.00015 for right cameras of real clips, the most at half the size in coarse JPEG; from
-    0.00055 where a moving person fills most of the picture."""
+    0.00043 where a moving person fills most of the picture."""
     max_cuts_share: float = Field(default=0.05, ge=0)
     """Share of the steps between images at which the picture changes to another place, or the
     camera jumps."""

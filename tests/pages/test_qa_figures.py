@@ -63,4 +63,4 @@ def test_the_weakest_step_stands_beside_both_of_its_thresholds() -> None:
     rows = verdict_rows(replace(NOTHING, record=record), ThreedpwRecipe(recipe="threedpw"))
     open_, moving = [row for row in rows if "weakest step" in row.name or "moves" in row.name]
     assert (open_.value, open_.threshold, open_.met) == ("0.5", "≤ 0.6", True)
-    assert (moving.value, moving.threshold, moving.met) == ("0.05", "≤ 0.03", False)
+    assert (moving.value, moving.threshold, moving.met) == ("0.05", "≤ 0.025", False)

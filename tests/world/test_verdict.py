@@ -76,7 +76,7 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         (
             {"weakest_step": WeakestStep(40, 52, 0.0016, 0.25)},
             "0.16% of their way is open, and up to 25% of what two frames share moves otherwise "
-            "than they say, which together is 0.040%, more than 0.030%; they may follow what moves",
+            "than they say, which together is 0.040%, more than 0.025%; they may follow what moves",
         ),
         (
             {"focal_factor": 0.95, "focal_sigma": 0.015},
