@@ -39,6 +39,7 @@ def good_quality(n_frames: int, **figures: Any) -> CamerasQuality:
         "focal_sigma": None,
         "radial_k1": None,
         "radial_k1_sigma": None,
+        "lens": None,
         "weakest_step": None,
         "smoothing": NOT_SMOOTHED,
         "points": 900,

@@ -112,6 +112,17 @@ class Smoothing:
 NOT_SMOOTHED = Smoothing(None, None)
 
 
+@part(frozen=True, config=PART)
+class Lens:
+    """Radial distortion that was taken out of image points: one at r, in units of the focal length,
+    is seen at r + k1 r^3 + k2 r^5."""
+
+    k1: Figure
+    k2: Figure
+    explains: Figure
+    """Share of the cost of the bundle adjustment without it that it takes away."""
+
+
 class CamerasQuality(records.Record):
     """`quality.json`: figures about the cameras that were found, without those interpolated."""
 
@@ -145,10 +156,13 @@ class CamerasQuality(records.Record):
     """Its standard error."""
     radial_k1: Figure | None
     """Distortion that the background shows at the given focal length, by one term: a point at r, in
-    units of the focal length, is seen at r + k1 r^3.  Said, never corrected; null for a pure
-    rotation, and where nothing holds it."""
+    units of the focal length, is seen at r + k1 r^3; null for a pure rotation, and where nothing
+    holds it."""
     radial_k1_sigma: Figure | None
     """Its standard error."""
+    lens: Lens | None
+    """Null for a pure rotation, and where image points fit hardly better with it; they are then
+    taken as they are.  Frames and intrinsics stay as they are in either case."""
     weakest_step: WeakestStep | None
     """Null but for six degrees of freedom."""
     smoothing: Smoothing
@@ -165,12 +179,16 @@ class CamerasQuality(records.Record):
     def lens_in_words(self) -> list[tuple[str, str]]:
         """What the background asks of the lens: names and figures, as far as it says."""
         focal = "Focal length that the background asks for, over the given one"
-        k1 = "Radial distortion k1 that the background shows, which is not corrected"
+        k1 = "Radial distortion k1 that the background shows"
         rows = (
             (focal, self.focal_factor, self.focal_sigma),
             (k1, self.radial_k1, self.radial_k1_sigma),
         )
-        return [(name, f"{at:.4g} ± {sigma:.2g}") for name, at, sigma in rows if sigma is not None]
+        said = [(name, f"{at:.4g} ± {sigma:.2g}") for name, at, sigma in rows if sigma is not None]
+        if self.lens is None:
+            return said
+        terms = f"k1 {self.lens.k1:.4g}, k2 {self.lens.k2:.4g}"
+        return [*said, ("Radial distortion that was taken out of the image points", terms)]
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:

@@ -77,6 +77,7 @@ def _solve_keyframes(
             "could build a model; the parallax may be too small, the intrinsics wrong or the "
             "background moving"
         )
+    matches, everything = (of.without(mapped.lens, intrinsics_px) for of in (matches, everything))
     step = weakest_step(mapped, matches, key_rows, intrinsics_px, config.max_reprojection_px)
     mapped = replace(mapped, weakest_step=step)
     placed = place_between(mapped, key_rows, everything, intrinsics_px)

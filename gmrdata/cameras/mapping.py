@@ -9,7 +9,7 @@ import numpy as np
 
 from gmrdata.cameras.colmap import bundle_adjuster, matrix_of, pycolmap
 from gmrdata.cameras.files import Mapper
-from gmrdata.cameras.focal import freed_focal
+from gmrdata.cameras.focal import freed_focal, with_lens
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.matches import DATABASE_FILE, Matches
 from gmrdata.cameras.models import join_models, place_frames
@@ -124,7 +124,10 @@ def _finish(
     manager = pycolmap.ObservationManager(model)
     manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
     bundle_adjuster(model).solve()
+    focal = freed_focal(model)
+    model, lens = with_lens(model)
     n, intrinsics_px = len(frames.images), frames.intrinsics_px
+    matches = matches.without(lens, intrinsics_px)
     world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
     seen: SeenPoints = {}
     errors_px = [np.zeros(0)]
@@ -146,12 +149,13 @@ def _finish(
         world_from_cam=world_from_cam,
         errors_px=np.concatenate(errors_px),
         inliers=inliers,
-        focal=freed_focal(model),
+        focal=focal,
         points=np.array([point.xyz for point in points3d]).reshape(-1, 3),
         track_lengths=np.array([point.track.length() for point in points3d], np.int64),
         models=records,
         n_resected=n_resected,
         seen=seen,
+        lens=lens,
     )
 
 

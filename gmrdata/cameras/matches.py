@@ -1,12 +1,13 @@
 """Features outside the masks, and verified matches between frames."""
 
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.files import Lens
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.read.frames import read_gray, write_gray
@@ -36,6 +37,23 @@ class Matches:
 
     keypoints_px: list[np.ndarray]  # T arrays (N, 2): image points of each frame [px]
     pairs: list[PairMatches]  # Pairs with enough verified matches, in order of (first, second)
+
+    def without(self, lens: Lens | None, intrinsics_px: np.ndarray) -> "Matches":
+        """The same with image points where they would be without distortion."""
+        if lens is None:
+            return self
+        (fx, fy), middle_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
+        camera = pycolmap.Camera(
+            model="OPENCV",
+            width=round(2 * middle_px[0]),
+            height=round(2 * middle_px[1]),
+            params=[fx, fy, *middle_px, lens.k1, lens.k2, 0.0, 0.0],
+        )
+        straight = [
+            camera.cam_from_img(seen_px) * [fx, fy] + middle_px if len(seen_px) else seen_px
+            for seen_px in self.keypoints_px
+        ]
+        return replace(self, keypoints_px=straight)
 
 
 def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:

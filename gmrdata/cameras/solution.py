@@ -37,6 +37,7 @@ class Solution:
     n_resected: int = 0  # Frames that the mapper left out and that its points placed afterwards
     seen: SeenPoints = field(default_factory=dict)
     weakest_step: files.WeakestStep | None = None  # None but for "full"
+    lens: files.Lens | None = None  # Taken out of the image points; None where there was hardly any
     largest_turn_deg: float | None = None  # Largest turn from the mean orientation; None for "full"
     smoothing: files.Smoothing = files.NOT_SMOOTHED
 
@@ -133,6 +134,7 @@ def quality_of(
         focal_sigma=focal.sigma if focal else None,
         radial_k1=focal.radial_k1 if focal else None,
         radial_k1_sigma=focal.radial_k1_sigma if focal else None,
+        lens=solution.lens,
         weakest_step=solution.weakest_step,
         smoothing=solution.smoothing,
         points=len(solution.points) if solution.geometry == "full" else None,

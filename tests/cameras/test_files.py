@@ -10,6 +10,7 @@ from gmrdata.cameras.files import (
     CAMERAS_FILE,
     POINTS_FILE,
     QUALITY_FILE,
+    Lens,
     ModelRecord,
     SfmCameras,
     Smoothing,
@@ -35,6 +36,7 @@ QUALITY = good_quality(
     weakest_step=WeakestStep(2, 4, 0.0003, 0.04),
     radial_k1=0.013,
     radial_k1_sigma=0.009,
+    lens=Lens(0.042, -0.05, 0.06),
 )
 QUALITY_KEYS = list(keys_of(QUALITY.model_dump(mode="json")))
 CAMERAS = SfmCameras(
@@ -53,6 +55,13 @@ def without_array(path: Path, key: str) -> None:
 def test_figures_come_back(tmp_path: Path) -> None:
     QUALITY.write(tmp_path / QUALITY_FILE)
     assert load_quality(tmp_path) == QUALITY
+
+
+def test_what_is_said_of_the_lens() -> None:
+    focal, k1, taken_out = QUALITY.lens_in_words
+    assert focal[1] == "1.01 ± 0.02" and k1[1] == "0.013 ± 0.009"
+    assert taken_out[1] == "k1 0.042, k2 -0.05"
+    assert QUALITY.model_copy(update={"lens": None}).lens_in_words == [focal, k1]
 
 
 @pytest.mark.parametrize("path", QUALITY_KEYS, ids=lambda path: ".".join(map(str, path)))

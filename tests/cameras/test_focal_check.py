@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.colmap import bundle_adjuster, pycolmap
-from gmrdata.cameras.files import load_quality
-from gmrdata.cameras.focal import FREED_NOT_INDEPENDENT, SYSTEMATIC_FOCAL, freed_focal
+from gmrdata.cameras.files import Lens, load_quality
+from gmrdata.cameras.focal import FREED_NOT_INDEPENDENT, SYSTEMATIC_FOCAL, freed_focal, with_lens
+from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 
@@ -42,14 +43,14 @@ def with_focal(model: Any, factor: float) -> Any:
     return wrong
 
 
-def distorted(model: Any, k1: float) -> Any:
+def distorted(model: Any, k1: float, k2: float = 0.0) -> Any:
     """The model with its image points where a lens with that distortion shows them."""
     (camera,) = model.cameras.values()
     focal_px, centre_px = camera.params[:2], camera.params[2:]
     for image in model.images.values():
         for seen in image.points2D:
             at = (seen.xy - centre_px) / focal_px
-            seen.xy = centre_px + focal_px * at * (1 + k1 * (at @ at))
+            seen.xy = centre_px + focal_px * at * (1 + k1 * (at @ at) + k2 * (at @ at) ** 2)
     return model
 
 
@@ -110,6 +111,49 @@ def test_a_lens_with_two_focal_lengths_is_kept() -> None:
     camera.params = [fx, 1.1 * fy, cx, cy]
     freed = freed_focal(model)
     assert freed is not None and abs(freed.factor - 1.0) < 0.01
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.1])
+def test_a_lens_is_found_and_its_image_points_are_put_right(stretch: float) -> None:
+    """On pixels that are square and such that are not."""
+    truth = synthetic(7)
+    (camera,) = truth.cameras.values()
+    bare = [point.xy.copy() for point in truth.image(1).points2D]
+    model = distorted(pycolmap.Reconstruction(truth), 0.2, 0.1)
+    fx, fy, cx, cy = camera.params
+    (given,) = model.cameras.values()
+    given.params = [fx, stretch * fy, cx, cy]
+    for image in model.images.values():
+        for seen in image.points2D:
+            seen.xy = [seen.xy[0], cy + stretch * (seen.xy[1] - cy)]
+    seen_px = np.array([point.xy for point in model.image(1).points2D])
+    bundle_adjuster(model).solve()
+    bent, lens = with_lens(model)
+    assert lens is not None and lens.explains > 0.05
+    model.update_point_3d_errors()
+    bent.update_point_3d_errors()
+    assert bent.compute_mean_reprojection_error() < 0.97 * model.compute_mean_reprojection_error()
+    # Both terms lean on each other; what counts is where they put a point.
+    for r in (0.15, 0.3):
+        shift = lens.k1 * r**3 + lens.k2 * r**5
+        assert shift == pytest.approx(0.2 * r**3 + 0.1 * r**5, abs=0.2 / fx)
+    matrix = np.array([[fx, 0, cx], [0, stretch * fy, cy], [0, 0, 1]])
+    matches = Matches([seen_px, np.zeros((0, 2))], [])
+    for of, most_px in ((Lens(0.2, 0.1, 0.1), 1e-6), (lens, 0.2)):
+        straight_px, none_px = matches.without(of, matrix).keypoints_px
+        straight_px[:, 1] = cy + (straight_px[:, 1] - cy) / stretch
+        assert np.median(np.linalg.norm(straight_px - bare, axis=1)) < most_px
+        assert none_px.shape == (0, 2)
+
+
+@pytest.mark.parametrize(("frames", "k2"), [(12, 0.0), (12, 0.003), (4, -0.2), (12, -4.0)])
+def test_no_lens_is_taken_that_hardly_helps_has_few_points_or_folds_the_picture(
+    frames: int, k2: float
+) -> None:
+    model = distorted(synthetic(8, frames), 0.0, k2)
+    bundle_adjuster(model).solve()
+    same, lens = with_lens(model)
+    assert same is model and lens is None
 
 
 def test_nothing_is_said_of_an_empty_model() -> None:

@@ -70,9 +70,33 @@ def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(
     assert rotation_errors_deg(found, dolly.world_from_cam[:, :3, :3]).max() < 0.15
     assert centre_errors_m(cameras, dolly.world_from_cam).max() < 0.015
     assert quality.mean_reprojection_px < 1.0
+    assert quality.lens is None
     points = np.load(dolly_dir / "points.npz")
     assert len(points["xyz"]) == len(points["track_lengths"]) == quality.points > 100
     assert points["track_lengths"].min() >= 2
+
+
+def test_a_lens_that_bends_the_picture_bends_no_path(dolly: Any, tmp_path: Path) -> None:
+    """A dolly as a lens with distortion shows it is as exact as one without."""
+    k1, k2 = 0.1, -0.05
+    seen = np.stack(np.meshgrid(np.arange(320.0), np.arange(180.0)), axis=-1).reshape(-1, 1, 2)
+    matrix = dolly.intrinsics_px - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+    terms = np.array([k1, k2, 0, 0])
+    source = cv2.undistortPoints(seen, matrix, terms, P=matrix).reshape(180, 320, 2)
+    column, row = np.moveaxis(source.astype(np.float32), -1, 0)
+    (tmp_path / "frames").mkdir()
+    for i, image in enumerate(list_images(dolly.images_dir)):
+        bent = cv2.remap(cv2.imread(str(image)), column, row, cv2.INTER_CUBIC)
+        cv2.imwrite(str(tmp_path / "frames" / f"{i:05d}.png"), bent)
+    made = reconstruct(tmp_path / "frames", None, dolly.intrinsics_px, tmp_path / "sfm", SMALL)
+    cameras, lens = load_cameras(made), load_quality(made).lens
+    assert lens is not None and lens.explains > 0.05
+    # 0.3 of the focal length from the middle it shifts a point by 0.65 px.
+    assert lens.k1 * 0.3**3 + lens.k2 * 0.3**5 == pytest.approx(k1 * 0.3**3, abs=0.0006)
+    found = cameras.path.world_from_cam[:, :3, :3]
+    assert rotation_errors_deg(found, dolly.world_from_cam[:, :3, :3]).max() < 0.15
+    assert centre_errors_m(cameras, dolly.world_from_cam).max() < 0.015
+    assert np.array_equal(cameras.path.intrinsics_px, dolly.intrinsics_px)
 
 
 @pytest.mark.parametrize("kind", ["pan", "dolly"])
