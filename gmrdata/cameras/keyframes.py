@@ -180,9 +180,12 @@ def _follow_into(
     features, result = chosen, []
     home_px = now_px = keypoints_px[chosen]
     for (before, _), (image, free) in pairwise(frames[:-1]):
-        now_px, found = follow(before, image, now_px, free=free)
+        # Beside the keyframe this is the place that is sought; further on it is but a guess at it.
+        now_px, found = follow(before, image, now_px, free=free, and_back=before is start)
         features, home_px, now_px = features[found], home_px[found], now_px[found]
-        exact_px, sure = follow(start, image, home_px, now_px, free)
+        exact_px, sure = now_px, np.ones(len(now_px), dtype=bool)
+        if before is not start:
+            exact_px, sure = follow(start, image, home_px, now_px, free)
         result.append((features[sure], exact_px[sure]))
     return result
 
@@ -193,6 +196,7 @@ def follow(
     points_px: np.ndarray,
     guess_px: np.ndarray | None = None,
     free: np.ndarray | None = None,
+    and_back: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Image points (N, 2) [px] in another frame, and which are found, back too, and where `free`.
     Only the finest level of the pyramid is searched where their places (N, 2) are guessed."""
@@ -202,8 +206,9 @@ def follow(
     guess = start.copy() if guess_px is None else _to_opencv(guess_px)
     levels = LEVELS if guess_px is None else 0
     there, ok = _flow(before, after, start, guess, levels)
-    back, ok_back = _flow(after, before, there, start.copy(), levels)
-    ok &= ok_back & (np.linalg.norm((back - start)[:, 0], axis=1) < RETURN_PX)
+    if and_back:
+        back, ok_back = _flow(after, before, there, start.copy(), levels)
+        ok &= ok_back & (np.linalg.norm((back - start)[:, 0], axis=1) < RETURN_PX)
     there_px = there[:, 0].astype(np.float64) + CENTRE_PX
     return there_px, ok if free is None else ok & is_free(there_px, free)
 

@@ -69,8 +69,11 @@ def test_points_are_followed_to_a_tenth_of_a_pixel() -> None:
 
 def test_what_is_on_another_picture_is_not_found() -> None:
     points_px = np.stack(np.meshgrid(np.arange(40.0, 200, 20), np.arange(40.0, 120, 20)), -1)
-    _, ok = follow(shifted(texture(0), 0), shifted(texture(1), 0), points_px.reshape(-1, 2))
+    points_px = points_px.reshape(-1, 2)
+    _, ok = follow(shifted(texture(0), 0), shifted(texture(1), 0), points_px)
     assert ok.mean() < 0.1
+    _, ok = follow(shifted(texture(0), 0), shifted(texture(1), 0), points_px, and_back=False)
+    assert ok.mean() > 0.5
     assert follow(texture(0), texture(1), np.zeros((0, 2)))[0].shape == (0, 2)
 
 
