@@ -1,0 +1,111 @@
+"""Where the camera stage's time goes on 300 frames of 1080x1920.
+
+The dancer of the test data, twice as large and cut to that shape, without masks.  Prints processor
+seconds by part and writes out/bench/speed.json; `--small` takes 45 frames.
+"""
+
+import json
+import tarfile
+from collections.abc import Callable
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import cv2
+import numpy as np
+import pycolmap
+import pytest
+from render.tables import show
+
+from gmrdata.cameras import geometry, keyframes, mapping, matches
+from gmrdata.cameras import reconstruct as stage
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.stage import store
+from gmrdata.values.files import write_json
+
+pytestmark = pytest.mark.bench
+OUT = Path("out/bench/speed.json")
+SIZE_PX = (1080, 1920)
+PARTS: dict[str, list[tuple[Any, str]]] = {
+    "hashing and sizes": [(store, "sha256_of_file"), (stage, "check_images")],
+    "decoding": [(cv2, "imread")],
+    "reducing": [(cv2, "resize"), (cv2, "imwrite")],
+    "following points": [(keyframes, "_flow"), (cv2, "goodFeaturesToTrack")],
+    "choosing keyframes": [(geometry, "choose_keyframes")],
+    "features": [(matches, "_extract")],
+    "matching": [(matches, "_match"), (matches, "_sort_pairs"), (matches, "_read")],
+    "pure rotation": [(geometry, "solve_rotation_only")],
+    "mapping": [(pycolmap, "global_mapping"), (pycolmap, "incremental_mapping")],
+    "adjusting": [(mapping, "_finish")],
+    "frames between": [(geometry, "with_frames_between"), (mapping, "place_frames")],
+    "checks": [(mapping, "freed_focal"), (geometry, "weakest_step")],
+    "refinement": [(geometry, "refine_mapped")],
+}
+
+
+class Clock:
+    """Processor seconds by part; those of a part within another count for the inner one alone."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys([*PARTS, "all else"], 0.0)
+        self._open, self._since = ["all else"], process_time()
+
+    def switch(self) -> None:
+        """Book the time since the last switch."""
+        now = process_time()
+        self.seconds[self._open[-1]] += now - self._since
+        self._since = now
+
+    def timed(self, part: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **kwargs: Any) -> Any:
+            self.switch()
+            self._open.append(part)
+            try:
+                return function(*args, **kwargs)
+            finally:
+                self.switch()
+                self._open.pop()
+
+        return call
+
+
+def lay_out(archive: Path, n_frames: int, images_dir: Path) -> np.ndarray:
+    """Write the frames; their calibration matrix (3, 3) [px]."""
+    images_dir.mkdir()
+    with tarfile.open(archive) as tar:
+        metadata = json.load(tar.extractfile("dance/metadata"))  # type: ignore[arg-type]
+        for i in range(n_frames):
+            data = tar.extractfile(f"dance/rgbd/{i}.jpg").read()  # type: ignore[union-attr]
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+            large = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+            left = (large.shape[1] - SIZE_PX[0]) // 2
+            middle = np.ascontiguousarray(large[: SIZE_PX[1], left : left + SIZE_PX[0]])
+            quality = [cv2.IMWRITE_JPEG_QUALITY, 92]
+            cv2.imwrite(str(images_dir / f"{i:05d}.jpg"), middle, quality)
+    intrinsics_px = np.array(metadata["K"]).reshape(3, 3).T
+    intrinsics_px[:2] *= 2
+    intrinsics_px[0, 2] -= left
+    return np.asarray(intrinsics_px)
+
+
+def test_where_the_time_goes(
+    shared_data: Path, tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: Any
+) -> None:
+    n_frames = 45 if request.config.getoption("--small") else 300
+    images_dir = tmp_path / "frames"
+    intrinsics_px = lay_out(shared_data / "video" / "dance.tar", n_frames, images_dir)
+    # With one thread for each of them, no part runs while another is timed.
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    clock = Clock()
+    for part, functions in PARTS.items():
+        for module, name in functions:
+            monkeypatch.setattr(module, name, clock.timed(part, getattr(module, name)))
+    stage.reconstruct(images_dir, None, intrinsics_px, tmp_path / "sfm", SfmConfig())
+    clock.switch()
+    rows = [{"part": part, "seconds": round(s, 2)} for part, s in clock.seconds.items()]
+    total = round(sum(clock.seconds.values()), 2)
+    show(
+        f"{n_frames} frames of 1080x1920: processor seconds",
+        [*rows, {"part": "all", "seconds": total}],
+    )
+    write_json(OUT, {"frames": n_frames, "seconds": total, "parts": clock.seconds})
