@@ -110,7 +110,7 @@ def _let_bend(model: Any, images: list[int], kind: Any, terms: list[float]) -> N
 
 LENS_SHARE = 0.01
 """Share of the cost that distortion must take away to be taken out.  Measured: 0.034 to 0.07 on a
-phone's and a car's frames; 0.0008 on another car's, up to 0.0004 on drawn ones without any."""
+phone's and a car's frames; 0.0008 on another car's, up to 0.0004 on rendered ones without any."""
 LENS_OBSERVATIONS = 1000  # fewer image points fit any lens better
 LEAST_STRETCH = 0.5  # of the picture along the radius; a lens that folds it is none
 
