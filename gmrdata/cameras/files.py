@@ -69,6 +69,8 @@ class WeakestStep:
     """Standard error of the places of one side, given the other, over the way of both."""
     moving_share: Figure
     """Share of the matches that don't move as the cameras say, in the worst tenth of the pairs."""
+    distance_ratio: Figure
+    """Largest ratio of the median distances of what two successive keyframes see, at any step."""
 
     @property
     def loose_moving_share(self) -> float:

@@ -67,7 +67,9 @@ def weakest_step(
     worst = int(shares.argmax())
     after, before = key_rows[placed[worst : worst + 2]].tolist()
     moving = _moving_share(mapped.world_from_cam, matches, intrinsics_px, most_px)
-    return WeakestStep(after, before, float(shares[worst]), moving)
+    of_each = np.split(seen.distances, np.flatnonzero(np.diff(seen.camera)) + 1)
+    ratios = np.abs(np.diff(np.log([np.median(distances) for distances in of_each])))
+    return WeakestStep(after, before, float(shares[worst]), moving, float(np.exp(ratios.max())))
 
 
 def _moving_share(

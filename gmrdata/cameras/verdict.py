@@ -46,6 +46,11 @@ def _step_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iter
         f"other: {step.loose_share:.2%} of their way is open"
     )
     together, most = step.loose_moving_share, config.max_loose_moving_share
+    if (ratio := step.distance_ratio) > config.max_distance_ratio:
+        yield (
+            f"what one keyframe sees is {ratio:.0f} times as far away as what the next one sees, "
+            f"more than {config.max_distance_ratio:g}: pieces of different scale"
+        )
     if step.loose_share > config.max_loose_share:
         yield f"{hold}, more than {config.max_loose_share:.2%}; the two may differ in scale"
     elif together > most:

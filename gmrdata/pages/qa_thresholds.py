@@ -39,13 +39,16 @@ def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
         cuts_share = len(cameras.cuts_after_frames) / max(1, cameras.frames - 1)
         registered, error_px = cameras.registered_share, cameras.mean_reprojection_px
         step = cameras.weakest_step
-    loose, moving = (step.loose_share, step.loose_moving_share) if step else (None, None)
+    loose = moving = ratio = None
+    if step is not None:
+        loose, moving, ratio = step.loose_share, step.loose_moving_share, step.distance_ratio
     return [
         _share("images with a camera", registered, config.min_registered_share),
         _row("mean reprojection error [px]", error_px, config.max_reprojection_px),
         _row("steps to another place [%]", cuts_share, config.max_cuts_share, unit=100),
         _row("way that the weakest step leaves open [%]", loose, config.max_loose_share, unit=100),
         _row("the same times what moves [%]", moving, config.max_loose_moving_share, unit=100),
+        _row("ratio of distances at successive keyframes", ratio, config.max_distance_ratio),
         *_scale_rows(record, pseudo_gt),
         *_kept_rows(found, config),
         focal_row(None if found.people is None else found.people.focal, recipe.intrinsics),

@@ -111,6 +111,20 @@ def test_points_that_a_model_does_not_explain_hold_nothing() -> None:
     assert (step.after, step.before) == (24, 27) and step.loose_share > 1
 
 
+def test_a_piece_of_another_scale_sees_everything_at_another_distance() -> None:
+    """Frames 0-8 are 9.7 times as large, and false points hold them firmly to the others."""
+    mapped, matches = solved(STRAIGHT, np.ones((N, POINTS), dtype=bool))
+    assert 1 <= found(mapped, matches).distance_ratio < 1.2
+    cameras, centre = mapped.world_from_cam.copy(), mapped.world_from_cam[8, :3, 3]
+    cameras[:9, :3, 3] = centre + 9.7 * (cameras[:9, :3, 3] - centre)
+    seen = {
+        row: {at: centre + 9.7 * (point - centre) if row < 9 else point for at, point in of.items()}
+        for row, of in mapped.seen.items()
+    }
+    step = found(replace(mapped, world_from_cam=cameras, seen=seen), matches)
+    assert step.distance_ratio == pytest.approx(9.7, rel=0.1)
+
+
 def test_the_share_of_matches_that_move_otherwise_is_that_of_the_worst_tenth_of_pairs() -> None:
     mapped, matches = solved(STRAIGHT, np.ones((N, POINTS), dtype=bool))
     every = np.tile(np.arange(POINTS)[:, None], 2)

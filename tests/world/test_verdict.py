@@ -69,12 +69,16 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ({"mean_reprojection_px": 1.5}, "reprojection error is 1.50 px, more than 1 px"),
         ({"cuts_after_frames": list(range(0, 88, 2))}, "to another place 44 times"),
         (
-            {"weakest_step": WeakestStep(40, 52, 0.0123, 0.0)},
+            {"weakest_step": WeakestStep(40, 52, 0.0123, 0.0, 1.2)},
             "up to row 40 and those from row 52 on hardly hold each other: 1.23% of their way is "
             "open, more than 0.60%; the two may differ in scale",
         ),
         (
-            {"weakest_step": WeakestStep(40, 52, 0.0016, 0.25)},
+            {"weakest_step": WeakestStep(40, 52, 0.0021, 0.1, 46.5)},
+            "sees is 46 times as far away as what the next one sees, more than 6: pieces of",
+        ),
+        (
+            {"weakest_step": WeakestStep(40, 52, 0.0016, 0.25, 1.2)},
             "0.16% of their way is open, and up to 25% of what two frames share moves otherwise "
             "than they say, which together is 0.040%, more than 0.025%; they may follow what moves",
         ),
@@ -95,7 +99,7 @@ def test_a_sequence_that_misses_a_threshold_is_rejected_with_both_figures(
 def test_a_gap_where_nothing_moves_and_a_crowd_before_what_holds_firmly_are_accepted(
     clip: Clip, loose: float, moving: float
 ) -> None:
-    quality = good_quality(N, weakest_step=WeakestStep(40, 52, loose, moving))
+    quality = good_quality(N, weakest_step=WeakestStep(40, 52, loose, moving, 2.6))
     assert judge(clip, quality, ROWS, SCALE, CONFIG).accepted
 
 
