@@ -116,7 +116,7 @@ def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidenc
         rotation_only_share=share,
         panoramic_pairs_share=float(np.mean(panoramic)),
         pairs=len(matches.pairs),
-        features_per_frame=float(np.median([len(points) for points in matches.keypoints_px])),
+        features_per_frame=float(np.median(matches.n_free)),
     )
 
 

@@ -12,7 +12,7 @@ from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.focal import freed_focal, with_lens
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.matches import DATABASE_FILE, Matches
-from gmrdata.cameras.models import join_models, place_frames
+from gmrdata.cameras.models import join_models, place_frames, see_again
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.smoothing import camera_information, smooth_cameras
 from gmrdata.cameras.solution import SeenPoints, Solution
@@ -123,6 +123,7 @@ def _finish(
     model.update_point_3d_errors()
     manager = pycolmap.ObservationManager(model)
     manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
+    see_again(model, matches, frames)
     bundle_adjuster(model).solve()
     focal = freed_focal(model)
     model, lens = with_lens(model)

@@ -1,7 +1,7 @@
-"""Features outside the masks, and verified matches between frames."""
+"""Features outside the masks, verified matches between frames, and features inside the masks."""
 
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.files import Lens
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.read.frames import read_gray, write_gray
+from gmrdata.read.frames import read_gray
 from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
@@ -35,8 +35,13 @@ class PairMatches:
 class Matches:
     """All that is known of a sequence before a geometry is chosen."""
 
-    keypoints_px: list[np.ndarray]  # T arrays (N, 2): image points of each frame [px]
+    keypoints_px: list[np.ndarray]
+    """T arrays (N, 2): image points of each frame, those inside its mask last [px]."""
     pairs: list[PairMatches]  # Pairs with enough verified matches, in order of (first, second)
+    n_free: list[int] = field(default_factory=list)
+    """How many of each frame's image points are outside its mask: only they are matched."""
+    descriptors: list[np.ndarray] = field(default_factory=list)
+    """T arrays (N, 128) uint8 of the same image points; none where nothing is masked."""
 
     def without(self, lens: Lens | None, intrinsics_px: np.ndarray) -> "Matches":
         """The same with image points where they would be without distortion."""
@@ -61,9 +66,12 @@ def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:
     pycolmap.set_random_seed(config.seed)
     database_path = work_dir / DATABASE_FILE
     _extract(frames, work_dir, config)
+    n_free, descriptors = _set_masked_aside(database_path, frames)
     _match(database_path, config)
     _sort_pairs(database_path)
     matches = _read(database_path, frames.images)
+    n_free = n_free or [len(points_px) for points_px in matches.keypoints_px]
+    matches = replace(matches, n_free=n_free, descriptors=descriptors)
     _require_usable(matches, frames)
     return matches
 
@@ -72,14 +80,6 @@ def _extract(frames: Frames, work_dir: Path, config: SfmConfig) -> None:
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = "PINHOLE"
     reader.camera_params = ",".join(map(repr, pinhole_params(frames.intrinsics_px)))
-    if frames.masks_dir is not None:
-        colmap_masks_dir = work_dir / "masks"
-        colmap_masks_dir.mkdir()
-        for image in frames.images:
-            # COLMAP's sense: no features where the mask is 0.
-            free = (frames.mask(image) <= 127).astype(np.uint8)
-            write_gray(colmap_masks_dir / f"{image.name}.png", 255 * free)
-        reader.mask_path = str(colmap_masks_dir)
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = config.threads or own_cores()
     options.max_image_size = max(frames.size_px)
@@ -99,6 +99,36 @@ def _extract(frames: Frames, work_dir: Path, config: SfmConfig) -> None:
         extraction_options=options,
         device=pycolmap.Device.cpu,
     )
+
+
+def _set_masked_aside(database_path: Path, frames: Frames) -> tuple[list[int], list[np.ndarray]]:
+    """Put features inside masks last, and leave them no descriptors, so that they aren't matched.
+    Returns how many are free in each frame, and all descriptors; nothing where nothing is masked.
+    """
+    if frames.masks_dir is None:
+        return [], []
+    n_free, descriptors, free = [], [], {}
+    with closing(pycolmap.Database.open(database_path)) as database:
+        id_of_name = {image.name: image.image_id for image in database.read_all_images()}
+        for image in frames.images:
+            # What can't be decoded is not in there; who reads the matches says so.
+            image_id = id_of_name.get(image.name)
+            found = image_id is not None and database.exists_keypoints(image_id)
+            keypoints = database.read_keypoints(image_id) if found else np.zeros((0, 2))
+            column, row = keypoints[:, :2].astype(int).T
+            masked = frames.mask(image)[row, column] > 127
+            order = np.argsort(masked, kind="stable")
+            n_free.append(int((~masked).sum()))
+            descriptors.append(np.zeros((0, 128), np.uint8))
+            if found:
+                free[image_id] = kept = database.read_descriptors(image_id)
+                descriptors[-1] = np.asarray(kept.data)[order]
+                kept.data = descriptors[-1][: n_free[-1]]
+                database.update_keypoints(image_id, keypoints[order])
+        database.clear_descriptors()
+        for image_id, kept in free.items():
+            database.write_descriptors(image_id, kept)
+    return n_free, descriptors
 
 
 def _match(database_path: Path, config: SfmConfig) -> None:
@@ -178,7 +208,7 @@ def _why_featureless(frames: Frames) -> str:
 
 
 def _require_usable(matches: Matches, frames: Frames) -> None:
-    counts = np.array([len(points) for points in matches.keypoints_px])
+    counts = np.array(matches.n_free)
     folder = frames.images[0].parent
     if (counts >= FEWEST_FEATURES).sum() < MIN_FRAMES:
         where = "outside the masks" if frames.masks_dir is not None else "in the frames"

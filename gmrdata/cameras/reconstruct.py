@@ -38,7 +38,8 @@ def reconstruct(
 
     Args:
         images_dir: Frames with consecutive numbers, but for those left out, all of one size.
-        masks_dir: Masks (255 = dynamic, not used), one per frame; None to use whole frames.
+        masks_dir: Masks (255 = dynamic), one per frame; None to use whole frames.  Inside a mask
+            only points count that other frames show outside of theirs.
         intrinsics_px: (3, 3) calibration matrix, without skew, kept fixed [px].
         out_dir: Folder to make: `cameras.npz`, `points.npz`, `quality.json`.
         left_out: Numbers of images that are known to be unusable and get no camera and no row.
