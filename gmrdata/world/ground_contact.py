@@ -48,8 +48,8 @@ def ground_contact_scale(
         plane = _fit_plane(near, up, tolerance)
         if plane is None or plane[2] < config.min_ground_points:
             return None
-        up = plane[0]
-    normal, offset, n_points, residual = plane
+        normal, offset, n_points, residual = plane
+        up = normal
     frames, height_m, away_m = _lowest(soles_m, still, normal)
     height = centres[frames] @ normal - offset
     if np.median(height_m) < LOWEST_CAMERA * np.median(away_m):
