@@ -111,9 +111,9 @@ def _set_masked_aside(database_path: Path, frames: Frames) -> tuple[list[int], l
     with closing(pycolmap.Database.open(database_path)) as database:
         id_of_name = {image.name: image.image_id for image in database.read_all_images()}
         for image in frames.images:
-            # What can't be decoded is not in there; who reads the matches says so.
-            image_id = id_of_name.get(image.name)
-            found = image_id is not None and database.exists_keypoints(image_id)
+            # What can't be decoded has no number, which begin at 1; who reads the matches says so.
+            image_id = id_of_name.get(image.name, 0)
+            found = database.exists_keypoints(image_id)
             keypoints = database.read_keypoints(image_id) if found else np.zeros((0, 2))
             column, row = keypoints[:, :2].astype(int).T
             masked = frames.mask(image)[row, column] > 127
