@@ -86,15 +86,15 @@ class CamerasVerdictConfig(Config):
     """Mean reprojection error of the background [px]."""
     max_loose_share: float = Field(default=0.006, gt=0)
     """What the weakest step leaves open of the cameras' places, as a share of their way.  Measured:
-    up to 0.0014 for right cameras of real clips, the most where the middle third of a drive is left
-    out; from 0.03 in a filmed model of which one part was given another scale."""
+    up to 0.0015 for right cameras of real clips, the most where the middle third is left out or all
+    is blurred; from 0.03 in a filmed model of which one part was given another scale."""
     max_loose_moving_share: float = Field(default=0.00025, gt=0)
     """The same, times the share of the matches that move otherwise than the cameras say.  Measured:
     up to 0.00019 for right cameras of real clips, the most with a watermark in the picture; from
     0.00043 where a moving person fills most of it."""
     max_distance_ratio: float = Field(default=6.0, gt=1)
     """By how much the background's median distance changes from one keyframe to the next.
-    Measured: up to 1.9 on right real clips, 2.6 with their frames shuffled; from 26 where pieces of
+    Measured: up to 1.9 on right real clips, 2.6 with their frames shuffled; from 14 where pieces of
     another scale were joined."""
     max_cuts_share: float = Field(default=0.05, ge=0)
     """Share of the steps between images at which the picture changes to another place, or the
