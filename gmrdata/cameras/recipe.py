@@ -90,8 +90,8 @@ class CamerasVerdictConfig(Config):
     is blurred; from 0.03 in a filmed model of which one part was given another scale."""
     max_loose_moving_share: float = Field(default=0.00025, gt=0)
     """The same, times the share of the matches that move otherwise than the cameras say.  Measured:
-    up to 0.00019 for right cameras of real clips, the most with a watermark in the picture; from
-    0.00043 where a moving person fills most of it."""
+    up to 0.00023 for right cameras of real clips, but 0.0006 and 0.0014 behind a sea and a crowd,
+    which are lost; from 0.00043 where a moving person fills most of the picture."""
     max_distance_ratio: float = Field(default=6.0, gt=1)
     """By how much the background's median distance changes from one keyframe to the next.
     Measured: up to 1.9 on right real clips, 2.6 with their frames shuffled; from 14 where pieces of
