@@ -53,42 +53,53 @@ def test_two_people_share_one_right_world(made_set: Path, filmed_set: Any) -> No
     assert np.array_equal(found[0].camera.world_from_cam, found[1].camera.world_from_cam)
 
 
-def test_a_second_run_does_nothing_and_a_dry_run_says_so(made_set: Path, filmed_set: Any) -> None:
-    before = {path: path.stat().st_mtime_ns for path in (made_set / "sequences").rglob("*")}
+@pytest.fixture(scope="module")
+def made_by_two(filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same by two workers, for the tests that run it again."""
+    out_dir = tmp_path_factory.mktemp("two") / "out"
+    regenerate_set(filmed_set.recipe(workers=2), filmed_set.root, out_dir)
+    write_set_pages(filmed_set.recipe(workers=2), filmed_set.root, out_dir)
+    return out_dir
+
+
+def test_two_workers_make_the_same_bytes(made_set: Path, made_by_two: Path) -> None:
+    pages = ["index.html", "qa/arc_00.html", "qa/pan_00.html"]
+    for path in ["pseudo_gt.yaml", "verdicts.json", *pages]:
+        assert (made_by_two / path).read_bytes() == (made_set / path).read_bytes()
+    for path in sorted((made_set / "sequences").rglob("*.npz")):
+        other = made_by_two / path.relative_to(made_set)
+        assert other.read_bytes() == path.read_bytes(), path
+
+
+def test_a_second_run_does_nothing_and_a_dry_run_says_so(
+    made_by_two: Path, filmed_set: Any
+) -> None:
+    recipe = filmed_set.recipe(workers=2)
+    before = {path: path.stat().st_mtime_ns for path in (made_by_two / "sequences").rglob("*")}
     written = ["pseudo_gt.yaml", "index.html", "qa/arc_00.html", "qa/pan_00.html"]
-    contents = [(made_set / path).read_bytes() for path in written]
-    regenerate_set(filmed_set.recipe(), filmed_set.root, made_set)
-    write_set_pages(filmed_set.recipe(), filmed_set.root, made_set)
-    after = {path: path.stat().st_mtime_ns for path in (made_set / "sequences").rglob("*.npz")}
+    contents = [(made_by_two / path).read_bytes() for path in written]
+    regenerate_set(recipe, filmed_set.root, made_by_two)
+    write_set_pages(recipe, filmed_set.root, made_by_two)
+    after = {path: path.stat().st_mtime_ns for path in (made_by_two / "sequences").rglob("*.npz")}
     assert all(before[path] == time for path, time in after.items())
-    assert [(made_set / path).read_bytes() for path in written] == contents
-    rows = plan(filmed_set.recipe(), filmed_set.root, made_set)
+    assert [(made_by_two / path).read_bytes() for path in written] == contents
+    rows = plan(recipe, filmed_set.root, made_by_two)
     assert [row[2] for row in rows] == ["done", "done"]
 
 
 def test_a_rerun_without_a_change_starts_no_worker_and_draws_no_page(
-    made_set: Path,
+    made_by_two: Path,
     filmed_set: Any,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    recipe = filmed_set.recipe(workers=2)
     monkeypatch.delattr(jobs, "_client")
-    pages = {path: path.stat().st_mtime_ns for path in made_set.rglob("*.html")}
-    regenerate_set(filmed_set.recipe(), filmed_set.root, made_set)
-    write_set_pages(filmed_set.recipe(), filmed_set.root, made_set)
+    pages = {path: path.stat().st_mtime_ns for path in made_by_two.rglob("*.html")}
+    regenerate_set(recipe, filmed_set.root, made_by_two)
+    write_set_pages(recipe, filmed_set.root, made_by_two)
     assert "nothing changed: 2 sequences are as they were made" in capsys.readouterr().err
     assert pages and {path: path.stat().st_mtime_ns for path in pages} == pages
-
-
-def test_two_workers_make_the_same_bytes(made_set: Path, filmed_set: Any, tmp_path: Path) -> None:
-    regenerate_set(filmed_set.recipe(workers=2), filmed_set.root, tmp_path / "two")
-    write_set_pages(filmed_set.recipe(workers=2), filmed_set.root, tmp_path / "two")
-    pages = ["index.html", "qa/arc_00.html", "qa/pan_00.html"]
-    for path in ["pseudo_gt.yaml", "verdicts.json", *pages]:
-        assert (tmp_path / "two" / path).read_bytes() == (made_set / path).read_bytes()
-    for path in sorted((made_set / "sequences").rglob("*.npz")):
-        other = tmp_path / "two" / path.relative_to(made_set)
-        assert other.read_bytes() == path.read_bytes(), path
 
 
 def test_bad_sequences_do_not_stop_the_others(copied_set: Any, tmp_path: Path) -> None:
