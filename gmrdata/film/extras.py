@@ -9,7 +9,6 @@ from pydantic import Field
 
 from gmrdata.film.cars import CAR_SIZE_M, Drive, drive_past
 from gmrdata.film.walkers import Shot, keep_company, pass_by, shot_of
-from gmrdata.motion.gait import make_gait, sample_shape
 from gmrdata.motion.resample import resample, slice_motion
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -106,6 +105,8 @@ def _passing_motion(
     files: Sequence[Path], shot: Shot, body: BodyModel, rng: np.random.Generator
 ) -> Motion:
     """As long as the shot, at its rate, on a build of its own: a piece of a file, or a gait."""
+    from gmrdata.motion.gait import make_gait, sample_shape  # slow to load
+
     if not files:
         kind = "walk" if shot.duration_s <= STRAIGHT_S else "figure_eight"
         return make_gait(kind, shot.duration_s, shot.fps_hz, body, rng)

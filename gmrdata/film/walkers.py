@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, in_frame
 from gmrdata.values.clip import Clip, camera_of
@@ -193,6 +192,7 @@ def _gait_at(
     speed_m_per_s: float, shot: Shot, body: BodyModel, seed: np.random.SeedSequence
 ) -> Motion:
     """A gait of the shot's length with a mean speed, as near as `PACES` allows; 0: to and fro."""
+    from gmrdata.motion.gait import make_gait  # slow to load; a clip without company needs none
 
     def gait(kind: str, duration_s: float, fps_hz: float) -> Motion:
         return make_gait(kind, duration_s, fps_hz, body, np.random.default_rng(seed))
