@@ -35,9 +35,12 @@ def build_yard(
     """
     ground = ground_mesh(yard.ground_centre_m, yard.ground_side_m)
     add_mesh(scene, "ground", ground, picture_material("ground", yard.ground, light))
+    materials: dict[int, Any] = {}  # the parts of a bench or a car share a picture
     for number, thing in enumerate(yard.things):
         name = f"thing{number:03d}"
-        add_mesh(scene, name, mesh_of(thing, rng), picture_material(name, thing.picture, light))
+        if id(thing.picture) not in materials:
+            materials[id(thing.picture)] = picture_material(name, thing.picture, light)
+        add_mesh(scene, name, mesh_of(thing, rng), materials[id(thing.picture)])
     if light.kind == "sun":
         add_sun(scene, light.azimuth_rad)
     if yard.lamp_m is not None:
@@ -93,8 +96,8 @@ def image_of(name: str, picture: np.ndarray) -> Any:
     height, width = picture.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=False)
     image.colorspace_settings.name = "sRGB"
-    pixels = cv2.cvtColor(picture[::-1].astype(np.float32), cv2.COLOR_RGB2RGBA)  # alpha 1
-    image.pixels.foreach_set(pixels.ravel())
+    pixels = cv2.cvtColor(picture.astype(np.float32, copy=False), cv2.COLOR_RGB2RGBA)  # alpha 1
+    image.pixels.foreach_set(cv2.flip(pixels, 0, dst=pixels).ravel())
     image.update()
     return image
 

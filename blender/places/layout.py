@@ -15,6 +15,8 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from blender.textures.base import blocks, by_channel
+
 SUBJECT_CLEARANCE_M = 1.1
 CAMERA_CLEARANCE_M = 0.9
 SIGHT_CLEARANCE_M = 0.5
@@ -173,7 +175,9 @@ def darken_contacts(
         box = ((middle[0], rows - middle[1]), tuple(size), -np.rad2deg(thing.yaw_rad))
         cv2.fillConvexPoly(cover, cv2.boxPoints(box).astype(np.int32), (1.0,))
     light = 1 - np.float32(0.65) * cv2.GaussianBlur(cover, (0, 0), 0.16 * px_per_m)
-    ground *= cv2.merge([cv2.resize(light, ground.shape[1::-1])] * 3)
+    light = cv2.resize(light, ground.shape[1::-1])
+    for part in blocks(len(ground)):
+        ground[part] *= by_channel(light[part])
 
 
 TAPER = np.array([0.66, 0.84, 1.0])

@@ -65,11 +65,11 @@ def facade(
     image[:] = pick(rng, PLASTERS)
     image = weather(image, rng, 0.07)
     if rng.random() < 0.45:
-        _bricks(image, 0, height, px_per_m, rng)
+        _bricks(image, px_per_m, rng)
     else:
         # Where plaster has come off, the bricks show.
-        bricks = image.copy()
-        _bricks(bricks, 0, height, px_per_m, rng)
+        bricks = np.empty_like(image)
+        _bricks(bricks, px_per_m, rng)
         bare = noise(height, width, rng, max(int(1.2 * px_per_m), 8), 6, 0.6) > 1.1
         image[bare] = bricks[bare]
     _windows(image, width_m, height_m, px_per_m, rng)
@@ -83,23 +83,19 @@ def facade(
     return weather(image, rng, 0.05)
 
 
-def _bricks(
-    image: np.ndarray, top: int, bottom: int, px_per_m: float, rng: np.random.Generator
-) -> None:
-    width, joint = image.shape[1], max(int(0.012 * px_per_m), 1)
+def _bricks(image: np.ndarray, px_per_m: float, rng: np.random.Generator) -> None:
+    (height, width), joint = image.shape[:2], max(int(0.012 * px_per_m), 1)
     base = np.array([0.55, 0.30, 0.22]) * rng.uniform(0.8, 1.2)
-    image[top:bottom] = MORTAR
-    row_px, brick_px = 0.085 * px_per_m, 0.25 * px_per_m
-    for row in range(int((bottom - top) / row_px) + 1):
-        y0, y1 = int(top + row * row_px), min(int(top + (row + 1) * row_px) - joint, bottom)
+    image[:] = MORTAR
+    row_px, brick_px, columns = 0.085 * px_per_m, 0.25 * px_per_m, np.arange(width)
+    for row in range(int(height / row_px) + 1):
+        y0, y1 = int(row * row_px), min(int((row + 1) * row_px) - joint, height)
         starts = np.arange(-brick_px / 2 * (row % 2), width, brick_px)
         shades = base * rng.normal(1, 0.17, (len(starts), 1))
         shades = np.clip(shades + rng.normal(0, 0.02, (len(starts), 3)), 0.05, 0.9)
-        line = np.empty((width, 3), np.float32)
-        line[:] = MORTAR
-        for x, shade in zip(starts.tolist(), shades.tolist(), strict=True):
-            line[max(int(x), 0) : max(int(x + brick_px) - joint, 0)] = shade
-        image[y0:y1] = line
+        brick = np.searchsorted(starts.astype(int), columns, side="right") - 1
+        in_brick = columns < (starts + brick_px).astype(int)[brick] - joint
+        image[y0:y1] = np.where(in_brick[:, None], shades[brick], MORTAR)
 
 
 def _windows(

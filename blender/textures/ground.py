@@ -9,17 +9,28 @@ What one walks on outdoors.
 import cv2
 import numpy as np
 
-from blender.textures.base import POSTERS, Colour, ellipses, noise, pick, weather
+from blender.textures.base import (
+    POSTERS,
+    Colour,
+    blocks,
+    clipped,
+    ellipses,
+    noise,
+    pick,
+    weather,
+)
 
 
 def sky(width_px: int, height_px: int, rng: np.random.Generator) -> np.ndarray:
     """An equirectangular sky with clouds, row 0 at the zenith and the last row at the nadir."""
-    up = np.linspace(1, -1, height_px)[:, None, None]
+    up = np.linspace(1, -1, height_px)[:, None]
     blue = np.array([0.30, 0.52, 0.82]) * np.clip(up, 0, 1) ** 0.5
     haze = np.array([0.80, 0.86, 0.92]) * (1 - np.clip(up, 0, 1) ** 0.5)
     half = noise(height_px, width_px // 2, rng, height_px // 5, 7, 0.6)
-    clouds = np.clip(np.concatenate([half, half[:, ::-1]], axis=1) * 0.5 - 0.1, 0, 0.85)[..., None]
-    return np.asarray((blue + haze) * (1 - clouds) + 0.95 * clouds, dtype=np.float32)
+    clouds = np.clip(np.concatenate([half, half[:, ::-1]], axis=1) * 0.5 - 0.1, 0, 0.85)
+    clear = blue + haze
+    channels = [clear[:, c, None] * (1 - clouds) + 0.95 * clouds for c in range(3)]
+    return np.stack(channels, axis=-1, dtype=np.float32, casting="same_kind")
 
 
 JOINTS = (0.22, 0.20, 0.18)
@@ -84,14 +95,17 @@ FLOWERS: tuple[Colour, ...] = (
 def meadow(size_px: int, metres: float, rng: np.random.Generator) -> np.ndarray:
     """Tufts and blades of grass, flowers, and two gravel paths that cross."""
     px_per_m = size_px / metres
-    lush = noise(size_px, size_px, rng, int(4 * px_per_m), 8, 0.8)[..., None]
-    image = np.array([0.30, 0.41, 0.15], np.float32) * (1 + 0.2 * lush)
-    image += np.array([0.07, 0.02, 0.0], np.float32) * np.clip(-lush, 0, 2)
+    lush = noise(size_px, size_px, rng, int(4 * px_per_m), 8, 0.8)
+    image = np.empty((size_px, size_px, 3), np.float32)
+    for rows in blocks(size_px):
+        green, dry = 1 + 0.2 * lush[rows], np.minimum(np.maximum(-lush[rows], 0), 2)
+        for channel, (grass, straw) in enumerate(((0.30, 0.07), (0.41, 0.02), (0.15, 0.0))):
+            image[rows, :, channel] = np.float32(grass) * green + np.float32(straw) * dry
     _blades(image, px_per_m, rng, count=int(55 * metres**2))
     _flowers(image, px_per_m, rng, patches=int(0.12 * metres**2))
     _paths(image, px_per_m, rng)
     leaves(image, px_per_m, rng, count=int(3.5 * metres**2))
-    return np.clip(image, 0.02, 0.95).astype(np.float32)
+    return clipped(image)
 
 
 def _blades(image: np.ndarray, px_per_m: float, rng: np.random.Generator, count: int) -> None:
@@ -114,19 +128,26 @@ def _flowers(image: np.ndarray, px_per_m: float, rng: np.random.Generator, patch
 def _paths(image: np.ndarray, px_per_m: float, rng: np.random.Generator) -> None:
     """Two winding bands of gravel with ragged edges."""
     size = len(image)
-    along = np.arange(size) / size
-    distance = np.full((size, size), np.inf, np.float32)
-    for vertical in (False, True):
+    along, px = np.arange(size) / size, np.arange(size, dtype=np.float32)
+    middles = []
+    for _ in range(2):
         bend = sum(rng.normal(0, 0.035) * np.sin(2 * np.pi * k * along + k) for k in (1, 2, 3))
-        middle = ((0.5 + rng.uniform(-0.08, 0.08) + bend) * size).astype(np.float32)
-        gap = np.abs(np.arange(size, dtype=np.float32)[:, None] - middle[None])
-        distance = np.minimum(distance, gap.T if vertical else gap)
-    ragged = distance / px_per_m + 0.09 * noise(size, size, rng, int(0.6 * px_per_m), 5, 0.8)
-    stones = cv2.GaussianBlur(rng.standard_normal((size, size)).astype(np.float32), (0, 0), 1.0)
-    stones = 0.75 * stones + 0.11 * noise(size, size, rng, int(1.5 * px_per_m), 6, 0.9)
-    gravel = np.array([0.60, 0.53, 0.42], np.float32) * (1 + 0.5 * stones[..., None])
-    share = np.clip((0.9 - ragged) / 0.1, 0, 1)[..., None]
-    image += share * (gravel - image)
+        middles.append(((0.5 + rng.uniform(-0.08, 0.08) + bend) * size).astype(np.float32))
+    edge = noise(size, size, rng, int(0.6 * px_per_m), 5, 0.8)
+    stones = np.empty((size, size), np.float32)
+    for rows in blocks(size):
+        stones[rows] = rng.standard_normal(stones[rows].shape)
+    cv2.GaussianBlur(stones, (0, 0), 1.0, dst=stones)
+    coarse = noise(size, size, rng, int(1.5 * px_per_m), 6, 0.9)
+    for rows in blocks(size):
+        gaps = np.abs(px[rows, None] - middles[0]), np.abs(px - middles[1][rows, None])
+        ragged = np.minimum(*gaps) / px_per_m + 0.09 * edge[rows]
+        share = np.clip((0.9 - ragged) / 0.1, 0, 1)
+        there = share > 0
+        light = 1 + 0.5 * (0.75 * stones[rows][there] + 0.11 * coarse[rows][there])
+        gravel = np.array([0.60, 0.53, 0.42], np.float32) * light[:, None]
+        grass = image[rows][there]
+        image[rows][there] = grass + share[there][:, None] * (gravel - grass)
 
 
 def hedge(width_m: float, height_m: float, px_per_m: float, rng: np.random.Generator) -> np.ndarray:

@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-from blender.textures.base import Colour, by_channel, ellipses, noise, pick, weather
+from blender.textures.base import Colour, by_channel, clipped, ellipses, noise, pick, weather
 from blender.textures.ground import leaves, paving
 
 CARS: tuple[Colour, ...] = (
@@ -30,7 +30,7 @@ def road(size_px: int, metres: float, road_m: float, rng: np.random.Generator) -
                 1 + 0.1 * rng.standard_normal((*stone.shape[:2], 1))
             )
     leaves(image, px_per_m, rng, count=int(1.5 * metres**2))
-    return np.clip(image, 0.02, 0.95)
+    return clipped(image)
 
 
 def _asphalt(height: int, width: int, px_per_m: float, rng: np.random.Generator) -> np.ndarray:
