@@ -167,7 +167,7 @@ def test_a_filmed_arc_names_its_focal_length(
     filmed = film("arc", 12)
     intrinsics_px = filmed.intrinsics_px.copy()
     intrinsics_px[[0, 1], [0, 1]] *= factor
-    config = SfmConfig(max_features=1200, first_octave=-1)
+    config = SfmConfig(max_features=1200)
     made = reconstruct(filmed.images_dir, filmed.masks_dir, intrinsics_px, tmp_path / "o", config)
     quality = load_quality(made)
     assert quality.focal_factor is not None and quality.focal_sigma is not None

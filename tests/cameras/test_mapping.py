@@ -20,7 +20,7 @@ from gmrdata.values.errors import BadFrames
 from gmrdata.values.transforms import fit_similarity
 from tests.filming import film_cameras, look_at
 
-SMALL = SfmConfig(max_features=1200, first_octave=-1)
+SMALL = SfmConfig(max_features=400, first_octave=-1)
 
 
 @pytest.fixture(scope="module")
@@ -112,8 +112,9 @@ def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
     filmed = film_cameras(tmp_path / "film", cameras, person_m)
     images = list_images(filmed.images_dir)
     frames = Frames(images, filmed.masks_dir, filmed.intrinsics_px, (320, 180))
-    matches = match_frames(frames, tmp_path, SMALL)
-    mapped = mapping.map_frames(frames, matches, tmp_path, SMALL)
+    config = SfmConfig(max_features=600)
+    matches = match_frames(frames, tmp_path, config)
+    mapped = mapping.map_frames(frames, matches, tmp_path, config)
     if reach_m == 0:
         assert mapped is None or not mapped.has_camera.all()
         return

@@ -153,7 +153,7 @@ def dolly_model(
     film: Callable[[str, int], Any], tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Solution, Matches, np.ndarray]:
     filmed, work_dir = film("dolly", 14), tmp_path_factory.mktemp("one_scale")
-    config = SfmConfig(max_features=1200, first_octave=-1)
+    config = SfmConfig(max_features=400, first_octave=-1)
     images = list_images(filmed.images_dir)
     frames = Frames(images, filmed.masks_dir, filmed.intrinsics_px, (320, 180))
     matches = match_frames(frames, work_dir, config)

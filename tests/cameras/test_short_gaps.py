@@ -107,7 +107,7 @@ def test_frames_that_cannot_be_placed_are_interpolated_and_marked(
     film: Callable[[str, int], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     filmed = film("dolly", 24)
-    config = SfmConfig(max_features=1200, first_octave=-1, keyframe_step=0.1, min_keyframes=3)
+    config = SfmConfig(max_features=1200, keyframe_step=0.1, min_keyframes=3)
     # No frame between keyframes sees so many points.
     monkeypatch.setattr(models, "MIN_PNP_INLIERS", 10**6)
     folders = [
