@@ -204,7 +204,7 @@ def test_frames_between_get_cameras_as_good_as_keyframes(
     film: Callable[[str, int], Any], tmp_path: Path
 ) -> None:
     filmed = film("dolly", 24)
-    config = SfmConfig(max_features=1200, first_octave=-1, keyframe_step=0.1, min_keyframes=3)
+    config = SfmConfig(max_features=400, first_octave=-1, keyframe_step=0.1, min_keyframes=3)
     out_dir = reconstruct(
         filmed.images_dir, filmed.masks_dir, filmed.intrinsics_px, tmp_path / "sfm", config
     )

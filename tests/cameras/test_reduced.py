@@ -66,7 +66,7 @@ def test_cameras_of_large_frames_have_their_size(dolly: Any, tmp_path: Path) -> 
     first = read_gray(list_images(dolly.images_dir)[0])
     height_px, width_px = first.shape
     matrix = np.diag([2.0, 2, 1]) @ dolly.intrinsics_px
-    config = SfmConfig(max_features=1200, first_octave=-1, max_image_size_px=width_px)
+    config = SfmConfig(max_features=600, max_image_size_px=width_px)
     out_dir = reconstruct(tmp_path / "frames", tmp_path / "masks", matrix, tmp_path / "out", config)
     cameras, quality = load_cameras(out_dir), load_quality(out_dir)
     assert quality.worked_on_px == (width_px, height_px)
