@@ -12,6 +12,7 @@ from hypothesis import settings
 
 from gmrdata.read.bodies import load_body
 from gmrdata.values.body import JOINT, PARENTS, BodyModel
+from tests.sharing import made_once
 
 # A busy machine is no failure.
 settings.register_profile("gmrdata", deadline=None)
@@ -55,9 +56,11 @@ def shared_path(shared_data: Path) -> Callable[[str], Path]:
 @pytest.fixture(scope="session")
 def cmu_dir(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Real CMU motions, unpacked: `bvh/*.bvh` and `amc/*.{asf,amc}`."""
-    root = tmp_path_factory.mktemp("cmu_data")
-    subprocess.run(["bash", str(shared_data / "unpack"), str(root)], check=True)
-    return root / "cmu"
+
+    def unpack(root: Path) -> None:
+        subprocess.run(["bash", str(shared_data / "unpack"), str(root)], check=True)
+
+    return made_once(tmp_path_factory, "cmu_data", unpack) / "cmu"
 
 
 # Joints of a standing person of 1.72 m: left side and middle, height above the floor, [m].

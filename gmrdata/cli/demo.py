@@ -8,20 +8,16 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from gmrdata.cli.demo_figures import show
 from gmrdata.cli.demo_motions import MotionFiles, choose_files, make_motions
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
 from gmrdata.film.render import RenderJob, optional_outputs
 from gmrdata.film.render_set import render_clips
-from gmrdata.gmr.train import train
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.library import file_source, gait_source, licence_of
-from gmrdata.pages.scores import write_scores_page
 from gmrdata.read.bodies import keep_body, load_body, read_body
-from gmrdata.score.score import score_manifest
 from gmrdata.stage.jobs import Job, Pool, run_jobs, worker_pool
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -64,15 +60,26 @@ def run_demo(
         _regenerate(paths, recipe, pool, run)
     _step(5, "manifests")
     write_manifests(paths, recipe, files)
+    _train_and_score(paths, recipe, run)
+    _step(8, "report")
+    write_text(paths.recipe, yaml.safe_dump(recipe.model_dump(mode="json"), sort_keys=False))
+    from gmrdata.cli.demo_figures import show
+
+    return show(paths, recipe)
+
+
+def _train_and_score(paths: DemoPaths, recipe: DemoRecipe, run: Run) -> None:
+    # Here, since they take seconds to load, which the workers of the steps before do without.
+    from gmrdata.gmr.train import train
+    from gmrdata.pages.scores import write_scores_page
+    from gmrdata.score.score import score_manifest
+
     _step(6, "train GMR")
     train([paths.training_manifest], paths.gmr_dir, recipe.gmr, body_path=paths.body, run=run)
     _step(7, "score GMR")
     for manifest in (paths.synthetic_manifest, paths.pseudo_gt_manifest):
         scores_dir = paths.scores_dir(manifest.stem)
         write_scores_page(score_manifest(paths.gmr_dir, manifest, paths.body, scores_dir, run=run))
-    _step(8, "report")
-    write_text(paths.recipe, yaml.safe_dump(recipe.model_dump(mode="json"), sort_keys=False))
-    return show(paths, recipe)
 
 
 def plan(recipe: DemoRecipe, out_dir: Path) -> list[tuple[str, str]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.cli import VERBS, baselines, main, manifests, pseudo_gt
+from gmrdata.cli import VERBS, baselines, manifests, pseudo_gt
 from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
 
 Answer = subprocess.CompletedProcess[str]
@@ -30,23 +30,6 @@ Frame Time: 0.00833333
 0 0 0 0 0 0
 0 0 0 0 0 nan
 """
-
-
-@pytest.fixture
-def gmrdata(capsys: pytest.CaptureFixture[str]) -> Gmrdata:
-    """The command line in this process: exit code, and what it wrote to both streams."""
-
-    def run(*arguments: object) -> Answer:
-        command, code = [str(argument) for argument in arguments], 0
-        capsys.readouterr()
-        try:
-            main(command)
-        except SystemExit as ended:
-            code = int(ended.code or 0)
-        said = capsys.readouterr()
-        return Answer(command, code, said.out, said.err)
-
-    return run
 
 
 def in_a_process(*arguments: object, **options: object) -> Answer:

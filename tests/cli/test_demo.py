@@ -2,10 +2,8 @@
 given to the other verbs.  One finished demo serves all tests."""
 
 import json
-import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -18,12 +16,12 @@ from gmrdata.cli.demo_recipe import DemoPaths
 from gmrdata.manifest.check import check_manifest
 from gmrdata.values.clip import load_clip
 from gmrdata.values.files import read_json
+from tests.cli.small_demos import TINY, demo_arguments, finish, start_gmrdata
 
 pytestmark = pytest.mark.slow
 
 Finished = tuple[DemoPaths, str]
-Start = Callable[[Path, Path, Path], subprocess.Popen[str]]
-Finish = Callable[[subprocess.Popen[str]], str]
+Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def test_figures_meet_the_bars_for_small_pictures(finished: Finished) -> None:
@@ -51,76 +49,72 @@ def test_manifests_are_good_and_the_report_is_there(finished: Finished) -> None:
 
 
 def test_a_second_run_makes_nothing_anew(
-    finished: Finished,
-    recipe_path: Path,
-    cmu_dir: Path,
-    start_demo: Start,
-    finish_demo: Finish,
+    finished: Finished, recipe_path: Path, cmu_dir: Path, gmrdata: Gmrdata
 ) -> None:
     paths, _ = finished
     before = {path: path.stat().st_mtime_ns for path in paths.root.rglob("stage.json")}
-    finish_demo(start_demo(paths.root, recipe_path, cmu_dir))
+    answer = gmrdata(*demo_arguments(paths.root, recipe_path, cmu_dir))
+    assert answer.returncode == 0, answer.stderr
     assert {path: path.stat().st_mtime_ns for path in paths.root.rglob("stage.json")} == before
     assert len(before) > 15
 
 
 def test_another_recipe_is_refused_and_leaves_what_is_there(
-    finished: Finished,
-    recipe_path: Path,
-    cmu_dir: Path,
-    tmp_path: Path,
-    start_demo: Start,
+    finished: Finished, recipe_path: Path, cmu_dir: Path, tmp_path: Path, gmrdata: Gmrdata
 ) -> None:
     paths, _ = finished
     before = paths.recipe.read_bytes()
     other = tmp_path / "other.yaml"
     other.write_text(recipe_path.read_text() + "seed: 5\n")
-    process = start_demo(paths.root, other, cmu_dir)
-    said, _ = process.communicate(timeout=300)
-    assert (process.returncode, "Traceback" in said) == (1, False)
-    assert "config.seed" in said and "--redo" in said
+    answer = gmrdata(*demo_arguments(paths.root, other, cmu_dir))
+    assert (answer.returncode, "Traceback" in answer.stderr) == (1, False)
+    assert "config.seed" in answer.stderr and "--redo" in answer.stderr
     assert paths.recipe.read_bytes() == before
 
 
-def stages_in(out: Path) -> int:
-    # Not by rglob, which fails at a folder that is renamed meanwhile.
-    return sum("stage.json" in names for _, _, names in os.walk(out))
+def unfinished(folder: Path) -> Path:
+    return folder.with_name(f"{folder.name}.partial")
+
+
+def kill_while(process: subprocess.Popen[str], at_work: Callable[[], bool]) -> None:
+    """Kill a process as soon as it is at a piece of work, which it must not miss."""
+    while not at_work() and process.poll() is None:
+        time.sleep(0.02)
+    assert process.poll() is None, "it ended before it was killed"
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert process.returncode == -signal.SIGKILL
 
 
 def test_killed_at_random_moments_it_ends_with_the_same_manifests(
-    finished: Finished,
-    recipe_path: Path,
-    cmu_dir: Path,
-    tmp_path: Path,
-    start_demo: Start,
-    finish_demo: Finish,
+    cmu_dir: Path, tmp_path: Path, gmrdata: Gmrdata
 ) -> None:
-    paths, _ = finished
-    out = tmp_path / "killed"
-    rng = np.random.default_rng(20211)
-    # Three stages are left after the last kill at the earliest: the training and two scores.
-    moments = np.sort(rng.choice(np.arange(1, stages_in(paths.root) - 2), 3, replace=False))
-    for n_stages in moments:
-        process = start_demo(out, recipe_path, cmu_dir)
-        while stages_in(out) < n_stages and process.poll() is None:
-            time.sleep(0.02)
-        time.sleep(rng.uniform(0, 1))
-        assert process.poll() is None, f"it ended before it was killed, with {n_stages} stages"
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
-        assert process.returncode == -signal.SIGKILL
-    finish_demo(start_demo(out, recipe_path, cmu_dir))
+    """Killed among the frames, in a stage of the world motion, and while it trains."""
+    recipe = tmp_path / "tiny.yaml"
+    recipe.write_text(yaml.safe_dump(TINY))
+    answer = gmrdata(*demo_arguments(tmp_path / "undisturbed", recipe, cmu_dir))
+    assert answer.returncode == 0, answer.stderr
+
+    paths, rng = DemoPaths(tmp_path / "killed"), np.random.default_rng(20211)
+    clip, n_frames = paths.clip("panning"), rng.integers(1, 7)
+    regenerated = rng.choice([clip.masks_dir, clip.sfm_dir])
+    killed = demo_arguments(paths.root, recipe, cmu_dir)
+
+    masks = unfinished(clip.render_dir) / "masks"
+    kill_while(start_gmrdata(killed), lambda: len(list(masks.glob("*.png"))) >= n_frames)
+    kill_while(start_gmrdata(killed), unfinished(regenerated).exists)
+    kept_step = unfinished(paths.gmr_dir) / "checkpoints" / "latest"
+    kill_while(start_gmrdata(killed), kept_step.exists)
+    finish(start_gmrdata(killed))
     for name in ("training.yaml", "synthetic.yaml", "pseudo_gt.yaml"):
-        assert (out / name).read_bytes() == (paths.root / name).read_bytes(), name
-    assert not list(out.rglob("*.partial"))
+        undisturbed = (tmp_path / "undisturbed" / name).read_bytes()
+        assert (paths.root / name).read_bytes() == undisturbed, name
+    assert not list(paths.root.rglob("*.partial"))
 
 
-def gmrdata(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from gmrdata.cli import main; main()", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-def test_sfm_regenerates_one_sequence_as_the_demo_did(finished: Finished, tmp_path: Path) -> None:
+def test_sfm_regenerates_one_sequence_as_the_demo_did(
+    finished: Finished, gmrdata: Gmrdata, tmp_path: Path
+) -> None:
     paths, _ = finished
     answer = gmrdata(
         "sfm",
@@ -138,7 +132,7 @@ def test_sfm_regenerates_one_sequence_as_the_demo_did(finished: Finished, tmp_pa
 
 
 def test_sfm_unites_the_silhouette_with_a_detector(
-    finished: Finished, shared_path: Callable[[str], Path], tmp_path: Path
+    finished: Finished, gmrdata: Gmrdata, shared_path: Callable[[str], Path], tmp_path: Path
 ) -> None:
     paths, _ = finished
     model, out = shared_path("models/yolox_nano.onnx"), tmp_path / "out"
@@ -160,7 +154,9 @@ def test_sfm_unites_the_silhouette_with_a_detector(
     assert quality["geometry"] == "rotation_only"
 
 
-def test_sfm_names_the_frame_that_is_missing_or_broken(finished: Finished, tmp_path: Path) -> None:
+def test_sfm_names_the_frame_that_is_missing_or_broken(
+    finished: Finished, gmrdata: Gmrdata, tmp_path: Path
+) -> None:
     paths, _ = finished
     frames = tmp_path / "frames"
     frames.mkdir()
@@ -178,7 +174,7 @@ def test_sfm_names_the_frame_that_is_missing_or_broken(finished: Finished, tmp_p
     assert not (tmp_path / "a" / "sfm").exists() and not (tmp_path / "b" / "masks").exists()
 
 
-def test_train_and_evaluate(finished: Finished, tmp_path: Path) -> None:
+def test_train_and_evaluate(finished: Finished, gmrdata: Gmrdata, tmp_path: Path) -> None:
     paths, _ = finished
     recipe = tmp_path / "tiny.yaml"
     train = {"model": {"layers": 1, "hidden": 8}, "steps": 5, "batch_size": 2}
@@ -207,7 +203,7 @@ def test_train_and_evaluate(finished: Finished, tmp_path: Path) -> None:
     assert refused.returncode == 1 and "inputs.manifest" in refused.stderr
 
 
-def test_a_recipe_trains_and_scores(finished: Finished, tmp_path: Path) -> None:
+def test_a_recipe_trains_and_scores(finished: Finished, gmrdata: Gmrdata, tmp_path: Path) -> None:
     paths, _ = finished
     recipe = paths.root / "tiny_gmr.yaml"
     record = {
@@ -223,7 +219,7 @@ def test_a_recipe_trains_and_scores(finished: Finished, tmp_path: Path) -> None:
     assert (tmp_path / "out" / "scores" / "synthetic" / "scores.json").is_file()
 
 
-def test_the_report_can_be_written_again(finished: Finished) -> None:
+def test_the_report_can_be_written_again(finished: Finished, gmrdata: Gmrdata) -> None:
     paths, _ = finished
     before = paths.report.read_bytes()
     paths.report.unlink()
