@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.rest_pose import minimal_rotation
-from gmrdata.values.body import JOINT, BodyModel, gender_of
+from gmrdata.values.body import JOINT, PARENTS, BodyModel, gender_of
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.skinning import posed_joints_m, with_ancestors
 
 SIDES = ("left", "right")
 PLANTED_M_PER_S = 0.2  # a foot counts as standing while its ankle and its toe joint are slower
@@ -105,11 +105,14 @@ def sole_points_m(body: BodyModel, motion: Motion) -> np.ndarray:
     """Some points of the soles over time, (T, P, 3) [m]: they follow the ankle and toe joints
     rigidly, as skin hardly bends there."""
     rest_joints_m = body.rest_joints_m(motion.shape)
-    joints_m, frame_from_joint = posed_joints_m(rest_joints_m, motion.rotmats, motion.pelvis_m)
+    legs, parents = with_ancestors(PARENTS, FOOT_JOINTS)
+    joints_m, frame_from_joint = posed_joints_m(
+        rest_joints_m[legs], motion.rotmats[:, legs], motion.pelvis_m, parents
+    )
     soles_m = [
-        joints_m[:, None, joint]
-        + (points - rest_joints_m[joint]) @ frame_from_joint[:, joint].swapaxes(-1, -2)
-        for joint, points in _sole_vertices_m(body, motion.shape).items()
+        joints_m[:, None, n] + (points - rest_joints_m[j]) @ frame_from_joint[:, n].swapaxes(-1, -2)
+        for j, points in _sole_vertices_m(body, motion.shape).items()
+        for n in [legs.index(j)]
     ]
     return np.concatenate(soles_m, axis=1)
 

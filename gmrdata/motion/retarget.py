@@ -43,7 +43,8 @@ from gmrdata.motion.rest_pose import leg_length_m
 from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import global_rotmats, joint_positions_m
+from gmrdata.values.skinning import global_rotmats, joint_positions_m, with_ancestors
+from gmrdata.values.transforms import between
 
 _HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 
@@ -76,20 +77,21 @@ def retarget(
     source_rest_m = source_rest_m @ axes
 
     world_from_joint = global_rotmats(source.parents, source.local_rotmats)
-    source_m = joint_positions_m(source.parents, world_from_joint, source.translations_m)
-    turned = {j: axes.T @ world_from_joint[:, s] @ axes for j, s in joints.items()}
-    paths_m = {j: source_m[:, joints[j]] @ axes for j in (*_HIPS, *FOOT_JOINTS) if j in joints}
+    feet_turned = {
+        j: between(axes.T, world_from_joint[:, joints[j]], axes) for j in FOOT_JOINTS if j in joints
+    }
+    paths_m = _paths_m(source, world_from_joint, joints, axes)
 
     toe_tips_m = _toe_tips_m(source, joints) @ axes
     feet, flat_pitch_deg = foot_corrections(
-        source_rest_m, toe_tips_m, body_rest_m, turned, paths_m, source.fps_hz
+        source_rest_m, toe_tips_m, body_rest_m, feet_turned, paths_m, source.fps_hz
     )
     upright = {
         JOINT[joint]: Rotation.from_euler("x", -pitch_deg, degrees=True).as_matrix()
         for joint, pitch_deg in (upright_pitch_deg or {}).items()
     }
     corrections = rest_pose.limb_corrections(source_rest_m, body_rest_m) | feet | upright
-    local_rotmats = _local_rotmats(turned, corrections, source.n_frames)
+    local_rotmats = _local_rotmats(world_from_joint, joints, axes, corrections)
     scale = leg_length_m(body_rest_m) / leg_length_m(source_rest_m)
     middle_m = scale * sum(paths_m[hip] for hip in _HIPS) / len(_HIPS) @ WORLD_FROM_REST.T
     middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
@@ -100,16 +102,32 @@ def retarget(
     return levelled(body, motion, ground)
 
 
+def _paths_m(
+    source: SourceMotion, world_from_joint: np.ndarray, joints: Mapping[int, int], axes: np.ndarray
+) -> dict[int, np.ndarray]:
+    """(T, 3) of the hips and of the joints of the feet, in the axes of a body at rest [m]."""
+    wanted = {j: joints[j] for j in (*_HIPS, *FOOT_JOINTS) if j in joints}
+    legs, parents = with_ancestors(source.parents, wanted.values())
+    translations_m = source.translations_m[:, legs]
+    source_m = joint_positions_m(parents, world_from_joint[:, legs], translations_m)
+    return {j: source_m[:, legs.index(row)] @ axes for j, row in wanted.items()}
+
+
 def _local_rotmats(
-    turned: Mapping[int, np.ndarray], corrections: Mapping[int, np.ndarray], n_frames: int
+    source_rotmats: np.ndarray,
+    joints: Mapping[int, int],
+    axes: np.ndarray,
+    corrections: Mapping[int, np.ndarray],
 ) -> np.ndarray:
     """(T, 24, 3, 3): the root's H and all others' H_parent^T H."""
-    world_from_joint = np.empty((n_frames, N_JOINTS, 3, 3))
+    world_from_joint = np.empty((len(source_rotmats), N_JOINTS, 3, 3))
     local_rotmats = np.empty_like(world_from_joint)
+    world_from_source = WORLD_FROM_REST @ axes.T
     for joint, parent in enumerate(PARENTS):
         own = above = world_from_joint[:, parent]
-        if joint in turned:
-            own = WORLD_FROM_REST @ turned[joint] @ corrections.get(joint, np.eye(3))
+        if joint in joints:
+            unturned = axes @ corrections.get(joint, np.eye(3))
+            own = between(world_from_source, source_rotmats[:, joints[joint]], unturned)
         world_from_joint[:, joint] = own
         local_rotmats[:, joint] = own if parent < 0 else above.transpose(0, 2, 1) @ own
     return local_rotmats

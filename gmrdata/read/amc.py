@@ -15,16 +15,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.numbers import bad_line, parse_floats, read_text
+from gmrdata.read.numbers import bad_line, parse_floats, plain_rows, read_text
 from gmrdata.read.source_motion import SourceMotion, check_rate_hz, cmu_rate_hz, recorded_rows
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import is_cmu
+from gmrdata.values.transforms import between, euler_rotmats
 
 INCH_M = 0.0254
 _FRAME_NUMBER = re.compile(r"[0-9]+")
 Section = list[tuple[int, list[str]]]  # lines as (line number, words)
 Entries = dict[str, tuple[int, list[str]]]
 """Line number and further words by the first word of a line."""
+Due = list[tuple[str, int]]  # names and numbers of values of a frame's lines; "" is its number's
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,6 +301,33 @@ def _bone_columns(
 def _table(body: list[str], columns: dict[str, slice], path: Path, first_line: int) -> np.ndarray:
     """(T, C): one row per frame."""
     due = [("", 1), *((bone, c.stop - c.start) for bone, c in columns.items())]
+    table = _plain_table([line for line in body if line], due)
+    if table is None:
+        table = _closely_read_table(body, due, path, first_line)
+    jumps = np.flatnonzero(np.diff(table[:, 0]) != 1.0)
+    if jumps.size:
+        before, after = table[jumps[0], 0], table[jumps[0] + 1, 0]
+        what = f"frame {after:g} follows frame {before:g}; frames are missing"
+        raise BadMotionFile(f"{path}: {what}. Split the file there, or fetch it again")
+    return table
+
+
+def _plain_table(lines: list[str], due: Due) -> np.ndarray | None:
+    """The table of frames that all have the same lines, as files mostly have; else None."""
+    columns = [lines[n :: len(due)] for n in range(len(due))]
+    if len(lines) % len(due) or not all(number.isdigit() for number in columns[0]):
+        return None
+    blocks = []
+    for (name, n_values), column in zip(due, columns, strict=True):
+        block = plain_rows(column, n_values, f"{name} " if name else "")
+        if block is None:
+            return None
+        blocks.append(block)
+    return np.concatenate(blocks, axis=1)
+
+
+def _closely_read_table(body: list[str], due: Due, path: Path, first_line: int) -> np.ndarray:
+    """The table read line by line, with an error that says which line is wrong."""
     values: list[float] = []
     found = zip(_filled_lines(body, first_line), cycle(due), strict=False)
     for (line_number, words), (name, n_values) in found:
@@ -311,13 +340,7 @@ def _table(body: list[str], columns: dict[str, slice], path: Path, first_line: i
         values += parse_floats(words[1:] if name else words, path, line_number)
     if name != due[-1][0]:
         raise bad_line(path, line_number, "the last frame is not complete; the file is truncated")
-    table = np.reshape(values, (-1, sum(n_values for _, n_values in due)))
-    jumps = np.flatnonzero(np.diff(table[:, 0]) != 1.0)
-    if jumps.size:
-        before, after = table[jumps[0], 0], table[jumps[0] + 1, 0]
-        what = f"frame {after:g} follows frame {before:g}; frames are missing"
-        raise BadMotionFile(f"{path}: {what}. Split the file there, or fetch it again")
-    return table
+    return np.reshape(values, (-1, sum(n_values for _, n_values in due)))
 
 
 def _filled_lines(lines: list[str], first_line: int) -> Iterator[tuple[int, list[str]]]:
@@ -332,9 +355,9 @@ def _local_rotmats(
     rotmats = np.broadcast_to(np.eye(3), (n_frames, len(asf.names), 3, 3)).copy()
     turns = [i for i, word in enumerate(asf.root_order) if word[0] == "r"]
     angles = angles | {"root": angles["root"][:, turns]}
+    to_deg = 1.0 if degrees else 180.0 / np.pi
     for bone in (n for n, axes in enumerate(asf.channels) if axes):
-        values = angles[asf.names[bone]]
-        turned = Rotation.from_euler(asf.channels[bone], values, degrees=degrees).as_matrix()
+        turned = euler_rotmats(asf.channels[bone], angles[asf.names[bone]] * to_deg)
         frame = asf.world_from_axis[bone]
-        rotmats[:, bone] = frame @ turned.reshape(-1, 3, 3) @ frame.T
+        rotmats[:, bone] = between(frame, turned, frame.T)
     return rotmats

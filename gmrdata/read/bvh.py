@@ -12,13 +12,13 @@ from itertools import count
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.read import source_motion
 from gmrdata.read.numbers import bad_line, parse_floats, parse_table, read_text
 from gmrdata.read.source_motion import SourceMotion, recorded_rows
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.joint_names import is_cmu
+from gmrdata.values.transforms import euler_rotmats
 
 CMU_UNIT_M = 0.0254 / 0.45  # CMU's files hold inches times 0.45
 CENTIMETRE_M = 0.01
@@ -190,17 +190,12 @@ def _columns(tree: Hierarchy, kind: str) -> list[list[tuple[str, int]]]:
 
 
 def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
-    """(T, J, 3, 3); the joints with one channel order are converted together."""
+    """(T, J, 3, 3)."""
     rotmats = np.broadcast_to(np.eye(3), (len(table), len(tree.names), 3, 3)).copy()
-    by_order: dict[str, dict[int, list[int]]] = {}
     for joint, channels in enumerate(_columns(tree, "rotation")):
         if channels:
             axes, columns = zip(*channels, strict=True)
-            by_order.setdefault("".join(axes), {})[joint] = list(columns)
-    for order, found in by_order.items():
-        angles_deg = table[:, list(found.values())].reshape(-1, len(order))
-        turned = Rotation.from_euler(order, angles_deg, degrees=True).as_matrix()
-        rotmats[:, list(found)] = turned.reshape(len(table), len(found), 3, 3)
+            rotmats[:, joint] = euler_rotmats("".join(axes), table[:, list(columns)])
     return rotmats
 
 

@@ -1,18 +1,21 @@
 """Numbers out of files that others wrote: texts of motion data, and arrays of pickles and JSON."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic_core import from_json
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.errors import BadMotionFile, BadSequence, MissingInput
 
 LARGEST_IN_TEXT = 1e7  # larger magnitudes are no positions or angles of a person in any unit
+DIGITS = b"0123456789+-.eE"
+_COMMAS = bytes.maketrans(b" \n", b",,")
 LARGEST_NUMBER = 1e6  # no angle [rad], position [m] or shape coefficient of a person is larger
 RIGID_TOLERANCE = 1e-3  # largest entry of R^T R - 1 of a rotation as files round it
 
@@ -55,6 +58,23 @@ def parse_floats(words: list[str], path: Path, line_number: int) -> list[float]:
     return values
 
 
+def plain_rows(lines: Sequence[str], n_columns: int, start: str = "") -> np.ndarray | None:
+    """Lines of numbers, all with the same start, as (T, n); None where one needs a closer look.
+
+    A parser of JSON reads numbers three times as fast as `float`.
+    """
+    text = "\n".join(["", *lines]).replace(f"\n{start}", "\n").encode()[1:]
+    if text.translate(None, DIGITS) != b"\n".join([b" " * (n_columns - 1)] * len(lines)):
+        return None
+    text = text.replace(b" .", b" 0.").replace(b"-.", b"-0.")  # JSON wants a digit before the point
+    try:
+        values = np.array(from_json(b"[%b]" % text.translate(_COMMAS)), dtype=np.float64)
+    except (ValueError, OverflowError):
+        return None
+    usable = np.all(np.abs(values) <= LARGEST_IN_TEXT)
+    return values.reshape(-1, n_columns) if usable else None
+
+
 def parse_block(text: str) -> np.ndarray | None:
     """All numbers of a text as a flat array, or None where one of its words is no usable number."""
     try:
@@ -69,6 +89,10 @@ def parse_table(
     lines: list[str], n_columns: int, n_rows: int, path: Path, first_line: int
 ) -> np.ndarray:
     """Lines of numbers as (n_rows, n_columns), empty ones skipped; `first_line` counts from 1."""
+    filled_lines = [stripped for line in lines if (stripped := line.strip())]
+    values = plain_rows(filled_lines, n_columns)
+    if values is not None and len(values) == n_rows:
+        return values
     values = parse_block("\n".join(lines))
     if values is not None and values.size == n_rows * n_columns:
         return values.reshape(n_rows, n_columns)

@@ -5,7 +5,7 @@ longer than posing a whole clip, and the Blender process, which starts anew for 
 nothing else of it.  Loper et al. 2015, eqs. 2-10.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -44,17 +44,29 @@ def joint_positions_m(
     return positions_m
 
 
+def with_ancestors(parents: Sequence[int], joints: Iterable[int]) -> tuple[list[int], list[int]]:
+    """Some joints of a tree and all above them, in order, and each one's parent among them."""
+    kept = {-1}
+    for joint in joints:
+        while joint not in kept:
+            kept.add(joint)
+            joint = parents[joint]
+    numbers = sorted(kept)
+    return numbers[1:], [numbers.index(parents[joint]) - 1 for joint in numbers[1:]]
+
+
 def posed_joints_m(
-    rest_joints_m: Float[np.ndarray, "24 3"],
-    rotmats: Float[np.ndarray, "frames 24 3 3"],
+    rest_joints_m: Float[np.ndarray, "joints 3"],
+    rotmats: Float[np.ndarray, "frames joints 3 3"],
     pelvis_m: Float[np.ndarray, "frames 3"],
-) -> tuple[Float[np.ndarray, "frames 24 3"], Float[np.ndarray, "frames 24 3 3"]]:
+    parents: Sequence[int] = PARENTS,
+) -> tuple[Float[np.ndarray, "frames joints 3"], Float[np.ndarray, "frames joints 3 3"]]:
     """Joints of a posed body [m], and frame_from_joint; `rotmats` are local, the root's first."""
-    bones_m = rest_joints_m - rest_joints_m[[0, *PARENTS[1:]]]
+    bones_m = rest_joints_m - rest_joints_m[[0, *parents[1:]]]
     bones_m = np.tile(bones_m, (len(rotmats), 1, 1))
     bones_m[:, 0] = pelvis_m
-    frame_from_joint = global_rotmats(PARENTS, rotmats)
-    return joint_positions_m(PARENTS, frame_from_joint, bones_m), frame_from_joint
+    frame_from_joint = global_rotmats(parents, rotmats)
+    return joint_positions_m(parents, frame_from_joint, bones_m), frame_from_joint
 
 
 def motion_joints_m(body: BodyModel, motion: Motion) -> Float[np.ndarray, "frames 24 3"]:

@@ -102,6 +102,27 @@ def test_radians_and_given_unit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("thigh 90 0\n", "thigh  90 0 \n"),
+        ("thigh 90 0\n", "\tthigh\t90 0\n"),
+        ("thigh 90 0\n", "\n \nthigh 90 0\r\n"),
+        ("thigh 90 0\n", "thigh +90. -.0e1\n"),
+        ("thigh 90 0\n2\n", "thigh 90 0\n02\n"),
+    ],
+)
+def test_frames_that_need_a_closer_look_are_read_as_the_plain_ones(
+    tmp_path: Path, old: str, new: str
+) -> None:
+    (tmp_path / "odd").mkdir()
+    assert old in AMC
+    plain = read_amc(_write(tmp_path), fps_hz=50)
+    odd = read_amc(_write(tmp_path / "odd", amc=AMC.replace(old, new, 1)), fps_hz=50)
+    np.testing.assert_array_equal(odd.local_rotmats, plain.local_rotmats)
+    np.testing.assert_array_equal(odd.translations_m, plain.translations_m)
+
+
+@pytest.mark.parametrize(
     ("old", "new", "words"),
     [
         ("thigh 90 0\n2", "foot 90 0\n2", ":6: bone foot is not in 07.asf.*asf_path"),
@@ -113,6 +134,9 @@ def test_radians_and_given_unit(tmp_path: Path) -> None:
         ("thigh 0 90\n", "thigh 0 1e9\n", ":9: 1e9 is not a usable number"),
         ("thigh 0 90\n", "thigh 0 y\n", ":9: 'y' is not a number"),
         ("thigh 0 90\n", "thigh 0 9_0\n", ":9: '9_0' is not a number"),
+        ("thigh 0 90\n", "thigh 0 true\n", ":9: 'true' is not a number"),
+        ("thigh 0 90\n", "thigh 0,90\n", ":9: 'thigh 0,90' where thigh with 2 values"),
+        ("2 4 0 0 0\nthigh 0 90\n", "2 4 0 0\n0 thigh 0 90\n", ":8: 'root 1 2 4 0 0' where root"),
         ("\n3\n", "\n4\n", "frame 4 follows frame 2"),
         ("\n2\n", "\nx 2\n", "bone x is not in 07.asf"),
         ("thigh 0 0\n", "", ":11: the last frame is not complete"),

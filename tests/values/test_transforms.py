@@ -60,3 +60,28 @@ def test_rigid_broadcasts_one_rotation_over_many_translations() -> None:
     assert a_from_b.shape == (2, 4, 4)
     np.testing.assert_array_equal(a_from_b[:, :3, 3], translations)
     np.testing.assert_array_equal(a_from_b[:, 3], [[0, 0, 0, 1]] * 2)
+
+
+@pytest.mark.parametrize("axes", ["XYZ", "ZXY", "YX", "X", "xyz", "zyx", "yz", "z"])
+def test_angles_about_axes_are_scipys(axes: str) -> None:
+    angles_deg = np.random.default_rng(0).uniform(-400, 400, (5, 40, len(axes)))
+    angles_deg[0, :9] = np.arange(-360, 450, 90)[:, None]
+    expected = Rotation.from_euler(axes, angles_deg.reshape(-1, len(axes)), degrees=True)
+    found = transforms.euler_rotmats(axes, angles_deg)
+    assert found.shape == (5, 40, 3, 3)
+    np.testing.assert_allclose(found.reshape(-1, 3, 3), expected.as_matrix(), rtol=0, atol=2e-15)
+
+
+def test_between_is_two_products() -> None:
+    rng = np.random.default_rng(0)
+    left, right, rotmats = (
+        rng.normal(size=(3, 3)),
+        rng.normal(size=(3, 3)),
+        rng.normal(size=(4, 5, 3, 3)),
+    )
+    np.testing.assert_allclose(
+        transforms.between(left, rotmats[:, 2], right), left @ rotmats[:, 2] @ right, atol=1e-14
+    )
+    np.testing.assert_allclose(
+        transforms.between(left, rotmats, right), left @ rotmats @ right, atol=1e-14
+    )
