@@ -88,14 +88,18 @@ def _bricks(image: np.ndarray, px_per_m: float, rng: np.random.Generator) -> Non
     base = np.array([0.55, 0.30, 0.22]) * rng.uniform(0.8, 1.2)
     image[:] = MORTAR
     row_px, brick_px, columns = 0.085 * px_per_m, 0.25 * px_per_m, np.arange(width)
-    for row in range(int(height / row_px) + 1):
-        y0, y1 = int(row * row_px), min(int((row + 1) * row_px) - joint, height)
-        starts = np.arange(-brick_px / 2 * (row % 2), width, brick_px)
-        shades = base * rng.normal(1, 0.17, (len(starts), 1))
-        shades = np.clip(shades + rng.normal(0, 0.02, (len(starts), 3)), 0.05, 0.9)
+    courses = []
+    for first_px in (0.0, -brick_px / 2):
+        starts = np.arange(first_px, width, brick_px)
         brick = np.searchsorted(starts.astype(int), columns, side="right") - 1
         in_brick = columns < (starts + brick_px).astype(int)[brick] - joint
-        image[y0:y1] = np.where(in_brick[:, None], shades[brick], MORTAR)
+        courses.append((len(starts), brick, in_brick[:, None]))
+    for row in range(int(height / row_px) + 1):
+        y0, y1 = int(row * row_px), min(int((row + 1) * row_px) - joint, height)
+        count, brick, in_brick = courses[row % 2]
+        shades = base * rng.normal(1, 0.17, (count, 1))
+        shades = np.clip(shades + rng.normal(0, 0.02, (count, 3)), 0.05, 0.9)
+        image[y0:y1] = np.where(in_brick, shades[brick], MORTAR)
 
 
 def _windows(

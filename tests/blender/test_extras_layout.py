@@ -17,6 +17,7 @@ from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of
+from tests.blender.coarse_pictures import coarse_pictures
 
 PLACES = {"courtyard": courtyard, "street": street, "park": park, "room": room}
 CASES: list[tuple[str, Programme]] = [
@@ -28,16 +29,8 @@ CASES: list[tuple[str, Programme]] = [
 
 
 @pytest.fixture(scope="module", autouse=True)
-def coarse_pictures() -> Iterator[None]:
-    """Few pixels, which is most of the work; what stands where is as ever."""
-    with pytest.MonkeyPatch.context() as patch:
-        for kind in ("courtyard", "street", "park"):
-            patch.setattr(f"blender.places.{kind}.GROUND_PX", 384)
-        patch.setattr("blender.places.room.FLOOR_PX", 384)
-        patch.setattr("blender.places.park.HEDGE_PX_PER_M", 20.0)
-        patch.setattr("blender.places.room.WALL_PX_PER_M", 30.0)
-        patch.setattr("blender.places.props.WALL_PX_PER_M", 20.0)
-        patch.setattr("blender.places.props.PROP_PX_PER_M", 120.0)
+def paint_little() -> Iterator[None]:
+    with coarse_pictures():
         yield
 
 

@@ -6,13 +6,15 @@ import pytest
 from blender.places.courtyard import courtyard
 from blender.places.layout import Thing, Yard, is_free, mesh_of
 from gmrdata.film.programmes import Circular, Panning, Programme, camera_path
+from tests.blender.coarse_pictures import coarse_pictures
 
 
 def yard_for(programme: Programme, seed: int) -> tuple[Yard, np.ndarray, np.ndarray]:
     time_s = np.arange(20) / 4
     pelvis = np.c_[10 + 1.2 * time_s, np.sin(time_s), np.full(20, 0.93)]
     camera = camera_path(programme, pelvis, 4.0, 160, 90, 60.0, np.random.default_rng(seed))
-    yard = courtyard(pelvis, camera.centres_world_m, np.random.default_rng(seed))
+    with coarse_pictures():
+        yard = courtyard(pelvis, camera.centres_world_m, np.random.default_rng(seed))
     return yard, pelvis, camera.centres_world_m
 
 

@@ -26,6 +26,7 @@ from gmrdata.film.programmes import Static, camera_path
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.film.render_outputs import load_joints
 from gmrdata.film.render_set import render_set
+from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
@@ -114,15 +115,26 @@ def stand_in(
     }
 
 
-def export(case: Mapping[str, Any], path: Path) -> Path:
-    """Write a character with Blender, in a process of its own."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez(path.with_suffix(".npz"), **case)
+@pytest.fixture(scope="module")
+def characters(small_body: BodyModel, folder: Path) -> dict[str, Path]:
+    """The files of all characters, written with Blender in one process of its own."""
+    t_pose = stand_in(small_body, {}, a_pose=False, rename=smpl_name)
+    in_cm = stand_in(small_body, LEGS | ARMS, unit_m=0.01)
+    cases = {
+        "proportions.glb": in_cm,
+        "someone.fbx": in_cm,
+        "twin.glb": t_pose,
+        "holes.glb": t_pose | {"holes": True},
+        "loose/loose.fbx": stand_in(small_body, {}) | {"embed": False},
+    }
+    paths = {Path(name).stem: folder / name for name in cases}
+    for path, case in zip(paths.values(), cases.values(), strict=True):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path.with_suffix(".npz"), **case)
     script = Path(__file__).with_name("character_by_blender.py")
-    subprocess.run(
-        [sys.executable, script, path.with_suffix(".npz"), path], capture_output=True, check=True
-    )
-    return path
+    command = [sys.executable, script, *paths.values()]
+    subprocess.run(command, capture_output=True, check=True)
+    return paths
 
 
 def striding(body: BodyModel) -> Motion:
@@ -178,21 +190,30 @@ def clip_path(small_body: BodyModel, folder: Path) -> Path:
     return folder / "clip.npz"
 
 
-def film(clip_path: Path, out_dir: Path, character: Character | None, **more: Any) -> Path:
-    config = RenderConfig(samples=1, character=character, **more)
-    body_path = clip_path.with_name("body.npz")
-    return render_clip(clip_path, body_path, out_dir, config, on_frame=lambda _: None)
+@pytest.fixture(scope="module")
+def film(box_place: SceneConfig) -> Callable[..., Path]:
+    """Films a clip of `clip_path`, with the body beside it, before a few boxes unless told."""
+
+    def run(clip_path: Path, out_dir: Path, character: Character | None, **more: Any) -> Path:
+        said = {"scene": box_place} | more
+        config = RenderConfig(samples=1, character=character, **said)
+        body_path = clip_path.with_name("body.npz")
+        return render_clip(clip_path, body_path, out_dir, config, on_frame=lambda _: None)
+
+    return run
 
 
 @pytest.fixture(scope="module")
-def proportions(small_body: BodyModel, folder: Path) -> Path:
+def proportions(characters: dict[str, Path]) -> Path:
     """A Mixamo rig in centimetres, in an A-pose, with longer legs and shorter arms."""
-    return export(stand_in(small_body, LEGS | ARMS, unit_m=0.01), folder / "proportions.glb")
+    return characters["proportions"]
 
 
 @pytest.fixture(scope="module")
-def rendered(proportions: Path, clip_path: Path, folder: Path) -> Path:
-    return film(clip_path, folder / "rendered", Character(path=proportions), joints=True)
+def rendered(film: Callable[..., Path], proportions: Path, clip_path: Path, folder: Path) -> Path:
+    """In a place of our own, whose light is in the materials."""
+    character = Character(path=proportions)
+    return film(clip_path, folder / "rendered", character, joints=True, scene=SceneConfig())
 
 
 def expected_joints_m(body: BodyModel, motion: Motion, keep: bool) -> np.ndarray:
@@ -241,10 +262,14 @@ def test_the_residual_is_what_the_proportions_imply(
 
 
 def test_a_file_in_centimetres_keeps_its_size_if_told_to(
-    small_body: BodyModel, clip_path: Path, folder: Path
+    film: Callable[..., Path],
+    characters: dict[str, Path],
+    small_body: BodyModel,
+    clip_path: Path,
+    folder: Path,
 ) -> None:
-    path = export(stand_in(small_body, LEGS | ARMS, unit_m=0.01), folder / "someone.fbx")
-    kept = film(clip_path, folder / "kept", Character(path=path, scale="keep"))
+    character = Character(path=characters["someone"], scale="keep")
+    kept = film(clip_path, folder / "kept", character)
     record = load_character(kept / "character.npz")
     check_residual(record, small_body, clip_path, keep=True)
     assert record.scale == 1.0
@@ -277,14 +302,6 @@ def test_it_has_its_own_picture_on_and_is_lit(rendered: Path) -> None:
     assert (blue - red > 60).mean() > 0.2 and (red > 120).mean() > 0.2
 
 
-def test_another_run_gives_the_same_bytes(
-    rendered: Path, proportions: Path, clip_path: Path, folder: Path
-) -> None:
-    again = film(clip_path, folder / "again", Character(path=proportions), joints=True)
-    assert contents(again) == contents(rendered)
-    film(clip_path, folder / "again", Character(path=proportions), joints=True)  # does nothing
-
-
 def contents(folder: Path) -> dict[str, str]:
     return {
         path.relative_to(folder).as_posix(): sha256_of_file(path)
@@ -298,16 +315,16 @@ def smpl_name(joint: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def twin(small_body: BodyModel, clip_path: Path, folder: Path) -> Path:
+def twin(
+    film: Callable[..., Path], characters: dict[str, Path], clip_path: Path, folder: Path
+) -> Path:
     """The body itself as a character, in the T-pose with SMPL's names, with flow and depth."""
-    path = export(stand_in(small_body, {}, a_pose=False, rename=smpl_name), folder / "twin.glb")
-    return film(
-        clip_path, folder / "twin", Character(path=path), blend=True, flow=True, joints=True
-    )
+    character = Character(path=characters["twin"])
+    return film(clip_path, folder / "twin", character, blend=True, flow=True, joints=True)
 
 
 def test_the_body_as_a_character_is_the_body(
-    twin: Path, small_body: BodyModel, clip_path: Path, folder: Path
+    film: Callable[..., Path], twin: Path, small_body: BodyModel, clip_path: Path, folder: Path
 ) -> None:
     record = load_character(twin / "character.npz")
     assert np.abs(record.residual_m).max() < 1e-5 and record.scale == pytest.approx(1.0, rel=1e-5)
@@ -331,11 +348,13 @@ def test_the_body_as_a_character_is_the_body(
 
 
 def test_there_is_nothing_in_the_holes_of_a_picture(
-    twin: Path, small_body: BodyModel, clip_path: Path, folder: Path
+    film: Callable[..., Path],
+    characters: dict[str, Path],
+    twin: Path,
+    clip_path: Path,
+    folder: Path,
 ) -> None:
-    case = stand_in(small_body, {}, a_pose=False, rename=smpl_name) | {"holes": True}
-    path = export(case, folder / "holes.glb")
-    holes = film(clip_path, folder / "holes", Character(path=path), flow=True)
+    holes = film(clip_path, folder / "holes", Character(path=characters["holes"]), flow=True)
     mask, whole = mask_of(holes, 0), mask_of(twin, 0)
     assert not (mask & ~whole).any()
     assert 0.3 < mask.sum() / whole.sum() < 0.8
@@ -346,14 +365,18 @@ def test_there_is_nothing_in_the_holes_of_a_picture(
 
 
 def test_feet_stand_on_the_floor_where_the_bodys_do(
-    small_body: BodyModel, proportions: Path, folder: Path
+    film: Callable[..., Path],
+    clip_path: Path,
+    small_body: BodyModel,
+    proportions: Path,
+    folder: Path,
 ) -> None:
     motion = striding(small_body)
     upright = np.tile(np.eye(3), (N_FRAMES, 23, 1, 1))
     soles_m = (small_body.template_m - small_body.joints_template_m[0])[:, 1].min()
     pelvis_m = np.tile([0.0, 0.0, -soles_m], (N_FRAMES, 1))
     motion = replace(motion, local_rotmats=upright, pelvis_m=pelvis_m)
-    clip = replace(load_clip(folder / "clip.npz"), motion=motion)
+    clip = replace(load_clip(clip_path), motion=motion)
     (folder / "standing").mkdir()
     save_body(folder / "standing/body.npz", small_body)
     path = folder / "standing/clip.npz"
@@ -380,8 +403,8 @@ def write_glb(path: Path, scene: Mapping[str, Any], binary: bytes) -> Path:
     return path
 
 
-def test_a_gltf_with_files_beside_it_gives_the_same_pictures(
-    rendered: Path, proportions: Path, clip_path: Path, folder: Path
+def test_another_run_from_a_gltf_with_files_beside_it_gives_the_same_bytes(
+    film: Callable[..., Path], rendered: Path, proportions: Path, clip_path: Path, folder: Path
 ) -> None:
     scene, binary = read_glb(proportions)
     (folder / "parts").mkdir()
@@ -393,13 +416,19 @@ def test_a_gltf_with_files_beside_it_gives_the_same_pictures(
     (folder / "parts/parts of it.bin").write_bytes(binary)
     path = folder / "parts/someone.gltf"
     path.write_text(json.dumps(scene))
-    out_dir = film(clip_path, folder / "from_parts", Character(path=path), joints=True)
+    said = {"character": Character(path=path), "joints": True, "scene": SceneConfig()}
+    out_dir = film(clip_path, folder / "from_parts", **said)
     assert contents(out_dir) == contents(rendered)
+    written_ns = (out_dir / "stage.json").stat().st_mtime_ns
+    film(clip_path, folder / "from_parts", **said)  # does nothing
+    assert (out_dir / "stage.json").stat().st_mtime_ns == written_ns
     inputs = json.loads((out_dir / "stage.json").read_text())["inputs"]
     assert inputs["character/stripes.png"] == sha256_of_file(folder / "parts/stripes.png")
 
 
-def test_a_missing_bone_is_named(proportions: Path, clip_path: Path, folder: Path) -> None:
+def test_a_missing_bone_is_named(
+    film: Callable[..., Path], proportions: Path, clip_path: Path, folder: Path
+) -> None:
     scene, binary = read_glb(proportions)
     for node in scene["nodes"]:
         node["name"] = node["name"].replace("LeftLeg", "Tentacle")
@@ -413,7 +442,7 @@ def test_a_missing_bone_is_named(proportions: Path, clip_path: Path, folder: Pat
 
 
 def test_a_mesh_without_a_skeleton_is_no_character(
-    proportions: Path, clip_path: Path, folder: Path
+    film: Callable[..., Path], proportions: Path, clip_path: Path, folder: Path
 ) -> None:
     scene, binary = read_glb(proportions)
     del scene["skins"]
@@ -424,7 +453,7 @@ def test_a_mesh_without_a_skeleton_is_no_character(
         film(clip_path, folder / "statue", Character(path=path))
 
 
-def test_a_damaged_fbx_is_named(clip_path: Path, folder: Path) -> None:
+def test_a_damaged_fbx_is_named(film: Callable[..., Path], clip_path: Path, folder: Path) -> None:
     path = folder / "cut.fbx"
     path.write_bytes(b"Kaydara FBX Binary  \0\x1a\0" + struct.pack("<I", 7400) + b"\1" * 50)
     with pytest.raises(RenderFailed, match=r"cut\.fbx: Blender can't read this character"):
@@ -432,16 +461,16 @@ def test_a_damaged_fbx_is_named(clip_path: Path, folder: Path) -> None:
 
 
 def test_an_fbx_with_its_picture_elsewhere_is_refused(
-    small_body: BodyModel, clip_path: Path, folder: Path
+    film: Callable[..., Path], characters: dict[str, Path], clip_path: Path, folder: Path
 ) -> None:
-    path = export(stand_in(small_body, {}) | {"embed": False}, folder / "loose/loose.fbx")
+    path = characters["loose"]
     assert (folder / "loose/stripes.png").is_file()
     with pytest.raises(RenderFailed, match=r"loose\.fbx: its picture 'stripes.*' is not inside"):
         film(clip_path, folder / "loose/out", Character(path=path))
 
 
 def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
-    small_body: BodyModel, proportions: Path, folder: Path
+    box_place: SceneConfig, small_body: BodyModel, proportions: Path, folder: Path
 ) -> None:
     save_body(folder / "small.npz", small_body)
     character = {"path": str(proportions), "licence": "CC0-1.0"}
@@ -453,8 +482,8 @@ def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
             "body": str(folder / "small.npz"),
             "workers": 1,
             "clips": [{"id": "someone", "character": character, **clip}, {"id": "body", **clip}],
-            "film": {"duration_s": 0.5, "fps_hz": 10, "width_px": 96, "height_px": 64},
-            "render": {"samples": 1},
+            "film": {"duration_s": 0.3, "fps_hz": 10, "width_px": 96, "height_px": 64},
+            "render": {"samples": 1, "scene": box_place.model_dump()},
         }
     )
     path = render_set(recipe, folder / "set")

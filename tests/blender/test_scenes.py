@@ -1,8 +1,5 @@
 """Every place leaves room for the subject, the camera and the view, under every programme."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 
@@ -11,6 +8,7 @@ from blender.places.park import park
 from blender.places.room import room
 from blender.places.street import street
 from gmrdata.film.programmes import Circular, Linear, LinearPanning, Panning, Programme, camera_path
+from tests.blender.coarse_pictures import coarse_pictures
 
 PROGRAMMES: dict[str, Programme] = {
     "circular": Circular(),
@@ -34,20 +32,6 @@ def place_for(kind: str, programme: Programme, seed: int) -> tuple[Yard, np.ndar
     camera = camera_path(programme, pelvis, 4.0, 160, 90, 60.0, np.random.default_rng(seed))
     yard = PLACES[kind](pelvis, camera.centres_world_m, np.random.default_rng(seed))
     return yard, pelvis, camera.centres_world_m
-
-
-@contextmanager
-def coarse_pictures() -> Iterator[None]:
-    """Draw pictures with few pixels, which is most of the work; what stands where is as ever."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("blender.places.street.GROUND_PX", 384)
-        patch.setattr("blender.places.park.GROUND_PX", 384)
-        patch.setattr("blender.places.room.FLOOR_PX", 384)
-        patch.setattr("blender.places.park.HEDGE_PX_PER_M", 20.0)
-        patch.setattr("blender.places.room.WALL_PX_PER_M", 30.0)
-        patch.setattr("blender.places.props.WALL_PX_PER_M", 20.0)
-        patch.setattr("blender.places.props.PROP_PX_PER_M", 120.0)
-        yield
 
 
 @pytest.fixture(scope="module")
