@@ -16,7 +16,7 @@ N_FRAMES = 8
 def panned(turn_deg: float, noise_px: float, seed: int = 0, drift_m: float = 0.0) -> Matches:
     """Matches of a camera that turns by so much, and drifts in the hand."""
     rng = np.random.default_rng(seed)
-    rays = rng.normal(size=(4000, 3))
+    rays = rng.normal(size=(2000, 3))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     points_m = rays * rng.uniform(4, 15, (len(rays), 1))
     seen, points_px = [], []
