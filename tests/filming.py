@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -123,6 +124,25 @@ def motion_errors(found: np.ndarray, true: np.ndarray, step: int) -> tuple[float
     degrees = np.rad2deg(Rotation.from_matrix(apart).magnitude())
     lengths = np.linalg.norm(moves[0][:, :3, 3] - moves[1][:, :3, 3], axis=1)
     return float(np.sqrt(np.mean(degrees**2))), float(np.sqrt(np.mean(lengths**2)))
+
+
+def solve_keyframes_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the first model of the keyframes for all solutions of a test, which film the same."""
+    from gmrdata.cameras import geometry
+
+    for name in ("match_frames", "map_frames", "with_frames_between"):
+        monkeypatch.setattr(geometry, name, _once(getattr(geometry, name)))
+
+
+def _once(function: Callable[..., Any]) -> Callable[..., Any]:
+    answers: list[Any] = []
+
+    def first(*args: Any) -> Any:
+        if not answers:
+            answers.append(function(*args))
+        return answers[0]
+
+    return first
 
 
 @pytest.fixture(scope="session")

@@ -19,6 +19,7 @@ from gmrdata.cameras.solution import fill_short_gaps
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.transforms import fit_similarity
+from tests.filming import solve_keyframes_once
 
 NO_CUTS = np.zeros(0, dtype=np.int64)
 
@@ -110,6 +111,7 @@ def test_frames_that_cannot_be_placed_are_interpolated_and_marked(
     config = SfmConfig(max_features=1200, keyframe_step=0.1, min_keyframes=3)
     # No frame between keyframes sees so many points.
     monkeypatch.setattr(models, "MIN_PNP_INLIERS", 10**6)
+    solve_keyframes_once(monkeypatch)
     folders = [
         reconstruct(
             filmed.images_dir,
