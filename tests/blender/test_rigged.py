@@ -482,7 +482,7 @@ def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
             "body": str(folder / "small.npz"),
             "workers": 1,
             "clips": [{"id": "someone", "character": character, **clip}, {"id": "body", **clip}],
-            "film": {"duration_s": 0.3, "fps_hz": 10, "width_px": 96, "height_px": 64},
+            "film": {"duration_s": 0.5, "fps_hz": 10, "width_px": 96, "height_px": 64},
             "render": {"samples": 1, "scene": box_place.model_dump()},
         }
     )
