@@ -189,14 +189,22 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
     greys = np.round(255 * shades[drawable]).tolist()
     for triangle, grey in zip(corners, greys, strict=True):
         cv2.fillConvexPoly(layer, triangle, (grey,), cv2.LINE_8, 4)
+    # What the body leaves free stays as it is.
+    left, top, wide, high = cv2.boundingRect(layer)
+    rows, columns = (
+        slice(first // _SUPERSAMPLE, -(-(first + count) // _SUPERSAMPLE))
+        for first, count in ((top, high), (left, wide))
+    )
+    squares = layer.reshape(height, _SUPERSAMPLE, width, _SUPERSAMPLE)[rows, :, columns]
     cover, shade = (
-        cv2.resize(part.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
-        for part in (layer > 0, layer)
+        part.mean(axis=(1, 3), dtype=np.float32)[..., None] for part in (squares > 0, squares)
     )
     # `shade` is 0 outside the body, so at its edge it is already shade x cover.
-    body = shade[..., None] / 255.0 * np.array(OVERLAY_BGR["body"])
-    blend = (1 - BODY_ALPHA * cover[..., None]) * image + BODY_ALPHA * body
-    return np.clip(np.round(blend), 0, 255).astype(np.uint8)
+    body = shade / 255.0 * np.array(OVERLAY_BGR["body"])
+    blend = (1 - BODY_ALPHA * cover) * image[rows, columns] + BODY_ALPHA * body
+    out = image.copy()
+    out[rows, columns] = np.clip(np.round(blend), 0, 255).astype(np.uint8)
+    return out
 
 
 @dataclass(frozen=True, eq=False)
