@@ -143,7 +143,7 @@ def preview_set(
     todo, reasons = plan_takes(selection, body_path, out_dir / "plan", out_dir / "clips", ANEW)
     engine = _choose_engine()
     jobs = [
-        Job(id, preview_clip, {"job": job, "engine": engine}, retries=RETRIES)
+        Job(id, preview_clip, {"job": job, "engine": engine, "run": ANEW}, retries=RETRIES)
         for id, job in todo.items()
     ]
     failures_dir = out_dir / "failed"
@@ -165,7 +165,7 @@ def _preview_section(id: str, camera_motion: str) -> dict[str, object]:
     return {**section, "rows": (), "captions": captions}
 
 
-def preview_clip(job: rendering.RenderJob, engine: rendering.PreviewEngine) -> Path:
+def preview_clip(job: rendering.RenderJob, engine: rendering.PreviewEngine, *, run: Run) -> Path:
     """Stage: `contact.jpg` and `paths.png` of a planned clip, made anew when anything changed."""
     config = PreviewConfig(render=job.config, engine=engine)
     cycles = job.config.model_copy(update={"engine": "cycles", "device": "cpu"})
@@ -184,7 +184,7 @@ def preview_clip(job: rendering.RenderJob, engine: rendering.PreviewEngine) -> P
         _write_pictures(partial_dir, tiles, PREVIEW_COLUMNS, clip)
         shutil.rmtree(partial_dir / "frames")
 
-    return run_stage("preview", job.out_dir, config, job.inputs, work, run=ANEW)
+    return run_stage("preview", job.out_dir, config, job.inputs, work, run=run)
 
 
 def _choose_engine() -> rendering.PreviewEngine:

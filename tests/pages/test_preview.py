@@ -1,15 +1,20 @@
 """A quick look at a set: small pictures of every clip in a folder of their own."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import pytest
 
+from gmrdata.film import render
 from gmrdata.film.render import find_renderer
 from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.pages import sets
 from gmrdata.pages.sets import preview_set
 from gmrdata.read.bodies import save_body
+from gmrdata.stage import jobs
+from gmrdata.stage.jobs import Job, Outcome
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import EngineMissing
 
@@ -24,6 +29,7 @@ def recipe(small_body: BodyModel, tmp_path: Path) -> SyntheticRecipe:
             "body": str(tmp_path / "small.npz"),
             "workers": 1,
             "film": {"duration_s": 1.0, "fps_hz": 10, "width_px": 320, "height_px": 180},
+            "render": {"scene": {"kind": "room"}},
             "clips": [{"id": "walk", "gait": "walk", "programme": {"kind": "circular"}}],
         }
     )
@@ -48,7 +54,7 @@ def check_page(page: Path) -> None:
 
 
 def test_a_preview_stays_in_its_folder_and_is_made_once(
-    recipe: SyntheticRecipe, tmp_path: Path
+    recipe: SyntheticRecipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out_dir = tmp_path / "out {of} #1"
     page = preview_set(recipe, out_dir)
@@ -56,8 +62,13 @@ def test_a_preview_stays_in_its_folder_and_is_made_once(
     check_page(page)
     assert all(name.startswith("preview/") for name in files(out_dir))
     written_ns = (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns
+    monkeypatch.delattr(jobs, "_client")  # no worker is started
     preview_set(recipe, out_dir)
     assert (page.parent / "clips/walk/contact.jpg").stat().st_mtime_ns == written_ns
+
+
+def in_this_process(_: str, jobs: Sequence[Job], *__: object) -> Outcome:
+    return Outcome({job.id: job.call(**job.arguments) for job in jobs}, {})
 
 
 def test_without_opengl_cycles_draws_and_that_is_said(
@@ -69,8 +80,11 @@ def test_without_opengl_cycles_draws_and_that_is_said(
     find_renderer.cache_clear()
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
     try:
-        with pytest.raises(EngineMissing):
+        with pytest.raises(EngineMissing) as missing:
             find_renderer("workbench", "cpu")
+        # That was a start of Blender, and one tells enough; so does one process.
+        monkeypatch.setattr(render, "find_renderer", Mock(side_effect=missing.value))
+        monkeypatch.setattr(sets, "try_jobs", in_this_process)
         assert sets._choose_engine() == "cycles"
         check_page(preview_set(recipe, tmp_path / "out"))
     finally:
