@@ -1,11 +1,10 @@
 """Independent jobs on Dask workers, local ones by default, and work in threads."""
 
 import os
-import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -38,6 +37,7 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 
 POLL_S = 0.5
+CONNECT_S = 5.0  # how long a scheduler may take to answer
 
 
 @dataclass(frozen=True)
@@ -119,15 +119,18 @@ def _submit_and_wait(
     description: str, jobs: Sequence[Job], client: Any, units: Units
 ) -> dict[str, Any]:
     """Futures that are done, by job id."""
+    from dask.distributed import wait
+
     futures = {
         job.id: client.submit(_call, job, key=f"{description}-{job.id}", pure=False) for job in jobs
     }
     total, n_done = units or (len(jobs), lambda: sum(f.done() for f in futures.values()))
     with progress_bar() as bar:
         task = bar.add_task(description, total=total)
-        while not all(future.done() for future in futures.values()):
+        while pending := [future for future in futures.values() if not future.done()]:
             bar.update(task, completed=n_done())
-            time.sleep(POLL_S)
+            with suppress(TimeoutError, CancelledError):
+                wait(pending, timeout=POLL_S)
         bar.update(task, completed=total)
     return futures
 
@@ -168,7 +171,7 @@ def _client(run: Run, workers: int) -> Iterator[Any]:
 
     if run.scheduler is not None:
         try:
-            client = Client(run.scheduler, timeout="5s")
+            client = Client(run.scheduler, timeout=CONNECT_S)
         except (OSError, ValueError) as error:
             what = f"no Dask scheduler at {run.scheduler} ({error})"
             raise StageFailed(f"{what}. Start one, or leave --scheduler out") from error

@@ -4,13 +4,15 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import dask
 import pytest
 from distributed import LocalCluster
 
-from gmrdata.stage.jobs import Job, count_files, run_jobs, try_jobs, worker_pool
+from gmrdata.stage import jobs as stage_jobs
+from gmrdata.stage.jobs import Job, Pool, count_files, run_jobs, try_jobs, worker_pool
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadFrames, RenderFailed, StageFailed
 
@@ -56,25 +58,32 @@ def kill_own_process_once(path: Path, dies: bool) -> None:
         kill_own_process()
 
 
-def test_jobs_run_in_other_processes_and_give_their_results(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def two_workers() -> Iterator[Pool]:
+    """For the tests that leave the workers alive."""
     with worker_pool(Run(workers=2)) as pool:
-        jobs = [Job(f"clip{i}", write_process_id, {"path": tmp_path / f"{i}"}) for i in range(4)]
-        results = run_jobs("writing", jobs, pool, tmp_path / "failed")
+        yield pool
+
+
+def test_jobs_run_in_other_processes_and_give_their_results(
+    two_workers: Pool, tmp_path: Path
+) -> None:
+    jobs = [Job(f"clip{i}", write_process_id, {"path": tmp_path / f"{i}"}) for i in range(4)]
+    results = run_jobs("writing", jobs, two_workers, tmp_path / "failed")
     assert list(results) == ["clip0", "clip1", "clip2", "clip3"]
     assert os.getpid() not in results.values()
     assert [int((tmp_path / f"{i}").read_text()) for i in range(4)] == list(results.values())
     assert not (tmp_path / "failed").exists()
 
 
-def test_one_failure_is_recorded_and_the_others_finish(tmp_path: Path) -> None:
-    with worker_pool(Run(workers=1)) as pool:
-        jobs = [
-            Job("bad", fail_on_purpose, {"name": "7.jpg"}),
-            Job("worse", fail_unforeseen),
-            Job("good", write_process_id, {"path": tmp_path / "done"}),
-        ]
-        with pytest.raises(StageFailed) as caught:
-            run_jobs("reading", jobs, pool, tmp_path / "failed")
+def test_one_failure_is_recorded_and_the_others_finish(two_workers: Pool, tmp_path: Path) -> None:
+    jobs = [
+        Job("bad", fail_on_purpose, {"name": "7.jpg"}),
+        Job("worse", fail_unforeseen),
+        Job("good", write_process_id, {"path": tmp_path / "done"}),
+    ]
+    with pytest.raises(StageFailed) as caught:
+        run_jobs("reading", jobs, two_workers, tmp_path / "failed")
     assert "reading: 2 of 3 failed" in str(caught.value)
     assert "bad: 7.jpg: 0 bytes. Copy it again" in str(caught.value)
     assert (tmp_path / "failed" / "bad.txt").read_text() == "7.jpg: 0 bytes. Copy it again"
@@ -83,7 +92,7 @@ def test_one_failure_is_recorded_and_the_others_finish(tmp_path: Path) -> None:
     assert (tmp_path / "done").exists()
 
 
-def test_a_crash_is_tried_again_and_bad_input_is_not(tmp_path: Path) -> None:
+def test_a_crash_is_tried_again_and_bad_input_is_not(two_workers: Pool, tmp_path: Path) -> None:
     failed = tmp_path / "failed"
     failed.mkdir()
     (failed / "once.txt").write_text("what went wrong in an earlier run")
@@ -93,8 +102,7 @@ def test_a_crash_is_tried_again_and_bad_input_is_not(tmp_path: Path) -> None:
         Job("bad", fail_and_count, {"path": tmp_path / "bad"}, retries=1),
         Job("never", crash_until, {"path": tmp_path / "never", "attempt": 2}),
     ]
-    with worker_pool(Run(workers=2)) as pool:
-        outcome = try_jobs("rendering", jobs, pool, failed)
+    outcome = try_jobs("rendering", jobs, two_workers, failed)
     assert outcome.results == {"once": 2}
     assert outcome.reasons == {
         "twice": "attempt 2 ended with signal 9\nattempt 1 of 2: attempt 1 ended with signal 9",
@@ -143,7 +151,8 @@ def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
     assert set(results) == {"a"}
 
 
-def test_no_scheduler_at_the_address_is_a_clear_error() -> None:
+def test_no_scheduler_at_the_address_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stage_jobs, "CONNECT_S", 0.5)
     with (
         pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"),
         worker_pool(Run(scheduler="tcp://127.0.0.1:9")) as pool,
