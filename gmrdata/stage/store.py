@@ -7,6 +7,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self, TypeVar
@@ -143,8 +144,9 @@ def locked(lock_path: Path) -> Iterator[None]:
         yield
 
 
+@cache
 def package_versions() -> dict[str, str]:
-    """Installed versions of `RECORDED_PACKAGES`."""
+    """Installed versions of `RECORDED_PACKAGES`; looking them up takes as long as a small stage."""
     versions = {}
     for package in RECORDED_PACKAGES:
         with suppress(metadata.PackageNotFoundError):
