@@ -1,5 +1,6 @@
 """The class of a camera's motion, from paths whose class is known."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,16 @@ def test_figures_are_those_of_the_path() -> None:
     assert not motion_figures(cameras_on(places_m, angles), beside_m, 10.0).goes_round
 
 
+@cache
+def walk_and_cameras(seed: int, kind: int) -> tuple[np.ndarray, np.ndarray]:
+    """A pelvis' path (40, 3), and cameras of a programme that film it; nobody changes them."""
+    time_s = np.arange(40) / 10
+    pelvis_m = np.c_[1.2 * time_s, 0.05 * np.sin(6 * time_s), np.full(40, 0.9)]
+    rng = np.random.default_rng(seed)
+    path = camera_path(PROGRAMMES[kind], pelvis_m, 10.0, 640, 360, 60.0, rng)
+    return pelvis_m, path.world_from_cam
+
+
 @given(
     yaw=st.floats(-3.1, 3.1),
     shift=st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
@@ -93,10 +104,7 @@ def test_figures_are_those_of_the_path() -> None:
 def test_the_world_and_the_direction_of_time_do_not_matter(
     yaw: float, shift: tuple[float, float], seed: int, kind: int
 ) -> None:
-    rng = np.random.default_rng(seed)
-    time_s = np.arange(40) / 10
-    pelvis_m = np.c_[1.2 * time_s, 0.05 * np.sin(6 * time_s), np.full(40, 0.9)]
-    cameras = camera_path(PROGRAMMES[kind], pelvis_m, 10.0, 640, 360, 60.0, rng).world_from_cam
+    pelvis_m, cameras = walk_and_cameras(seed, kind)
     world = rigid(Rotation.from_euler("z", yaw).as_matrix(), np.array([*shift, 0.0]))
     moved_m = pelvis_m @ world[:3, :3].T + world[:3, 3]
     before = classify(cameras, pelvis_m, 10.0, CONFIG)[0]

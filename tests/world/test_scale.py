@@ -1,6 +1,7 @@
 """Metric scale from planted feet, with cameras that are known exactly."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -20,10 +21,11 @@ from gmrdata.world.scale import SeenPerson, estimate_scale, fuse
 PROGRAMMES = {"circular": Circular(), "linear": Linear()}
 
 
+@cache
 def filmed(
     gait: str, programme: str, body: BodyModel, seed: int, fps_hz: float = 10.0
 ) -> tuple[Motion, CameraPath]:
-    """A world motion, and the exact camera that films it."""
+    """A world motion, and the exact camera that films it; nobody changes them."""
     motion = make_gait(gait, 4.8, fps_hz, body, np.random.default_rng(seed))
     rng = np.random.default_rng(seed)
     path = camera_path(PROGRAMMES[programme], motion.pelvis_m, fps_hz, 640, 360, 60.0, rng)
