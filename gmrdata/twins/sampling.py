@@ -14,15 +14,15 @@ import numpy as np
 
 from gmrdata.film.extras import make_cast
 from gmrdata.film.scene import SceneConfig
-from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, planned_clip
-from gmrdata.film.shots import Film
+from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe, clip_rng, planned_clip
+from gmrdata.film.shots import Film, plan_clip
 from gmrdata.motion.files import find_motions
 from gmrdata.read.bodies import load_body
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.twins.twin_set import TwinRecipe
 from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.camera import in_frame, person_box
-from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
+from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, class_of, classify
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 
@@ -80,6 +80,7 @@ def twin_recipe(
     classes = [CLASSES[i] for i in rng.permutation(len(CLASSES))]
     places = [PLACES[i] for i in rng.permutation(len(PLACES))]
     clips: list[SyntheticClip] = []
+    too_short: set[Path] = set()
     for number in range(n_sequences):
         kind = classes[number % len(classes)]
         # The round of places is shifted by one each time, so that no class keeps its place.
@@ -87,7 +88,8 @@ def twin_recipe(
         own = np.random.default_rng([seed, 1, number])
         company = int(number % COMPANY_EVERY == 1)
         for path in waiting:
-            clip = _sample_clip(f"{kind}_{number:02d}", path, kind, place, company, base, body, own)
+            id = f"{kind}_{number:02d}"
+            clip = _sample_clip(id, path, kind, place, company, base, body, own, too_short)
             if clip is not None:
                 clips.append(clip)
                 waiting.remove(path)
@@ -108,8 +110,12 @@ def _sample_clip(
     base: SyntheticRecipe,
     body: BodyModel,
     rng: np.random.Generator,
+    too_short: set[Path],
 ) -> SyntheticClip | None:
-    """A sequence with this motion and class of camera, or None if they don't fit each other."""
+    """A sequence with this motion and class of camera, or None if they don't fit each other.
+
+    A motion that fits no sequence is put into `too_short`, and not read again.
+    """
     programme = _sample_programme(kind, rng)
     roomy, scene_seeds = rng.uniform(*ROOMY), rng.integers(2**31, size=PLACE_TRIES)
     extras = {
@@ -120,17 +126,25 @@ def _sample_clip(
     overcast = place != "room" and rng.random() < 0.4
     scene = {"kind": place, "extras": extras} | ({"light": "overcast"} if overcast else {})
     given: Settings = {"id": id, "trial": path.stem, "programme": programme, "scene": scene}
+    if path in too_short:  # only now: what is sampled for the next motion hangs on the above
+        return None
     try:
         nearest = planned_clip(SyntheticClip.model_validate(given), base, path, body)
-        is_whole = nearest.motion.n_frames == round(base.film.duration_s * nearest.motion.fps_hz)
-        if not is_whole or not _has_feet_on_the_floor(nearest, body):
+        motion, film = nearest.motion, base.film
+        if motion.n_frames != round(film.duration_s * motion.fps_hz):
+            raise BadMotionFile(f"{path}: shorter than {film.duration_s:g} s")
+        if not _has_feet_on_the_floor(nearest, body):
             return None
         distance_m = round(roomy * _distance_m(nearest) + FOR_COMPANY_M * company, 2)
         if distance_m > (FARTHEST_IN_ROOM_M if place == "room" else FARTHEST_M):
             return None
         given["programme"] = programme | {"distance_m": distance_m}
-        planned = planned_clip(SyntheticClip.model_validate(given), base, path, body)
-    except (BadMotionFile, BadRecipe):
+        moved = SyntheticClip.model_validate(given).programme
+        planned = plan_clip(id, motion, moved, film, clip_rng(base.seed, id, "motion"))
+    except BadMotionFile:
+        too_short.add(path)
+        return None
+    except BadRecipe:
         return None
     if not _in_view(planned, 1.0) or not is_beyond_doubt(planned, kind):
         return None
@@ -195,8 +209,8 @@ def is_beyond_doubt(clip: Clip, kind: MotionClass) -> bool:
         scaled = {key: value * factor for key, value in own.model_dump().items()}
         configs.append(MotionClassConfig(**scaled))
     path, motion = camera_of(clip).world_from_cam, clip.motion
-    found = {classify(path, motion.pelvis_m, motion.fps_hz, config)[0] for config in configs}
-    return found == {kind}
+    _, figures = classify(path, motion.pelvis_m, motion.fps_hz, own)
+    return {class_of(figures, config) for config in configs} == {kind}
 
 
 def _has_room(scene: SceneConfig, planned: Clip, body: BodyModel) -> bool:

@@ -63,10 +63,11 @@ def classify(
         found = f"arrays of {world_from_cam.shape} and {pelvis_m.shape}"
         raise BadMotionFile(f"{needed}, not {found}; leave out frames without")
     figures = motion_figures(world_from_cam, pelvis_m, fps_hz)
-    return _class_of(figures, config), figures
+    return class_of(figures, config), figures
 
 
-def _class_of(figures: MotionFigures, config: MotionClassConfig) -> MotionClass:
+def class_of(figures: MotionFigures, config: MotionClassConfig) -> MotionClass:
+    """The class by other thresholds, without another look at the cameras."""
     if figures.extent_m < config.travel_m:
         if figures.extent_m <= config.static_m and figures.turn_deg <= config.static_deg:
             return "static"
