@@ -43,14 +43,14 @@ def write_recipe(path: Path, n_clips: int, n_frames: int) -> None:
         }
         for i in range(n_clips)
     ]
-    film = {"duration_s": n_frames / 10, "fps_hz": 10, "width_px": 160, "height_px": 90}
+    film = {"duration_s": n_frames / 10, "fps_hz": 10, "width_px": 96, "height_px": 64}
     recipe = {
         "recipe": "synthetic",
         "name": "kills",
         "workers": 2,
         "clips": clips,
         "film": film,
-        "render": {"samples": 1, "joints": True},
+        "render": {"samples": 1, "joints": True, "scene": {"kind": "room"}},
     }
     path.write_text(yaml.safe_dump(recipe))
 

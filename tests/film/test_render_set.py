@@ -10,6 +10,7 @@ import numpy as np
 import psutil
 import pytest
 
+from gmrdata.film.render import RenderConfig
 from gmrdata.film.render_set import render_set
 from gmrdata.film.set_dry_run import dry_run, summary_lines
 from gmrdata.film.set_plan import SyntheticRecipe, select
@@ -22,6 +23,9 @@ from gmrdata.values.errors import BadRecipe, MissingInput, StageFailed, StaleOut
 
 pytestmark = pytest.mark.slow
 
+ROOM = {"kind": "room"}
+"""The place that is painted soonest."""
+PLAIN = {"samples": 1, "scene": ROOM}
 RECIPE = SyntheticRecipe.model_validate(
     {
         "recipe": "synthetic",
@@ -33,15 +37,16 @@ RECIPE = SyntheticRecipe.model_validate(
             {"id": "gone", "trial": "99_99", "programme": {"kind": "static"}},
         ],
         "camera_off": True,
-        "film": {"duration_s": 0.6, "fps_hz": 10, "width_px": 160, "height_px": 96},
-        "render": {"samples": 1, "joints": True, "depth": True, "flow": True, "video": True},
+        "film": {"duration_s": 0.6, "fps_hz": 10, "width_px": 96, "height_px": 64},
+        "render": PLAIN | {"joints": True, "depth": True, "flow": True, "video": True},
     }
 )
 
 
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory: pytest.TempPathFactory, cmu_dir: Path, anny: object) -> Path:
-    manifest_path = render_set(RECIPE, tmp_path_factory.mktemp("set"), motions_dir=cmu_dir)
+    recipe = RECIPE.model_copy(update={"workers": 1})
+    manifest_path = render_set(recipe, tmp_path_factory.mktemp("set"), motions_dir=cmu_dir)
     write_set_pages(RECIPE, manifest_path.parent)
     return manifest_path
 
@@ -100,7 +105,7 @@ def test_the_index_shows_every_clip(rendered: Path) -> None:
     for name in pictures:
         assert (rendered.parent / name).is_file()
     sheet = cv2.imread(str(rendered.parent / "sheets" / "step" / "contact.jpg"))
-    assert sheet is not None and sheet.shape == (2 * 96 + 4, 3 * 160 + 2 * 4, 3)
+    assert sheet is not None and sheet.shape == (2 * 64 + 4, 3 * 96 + 2 * 4, 3)
 
 
 def test_once_more_does_nothing_and_another_seed_is_refused(rendered: Path, cmu_dir: Path) -> None:
@@ -143,7 +148,7 @@ def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path: Path, anny: ob
     near = {"id": "near", "gait": "walk", "programme": {"kind": "small", "distance_m": 1.5}}
     away = {"kind": "linear", "speed_m_per_s": 300}
     far = {"id": "far", "gait": "walk", "programme": away}
-    recipe |= {"camera_off": False, "clips": [far, near]}
+    recipe |= {"camera_off": False, "clips": [far, near], "render": PLAIN, "workers": 1}
     found = dry_run(SyntheticRecipe.model_validate(recipe), tmp_path, probe=False)
     assert found.rows[0][-1].startswith("can't be filmed: a linear camera can't keep the subject")
     with pytest.raises(StageFailed, match=r"1 of 2 failed(.|\n)*far: a linear camera can't keep"):
@@ -171,9 +176,9 @@ def test_a_clip_that_cannot_be_filmed_leaves_the_others(tmp_path: Path, anny: ob
 
 
 def test_a_blender_process_that_is_killed_is_started_again(tmp_path: Path, anny: object) -> None:
-    recipe = RECIPE.model_copy(
-        update={"clips": (RECIPE.clips[1],), "camera_off": False, "workers": 1}
-    )
+    plain = RenderConfig.model_validate(PLAIN)
+    changes = {"clips": (RECIPE.clips[1],), "camera_off": False, "render": plain, "workers": 1}
+    recipe = RECIPE.model_copy(update=changes)
     killed: list[int] = []
 
     def kill_the_first() -> None:
