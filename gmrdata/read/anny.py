@@ -25,6 +25,7 @@ from unittest import mock
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gmrdata.read.numbers import plain_rows
 from gmrdata.stage.progress import progress_bar
 from gmrdata.values.body import JOINT, MIRRORED, N_JOINTS, PARENTS, PHENOTYPES, BodyModel
 from gmrdata.values.errors import BadBodyFile
@@ -274,8 +275,8 @@ def further_directions(
 
 def within_bounds(vertices_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(N,) bool: whose stature and body mass index are those of usual adults."""
-    a, b, c = (vertices_m[:, faces[:, k]] for k in range(3))
-    mass_kg = 1000 * np.einsum("nfi,nfi->n", a, np.cross(b, c)) / 6
+    corners_m = (body_m[faces].transpose(1, 2, 0) for body_m in vertices_m)  # one body's at a time
+    mass_kg = [1000 * (a * np.cross(b, c, axis=0)).sum() / 6 for a, b, c in corners_m]
     stature_m = np.ptp(vertices_m[:, :, 1], axis=1)
     bounds = ((stature_m, STATURES_M), (mass_kg / stature_m**2, BMI_KG_PER_M2))
     return np.logical_and.reduce([(low < n) & (n < high) for n, (low, high) in bounds])
@@ -315,7 +316,10 @@ def _load_blend_shape(
     import torch
 
     with gzip.open(filename, "rt") as file:
-        lines = np.array(file.read().split(), dtype=np.float64).reshape(-1, 4)
+        text = file.read()
+    lines = plain_rows(text.splitlines(), 4)
+    if lines is None:
+        lines = np.array(text.split(), dtype=np.float64).reshape(-1, 4)
     offsets_dm = np.zeros((vertices_count, 3))
     offsets_dm[lines[:, 0].astype(np.int64)] = lines[:, 1:]
     return world_transformation.apply(torch.as_tensor(offsets_dm, dtype=dtype))
@@ -347,7 +351,9 @@ def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[np.ndarray, np
     """Anny's rest pose and vertices in SMPL's axes: Anny's z is up and its front is -y."""
     import torch
 
-    with torch.no_grad():
+    # Nobody looks at the pose, whose skin takes longer than all else.
+    unposed = mock.patch.object(type(anny), "get_skinned_vertices", _unposed)
+    with torch.no_grad(), unposed:
         rest = anny(phenotype_kwargs=phenotypes)
     number = {label: n for n, label in enumerate(anny.bone_labels)}
     knuckles = ("LeftHandIndex1", "RightHandIndex1", "LeftHandPinky1", "RightHandPinky1")
@@ -358,6 +364,10 @@ def _rest(anny: "Anny", phenotypes: "dict[str, Tensor]") -> tuple[np.ndarray, np
         raise _other_version(f" has no bone {missing} in its Mixamo rig") from None
     heads_m = _smpl_axes(rest["rest_bone_heads"].numpy())
     return heads_m[:, rows], _smpl_axes(rest["rest_vertices"].numpy())
+
+
+def _unposed(_: "Anny", rest_vertices: "Tensor", bone_transforms: "Tensor") -> "Tensor":
+    return rest_vertices
 
 
 def _smpl_axes(points_m: np.ndarray) -> np.ndarray:
