@@ -10,10 +10,12 @@ from typing import Any
 import pytest
 import yaml
 
+from gmrdata.cli import main
 from gmrdata.film.programmes import camera_programme
 from gmrdata.film.scene import SceneConfig
 from gmrdata.manifest.read import load_clips
 from gmrdata.read.bodies import read_body
+from gmrdata.stage.progress import console
 from gmrdata.twins.floor import floor_of_twins, measure
 from gmrdata.twins.floor_record import Floor
 from gmrdata.twins.pseudo_gt_error import compare_clips
@@ -42,9 +44,15 @@ def write_truth(made: Any, folder: Path, classes: dict[str, str]) -> None:
 
 
 @pytest.fixture(scope="module")
-def place(filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with `twins`, a recipe, and the output of the verb."""
+def place(filmed_set: Any, made_set: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with `twins`, a recipe, and the output of the verb.
+
+    The verb goes on with a regeneration that was stopped before the last stage of `pan_00`.
+    """
     folder = tmp_path_factory.mktemp("floor")
+    begun = folder / "out" / "regenerated" / "sequences"
+    shutil.copytree(made_set / "sequences", begun)
+    shutil.rmtree(begun / "pan_00" / "pseudo_gt")
     shutil.copytree(filmed_set.root, folder / "twins" / "3DPW")
     write_truth(filmed_set, folder / "twins", CLASSES)
     recipe = filmed_set.recipe().model_dump(mode="json")
@@ -55,17 +63,26 @@ def place(filmed_set: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def floor_verb(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "gmrdata", "floor", "--twins", str(folder / "twins")]
-    command += ["--recipe", str(folder / "recipe.yaml"), "--out", str(folder / "out"), *more]
+def words(folder: Path, *more: str) -> list[str]:
+    given = ["--twins", str(folder / "twins"), "--recipe", str(folder / "recipe.yaml")]
+    return ["floor", *given, "--out", str(folder / "out"), *more]
+
+
+def floor_verb(folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gmrdata", *words(folder)]
     wide = os.environ | {"COLUMNS": "200"}
     return subprocess.run(command, capture_output=True, text=True, check=False, env=wide)
 
 
-def test_a_dry_run_says_what_is_done(place: Path) -> None:
-    said = floor_verb(place, "--dry-run").stdout
+def test_a_dry_run_says_what_is_done(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console, "width", 200)
+    main(words(place, "--dry-run"))
+    said = capsys.readouterr().out
     assert said.count("done") == 2 and "to do" not in said
-    said = floor_verb(place, "--dry-run", "--out", str(place / "other")).stdout
+    main(words(place, "--dry-run", "--out", str(place / "other")))
+    said = capsys.readouterr().out
     assert said.count("to do: people, masks, sfm, pseudo_gt") == 2
     assert not (place / "other").exists()
 
@@ -116,7 +133,7 @@ def test_the_same_again_is_the_same_file_and_a_broken_sequence_is_a_row(
 ) -> None:
     path = place / "out" / "floor.json"
     before = path.read_bytes()
-    assert floor_verb(place).returncode == 0
+    main(words(place))
     assert path.read_bytes() == before
     root = place / "twins" / "3DPW"
     pickle_path = root / "sequenceFiles" / "train" / "pan_00.pkl"
