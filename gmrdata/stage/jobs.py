@@ -38,6 +38,8 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 POLL_S = 0.5
 CONNECT_S = 5.0  # how long a scheduler may take to answer
+IDLE = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"}
+"""Dask's processes look at themselves 50 to 100 times a second, which takes a tenth of a core."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +169,7 @@ def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:
 
 @contextmanager
 def _client(run: Run, workers: int) -> Iterator[Any]:
+    from dask import config
     from dask.distributed import Client, LocalCluster
 
     if run.scheduler is not None:
@@ -182,6 +185,7 @@ def _client(run: Run, workers: int) -> Iterator[Any]:
     threads = max(1, (os.cpu_count() or 1) // count)
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     with (
+        config.set(IDLE),
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
