@@ -21,5 +21,5 @@ def box_place(tmp_path_factory: pytest.TempPathFactory) -> SceneConfig:
         subprocess.run([sys.executable, str(maker), *words], check=True, capture_output=True)
 
     path = made_once(tmp_path_factory, "box_place", make) / "place.blend"
-    backdrop = BackdropConfig(path=path, origin_m=(5.0, 15.0, 1.0))
+    backdrop = BackdropConfig(path=path, origin_m=(5.0, 15.0, 1.0), max_bounces=0)
     return SceneConfig(kind="blend", backdrop=backdrop)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from blender.__main__ import main, run
 from gmrdata.film.camera_moves import look_at
 from gmrdata.film.render import RenderConfig, render_clip
 from gmrdata.read.bodies import save_body
@@ -120,17 +121,23 @@ def test_a_lens_that_blender_lacks(small_body: BodyModel, body_path: Path, tmp_p
         render_clip(clip_path, body_path, tmp_path / "out", RenderConfig(), on_frame=print)
 
 
-def test_broken_job_files(tmp_path: Path, body_path: Path) -> None:
-    code, said = run_blender(str(tmp_path / "none.json"))
+def test_broken_job_files(
+    tmp_path: Path, body_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run_here(*arguments: str) -> tuple[int, str]:
+        """As `run_blender` without the start, for what is said before Blender is loaded."""
+        return run(lambda: main(list(arguments))), capsys.readouterr().err
+
+    code, said = run_here(str(tmp_path / "none.json"))
     assert code == 1 and said.endswith("none.json: no such job file\n")
     broken = tmp_path / "broken.json"
     broken.write_text('{"clip_path": ', encoding="utf-8")
-    code, said = run_blender(str(broken))
+    code, said = run_here(str(broken))
     assert code == 1 and said.startswith(f"error: {broken}: the file: Invalid JSON")
     config = RenderConfig().model_dump() | {"scene": {"kind": "moon", "seed": 0}}
-    code, said = run_blender(str(job_file(tmp_path, body_path, body_path, config=config)))
+    code, said = run_here(str(job_file(tmp_path, body_path, body_path, config=config)))
     assert code == 1 and "config.scene.kind: Input should be 'courtyard', 'street'" in said
-    code, said = run_blender()
+    code, said = run_here()
     assert code == 1 and "usage: python -m blender job.json" in said
 
 

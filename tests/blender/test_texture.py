@@ -58,12 +58,12 @@ def files(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> di
     return made
 
 
-def config_of(image: Path, uv: Path) -> RenderConfig:
+def config_of(image: Path, uv: Path, scene: SceneConfig) -> RenderConfig:
     return RenderConfig(
         samples=1,
         jpeg_quality=100,
         depth=True,
-        scene=SceneConfig(light="overcast"),
+        scene=scene,
         person=PersonConfig(texture=TextureConfig(image=image, uv=uv)),
     )
 
@@ -71,7 +71,7 @@ def config_of(image: Path, uv: Path) -> RenderConfig:
 def test_each_pixel_has_the_colour_that_the_coordinates_say(
     small_body: BodyModel, files: dict[str, Path], tmp_path: Path
 ) -> None:
-    config = config_of(files["checker.png"], files["uv.obj"])
+    config = config_of(files["checker.png"], files["uv.obj"], SceneConfig(light="overcast"))
     out = render_clip(
         files["clip.npz"], files["body.npz"], tmp_path / "out", config, on_frame=lambda _: None
     )
@@ -98,7 +98,9 @@ def test_each_pixel_has_the_colour_that_the_coordinates_say(
         render_clip(files["clip.npz"], files["body.npz"], out, config)
 
 
-def test_files_that_do_not_fit_are_named(files: dict[str, Path], tmp_path: Path) -> None:
+def test_files_that_do_not_fit_are_named(
+    box_place: SceneConfig, files: dict[str, Path], tmp_path: Path
+) -> None:
     def fail(config: RenderConfig) -> str:
         with pytest.raises(RenderFailed) as caught:
             render_clip(
@@ -110,11 +112,11 @@ def test_files_that_do_not_fit_are_named(files: dict[str, Path], tmp_path: Path)
     short = tmp_path / "short.obj"
     short.write_text("\n".join(files["uv.obj"].read_text().splitlines()[:-1]))
     assert "short.obj: has 335 triangles, but the body has 336" in fail(
-        config_of(files["checker.png"], short)
+        config_of(files["checker.png"], short, box_place)
     )
     broken = tmp_path / "broken.jpg"
     broken.write_bytes(b"no picture")
-    assert "broken.jpg: not a picture" in fail(config_of(broken, files["uv.obj"]))
-    gone = config_of(tmp_path / "gone.png", files["uv.obj"])
+    assert "broken.jpg: not a picture" in fail(config_of(broken, files["uv.obj"], box_place))
+    gone = config_of(tmp_path / "gone.png", files["uv.obj"], box_place)
     with pytest.raises(MissingInput, match=r"gone\.png"):
         render_clip(files["clip.npz"], files["body.npz"], tmp_path / "out", gone)
