@@ -1,7 +1,6 @@
 """The solver for a camera that only turns, on exact and noisy made-up matches."""
 
 import os
-import pickle
 import subprocess
 import sys
 
@@ -107,11 +106,13 @@ def test_frames_without_matches_have_no_camera() -> None:
 
 
 THREADS_SCRIPT = """
-import hashlib, pickle, sys
+import hashlib, runpy, sys
 import numpy as np
 from gmrdata.cameras.rotation_only import solve_rotation_only
-matches, intrinsics_px = pickle.load(sys.stdin.buffer)
-solution = solve_rotation_only(matches, intrinsics_px, 2.0, np.random.default_rng(1))
+here = runpy.run_path(sys.argv[1])
+rotmats = here["panning_rotations"](60)
+matches = here["turning_matches"](rotmats, 0.5, 0.1, np.random.default_rng(0), 100)
+solution = solve_rotation_only(matches, here["INTRINSICS_PX"], 2.0, np.random.default_rng(1))
 print(hashlib.sha256(solution.world_from_cam_rotmats.tobytes()).hexdigest())
 """
 
@@ -121,17 +122,15 @@ def test_the_number_of_blas_threads_does_not_change_a_bit() -> None:
 
     They do for 180 unknowns, from few matches as from many.
     """
-    matches = turning_matches(panning_rotations(60), 0.5, 0.1, np.random.default_rng(0), 100)
     digests = set()
     for threads in ("1", "2", "4"):
         answer = subprocess.run(
-            [sys.executable, "-c", THREADS_SCRIPT],
+            [sys.executable, "-c", THREADS_SCRIPT, __file__],
             env={
                 **os.environ,
                 "OMP_NUM_THREADS": threads,
                 "OPENBLAS_NUM_THREADS": threads,
             },
-            input=pickle.dumps((matches, INTRINSICS_PX)),
             capture_output=True,
             check=True,
         )
