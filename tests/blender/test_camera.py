@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -29,25 +30,58 @@ PROGRAMMES: dict[str, Programme] = {
     "small": Small(),
     "static": Static(),
 }
+SIZES_PX = ((640, 360), (270, 480))
+OFF_CENTRE_PX = ((0.0, 0.0), (17.5, -9.25))
 SCRIPT = Path(__file__).with_name("projection_by_blender.py")
 
 
-def ask_blender(
-    tmp_path: Path, camera: CameraPath, points_world_m: np.ndarray
-) -> dict[str, np.ndarray]:
-    cameras = tmp_path / "cameras.npz"
-    np.savez(
-        cameras,
-        intrinsics_px=camera.intrinsics_px,
-        size_px=[camera.width_px, camera.height_px],
-        world_from_cam=camera.world_from_cam,
-        points_world_m=points_world_m,
-    )
+class Case(NamedTuple):
+    """A camera through all programmes, points that it sees, and what Blender says of both."""
+
+    camera: CameraPath
+    owner: np.ndarray
+    points_m: np.ndarray
+    answer: dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def cases(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[tuple[tuple[int, int], tuple[float, float]], Case]:
+    """By size and offset of the principal point; Blender is asked once for all."""
+    folder, made = tmp_path_factory.mktemp("cameras"), {}
+    for size_px in SIZES_PX:
+        for off_centre_px in OFF_CENTRE_PX:
+            camera, owner = film_all(*size_px)
+            camera.intrinsics_px[:2, 2] += off_centre_px
+            points_m = points_in_view(camera, 24, np.random.default_rng(11))
+            made[size_px, off_centre_px] = Case(camera, owner, points_m, {})
+    return {
+        key: case._replace(answer=answer)
+        for (key, case), answer in zip(
+            made.items(), ask_blender(folder, list(made.values())), strict=True
+        )
+    }
+
+
+def ask_blender(folder: Path, cases: list[Case]) -> list[dict[str, np.ndarray]]:
+    paths = [folder / f"{number}.npz" for number in range(len(cases))]
+    for path, (camera, _, points_m, _) in zip(paths, cases, strict=True):
+        np.savez(
+            path,
+            intrinsics_px=camera.intrinsics_px,
+            size_px=[camera.width_px, camera.height_px],
+            world_from_cam=camera.world_from_cam,
+            points_world_m=points_m,
+        )
     said = subprocess.run(
-        [sys.executable, str(SCRIPT), str(cameras)], capture_output=True, text=True, check=True
+        [sys.executable, SCRIPT, *paths], capture_output=True, text=True, check=True
     )
     line = next(line for line in said.stdout.splitlines() if line.startswith("ANSWER "))
-    return {k: np.array(v) for k, v in json.loads(line.removeprefix("ANSWER ")).items()}
+    return [
+        {name: np.array(values) for name, values in answer.items()}
+        for answer in json.loads(line.removeprefix("ANSWER "))
+    ]
 
 
 def points_in_view(camera: CameraPath, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -75,17 +109,14 @@ def film_all(width_px: int, height_px: int) -> tuple[CameraPath, np.ndarray]:
     return CameraPath(intrinsics_px, width_px, height_px, world_from_cam, has_camera), owner
 
 
-@pytest.mark.parametrize("size_px", [(640, 360), (270, 480)])
-@pytest.mark.parametrize("off_centre_px", [(0.0, 0.0), (17.5, -9.25)])
+@pytest.mark.parametrize("size_px", SIZES_PX)
+@pytest.mark.parametrize("off_centre_px", OFF_CENTRE_PX)
 def test_projection_is_blenders(
-    tmp_path: Path,
+    cases: dict[tuple[tuple[int, int], tuple[float, float]], Case],
     size_px: tuple[int, int],
     off_centre_px: tuple[float, float],
 ) -> None:
-    camera, owner = film_all(*size_px)
-    camera.intrinsics_px[:2, 2] += off_centre_px
-    points_m = points_in_view(camera, 24, np.random.default_rng(11))
-    answer = ask_blender(tmp_path, camera, points_m)
+    camera, owner, points_m, answer = cases[size_px, off_centre_px]
     ours_px = project(camera.world_from_cam, points_m, camera.intrinsics_px)
     error_px = np.linalg.norm(ours_px - answer["points_px"], axis=-1).max(axis=1)
     for index, name in enumerate(PROGRAMMES):
