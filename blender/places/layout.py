@@ -175,9 +175,9 @@ def darken_contacts(
         box = ((middle[0], rows - middle[1]), tuple(size), -np.rad2deg(thing.yaw_rad))
         cv2.fillConvexPoly(cover, cv2.boxPoints(box).astype(np.int32), (1.0,))
     light = 1 - np.float32(0.65) * cv2.GaussianBlur(cover, (0, 0), 0.16 * px_per_m)
-    light = cv2.resize(light, ground.shape[1::-1])
+    enlarged = cv2.resize(light, ground.shape[1::-1])
     for part in blocks(len(ground)):
-        ground[part] *= by_channel(light[part])
+        ground[part] *= by_channel(enlarged[part])
 
 
 TAPER = np.array([0.66, 0.84, 1.0])
