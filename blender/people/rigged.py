@@ -21,8 +21,7 @@ from blender.people.rigged_pose import (
     of_feet,
     size_of,
 )
-from gmrdata.film.bone_names import find_bones, joint_of_bone
-from gmrdata.film.character import Character, CharacterRecord
+from gmrdata.film.character import Character, CharacterRecord, find_bones, joint_of_bone
 from gmrdata.values.body import JOINT, N_JOINTS, BodyModel
 from gmrdata.values.camera import CameraPath, in_frame
 from gmrdata.values.motion import Motion

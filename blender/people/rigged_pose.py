@@ -27,9 +27,10 @@ from gmrdata.motion.rest_pose import (
     leg_length_m,
     limb_corrections,
     source_from_rest_axes,
+    stands,
 )
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
-from gmrdata.values.errors import BadCharacter, BadMotionFile
+from gmrdata.values.errors import BadCharacter
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats
 
@@ -83,13 +84,12 @@ def check_rest(rest: RestPose, keep_size: bool, name: str) -> np.ndarray:
             f"{name}: its legs are {leg:.4g} m long, which nobody's are; "
             "let it be scaled (scale: legs), or export it in metres"
         )
-    try:
-        return source_from_rest_axes(rest.joints, name)
-    except BadMotionFile:
+    if not stands(rest.joints):
         raise BadCharacter(
             f"{name}: at rest it is not a person standing along the axes (hips sideways, legs "
             "below, trunk above); export it in a T-pose or A-pose, turned to the front"
-        ) from None
+        )
+    return source_from_rest_axes(rest.joints)
 
 
 def joint_turns(
@@ -119,12 +119,7 @@ def _corrections(
     limbs = limb_corrections(joints, body_rest_m)
     # No frames to learn the pitch of flat feet from: a character stands flat at rest.
     feet, _ = foot_corrections(joints, rest.toe_tips @ file_from_rest, body_rest_m, {}, {}, 1.0)
-    hands = {
-        JOINT[f"{side}_{part}"]: limbs[JOINT[f"{side}_elbow"]]
-        for side in ("left", "right")
-        for part in ("wrist", "hand")
-    }
-    return limbs | feet | hands
+    return limbs | feet
 
 
 def bone_rotations(

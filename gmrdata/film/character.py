@@ -1,4 +1,4 @@
-"""A rigged character that is filmed in place of the body: its recipe, its files, its residual.
+"""A rigged character that is filmed in place of the body: recipe, files, bones, residual.
 
 A character is driven by rotations: each limb points where the body's limb points.  As its bones
 have other lengths, and its joints lie elsewhere in its flesh, its joints are then at other places
@@ -11,7 +11,8 @@ Layout of .glb and .gltf: the glTF 2.0 specification, sections 3 and 4.4 (binary
 
 import json
 import struct
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -22,9 +23,10 @@ from pydantic import Field
 
 from gmrdata.film.render_outputs import T, TruthShapes, read_truth
 from gmrdata.motion.rest_pose import LIMBS
-from gmrdata.values.body import N_JOINTS
+from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
 from gmrdata.values.errors import BadCharacter, MissingInput
 from gmrdata.values.files import write_npz
+from gmrdata.values.joint_names import REQUIRED, joints_by_name
 from gmrdata.values.records import Config
 
 SUFFIXES = (".glb", ".gltf", ".fbx")
@@ -184,3 +186,67 @@ def limb_angles_deg(record: CharacterRecord) -> np.ndarray:
     b = true_m[:, end] - true_m[:, start]
     sine, cosine = np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)
     return np.asarray(np.rad2deg(np.arctan2(sine, cosine)))
+
+
+def find_bones(
+    names: Sequence[str], parents: Sequence[int], joint_map: Mapping[str, str] | None, path: Path
+) -> dict[int, int]:
+    """`{index of the SMPL joint: index of the bone}`: which bone drives with which joint.
+
+    A namespace (`mixamorig:`), `DEF-`, capitals, and a number that a converter put behind each name
+    (`mixamorig:Hips_01`) are overlooked, but not by a joint_map `{bone: SMPL joint}`.  The bones
+    must hang together as the joints do, and those of `REQUIRED` must be there.
+    """
+    found = _by_map(names, joint_map, path) if joint_map else joints_by_name(names, parents)
+    if missing := [joint for joint in REQUIRED if joint not in found]:
+        raise BadCharacter(
+            f"{path}: no bone is known to be {', '.join(missing)}. Give a joint_map "
+            f"{{bone: joint}} in the recipe, such as joint_map: {{{names[0] if names else 'Hips'}: "
+            f"pelvis, ...}}. Its bones are {', '.join(names)}. The joints are {', '.join(JOINT)}"
+        )
+    bones = {JOINT[joint]: bone for joint, bone in found.items()}
+    _check_tree(bones, names, parents, path)
+    return dict(sorted(bones.items()))
+
+
+def joint_of_bone(bones: Mapping[int, int], parents: Sequence[int]) -> list[int]:
+    """The joint that each bone moves with: its own, of the nearest bone above, or the pelvis."""
+    own = {bone: joint for joint, bone in bones.items()}
+    return [own.get(_nearest(bone, parents, own), 0) for bone in range(len(parents))]
+
+
+def _nearest(number: int, parents: Sequence[int], wanted: Container[int]) -> int:
+    """A bone or joint, or the nearest one above it, that is wanted; -1 where none is."""
+    while number >= 0 and number not in wanted:
+        number = parents[number]
+    return number
+
+
+def _by_map(names: Sequence[str], joint_map: Mapping[str, str], path: Path) -> dict[str, int]:
+    if unknown := [name for name in joint_map if name not in names]:
+        what = f"joint_map names the bones {', '.join(unknown)}, which it does not have"
+        raise BadCharacter(f"{path}: {what}. Its bones are {', '.join(names)}")
+    joints = Counter(joint_map.values())
+    if wrong := sorted(joints.keys() - JOINT.keys()):
+        what = f"joint_map speaks of the joints {', '.join(wrong)}"
+        raise BadCharacter(f"{path}: {what}; there are {', '.join(JOINT)}")
+    if twice := sorted(joint for joint, count in joints.items() if count > 1):
+        raise BadCharacter(f"{path}: joint_map gives {', '.join(twice)} more than one bone")
+    return {joint: names.index(name) for name, joint in joint_map.items()}
+
+
+def _check_tree(
+    bones: Mapping[int, int], names: Sequence[str], parents: Sequence[int], path: Path
+) -> None:
+    """See that each joint's bone hangs on the bone of the joint above."""
+    own = {bone: joint for joint, bone in bones.items()}
+    for joint, bone in bones.items():
+        wanted = _nearest(PARENTS[joint], PARENTS, bones)
+        above = _nearest(parents[bone], parents, own)
+        if own.get(above, -1) != wanted:
+            upper = names[bones[wanted]] if wanted >= 0 else "no other joint's bone"
+            raise BadCharacter(
+                f"{path}: the bone {names[bone]} of {JOINT_NAMES[joint]} hangs on "
+                f"{names[above] if above >= 0 else 'no bone'}, not on {upper}; "
+                "give a joint_map that names other bones, or export the deforming skeleton"
+            )

@@ -8,6 +8,7 @@ import numpy as np
 
 from gmrdata.motion.amass import is_amass_extra, read_amass
 from gmrdata.motion.retarget import retarget
+from gmrdata.motion.standing import in_metres
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import CMU_TRIAL
@@ -41,8 +42,9 @@ def read_motion(
     Args:
         fps_hz: Frame rate to believe instead of the file's [Hz].
         joint_map: `{name in the file: SMPL joint}`, or a YAML or JSON file of it, for a BVH or ASF
-            whose names are not CMU's or Mixamo's.
-        unit_m: Metres per unit of a BVH or ASF, where the convention is wrong (see the readers).
+            whose names are not known.
+        unit_m: Metres per unit of a BVH or ASF; without it the convention's, if the legs are of a
+            person's length with it, else what makes them so.
         asf_path: Skeleton of an AMC, where it does not lie beside it.
         drop_rest_frame: Whether a BVH's frame 0 is an added rest pose; None looks for itself.
         shape: (S,) shape of `body`; without it that of the file if it is of this body, else the
@@ -64,7 +66,8 @@ def read_motion(
     else:
         known = "a .bvh, an .amc with its .asf, or an AMASS .npz"
         raise BadMotionFile(f"{path}: no known motion format; a motion is {known}")
-    joints = find_joints(source.names, joint_map, path)
+    joints = find_joints(source.names, source.parents, joint_map, path)
+    source = source if unit_m is not None else in_metres(source, joints)
     upright = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else None
     return retarget(
         source, joints, body, shape=shape, upright_pitch_deg=upright, name=path.name, ground=ground

@@ -12,7 +12,7 @@ LIMBS = tuple(
     for start, end in (*_LEG, *_ARM)
 )
 """(joint, end) of the eight bones whose directions retargeting keeps exactly."""
-_LEGS = (*LIMBS[:2], *LIMBS[4:6])
+_LEGS, ARMS = (*LIMBS[:2], *LIMBS[4:6]), (*LIMBS[2:4], *LIMBS[6:])
 SHORTEST_LEG_M, LONGEST_LEG_M = 0.3, 1.5
 """Hip-knee-ankle of a small child and more than that of the tallest person."""
 SHORTEST_LIMB_M = 0.02
@@ -31,8 +31,8 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
     if not SHORTEST_LEG_M <= leg_m <= LONGEST_LEG_M:
         raise BadMotionFile(
             f"{name}: in the present unit the legs are {leg_m:.4g} m long, so the unit is wrong; "
-            "give the file's metres per unit with unit_m (0.01 centimetres, 1 metres, 0.0254 "
-            "inches, 0.056444 CMU)"
+            "leave unit_m out, or give the file's metres per unit (0.01 centimetres, 1 metres, "
+            "0.0254 inches, 0.056444 CMU)"
         )
     for start, end in LIMBS:
         if np.linalg.norm(rest_joints_m[end] - rest_joints_m[start]) < SHORTEST_LIMB_M:
@@ -40,26 +40,40 @@ def check_size(rest_joints_m: np.ndarray, name: str) -> None:
             raise BadMotionFile(f"{name}: {what}; give a joint_map that names other joints")
 
 
-def source_from_rest_axes(rest_joints_m: np.ndarray, name: str) -> np.ndarray:
+def middles(joints_m: np.ndarray, *parts: str) -> list[np.ndarray]:
+    """Middles (..., 3) between left and right of some joints (..., 24, 3)."""
+    pairs = [[JOINT[f"left_{part}"], JOINT[f"right_{part}"]] for part in parts]
+    return [joints_m[..., pair, :].mean(axis=-2) for pair in pairs]
+
+
+def stands(rest_m: np.ndarray) -> bool:
+    """Whether joints (24, 3) are those of a person who stands along the coordinate axes."""
+    (hip_m, shoulder_m, ankle_m), left = middles(rest_m, "hip", "shoulder", "ankle"), _left(rest_m)
+    up, up_tilt_deg = nearest_axis(shoulder_m - hip_m)
+    aside, left_tilt_deg = nearest_axis(left)
+    tilt_deg = max(up_tilt_deg, left_tilt_deg, _angle_deg(hip_m - ankle_m, up))
+    return bool(tilt_deg <= LARGEST_TILT_DEG and abs(up @ aside) < 0.5)
+
+
+def source_from_rest_axes(rest_joints_m: np.ndarray) -> np.ndarray:
     """source_from_rest (3, 3), a rotation by multiples of 90 degrees.
     A body's rest axes are x left, y up, z front.  A file's up is y or z, and its front may be any
-    axis; the zero pose shows which."""
-
-    def both(part: str) -> np.ndarray:
-        return np.asarray(rest_joints_m[[JOINT[f"left_{part}"], JOINT[f"right_{part}"]]])
-
-    hip_m = both("hip").mean(axis=0)
-    trunk, legs = both("shoulder").mean(axis=0) - hip_m, both("ankle").mean(axis=0) - hip_m
-    up, up_tilt_deg = _nearest_axis(trunk)
-    left, left_tilt_deg = _nearest_axis(-np.diff(both("hip"), axis=0)[0])
-    legs_deg = _angle_deg(-legs, up)
-    if max(up_tilt_deg, left_tilt_deg, legs_deg) > LARGEST_TILT_DEG or abs(up @ left) > 0.5:
-        raise BadMotionFile(
-            f"{name}: with all rotations zero the skeleton is not a person standing along the axes "
-            "(hips sideways, legs below, trunk above), so its rotations can't be compared with a "
-            "T-pose; export the motion again with the T-pose as rest pose"
-        )
+    axis; the zero pose of a person who stands shows which."""
+    hip_m, shoulder_m = middles(rest_joints_m, "hip", "shoulder")
+    up, left = nearest_axis(shoulder_m - hip_m)[0], nearest_axis(_left(rest_joints_m))[0]
     return np.stack([left, up, np.cross(left, up)], axis=1)
+
+
+def _left(rest_m: np.ndarray) -> np.ndarray:
+    return np.asarray(rest_m[JOINT["left_hip"]] - rest_m[JOINT["right_hip"]])
+
+
+def arms_deg(rest_m: np.ndarray) -> np.ndarray:
+    """(4,) how far the bones of the arms point above the level in a pose (24, 3) [deg]."""
+    hip_m, shoulder_m = middles(rest_m, "hip", "shoulder")
+    up = nearest_axis(shoulder_m - hip_m)[0]
+    bones_m = np.array([rest_m[end] - rest_m[start] for start, end in ARMS])
+    return np.asarray(np.rad2deg(np.arcsin(bones_m @ up / np.linalg.norm(bones_m, axis=1))))
 
 
 def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarray:
@@ -78,12 +92,19 @@ def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarr
 
 def limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:
     """C (3, 3) of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
+    Wrists and hands get the elbow's: in both rest poses they go on in the line of the forearm.
     Both zero poses are (24, 3) in rest axes [m]."""
     poses_m = (body_rest_m, source_rest_m)
-    return {a: minimal_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
+    limbs = {a: minimal_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
+    followers = {
+        JOINT[f"{side}_{part}"]: limbs[JOINT[f"{side}_elbow"]]
+        for side in ("left", "right")
+        for part in ("wrist", "hand")
+    }
+    return limbs | followers
 
 
-def _nearest_axis(vector: np.ndarray) -> tuple[np.ndarray, float]:
+def nearest_axis(vector: np.ndarray) -> tuple[np.ndarray, float]:
     """The signed coordinate axis (3,) next to a vector, and the angle between them [deg]."""
     k = int(np.argmax(np.abs(vector)))
     axis = np.eye(3)[k] * (1.0 if vector[k] >= 0.0 else -1.0)

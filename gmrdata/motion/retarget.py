@@ -20,7 +20,11 @@ with a constant C_j that turns the body's rest pose into the source's zero pose 
   zero pose is flat.
 - neck, head: CMU's zero pose looks up; its known pitch (`joint_names.CMU_UPRIGHT_PITCH_DEG`) is
   undone.
-- pelvis, spine, collars, wrists, hands: none.  Both rest poses hold them upright, palms down.
+- wrist, hand: the elbow's, so that they go on in the line of the forearm.
+- pelvis, spine, collars: none.  Both rest poses hold them upright.
+
+The zero pose is one in which the person stands; a file whose own is none is told from another
+(`standing.from_standing`).
 
 Local rotations are H_parent^T H_j.  Source joints that are not in the map (CMU's hip joints, extra
 spine and neck joints) thus are merged, as G is global; SMPL joints that the source lacks follow
@@ -33,6 +37,7 @@ both sides).  That ratio is all that is kept of a subject's size.  Last, the sol
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -40,10 +45,17 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion import rest_pose
 from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections, levelled, motion_of
 from gmrdata.motion.rest_pose import leg_length_m
+from gmrdata.motion.standing import from_standing, some_rows, source_joints_m, zero_pose_m
 from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel
+from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
-from gmrdata.values.skinning import global_rotmats, joint_positions_m, with_ancestors
+from gmrdata.values.skinning import (
+    global_rotmats,
+    joint_positions_m,
+    posed_joints_m,
+    with_ancestors,
+)
 from gmrdata.values.transforms import between
 
 _HIPS = (JOINT["left_hip"], JOINT["right_hip"])
@@ -70,10 +82,10 @@ def retarget(
     """
     shape = np.zeros(body.n_shape) if shape is None else np.asarray(shape, dtype=np.float64)
     body_rest_m = body.rest_joints_m(shape)
-    source_rest_m = np.full((N_JOINTS, 3), np.nan)
-    source_rest_m[list(joints)] = source.rest_joints_m()[list(joints.values())]
-    rest_pose.check_size(source_rest_m, name)
-    axes = rest_pose.source_from_rest_axes(source_rest_m, name)
+    rest_pose.check_size(zero_pose_m(source, joints), name)
+    source = from_standing(source, joints, body_rest_m, name)
+    source_rest_m = zero_pose_m(source, joints)
+    axes = rest_pose.source_from_rest_axes(source_rest_m)
     source_rest_m = source_rest_m @ axes
 
     world_from_joint = global_rotmats(source.parents, source.local_rotmats)
@@ -97,8 +109,9 @@ def retarget(
     middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
     pelvis_m = middle_m - local_rotmats[:, 0] @ middle_from_pelvis_m
     notes = [*source.notes, f"path x {scale:.4f}", f"flat foot at {flat_pitch_deg:+.1f} deg"]
-    name = f"{name}: {', '.join(notes)}"
     motion = motion_of(body, shape, local_rotmats, pelvis_m, source.fps_hz, name)
+    notes.append(_residual(source, joints, axes, body, motion))
+    motion = replace(motion, source=f"{name}: {', '.join(notes)}")
     return levelled(body, motion, ground)
 
 
@@ -131,6 +144,61 @@ def _local_rotmats(
         world_from_joint[:, joint] = own
         local_rotmats[:, joint] = own if parent < 0 else above.transpose(0, 2, 1) @ own
     return local_rotmats
+
+
+LARGEST_RESIDUAL_DEG = {"limbs": 1.0, "hip line": 20.0, "shoulder line": 30.0, "trunk": 30.0}
+"""Mean angle between the file's own lines and the body's, above which the file is misread."""
+UPRIGHT = 0.75  # cosine of the trunk's tilt, below which it is not held upright
+
+
+def _residual(
+    source: SourceMotion,
+    joints: Mapping[int, int],
+    axes: np.ndarray,
+    body: BodyModel,
+    motion: Motion,
+) -> str:
+    """Mean and worst angle between lines of the file's joints and the same of the body, in words.
+
+    Raises:
+        BadMotionFile: a line is off by more than the form of two skeletons explains.
+    """
+    rows = some_rows(source.n_frames)
+    found_m = source_joints_m(source, joints, rows) @ axes @ WORLD_FROM_REST.T
+    rest_m = body.rest_joints_m(motion.shape)
+    posed_m, _ = posed_joints_m(rest_m, motion.rotmats[rows], motion.pelvis_m[rows], PARENTS)
+    said = []
+    for line, most_deg in LARGEST_RESIDUAL_DEG.items():
+        wanted, got = (_lines(joints_m)[line] for joints_m in (found_m, posed_m))
+        lengths = np.linalg.norm(wanted, axis=-1) * np.linalg.norm(got, axis=-1)
+        cosines = np.einsum("tnk,tnk->tn", wanted, got) / np.maximum(lengths, 1e-12)
+        off_deg = np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0)))
+        if not off_deg.mean() <= most_deg:
+            raise BadMotionFile(
+                f"{motion.source}: the {line} would be {off_deg.mean():.0f} degrees off the file's "
+                "own; its joints turn in another way than their names say: give a joint_map"
+            )
+        said.append(f"{line} {off_deg.mean():.1f} ({off_deg.max():.1f})")
+    hips_m, shoulders_m = rest_pose.middles(posed_m, "hip", "shoulder")
+    trunk_m = np.median(shoulders_m - hips_m, axis=0)
+    if trunk_m[2] < UPRIGHT * np.linalg.norm(trunk_m):
+        said.append("the person lies or leans throughout: is up another axis?")
+    return f"residual mean (worst) in deg: {', '.join(said)}"
+
+
+def _lines(joints_m: np.ndarray) -> dict[str, np.ndarray]:
+    """Bones and lines (T, N, 3) between joints (T, 24, 3)."""
+    ends = {
+        "limbs": rest_pose.LIMBS,
+        "hip line": [(JOINT["right_hip"], JOINT["left_hip"])],
+        "shoulder line": [(JOINT["right_shoulder"], JOINT["left_shoulder"])],
+    }
+    lines = {
+        line: np.stack([joints_m[:, end] - joints_m[:, start] for start, end in pairs], axis=1)
+        for line, pairs in ends.items()
+    }
+    hips_m, shoulders_m = rest_pose.middles(joints_m, "hip", "shoulder")
+    return lines | {"trunk": (shoulders_m - hips_m)[:, None]}
 
 
 def _toe_tips_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:

@@ -130,10 +130,10 @@ def read_bvh(
 ) -> SourceMotion:
     """Read a BVH file.
 
-    Without `fps_hz`, CMU files (known by their joints and their `02_03` names) have the rate of
-    CMU's index, others their header's.  Without `unit_m`, CMU files are 0.056444 m per unit, all
-    others centimetres.  `drop_rest_frame` says whether frame 0 is an added rest pose to leave out,
-    as in cgspeed's CMU files; None looks for itself (see `recorded_rows`).
+    Without `fps_hz`, CMU's trials (known by their joints, their `02_03` names and a header of 120
+    Hz) have the rate of CMU's index, all others their header's.  Without `unit_m`, CMU files are
+    0.056444 m per unit, all others centimetres.  `drop_rest_frame` says whether frame 0 is an added
+    rest pose to leave out, as in cgspeed's CMU files; None looks for itself (see `recorded_rows`).
     """
     lines = read_text(path).split("\n")
     motion_line = next((i for i, line in enumerate(lines) if line.strip() == "MOTION"), None)
@@ -149,11 +149,12 @@ def read_bvh(
     unit_m = unit_m if unit_m is not None else CMU_UNIT_M if cmu else CENTIMETRE_M
     if fps_hz is not None:
         fps_hz, rate_note = source_motion.check_rate_hz(fps_hz, path), "given"
-    elif cmu:
-        fps_hz, rate_note = source_motion.cmu_rate_hz(path), "CMU's index"
     else:
         rate_note = "header"
         fps_hz = source_motion.rate_of_frame_time_hz(frame_time, path, table_line)
+        # CMU's conversions say 120 Hz of every trial.
+        if cmu and fps_hz == 120.0 and source_motion.cmu_subject(path) is not None:
+            fps_hz, rate_note = source_motion.cmu_rate_hz(path), "CMU's index"
     notes = (f"{fps_hz:.7g} Hz ({rate_note})", f"{unit_m:.6g} m per unit ({unit_note})")
     rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
     rows, rows_notes = recorded_rows(table, rotation_columns, cmu, drop_rest_frame, path)

@@ -98,6 +98,7 @@ CMU_60_HZ_SUBJECTS = frozenset({33, 34, 42, 60, 61, 62, 74, 75, 77, 79, 80, 87, 
 CMU_TRIAL = re.compile(r"^(\d{2,3})_(\d{2})(?:_|$)")
 """CMU's file names: subject_trial; AMASS appends `_poses` or `_stageii`."""
 LOWEST_HZ, HIGHEST_HZ = 1.0, 1000.0
+LOWEST_HEADER_HZ = 5.0  # nobody records a person with less; a header that says so was never set
 
 
 def is_trial(name: str) -> bool:
@@ -126,8 +127,9 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
         frame_time_s = float(text)
     except ValueError:
         raise bad_line(path, line_number, f"frame time {text[:40]!r} is not a number") from None
-    if not 1 / HIGHEST_HZ <= frame_time_s <= 1 / LOWEST_HZ:
-        what = f"a frame time of {text[:40]} s is no rate from {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
+    if not 1 / HIGHEST_HZ <= frame_time_s <= 1 / LOWEST_HEADER_HZ:
+        rates = f"{LOWEST_HEADER_HZ:g} to {HIGHEST_HZ:g} Hz"
+        what = f"a frame time of {text[:40]} s is no rate from {rates}"
         raise bad_line(path, line_number, f"{what}; give the true rate with fps_hz")
     mantissa, _, exponent = text.strip().lower().partition("e")
     decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)

@@ -63,7 +63,28 @@ MIXAMO = {
 }  # fmt: skip
 """Mixamo's rig, and rigs with MotionBuilder's names."""
 
-_MIXAMO_PREFIX = re.compile(r"^mixamorig\d*[:_]?", re.IGNORECASE)
+_WORDS = {
+    "hip": ("upleg", "upperleg", "thigh", "thighbend", "hip"),
+    "knee": ("knee", "shin", "calf", "lowerleg", "leg"),
+    "ankle": ("ankle", "foot"),
+    "foot": ("toebase", "toes", "toe", "ball", "foot"),
+    "shoulder": ("upperarm", "arm", "shldr", "shldrbend", "shoulder"),
+    "collar": ("collar", "clavicle", "shoulder"),
+    "elbow": ("elbow", "forearm", "forearmbend", "lowerarm"),
+    "wrist": ("wrist", "hand"),
+    "hand": ("handmiddle", "middle", "fmiddle", "hand"),
+}
+"""What bones of a limb are called by Mixamo and MotionBuilder, 3ds Max, Xsens, Rokoko, Poser and
+DAZ, Unreal, Rigify, VRM, Bandai Namco and SMPL, without side, numbers and signs.  Of the words of a
+joint the first counts that no joint above has: a shoulder is a collar where there is an arm."""
+_NAMESPACE = re.compile(r"^(.*:|mixamorig\d*_?|bip\d+[ _]|[mf]_avg_|def-)", re.IGNORECASE)
+_SIDES = (
+    re.compile(r"(?P<side>left|right)[ _.-]*(?P<part>.+)", re.IGNORECASE),
+    re.compile(r"(?P<part>.+?)[ _.-]*(?P<side>left|right)", re.IGNORECASE),
+    re.compile(r"(?P<side>[lr])[ _.-]+(?P<part>.+)", re.IGNORECASE),
+    re.compile(r"(?P<part>.+)[ _.-]+(?P<side>[lr])", re.IGNORECASE),
+    re.compile(r"(?P<side>[lrLR])(?P<part>[A-Z].*)"),
+)
 
 
 def is_cmu(names: Sequence[str]) -> bool:
@@ -72,31 +93,94 @@ def is_cmu(names: Sequence[str]) -> bool:
 
 
 def find_joints(
-    names: Sequence[str], joint_map: Mapping[str, str] | Path | str | None, path: Path
+    names: Sequence[str],
+    parents: Sequence[int],
+    joint_map: Mapping[str, str] | Path | str | None,
+    path: Path,
 ) -> dict[int, int]:
     """Which source joint drives each SMPL joint: `{index of the SMPL joint: of the source joint}`.
 
     `joint_map` is `{name in the file: SMPL joint}`, or a YAML or JSON file of it, or None for the
-    built-in maps (CMU's two forms, Mixamo with or without its prefix).
+    names that are known (see `joints_by_name`).
     """
     if joint_map is None:
-        cmu = CMU_BVH if "LHipJoint" in names else CMU_ASF
-        chosen = cmu if is_cmu(names) else MIXAMO
-        plain = [_MIXAMO_PREFIX.sub("", name) for name in names]
+        found = joints_by_name(names, parents)
     else:
-        chosen, plain = _read_map(joint_map, path), list(names)
-        unknown = sorted(set(chosen) - set(names))
-        if unknown:
+        chosen = _read_map(joint_map, path)
+        if unknown := sorted(set(chosen) - set(names)):
             what = f"the joint map names {', '.join(unknown)}, which the file does not have"
             raise BadMotionFile(f"{path}: {what}. It has: {', '.join(names)}")
-    index = {name: i for i, name in reversed(list(enumerate(plain)))}
-    found = {joint: index[name] for name, joint in chosen.items() if name in index}
-    missing = [joint for joint in REQUIRED if joint not in found]
-    if missing:
+        found = {joint: names.index(name) for name, joint in chosen.items()}
+    if missing := [joint for joint in REQUIRED if joint not in found]:
         what = f"no joint is known to be {', '.join(missing)}. The file has: {', '.join(names)}"
         remedy = "Give a joint_map {name in the file: SMPL joint} with the names"
         raise BadMotionFile(f"{path}: {what}. {remedy} {', '.join(JOINT)}")
     return {JOINT[joint]: i for joint, i in found.items()}
+
+
+def joints_by_name(names: Sequence[str], parents: Sequence[int]) -> dict[str, int]:
+    """`{SMPL joint: number of the bone}` for bones by their names and by what hangs on what.
+
+    CMU's two forms have maps of their own.  All others go by `_WORDS`; the pelvis is what carries
+    both legs, and the spine leads from there to what carries both arms.
+    """
+    if is_cmu(names):
+        cmu = CMU_BVH if "LHipJoint" in names else CMU_ASF
+        return {joint: names.index(name) for name, joint in cmu.items() if name in names}
+    lines = [_line(bone, parents) for bone in range(len(names))]
+    said = [_side_and_word(name) for name in names]
+    found: dict[str, int] = {}
+    # Of bones with one word the nearest to the root counts.
+    order = sorted(range(len(names)), key=lambda bone: (len(lines[bone]), bone))
+    for side in ("left", "right"):
+        free = {said[bone][1]: bone for bone in reversed(order) if said[bone][0] == side}
+        for joint, words in _WORDS.items():
+            if word := next((word for word in words if word in free), None):
+                found[f"{side}_{joint}"] = free.pop(word)
+    if {"left_hip", "right_hip", "left_shoulder", "right_shoulder"} <= set(found):
+        middle = {bone: word for bone in order for side, word in [said[bone]] if not side}
+        found |= _middle(found, lines, middle)
+    return found
+
+
+def _side_and_word(name: str) -> tuple[str, str]:
+    """`mixamorig:LeftUpLeg_03` -> ("left", "upleg"); without a side ("", word)."""
+    plain = re.sub(r"[._ ]\d+$", "", _NAMESPACE.sub("", name))
+    side, word = "", plain
+    if match := next(filter(None, (form.fullmatch(plain) for form in _SIDES)), None):
+        side, word = "left" if match["side"][0] in "lL" else "right", match["part"]
+    return side, re.sub("[^a-z]", "", word.lower())
+
+
+def _line(bone: int, parents: Sequence[int]) -> list[int]:
+    """The bones from the root down to this one."""
+    line = [bone]
+    while parents[line[-1]] >= 0:
+        line.append(parents[line[-1]])
+    return line[::-1]
+
+
+def _middle(
+    found: Mapping[str, int], lines: Sequence[list[int]], words: Mapping[int, str]
+) -> dict[str, int]:
+    """The pelvis, and what is there of spine, neck and head, of bones without a side."""
+    shared = []  # the line down to what carries both legs, and both arms
+    for joint in ("hip", "shoulder"):
+        both = zip(lines[found[f"left_{joint}"]], lines[found[f"right_{joint}"]], strict=False)
+        shared.append([left for left, right in both if left == right])
+    to_pelvis, to_chest = shared
+    if not to_pelvis or to_chest[: len(to_pelvis)] != to_pelvis:
+        return {}
+    spine = to_chest[len(to_pelvis) :]
+    if len(spine) > 3:
+        spine = [spine[0], spine[len(spine) // 2], spine[-1]]
+    middle = {"pelvis": to_pelvis[-1]} | {f"spine{n}": bone for n, bone in enumerate(spine, 1)}
+    above = [bone for bone in words if lines[bone][: len(to_chest)] == to_chest != lines[bone]]
+    # Rigify calls the neck and the head spine, too.
+    necks = [bone for bone in above if words[bone] in ("neck", "spine")]
+    heads = [bone for bone in above if words[bone] == "head"] or necks[:0:-1]
+    ends = {"neck": necks[:1], "head": heads[:1]}
+    return middle | {joint: bones[0] for joint, bones in ends.items() if bones}
 
 
 def _read_map(joint_map: Mapping[str, str] | Path | str, path: Path) -> dict[str, str]:

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from gmrdata.cli.demo_recipe import DemoRecipe
-from gmrdata.film.bone_names import find_bones, joint_of_bone
 from gmrdata.film.character import (
     Character,
     CharacterRecord,
+    find_bones,
+    joint_of_bone,
     limb_angles_deg,
     linked_files,
     load_character,

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gmrdata.read.bvh import read_bvh
 from gmrdata.read.source_motion import (
     check_rate_hz,
     cmu_rate_hz,
@@ -25,7 +26,7 @@ def test_printed_frame_times(text: str, fps_hz: float) -> None:
     assert rate_of_frame_time_hz(text, Path("a.bvh"), 1) == fps_hz
 
 
-@given(st.integers(1, 1000), st.integers(7, 12))
+@given(st.integers(5, 1000), st.integers(7, 12))
 def test_every_whole_rate_survives_printing(fps_hz: int, decimals: int) -> None:
     assert rate_of_frame_time_hz(f"{1 / fps_hz:.{decimals}f}", Path("a.bvh"), 1) == fps_hz
 
@@ -45,3 +46,48 @@ def test_cmus_index(name: str, subject: int | None, fps_hz: float) -> None:
 def test_absurd_rates(fps_hz: float) -> None:
     with pytest.raises(BadMotionFile, match=r"a\.bvh.*fps_hz"):
         check_rate_hz(fps_hz, Path("a.bvh"))
+
+
+@pytest.mark.parametrize("text", ["1.0", "0.5", "0.0001", "-0.03", "nan"])
+def test_a_header_that_nobody_set_is_no_rate(text: str) -> None:
+    with pytest.raises(BadMotionFile, match=r"a\.bvh, line 8.*is no rate.*with fps_hz"):
+        rate_of_frame_time_hz(text, Path("a.bvh"), 8)
+
+
+CMU_LIKE = """HIERARCHY
+ROOT Hips
+{{
+OFFSET 0 0 0
+CHANNELS 3 Zrotation Yrotation Xrotation
+JOINT LHipJoint
+{{
+OFFSET 0 0 0
+CHANNELS 0
+JOINT LowerBack
+{{
+OFFSET 0 1 0
+CHANNELS 0
+End Site
+{{
+OFFSET 0 1 0
+}}
+}}
+}}
+}}
+MOTION
+Frames: 2
+Frame Time: {time}
+1 0 0
+2 0 0
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "time", "fps_hz"),
+    [("62_11.bvh", ".0083333", 60), ("62_11.bvh", "0.0333333", 30), ("walk.bvh", ".0083333", 120),
+     ("jumping_jacks.bvh", "0.0333333", 30)],
+)  # fmt: skip
+def test_cmus_joints_alone_are_no_rate(tmp_path: Path, name: str, time: str, fps_hz: float) -> None:
+    path = tmp_path / name
+    path.write_text(CMU_LIKE.format(time=time))
+    assert read_bvh(path).fps_hz == fps_hz

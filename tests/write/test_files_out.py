@@ -76,7 +76,9 @@ def test_bvh_comes_back_through_our_reader(
     assert abs(found.fps_hz - fps_hz) < 1e-5
     order = [
         joint
-        for _, joint in sorted((s, j) for j, s in find_joints(found.names, None, path).items())
+        for _, joint in sorted(
+            (s, j) for j, s in find_joints(found.names, found.parents, None, path).items()
+        )
     ]
     assert sorted(order) == list(range(24))
     rotmats = motion.rotmats

@@ -1,0 +1,285 @@
+"""Files of any zero pose, unit and naming, beside the same motion from a T-pose."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gmrdata.motion.files import read_motion
+from gmrdata.motion.gait import make_gait
+from gmrdata.motion.retarget import retarget
+from gmrdata.read.bvh import read_bvh
+from gmrdata.read.source_motion import SourceMotion
+from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.joint_names import MIXAMO, find_joints, joints_by_name
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import global_rotmats
+
+NAME = {joint: name for name, joint in MIXAMO.items()}
+POSITIONS = ("Xposition", "Yposition", "Zposition")
+ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
+ORDER: list[int] = []  # joints so that a child comes right after its parent, as in a BVH
+
+
+def _line(joint: int) -> None:
+    ORDER.append(joint)
+    for child in range(24):
+        if PARENTS[child] == joint:
+            _line(child)
+
+
+_line(0)
+
+
+@pytest.fixture
+def write(
+    write_bvh: Callable[..., Path], small_body: BodyModel, tmp_path: Path
+) -> Callable[..., Path]:
+    """A walk of the small body as a BVH that is told from the pose `zero` (24, 3, 3)."""
+    walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
+
+    def write(name: str, zero: np.ndarray, *, t_pose: bool = False, per_unit: float = 0.01) -> Path:
+        local = np.concatenate([walk.root_rotmats[:, None], walk.local_rotmats], axis=1)
+        from_rest = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # z up -> y up
+        local[:, 0] = from_rest @ local[:, 0]
+        pelvis_m = walk.pelvis_m @ from_rest.T
+        if t_pose:
+            local[0], pelvis_m[0] = np.eye(3), [0, 1, 0]
+        above = np.concatenate([np.eye(3)[None], zero])[np.array(PARENTS) + 1]
+        rest_m = small_body.rest_joints_m(np.zeros(10))
+        offsets_m = rest_m - np.where(np.array(PARENTS)[:, None] < 0, rest_m, rest_m[list(PARENTS)])
+        offsets_m = np.einsum("jkl,jl->jk", above, offsets_m)
+        told = (above @ local @ zero.swapaxes(1, 2))[:, ORDER]
+        angles_deg = Rotation.from_matrix(told.reshape(-1, 3, 3)).as_euler("ZXY", degrees=True)
+        rows = np.c_[pelvis_m / per_unit, angles_deg.reshape(len(local), -1)]
+        channels = [(*POSITIONS, *ROTATIONS)] + [ROTATIONS] * 23
+        tips = {ORDER.index(j): zero[j] @ [0, 0, 0.07] / per_unit for j in (10, 11)}
+        parents = [-1 if PARENTS[j] < 0 else ORDER.index(PARENTS[j]) for j in ORDER]
+        names = [NAME[JOINT_NAMES[j]] for j in ORDER]
+        offsets = offsets_m[ORDER] / per_unit
+        path = tmp_path / f"{name}.bvh"
+        return write_bvh(path, names, parents, offsets, channels, rows, tips, frame_time="0.04")
+
+    return write
+
+
+def _turned(**angles_deg: float) -> np.ndarray:
+    """A pose (24, 3, 3) with each arm turned down about the front by so many degrees."""
+    local = np.tile(np.eye(3), (24, 1, 1))
+    for joint, angle_deg in angles_deg.items():
+        for side, sign in (("left", -1), ("right", 1)):
+            turn = Rotation.from_euler("z", sign * angle_deg, degrees=True).as_matrix()
+            local[JOINT[f"{side}_{joint}"]] = turn
+    return global_rotmats(PARENTS, local[None])[0]
+
+
+def _along_bones(small_body: BodyModel) -> np.ndarray:
+    """A pose in which each bone lies along x, as rigs are drawn that nobody set upright."""
+    rest_m = small_body.rest_joints_m(np.zeros(10))
+    zero = np.tile(np.eye(3), (24, 1, 1))
+    for joint in range(1, 24):
+        child = next((c for c in range(24) if PARENTS[c] == joint), None)
+        bone = rest_m[child] - rest_m[joint] if child is not None else np.array([1.0, 2.0, 3.0])
+        zero[joint] = Rotation.align_vectors([[1.0, 0, 0]], [bone])[0].as_matrix()
+    return zero
+
+
+def _apart_deg(a: Motion, b: Motion, rows: slice = slice(None)) -> np.ndarray:
+    """(24,) largest angle between the global rotations of each joint [deg]."""
+    both = [global_rotmats(PARENTS, m.rotmats[rows]) for m in (a, b)]
+    turns = both[0].swapaxes(-1, -2) @ both[1]
+    angles = Rotation.from_matrix(turns.reshape(-1, 3, 3)).magnitude().reshape(turns.shape[:2])
+    return np.rad2deg(angles).max(axis=0)
+
+
+@pytest.mark.parametrize("down_deg", [0.0, 45.0, 90.0])
+def test_arms_may_hang_in_the_zero_pose(
+    write: Callable[..., Path], small_body: BodyModel, down_deg: float
+) -> None:
+    motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body)
+    other = read_motion(write("a", _turned(shoulder=down_deg)), small_body)
+    # Hands and palms, too: the arm is 2.2 degrees off the plane in which it was turned down.
+    apart_deg = _apart_deg(motion, other)
+    assert apart_deg.max() < 4.5 and apart_deg[: JOINT["left_shoulder"]].max() < 1e-6
+    np.testing.assert_allclose(other.pelvis_m, motion.pelvis_m, atol=1e-9)
+    assert "limbs 0.0 (0.0), hip line 0.0 (0.0), shoulder line 0.0 (0.0)" in other.source
+
+
+@pytest.mark.parametrize("raised", [True, False], ids=["arms up", "along the bones"])
+def test_a_t_pose_in_frame_0_says_what_rotations_mean(
+    write: Callable[..., Path], small_body: BodyModel, raised: bool
+) -> None:
+    zero = _turned(shoulder=-90.0) if raised else _along_bones(small_body)
+    t_pose = np.tile(np.eye(3), (24, 1, 1))
+    motion = read_motion(write("t", t_pose, t_pose=True), small_body, drop_rest_frame=False)
+    other = read_motion(write("bones", zero, t_pose=True), small_body, drop_rest_frame=False)
+    assert "turns told from frame 0, a T-pose" in other.source
+    # Toe bones that were drawn along x may show how flat a foot is to a hair.
+    assert _apart_deg(motion, other).max() < 0.01
+    np.testing.assert_allclose(other.pelvis_m, motion.pelvis_m, atol=1e-3)
+
+
+def test_without_a_t_pose_it_is_the_mean_pose(
+    write: Callable[..., Path], small_body: BodyModel
+) -> None:
+    motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body)
+    other = read_motion(write("bones", _along_bones(small_body)), small_body)
+    assert "turns told from the mean pose" in other.source
+    apart_deg = _apart_deg(motion, other)
+    # Nobody knows how far a walker's palms are turned and the trunk leans in the mean.
+    assert apart_deg[JOINT["pelvis"]] < 6 and apart_deg.max() < 30, apart_deg.round(1)
+    assert "limbs 0.0 (0.0)" in other.source
+
+
+@pytest.mark.parametrize("per_unit", [1.0, 0.0254, 0.001, 0.04, 0.01])
+def test_any_unit_is_found_by_the_legs(
+    write: Callable[..., Path], small_body: BodyModel, per_unit: float
+) -> None:
+    t_pose = np.tile(np.eye(3), (24, 1, 1))
+    motion = read_motion(write("cm", t_pose), small_body)
+    other = read_motion(write("unit", t_pose, per_unit=per_unit), small_body)
+    # The unit says only when a foot counts as still, from which flat feet and the floor are read.
+    np.testing.assert_allclose(other.rotmats, motion.rotmats, atol=1e-4)
+    np.testing.assert_allclose(other.pelvis_m, motion.pelvis_m, atol=1e-3)
+    assert ("lengths x" in other.source) == (per_unit != 0.01)
+
+
+def _with_pivots(source: SourceMotion) -> SourceMotion:
+    """The same, but the root turns 90 degrees more, and pivots above its children turn back."""
+    n = len(source.parents)
+    children = [joint for joint in range(n) if source.parents[joint] == 0]
+    order = [0, *(-joint for joint in children), *range(1, n)]  # -joint: the pivot above a joint
+    place = {joint: row for row, joint in enumerate(order)}
+    parents = [0 if j < 0 else place.get(-j, place[max(source.parents[j], 0)]) for j in order]
+    turn = Rotation.from_euler("y", 90, degrees=True).as_matrix()
+    rows = np.maximum(order, 0)
+    local, zeros = source.local_rotmats[:, rows], np.array(order) < 0
+    local[:, 0] = local[:, 0] @ turn
+    local[:, zeros] = turn.T
+    offsets_m, moves_m = source.offsets_m[rows], source.translations_m[:, rows]
+    offsets_m[zeros], moves_m[:, zeros] = 0.0, 0.0
+    return replace(
+        source,
+        names=tuple(source.names[j] if j >= 0 else f"Pivot{-j}" for j in order),
+        parents=(-1, *parents[1:]),
+        offsets_m=offsets_m,
+        tips_m=source.tips_m[rows],
+        local_rotmats=local,
+        translations_m=moves_m,
+    )
+
+
+def test_hips_that_turn_otherwise_than_their_joint_are_refused(
+    write: Callable[..., Path], small_body: BodyModel
+) -> None:
+    # Networks that place joints write such files: deep-motion-editing's results, for one.
+    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
+    joints = find_joints(source.names, source.parents, None, Path("a"))
+    retarget(source, joints, small_body)
+    turned = _with_pivots(source)
+    joints = find_joints(turned.names, turned.parents, None, Path("a"))
+    with pytest.raises(BadMotionFile, match=r"the hip line would be 90 degrees off.*joint_map"):
+        retarget(turned, joints, small_body)
+
+
+def test_an_animal_is_refused(write: Callable[..., Path], small_body: BodyModel) -> None:
+    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
+    joints = find_joints(source.names, source.parents, None, Path("a"))
+    offsets_m = source.offsets_m.copy()
+    spine = [joints[JOINT[name]] for name in ("spine1", "spine2", "spine3", "neck")]
+    offsets_m[spine] = offsets_m[spine][:, [0, 2, 1]]  # the trunk lies, its legs hang
+    still = np.tile(np.eye(3), (3, len(source.parents), 1, 1))
+    lying = replace(
+        source, offsets_m=offsets_m, local_rotmats=still, translations_m=source.translations_m[:3]
+    )
+    with pytest.raises(BadMotionFile, match=r"beast.*stands .*neither.*nor in frame 0, nor in the"):
+        retarget(lying, joints, small_body, name="beast.bvh")
+
+
+def test_one_who_lies_throughout_is_told_of(
+    write: Callable[..., Path], small_body: BodyModel
+) -> None:
+    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
+    joints = find_joints(source.names, source.parents, None, Path("a"))
+    assert "lies or leans" not in retarget(source, joints, small_body).source
+    local_rotmats = source.local_rotmats.copy()
+    local_rotmats[:, 0] = (
+        Rotation.from_euler("x", 90, degrees=True).as_matrix() @ local_rotmats[:, 0]
+    )
+    lying = retarget(replace(source, local_rotmats=local_rotmats), joints, small_body)
+    assert "the person lies or leans throughout: is up another axis?" in lying.source
+
+
+NAMINGS = {
+    "lafan1": "Hips|{}UpLeg {}Leg {}Foot {}Toe|Spine Spine1 Spine2|Neck Head|"
+    "{}Shoulder {}Arm {}ForeArm {}Hand",
+    "hip and knee": "Hips|{}Hip {}Knee {}Ankle {}Toe|Chest Chest2 Chest3 Chest4|Neck Head|"
+    "{}Collar {}Shoulder {}Elbow {}Wrist",
+    "rokoko": "Hips|{}Thigh {}Shin {}Foot {}Toe|Spine1 Spine2 Spine3 Spine4|Neck Head|"
+    "{}Shoulder {}Arm {}ForeArm {}Hand",
+    "xsens": "Pelvis|{}UpperLeg {}LowerLeg {}Foot {}Toe|L5 L3 T12 T8|Neck Head|"
+    "{}Shoulder {}UpperArm {}ForeArm {}Hand",
+    "vrm": "Hips|{}UpperLeg {}LowerLeg {}Foot {}Toes|Spine Chest UpperChest|Neck Head|"
+    "{}Shoulder {}UpperArm {}LowerArm {}Hand",
+}
+SHORT_NAMINGS = {
+    "bandai namco": "Hips|UpperLeg_{} LowerLeg_{} Foot_{} Toes_{}|Spine Chest|Neck Head|"
+    "Shoulder_{} UpperArm_{} LowerArm_{} Hand_{}",
+    "3ds max": "Bip01 Pelvis|Bip01 {} Thigh,Bip01 {} Calf,Bip01 {} Foot,Bip01 {} Toe0|"
+    "Bip01 Spine,Bip01 Spine1,Bip01 Spine2|Bip01 Neck,Bip01 Head|"
+    "Bip01 {} Clavicle,Bip01 {} UpperArm,Bip01 {} Forearm,Bip01 {} Hand",
+    "smpl": "Pelvis|{}_Hip {}_Knee {}_Ankle {}_Foot|Spine1 Spine2 Spine3|Neck Head|"
+    "{}_Collar {}_Shoulder {}_Elbow {}_Wrist",
+}
+POSER = "hip|{}Thigh {}Shin {}Foot {}Toe|abdomen chest|neck head|{}Collar {}Shldr {}ForeArm {}Hand"
+ALL_NAMINGS = [
+    *((title, naming, ("Left", "Right")) for title, naming in NAMINGS.items()),
+    *((title, naming, ("L", "R")) for title, naming in SHORT_NAMINGS.items()),
+    ("poser", POSER, ("l", "r")),
+    ("unity", NAMINGS["lafan1"].lower(), ("left_", "right_")),
+]
+
+
+@pytest.mark.parametrize(("title", "naming", "sides"), ALL_NAMINGS, ids=lambda value: str(value))
+def test_namings(title: str, naming: str, sides: tuple[str, str]) -> None:
+    pelvis, leg, spine, ends, arm = (
+        part.split(",") if "," in part or "Bip01 Pelvis" in part else part.split()
+        for part in naming.split("|")
+    )
+    names, parents = list(pelvis), [-1]
+
+    def grow(start: int, bones: list[str]) -> None:
+        for bone in bones:
+            parents.append(start)
+            names.append(bone)
+            start = len(names) - 1
+
+    for side in sides:
+        grow(0, [bone.format(side) for bone in leg])
+    grow(0, spine)
+    chest = len(names) - 1
+    grow(chest, ends)
+    for side in sides:
+        grow(chest, [bone.format(side) for bone in arm])
+    found = {joint: names[bone] for joint, bone in joints_by_name(names, parents).items()}
+    expected = {"pelvis": pelvis[0], "neck": ends[0], "head": ends[1]}
+    for side, said in zip(("left", "right"), sides, strict=True):
+        legs_and_arms = zip(
+            ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist"),
+            leg + arm, strict=True,
+        )  # fmt: skip
+        expected |= {f"{side}_{joint}": bone.format(said) for joint, bone in legs_and_arms}
+    kept = spine if len(spine) < 4 else [spine[0], spine[2], spine[-1]]
+    expected |= {f"spine{n}": bone for n, bone in enumerate(kept, start=1)}
+    assert found == expected
+
+
+def test_what_is_nobody_has_no_joints() -> None:
+    names, parents = ["root", "wheel_l", "wheel_r", "door.L"], [-1, 0, 0, 0]
+    assert joints_by_name(names, parents) == {}
+    with pytest.raises(BadMotionFile, match="no joint is known to be pelvis"):
+        find_joints(names, parents, None, Path("car.bvh"))
