@@ -50,7 +50,7 @@ def test_absurd_rates(fps_hz: float) -> None:
 
 @pytest.mark.parametrize("text", ["1.0", "0.5", "0.0001", "-0.03", "nan"])
 def test_a_header_that_nobody_set_is_no_rate(text: str) -> None:
-    with pytest.raises(BadMotionFile, match=r"a\.bvh, line 8.*is no rate.*with fps_hz"):
+    with pytest.raises(BadMotionFile, match=r"a\.bvh:8: .*is no rate.*with fps_hz"):
         rate_of_frame_time_hz(text, Path("a.bvh"), 8)
 
 
