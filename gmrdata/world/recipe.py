@@ -40,8 +40,8 @@ class ScaleConfig(Config):
     """Standard error of the body's soles above the ground, the same in all frames [m]."""
     body_share: float = Field(default=0.01, ge=0)
     """What all cues of bodies have in common, such as a wrong size, as a share; part of the error
-    bar.  Scales under simulated faults are off by 0.5 % (RMS, benchmarks/bench_scale.py), which is
-    each cue's own: bodies of a wrong size are not in that."""
+    bar.  Scales under simulated faults are off by 0.5 % (RMS, benchmarks/bench_scale_cues.py),
+    which is each cue's own: bodies of a wrong size are not in that."""
     slow_m_per_s: float = Field(default=0.02, ge=0)
     """Error of the camera's speed up to which the scale need not be known any better, however
     large its error is as a share: of a camera that hardly travels; 2 mm in 0.1 s [m/s]."""

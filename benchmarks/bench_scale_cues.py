@@ -2,7 +2,7 @@
 
 The cameras are exact but for 2 mm and the ground is shown by simulated points, so what is measured
 is what people do to the scale: as they are, and with the data set's faults.  Prints a table and
-writes out/bench/scale.json.
+writes out/bench/scale_cues.json.
 """
 
 import os
@@ -37,7 +37,7 @@ DRAWS = 6
 
 def test_people_tell_the_scale(cmu_dir: Path, request: pytest.FixtureRequest) -> None:
     small = request.config.getoption("--small")
-    record = Record(Path("out/bench/scale.json"), small, lambda: {"cores": os.cpu_count()})
+    record = Record(Path("out/bench/scale_cues.json"), small, lambda: {"cores": os.cpu_count()})
     recipe, body = load_recipe(recipe_path("twins"), TwinRecipe).set, load_body("anny")
     chosen = select(recipe, cmu_dir)
     takes = [take for take in chosen.takes if take.clip.programme.kind in TRAVELLING]
