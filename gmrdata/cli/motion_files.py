@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.stage.run import Run
-from gmrdata.values.errors import BadRecipe
+from gmrdata.values.errors import BadMotionFile, BadRecipe
 
 
 def fetch(
@@ -95,7 +95,10 @@ def motions(
         for path in make(sources[0], body, out, run=run):
             answer(path)
     elif out is None:
-        print_table(*motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map))
+        headings, rows, bad = motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map)
+        print_table(headings, rows)
+        if bad:
+            raise BadMotionFile(bad)
     else:
         answer(make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, run=run))
 

@@ -129,19 +129,25 @@ def motion_table(
     *,
     fps_hz: float | None = None,
     joint_map: Path | None = None,
-) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    """Read motion files and say what is in them: headings and rows."""
-    loaded_body = load_body(body)
-    rows = []
-    for file in track(library_files(sources), READING):
-        motion = read_motion(file.path, loaded_body, fps_hz=fps_hz, joint_map=joint_map)
+) -> tuple[Sequence[str], Sequence[Sequence[str]], str]:
+    """Read motion files and say what is in them: headings and rows; and which can't be read."""
+    loaded_body, files = load_body(body), library_files(sources)
+    rows, reasons = [], {}
+    for file in track(files, READING):
+        try:
+            motion = read_motion(file.path, loaded_body, fps_hz=fps_hz, joint_map=joint_map)
+        except GmrdataError as error:
+            reasons[file.id] = str(error)
+            continue
         # Its path on the ground at 10 fps, which leaves out the pelvis's sway.
         ground_m = motion.pelvis_m[:: max(1, round(motion.fps_hz / 10)), :2]
         travelled_m = float(np.linalg.norm(np.diff(ground_m, axis=0), axis=1).sum())
         seconds = motion.n_frames / motion.fps_hz
         figures = [f"{value:.2f}" for value in (seconds, travelled_m, travelled_m / seconds)]
-        rows.append((file.path.name, f"{motion.n_frames}", f"{motion.fps_hz:g}", *figures))
-    return ("file", "frames", "rate [Hz]", "length [s]", "path [m]", "speed [m/s]"), rows
+        rows.append((str(file.path), f"{motion.n_frames}", f"{motion.fps_hz:g}", *figures))
+    headings = ("file", "frames", "rate [Hz]", "length [s]", "path [m]", "speed [m/s]")
+    bad = _bad_files(reasons, len(files), "the others are listed") if reasons else ""
+    return headings, rows, bad
 
 
 def make_library(
@@ -173,7 +179,10 @@ def make_library(
         head = ("motions", clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
         write_motions(out_dir, *head, list(outcome.results.values()), config, run=run)
     if outcome.reasons:
-        raise BadMotionFile(_bad_files(outcome.reasons, len(files), out_dir))
+        others = "there is no manifest"
+        if outcome.results:
+            others = "motions.yaml lists the others; mend them and give --redo to list them too"
+        raise BadMotionFile(_bad_files(outcome.reasons, len(files), others, out_dir / FAILED))
     return out_dir / "motions.yaml"
 
 
@@ -255,12 +264,11 @@ def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
     return outcome
 
 
-def _bad_files(reasons: Mapping[str, str], n_files: int, out_dir: Path) -> str:
+def _bad_files(
+    reasons: Mapping[str, str], n_files: int, others: str, folder: Path | None = None
+) -> str:
     listed = [f"  {reason.splitlines()[0]}" for reason in reasons.values()]
-    if len(listed) > MAX_LISTED:
-        rest = f"  ... and {len(listed) - MAX_LISTED} more, see {out_dir / FAILED}"
+    if folder is not None and len(listed) > MAX_LISTED:
+        rest = f"  ... and {len(listed) - MAX_LISTED} more, see {folder}"
         listed = [*listed[:MAX_LISTED], rest]
-    others = "there is no manifest"
-    if len(reasons) < n_files:
-        others = "motions.yaml lists the others; mend them and give --redo to list them too"
     return f"{len(reasons)} of {n_files} files could not be read; {others}:\n" + "\n".join(listed)

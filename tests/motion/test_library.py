@@ -155,12 +155,17 @@ def test_clip_ids_have_plain_letters() -> None:
 
 def test_the_table_of_a_folder(tmp_path: Path, body_path: Path) -> None:
     write_amass(tmp_path / "AMASS", NAMES[:2])
-    headings, rows = motion_table((tmp_path / "AMASS",), str(body_path))
+    folder = tmp_path / "AMASS"
+    headings, rows, bad = motion_table((folder,), str(body_path))
     assert headings[:3] == ("file", "frames", "rate [Hz]")
-    assert [row[:3] for row in rows] == [
-        ("01_01_poses.npz", "12", "60"),
-        ("02_03_poses.npz", "12", "60"),
-    ]
+    found = [str(folder / "CMU" / "01" / "01_01_poses.npz"), "12", "60"]
+    assert list(rows[0][:3]) == found and len(rows) == 2 and not bad
+    (folder / "walk.bvh").write_text("HIERARCHY\n")
+    _, again, bad = motion_table((folder,), str(body_path))
+    assert again == rows
+    assert (
+        bad.startswith("1 of 3 files could not be read; the others are listed:\n") and "walk" in bad
+    )
 
 
 def finished(out: Path) -> dict[Path, int]:
