@@ -21,6 +21,7 @@ from gmrdata.values.transforms import mean_rotation
 
 SPREAD_DEG = 20.0  # how far the arms of a T-pose are from the level
 RAISED_DEG = 30.0  # above the level, from which arms are no pose to stand in but a rig's axes
+LARGEST_HIPS_OFF_DEG = 20.0
 MANY_FRAMES = 200
 USUAL_LEG_M, LIKELY_LEGS_M = 0.82, (0.5, 1.2)
 """Hip-knee-ankle of an adult, and of nearly all people whom somebody records."""
@@ -50,15 +51,17 @@ def from_standing(
     """The same motion, told from a zero pose in which the person stands along the axes.
 
     The file's own zero pose counts if it stands, with arms that hang or are spread.  Others lie
-    along their bones' axes (Rokoko, Bandai Namco, LAFAN1) or reach up (Geno): then it is frame 0 if
-    that is a T-pose, else the mean of the motion's poses, in which arms hang as they mostly do and
-    the trunk is held as that of the body at rest, (24, 3).
+    along their bones' axes (Rokoko, Bandai Namco, LAFAN1) or reach up (Geno), or their hips turn
+    beside the pelvis's joint (deep-motion-editing): then it is frame 0 if that is a T-pose, else
+    the mean of the motion's poses, in which arms hang as they mostly do and the trunk is held as
+    that of the body at rest, (24, 3).
 
     Raises:
         BadMotionFile: the person stands in none of these.
     """
     rest_m = zero_pose_m(source, joints)
-    if stands(rest_m) and arms_deg(rest_m).max() < RAISED_DEG:
+    likely = stands(rest_m) and arms_deg(rest_m).max() < RAISED_DEG
+    if likely and _hips_off_deg(source, joints, rest_m) < LARGEST_HIPS_OFF_DEG:
         return source
     up, first = _up_axis(source, joints), source.local_rotmats[0]
     aside = np.eye(3)[1 if up[0] else 0]
@@ -77,6 +80,18 @@ def from_standing(
         "rotations zero, nor in frame 0, nor in the mean of all frames, so it can't be told what "
         "the rotations mean; export the motion with a T-pose as its rest pose or its first frame"
     )
+
+
+def _hips_off_deg(source: SourceMotion, joints: Mapping[int, int], rest_m: np.ndarray) -> float:
+    """How far the hips are turned beside the pelvis's joint from where the zero pose has them."""
+    rows = some_rows(source.n_frames)
+    joints_m = source_joints_m(source, joints, rows)
+    lines = joints_m[:, JOINT["left_hip"]] - joints_m[:, JOINT["right_hip"]]
+    turned = global_rotmats(source.parents, source.local_rotmats[rows])[:, joints[JOINT["pelvis"]]]
+    at_rest = turned @ (rest_m[JOINT["left_hip"]] - rest_m[JOINT["right_hip"]])
+    lengths = np.linalg.norm(lines, axis=1) * np.linalg.norm(at_rest, axis=1)
+    cosines = np.einsum("tk,tk->t", lines, at_rest) / np.maximum(lengths, 1e-12)
+    return float(np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))).mean())
 
 
 def zero_pose_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
