@@ -30,6 +30,8 @@ def read_text(path: Path) -> str:
         raise BadMotionFile(f"{path}: cannot be read ({error.strerror})") from None
     if not data.strip():
         raise BadMotionFile(f"{path}: the file is empty; fetch it again")
+    if data.startswith(b"version https://git-lfs"):
+        raise BadMotionFile(f"{path}: a Git LFS pointer, not the file; run `git lfs pull` there")
     if b"\0" in data:
         raise BadMotionFile(f"{path}: a binary file, not a text of motion data; fetch it again")
     text = data.decode("utf-8-sig", errors="replace")

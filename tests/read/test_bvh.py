@@ -181,8 +181,10 @@ def test_broken_files_say_where_and_why(tmp_path: Path, old: str, new: str, word
 
 
 @pytest.mark.parametrize(
-    ("data", "words"), [(b"", "empty"), (b" \n", "empty"), (b"\0\1\2", "binary"), (b"x", "MOTION")]
-)
+    ("data", "words"),
+    [(b"", "empty"), (b" \n", "empty"), (b"\0\1\2", "binary"), (b"x", "MOTION"),
+     (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "LFS pointer.*git lfs pull")],
+)  # fmt: skip
 def test_empty_and_binary_files(tmp_path: Path, data: bytes, words: str) -> None:
     path = tmp_path / "a.bvh"
     path.write_bytes(data)
