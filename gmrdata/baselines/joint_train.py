@@ -74,8 +74,6 @@ def fit_joint(
 
 
 class _JointLearner:
-    """The network and its windows."""
-
     def __init__(
         self, training_set: TrainingSet, body: BodyModel, run_dir: Path, config: JointConfig
     ) -> None:

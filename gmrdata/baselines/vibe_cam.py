@@ -37,8 +37,6 @@ class VibeCamConfig(Config):
 
 
 class UnpredictedRows(Config):
-    """Rows start, start + 1, ..., stop - 1."""
-
     start: int  # the first
     stop: int  # one past the last
     reason: str  # why they have no prediction
@@ -54,8 +52,6 @@ class PlacedFigures(predictions.ClipFigures):
 
 
 class VibeCamPredictions(predictions.Predictions):
-    """Of this baseline."""
-
     clips: Mapping[str, PlacedFigures]
 
 

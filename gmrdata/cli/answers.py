@@ -15,7 +15,6 @@ def answer(value: object) -> None:
 
 
 def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table to standard output."""
     from rich.markup import escape
     from rich.table import Table
 

@@ -139,7 +139,6 @@ def _flag(name: str) -> str:
 
 
 def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_run: bool) -> None:
-    """What the verb of the recipe's kind does."""
     recipe, given = str(path), {name: getattr(inputs, name) for name in TAKES[kind]}
     match kind:
         case "demo":

@@ -46,7 +46,6 @@ class Extras(Config):
 
     @property
     def inputs(self) -> dict[str, Path]:
-        """Files that the extras depend on, by name."""
         from gmrdata.motion.files import input_files
 
         return {

@@ -41,8 +41,6 @@ PROGRAMMES = {
 
 
 class SyntheticClip(Config):
-    """One clip of a set."""
-
     id: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
     """Name of the clip and of its folders."""
     trial: str | None = None
@@ -75,8 +73,6 @@ class PeopleConfig(Config):
 
 
 class SyntheticRecipe(Config):
-    """A set of clips to render."""
-
     recipe: Literal["synthetic"]
     name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
     version: str = "1.0.0"
@@ -104,7 +100,6 @@ class SyntheticRecipe(Config):
 def clip_rng(
     seed: int, clip_id: str, choice: Literal["motion", "person", "looks", "place", "faults"]
 ) -> np.random.Generator:
-    """The generator of one kind of choice for one clip."""
     digest = hashlib.sha256(f"{clip_id}/{choice}".encode()).digest()
     return np.random.default_rng([seed, *np.frombuffer(digest[:16], dtype="<u4").tolist()])
 
@@ -183,7 +178,6 @@ def make_twin(
 def planned_clip(
     clip: SyntheticClip, recipe: SyntheticRecipe, motion_path: Path | None, body: BodyModel
 ) -> Clip:
-    """A clip's motion and camera."""
     film = _film(clip, recipe)
     shape = None if clip.shape is None else np.array(clip.shape)  # None: as the motion has it
     if shape is None and recipe.people.vary:

@@ -27,8 +27,6 @@ class NetworkConfig(Config):
 
 
 class ModelConfig(NetworkConfig):
-    """Size and representations of a GMR."""
-
     input: Representation = "quaternion"  # of the 23 local rotations; the paper's 92 numbers
     extra_inputs: tuple[ExtraInput, ...] = ()
     """What else is given; the paper has none.  `velocity`: how each joint turns to the next frame,
@@ -59,8 +57,6 @@ class LossConfig(Config):
 
 
 class WindowConfig(Config):
-    """How training windows are cut."""
-
     frames: int = Field(default=64, ge=2)  # of a window; the paper's 64.  Shorter runs are padded
     fps_hz: float = Field(default=10.0, gt=0.0)  # of the network's input [Hz]; the paper's 10
     reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)

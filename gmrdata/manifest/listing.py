@@ -24,7 +24,6 @@ FILES = ("joints", "video", "character")
 
 
 def folders_of(clip: Clip) -> dict[str, FolderRecord]:
-    """A clip's folders by field."""
     return {field: found for field in FOLDERS if (found := getattr(clip, field)) is not None}
 
 
@@ -36,8 +35,6 @@ def files_of(clip: Clip) -> dict[str, FileRecord]:
 
 @dataclass(frozen=True)
 class ListedFile:
-    """One line of a listing."""
-
     path: str  # relative to the folder, with forward slashes
     size_bytes: int
     sha256: str

@@ -43,8 +43,6 @@ class MaskRcnnConfig(DetectorConfig):
 
 @dataclass(frozen=True, eq=False)
 class Instances:
-    """What the network found in one frame."""
-
     found: Detections
     masks: np.ndarray  # (N, H, W) bool
 

@@ -50,8 +50,6 @@ class OnnxConfig(yolox.DetectorConfig):
 
 @part(frozen=True, config=PART)
 class FrameRecord:
-    """What was found in one frame."""
-
     found: list[Detection]
     masked: list[int]
     """Which of them are masked."""
@@ -60,8 +58,6 @@ class FrameRecord:
 
 
 class DetectionsRecord(Record):
-    """`detections.json`."""
-
     format: Literal["gmrdata-detections/1"] = "gmrdata-detections/1"
     frames: dict[str, FrameRecord]
     """By the stem of the image's name."""
@@ -127,8 +123,6 @@ def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
 
 
 class OnnxInput(NamedTuple):
-    """One input of a network."""
-
     name: str
     shape: tuple[int | None, ...]  # None where the file leaves a size open
 

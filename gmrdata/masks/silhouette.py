@@ -149,7 +149,6 @@ def _write_silhouettes(
 def _masks_of_person(
     clip: Clip, body: BodyModel, rows: list[int], size_px: tuple[int, int], config: SilhouetteConfig
 ) -> Iterator[np.ndarray]:
-    """A mask for each row."""
     from gmrdata.values.skinning import motion_vertices_m
 
     shown = [rows_that_show(clip.valid, row, config.bridge_frames) for row in rows]

@@ -74,8 +74,6 @@ def licence_of(source: Source) -> str:
 
 @dataclass(frozen=True)
 class LibraryFile:
-    """A motion file, and its clip's id and origin."""
-
     path: Path
     id: str
     source: Source

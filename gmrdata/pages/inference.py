@@ -149,7 +149,6 @@ def _draw_fading_line(view: _View, points_m: np.ndarray, middle_m: np.ndarray) -
 
 
 def _draw_shadow(view: _View, vertices_m: np.ndarray, faces: np.ndarray, light: np.ndarray) -> None:
-    """The body's shadow on the floor."""
     fallen_m = vertices_m - vertices_m[:, 2:] / light[2] * light
     fallen_cam_m = transforms.apply(view.cam_from_world, fallen_m)
     lit = faces[_normals(vertices_m, faces) @ light > 0]

@@ -252,7 +252,6 @@ def mark_start(
 
 
 def _put(label: Annotation, angle_rad: float) -> None:
-    """Move a label to a side of its point."""
     x, y = np.cos(angle_rad), np.sin(angle_rad)
     label.xyann = (LABEL_PT * x, LABEL_PT * y)
     label.set_horizontalalignment("left" if x > 0.4 else "right" if x < -0.4 else "center")

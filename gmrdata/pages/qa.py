@@ -217,7 +217,6 @@ def _lead(found: Found) -> str:
 
 
 def _judged_by(found: Found, recipe: ThreedpwRecipe) -> list[Table]:
-    """The figures against their thresholds."""
     if not found.is_solved:
         return []
     frames = qa_thresholds.frame_rows(found, recipe.of_sequence(found.name).pseudo_gt.verdict)

@@ -40,7 +40,6 @@ def write_report(path: Path, report: ReportData) -> Path:
 
 
 def page(report: ReportData) -> str:
-    """The whole page as HTML."""
     predicted = [
         (clip.id, _predicted_path(i, clip.true.motion, clip.predicted))
         for i, clip in enumerate(report.clips)
@@ -119,7 +118,6 @@ def _score_table(scores: Mapping[str, GmrSummary]) -> Table:
 
 
 def _clip(index: int, clip: ClipReport) -> dict[str, object]:
-    """What the page shows of a clip."""
     tiles = frames.frame_tiles(clip)
     whole = [_picture(clip, tile, tile.frame(), f"frame {tile.image_number} · ") for tile in tiles]
     paths = svg(lambda plot: plots.plot_top_view(plot.subplots(), clip), 5.2, 5.0, f"paths-{index}")

@@ -73,16 +73,12 @@ class Score(Config):
 
 
 class GmrSummary(Score):
-    """GMR's errors on one manifest."""
-
     zero_motion: Score
     """Those of a body that neither turns nor moves."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunReport:
-    """How the run was made."""
-
     title: str
     data_source: str  # where the motions came from, in a sentence
     seconds: Mapping[str, float]  # wall time per stage, in the order in which they ran
@@ -93,8 +89,6 @@ class RunReport:
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything on the page."""
-
     run: RunReport
     clips: tuple[ClipReport, ...]
     scores: Mapping[str, GmrSummary] = field(default_factory=dict)  # GMR's, by manifest
@@ -138,8 +132,6 @@ def score_texts(score: Score) -> dict[str, str]:
 
 
 class ClipSummary(ClipFigures):
-    """One clip of a summary."""
-
     id: str
     camera_motion: str
 

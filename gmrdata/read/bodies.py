@@ -138,8 +138,6 @@ def cache_dir() -> Path:
 
 
 class BodyConfig(Config):
-    """Which body."""
-
     body: str
     """"anny", or the file name of a body model."""
 

@@ -59,7 +59,6 @@ def read_hierarchy(lines: list[str], path: Path) -> Hierarchy:
 
 
 def _read_statement(tree: Hierarchy, statement: str, path: Path, line_number: int) -> None:
-    """One statement or brace of the hierarchy."""
     keyword, _, rest = statement.partition(" ")
     keyword, _, tabbed = keyword.partition("\t")
     rest = f"{tabbed} {rest}".strip()

@@ -39,12 +39,10 @@ def read_text(path: Path) -> str:
 
 
 def bad_line(path: Path, line_number: int, what: str) -> BadMotionFile:
-    """The error for one line of a file."""
     return BadMotionFile(f"{path}:{line_number}: {what}")
 
 
 def parse_floats(words: list[str], path: Path, line_number: int) -> list[float]:
-    """The numbers of one line."""
     values = []
     for word in words:
         try:
@@ -185,7 +183,6 @@ def pinhole_of(value: Any, what: str) -> np.ndarray:
 
 
 def kind_of(value: Any) -> str:
-    """What a value is, for a message."""
     if isinstance(value, np.ndarray):
         return f"an array of dtype {value.dtype} and shape {value.shape}"
     if isinstance(value, list | tuple):

@@ -39,8 +39,6 @@ and the middle of the hips (8), which adds nothing to the hips and lies below SM
 
 @dataclass(frozen=True, eq=False)
 class Person2d:
-    """One person in one frame."""
-
     id: int | None  # track, or None where nothing tracks
     keypoints: np.ndarray
     """(24, 3) x [px], y [px], confidence of SMPL's joints; zero for those without a pair."""
@@ -73,7 +71,6 @@ def keypoint_files(folder: Path) -> dict[int, Path]:
 
 
 def read_people(path: Path) -> list[Person2d]:
-    """The people of one frame."""
     record = read_json(path)
     people = record.get("people") if isinstance(record, dict) else None
     if not isinstance(people, list):

@@ -140,7 +140,6 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
 
 
 def check_rate_hz(fps_hz: float, path: Path) -> float:
-    """The rate as a float."""
     if not LOWEST_HZ <= fps_hz <= HIGHEST_HZ:
         what = f"a frame rate of {fps_hz:g} Hz is not from {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
         raise BadMotionFile(f"{path}: {what}; give the true rate with fps_hz")

@@ -25,8 +25,6 @@ SAME_ZERO = 1e-6  # largest difference of two scores of zero motion on the same 
 
 
 class CompareConfig(Config):
-    """How runs are compared."""
-
     names: tuple[str, ...] = ()
     """What the runs are called, in their order; as in their scores when left out."""
     resamples: int = Field(default=2000, ge=100)
@@ -37,8 +35,6 @@ class CompareConfig(Config):
 
 
 class ComparedRun(Config):
-    """One run in one metric."""
-
     run: str
     n_clips: int
     """Clips in which all runs have a figure."""
@@ -51,8 +47,6 @@ class ComparedRun(Config):
 
 
 class Comparison(Record):
-    """A `comparison.json`."""
-
     format: Literal["gmrdata-comparison/2"] = "gmrdata-comparison/2"
     runs: tuple[str, ...]
     """Names of the runs; the others are compared with the first."""
@@ -228,7 +222,6 @@ def _cells(metric: str, row: ComparedRun) -> tuple[str, ...]:
 
 
 def csv_rows(comparison: Comparison) -> list[list[Cell]]:
-    """Headings and rows for a program."""
     rows = [CSV_HEADINGS]
     for metric, row in _rows(comparison):
         ends = row.interval95 or (None, None)
@@ -238,7 +231,6 @@ def csv_rows(comparison: Comparison) -> list[list[Cell]]:
 
 
 def comparison_lead(comparison: Comparison) -> str:
-    """What was compared, in a sentence."""
     first, *others = comparison.runs
     return (
         f"{', '.join(others)} against {first}, on {len(comparison.clips)} clips that all runs "

@@ -70,8 +70,6 @@ class Row(Config):
 
 
 class ClipScore(Row):
-    """One clip."""
-
     id: str
     camera_motion: str
     """Class of its camera's motion; "none" without a camera."""

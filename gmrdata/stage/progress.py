@@ -31,6 +31,5 @@ def progress_bar(*, shown: bool = True) -> progress.Progress:
 
 
 def track(items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
-    """Iterate with a progress bar."""
     with progress_bar() as bar:
         yield from bar.track(items, total=total, description=description)

@@ -59,8 +59,6 @@ class TableData(Config):
 
 
 class TableRecord(Record):
-    """A `table<N>.json`."""
-
     format: Literal["gmrdata-table/2"] = "gmrdata-table/2"
     table: int
     title: str
@@ -120,7 +118,6 @@ def _shown(row: TableRow) -> tuple[str, ...]:
 
 
 def csv_rows(record: TableRecord) -> list[list[Cell]]:
-    """Headings and rows for a program."""
     head: list[Cell] = ["row", "n_seeds"]
     for metric in METRICS:
         head += [f"paper_{metric}", f"{metric}_mean", f"{metric}_spread"]

@@ -33,16 +33,12 @@ class Scale(Config):
 
 
 class RowAtScale(Config):
-    """What is particular to a row at one size."""
-
     name: str | None = None
     train: Settings = Field(default_factory=dict)
     """Settings that stand over the row's."""
 
 
 class Row(Config):
-    """One row of the table."""
-
     name: str
     """As the paper calls it."""
     method: Method = "gmr"
@@ -68,8 +64,6 @@ class Row(Config):
 
 
 class TableRecipe(Config):
-    """One of the paper's tables."""
-
     recipe: Literal["table"]
     table: int = Field(ge=1)
     title: str

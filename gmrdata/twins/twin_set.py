@@ -72,8 +72,6 @@ class TwinRecipe(Config):
 
 @part(frozen=True, config=PART)
 class TwinSequence:
-    """What a sequence is."""
-
     name: str
     class_true: str
     """What its camera does."""

@@ -63,7 +63,6 @@ def quality_of(
 
 
 def unsolved_quality(verdicts: Sequence[Verdict]) -> PseudoGtQuality:
-    """The record of a sequence without a reconstruction."""
     return _record(None, NO_SCALE, "none", None, verdicts)
 
 
@@ -91,7 +90,6 @@ Part = TypeVar("Part", CueEstimate, MotionFigures)
 
 
 def _rounded(part: Part) -> Part:
-    """A part of the record with its figures rounded."""
     values = asdict(part)
     values |= {key: figure(v) for key, v in values.items() if isinstance(v, float)}
     return replace(part, **values)

@@ -10,8 +10,6 @@ from gmrdata.world.verdict import Override
 
 
 class ScaleConfig(Config):
-    """How metric scale is found."""
-
     slip_m_per_s: float = Field(default=0.25, gt=0)
     """Speed below which a foot point may be planted [m/s]."""
     slip_floor_m: float = Field(default=0.005, gt=0)

@@ -102,7 +102,6 @@ class Override(Config):
 
     @property
     def decision(self) -> str:
-        """The reason that stands in the result."""
         return f"a person decided: {self.because}"
 
 
