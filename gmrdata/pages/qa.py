@@ -24,6 +24,7 @@ from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts, choose
 from gmrdata.values.camera_motion import MotionClassConfig
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.files import remove_orphans, write_text
+from gmrdata.values.rows import text_runs
 from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.world.recipe import VerdictConfig
 
@@ -252,7 +253,7 @@ def _legend(found: Found) -> Iterator[tuple[str, str]]:
 
 def _ranges(found: Found) -> Iterator[tuple[Cell | str, ...]]:
     for person, reasons in enumerate(found.reasons):
-        for reason, start, stop in qa_data.stretches(reasons):
+        for start, stop, reason in text_runs(reasons):
             if reason:
                 span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
                 words = Cell(reason, kind="words-cell")

@@ -2,9 +2,9 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, groupby, repeat
+from itertools import chain, repeat
 from pathlib import Path
 from typing import TypeVar
 
@@ -197,14 +197,6 @@ def kinds_of(reasons: Sequence[Sequence[str]]) -> dict[str, Kind]:
         kind = Kind(members[0] if len(members) == 1 else pattern, colour)
         kinds |= dict.fromkeys(members, kind)
     return kinds
-
-
-def stretches(reasons: Sequence[str]) -> Iterator[tuple[str, int, int]]:
-    """Each reason with the first of its frames in a row, and the one after the last."""
-    stop = 0
-    for reason, group in groupby(reasons):
-        start, stop = stop, stop + len(list(group))
-        yield reason, start, stop
 
 
 def counts_of(reasons: Sequence[Sequence[str]]) -> dict[Kind, int]:

@@ -9,7 +9,8 @@ from matplotlib.ticker import MaxNLocator
 
 from gmrdata.pages import plots
 from gmrdata.pages.plots import COLOURS
-from gmrdata.pages.qa_data import Aligned, Found, kinds_of, stretches
+from gmrdata.pages.qa_data import Aligned, Found, kinds_of
+from gmrdata.values.rows import text_runs
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
 
 PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
@@ -51,7 +52,7 @@ def plot_time(plot: Figure, found: Found, config: VerdictConfig) -> None:
 def _plot_kept(axes: Axes, found: Found) -> None:
     kinds, accepted = kinds_of(found.reasons), [person.accepted for person in found.judged]
     for person, reasons in enumerate(found.reasons):
-        for reason, start, stop in stretches(reasons):
+        for start, stop, reason in text_runs(reasons):
             good = not reason and person < len(accepted) and accepted[person]
             colour = kinds[reason].colour if reason else COLOURS["good" if good else "rule"]
             axes.broken_barh([(start - 0.5, stop - start)], (person - 0.4, 0.8), color=colour)

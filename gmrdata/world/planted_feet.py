@@ -7,6 +7,7 @@ none.
 
 import numpy as np
 
+from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import JOINT, BodyModel, sole_vertices, with_vertices
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import NoReconstruction
@@ -120,13 +121,8 @@ def _stances(
     return [
         (turned_m[start : stop + 1, foot], centres[start : stop + 1], still[start:stop, foot])
         for foot in range(turned_m.shape[1])
-        for start, stop in _runs(still[:, foot].any(axis=1))
+        for start, stop in valid_runs(still[:, foot].any(axis=1))
     ]
-
-
-def _runs(marks: np.ndarray) -> np.ndarray:
-    """(R, 2) start and stop of the runs of True."""
-    return np.flatnonzero(np.diff(np.r_[False, marks, False].astype(int))).reshape(-1, 2)
 
 
 def _stance_terms(
@@ -139,7 +135,7 @@ def _stance_terms(
     """
     sums = np.zeros(4)
     for k in range(points_m.shape[1]):
-        for start, stop in _runs(still[:, k]):
+        for start, stop in valid_runs(still[:, k]):
             rows = slice(start, stop + 1)
             a = points_m[rows, k] - points_m[rows, k].mean(axis=0)
             b = centres[rows] - centres[rows].mean(axis=0)
