@@ -128,5 +128,4 @@ def _quality(pseudo_gt_dir: Path) -> report_data.Quality:
 
 def _manifest_score(paths: DemoPaths, name: str) -> report_data.GmrSummary:
     pooled = Scores.read(paths.scores_dir(name) / "scores.json").overall.pooled_over_motions
-    zero_motion = report_data.Score(**pooled.zero.by_metric())
-    return report_data.GmrSummary(**pooled.predicted.by_metric(), zero_motion=zero_motion)
+    return report_data.GmrSummary(**pooled.predicted.by_metric(), zero_motion=pooled.zero)

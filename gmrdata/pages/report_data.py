@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from gmrdata.score.records import PaperMetrics
 from gmrdata.twins.pseudo_gt_error import has_camera
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
@@ -64,16 +65,8 @@ class ClipReport:
         return has_camera(self.pseudo)
 
 
-class Score(Config):
-    """Mean errors of one motion estimate over a manifest: orientation, translation, vertices."""
-
-    ome_deg: float
-    tme_mm: float
-    vme_mm: float
-
-
-class GmrSummary(Score):
-    zero_motion: Score
+class GmrSummary(PaperMetrics[float]):
+    zero_motion: PaperMetrics[float]
     """Those of a body that neither turns nor moves."""
 
 
@@ -125,7 +118,7 @@ def figure_texts(figures: ClipFigures) -> dict[str, str]:
     }
 
 
-def score_texts(score: Score) -> dict[str, str]:
+def score_texts(score: PaperMetrics[float]) -> dict[str, str]:
     """A score as text, without units, by key."""
     digits = {"ome_deg": 2, "tme_mm": 1, "vme_mm": 1}
     return {key: f"{getattr(score, key):.{n}f}" for key, n in digits.items()}

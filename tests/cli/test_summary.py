@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from gmrdata.pages.report_data import ClipSummary, GmrSummary, Score, Summary
+from gmrdata.pages.report_data import ClipSummary, GmrSummary, Summary
+from gmrdata.score.records import PaperMetrics
 from tests.record_keys import assert_each_key_is_needed
 
 
@@ -18,6 +19,6 @@ def test_each_key_of_a_summary_is_needed(tmp_path: Path) -> None:
         frames_with_camera=25,
     )
     errors = {"ome_deg": 1.0, "tme_mm": 20.0, "vme_mm": 30.0}
-    gmr = GmrSummary(**errors, zero_motion=Score(**errors))
+    gmr = GmrSummary(**errors, zero_motion=PaperMetrics[float](**errors))
     record = Summary(clips=(clip,), gmr={"synthetic": gmr}, seconds={"render": 60.0})
     assert_each_key_is_needed(record, tmp_path / "summary.json", ("gmr", "seconds"))

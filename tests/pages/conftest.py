@@ -18,8 +18,8 @@ from gmrdata.pages.report_data import (
     Quality,
     ReportData,
     RunReport,
-    Score,
 )
+from gmrdata.score.records import PaperMetrics
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -147,11 +147,11 @@ def make_clip(
     return make
 
 
-def score(ome_deg: float, tme_mm: float, vme_mm: float) -> Score:
-    return Score(ome_deg=ome_deg, tme_mm=tme_mm, vme_mm=vme_mm)
+def score(ome_deg: float, tme_mm: float, vme_mm: float) -> PaperMetrics[float]:
+    return PaperMetrics[float](ome_deg=ome_deg, tme_mm=tme_mm, vme_mm=vme_mm)
 
 
-def with_zero(gmr: Score, zero_motion: Score) -> GmrSummary:
+def with_zero(gmr: PaperMetrics[float], zero_motion: PaperMetrics[float]) -> GmrSummary:
     return GmrSummary(**gmr.model_dump(), zero_motion=zero_motion)
 
 
