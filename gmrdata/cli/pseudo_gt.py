@@ -9,7 +9,7 @@ from tyro.conf import OmitSubcommandPrefixes, Positional, arg, subcommand
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
-from gmrdata.values.errors import MissingInput
+from gmrdata.values.errors import BadSequence, MissingInput
 
 Root = Annotated[Path, arg(help="3DPW's folder, which holds imageFiles and sequenceFiles.")]
 Rule = Annotated[
@@ -56,12 +56,12 @@ def threedpw_list(root: Root, rule: Rule = "campose_valid") -> None:
 
     A sequence that can't be read is listed with the reason; then the exit code is 1.
     """
-    from gmrdata.threedpw.listing import HEADINGS, bad_summary, sequence_rows
+    from gmrdata.threedpw.listing import HEADINGS, sequence_rows
 
     rows, n_bad = sequence_rows(root, rule)
     print_table(HEADINGS, rows)
     if n_bad:
-        raise bad_summary(root, n_bad, len(rows))
+        raise BadSequence(f"{root}: {n_bad} of {len(rows)} sequences can't be used, see the table")
 
 
 def threedpw_show(sequence: Positional[str], root: Root, rule: Rule = "campose_valid") -> None:

@@ -59,7 +59,8 @@ def unite_masks(
             }
             united = np.bitwise_or.reduce(list(masks.values()))
             write_gray(partial_dir / f"{image.stem}.png", united)
-            return {name: _share(mask) for name, mask in (masks | {"united": united}).items()}
+            shown = masks | {"united": united}
+            return {name: np.count_nonzero(mask) / mask.size for name, mask in shown.items()}
 
         stems = [image.stem for image in images]
         shares = dict(zip(stems, in_threads(unite, images), strict=True))
@@ -83,12 +84,6 @@ def _dynamic(mask: np.ndarray) -> np.ndarray:
     import cv2
 
     return np.asarray(cv2.threshold(mask, 127, 255, cv2.THRESH_BINARY)[1])
-
-
-def _share(mask: np.ndarray) -> float:
-    import cv2
-
-    return cv2.countNonZero(mask) / mask.size
 
 
 def _report(masks_dir: Path, config: UnionConfig) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from gmrdata.read import threedpw
 from gmrdata.read import threedpw_layout as layout
 from gmrdata.stage.progress import track
-from gmrdata.values.errors import BadSequence, GmrdataError
+from gmrdata.values.errors import GmrdataError
 
 HEADINGS = ("sequence", "split", "people", "frames", "size [px]", "usable", "problems")
 RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "usable, or why not")
@@ -29,11 +29,6 @@ def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
             rows.append((name, files.split, "-", "-", "-", "-", str(error)))
             n_bad += 1
     return rows, n_bad
-
-
-def bad_summary(root: Path, n_bad: int, n_sequences: int) -> BadSequence:
-    """The error that ends a listing in which sequences could not be read."""
-    return BadSequence(f"{root}: {n_bad} of {n_sequences} sequences can't be used, see the table")
 
 
 def range_rows(root: Path, name: str, rule: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
