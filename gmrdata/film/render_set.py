@@ -123,7 +123,6 @@ def _write_listing(
     run: Run,
     incomplete: bool,
 ) -> None:
-    """Write the manifest, and `warnings.txt` beside it."""
     tag = f"{'.' if '-' in recipe.version else '-'}incomplete" if incomplete else ""
     recorded = recipe.model_dump(mode="json", exclude={"workers"})
     write_manifest(

@@ -15,8 +15,6 @@ Which = Literal["latest", "best"]  # a run's last step so far, or what scored be
 
 
 class NetworkConfig(Config):
-    """Size of a network, and how it puts out a motion."""
-
     layers: int = Field(default=4, ge=1)  # bidirectional GRU layers; the paper's 4
     hidden: int = Field(default=2048, ge=1)  # units per direction, and features; the paper's 2048
     output: Representation = "axis-angle"  # of dR; the paper's vector makes 6 outputs with dT
@@ -69,8 +67,6 @@ class WindowConfig(Config):
 
 
 class DataConfig(Config):
-    """Which clips of the manifests are trained on, and how often."""
-
     weights: tuple[Annotated[float, Field(gt=0.0)], ...] | None = None
     """Share of the windows from each manifest, in order and up to a factor; None: by its frames."""
     held_out_subjects: tuple[int | str, ...] = ()
@@ -81,8 +77,6 @@ class DataConfig(Config):
 
 
 class StepsConfig(Config):
-    """What trainings of any network have in common."""
-
     learning_rate: float = Field(default=5e-5, gt=0.0)  # Adam's step size; the paper's 5e-5
     gradient_norm: float | None = Field(default=None, gt=0.0)
     """Longest gradient, clipped beyond; None for no limit, of which the paper says nothing."""

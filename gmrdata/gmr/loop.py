@@ -67,8 +67,6 @@ def fit(
 
 
 class _GmrLearner:
-    """A GMR, its windows, and what happens to it between steps."""
-
     def __init__(
         self,
         training_set: TrainingSet,

@@ -94,8 +94,6 @@ def _area(boxes_px: np.ndarray) -> np.ndarray:
 
 
 class TrackConfig(Config):
-    """How detections of neighbouring frames are joined."""
-
     link_iou: float = Field(default=0.3, gt=0, le=1)
     """Intersection over union from which two boxes show the same object."""
     max_gap_frames: int = Field(default=5, ge=0)

@@ -27,8 +27,6 @@ Segmenter = Callable[[np.ndarray], Mapping[str, np.ndarray]]
 
 
 class MaskRcnnConfig(DetectorConfig):
-    """What the network looks for, and how its instances become masks."""
-
     network: Literal["maskrcnn_resnet50_fpn", "maskrcnn_resnet50_fpn_v2"] = (
         "maskrcnn_resnet50_fpn_v2"
     )

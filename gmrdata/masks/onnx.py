@@ -25,8 +25,6 @@ Detector = Callable[[np.ndarray], Detections]
 
 
 class OnnxConfig(yolox.DetectorConfig):
-    """What the detector looks for, and how its boxes become masks."""
-
     min_score: float = Field(default=0.35, gt=0, le=1)
     weak_score: float = Field(default=0.15, gt=0, le=1)
     nms_iou: float = Field(default=0.5, gt=0, le=1)

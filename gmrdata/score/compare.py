@@ -239,7 +239,6 @@ def comparison_lead(comparison: Comparison) -> str:
 
 
 def comparison_explanations(comparison: Comparison) -> list[str]:
-    """What a reader of the figures must know, as sentences."""
     metrics = (metric for metric in METRIC_WORDS if metric in comparison.metrics)
     return [
         "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "

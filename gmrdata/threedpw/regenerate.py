@@ -167,7 +167,6 @@ def _list(
     paths: SetPaths,
     run: Run,
 ) -> None:
-    """Write the verdicts of all sequences, and the manifest of those with files."""
     done = [files for files in chosen if files.name not in reasons]
     splits = {files.name: files.split for files in chosen}
     verdicts = [_verdict(files, paths) for files in done]

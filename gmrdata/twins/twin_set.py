@@ -127,8 +127,6 @@ def read_truth(folder: Path) -> TwinTruth:
 
 
 class SequenceTwinConfig(Config):
-    """What decides one sequence beside what was rendered."""
-
     name: str
     split: Split
     seed: int

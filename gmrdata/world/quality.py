@@ -96,7 +96,6 @@ def _rounded(part: Part) -> Part:
 
 
 def load_record(pseudo_gt_dir: Path) -> PseudoGtQuality:
-    """Read `quality.json` of a pseudo ground truth."""
     return PseudoGtQuality.read(pseudo_gt_dir / QUALITY_FILE)
 
 

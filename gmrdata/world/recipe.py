@@ -62,8 +62,6 @@ class ScaleConfig(Config):
 
 @part(frozen=True, config=PART)
 class CueEstimate:
-    """What one source of evidence says about the scale."""
-
     name: str
     """"planted_feet", "ground_contact" or "short_windows"."""
     scale: float
