@@ -11,6 +11,8 @@ from real.plain import solve_plain
 from real.score import MOST_TURN_DEG, Errors, errors, still_error
 from real.sequences import RealSequence, make_sequence
 
+from gmrdata.cameras.recipe import CamerasVerdictConfig
+
 MOST_STILL_SHARE = 0.01
 """Extent of the places of a camera that stays, over the background's distance."""
 
@@ -64,11 +66,17 @@ def _of_one_take(rows: np.ndarray, takes: np.ndarray) -> np.ndarray:
     return rows[takes[rows] == np.bincount(takes[rows]).argmax()] if len(rows) else rows
 
 
+LEAST_FOUND_SHARE = CamerasVerdictConfig().min_registered_share
+
+
 def _right(given: RealSequence, solved: Solved) -> bool | None:
-    """Whether what is kept is right, or what was found where it was refused; None if unknown."""
+    """Whether what is kept is right, or what was found where it was refused; None if unknown.
+
+    What is refused and lacks many frames is no right result, however exact the others are.
+    """
     found = np.isfinite(solved.world_from_cam[:, 0, 0])
     rows = np.flatnonzero(solved.kept if solved.accepted else found)
-    if not len(rows):
+    if not len(rows) or (not solved.accepted and len(rows) < LEAST_FOUND_SHARE * len(found)):
         return False
     if given.still:
         share, turn_deg = still_error(solved.world_from_cam, solved.distance, rows)

@@ -73,14 +73,15 @@ class RealSession:
         wrong = [row["name"] for row in rows if row["accepted"] and row["right"] is False]
         right = [row for row in rows if row["right"]]
         rejected = [row["name"] for row in right if not row["accepted"]]
-        sound = [row for row in right if row["sound"]]
-        lost = sum(not row["accepted"] for row in sound)
+        sound = [row["name"] for row in right if row["sound"]]
+        lost = [name for name in rejected if name in sound]
         return {
             "wrong_acceptances": len(wrong),
             "wrongly_accepted": wrong,
-            "right_rejected_share": round(len(rejected) / max(1, len(right)), 4),
-            "right_rejected_share_of_sound": round(lost / max(1, len(sound)), 4),
-            "right_rejected": rejected,
+            # A wrong focal length, order or take is a true reason to reject right cameras.
+            "right_rejected_share": round(len(lost) / max(1, len(sound)), 4),
+            "right_rejected": lost,
+            "right_rejected_share_of_all": round(len(rejected) / max(1, len(right)), 4),
         }
 
     def _settings(self) -> dict[str, Any]:
