@@ -17,9 +17,7 @@ def real_bars(
     """Each figure that the issue names, where all of its cases were solved."""
     yield at_least("cases", len(rows), FEWEST_CASES)
     yield at_most("wrong acceptances", summary["wrong_acceptances"], 0)
-    yield at_most(
-        "share of right results rejected", summary["right_rejected_share"], 0.1
-    )
+    yield at_most("share of right results rejected", summary["right_rejected_share"], 0.1)
     for case in cases:
         if case.name in rows:
             yield from _case_bars(case, rows[case.name])
