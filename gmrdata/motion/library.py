@@ -128,8 +128,12 @@ def motion_table(
     fps_hz: float | None = None,
     joint_map: Path | None = None,
 ) -> tuple[Sequence[str], Sequence[Sequence[str]], str]:
-    """Read motion files and say what is in them: headings and rows; and which can't be read."""
+    """Read motion files and say what is in them: headings and rows; and which can't be read.
+
+    Paths are given from the folder that holds all files.
+    """
     loaded_body, files = load_body(body), library_files(sources)
+    root = os.path.commonpath([file.path.absolute().parent for file in files])
     rows, reasons = [], {}
     for file in track(files, READING):
         try:
@@ -142,7 +146,8 @@ def motion_table(
         travelled_m = float(np.linalg.norm(np.diff(ground_m, axis=0), axis=1).sum())
         seconds = motion.n_frames / motion.fps_hz
         figures = [f"{value:.2f}" for value in (seconds, travelled_m, travelled_m / seconds)]
-        rows.append((str(file.path), f"{motion.n_frames}", f"{motion.fps_hz:g}", *figures))
+        inside = file.path.absolute().relative_to(root)
+        rows.append((str(inside), f"{motion.n_frames}", f"{motion.fps_hz:g}", *figures))
     headings = ("file", "frames", "rate [Hz]", "length [s]", "path [m]", "speed [m/s]")
     bad = _bad_files(reasons, len(files), "the others are listed") if reasons else ""
     return headings, rows, bad

@@ -157,12 +157,14 @@ def test_the_table_of_a_folder(tmp_path: Path, body_path: Path) -> None:
     write_amass(tmp_path / "AMASS", NAMES[:2])
     folder = tmp_path / "AMASS"
     headings, rows, bad = motion_table((folder,), str(body_path))
-    assert headings[:3] == ("file", "frames", "rate [Hz]")
-    found = [str(folder / "CMU" / "01" / "01_01_poses.npz"), "12", "60"]
-    assert list(rows[0][:3]) == found and len(rows) == 2 and not bad
+    assert headings[:3] == ("file", "frames", "rate [Hz]") and not bad
+    assert [row[:3] for row in rows] == [
+        ("01/01_01_poses.npz", "12", "60"),
+        ("02/02_03_poses.npz", "12", "60"),
+    ]
     (folder / "walk.bvh").write_text("HIERARCHY\n")
     _, again, bad = motion_table((folder,), str(body_path))
-    assert again == rows
+    assert again[0][0] == "CMU/01/01_01_poses.npz" and len(again) == 2
     assert (
         bad.startswith("1 of 3 files could not be read; the others are listed:\n") and "walk" in bad
     )
