@@ -98,12 +98,16 @@ WhichCamera = Literal["ignored", "true", "recovered"]
 
 
 class CameraAsWorldConfig(Config):
+    """Which camera is applied."""
+
     camera: WhichCamera = "ignored"
     """`ignored`: as if the camera stood still.  `true`: the clip's own.  `recovered`: one that
     structure from motion found."""
 
 
 class CameraFigures(predictions.MethodFigures):
+    """What the record says of this baseline."""
+
     camera: WhichCamera
 
 

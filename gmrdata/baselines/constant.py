@@ -33,6 +33,7 @@ def predict_zero(manifest_path: Path, out_dir: Path, *, run: Run = DEFAULT_RUN) 
 
 
 def at_rest(subject: predictions.Subject) -> predictions.Prediction:
+    """A subject that stays where it is."""
     root_rotmat, pelvis_m = predictions.first_pose(subject.clip)
     n = subject.clip.motion.n_frames
     roots = np.tile(root_rotmat, (n, 1, 1)), np.tile(pelvis_m, (n, 1))
@@ -58,6 +59,8 @@ class MeanConfig(Config):
 
 
 class MeanFigures(predictions.MethodFigures):
+    """The mean motion, as the record has it."""
+
     mean_rotvec_rad: tuple[float, float, float]  # dR as a rotation vector [rad]
     mean_m: tuple[float, float, float]  # dT [m]
     fps_hz: float
@@ -70,6 +73,8 @@ class MeanPredictions(predictions.Predictions):
 
 @dataclass(frozen=True, eq=False)
 class MeanMotion:
+    """The mean motion from one frame to the next."""
+
     delta_rotmat: np.ndarray  # (3, 3) dR
     delta_m: np.ndarray  # (3,) dT [m]
     fps_hz: float

@@ -21,6 +21,8 @@ NEAREST_M = 0.1  # joints nearer to the camera's plane than this can't be in the
 
 
 class PlacementConfig(Config):
+    """How a person is placed before the camera."""
+
     min_confidence: float = Field(default=0.3, ge=0.0)
     """Joints with less confidence are not looked at."""
     min_joints: int = Field(default=6, ge=2)

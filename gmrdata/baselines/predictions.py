@@ -106,11 +106,15 @@ class Predictions(Record):
 
 
 class NetworkPredictions(Predictions):
+    """Of a method that uses a trained network."""
+
     figures: NetworkFigures
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
+    """One clip's predicted world motion."""
+
     clip: Clip  # the motion, without camera
     rest_pelvis_m: np.ndarray  # (3,) J0 of its body and shape, rest frame [m]
     figures: Mapping[str, object]  # what the method's record says of a clip besides `ClipFigures`

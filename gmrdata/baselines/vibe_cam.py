@@ -27,6 +27,8 @@ from gmrdata.values.rows import text_runs
 
 
 class VibeCamConfig(Config):
+    """How people are placed, and who they are among the detected."""
+
     placement: PlacementConfig = PlacementConfig()  # the fit of one frame
     person_ids: Mapping[str, int] = Field(default_factory=dict)
     """Track of STAF to follow, by clip id; others take the most confident person of each frame."""
@@ -35,12 +37,16 @@ class VibeCamConfig(Config):
 
 
 class UnpredictedRows(Config):
+    """Rows start, start + 1, ..., stop - 1."""
+
     start: int  # the first
     stop: int  # one past the last
     reason: str  # why they have no prediction
 
 
 class PlacedFigures(predictions.ClipFigures):
+    """How well a clip's person was placed."""
+
     median_residual_px: float | None
     """Median distance of joints from their keypoints [px]; None where no row is known."""
     n_rows_with_several_people: int  # rows in which one of several people was chosen

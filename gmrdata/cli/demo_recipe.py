@@ -93,6 +93,8 @@ class DemoPaths:
 
 
 class ClipPaths:
+    """What the demo makes of one clip."""
+
     def __init__(self, demo: DemoPaths, clip_id: str) -> None:
         self.planned = demo.motions_dir / "clips" / f"{clip_id}.npz"
         """A motion and the camera that is to film it."""

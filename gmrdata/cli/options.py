@@ -78,6 +78,7 @@ BootstrapSeed = Annotated[int, arg(help="Seed of the bootstrap intervals.")]
 
 
 def read_recipe(name: str, model: type[AnyRecipe]) -> AnyRecipe:
+    """The recipe that a RecipeName stands for."""
     from gmrdata.stage.recipes import find_recipe, load_recipe
 
     return load_recipe(find_recipe(name), model)
@@ -95,6 +96,7 @@ def body_path(body: str) -> Path | None:
 
 
 def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
+    """One person's clip, with the body of `--body`."""
     from gmrdata.read.bodies import anny_file
 
     return (PersonFiles(clip_path, body_path(body) or anny_file()),)

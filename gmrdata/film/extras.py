@@ -46,6 +46,7 @@ class Extras(Config):
 
     @property
     def inputs(self) -> dict[str, Path]:
+        """Files that the extras depend on, by name."""
         from gmrdata.motion.files import input_files
 
         return {

@@ -23,6 +23,8 @@ class TextureConfig(Config):
 
 
 class PersonConfig(Config):
+    """How the person looks."""
+
     seed: int | None = Field(default=None, ge=0)
     """Chooses skin, hair and clothes; None: the scene's seed does."""
     texture: TextureConfig | None = None
@@ -30,6 +32,7 @@ class PersonConfig(Config):
 
     @property
     def inputs(self) -> dict[str, Path]:
+        """Files that the pictures depend on, by name."""
         worn = self.texture
         return {} if worn is None else {"texture_image": worn.image, "texture_uv": worn.uv}
 

@@ -170,6 +170,7 @@ class Clearance(Record):
 
     @property
     def figures(self) -> dict[str, float]:
+        """As a manifest's quality figures."""
         names = ("camera_clearance_m", "person_clearance_m", "clear_sight_share")
         return dict(zip(names, (self.camera_m, self.person_m, self.sight_share), strict=True))
 

@@ -31,6 +31,8 @@ class BackdropConfig(Config):
 
 
 class SceneConfig(Config):
+    """The place that the person is filmed in."""
+
     kind: Literal["courtyard", "street", "park", "room", "blend"] = "courtyard"
     """A paved yard with crates and pillars, a street with parked cars, a park with trees and
     hedges, or a furnished room: each with walls or hedges all round, as large as the clip needs.
@@ -66,6 +68,7 @@ class SceneConfig(Config):
 
     @property
     def inputs(self) -> dict[str, Path]:
+        """Files that the pictures depend on, by name."""
         files = {} if self.hdri_path is None else {"hdri": self.hdri_path}
         if self.backdrop is not None:
             files["backdrop"] = self.backdrop.path

@@ -104,6 +104,7 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
 
 
 def summary_lines(plan: DryRun) -> list[str]:
+    """The sums of a dry run, for a person."""
     to_do = f"to do: {plan.clips_to_do} clips, {plan.frames_to_do} frames"
     lines = [f"{plan.clips} clips, {plan.frames} frames; {to_do}"]
     if probe := plan.probe:

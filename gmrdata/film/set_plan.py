@@ -100,6 +100,7 @@ class SyntheticRecipe(Config):
 def clip_rng(
     seed: int, clip_id: str, choice: Literal["motion", "person", "looks", "place", "faults"]
 ) -> np.random.Generator:
+    """The generator of one kind of choice for one clip."""
     digest = hashlib.sha256(f"{clip_id}/{choice}".encode()).digest()
     return np.random.default_rng([seed, *np.frombuffer(digest[:16], dtype="<u4").tolist()])
 
@@ -178,6 +179,7 @@ def make_twin(
 def planned_clip(
     clip: SyntheticClip, recipe: SyntheticRecipe, motion_path: Path | None, body: BodyModel
 ) -> Clip:
+    """A clip's motion and camera."""
     film = _film(clip, recipe)
     shape = None if clip.shape is None else np.array(clip.shape)  # None: as the motion has it
     if shape is None and recipe.people.vary:

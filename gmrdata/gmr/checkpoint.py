@@ -177,6 +177,7 @@ def read_state(folder: Path) -> GmrState:
 
 
 def read_step_state(folder: Path, kind: type[State]) -> State:
+    """A kept step's `state.json`."""
     try:
         return kind.read(folder / STATE_FILE)
     except (MissingInput, BadRecord) as error:

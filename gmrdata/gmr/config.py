@@ -15,6 +15,8 @@ Which = Literal["latest", "best"]  # a run's last step so far, or what scored be
 
 
 class NetworkConfig(Config):
+    """Size of a network, and how it puts out a motion."""
+
     layers: int = Field(default=4, ge=1)  # bidirectional GRU layers; the paper's 4
     hidden: int = Field(default=2048, ge=1)  # units per direction, and features; the paper's 2048
     output: Representation = "axis-angle"  # of dR; the paper's vector makes 6 outputs with dT
@@ -25,6 +27,8 @@ class NetworkConfig(Config):
 
 
 class ModelConfig(NetworkConfig):
+    """Size and representations of a GMR."""
+
     input: Representation = "quaternion"  # of the 23 local rotations; the paper's 92 numbers
     extra_inputs: tuple[ExtraInput, ...] = ()
     """What else is given; the paper has none.  `velocity`: how each joint turns to the next frame,
@@ -55,6 +59,8 @@ class LossConfig(Config):
 
 
 class WindowConfig(Config):
+    """How training windows are cut."""
+
     frames: int = Field(default=64, ge=2)  # of a window; the paper's 64.  Shorter runs are padded
     fps_hz: float = Field(default=10.0, gt=0.0)  # of the network's input [Hz]; the paper's 10
     reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)
@@ -67,6 +73,8 @@ class WindowConfig(Config):
 
 
 class DataConfig(Config):
+    """Which clips of the manifests are trained on, and how often."""
+
     weights: tuple[Annotated[float, Field(gt=0.0)], ...] | None = None
     """Share of the windows from each manifest, in order and up to a factor; None: by its frames."""
     held_out_subjects: tuple[int | str, ...] = ()
@@ -77,6 +85,8 @@ class DataConfig(Config):
 
 
 class StepsConfig(Config):
+    """What trainings of any network have in common."""
+
     learning_rate: float = Field(default=5e-5, gt=0.0)  # Adam's step size; the paper's 5e-5
     gradient_norm: float | None = Field(default=None, gt=0.0)
     """Longest gradient, clipped beyond; None for no limit, of which the paper says nothing."""

@@ -159,6 +159,8 @@ class InferredMotion(Config):
 
 
 class InferRecord(Record):
+    """`infer.json`."""
+
     format: Literal["gmrdata-infer/1"] = "gmrdata-infer/1"
     poses: str  # name of the file of poses
     body: str
@@ -168,6 +170,8 @@ class InferRecord(Record):
 
 
 class InferConfig(Config):
+    """What is made of a file of poses."""
+
     fps_hz: float | None = Field(default=None, gt=0.0)  # true rate of the poses; None: the file's
     bridge_frames: int = Field(default=0, ge=0)
     """Longest gap of a person's track that is filled, by slerp of the joints [frames].  At longer

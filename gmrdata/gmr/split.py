@@ -26,6 +26,8 @@ _OTHERS = ("gmrdata", "3DPW", "Human3.6M", "EMDB")  # no CMU trials, whatever th
 
 @dataclass(frozen=True)
 class Split:
+    """The clips of all manifests."""
+
     training: tuple[ClipFile, ...]  # manifest by manifest
     held_out: tuple[ClipFile, ...]  # of the held-out subjects, to score
     left_out: dict[str, int]  # how many clips are not trained on, by the reason
@@ -40,6 +42,7 @@ class Split:
 
 
 def split_manifests(manifest_paths: Sequence[Path], config: DataConfig) -> Split:
+    """Choose the clips of manifests."""
     if config.weights is not None and len(config.weights) != len(manifest_paths):
         raise BadRecipe(
             f"data.weights has {len(config.weights)} weights for {len(manifest_paths)} manifests."

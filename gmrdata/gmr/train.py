@@ -24,6 +24,8 @@ from gmrdata.values.records import Config
 
 
 class WeightedManifest(Config):
+    """A manifest to train on, and how often."""
+
     manifest: Path  # relative to the recipe's folder
     weight: float | None = Field(default=None, gt=0.0)
     """Share of the windows that come from it, up to a factor; None for its share of all frames."""

@@ -24,6 +24,7 @@ FILES = ("joints", "video", "character")
 
 
 def folders_of(clip: Clip) -> dict[str, FolderRecord]:
+    """A clip's folders by field."""
     return {field: found for field in FOLDERS if (found := getattr(clip, field)) is not None}
 
 

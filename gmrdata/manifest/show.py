@@ -14,6 +14,7 @@ from gmrdata.manifest.read import read_manifest
 
 
 def manifest_table(path: Path) -> Table:
+    """A table with a row per clip."""
     manifest = read_manifest(path)
     title = f"{manifest.name} {manifest.version} ({manifest.kind}), {len(manifest.clips)} clips"
     table = Table(title=title, caption=escape(_caption(manifest)))

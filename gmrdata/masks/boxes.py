@@ -17,6 +17,8 @@ from gmrdata.values.records import Config
 
 @dataclass(frozen=True, eq=False)
 class Detections:
+    """What a detector found in one frame."""
+
     boxes_px: np.ndarray  # (N, 4) left, top, right, bottom from the first pixel's outer corner [px]
     scores: np.ndarray  # (N,) from 0 to 1
     classes: np.ndarray  # (N,) index in COCO_NAMES
@@ -39,6 +41,7 @@ def detections_as_json(found: Detections) -> list[Detection]:
 
 
 def detections_from_json(records: list[Detection]) -> Detections:
+    """The inverse of `detections_as_json`."""
     boxes_px = np.array([record["box_px"] for record in records], dtype=np.float64)
     scores = np.array([record["score"] for record in records], dtype=np.float64)
     classes = np.array([record["class"] for record in records], dtype=np.int64)
@@ -94,6 +97,8 @@ def _area(boxes_px: np.ndarray) -> np.ndarray:
 
 
 class TrackConfig(Config):
+    """How detections of neighbouring frames are joined."""
+
     link_iou: float = Field(default=0.3, gt=0, le=1)
     """Intersection over union from which two boxes show the same object."""
     max_gap_frames: int = Field(default=5, ge=0)

@@ -16,6 +16,8 @@ from gmrdata.values.records import Config
 
 
 class FolderMaskConfig(Config):
+    """How to read a folder of masks made by others."""
+
     masked_value: Literal[0, 255] = 255
     """Grey value of dynamic objects: 255, or 0 for COLMAP's sense."""
     dilate_px: int = Field(default=0, ge=0)

@@ -27,6 +27,8 @@ Segmenter = Callable[[np.ndarray], Mapping[str, np.ndarray]]
 
 
 class MaskRcnnConfig(DetectorConfig):
+    """What the network looks for, and how its instances become masks."""
+
     network: Literal["maskrcnn_resnet50_fpn", "maskrcnn_resnet50_fpn_v2"] = (
         "maskrcnn_resnet50_fpn_v2"
     )
@@ -41,6 +43,8 @@ class MaskRcnnConfig(DetectorConfig):
 
 @dataclass(frozen=True, eq=False)
 class Instances:
+    """What the network found in one frame."""
+
     found: Detections
     masks: np.ndarray  # (N, H, W) bool
 

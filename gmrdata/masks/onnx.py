@@ -25,6 +25,8 @@ Detector = Callable[[np.ndarray], Detections]
 
 
 class OnnxConfig(yolox.DetectorConfig):
+    """What the detector looks for, and how its boxes become masks."""
+
     min_score: float = Field(default=0.35, gt=0, le=1)
     weak_score: float = Field(default=0.15, gt=0, le=1)
     nms_iou: float = Field(default=0.5, gt=0, le=1)
@@ -48,6 +50,8 @@ class OnnxConfig(yolox.DetectorConfig):
 
 @part(frozen=True, config=PART)
 class FrameRecord:
+    """What was found in one frame."""
+
     found: list[Detection]
     masked: list[int]
     """Which of them are masked."""
@@ -56,6 +60,8 @@ class FrameRecord:
 
 
 class DetectionsRecord(Record):
+    """`detections.json`."""
+
     format: Literal["gmrdata-detections/1"] = "gmrdata-detections/1"
     frames: dict[str, FrameRecord]
     """By the stem of the image's name."""
@@ -121,6 +127,8 @@ def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
 
 
 class OnnxInput(NamedTuple):
+    """One input of a network."""
+
     name: str
     shape: tuple[int | None, ...]  # None where the file leaves a size open
 

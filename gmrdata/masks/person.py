@@ -21,6 +21,8 @@ from gmrdata.values.records import Config
 
 
 class PersonMaskConfig(Config):
+    """How people are found, followed and masked."""
+
     min_detector_score: float = Field(default=0.35, gt=0, le=1)
     """A box that reaches this score starts a person, or is masked if it shows none."""
     min_score: float = Field(default=0.5, gt=0, le=1)

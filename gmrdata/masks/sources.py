@@ -77,6 +77,8 @@ MaskSource = Annotated[
 
 
 class MasksConfig(UnionConfig):
+    """Masks of one sequence."""
+
     sources: tuple[MaskSource, ...] = Field(default=(SilhouetteSource(),), min_length=1)
     """Where masks come from; a pixel is masked if any source says so."""
 

@@ -21,6 +21,8 @@ NAMED_FRAMES = 5
 
 
 class MasksRecord(Record):
+    """`masks.json`."""
+
     format: Literal["gmrdata-masks/1"] = "gmrdata-masks/1"
     sources: tuple[str, ...]
     masked_share: dict[str, dict[str, Figure]]
@@ -32,6 +34,8 @@ class MasksRecord(Record):
 
 
 class UnionConfig(Config):
+    """When a mask is suspicious."""
+
     max_masked_share: float = Field(default=0.9, gt=0, le=1)
     """A mask that covers more of its frame than this is reported: too little background is left."""
 

@@ -71,6 +71,8 @@ class FetchedFile(Config):
 
 
 class Fetched(Record):
+    """What was fetched into a folder, by file name."""
+
     format: Literal["gmrdata-fetched/1"] = "gmrdata-fetched/1"
     files: dict[str, FetchedFile]
 

@@ -76,6 +76,8 @@ def body_of(sequence: EmdbSequence, bodies: Sequence[BodyModel]) -> BodyModel:
 
 
 class EmdbConfig(Config):
+    """What decides a sequence's clip."""
+
     name: str
 
 

@@ -72,6 +72,8 @@ def _most_common(values: np.ndarray) -> int:
 
 
 class Human36mConfig(Config):
+    """What decides a subject's clips."""
+
     subject: int
     camera: int = 4
     """1 to 4; the motion is the same in each.  4 is frontal (60457274): HMR and SPIN test on it."""

@@ -74,6 +74,8 @@ def licence_of(source: Source) -> str:
 
 @dataclass(frozen=True)
 class LibraryFile:
+    """A motion file, and its clip's id and origin."""
+
     path: Path
     id: str
     source: Source

@@ -209,6 +209,8 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
 
 @dataclass(frozen=True, eq=False)
 class ClipTile:
+    """One frame of a clip, with what was recovered."""
+
     drawn: np.ndarray  # (DRAWING_SCALE * H, DRAWING_SCALE * W, 3) BGR, with the overlay
     person_px: np.ndarray  # (4,) left, top, right, bottom in `drawn` [px]; all of it if unknown
     image_number: int

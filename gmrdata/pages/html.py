@@ -33,6 +33,7 @@ class Table:
 
 
 def render(template: str, **values: object) -> str:
+    """The page of a template, as text."""
     return _environment().get_template(f"{template}.html.j2").render(values)
 
 

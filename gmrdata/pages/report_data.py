@@ -66,12 +66,16 @@ class ClipReport:
 
 
 class GmrSummary(PaperMetrics[float]):
+    """GMR's errors on one manifest."""
+
     zero_motion: PaperMetrics[float]
     """Those of a body that neither turns nor moves."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunReport:
+    """How the run was made."""
+
     title: str
     data_source: str  # where the motions came from, in a sentence
     seconds: Mapping[str, float]  # wall time per stage, in the order in which they ran
@@ -82,6 +86,8 @@ class RunReport:
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
+    """Everything on the page."""
+
     run: RunReport
     clips: tuple[ClipReport, ...]
     scores: Mapping[str, GmrSummary] = field(default_factory=dict)  # GMR's, by manifest
@@ -125,6 +131,8 @@ def score_texts(score: PaperMetrics[float]) -> dict[str, str]:
 
 
 class ClipSummary(ClipFigures):
+    """One clip of a summary."""
+
     id: str
     camera_motion: str
 

@@ -29,6 +29,7 @@ def write_scores_page(scores_path: Path) -> Path:
 
 
 def write_scores_pages(folder: Path) -> None:
+    """Write the page of each `<folder>/*/scores.json`."""
     for scores_path in sorted(folder.glob("*/scores.json")):
         write_scores_page(scores_path)
 

@@ -117,6 +117,8 @@ def _write_pictures(folder: Path, tiles: Sequence[np.ndarray], columns: int, cli
 
 
 class PreviewConfig(Config):
+    """What a preview shows."""
+
     render: rendering.RenderConfig
     """The clip's settings, for its place and its people."""
     engine: rendering.PreviewEngine

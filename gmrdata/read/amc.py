@@ -246,6 +246,7 @@ def read_amc(
 
 
 def find_asf(amc_path: Path) -> Path:
+    """The skeleton that lies beside an AMC file."""
     subject = amc_path.stem.rpartition("_")[0]
     found = sorted(p for p in amc_path.parent.glob("*") if p.suffix.lower() == ".asf")
     there = [path for path in found if path.is_file()]

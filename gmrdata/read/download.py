@@ -26,6 +26,8 @@ from gmrdata.values.records import Config, Record
 
 
 class FetchConfig(Config):
+    """Where from, and how patiently."""
+
     base_url: str | None = None
     """A mirror's folder, http or https; the files' own address when left out."""
     timeout_s: float = Field(default=30.0, gt=0)
@@ -80,6 +82,7 @@ def part_of(path: Path, suffix: str = "") -> Path:
 
 
 def drop_part(path: Path) -> None:
+    """Forget an unfinished download."""
     part_of(path).unlink(missing_ok=True)
     part_of(path, ".json").unlink(missing_ok=True)
 

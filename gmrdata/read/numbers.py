@@ -183,6 +183,7 @@ def pinhole_of(value: Any, what: str) -> np.ndarray:
 
 
 def kind_of(value: Any) -> str:
+    """What a value is, for a message."""
     if isinstance(value, np.ndarray):
         return f"an array of dtype {value.dtype} and shape {value.shape}"
     if isinstance(value, list | tuple):

@@ -39,6 +39,8 @@ and the middle of the hips (8), which adds nothing to the hips and lies below SM
 
 @dataclass(frozen=True, eq=False)
 class Person2d:
+    """One person in one frame."""
+
     id: int | None  # track, or None where nothing tracks
     keypoints: np.ndarray
     """(24, 3) x [px], y [px], confidence of SMPL's joints; zero for those without a pair."""

@@ -75,6 +75,7 @@ def read_sequence(root: Path, name: str) -> Sequence3DPW:
 
 
 def read_found(files: SequenceFiles) -> Sequence3DPW:
+    """Read a sequence that `find_sequences` found."""
     require_name(files.name)
     require_inside(files.root, files.pickle_path)
     arrays = read_sequence_file(files.pickle_path)

@@ -14,6 +14,8 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".webm", ".m4v")
 
 
 class VideoConfig(Config):
+    """How frames are written."""
+
     jpeg_quality: int = Field(default=95, ge=1, le=100)
 
 

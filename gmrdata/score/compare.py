@@ -35,6 +35,8 @@ class CompareConfig(Config):
 
 
 class ComparedRun(Config):
+    """One run in one metric."""
+
     run: str
     n_clips: int
     """Clips in which all runs have a figure."""
@@ -47,6 +49,8 @@ class ComparedRun(Config):
 
 
 class Comparison(Record):
+    """A `comparison.json`."""
+
     format: Literal["gmrdata-comparison/2"] = "gmrdata-comparison/2"
     runs: tuple[str, ...]
     """Names of the runs; the others are compared with the first."""
@@ -231,6 +235,7 @@ def csv_rows(comparison: Comparison) -> list[list[Cell]]:
 
 
 def comparison_lead(comparison: Comparison) -> str:
+    """What was compared, in a sentence."""
     first, *others = comparison.runs
     return (
         f"{', '.join(others)} against {first}, on {len(comparison.clips)} clips that all runs "
@@ -239,6 +244,7 @@ def comparison_lead(comparison: Comparison) -> str:
 
 
 def comparison_explanations(comparison: Comparison) -> list[str]:
+    """What a reader of the figures must know, as sentences."""
     metrics = (metric for metric in METRIC_WORDS if metric in comparison.metrics)
     return [
         "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "

@@ -29,6 +29,8 @@ World = tuple[PredictedRun, ...]  # runs, in the order of time, whose prediction
 
 @dataclass(frozen=True, eq=False)
 class PredictedClip:
+    """A clip's predictions."""
+
     clip_id: str
     camera_motion: str
     runs: tuple[PredictedRun, ...]  # for OME, TME, VME and vertex error over time, at their rate

@@ -241,6 +241,8 @@ def _git_commit() -> str | None:
 
 
 class FileState(NamedTuple):
+    """What the system says of a file."""
+
     inode: int
     size_bytes: int
     mtime_ns: int  # when its content was last changed; anybody may set this

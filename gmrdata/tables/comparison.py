@@ -59,6 +59,8 @@ class TableData(Config):
 
 
 class TableRecord(Record):
+    """A `table<N>.json`."""
+
     format: Literal["gmrdata-table/2"] = "gmrdata-table/2"
     table: int
     title: str

@@ -20,6 +20,8 @@ from gmrdata.values.errors import BadRecipe
 
 @dataclass(frozen=True)
 class Given:
+    """Files and people."""
+
     manifests: tuple[Path, ...]  # to train on
     scored: Path | None = None  # manifest to score; None for the held-out subjects of `manifests`
     poses: Path | None = None  # folder of another network's <clip id>.npz (the paper: VIBE's)

@@ -33,6 +33,8 @@ class Scale(Config):
 
 
 class RowAtScale(Config):
+    """What is particular to a row at one size."""
+
     name: str | None = None
     train: Settings = Field(default_factory=dict)
     """Settings that stand over the row's."""
@@ -64,6 +66,8 @@ class Row(Config):
 
 
 class TableRecipe(Config):
+    """One of the paper's tables."""
+
     recipe: Literal["table"]
     table: int = Field(ge=1)
     title: str

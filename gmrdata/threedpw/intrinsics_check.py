@@ -54,6 +54,8 @@ class IntrinsicsConfig(Config):
 
 @part(frozen=True, config=PART)
 class FocalEstimate:
+    """The focal length that the keypoints ask for."""
+
     factor: float
     """Over that of the sequence's K; 1 where K is right."""
     sigma: float

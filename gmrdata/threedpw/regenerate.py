@@ -34,6 +34,8 @@ STAGES = ("people", "masks", "sfm", "pseudo_gt")
 
 @part(frozen=True, config=PART)
 class SequenceVerdict:
+    """What was decided of a sequence."""
+
     sequence: str
     split: str
     """Empty where it has none or several."""

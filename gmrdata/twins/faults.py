@@ -266,6 +266,8 @@ def _rotate(rotmats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 class KeypointConfig(Config):
+    """How well the joints are detected."""
+
     noise_px: float = 2.0
     """Standard deviation of x and of y."""
     confidence: tuple[float, float] = (0.6, 0.95)

@@ -114,6 +114,8 @@ def _poses_and_trans(motion: Motion, rest_pelvis_m: np.ndarray) -> tuple[np.ndar
 
 
 class TwinConfig(Config):
+    """How a twin's dataset side differs from the truth."""
+
     faults: FaultConfig = FaultConfig()
     """Errors of world, cameras and bodies."""
     keypoints: KeypointConfig = KeypointConfig()

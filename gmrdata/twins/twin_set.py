@@ -72,6 +72,8 @@ class TwinRecipe(Config):
 
 @part(frozen=True, config=PART)
 class TwinSequence:
+    """What a sequence is."""
+
     name: str
     class_true: str
     """What its camera does."""
@@ -127,6 +129,8 @@ def read_truth(folder: Path) -> TwinTruth:
 
 
 class SequenceTwinConfig(Config):
+    """What decides one sequence beside what was rendered."""
+
     name: str
     split: Split
     seed: int

@@ -24,6 +24,7 @@ class CameraPath:
 
     @property
     def n_frames(self) -> int:
+        """Number of frames T."""
         return int(self.world_from_cam.shape[0])
 
     @property

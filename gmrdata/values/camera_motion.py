@@ -21,6 +21,8 @@ MOST_ROWS = 400  # pairs of frames are compared on so many evenly spaced rows
 
 
 class MotionClassConfig(Config):
+    """Where one class ends and the next begins."""
+
     travel_m: float = Field(default=0.3, gt=0)
     """A camera whose places are never further apart stays in place [m]."""
     static_m: float = Field(default=0.02, ge=0)

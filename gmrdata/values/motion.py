@@ -26,6 +26,7 @@ class Motion:
 
     @property
     def n_frames(self) -> int:
+        """Number of frames T."""
         return int(self.root_rotmats.shape[0])
 
     def take(self, rows: slice | np.ndarray, fps_hz: float | None = None) -> Self:

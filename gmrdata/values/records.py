@@ -43,6 +43,7 @@ class Record(Config):
 
     @classmethod
     def tag(cls) -> str:
+        """The format tag of this class."""
         return str(get_args(cls.model_fields["format"].annotation)[0])
 
     @classmethod

@@ -63,6 +63,7 @@ def quality_of(
 
 
 def unsolved_quality(verdicts: Sequence[Verdict]) -> PseudoGtQuality:
+    """The record of a sequence without a reconstruction."""
     return _record(None, NO_SCALE, "none", None, verdicts)
 
 
@@ -96,6 +97,7 @@ def _rounded(part: Part) -> Part:
 
 
 def load_record(pseudo_gt_dir: Path) -> PseudoGtQuality:
+    """Read `quality.json` of a pseudo ground truth."""
     return PseudoGtQuality.read(pseudo_gt_dir / QUALITY_FILE)
 
 

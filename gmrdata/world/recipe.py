@@ -10,6 +10,8 @@ from gmrdata.world.verdict import Override
 
 
 class ScaleConfig(Config):
+    """How metric scale is found."""
+
     slip_m_per_s: float = Field(default=0.25, gt=0)
     """Speed below which a foot point may be planted [m/s]."""
     slip_floor_m: float = Field(default=0.005, gt=0)
@@ -62,6 +64,8 @@ class ScaleConfig(Config):
 
 @part(frozen=True, config=PART)
 class CueEstimate:
+    """What one source of evidence says about the scale."""
+
     name: str
     """"planted_feet", "ground_contact" or "short_windows"."""
     scale: float

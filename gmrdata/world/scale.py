@@ -60,6 +60,8 @@ def _moves(world_from_cam: np.ndarray, step: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ScaleEstimate:
+    """Fused metric scale."""
+
     scale: float | None
     """Metres per unit; None where the camera stays in place or travels less than can be told."""
     sigma: float | None  # Standard error of `scale`; widened where the cues disagree

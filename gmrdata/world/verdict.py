@@ -102,6 +102,7 @@ class Override(Config):
 
     @property
     def decision(self) -> str:
+        """The reason that stands in the result."""
         return f"a person decided: {self.because}"
 
 
