@@ -28,6 +28,7 @@ from gmrdata.values.errors import BadCharacter, MissingInput
 from gmrdata.values.files import write_npz
 from gmrdata.values.joint_names import REQUIRED, joints_by_name
 from gmrdata.values.records import Config
+from gmrdata.values.transforms import angles_deg
 
 SUFFIXES = (".glb", ".gltf", ".fbx")
 _GLB_HEADER = struct.Struct("<4sII")
@@ -124,7 +125,7 @@ class Character(Config):
     or an A-pose.  An FBX file must hold its pictures itself.  Surfaces become matt, and a
     half transparent one is there or not."""
     joint_map: dict[str, str] | None = None
-    """`{bone: SMPL joint}`; None: by the names of Mixamo, SMPL, CMU, Unreal or Rigify."""
+    """`{bone: SMPL joint}`; None: by the names of `joint_names`, Mixamo's and others'."""
     scale: Literal["legs", "keep"] = "legs"
     """`legs`: made as large as gives its legs (hip, knee, ankle) the length of the body's; `keep`:
     the file's size.  Then its feet slide by as much as its legs differ from the body's."""
@@ -184,8 +185,7 @@ def limb_angles_deg(record: CharacterRecord) -> np.ndarray:
     true_m = record.joints_world_m - record.residual_m
     a = record.joints_world_m[:, end] - record.joints_world_m[:, start]
     b = true_m[:, end] - true_m[:, start]
-    sine, cosine = np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)
-    return np.asarray(np.rad2deg(np.arctan2(sine, cosine)))
+    return angles_deg(a, b)
 
 
 def find_bones(
@@ -197,7 +197,7 @@ def find_bones(
     (`mixamorig:Hips_01`) are overlooked, but not by a joint_map `{bone: SMPL joint}`.  The bones
     must hang together as the joints do, and those of `REQUIRED` must be there.
     """
-    found = _by_map(names, joint_map, path) if joint_map else joints_by_name(names, parents)
+    found = joints_by_name(names, parents) if joint_map is None else _by_map(names, joint_map, path)
     if missing := [joint for joint in REQUIRED if joint not in found]:
         raise BadCharacter(
             f"{path}: no bone is known to be {', '.join(missing)}. Give a joint_map "

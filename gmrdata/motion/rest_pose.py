@@ -4,6 +4,7 @@ import numpy as np
 
 from gmrdata.values.body import JOINT, JOINT_NAMES
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.transforms import angles_deg
 
 _LEG, _ARM = (("hip", "knee"), ("knee", "ankle")), (("shoulder", "elbow"), ("elbow", "wrist"))
 LIMBS = tuple(
@@ -51,7 +52,7 @@ def stands(rest_m: np.ndarray) -> bool:
     (hip_m, shoulder_m, ankle_m), left = middles(rest_m, "hip", "shoulder", "ankle"), _left(rest_m)
     up, up_tilt_deg = nearest_axis(shoulder_m - hip_m)
     aside, left_tilt_deg = nearest_axis(left)
-    tilt_deg = max(up_tilt_deg, left_tilt_deg, _angle_deg(hip_m - ankle_m, up))
+    tilt_deg = max(up_tilt_deg, left_tilt_deg, float(angles_deg(hip_m - ankle_m, up)))
     return bool(tilt_deg <= LARGEST_TILT_DEG and abs(up @ aside) < 0.5)
 
 
@@ -108,8 +109,4 @@ def nearest_axis(vector: np.ndarray) -> tuple[np.ndarray, float]:
     """The signed coordinate axis (3,) next to a vector, and the angle between them [deg]."""
     k = int(np.argmax(np.abs(vector)))
     axis = np.eye(3)[k] * (1.0 if vector[k] >= 0.0 else -1.0)
-    return axis, _angle_deg(vector, axis)
-
-
-def _angle_deg(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+    return axis, float(angles_deg(vector, axis))

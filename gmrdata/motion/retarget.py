@@ -56,7 +56,7 @@ from gmrdata.values.skinning import (
     posed_joints_m,
     with_ancestors,
 )
-from gmrdata.values.transforms import between
+from gmrdata.values.transforms import angles_deg, between
 
 _HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 
@@ -167,20 +167,16 @@ def _residual(
     found_m = source_joints_m(source, joints, rows) @ axes @ WORLD_FROM_REST.T
     rest_m = body.rest_joints_m(motion.shape)
     posed_m, _ = posed_joints_m(rest_m, motion.rotmats[rows], motion.pelvis_m[rows], PARENTS)
-    said = []
+    wanted, got, said = _lines(found_m), _lines(posed_m), []
     for line, most_deg in LARGEST_RESIDUAL_DEG.items():
-        wanted, got = (_lines(joints_m)[line] for joints_m in (found_m, posed_m))
-        lengths = np.linalg.norm(wanted, axis=-1) * np.linalg.norm(got, axis=-1)
-        cosines = np.einsum("tnk,tnk->tn", wanted, got) / np.maximum(lengths, 1e-12)
-        off_deg = np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0)))
+        off_deg = angles_deg(wanted[line], got[line])
         if not off_deg.mean() <= most_deg:
             raise BadMotionFile(
                 f"{motion.source}: the {line} would be {off_deg.mean():.0f} degrees off the file's "
                 "own; its joints turn in another way than their names say: give a joint_map"
             )
         said.append(f"{line} {off_deg.mean():.1f} ({off_deg.max():.1f})")
-    hips_m, shoulders_m = rest_pose.middles(posed_m, "hip", "shoulder")
-    trunk_m = np.median(shoulders_m - hips_m, axis=0)
+    trunk_m = np.median(got["trunk"][:, 0], axis=0)
     if trunk_m[2] < UPRIGHT * np.linalg.norm(trunk_m):
         said.append("the person lies or leans throughout: is up another axis?")
     return f"residual mean (worst) in deg: {', '.join(said)}"

@@ -17,7 +17,7 @@ from gmrdata.read.source_motion import SourceMotion
 from gmrdata.values.body import JOINT, N_JOINTS
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
-from gmrdata.values.transforms import mean_rotation
+from gmrdata.values.transforms import angles_deg, mean_rotation
 
 SPREAD_DEG = 20.0  # how far the arms of a T-pose are from the level
 RAISED_DEG = 30.0  # above the level, from which arms are no pose to stand in but a rig's axes
@@ -89,9 +89,7 @@ def _hips_off_deg(source: SourceMotion, joints: Mapping[int, int], rest_m: np.nd
     lines = joints_m[:, JOINT["left_hip"]] - joints_m[:, JOINT["right_hip"]]
     turned = global_rotmats(source.parents, source.local_rotmats[rows])[:, joints[JOINT["pelvis"]]]
     at_rest = turned @ (rest_m[JOINT["left_hip"]] - rest_m[JOINT["right_hip"]])
-    lengths = np.linalg.norm(lines, axis=1) * np.linalg.norm(at_rest, axis=1)
-    cosines = np.einsum("tk,tk->t", lines, at_rest) / np.maximum(lengths, 1e-12)
-    return float(np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))).mean())
+    return float(angles_deg(lines, at_rest).mean())
 
 
 def zero_pose_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:

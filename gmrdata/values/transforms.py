@@ -70,6 +70,14 @@ def between(
     return turned.reshape(3, -1, 3).transpose(1, 0, 2).reshape(rotmats.shape)
 
 
+def angles_deg(
+    a: Float[np.ndarray, "*a 3"], b: Float[np.ndarray, "*b 3"]
+) -> Float[np.ndarray, "*batch"]:
+    """Angles between directions of any length [degrees]."""
+    sines = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.asarray(np.rad2deg(np.arctan2(sines, (a * b).sum(axis=-1))))
+
+
 def slerp(
     start: Float[np.ndarray, "n joints 3 3"],
     end: Float[np.ndarray, "n joints 3 3"],

@@ -118,6 +118,8 @@ def test_a_joint_map_names_bones_as_they_are() -> None:
     ):
         with pytest.raises(BadCharacter, match=message):
             find_bones(names, PARENTS, wrong, FILE)
+    with pytest.raises(BadCharacter, match="no bone is known to be pelvis"):
+        find_bones(MIXAMO, PARENTS, {}, FILE)  # an empty map is no order to guess by names
 
 
 def test_bones_that_hang_together_in_another_way_are_named() -> None:

@@ -85,3 +85,10 @@ def test_between_is_two_products() -> None:
     np.testing.assert_allclose(
         transforms.between(left, rotmats, right), left @ rotmats @ right, atol=1e-14
     )
+
+
+def test_angles_of_any_length_are_exact_at_0_and_180_degrees() -> None:
+    x, y = np.eye(3)[:2]
+    others = np.stack([2.0 * x, 3.0 * y, -x, x + y, 1e-9 * y + x])
+    found = transforms.angles_deg(5.0 * x, others)
+    assert np.allclose(found, [0.0, 90.0, 180.0, 45.0, np.rad2deg(1e-9)], rtol=1e-12, atol=0.0)
