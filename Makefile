@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-gmr bench-gmr-cmu clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-gmr bench-gmr-cmu clean
 
 setup: $(READY)
 
@@ -39,6 +39,10 @@ bench-sfm: $(READY)
 # The COLMAP stage on real clips.  ARGS='--clips FOLDER' says where they are, --small only tries every part, -k picks cases.
 bench-real: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_real.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# Other people's files in and out.  ARGS='--bvh FOLDER' reads their BVH files.
+bench-open: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_open.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # GMR's training step.  ARGS=--small only tries every part.
 bench-gmr: $(READY)
