@@ -6,6 +6,7 @@ import tyro
 
 from gmrdata.cli.answers import explain, fail
 from gmrdata.cli.baselines import baseline
+from gmrdata.cli.export import export
 from gmrdata.cli.gmr import compare, evaluate, infer, train
 from gmrdata.cli.manifests import manifest
 from gmrdata.cli.motion_files import fetch, motions, render
@@ -17,7 +18,7 @@ from gmrdata.values.errors import GmrdataError
 
 _VERBS: tuple[Callable[..., None], ...] = (
     demo, fetch, motions, render, masks, sfm, manifest, threedpw, floor, train, infer, evaluate,
-    compare, baseline, tables, report, run,
+    compare, export, baseline, tables, report, run,
 )  # fmt: skip
 VERBS = {verb.__name__: verb for verb in _VERBS}
 

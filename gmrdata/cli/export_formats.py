@@ -1,0 +1,89 @@
+"""The formats of `gmrdata export`: for each, what a clip must have, and what writes it.
+
+A function here takes loaded clips and the path to write, and calls a writer of `gmrdata.write`
+with plain values.  What it can't write is an error, which the verb says of that clip alone.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from gmrdata.cli.export import FormatName, Trajectory
+from gmrdata.manifest.exported import ExportedClip
+from gmrdata.values import transforms
+from gmrdata.values.clip import camera_of
+
+Need = Literal["camera", "world", "trajectory", "images", "one_person"]
+"""trajectory: a camera or a motion in the world, whichever is asked for."""
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What the flags of `gmrdata export` say to the formats."""
+
+    of: Trajectory = "camera"  # whose trajectory tum and kitti hold
+
+
+class Format(NamedTuple):
+    """How one format is written."""
+
+    unit: Literal["clip", "sequence"]  # a file for each clip, or for all people of a sequence
+    path: str  # below OUT/<format>/; {id} is the clip's or the sequence's name
+    needs: tuple[Need, ...]  # what is looked at before anything is written
+    write: Callable[[Sequence[ExportedClip], Path, ExportOptions], None]
+    """Writes the clips of one unit to a path that is not there: a file, or a folder to make."""
+
+
+def why_not(format: Format, clips: Sequence[ExportedClip], options: ExportOptions) -> str:
+    """Why clips of one unit can't be written in a format; empty if they can, as far as is known."""
+    return next(filter(None, (_lacks(need, clips, options) for need in format.needs)), "")
+
+
+def _lacks(need: Need, clips: Sequence[ExportedClip], options: ExportOptions) -> str:
+    if need == "trajectory":
+        need = "camera" if options.of == "camera" else "world"
+    if need == "one_person":
+        n_people = len(clips) + len(clips[0].extras)
+        return f"has {n_people} people, and the format holds one" if n_people > 1 else ""
+    return next(filter(None, (_clip_lacks(need, one) for one in clips)), "")
+
+
+def _clip_lacks(need: Need, exported: ExportedClip) -> str:
+    clip = exported.clip
+    if need == "camera" and clip.camera is None:
+        return "has no camera"
+    if need == "camera" and clip.camera is not None and not clip.camera.has_camera.any():
+        return "has no frame with a known camera"
+    if need == "world" and clip.motion.frame != "world":
+        return "its motion is in the camera's frame, not in a world"
+    if need == "world" and not clip.valid.any():
+        return "has no valid frame"
+    if need == "images" and exported.images_dir is None:
+        return "has no images; give them with --images"
+    return ""
+
+
+def export_tum(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The camera's or the pelvis's path; frames without one are left out, so times have gaps."""
+    from gmrdata.write.trajectories import write_tum
+
+    poses, known = _trajectory(clips[0], options.of)
+    times_s = np.flatnonzero(known) / clips[0].clip.motion.fps_hz
+    write_tum(path, poses[known], times_s)
+
+
+def _trajectory(exported: ExportedClip, of: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """world_from_cam or world_from_root (T, 4, 4), and in which frames it is known, (T,) bool."""
+    if of == "camera":
+        camera = camera_of(exported.clip)
+        return camera.world_from_cam, camera.has_camera
+    motion = exported.clip.motion
+    return transforms.rigid(motion.root_rotmats, motion.pelvis_m), exported.clip.valid
+
+
+FORMATS: dict[FormatName, Format] = {
+    "tum": Format("clip", "{id}.txt", ("trajectory",), export_tum),
+}

@@ -1,0 +1,318 @@
+"""What any stage left, as clips with all that lies beside them, for whoever hands them on.
+
+A manifest, a clip's file and the folder that a stage left are told apart here and nowhere else.
+Whoever writes a clip gets plain values and paths, and knows nothing of manifests.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.cameras.files import CAMERAS_FILE
+from gmrdata.film.render import EXTRAS_FOLDER
+from gmrdata.manifest import yaml_text
+from gmrdata.manifest.current import READS, FolderRecord, ListManifest, Manifest
+from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.read import load_entry, read_manifest
+from gmrdata.read.bodies import load_body
+from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadBodyFile, BadManifest, GmrdataError, MissingInput
+from gmrdata.values.files import read_npz, resolve_inside
+
+MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
+"""The manifest that stands for a folder with several: a demo's result goes before its truth."""
+WRONG_BODY_M = 1e-3  # a rest pelvis that far from the clip's own is of another body
+
+
+@dataclass(frozen=True)
+class ClipFiles:
+    """Where one clip lies, and what belongs to it.  Nothing was read yet but a manifest."""
+
+    id: str  # fit for the name of a file
+    sequence: str  # people of one sequence share a world and a camera
+    clip_path: Path
+    listed: tuple[Path, ClipEntry] | None = None  # manifest and entry, if a manifest lists it
+    images_dir: Path | None = None
+    masks_dir: Path | None = None
+    sfm_dir: Path | None = None
+    truth_path: Path | None = None
+    extras_paths: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedClip:
+    """One person's clip, with what else is known of it."""
+
+    id: str  # fit for the name of a file
+    sequence: str  # people of one sequence share a world and a camera
+    clip: Clip  # `valid` is False outside the manifest's kept ranges
+    rest_pelvis_m: np.ndarray  # (3,) J0 of the person's shape, rest frame [m]
+    body_names: tuple[str, ...]  # as `load_body` takes them: those that `body` chooses from
+    images_dir: Path | None
+    masks_dir: Path | None  # `<image stem>.png`, 255 = dynamic
+    sfm_dir: Path | None  # what `gmrdata.cameras.reconstruct` left
+    truth: Clip | None  # of the same person, in a world of its own
+    extras: tuple[Clip, ...]  # who moves besides, in the same rows, world and camera
+
+    @property
+    def body(self) -> BodyModel:
+        """The person's body; MissingInput where it is not at hand, BadBodyFile for another one."""
+        wanted, shape = self.clip.motion.body, self.clip.motion.shape
+        found = {body.name: body for body in map(_loaded, self.body_names)}
+        if wanted not in found:
+            there = f"; there are {', '.join(found)}" if found else ""
+            raise MissingInput(
+                f"clip {self.id} needs the body {wanted}{there}. Give it with --body"
+            )
+        body = found[wanted]
+        far_m = np.inf
+        if body.n_shape == len(shape):
+            far_m = float(np.abs(body.rest_pelvis_m(shape) - self.rest_pelvis_m).max())
+        if not far_m < WRONG_BODY_M:
+            what = f"clip {self.id} was made with another body that is called {wanted}"
+            raise BadBodyFile(f"{what}. Give that one with --body")
+        return body
+
+    def image_paths(self) -> list[Path | None]:
+        """The image of each row; None for a row without one.  MissingInput without a folder."""
+        if self.images_dir is None:
+            remedy = "Give their folder, or the folder of the sequences' folders, with --images"
+            raise MissingInput(f"clip {self.id} has no images. {remedy}")
+        paths = (path for path in self.images_dir.iterdir() if path.suffix in IMAGE_SUFFIXES)
+        by_number = {number_in_name(path.name): path for path in paths}
+        return [by_number.get(int(number)) for number in self.clip.image_numbers]
+
+
+@lru_cache(maxsize=8)
+def _loaded(name: str) -> BodyModel:
+    return load_body(name)
+
+
+def list_clips(source: Path, ids: Sequence[str] = ()) -> list[ClipFiles]:
+    """The clips of a manifest, a clip's file or a stage's folder; of these, those named by `ids`.
+
+    A stage's folder is that of a rendered set or clip, `gmrdata sfm`, `threedpw`, `motions`,
+    `infer`, `floor` or a demo; of a demo its result is taken, with the rendered clips as truth.
+
+    Raises:
+        MissingInput: no such file, folder or clip.
+        BadManifest: the manifest is broken, only lists clips, or two clips have one name.
+    """
+    found = list(_clips_of(source))
+    if unknown := sorted(set(ids) - {files.id for files in found}):
+        known = ", ".join(files.id for files in found)
+        raise MissingInput(f"{source}: no clip {', '.join(unknown)}; there are {known}")
+    if repeated := [name for name, n in Counter(files.id for files in found).items() if n > 1]:
+        raise BadManifest(f"{source}: several clips have the name {repeated[0]}; rename them")
+    return [files for files in found if not ids or files.id in ids]
+
+
+def load_exported(
+    files: ClipFiles,
+    *,
+    body: str | None = None,
+    images: Path | None = None,
+    truth: Path | None = None,
+) -> ExportedClip:
+    """Load one clip.
+
+    Args:
+        files: An item of `list_clips`.
+        body: The body to use, as `load_body` takes it; what lies beside the clip when None.
+        images: Folder with the images, or with a folder of images for each sequence.
+        truth: Clip file of the same person, in place of what lies beside.
+    """
+    clip = load_clip(files.clip_path) if files.listed is None else load_entry(*files.listed)
+    truth_path = truth or files.truth_path
+    extras = (path for path in files.extras_paths if "poses" in read_npz(path))
+    return ExportedClip(
+        id=files.id,
+        sequence=files.sequence,
+        clip=clip,
+        rest_pelvis_m=read_npz(files.clip_path)["rest_pelvis_m"],
+        body_names=_bodies(files.clip_path, clip) if body is None else (body,),
+        images_dir=files.images_dir if images is None else _images_of(images, files.sequence),
+        masks_dir=files.masks_dir,
+        sfm_dir=files.sfm_dir,
+        truth=None if truth_path is None else load_clip(truth_path),
+        extras=tuple(map(load_clip, extras)),
+    )
+
+
+def _images_of(folder: Path, sequence: str) -> Path:
+    """The images of a sequence in a folder of images, or in one with a folder for each."""
+    own = folder / sequence
+    if not folder.is_dir():
+        raise MissingInput(f"{folder}: no such folder of images")
+    return own if own.is_dir() else folder
+
+
+def _bodies(clip_path: Path, clip: Clip) -> tuple[str, ...]:
+    """The bodies that the stages keep beside a clip, and the default one where the clip has it."""
+    beside = [
+        str(path)
+        for folder in clip_path.absolute().parents[:5]
+        for pattern in ("body/body.npz", "body/*/body.npz", "bodies/*/body.npz")
+        for path in sorted(folder.glob(pattern))
+    ]
+    return (*beside, *(("anny",) if clip.motion.body == "anny" and not beside else ()))
+
+
+def _clips_of(source: Path) -> Iterator[ClipFiles]:
+    if source.is_dir():
+        return _clips_in_folder(source)
+    if not source.is_file():
+        raise MissingInput(f"{source}: no such file or folder")
+    if source.suffix.lower() in (".yaml", ".yml"):
+        return _clips_of_manifest(source)
+    return iter([_clip_file(source)])
+
+
+def _clip_file(path: Path) -> ClipFiles:
+    """A single clip, with what the stage that made it left beside it."""
+    name = load_clip(path).id
+    if path.parent.name == "pseudo_gt":
+        return replace(_pseudo_gt_clip(path), id=_file_name(name), sequence=_file_name(name))
+    return _rendered_clip(path, _file_name(name))
+
+
+def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
+    """The clips of a folder that a stage left; see `list_clips`."""
+    if (manifest := _manifest_in(folder)) is not None:
+        truths = _truths_beside(folder)
+        for files in _clips_of_manifest(manifest):
+            yield replace(files, truth_path=truths.get(files.id))
+    elif (folder / "render_set").is_dir():  # twins
+        yield from _clips_in_folder(folder / "render_set")
+    elif (folder / "regenerated").is_dir():  # a noise floor
+        for files in _clips_in_folder(folder / "regenerated"):
+            truth_path = folder / "twins" / "truth" / f"{files.id}.npz"
+            yield replace(files, truth_path=truth_path if truth_path.is_file() else None)
+    elif (folder / "infer.json").is_file():
+        yield from (_rendered_clip(path) for path in sorted(folder.glob("*/clip.npz")))
+    elif people := _people_in(folder):
+        yield from people
+    elif (folder / "clip.npz").is_file():
+        yield _rendered_clip(folder / "clip.npz")
+    else:
+        what = "no manifest, and no folder that a stage of gmrdata left with clips"
+        raise MissingInput(f"{folder}: {what}. Name a manifest (.yaml) or a clip's file (.npz)")
+
+
+def _manifest_in(folder: Path) -> Path | None:
+    """The manifest that stands for a folder."""
+    for name in MANIFESTS:
+        if (folder / name).is_file():
+            return folder / name
+    others = [path for path in sorted(folder.glob("*.yaml")) if _is_manifest(path)]
+    if len(others) > 1:
+        names = ", ".join(path.name for path in others)
+        raise MissingInput(f"{folder}: holds several manifests. Name one of {names}")
+    return others[0] if others else None
+
+
+def _is_manifest(path: Path) -> bool:
+    try:
+        data, _ = yaml_text.load(path)
+    except GmrdataError:
+        return False
+    return isinstance(data, dict) and data.get("format") in READS and data.get("kind") != "list"
+
+
+def _truths_beside(folder: Path) -> dict[str, Path]:
+    """Of a demo: the rendered clips by id, the truth of what was regenerated from their frames."""
+    if not all((folder / name).is_file() for name in ("pseudo_gt.yaml", "synthetic.yaml")):
+        return {}
+    return {files.id: files.clip_path for files in _clips_of_manifest(folder / "synthetic.yaml")}
+
+
+def _clips_of_manifest(path: Path) -> Iterator[ClipFiles]:
+    manifest = read_manifest(path)
+    if isinstance(manifest, ListManifest):
+        what = f"{manifest.name} only lists clips and has no files"
+        raise BadManifest(f"{path}: {what}; make them first")
+    people = Counter(Path(entry.arrays.path).parent for entry in manifest.clips)
+    for entry in manifest.clips:
+        yield _entry_files(path, manifest, entry, people[Path(entry.arrays.path).parent])
+
+
+def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int) -> ClipFiles:
+    """The files of one entry; `n_people` clips lie in its folder."""
+
+    def inside(relative: str) -> Path:
+        try:
+            return resolve_inside(path.parent, relative)
+        except ValueError as error:
+            raise BadManifest(f"{path}: clip {entry.id}: {error}") from None
+
+    def folder(record: FolderRecord | None) -> Path | None:
+        return None if record is None else inside(record.folder)
+
+    clip_path = inside(entry.arrays.path)
+    files = ClipFiles(entry.id, entry.id, clip_path)
+    if manifest.kind == "pseudo_gt":
+        files = _pseudo_gt_clip(clip_path)
+        # One person alone: the folder may be any, so the clip names the sequence.
+        of_set = clip_path.parent.parent.parent.name == "sequences"
+        sequence = files.sequence if n_people > 1 or of_set else entry.id
+        files = replace(files, id=entry.id, sequence=sequence)
+    return replace(
+        files,
+        listed=(path, entry),
+        images_dir=folder(entry.images) or files.images_dir,
+        masks_dir=folder(entry.masks) or files.masks_dir,
+        extras_paths=tuple(inside(extra.arrays.path) for extra in entry.extras),
+    )
+
+
+def _people_in(folder: Path) -> list[ClipFiles]:
+    """The people of one sequence: of `gmrdata sfm`'s folder, or of its `pseudo_gt` in it."""
+    if (folder / "pseudo_gt").is_dir():
+        folder = folder / "pseudo_gt"
+    paths = sorted(folder.glob("person_[0-9]*.npz"))
+    people = [replace(_pseudo_gt_clip(path), id=_file_name(load_clip(path).id)) for path in paths]
+    one = people[0].id if len(people) == 1 else None
+    return [replace(person, sequence=one or person.sequence) for person in people]
+
+
+def _pseudo_gt_clip(path: Path) -> ClipFiles:
+    """A person's clip in a sequence's folder, which the other stages have left theirs in."""
+    folder = path.absolute().parent.parent
+    return ClipFiles(
+        id=path.stem,
+        sequence=_file_name(folder.name),
+        clip_path=path,
+        images_dir=_there(folder / "frames"),
+        masks_dir=_there(folder / "masks"),
+        sfm_dir=folder / "sfm" if (folder / "sfm" / CAMERAS_FILE).is_file() else None,
+    )
+
+
+def _rendered_clip(path: Path, name: str | None = None) -> ClipFiles:
+    """A clip in a folder of its own, with frames and masks if it was rendered."""
+    folder, name = path.absolute().parent, name or _file_name(load_clip(path).id)
+    files = ClipFiles(name, name, path)
+    if path.name != "clip.npz":
+        return files
+    return replace(
+        files,
+        images_dir=_there(folder / "frames"),
+        masks_dir=_there(folder / "masks"),
+        extras_paths=tuple(sorted((folder / EXTRAS_FOLDER).glob("*.npz"))),
+    )
+
+
+def _there(folder: Path) -> Path | None:
+    return folder if folder.is_dir() else None
+
+
+def _file_name(clip_id: str) -> str:
+    """A clip's id as a name that leads nowhere; ids of manifests stay as they are."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", clip_id).lstrip(".-")[:200] or "clip"
