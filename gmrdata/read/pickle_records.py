@@ -12,6 +12,8 @@ from gmrdata.values.errors import UnsafePickle
 
 JOBLIB_ARRAY = "joblib array"
 """Kind of record whose array's bytes stand in the file right after it; see `array_that_follows`."""
+TORCH_STORAGE = "torch storage"
+"""Kind of record whose bytes are a file of torch's own, in its form from before version 1.6."""
 _CALLS = {
     "numpy.dtype": "dtype",
     **{f"numpy.{core}.multiarray._reconstruct": "array" for core in ("core", "_core")},
@@ -30,6 +32,25 @@ _CALLS = {
     "joblib.numpy_pickle.NumpyArrayWrapper": JOBLIB_ARRAY,
 }
 """Kind of record for each name that may be called, as Python 2 and 3, old and new numpy say it."""
+_TORCH_CALLS = {
+    "torch._utils._rebuild_tensor_v2": "tensor",
+    "torch.storage._load_from_bytes": TORCH_STORAGE,
+    "collections.OrderedDict": "ordered",
+}
+STORAGE_DTYPES = {
+    "torch.DoubleStorage": "<f8",
+    "torch.FloatStorage": "<f4",
+    "torch.HalfStorage": "<f2",
+    "torch.LongStorage": "<i8",
+    "torch.IntStorage": "<i4",
+    "torch.ShortStorage": "<i2",
+    "torch.CharStorage": "i1",
+    "torch.ByteStorage": "u1",
+    "torch.BoolStorage": "?",
+}
+"""numpy's type of the numbers of each of torch's storages."""
+TORCH_IMPORTS = frozenset(_TORCH_CALLS) | frozenset(STORAGE_DTYPES)
+"""What a pickle that may hold torch's tensors may import besides."""
 _ONLY_NAMED = frozenset({"numpy.ndarray"}) | {
     f"{module}.{name}" for module in ("__builtin__", "builtins") for name in ("object", "dict")
 }
@@ -54,7 +75,7 @@ def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
 
     `name` is in full, one of `ADMITTED_IMPORTS`; imported names are strings in the arguments too.
     """
-    kind = _CALLS.get(name)
+    kind = _CALLS.get(name) or _TORCH_CALLS.get(name)
     match kind, arguments:
         case "encode", (str() as text, "latin1" | "latin-1"):
             return text.encode("latin1")
@@ -64,6 +85,12 @@ def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
             return set(members)
         case "dict", ("__builtin__.dict" | "builtins.dict",):
             return {}  # of a defaultdict
+        case "ordered", ():
+            return {}  # a tensor's hooks
+        case "torch storage", (bytes(),):
+            return Record(TORCH_STORAGE, arguments)
+        case "tensor", (np.ndarray(), int(), tuple(), tuple(), bool(), {}, *_):
+            return Record("tensor", arguments[:4])
         case "object", (str() as made, "__builtin__.object" | "builtins.object", None):
             return record_of_call(made, ())
         case "dtype", (str() as code, *_) if _DTYPE_CODE.fullmatch(code):
@@ -143,6 +170,8 @@ def _evaluate(record: Record, done: dict[int, Any]) -> Any:
             return _array(raw, _dtype(dtype), shape, order, done)
         case "dtype", _, _:
             return _dtype(record)
+        case "tensor", (storage, offset, size, stride), None:
+            return _strided(storage, offset, size, stride)
         case "csc" | "csr", _, dict() as state:
             return _sparse(record.kind, {key: _plain(item, done) for key, item in state.items()})
         case "chumpy.ch.Ch", _, {"x": x}:
@@ -187,6 +216,24 @@ def _array(
     if size * dtype.itemsize == 0:
         return np.zeros(shape, dtype)
     return np.frombuffer(data, dtype).reshape(shape, order=order).copy(order="K")
+
+
+def _strided(
+    storage: np.ndarray, offset: int, size: tuple[Any, ...], stride: tuple[Any, ...]
+) -> np.ndarray:
+    """The numbers of one tensor, which steps through its storage (n,) by `stride`."""
+    if not _size(size):
+        return np.zeros(size, storage.dtype)
+    _size(stride)  # whole numbers, none below 0
+    if _size(size) > len(storage):  # a step of 0 could ask for any amount of memory
+        raise ValueError(f"a tensor of shape {size} has but {len(storage)} numbers")
+    last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True))
+    if not 0 <= offset <= last < len(storage):
+        raise ValueError(f"a tensor of shape {size} reaches beyond its {len(storage)} numbers")
+    rows = np.full((), offset)
+    for n, step in zip(size, stride, strict=True):
+        rows = rows[..., None] + step * np.arange(n)
+    return np.asarray(storage[rows])
 
 
 def _sparse(kind: str, state: dict[str, Any]) -> Any:

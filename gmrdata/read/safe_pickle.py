@@ -6,6 +6,9 @@ So whatever a file holds, none of its imports is made and none of its calls is r
 
 joblib.dump's files are read as well: pickles, compressed or not, in which the bytes of each array
 stand outside of the program (`pickle_records.array_that_follows`).  joblib itself is not needed.
+
+numpy.save's files of objects are a pickle behind numpy's header.  Torch's tensors in such a pickle
+are a call on a storage, whose bytes are a file of torch.save's older form; both become arrays.
 """
 
 import bz2
@@ -16,10 +19,13 @@ import pickle  # noqa: TID251  Only its interpreter is used, with every import a
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import IO, Any, ClassVar
+
+import numpy as np
 
 from gmrdata.read import pickle_records
 from gmrdata.values.errors import BrokenPickle, MissingInput, UnsafePickle
@@ -84,13 +90,40 @@ def load_plain(path: Path) -> Any:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     data = path.read_bytes()
+    with _explained(path, "a pickle"):
+        return pickle_records.plain(_Interpreter(io.BytesIO(_unpacked(path, data))).load())
+
+
+def load_object_npy(path: Path) -> Any:
+    """Read the one object that numpy.save wrote to a .npy, with torch's tensors as arrays.
+
+    Gives what `load_plain` does, and raises what it does.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    stream = io.BytesIO(path.read_bytes())
+    with _explained(path, "a .npy of an object"):
+        read_header = (
+            np.lib.format.read_array_header_1_0
+            if np.lib.format.read_magic(stream)[0] == 1
+            else np.lib.format.read_array_header_2_0
+        )
+        shape, _, dtype = read_header(stream)
+        if shape != () or dtype != np.dtype(object):
+            raise ValueError(f"holds an array of dtype {dtype} and shape {shape}")
+        return pickle_records.plain(_Interpreter(stream, tensors=True).load()).item()
+
+
+@contextmanager
+def _explained(path: Path, kind: str) -> Iterator[None]:
+    """Let what a broken or unsafe file raises name the file and the remedy."""
     try:
-        return pickle_records.plain(_Interpreter(_unpacked(path, data)).load())
+        yield
     except UnsafePickle as error:
         remedy = "Do not trust this file; get it from its maker"
         raise UnsafePickle(f"{path}: {error}. {remedy}") from None
     except _BROKEN as error:
-        what = f"truncated or not a pickle ({type(error).__name__}: {error})"
+        what = f"truncated or not {kind} ({type(error).__name__}: {error})"
         raise BrokenPickle(f"{path}: {what}; get it again") from None
 
 
@@ -114,13 +147,14 @@ class _Interpreter(pickle._Unpickler):
     read: Callable[[int], bytes]
     readline: Callable[[], bytes]
 
-    def __init__(self, data: bytes) -> None:
-        self._stream = io.BytesIO(data)
-        super().__init__(self._stream, encoding="latin1")
+    def __init__(self, stream: io.BytesIO, *, tensors: bool = False) -> None:
+        self._stream, self._tensors = stream, tensors
+        super().__init__(stream, encoding="latin1")
 
     def find_class(self, module: str, name: str) -> Any:
         full_name = f"{module}.{name}"
-        if full_name not in pickle_records.ADMITTED_IMPORTS:
+        of_torch = self._tensors and full_name in pickle_records.TORCH_IMPORTS
+        if full_name not in pickle_records.ADMITTED_IMPORTS and not of_torch:
             raise UnsafePickle(f"wants to import {full_name!r}")
         return _Import(full_name)
 
@@ -132,7 +166,10 @@ class _Interpreter(pickle._Unpickler):
 
     def _call(self) -> None:
         arguments = self.stack.pop()
-        self.stack[-1] = _record(self.stack[-1], arguments)
+        made = _record(self.stack[-1], arguments)
+        if isinstance(made, pickle_records.Record) and made.kind == pickle_records.TORCH_STORAGE:
+            made = _storage(made.arguments[0])
+        self.stack[-1] = made
 
     def _call_with_keywords(self) -> None:
         keywords = self.stack.pop()
@@ -188,3 +225,37 @@ _REPLACED: dict[bytes, Callable[[_Interpreter], None]] = {
 }
 for _opcode, _method in _REPLACED.items():
     _Interpreter.dispatch[_opcode[0]] = _method
+
+
+class _StorageInterpreter(_Interpreter):
+    """Reads what a storage's own file says of it: the type of its numbers, and how many."""
+
+    def persistent_load(self, pid: Any) -> Any:
+        match pid:
+            case ("storage", _Import(name), str(), str(), int() as n, *_):
+                return np.dtype(pickle_records.STORAGE_DTYPES[name]), n
+        return super().persistent_load(pid)
+
+
+_TORCH_MAGIC = 0x1950A86A20F9469CFC6C
+_TORCH_PROTOCOL = 1001
+
+
+def _storage(data: bytes) -> np.ndarray:
+    """The numbers (n,) of a storage that torch wrote in its form from before version 1.6.
+
+    Five pickles (a magic number, the form's number, the machine, the storage, the list of its one
+    key), then how many numbers there are, as 8 bytes, and the numbers (torch/serialization.py).
+    """
+    stream = io.BytesIO(data)
+    magic, protocol, machine = (_Interpreter(stream).load() for _ in range(3))
+    known = (magic, protocol) == (_TORCH_MAGIC, _TORCH_PROTOCOL) and isinstance(machine, dict)
+    if not known or machine.get("little_endian") is not True:
+        raise ValueError("a tensor is not in the form that torch writes")
+    dtype, n_numbers = _StorageInterpreter(stream, tensors=True).load()
+    _Interpreter(stream).load()
+    (n_said,) = struct.unpack("<q", stream.read(8))
+    raw = stream.read()
+    if n_said != n_numbers or len(raw) != n_numbers * dtype.itemsize:
+        raise ValueError(f"a tensor of {n_numbers} numbers lacks its bytes")
+    return np.frombuffer(raw, dtype)
