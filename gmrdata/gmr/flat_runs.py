@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from gmrdata.gmr.config import Representation
-from gmrdata.stage.store import locked
+from gmrdata.stage.claims import claimed
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.records import Record
 
@@ -82,7 +82,7 @@ def in_files(runs: Iterable[TrainingRun], folder: Path, about: PackRecord) -> Fl
     least.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with locked(folder.with_name(f".{folder.name}.lock")):
+    with claimed(folder.with_name(f".{folder.name}.claim")):
         found = None
         with suppress(MissingInput, BadRecord):
             found = PackRecord.read(folder / PACK_FILE)
@@ -99,7 +99,6 @@ def in_files(runs: Iterable[TrainingRun], folder: Path, about: PackRecord) -> Fl
 
 def remove_files(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
-    folder.with_name(f".{folder.name}.lock").unlink(missing_ok=True)
 
 
 def _write(runs: Iterable[TrainingRun], folder: Path) -> None:

@@ -1,14 +1,17 @@
-"""Bodies by name or file: gmrdata's compact .npz of float32 arrays, SMPL's models, the default."""
+"""Bodies by name, file or folder: gmrdata's compact .npz of float32 arrays, SMPL's, the default."""
 
 import os
+import zipfile
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gmrdata.stage.claims import claimed
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import locked, run_stage
+from gmrdata.stage.store import run_stage
+from gmrdata.values.bodies import of_equal_size
 from gmrdata.values.body import N_JOINTS, N_LOCAL, PHENOTYPES, BodyModel
 from gmrdata.values.errors import BadBodyFile, BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz, write_npz
@@ -104,6 +107,9 @@ def load_body(body: str) -> BodyModel:
         except BadBodyFile as error:
             raise BadBodyFile(f"{error}. Delete {made}, and it is made again") from None
     path = Path(body).expanduser()
+    if path.is_dir():
+        what = "a folder of bodies, and here one body stands for everybody. Name one of its files"
+        raise BadBodyFile(f"{path}: {what}")
     if not path.is_file():
         what = "no such body file. Give 'anny' for the free default body, or the path of your own"
         remedy = "SMPL is free for research after registering at https://smpl.is.tue.mpg.de"
@@ -117,6 +123,60 @@ def load_body(body: str) -> BodyModel:
     raise BadBodyFile(f"{path}: a body is 'anny', or a file ending in .npz or .pkl")
 
 
+_IN_FOLDER = ("*", "*/*", "*/*/*")
+"""Where a folder's models lie: in it, as SMPL's releases have them, as `female/model.npz`."""
+
+
+def body_files(folder: Path) -> list[Path]:
+    """The bodies' files in a folder and the two levels below: all that is gmrdata's own body, or
+    says a gender in its name or its folder's.  Links that lead out of the folder are left out."""
+    from gmrdata.read.smpl import says_gender
+
+    found = {path for pattern in _IN_FOLDER for path in folder.glob(pattern)}
+    inside = (path for path in found if path.resolve().is_relative_to(folder.resolve()))
+    files = (path for path in inside if path.suffix in (".npz", ".pkl") and path.is_file())
+    return sorted(path for path in files if says_gender(path) or _is_own(path))
+
+
+def load_bodies(body: str) -> tuple[BodyModel, ...]:
+    """The body that `load_body` takes, or those of a folder, by name; errors as there.
+
+    They get as many shape coefficients as the one with most.  MissingInput: a folder without any.
+    BadBodyFile: two files are of one body.
+    """
+    folder = Path(body).expanduser()
+    if body == "anny" or not folder.is_dir():
+        return (load_body(body),)
+    found = _named_files(folder)
+    return of_equal_size([one for _, one in (found[name] for name in sorted(found))])
+
+
+def _named_files(folder: Path) -> dict[str, tuple[Path, BodyModel]]:
+    """A folder's bodies and their files, by the bodies' names."""
+    found: dict[str, tuple[Path, BodyModel]] = {}
+    for path in body_files(folder):
+        one = load_body(str(path))
+        if one.name in found:
+            both = f"{found[one.name][0]} and {path}"
+            raise BadBodyFile(f"{folder}: {both} are both the body {one.name}. Leave one there")
+        found[one.name] = path, one
+    if not found:
+        like = "like SMPL_FEMALE.npz, basicmodel_f_lbs_10_207_0_v1.1.0.pkl or female/model.npz"
+        raise MissingInput(f"{folder}: holds no bodies. Put SMPL's models there, named {like}")
+    return found
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a file is one of `save_body`."""
+    if path.suffix != ".npz":
+        return False
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return "format" in arrays and str(arrays["format"]) == FORMAT
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return False
+
+
 def anny_file() -> Path:
     """The default body's file in the user's cache; made now, by one process, if it is not there."""
     from gmrdata.read.anny import build_anny, file_name
@@ -125,7 +185,7 @@ def anny_file() -> Path:
     if path.is_file():
         return path
     path.parent.mkdir(parents=True, exist_ok=True)
-    with locked(path.with_suffix(".lock")):
+    with claimed(path.with_suffix(".claim")):
         if not path.is_file():
             save_body(path, build_anny(path.with_suffix(".partial")))
     return path
@@ -151,3 +211,13 @@ def keep_body(body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> Path:
     config = BodyConfig(body=Path(body).name)
     inputs = {"file": Path(body)} if Path(body).is_file() else {}
     return run_stage("body", out_dir, config, inputs, work, run=run) / BODY_FILE
+
+
+def keep_bodies(body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -> dict[str, Path]:
+    """Keep each body of a folder, or a single one, in `out_dir/<name>`; the files by name."""
+    folder = Path(body).expanduser()
+    if body == "anny" or not folder.is_dir():
+        named = {load_body(body).name: body}
+    else:
+        named = {name: str(path) for name, (path, _) in sorted(_named_files(folder).items())}
+    return {name: keep_body(one, out_dir / name, run=run) for name, one in named.items()}

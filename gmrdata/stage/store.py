@@ -1,12 +1,12 @@
 """Stages: folders that are complete when they exist, and the records that say what made them."""
 
-import fcntl
+import glob
 import platform
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple, Self, TypeVar
 from pydantic import JsonValue
 
 from gmrdata import __version__
+from gmrdata.stage.claims import Claim, claimed
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.values.files import RECIPE_FILE, STAGE_FILE, sha256_of_file, sha256_of_path
@@ -102,20 +103,27 @@ def run_stage(
         StaleOutput: the folder was made by another recipe, another version or from other inputs.
         NotMade: there is work to do, and the run only looks.
     """
-    if run.only_look and not out_dir.exists():
-        raise NotMade(out_dir)
+    if run.only_look:
+        return _look(name, out_dir, config, inputs, run)
     out_dir.parent.mkdir(parents=True, exist_ok=True)
-    with locked(out_dir.with_name(f".{out_dir.name}.lock")):
+    with claimed(out_dir.with_name(f".{out_dir.name}.claim")) as claim:
         hashes = _InputHashes(out_dir, run)
         recipe = _recipe(name, config, hashes.of(inputs))
         shutil.rmtree(out_dir.with_name(f".{out_dir.name}.old"), ignore_errors=True)
-        if out_dir.exists() and not _is_stale(out_dir, recipe, run):
-            hashes.remember()
-            return out_dir
-        if run.only_look:
-            raise NotMade(out_dir)
-        _make(out_dir, recipe, work, resumable)
+        if not out_dir.exists() or _is_stale(out_dir, recipe, run):
+            _make(out_dir, recipe, work, resumable, claim)
         hashes.remember()
+    return out_dir
+
+
+def _look(name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path], run: Run) -> Path:
+    """The folder if it is complete.  Nobody is waited for: it appears as a whole."""
+    if not out_dir.exists():
+        raise NotMade(out_dir)
+    hashes = _InputHashes(out_dir, run)
+    if _is_stale(out_dir, _recipe(name, config, hashes.of(inputs)), run):
+        raise NotMade(out_dir)
+    hashes.remember()
     return out_dir
 
 
@@ -134,14 +142,6 @@ def is_made(
 def stage_seconds(out_dir: Path) -> float:
     """Wall time that a finished stage took [s]."""
     return StageRecord.of(out_dir).seconds
-
-
-@contextmanager
-def locked(lock_path: Path) -> Iterator[None]:
-    """Hold an advisory lock; the kernel drops it when the process dies, however it dies."""
-    with lock_path.open("w") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
-        yield
 
 
 @cache
@@ -163,8 +163,9 @@ def _make(
     recipe: RecipeRecord,
     work: Callable[[Path], Mapping[str, Any] | None],
     resumable: bool,
+    claim: Claim,
 ) -> None:
-    partial = out_dir.with_name(out_dir.name + ".partial")
+    partial = _partial_dir(out_dir, resumable, claim)
     retired = out_dir.with_name(f".{out_dir.name}.old")
     if partial.exists():
         begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
@@ -187,11 +188,26 @@ def _make(
         seconds=round(time.monotonic() - start_s, 2),
     ).write(partial / STAGE_FILE)
     (partial / RECIPE_FILE).unlink()
+    claim.require()
     # Two renames, so that at no time a half-deleted folder has the result's name.
     if out_dir.exists():
         out_dir.rename(retired)
     partial.rename(out_dir)
     shutil.rmtree(retired, ignore_errors=True)
+
+
+def _partial_dir(out_dir: Path, resumable: bool, claim: Claim) -> Path:
+    """Where a stage works.
+
+    Where another machine's process fell silent, it may wake up and write on in its folder.  Files
+    of a resumable stage are the same then; another stage gets a new folder.
+    """
+    for left in out_dir.parent.glob(f".{glob.escape(out_dir.name)}.{'[0-9a-f]' * 32}.partial"):
+        shutil.rmtree(left, ignore_errors=True)
+    if resumable or not claim.taken_over:
+        return out_dir.with_name(out_dir.name + ".partial")
+    shutil.rmtree(out_dir.with_name(out_dir.name + ".partial"), ignore_errors=True)
+    return out_dir.with_name(f".{out_dir.name}.{claim.record.token}.partial")
 
 
 def _is_stale(out_dir: Path, recipe: RecipeRecord, run: Run) -> bool:
@@ -229,6 +245,7 @@ def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
     return found
 
 
+@cache
 def _git_commit() -> str | None:
     """Commit of the checkout that gmrdata runs from, or None for an installed wheel."""
     here, git = Path(__file__).parents[2], shutil.which("git")

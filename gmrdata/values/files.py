@@ -5,11 +5,14 @@ import io
 import json
 import os
 import re
+import socket
 import threading
+import time
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -19,9 +22,10 @@ from numpy.typing import ArrayLike
 from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
 
 STAGE_FILE, RECIPE_FILE = "stage.json", "recipe.json"
-_BESIDE_A_STAGE = re.compile(r"\..+\.(lock|inputs)")
-_TEMPORARY_NAME = re.compile(r"\..+\.(?P<pid>\d+)-\d+\.tmp(\..*)?")
-"""What `atomic_path` calls the file that a process writes."""
+_BESIDE_A_STAGE = re.compile(r"\..+\.(lock|claim|inputs)")
+_TEMPORARY_NAME = re.compile(r"\..+\.(?P<host>[0-9a-f]{12})-(?P<pid>\d+)-\d+\.tmp(\..*)?")
+"""`temporary_name`: what the file is called that a process writes."""
+ORPHAN_AGE_S = 86400.0  # after which another machine's unfinished file has lost its process
 
 
 def sha256_of_file(path: Path) -> str:
@@ -50,8 +54,7 @@ def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file
 def atomic_path(path: Path) -> Iterator[Path]:
     """A temporary sibling of `path` to write to; it replaces `path` when the block ends well."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    unique = f"{os.getpid()}-{threading.get_ident()}"
-    temporary = path.with_name(f".{path.name}.{unique}.tmp{path.suffix}")
+    temporary = path.with_name(temporary_name(path) + path.suffix)
     try:
         yield temporary
         with temporary.open("rb") as stream:
@@ -61,12 +64,33 @@ def atomic_path(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def temporary_name(path: Path) -> str:
+    """Name of a sibling that no other thread, process or machine uses."""
+    return f".{path.name}.{host_word()}-{os.getpid()}-{threading.get_ident()}.tmp"
+
+
+@cache
+def host_word() -> str:
+    """12 hex digits for this machine, its boot and the namespace of its process numbers."""
+    parts = [socket.gethostname()]
+    with suppress(OSError):
+        parts.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+        parts.append(str(Path("/proc/self/ns/pid").readlink()))
+    return hashlib.sha256("/".join(parts).encode()).hexdigest()[:12]
+
+
 def remove_orphans(folder: Path) -> None:
     """Remove what `atomic_path` left right in a folder for processes that were killed."""
     for leftover in folder.glob(".*.tmp*"):
         written_by = _TEMPORARY_NAME.fullmatch(leftover.name)
-        if written_by and leftover.is_file() and not _is_running(int(written_by["pid"])):
+        if written_by and leftover.is_file() and _is_orphan(leftover, **written_by.groupdict()):
             leftover.unlink(missing_ok=True)
+
+
+def _is_orphan(path: Path, host: str, pid: str) -> bool:
+    if host == host_word():
+        return not _is_running(int(pid))
+    return time.time() - path.stat().st_mtime > ORPHAN_AGE_S
 
 
 def _is_running(pid: int) -> bool:

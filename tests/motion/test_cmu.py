@@ -71,7 +71,7 @@ def _fetch(server: Server, out: Path, *trials: str, **options: object) -> list[f
 
 
 def _names(out: Path) -> list[str]:
-    return sorted(path.name for path in out.iterdir() if path.name != ".fetch.lock")
+    return sorted(path.name for path in out.iterdir())
 
 
 DONE = ["02.asf", "02_03.amc", "SHA256SUMS", "fetched.json"]

@@ -36,11 +36,7 @@ def recipe(small_body: BodyModel, tmp_path: Path) -> SyntheticRecipe:
 
 
 def files(folder: Path) -> set[str]:
-    return {
-        path.relative_to(folder).as_posix()
-        for path in folder.rglob("*")
-        if path.is_file() and not path.name.endswith(".lock")
-    }
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
 def check_page(page: Path) -> None:

@@ -38,7 +38,7 @@ def fetch(server: Server, out: Path, redo: bool = False) -> list[Path]:
 
 
 def names(out: Path) -> list[str]:
-    return sorted(path.name for path in out.iterdir() if path.name != ".fetch.lock")
+    return sorted(path.name for path in out.iterdir())
 
 
 def test_the_command_fetches_once_and_says_where_they_are(

@@ -17,6 +17,7 @@ from gmrdata.stage.store import run_stage, stage_seconds
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
 from gmrdata.values.files import (
     atomic_path,
+    host_word,
     read_json,
     remove_orphans,
     sha256_of_file,
@@ -55,7 +56,7 @@ def made(out_dir: Path, work: Callable[[Path], None], config: Config | None = No
 
 
 def names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir() if not path.name.endswith(".lock"))
+    return sorted(path.name for path in folder.iterdir())
 
 
 def test_stage_is_complete_with_its_record(tmp_path: Path) -> None:
@@ -243,7 +244,7 @@ def wait_for(path: Path, process: subprocess.Popen[bytes]) -> None:
         time.sleep(0.01)
 
 
-def test_kill_9_leaves_no_result_and_no_lock(tmp_path: Path) -> None:
+def test_kill_9_leaves_no_result(tmp_path: Path) -> None:
     process = child(tmp_path, 60)
     wait_for(tmp_path / "working", process)
     process.send_signal(signal.SIGKILL)
@@ -329,7 +330,7 @@ def test_hash_of_a_folder_follows_names_and_contents_only(tmp_path: Path) -> Non
     write_text(folder / "x" / "1.txt", "one")
     before = sha256_of_path(folder)
     (folder / "stage.json").write_text("{}")
-    (folder / ".x.lock").touch()
+    (folder / ".x.claim").touch()
     os.utime(folder / "x" / "1.txt", (0, 0))
     assert sha256_of_path(folder) == before
     (folder / "x" / "1.txt").rename(folder / "x" / "2.txt")
@@ -348,7 +349,9 @@ def test_sha256_is_the_known_one(tmp_path: Path) -> None:
 
 def test_commit_without_git(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
+    store._git_commit.cache_clear()
     made(tmp_path / "out", Counter())
+    store._git_commit.cache_clear()
     assert read_json(tmp_path / "out" / "stage.json")["git_commit"] is None
     assert store.STAGE_FILE == "stage.json"
 
@@ -379,18 +382,23 @@ def test_arrays_on_a_disk_that_fills_up_end_with_an_error_and_no_file(tmp_path: 
 def test_only_what_killed_processes_left_is_removed(tmp_path: Path) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
-    orphan = tmp_path / f".index.html.{dead.pid}-140.tmp.html"
-    written_now = tmp_path / f".index.html.{os.getpid()}-140.tmp.html"
+    orphan = tmp_path / f".index.html.{host_word()}-{dead.pid}-140.tmp.html"
+    written_now = tmp_path / f".index.html.{host_word()}-{os.getpid()}-140.tmp.html"
+    elsewhere = tmp_path / f".index.html.{'0' * 12}-{dead.pid}-140.tmp.html"
+    given_up_elsewhere = tmp_path / f".index.html.{'1' * 12}-{os.getpid()}-140.tmp.html"
     users_own = tmp_path / ".notes.tmp"
-    for path in (orphan, written_now, users_own):
+    for path in (orphan, written_now, elsewhere, given_up_elsewhere, users_own):
         path.write_text("half a fi")
+    two_days_ago_s = time.time() - 2 * 86400
+    os.utime(given_up_elsewhere, (two_days_ago_s, two_days_ago_s))
     remove_orphans(tmp_path)
-    assert names(tmp_path) == sorted([written_now.name, users_own.name])
+    assert names(tmp_path) == sorted([written_now.name, elsewhere.name, users_own.name])
+    elsewhere.unlink()
     remove_orphans(tmp_path / "not there")
     # The name is the one that a killed process leaves.
     with pytest.raises(KeyboardInterrupt), atomic_path(tmp_path / "a.txt") as temporary:
         temporary.write_text("half")
-        (tmp_path / temporary.name.replace(str(os.getpid()), str(dead.pid))).write_text("half")
+        (tmp_path / temporary.name.replace(f"-{os.getpid()}-", f"-{dead.pid}-")).write_text("half")
         raise KeyboardInterrupt
     remove_orphans(tmp_path)
     assert names(tmp_path) == sorted([written_now.name, users_own.name])
