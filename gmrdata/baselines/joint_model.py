@@ -43,9 +43,9 @@ class JointModel(MotionNetwork):
         super().__init__(n_features, config.model)
         self.config = config
         self.n_features = n_features
-        hidden = config.model.hidden
-        self.motion = nn.Linear(hidden, rotations.SIZE[config.model.output] + 3)
-        self.pose = nn.Linear(hidden, N_LOCAL * rotations.SIZE["6d"])
+        n_latent = config.model.n_features
+        self.motion = nn.Linear(n_latent, rotations.SIZE[config.model.output] + 3)
+        self.pose = nn.Linear(n_latent, N_LOCAL * rotations.SIZE["6d"])
         self.register_buffer("feature_mean", torch.zeros(n_features))
         self.register_buffer("feature_scale", torch.ones(n_features))
         self.register_buffer("mean_pose", torch.tensor(rotations.IDENTITY["6d"]).repeat(N_LOCAL))

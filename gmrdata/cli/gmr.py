@@ -131,6 +131,7 @@ def infer(
     joint_map: flags.JointMap = None,
     bridge_frames: int = 0,
     which: Weights = "latest",
+    level: Literal["standing_feet", "first_pose"] = "standing_feet",
     video: bool = True,
     redo: flags.Redo = False,
 ) -> None:
@@ -145,6 +146,8 @@ def infer(
             goes on where it was.
         bridge_frames: Longest gap of a person's track that is filled [frames]; at longer ones a new
             motion begins, in a world of its own.
+        level: Take up and the floor from feet that stand, or begin as the paper does, with the
+            first pelvis upright at the origin.
         video: Whether to draw body.mp4, which takes longest.
     """
     from gmrdata.gmr.infer import RECORD_FILE, InferConfig, InferRecord, infer_world_motion
@@ -154,7 +157,9 @@ def infer(
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
     if bridge_frames < 0:
         raise BadRecipe(f"--bridge-frames {bridge_frames}: give 0 or more")
-    config = InferConfig(fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, video=video)
+    config = InferConfig(
+        fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, level=level, video=video
+    )
     path = flags.body_path(body)
     made = infer_world_motion(
         run, source, "anny" if path is None else str(path), out, config,

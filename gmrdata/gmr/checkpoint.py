@@ -13,10 +13,10 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import torch
-from pydantic import Field, ValidationError
+from pydantic import Field
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
@@ -28,6 +28,7 @@ from gmrdata.values.files import read_json, write_json, write_text
 from gmrdata.values.records import Config, Record
 
 STATE_FILE = "state.json"
+_REMEDY = "Give a run made by gmrdata, or train again"
 Weights = Literal["model", "average", "best"]  # what training goes on from, its average, the best
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -50,7 +51,7 @@ class BestScore(Config):
 class GmrState(StepState):
     """`state.json` of a GMR."""
 
-    format: Literal["gmrdata-gmr/2"] = "gmrdata-gmr/2"
+    format: Literal["gmrdata-gmr/3"] = "gmrdata-gmr/3"
     model: ModelConfig
     fps_hz: float = Field(gt=0)
     processes: int  # on which a step's windows depend
@@ -58,7 +59,7 @@ class GmrState(StepState):
     best: BestScore | None
 
 
-_FIRST_FORMAT = "gmrdata-gmr/1"
+_FORMER = ("gmrdata-gmr/1", "gmrdata-gmr/2")
 _FIRST_LEFT_OUT = {"processes": 1, "averaged": False, "best": None}  # where it did not apply
 State = TypeVar("State", bound=StepState)
 
@@ -165,15 +166,23 @@ def save_step(
 
 
 def read_state(folder: Path) -> GmrState:
-    """The `state.json` of a GMR's checkpoint, of the first version too."""
+    """The `state.json` of a GMR's checkpoint, of former versions too."""
     path = folder / STATE_FILE
     try:
         value = read_json(path)
-        if isinstance(value, dict) and value.get("format") == _FIRST_FORMAT:
-            return GmrState.model_validate(_FIRST_LEFT_OUT | value | {"format": GmrState.tag()})
-    except (MissingInput, BadRecord, ValidationError) as error:
-        raise BadCheckpoint(f"{path}: unreadable ({error}). Train again") from None
-    return read_step_state(folder, GmrState)
+        if isinstance(value, dict) and value.get("format") in _FORMER:
+            value = _brought_up(value)
+        return GmrState.of_value(path, value)
+    except (MissingInput, BadRecord) as error:
+        raise BadCheckpoint(f"{error}. {_REMEDY}") from None
+
+
+def _brought_up(value: dict[str, Any]) -> dict[str, Any]:
+    """A state of a former version as one of this: before 3, a network had no latent size."""
+    first = _FIRST_LEFT_OUT if value["format"] == _FORMER[0] else {}
+    model = value.get("model")
+    model = {"latent": None} | model if isinstance(model, dict) else model
+    return first | value | {"format": GmrState.tag(), "model": model}
 
 
 def read_step_state(folder: Path, kind: type[State]) -> State:
@@ -181,7 +190,7 @@ def read_step_state(folder: Path, kind: type[State]) -> State:
     try:
         return kind.read(folder / STATE_FILE)
     except (MissingInput, BadRecord) as error:
-        raise BadCheckpoint(f"{error}. Give a run made by gmrdata, or train again") from None
+        raise BadCheckpoint(f"{error}. {_REMEDY}") from None
 
 
 def read_model(folder: Path, which: Which = "latest") -> Gmr:

@@ -18,12 +18,19 @@ class NetworkConfig(Config):
     """Size of a network, and how it puts out a motion."""
 
     layers: int = Field(default=4, ge=1)  # bidirectional GRU layers; the paper's 4
-    hidden: int = Field(default=2048, ge=1)  # units per direction, and features; the paper's 2048
+    hidden: int = Field(default=2048, ge=1)  # units per direction; the paper's 2048
+    latent: int | None = Field(default=None, ge=1)
+    """Numbers of the latent feature F_i that the linear projection makes; None for as many as
+    `hidden`.  Fig. 4 has 2048; the paper doesn't say whether smaller GRUs (Table 9) have fewer."""
     output: Representation = "axis-angle"  # of dR; the paper's vector makes 6 outputs with dT
     dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
     """Share of features dropped between GRU layers and before the last; not the paper's."""
     output_scale: float = Field(default=1.0, gt=0.0)
     """Factor on the last layer's output; the paper's 1.  Motions at 10 fps are about 0.1 rad, m."""
+
+    @property
+    def n_features(self) -> int:
+        return self.hidden if self.latent is None else self.latent
 
 
 class ModelConfig(NetworkConfig):
@@ -52,7 +59,8 @@ class LossConfig(Config):
     """Eq. 10, 9 or 11.  The paper ends with chordal (its Table 2)."""
     reduction: Literal["mean", "sum"] = "mean"
     """`mean` over motions (and vertices), or `sum` as eqs. 9-14 are written and then the mean over
-    the windows of a batch, about which the paper says nothing."""
+    the windows of a batch, about which the paper says nothing.  The recipes of the paper say `sum`;
+    then one metre of translation weighs as much as one metre at one of the body's vertices."""
     n_vertices: int | None = Field(default=None, ge=1)
     """Vertices that the vertex term looks at, evenly spread over the body's list; None for all, as
     in the paper.  With `sum`, a subset is scaled up to the whole body."""
@@ -65,6 +73,9 @@ class WindowConfig(Config):
     fps_hz: float = Field(default=10.0, gt=0.0)  # of the network's input [Hz]; the paper's 10
     reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)
     """Share of windows played backwards: the paper's flip augmentation, which uses both kinds."""
+    all_phases: bool = True
+    """Whether a clip of k times the rate gives k sequences, each begun a frame later, or only the
+    first.  The paper samples "each sequence at a rate of 10 fps", plainly read: once."""
     mirror_probability: float = Field(default=0.0, ge=0.0, le=1.0)  # of left and right; paper: 0
     pose_noise_deg: float = Field(default=0.0, ge=0.0)
     """Root mean square angle of random turns of each joint, in the input alone [deg]; paper: 0."""
@@ -101,7 +112,8 @@ class StepsConfig(Config):
 
 
 class TrainConfig(StepsConfig):
-    """A training run; the defaults are the paper's (section 4.1) where it states one."""
+    """A training run; the defaults are the paper's (section 4.1) where it states one, but for the
+    loss's `reduction`: recipe `gmr` has the paper's."""
 
     model: ModelConfig = ModelConfig()
     loss: LossConfig = LossConfig()

@@ -11,7 +11,8 @@ which its ankle and its toe joint hardly move, the direction that points out of 
 side in the rest pose points up.  The geometric median of those directions (Weiszfeld 1937) is taken
 as up, so a few feet on their toes do not matter.  A motion in which no foot stands (swimming,
 lying) keeps the world in which the pelvis is upright in the first frame.  Last, standing soles are
-put on z = 0 (`gmrdata.motion.ground`).
+put on z = 0 (`gmrdata.motion.ground`).  The paper does none of this: its first pose is the identity
+(section 3.6), which is what `level: first_pose` gives, in a world with z up.
 """
 
 import re
@@ -95,7 +96,7 @@ _UP_IN_REST = np.array([0.0, 1.0, 0.0])
 
 
 def stand(motion: Motion, body: BodyModel) -> Motion:
-    """The same in a z-up world with the floor of its feet at z = 0, from above the origin on."""
+    """A motion in a z-up world with the floor of its feet at z = 0, from above the origin on."""
     up = up_of_standing_feet(motion, body)
     level_from_world, how = np.eye(3), "no foot stands still; up from the first pelvis"
     if up is not None:
@@ -136,6 +137,7 @@ def _geometric_median(points: np.ndarray) -> np.ndarray:
 
 
 RECORD_FILE = "infer.json"
+Level = Literal["standing_feet", "first_pose"]
 
 
 class NetworkUsed(Config):
@@ -161,10 +163,12 @@ class InferredMotion(Config):
 class InferRecord(Record):
     """`infer.json`."""
 
-    format: Literal["gmrdata-infer/1"] = "gmrdata-infer/1"
+    format: Literal["gmrdata-infer/2"] = "gmrdata-infer/2"
     poses: str  # name of the file of poses
     body: str
     model: NetworkUsed
+    level: Level
+    translation: Literal["pelvis"]  # what T is in the world; the paper's eq. 1 has SMPL's `trans`
     motions: dict[str, InferredMotion]  # by folder
     left_out: dict[str, str]  # runs of frames that are too short, and why
 
@@ -177,6 +181,9 @@ class InferConfig(Config):
     """Longest gap of a person's track that is filled, by slerp of the joints [frames].  At longer
     ones a new motion begins, with a world of its own."""
     which: Which = "latest"
+    level: Level = "standing_feet"
+    """Where the world is: level and on the floor by feet that stand, or as the paper has it, with
+    the first pelvis upright at the origin: G_1 is the identity, here turned from y up to z up."""
     video: bool = True  # of width x height, which takes longer to draw than all else
     width_px: int = Field(default=640, ge=64, le=4096)
     height_px: int = Field(default=480, ge=64, le=4096)
@@ -228,6 +235,8 @@ def infer_world_motion(
             poses=source.name,
             body=body.name,
             model=NetworkUsed(run=gmr.name, step=gmr.step, fps_hz=gmr.fps_hz),
+            level=config.level,
+            translation="pelvis",
             motions={name: _described(clip) for name, clip in worlds.items()},
             left_out=left_out,
         ).write(partial_dir / RECORD_FILE)
@@ -254,7 +263,8 @@ def _predict(
         if reason := _too_short(run.motion, gmr.fps_hz):
             left_out[name] = reason
             continue
-        world = stand(predict_at_source_rate(gmr, run.motion), body)
+        world = predict_at_source_rate(gmr, run.motion)
+        world = stand(world, body) if config.level == "standing_feet" else world
         worlds[name] = Clip(name, world, run.valid, run.image_numbers, None)
     if not worlds:
         name, reason = next(iter(left_out.items()))

@@ -30,7 +30,7 @@ class MotionNetwork(nn.Module):
             bidirectional=True,
             dropout=size.dropout if size.layers > 1 else 0.0,
         )
-        self.projection = nn.Linear(2 * size.hidden, size.hidden)
+        self.projection = nn.Linear(2 * size.hidden, size.n_features)
         self.dropout = nn.Dropout(size.dropout)
         identity = torch.tensor(rotations.IDENTITY[size.output])
         self.register_buffer("identity", identity, persistent=False)
@@ -68,9 +68,9 @@ class Gmr(MotionNetwork):
     def __init__(self, config: ModelConfig) -> None:
         super().__init__(input_size(config), config)
         self.config = config
-        self.regression = nn.Linear(config.hidden, rotations.SIZE[config.output] + 3)
-        self.turn_shares = _shares(config.rotation, config.hidden)
-        self.step_shares = _shares(config.translation, config.hidden)
+        self.regression = nn.Linear(config.n_features, rotations.SIZE[config.output] + 3)
+        self.turn_shares = _shares(config.rotation, config.n_features)
+        self.step_shares = _shares(config.translation, config.n_features)
 
     def forward(
         self,

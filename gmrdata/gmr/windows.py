@@ -85,12 +85,12 @@ def make_training_set(
     mix: Mix | None = None,
     pack_dir: Path | None = None,
 ) -> TrainingSet:
-    """Cut clips into runs at the network's frame rate, all phases, and compute their inputs once.
+    """Cut clips into runs at the network's frame rate, and compute their inputs once.
 
     The clips are gone through once and not kept, so they may come from disk one by one.  With
     `pack_dir`, the runs' arrays are files in that folder, mapped and not kept in memory.
     """
-    rows = _run_rows(clips, representation, config.fps_hz, mix)
+    rows = _run_rows(clips, representation, config, mix)
     about = PackRecord(input=representation, fps_hz=config.fps_hz)
     frames = in_memory(rows) if pack_dir is None else in_files(rows, pack_dir, about)
     if mix is None or mix.weights is None:
@@ -207,7 +207,7 @@ def _signed(poses: np.ndarray, representation: Representation) -> np.ndarray:
 
 
 def _run_rows(
-    clips: Iterable[Clip], representation: Representation, fps_hz: float, mix: Mix | None
+    clips: Iterable[Clip], representation: Representation, config: WindowConfig, mix: Mix | None
 ) -> Iterator[TrainingRun]:
     """The runs of the clips, one after the other."""
     parts = None if mix is None else np.repeat(np.arange(len(mix.sizes)), mix.sizes)
@@ -219,11 +219,11 @@ def _run_rows(
                 f"training clips are of different bodies ({body}, {clip.motion.body}), whose"
                 " shapes do not mix. Train on the clips of one body"
             )
-        for motion in runs_at(clip, fps_hz, all_phases=True):
+        for motion in runs_at(clip, config.fps_hz, all_phases=config.all_phases):
             n_runs += 1
             part = 0 if parts is None else int(parts[n_clips - 1])
             local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
             poses = network_input(local_rotmats, representation).float().numpy()
             yield TrainingRun(poses, motion.root_rotmats, motion.pelvis_m, motion.shape, part)
     if not n_runs:
-        raise no_runs(n_clips, "training", fps_hz, "Give manifests with longer clips")
+        raise no_runs(n_clips, "training", config.fps_hz, "Give manifests with longer clips")

@@ -95,9 +95,37 @@ def explanations(record: TableRecord) -> list[str]:
         f"Here: trained on {trained}; scored on {data.scored}.",
         *([f"Not trained on: subjects {held_out}."] if held_out else []),
         f"Scale {record.scale}. {record.note}".strip(),
+        *_paper_readings(record.rows),
         "± is the standard deviation over seeds. The data differ, so figures don't compare.",
         *(f"{row}: not made. It needs {'; '.join(what)}." for row, what in record.lacking.items()),
     ]
+
+
+def _paper_readings(rows: Sequence[TableRow]) -> list[str]:
+    """How the trainings take what the paper leaves open, as their settings say."""
+    lines = []
+    for part, key, words in _READINGS:
+        used = {_setting(row.settings, part, key) for row in rows if row.settings is not None}
+        lines += [text for value, text in words.items() if value in used]
+    return lines
+
+
+_READINGS: tuple[tuple[str, str, dict[JsonValue, str]], ...] = (
+    ("loss", "reduction", {
+        "sum": "The loss's terms are sums over motions and vertices, as eqs. 9-14 are written.",
+        "mean": "The loss's terms are means over motions and vertices, where eqs. 9-14 are sums.",
+    }),
+    ("windows", "all_phases", {
+        True: "Clips of a higher rate are trained on in all their phases at the network's rate.",
+        False: "Clips of a higher rate are trained on in one phase at the network's rate.",
+    }),
+)  # fmt: skip
+
+
+def _setting(settings: JsonValue, part: str, key: str) -> str | bool | None:
+    within = settings.get(part) if isinstance(settings, dict) else None
+    value = within.get(key) if isinstance(within, dict) else None
+    return value if isinstance(value, str | bool) else None
 
 
 def shown_rows(record: TableRecord) -> Table:

@@ -49,7 +49,11 @@ class Record(Config):
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read a record; BadRecord names file and key that are wrong."""
-        value = read_json(path)
+        return cls.of_value(path, read_json(path))
+
+    @classmethod
+    def of_value(cls, path: Path, value: Any) -> Self:
+        """The record that a file's JSON value stands for; errors as in `read`."""
         found = value.get("format") if isinstance(value, dict) else None
         require_tag(path, found, cls.tag())
         try:

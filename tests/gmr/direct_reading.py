@@ -61,4 +61,5 @@ def parameter_count(config: ModelConfig) -> int:
     encoder = sum(2 * (3 * h * (n + h) + 6 * h) for n in sizes)
     outputs = rotations.SIZE[config.output] + 3
     outputs += (N_LOCAL + 1) * (config.rotation, config.translation).count("standing_joint")
-    return encoder + (2 * h * h + h) + (h * outputs + outputs)
+    f = config.latent or h
+    return encoder + (2 * h * f + f) + (f * outputs + outputs)

@@ -218,6 +218,23 @@ def test_a_state_of_the_first_version_is_read(run_dir: Path) -> None:
         load_gmr(run_dir)
 
 
+def test_a_state_of_the_second_version_is_read(run_dir: Path) -> None:
+    """Its network had as many latent numbers as hidden units; whatever else it lacks is refused."""
+    path = checkpoint_dir(run_dir, 40) / "state.json"
+    state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/2"}
+    del state["model"]["latent"]
+    write_json(path, state)
+    assert load_gmr(run_dir).model.config == CONFIG
+    for key in ("averaged", "model"):
+        write_json(path, {name: value for name, value in state.items() if name != key})
+        with pytest.raises(BadCheckpoint, match=rf"state\.json: .*`{key}`"):
+            load_gmr(run_dir)
+    del state["model"]["output_scale"]
+    write_json(path, state)
+    with pytest.raises(BadCheckpoint, match=r"has no key `model\.output_scale`"):
+        load_gmr(run_dir)
+
+
 def test_no_checkpoint_and_a_pointer_to_nowhere(tmp_path: Path) -> None:
     with pytest.raises(MissingInput, match="no trained model"):
         load_gmr(tmp_path)

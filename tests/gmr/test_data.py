@@ -100,6 +100,13 @@ def test_clips_without_two_frames_are_refused() -> None:
         make_training_set([counting_clip(1, 10.0)], "quaternion", WindowConfig())
 
 
+def test_training_in_all_phases_or_in_the_first() -> None:
+    for all_phases, n_frames in ((True, [3, 3, 2]), (False, [3])):
+        config = WindowConfig(all_phases=all_phases)
+        training_set = make_training_set([counting_clip(8, 30.0)], "quaternion", config)
+        assert np.diff(training_set.frames.ends, prepend=0).tolist() == n_frames
+
+
 def test_bodies_do_not_mix() -> None:
     other = counting_clip(9, 10.0)
     other = replace(other, motion=replace(other.motion, body="large"))

@@ -22,7 +22,7 @@ from gmrdata.motion import local_poses as reader
 from gmrdata.pages.inference import draw_motion
 from gmrdata.read.bodies import save_body
 from gmrdata.stage.run import Run
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, load_clip, save_clip
 from gmrdata.values.errors import (
     BadCheckpoint,
@@ -116,6 +116,19 @@ def test_the_clip_is_what_python_predicts(
     np.testing.assert_allclose(steps_m @ found.motion.root_rotmats[0], expected.pelvis_m, atol=1e-6)
     np.testing.assert_allclose(found.motion.local_rotmats, run.motion.local_rotmats, atol=1e-9)
     assert np.array_equal(found.image_numbers, run.image_numbers)
+
+
+def test_the_papers_first_pose_is_kept_on_demand_and_recorded(
+    tmp_path: Path, run_dir: Path, body_path: Path
+) -> None:
+    path = write_vibe(tmp_path / "v.pkl", {0: vibe_person(40)})
+    config = QUICK.model_copy(update={"level": "first_pose"})
+    out = infer_world_motion(run_dir, path, str(body_path), tmp_path / "out", config)
+    found = load_clip(out / "person_0" / "clip.npz").motion
+    np.testing.assert_allclose(found.root_rotmats[0], WORLD_FROM_REST, atol=1e-12)
+    np.testing.assert_allclose(found.pelvis_m[0], 0.0, atol=1e-12)
+    record = read_json(out / "infer.json")
+    assert (record["level"], record["translation"]) == ("first_pose", "pelvis")
 
 
 def test_runs_have_a_folder_each_and_short_ones_are_said(
@@ -346,6 +359,8 @@ def test_each_key_of_the_record_is_needed(tmp_path: Path) -> None:
         poses="a.pkl",
         body="anny",
         model=stage.NetworkUsed(run="run", step=1, fps_hz=10.0),
+        level="standing_feet",
+        translation="pelvis",
         motions={"person_0": one},
         left_out={"person_1": "too short"},
     )

@@ -55,6 +55,16 @@ def test_the_papers_network() -> None:
     assert parameter_count(ModelConfig()) == first + 3 * other + behind == 261_289_990
 
 
+@pytest.mark.parametrize(("latent", "count"), [(None, 7_114_246), (2048, 8_697_862)])
+def test_table_9_with_a_latent_size_of_its_own(latent: int | None, count: int) -> None:
+    """2 / 512, with as many latent numbers as hidden units, and with the 2048 of Fig. 4."""
+    config = ModelConfig(layers=2, hidden=512, latent=latent)
+    model = Gmr(config)
+    assert sum(p.numel() for p in model.parameters()) == parameter_count(config) == count
+    assert model.projection.out_features == model.regression.in_features == (latent or 512)
+    assert model(torch.zeros(1, 3, 92))[1].shape == (1, 3, 3)
+
+
 @pytest.mark.parametrize("output", REPRESENTATIONS)
 def test_a_network_of_zeros_stands_still(output: Representation) -> None:
     model = Gmr(ModelConfig(layers=1, hidden=4, output=output))

@@ -46,6 +46,18 @@ def test_it_is_eq_2_as_4x4_matrices(pose: tuple[np.ndarray, np.ndarray]) -> None
 
 @settings(deadline=None)
 @given(poses)
+def test_the_pelvis_and_smpls_trans_have_the_same_motions(
+    pose: tuple[np.ndarray, np.ndarray],
+) -> None:
+    """T of eq. 1 is SMPL's `trans`, which the pelvis differs from by J0: the same in all frames."""
+    root_rotmats, pelvis_m = pose
+    rest_pelvis_m = np.array([0.002, -0.22, 0.03])
+    of_trans = deltas(root_rotmats, pelvis_m - rest_pelvis_m)
+    np.testing.assert_allclose(of_trans[1], deltas(root_rotmats, pelvis_m)[1], atol=1e-12)
+
+
+@settings(deadline=None)
+@given(poses)
 def test_accumulating_from_the_first_pose_gives_the_poses_back(
     pose: tuple[np.ndarray, np.ndarray],
 ) -> None:

@@ -11,6 +11,7 @@ from gmrdata.cli import main
 from gmrdata.gmr.config import DataConfig
 from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.runs import usable_clips
+from gmrdata.gmr.train import GmrRecipe
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.bodies import save_body
 from gmrdata.score.records import PaperMetrics
@@ -26,7 +27,7 @@ from gmrdata.tables.comparison import (
 )
 from gmrdata.tables.make import clip_figure, held_out_set, make_table
 from gmrdata.tables.plan import Given, folder_name, plan_table
-from gmrdata.tables.recipe import load_table, train_config
+from gmrdata.tables.recipe import joint_config, load_table, train_config
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest, BadRecipe, MissingInput
@@ -100,10 +101,38 @@ def test_rows_at_the_papers_scale_have_its_settings() -> None:
     assert (without.model.layers, without.model.hidden) == (4, 2048)
     assert (without.learning_rate, without.batch_size) == (5e-5, 32)
     assert without.windows.reverse_probability == 0.0
+    assert (without.loss.reduction, without.windows.all_phases) == ("sum", False)
     assert with_flip.windows.reverse_probability == 0.5
     vertex_alone = train_config(table3, table3.rows[0], "paper", 0, ()).loss
     assert (vertex_alone.vertex, vertex_alone.orientation) == (1.0, 0.0)
     assert (vertex_alone.translation, vertex_alone.smoothness) == (0.0, 0.0)
+
+
+def test_each_recipe_of_the_paper_sums_its_loss_or_says_that_it_does_not() -> None:
+    recipe = recipes.load_recipe(recipes.find_recipe("gmr"), GmrRecipe)
+    assert (recipe.train.loss.reduction, recipe.train.windows.all_phases) == ("sum", False)
+    for name in ("1", "2", "3", "4", "5", "6", "9", "10"):
+        table = load_table(name)
+        for scale, reduction in (("paper", "sum"), ("small", "mean")):
+            row = table.rows[-1]
+            for config in (
+                train_config(table, row, scale, 0, ()),
+                joint_config(table, row, scale, 0) if name == "10" else None,
+            ):
+                assert config is None or config.loss.reduction == reduction
+            assert ("means in the loss" in table.scales[scale].note) == (reduction == "mean")
+
+
+def test_table_9_has_both_latent_sizes() -> None:
+    table = load_table("9")
+    plan = plan_table(table, "paper", Given((Path("a.yaml"),), scored=Path("b.yaml")))
+    sizes = [
+        (config.model.layers, config.model.hidden, config.model.n_features)
+        for config in plan.trainings.values()
+    ]
+    nine = [(layers, hidden) for layers in (2, 3, 4) for hidden in (512, 1024, 2048)]
+    assert sizes[:9] == [(layers, hidden, hidden) for layers, hidden in nine]
+    assert sizes[9:] == [(layers, hidden, 2048) for layers, hidden in nine if hidden < 2048]
 
 
 def test_a_row_with_an_unknown_setting_is_refused_with_file_and_row(tmp_path: Path) -> None:
@@ -275,6 +304,8 @@ def test_a_table_from_the_command_line_and_again(
             "no motion at all",
         ]
     text = (out / "table2.md").read_text()
+    assert "means over motions and vertices, where eqs. 9-14 are sums." in text
+    assert "trained on in all their phases" in text
     assert "Paper: something larger." in text and "Scale small. Tiny." in text
     made = _written(out)
     assert tables() == said
