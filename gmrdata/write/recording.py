@@ -1,0 +1,221 @@
+"""People, cameras and frames as a recording for rerun's viewer (an `.rrd` file).
+
+A take is what one source says, such as "result" or "truth".  Entities, by path:
+
+    world                            z is up; metres
+    world/<take>                     Transform3D: from the take's own world to the shown one
+    world/<take>/camera              Transform3D world_from_cam; cleared where it is not known
+    world/<take>/camera/image        Pinhole, the same; EncodedImage: the frame's file as it is
+    world/<take>/camera/image/mask   SegmentationImage: 1 where something moves
+    world/<take>/points              Points3D that the cameras were found with
+    world/<take>/<person>/body       Mesh3D; cleared in frames without a pose
+    world/<take>/<person>/bones      LineStrips3D, from each joint's parent to the joint
+    world/<take>/<person>/joints     Points3D, 24 in SMPL's order
+    world/<take>/<person>/path       LineStrips3D: where the pelvis goes, in all frames
+
+Timelines are `frame`, the clip's row, and `time` from the first row on.  Frames and masks stand
+with the first take that has a camera.  Needs rerun-sdk: the extra `view`.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.read.frames import check_images, read_gray
+from gmrdata.values.body import PARENTS
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadFrames, MissingExtra
+from gmrdata.values.files import atomic_path
+from gmrdata.values.rows import text_runs
+from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from gmrdata.write.take import Performer, Take, check_take
+
+APPLICATION = "gmrdata"
+COLOURS = ((141, 171, 212), (236, 150, 90), (120, 190, 120), (190, 130, 200))
+"""Of the takes, in their order."""
+POSED_AT_ONCE = 32
+MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
+
+
+def write_recording(
+    path: Path,
+    takes: Sequence[Take],
+    *,
+    shown_from_world: Mapping[str, np.ndarray] | None = None,
+    images: Sequence[Path | None] = (),
+    masks: Sequence[Path | None] = (),
+) -> None:
+    """Write takes of the same T frames.
+
+    Args:
+        path: The .rrd file.
+        takes: With different names.
+        shown_from_world: Where a take's world lies in the shown one, (4, 4) by the take's name; at
+            its origin when left out.
+        images: The frame's .jpg or .png of each row, T of them; None for none.
+        masks: The mask of each row, 255 where something moves; None for none.
+    """
+    for take in takes:
+        check_take(path, take)
+    _check_frames(path, takes, images, masks)
+    with atomic_path(path) as temporary:
+        recording = _start(path, temporary)
+        try:
+            _log_takes(recording, takes, shown_from_world or {}, images, masks)
+        finally:
+            recording.flush()
+            recording.disconnect()
+
+
+def _check_frames(
+    path: Path,
+    takes: Sequence[Take],
+    images: Sequence[Path | None],
+    masks: Sequence[Path | None],
+) -> None:
+    lengths = {take.n_frames for take in takes} | {len(paths) for paths in (images, masks) if paths}
+    if len(lengths) > 1 or len({take.fps_hz for take in takes}) > 1:
+        raise BadFrames(f"{path}: takes, images and masks have other numbers or rates of frames")
+    files = [image for image in images if image is not None]
+    camera = next((take.camera for take in takes if take.camera is not None), None)
+    if not files or camera is None:
+        return
+    size_px, expected_px = check_images(files), (camera.width_px, camera.height_px)
+    if size_px != expected_px:
+        sizes = "{}x{} px, but the camera has {}x{} px".format(*size_px, *expected_px)
+        raise BadFrames(f"{files[0].parent}: images of {sizes}")
+
+
+def _start(path: Path, temporary: Path) -> Any:
+    try:
+        import rerun
+    except ImportError as error:
+        what = "Install the extra: pip install 'gmrdata[view]'"
+        raise MissingExtra(f"{path}: a recording needs rerun-sdk ({error}). {what}") from None
+    recording = rerun.RecordingStream(APPLICATION)
+    recording.save(str(temporary))
+    return recording
+
+
+def _log_takes(
+    recording: Any,
+    takes: Sequence[Take],
+    shown_from_world: Mapping[str, np.ndarray],
+    images: Sequence[Path | None],
+    masks: Sequence[Path | None],
+) -> None:
+    import rerun
+
+    recording.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    filmed = False
+    for number, take in enumerate(takes):
+        entity = f"world/{take.name}"
+        placed = shown_from_world.get(take.name, np.eye(4))
+        recording.log(entity, _transform(placed), static=True)
+        if len(take.points_m):
+            points = rerun.Points3D(take.points_m, colors=(150, 150, 150))
+            recording.log(f"{entity}/points", points, static=True)
+        for person in take.people:
+            colour = COLOURS[number % len(COLOURS)]
+            _log_person(recording, f"{entity}/{person.name}", person, colour)
+        if take.camera is not None:
+            files = ((), ()) if filmed else (images, masks)
+            _log_camera(recording, f"{entity}/camera", take.camera, take.fps_hz, *files)
+            filmed = True
+
+
+def _transform(a_from_b: np.ndarray) -> Any:
+    import rerun
+
+    return rerun.Transform3D(translation=a_from_b[:3, 3], mat3x3=a_from_b[:3, :3])
+
+
+def _at(recording: Any, row: int, fps_hz: float) -> None:
+    recording.set_time("frame", sequence=row)
+    recording.set_time("time", duration=row / fps_hz)
+
+
+def _clear(recording: Any, *entities: str) -> None:
+    """What was logged last would stay.  Rerun's reader takes no notice of a recursive Clear."""
+    import rerun
+
+    for entity in entities:
+        recording.log(entity, rerun.Clear(recursive=False))
+
+
+def _log_person(
+    recording: Any, entity: str, person: Performer, colour: tuple[int, int, int]
+) -> None:
+    import rerun
+
+    motion, body, fps_hz = person.motion, person.body, person.motion.fps_hz
+    joints_m, bones = motion_joints_m(body, motion), np.array(list(enumerate(PARENTS)))[1:]
+    faces = rerun.Mesh3D.from_fields(triangle_indices=body.faces, albedo_factor=colour)
+    recording.log(f"{entity}/body", faces, static=True)
+    runs = text_runs("here" if here else "" for here in person.shown)
+    path = rerun.LineStrips3D([motion.pelvis_m[a:b] for a, b, here in runs if here], colors=colour)
+    recording.log(f"{entity}/path", path, static=True)
+    for row in np.flatnonzero(~person.shown).tolist():
+        _at(recording, row, fps_hz)
+        _clear(recording, *(f"{entity}/{part}" for part in ("body", "joints", "bones")))
+    rows = np.flatnonzero(person.shown)
+    for start in range(0, len(rows), POSED_AT_ONCE):
+        now = rows[start : start + POSED_AT_ONCE]
+        posed_m = zip(now.tolist(), motion_vertices_m(body, motion, rows=now), strict=True)
+        for row, vertices_m in posed_m:
+            _at(recording, row, fps_hz)
+            normals = _normals(vertices_m, body.faces)
+            skin = rerun.Mesh3D.from_fields(vertex_positions=vertices_m, vertex_normals=normals)
+            lines = rerun.LineStrips3D(joints_m[row][bones], colors=colour)
+            recording.log(f"{entity}/body", skin)
+            recording.log(f"{entity}/joints", rerun.Points3D(joints_m[row], colors=colour))
+            recording.log(f"{entity}/bones", lines)
+
+
+def _normals(vertices_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(V, 3) sums of the neighbouring faces' normals by their area, of length 1."""
+    a, b, c = (vertices_m[faces[:, corner]] for corner in range(3))
+    of_faces = np.cross(b - a, c - a)
+    sums = np.stack(
+        [
+            np.bincount(faces.ravel(), np.repeat(of_faces[:, axis], 3), len(vertices_m))
+            for axis in range(3)
+        ],
+        axis=1,
+    )
+    return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)
+
+
+def _log_camera(
+    recording: Any,
+    entity: str,
+    camera: CameraPath,
+    fps_hz: float,
+    images: Sequence[Path | None],
+    masks: Sequence[Path | None],
+) -> None:
+    import rerun
+
+    pinhole = rerun.Pinhole(
+        image_from_camera=camera.intrinsics_px,
+        resolution=[camera.width_px, camera.height_px],
+        camera_xyz=rerun.ViewCoordinates.RDF,
+    )
+    size_px = (camera.width_px, camera.height_px)
+    for row in range(camera.n_frames):
+        _at(recording, row, fps_hz)
+        image, mask = images[row] if images else None, masks[row] if masks else None
+        if not camera.has_camera[row] or (images and not image) or (masks and not mask):
+            _clear(recording, entity, f"{entity}/image", f"{entity}/image/mask")
+        if camera.has_camera[row]:
+            recording.log(entity, _transform(camera.world_from_cam[row]))
+            recording.log(f"{entity}/image", pinhole)
+        if image is not None:
+            media_type = MEDIA_TYPES[image.suffix.lower()]
+            frame = rerun.EncodedImage(contents=image.read_bytes(), media_type=media_type)
+            recording.log(f"{entity}/image", frame)
+        if mask is not None:
+            classes = (read_gray(mask, size_px) > 127).astype(np.uint8)
+            recording.log(f"{entity}/image/mask", rerun.SegmentationImage(classes))
