@@ -93,6 +93,13 @@ def claimed(path: Path) -> Iterator[Claim]:
             console.print(f"waiting for {owner_in_words(path)}", markup=False, soft_wrap=True)
             said = True
         claim = try_claim(path)
+    with held(claim):
+        yield claim
+
+
+@contextmanager
+def held(claim: Claim) -> Iterator[Claim]:
+    """Show in the block that the owner lives; the claim is given back after it."""
     _HEART.add(claim)
     try:
         yield claim

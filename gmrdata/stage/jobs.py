@@ -11,8 +11,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, TypeVar
 
-from gmrdata.stage.progress import console, progress_bar
+from gmrdata.stage.claims import claimed
+from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
+from gmrdata.stage.shards import Marks, OthersLeft, Shard, marks_folder
 from gmrdata.stage.store import NotMade
 from gmrdata.values.errors import GmrdataError, StageFailed
 from gmrdata.values.files import write_text
@@ -51,6 +53,8 @@ class Job:
     arguments: Mapping[str, Any] = field(default_factory=dict)
     retries: int = 0
     """Further calls after a StageFailed: a crash may not come again, while bad input stays bad."""
+    weight: float = 1.0
+    """How much work it is beside the others, for sharing them out."""
 
 
 class Outcome(NamedTuple):
@@ -64,7 +68,14 @@ Units = tuple[int, Callable[[], int]] | None
 """What a progress bar counts instead of jobs: how many there will be, how many there are by now."""
 
 
-Pool = Callable[[], Any]  # gives a Dask client; the first call starts the workers
+@dataclass(frozen=True)
+class Pool:
+    """Who runs jobs."""
+
+    client: Callable[[], Any]  # gives a Dask client; the first call starts the workers
+    shard: Shard | None = None
+    here: bool = False
+    """Whether this process runs them one by one, without Dask: one of many shards."""
 
 
 def run_jobs(
@@ -82,21 +93,90 @@ def try_jobs(
     """Run every job on a `worker_pool`; the others go on where one fails.
 
     Jobs that have nothing left to make are done without a worker.  `failures_dir` gets one text
-    file with the reason for each job that failed.
+    file with the reason for each job that failed.  One shard of several raises OthersLeft when it
+    is done and others are not.
     """
-    results, reasons = _look_first(jobs), {}
-    if left := [job for job in jobs if job.id not in results]:
-        futures = _submit_and_wait(description, left, pool(), units)
-        for id, future in futures.items():
-            # Not by its status: a worker that dies now takes its results along, and Dask makes them
-            # again, for which these two wait.
-            error = future.exception()
-            if error is None:
-                results[id] = future.result()
-            else:
-                reasons[id] = _reason(error, future.traceback())
-    record_failures(failures_dir, reasons, results)
-    return Outcome({job.id: results[job.id] for job in jobs if job.id in results}, reasons)
+    if pool.shard is None:
+        return _in_order(jobs, _run_left(description, jobs, pool, failures_dir, units))
+    weights = {job.id: job.weight for job in jobs}
+    marks = Marks(marks_folder(failures_dir, description), pool.shard, weights)
+    by_id = {job.id: job for job in jobs}
+    with marks.working() as shares:
+        for ids in shares:
+            share = [by_id[id] for id in ids]
+            _run_left(description, share, pool, failures_dir, units, marks.folder)
+    ended, results = marks.ended(), _look_first(jobs)
+    failed = {id: failures_dir / f"{id}.txt" for id in ended - results.keys()}
+    reasons = {id: path.read_text() for id, path in failed.items() if path.is_file()}
+    if left := by_id.keys() - {*results, *reasons}:
+        raise OthersLeft(
+            f"{description}: {len(left)} of {len(jobs)} are left. Who finishes last writes the "
+            f"result, or `gmrdata merge` does.\n{marks.said(left)}"
+        )
+    marks.remove()
+    return _in_order(jobs, Outcome(results, reasons))
+
+
+def _in_order(jobs: Sequence[Job], outcome: Outcome) -> Outcome:
+    return Outcome(*({job.id: of[job.id] for job in jobs if job.id in of} for of in outcome))
+
+
+def _run_left(
+    description: str,
+    jobs: Sequence[Job],
+    pool: Pool,
+    failures_dir: Path,
+    units: Units,
+    claims_dir: Path | None = None,
+) -> Outcome:
+    """Run what is not made, and keep the reasons of what fails."""
+    made, new = _look_first(jobs), Outcome({}, {})
+    record_failures(failures_dir, {}, made)
+    if left := [job for job in jobs if job.id not in made]:
+        if pool.here and claims_dir is not None:
+            new = _one_by_one(description, left, claims_dir, failures_dir)
+        else:
+            new = _by_dask(description, left, pool, units)
+        record_failures(failures_dir, new.reasons, new.results)
+    return Outcome(made | new.results, new.reasons)
+
+
+def _by_dask(description: str, jobs: Sequence[Job], pool: Pool, units: Units) -> Outcome:
+    results, reasons = {}, {}
+    for id, future in _submit_and_wait(description, jobs, pool.client(), units).items():
+        # Not by its status: a worker that dies now takes its results along, and Dask makes them
+        # again, for which these two wait.
+        error = future.exception()
+        if error is None:
+            results[id] = future.result()
+        else:
+            reasons[id] = _reason(error, future.traceback())
+    return Outcome(results, reasons)
+
+
+MAX_DEATHS = 3  # processes that may die on a job before it counts as failed
+
+
+def _one_by_one(
+    description: str, jobs: Sequence[Job], claims_dir: Path, failures_dir: Path
+) -> Outcome:
+    """Run jobs in this process.  A claim on each keeps count of the processes that died on it."""
+    outcome = Outcome({}, {})
+    for job in track(jobs, description):
+        with claimed(claims_dir / f".{job.id}.claim") as claim:
+            if claim.record.deaths >= MAX_DEATHS:
+                outcome.reasons[job.id] = (
+                    f"{claim.record.deaths} processes died while they worked on it, as the system "
+                    "kills them when memory runs out. Run it again with more memory"
+                )
+                continue
+            try:
+                outcome.results[job.id] = _attempt(job)
+            except Exception as error:
+                outcome.reasons[job.id] = _reason(error, error.__traceback__)
+                # Kept now: this process may not live to the end of its share.
+                record_failures(failures_dir, {job.id: outcome.reasons[job.id]}, ())
+    return outcome
 
 
 def _look_first(jobs: Sequence[Job]) -> dict[str, Any]:
@@ -161,10 +241,13 @@ def raise_failures(
 def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:
     """Workers for `run_jobs`: local processes, or those of the cluster at `run.scheduler`.
 
-    `workers` is the number of local processes where the run names none.
+    `workers` is the number of local processes where the run names none.  One shard of several has
+    one process, this one, where the run names neither.
     """
     with ExitStack() as stack:
-        yield cache(lambda: stack.enter_context(_client(run, workers)))
+        client = cache(lambda: stack.enter_context(_client(run, workers)))
+        here = run.shard is not None and run.workers is None and run.scheduler is None
+        yield Pool(client, run.shard, here)
 
 
 @contextmanager
@@ -203,6 +286,10 @@ def _client(run: Run, workers: int) -> Iterator[Any]:
 def _call(job: Job) -> Any:
     """In the worker: its progress bars would write over those of the process that waits."""
     console.quiet = True
+    return _attempt(job)
+
+
+def _attempt(job: Job) -> Any:
     earlier: list[str] = []
     while True:
         try:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from gmrdata.stage.shards import Shard
 from gmrdata.values.errors import BadRecipe
 
 
@@ -13,6 +14,8 @@ class Run:
     workers: int | None = None  # local worker processes; as many as the recipe says when None
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:port); local processes when None."""
+    shard: Shard | None = None
+    """Which share of a batch this process works on; all of it when None."""
     only_look: bool = False
     """Make nothing: a stage that has work to do raises `gmrdata.stage.store.NotMade`."""
 

@@ -157,7 +157,7 @@ def test_no_scheduler_at_the_address_is_a_clear_error(monkeypatch: pytest.Monkey
         pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"),
         worker_pool(Run(scheduler="tcp://127.0.0.1:9")) as pool,
     ):
-        pool()
+        pool.client()
 
 
 def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path: Path) -> None:

@@ -1,0 +1,184 @@
+"""Shards: processes that share a folder do a batch together, once, whoever dies on the way."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gmrdata.stage import claims
+from gmrdata.stage.claims import ClaimRecord
+from gmrdata.stage.jobs import Job, Outcome, try_jobs, worker_pool
+from gmrdata.stage.run import Run
+from gmrdata.stage.shards import OthersLeft, Shard, shares
+from gmrdata.stage.store import run_stage
+from gmrdata.values.errors import BadFrames, BadRecipe, StageFailed
+from gmrdata.values.records import Config
+
+
+def make(out_dir: Path, log: Path, run: Run, wait_s: float = 0.0, poison: str = "") -> Path:
+    """A job: a stage that notes each call, waits, and may fail or kill its process."""
+
+    def work(partial_dir: Path) -> None:
+        with log.open("a") as stream:
+            stream.write(f"{out_dir.name}\n")
+        time.sleep(wait_s)
+        if poison == "fails":
+            raise BadFrames(f"{out_dir.name}: not an image")
+        if poison == "kills":
+            os.kill(os.getpid(), signal.SIGKILL)
+        (partial_dir / "a.txt").write_text(out_dir.name)
+
+    return run_stage("test", out_dir, Config(), {}, work, run=run)
+
+
+def batch(
+    root: Path,
+    shard: str,
+    count: int = 6,
+    wait_s: float = 0.0,
+    poison: dict[str, str] | None = None,
+) -> Outcome:
+    """A whole batch of `count` jobs as one shard of it."""
+    run = Run(shard=Shard.parse(shard))
+    poison = poison or {}
+    jobs = [
+        Job(
+            f"c{number}",
+            make,
+            {
+                "out_dir": root / f"c{number}",
+                "log": root / "log",
+                "run": run,
+                "wait_s": wait_s,
+                "poison": poison.get(f"c{number}", ""),
+            },
+        )
+        for number in range(count)
+    ]
+    with worker_pool(run) as pool:
+        return try_jobs("making things", jobs, pool, root / "failed")
+
+
+def child(root: Path, *arguments: object) -> subprocess.Popen[str]:
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from pathlib import Path\nfrom test_shards import batch\n"
+        "from gmrdata.stage.shards import OthersLeft\n"
+        f"try:\n    batch(Path({str(root)!r}), *{arguments!r})\n    print('whole')\n"
+        "except OthersLeft:\n    print('others left')\n"
+    )
+    return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+
+
+def made(root: Path) -> list[str]:
+    return sorted(path.parent.name for path in root.glob("*/stage.json"))
+
+
+@given(
+    st.dictionaries(st.text(max_size=8), st.floats(0.1, 100.0), max_size=60),
+    st.integers(1, 9),
+)
+def test_shares_are_disjoint_whole_and_even(weights: dict[str, float], count: int) -> None:
+    found = shares(weights, count)
+    assert sorted(id for ids in found.values() for id in ids) == sorted(weights)
+    loads = [sum(weights[id] for id in ids) for ids in found.values()]
+    assert max(loads) - min(loads) <= max(weights.values(), default=0.0) + 1e-9
+    assert found == shares(dict(reversed(weights.items())), count)
+
+
+@pytest.mark.parametrize("text", ["", "2", "5/4", "1/0", "a/b", "-1/2", "1/2/3", "1.0/2", "١/٢x"])
+def test_a_shard_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(BadRecipe, match="give it as 2/4"):
+        Shard.parse(text)
+
+
+def test_who_finishes_last_gets_the_whole(tmp_path: Path) -> None:
+    for shard in ("2/3", "3/3"):
+        with pytest.raises(OthersLeft, match=r"shard 1/3: 2 left, not begun"):
+            batch(tmp_path, shard)
+    outcome = batch(tmp_path, "1/3")
+    assert list(outcome.results) == [f"c{number}" for number in range(6)]
+    assert sorted((tmp_path / "log").read_text().split()) == list(outcome.results)
+    assert not (tmp_path / "shards").exists() and not outcome.reasons
+    # Any of them says so again, and works on nothing.
+    assert batch(tmp_path, "2/3") == outcome
+    assert len((tmp_path / "log").read_text().split()) == 6
+
+
+def test_failures_of_other_shards_are_known_to_the_last(tmp_path: Path) -> None:
+    poison = {"c0": "fails", "c5": "fails"}
+    with pytest.raises(OthersLeft):
+        batch(tmp_path, "1/2", poison=poison)
+    outcome = batch(tmp_path, "2/2", poison=poison)
+    assert list(outcome.results) == ["c1", "c2", "c3", "c4"]
+    assert outcome.reasons == {id: f"{id}: not an image" for id in poison}
+    # Mended, they are made by the shard that has them.
+    for shard in ("1/2", "2/2"):
+        try:
+            outcome = batch(tmp_path, shard)
+        except OthersLeft:
+            continue
+    assert len(outcome.results) == 6 and not outcome.reasons
+
+
+def test_a_killed_shard_is_taken_over(tmp_path: Path) -> None:
+    dies = child(tmp_path, "1/2", 6, 60.0)
+    deadline_s = time.monotonic() + 30
+    while not (tmp_path / "log").exists():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+    with pytest.raises(StageFailed, match=rf"worked on by another process \(process {dies.pid} on"):
+        batch(tmp_path, "1/2")
+    with pytest.raises(OthersLeft, match=f"shard 1/2: 3 left, process {dies.pid} on"):
+        batch(tmp_path, "2/2")
+    dies.kill()
+    dies.wait()
+    outcome = batch(tmp_path, "2/2")
+    assert len(outcome.results) == 6
+    assert made(tmp_path) == list(outcome.results)
+
+
+def test_a_job_that_kills_who_works_on_it_fails_in_the_end(tmp_path: Path) -> None:
+    """It must not take one shard after the other with it for ever."""
+    for _ in range(3):
+        assert child(tmp_path, "1/1", 3, 0.0, {"c1": "kills"}).wait() == -signal.SIGKILL
+    outcome = batch(tmp_path, "1/1", 3, poison={"c1": "kills"})
+    assert list(outcome.results) == ["c0", "c2"]
+    assert outcome.reasons["c1"].startswith("3 processes died while they worked on it")
+
+
+def test_a_shard_of_a_silent_machine_is_taken_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(claims, "SILENT_S", 0.5)
+    folder = tmp_path / "shards" / "making-things"
+    folder.mkdir(parents=True)
+    ClaimRecord(
+        token="f" * 32, host="0" * 12, machine="node7", pid=1, started="1", beats=3, deaths=0
+    ).write(folder / ".1-of-2.claim")
+    assert len(batch(tmp_path, "2/2").results) == 6
+
+
+def test_two_processes_share_the_work(tmp_path: Path) -> None:
+    both = [child(tmp_path, f"{index}/2", 8, 0.05) for index in (1, 2)]
+    said = sorted(process.communicate(timeout=60)[0].strip() for process in both)
+    assert said in (["others left", "whole"], ["whole", "whole"])
+    assert sorted((tmp_path / "log").read_text().split()) == [f"c{n}" for n in range(8)]
+
+
+def test_nothing_is_shared_by_nobody(tmp_path: Path) -> None:
+    """Shard 0 merges: it works on nothing, and takes over nothing."""
+    with pytest.raises(OthersLeft, match="6 of 6 are left"):
+        batch(tmp_path, "0/2")
+    with pytest.raises(OthersLeft):
+        batch(tmp_path, "1/2")
+    with pytest.raises(OthersLeft, match="3 of 6 are left"):
+        batch(tmp_path, "0/2")
+    batch(tmp_path, "2/2")
+    assert len(batch(tmp_path, "0/2").results) == 6
