@@ -59,7 +59,9 @@ def motions_if_standing(
 ) -> Float[Tensor, "*batch frames 23 6"]:
     """The root's motion if each joint stood still: dR (axis-angle) [rad], dT [m], times `SCALE`."""
     joints_m, root_from_joint = joints_in_root_frame(local_rotmats)
-    delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[..., 1:, :, :, :].mT
+    delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[
+        ..., 1:, :, :, :
+    ].transpose(-1, -2)
     moved_m = (delta_rotmats @ joints_m[..., 1:, :, :, None])[..., 0]
     delta_m = joints_m[..., :-1, :, :] - moved_m
     return _with_last(SCALE * torch.cat([rotations.log_map(delta_rotmats), delta_m], dim=-1))
@@ -92,7 +94,7 @@ def root_turn(
     shares: Float[Tensor, "*#batch joints 1"], root_from_joint: Float[Tensor, "*#batch joints 3 3"]
 ) -> Float[Tensor, "*batch 3 3"]:
     """dR: the mean, as axis-angle, of what each joint leaves to the root; none leaves no turn."""
-    turns = rotations.log_map(root_from_joint @ _next(root_from_joint).mT)
+    turns = rotations.log_map(root_from_joint @ _next(root_from_joint).transpose(-1, -2))
     return rotations.to_rotmats((shares * turns).sum(-2), "axis-angle")
 
 
@@ -102,7 +104,7 @@ def root_step_m(
     delta_rotmats: Float[Tensor, "*#batch 3 3"],
 ) -> Float[Tensor, "*batch 3"]:
     """dT [m]: the mean of what each joint leaves to the root; none leaves no step."""
-    return (shares * (places_m - _next(places_m) @ delta_rotmats.mT)).sum(-2)
+    return (shares * (places_m - _next(places_m) @ delta_rotmats.transpose(-1, -2))).sum(-2)
 
 
 def input_rotmats(

@@ -61,6 +61,7 @@ def continuous_in_time(
 ) -> Float[Tensor, "*batch frames joints 4"]:
     """Signs that never jump in time, w >= 0 in the first frame: q and -q are one rotation."""
     before, after = quaternions[..., :-1, :, :], quaternions[..., 1:, :, :]
-    steps = torch.where((after * before).sum(-1, keepdim=True) < 0, -1.0, 1.0).to(quaternions)
-    first = torch.where(quaternions[..., :1, :, :1] < 0, -1.0, 1.0).to(quaternions)
-    return quaternions * torch.cumprod(torch.cat([first, steps], dim=-3), dim=-3)
+    jumps = torch.cat([quaternions[..., :1, :, :1] < 0, (after * before).sum(-1, True) < 0], dim=-3)
+    # A sum, not a product of signs, since ONNX has no cumulative product.
+    is_odd = torch.cumsum(jumps.to(quaternions), dim=-3).remainder(2.0)
+    return quaternions * (1.0 - 2.0 * is_odd)

@@ -1,14 +1,10 @@
 """Writing a sequence file in 3DPW's layout, key for key, for twins and tests.
 
-The pickles are as Python 2 wrote 3DPW's own: protocol 2, byte strings, arrays.  They are made
-opcode by opcode (Python's `pickletools` describes them) and not by the pickle module: the bytes
-then hold nothing but containers, strings and arrays by construction, do not depend on the versions
-of Python and numpy, and need `encoding="latin1"` to be read, as the real files do.
+The pickles are as Python 2 wrote 3DPW's own: protocol 2, byte strings, arrays.  They need
+`encoding="latin1"` to be read, as the real files do.
 """
 
-import struct
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,10 +12,8 @@ from gmrdata.read.threedpw_arrays import GENDERS, SequenceArrays
 from gmrdata.read.threedpw_layout import SPLITS, SequenceFiles, require_name
 from gmrdata.values.errors import BadSequence
 from gmrdata.values.files import write_bytes
+from gmrdata.write.pickles import python2_pickle
 
-_ARRAY_TYPES = {"f8": "<", "f4": "<", "i8": "<", "u2": "<", "u1": "|", "b1": "|"}
-"""Byte order of each element type that is written."""
-_NO_FIELDS = b"NNN" + b"J\xff\xff\xff\xff" * 2 + b"K\x00"
 LETTERS = {name: letter for letter, name in GENDERS.items()}
 LARGEST_ID = (1 << 16) - 1  # 3DPW's `img_frame_ids` are uint16
 
@@ -79,55 +73,3 @@ def _content(arrays: SequenceArrays) -> dict[str, object]:
             raise BadSequence(f"{arrays.name}: only some people have {key}; give all or none")
         content |= {key: values} if n_given else {}
     return content
-
-
-def python2_pickle(value: Any) -> bytes:
-    """Pickle nested dicts, lists, Latin-1 strings, integers, and arrays of `_ARRAY_TYPES`."""
-    return b"\x80\x02" + _value(value) + b"."
-
-
-def _value(value: Any) -> bytes:
-    match value:
-        case np.ndarray():
-            return _array(value)
-        case str():
-            return _string(value.encode("latin1"))
-        case bool():
-            return b"\x88" if value else b"\x89"
-        case int():
-            return _integer(value)
-        case list():
-            return b"](" + b"".join(map(_value, value)) + b"e"
-        case dict():
-            items = (_value(key) + _value(item) for key, item in value.items())
-            return b"}(" + b"".join(items) + b"u"
-    raise ValueError(f"a {type(value).__name__} is no plain data")
-
-
-def _array(array: np.ndarray) -> bytes:
-    """`numpy.core.multiarray._reconstruct` with the array's state, as numpy 1 asked for it."""
-    code = array.dtype.str[1:]
-    if code not in _ARRAY_TYPES:
-        raise ValueError(f"an array of dtype {array.dtype} is not written")
-    order = _ARRAY_TYPES[code]
-    contiguous = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder(order))
-    empty = b"cnumpy\nndarray\n(K\x00t" + _string(b"b") + b"\x87R"
-    dtype = b"cnumpy\ndtype\n" + _string(code.encode()) + b"K\x00K\x01\x87R"
-    dtype += b"(K\x03" + _string(order.encode()) + _NO_FIELDS + b"tb"
-    shape = b"(" + b"".join(map(_integer, array.shape)) + b"t"
-    state = b"(K\x01" + shape + dtype + b"\x89" + _string(contiguous.tobytes()) + b"t"
-    return b"cnumpy.core.multiarray\n_reconstruct\n" + empty + state + b"b"
-
-
-def _string(data: bytes) -> bytes:
-    """A str of Python 2: bytes, whatever they mean."""
-    if len(data) >= 1 << 31:
-        raise ValueError(f"{len(data)} bytes are more than protocol 2 can hold in one string")
-    head = b"U" + bytes([len(data)]) if len(data) < 256 else b"T" + struct.pack("<i", len(data))
-    return head + data
-
-
-def _integer(value: int) -> bytes:
-    if not -(1 << 31) <= value < 1 << 31:
-        raise ValueError(f"the integer {value} is not written")
-    return b"K" + bytes([value]) if 0 <= value < 256 else b"J" + struct.pack("<i", value)

@@ -18,8 +18,8 @@ from gmrdata.threedpw.intrinsics_check import (
     estimate_focal,
     intrinsics_reason,
 )
+from gmrdata.threedpw.world_sequence import sequence_arrays
 from gmrdata.twins.faults import FaultConfig, KeypointConfig, dataset_side, detected_keypoints
-from gmrdata.twins.twin import sequence_arrays
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
@@ -64,7 +64,9 @@ def twin(
         for clip in clips
     ]
     faulty = dataset_side(clips, faults or FaultConfig(), rng)
-    arrays = sequence_arrays("walk_00", faulty, body, ["female", "male"][:people], points_px)
+    arrays = sequence_arrays(
+        "walk_00", faulty, [body] * people, ["female", "male"][:people], points_px
+    )
     images = SequenceImages((), WIDTH_PX, HEIGHT_PX, ("",) * N_FRAMES, 0)
     return Sequence3DPW(SequenceFiles(Path("3DPW"), "walk_00", "train"), arrays, images, ())
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gmrdata.read.threedpw_arrays import SequenceArrays
+from gmrdata.threedpw.world_sequence import sequence_arrays
 from gmrdata.twins.faults import FEWEST_JOINTS, KeypointConfig, detected_keypoints
-from gmrdata.twins.twin import sequence_arrays
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadSequence
@@ -84,5 +84,5 @@ def test_clips_that_are_no_sequence_are_refused(
     points_px = [np.zeros((30, 18, 3))] * 2
     with pytest.raises(BadSequence, match=rf"seq: clip walk\.p1 .*{said}"):
         sequence_arrays(
-            "seq", [walkers[0], change(walkers[1])], small_body, ["female", "male"], points_px
+            "seq", [walkers[0], change(walkers[1])], [small_body] * 2, ["female", "male"], points_px
         )

@@ -12,10 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gmrdata.read.safe_pickle import load_plain
 from gmrdata.read.threedpw_arrays import Person, SequenceArrays, read_sequence_file
 from gmrdata.values.errors import BadSequence
-from gmrdata.write.threedpw import python2_pickle, write_sequence, write_sequence_file
+from gmrdata.write.threedpw import write_sequence, write_sequence_file
 
 KEYS = {
     "sequence", "betas", "poses", "trans", "poses_60Hz", "trans_60Hz", "betas_clothed",
@@ -129,38 +128,6 @@ def test_the_same_arrays_give_the_same_bytes_and_no_half_file(
     two = write_sequence(tmp_path / "b", "train", walk_arrays).pickle_path
     assert one.read_bytes() == two.read_bytes()
     assert [path.name for path in one.parent.iterdir()] == [one.name]
-
-
-@settings(max_examples=80, deadline=None)
-@given(
-    value=st.recursive(
-        st.integers(-(1 << 31), (1 << 31) - 1)
-        | st.booleans()
-        | st.text(st.characters(max_codepoint=255), max_size=300)
-        | hnp.arrays(
-            st.sampled_from([np.float64, np.float32, np.uint16, np.uint8, np.bool_, ">f8"]),
-            hnp.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=4),
-            elements=st.sampled_from([0, 1]),
-        ),
-        lambda inner: st.lists(inner) | st.dictionaries(st.text("abc"), inner),
-        max_leaves=8,
-    )
-)
-def test_values_survive_for_both_readers(
-    value: object, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    path = tmp_path_factory.getbasetemp() / "value.pkl"
-    path.write_bytes(python2_pickle(value))
-    for found in (load_plain(path), pickle.loads(path.read_bytes(), encoding="latin1")):
-        np.testing.assert_equal(found, value)
-
-
-@pytest.mark.parametrize(
-    "value", [None, 1.5, (1,), {1, 2}, b"x", 1 << 40, np.array([None]), np.array(["x"]), "日"]
-)
-def test_nothing_else_is_written(value: object) -> None:
-    with pytest.raises(ValueError):
-        python2_pickle(value)
 
 
 @pytest.mark.parametrize(
