@@ -12,17 +12,18 @@ from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import write_motions
-from gmrdata.read.bodies import keep_body, load_body, read_body
+from gmrdata.read.bodies import keep_bodies, read_body
 from gmrdata.read.emdb import FPS_HZ, EmdbSequence, find_sequences, read_emdb
 from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values.bodies import SMPL, names_of, shape_on
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classify
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadBodyFile, MissingInput
+from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.records import Config, Record
 from gmrdata.values.rows import first_reasons
 from gmrdata.values.transforms import apply, invert, rigid
@@ -48,7 +49,7 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
     """
     has_pose = usable_rows(sequence.poses_rad, sequence.trans_m)
     has_camera = rigid_rows(sequence.cam_from_world)
-    shape = sequence.betas[: body.n_shape].copy()
+    shape = shape_on(body, sequence.betas)
     rotmats = smpl_rotmats(np.where(has_pose[:, None], sequence.poses_rad, np.nan))
     trans_m = np.where(has_pose[:, None], sequence.trans_m, np.nan)
     world_from_cam = np.full((sequence.n_frames, 4, 4), np.nan)
@@ -63,16 +64,15 @@ def sequence_clip(clip_id: str, sequence: EmdbSequence, body: BodyModel) -> Clip
 
 
 def body_of(sequence: EmdbSequence, bodies: Sequence[BodyModel]) -> BodyModel:
-    """SMPL's body of the sequence's gender, with no more shape coefficients than the file."""
-    wanted = f"smpl-{sequence.gender}"
-    fits = [b for b in bodies if b.name == wanted and b.n_shape <= len(sequence.betas)]
-    if not fits:
-        given = ", ".join(f"{b.name} with {b.n_shape} coefficients" for b in bodies) or "none"
-        raise BadBodyFile(
-            f"{sequence.name}: needs the body {wanted} with up to {len(sequence.betas)} shape"
-            f" coefficients, given: {given}. Give --body a folder with SMPL's models"
-        )
-    return fits[0]
+    """SMPL's body of the sequence's gender."""
+    wanted = f"{SMPL}{sequence.gender}"
+    for body in bodies:
+        if body.name == wanted:
+            return body
+    raise BadBodyFile(
+        f"{sequence.name}: needs the body {wanted}, given: {names_of(bodies) or 'none'}. Give"
+        " --body a folder with SMPL's models"
+    )
 
 
 class EmdbConfig(Config):
@@ -99,7 +99,7 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
     """
     out_dir = out_dir.resolve()
     sequence_paths = find_sequences(root)
-    body_paths = _keep_bodies(body, out_dir, run)
+    body_paths = keep_bodies(body, out_dir / "body", run=run)
     entries: dict[str, list[ClipEntry]] = {name: [] for name in DESCRIPTIONS}
     for path in track(sequence_paths, "reading EMDB's sequences"):
         folder = _make_sequence(path, body_paths, out_dir, run)
@@ -115,28 +115,12 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
     )
 
 
-def _keep_bodies(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
-    """Files of the given bodies by their names, kept beside the clips."""
-    given, bodies = Path(body), [body]
-    if given.is_dir():
-        bodies = [str(path) for path in sorted(given.iterdir()) if path.suffix in (".pkl", ".npz")]
-    if not bodies:
-        raise MissingInput(f"{given}: holds no SMPL models (.pkl or .npz)")
-    kept: dict[str, Path] = {}
-    for each in bodies:
-        name = load_body(each).name
-        if name in kept:
-            raise BadBodyFile(f"{given}: holds two files of the body {name}. Leave one there")
-        kept[name] = keep_body(each, out_dir / "body" / name, run=run)
-    return kept
-
-
 def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, run: Run) -> Path:
     name = path.stem.removesuffix("_data")
 
     def work(partial_dir: Path) -> None:
         sequence = read_emdb(path)
-        body = body_of(sequence, [read_body(kept) for kept in body_paths.values()])
+        body = body_of(sequence, [read_body(one) for one in body_paths.values()])
         clip = sequence_clip(name, sequence, body)
         save_clip(partial_dir / CLIP_FILE, clip, body.rest_pelvis_m(clip.motion.shape))
         tests = (
@@ -154,7 +138,8 @@ def _make_sequence(path: Path, body_paths: Mapping[str, Path], out_dir: Path, ru
 
 def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
     clip = load_clip(folder / CLIP_FILE)
-    rows, quality = clip.valid, None
+    rows = clip.valid
+    figures = {"emdb1": float(about.emdb1), "emdb2": float(about.emdb2)}
     camera_motion: MotionClass = "static"
     if rows.any():
         cameras, pelvis_m = camera_of(clip).world_from_cam[rows], clip.motion.pelvis_m[rows]
@@ -162,7 +147,7 @@ def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
         # The body's mean own axis from straight up: a wrong idea of where up is would show in it.
         axis = clip.motion.root_rotmats[rows, :, 1].mean(axis=0)
         tilt_deg = np.rad2deg(np.arccos(np.clip(axis[2] / np.linalg.norm(axis), -1.0, 1.0)))
-        quality = Quality(figures={"mean_tilt_deg": float(tilt_deg)})
+        figures["mean_tilt_deg"] = float(tilt_deg)
     return clip_entry(
         out_dir,
         clip_path=folder / CLIP_FILE,
@@ -170,6 +155,6 @@ def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
         licence=LICENCE,
         source=Source(dataset="EMDB", sequence=clip.id.replace("_", "/", 1)),
         dropped_reason=about.reasons,
-        quality=quality,
+        quality=Quality(figures=figures),
         recipe=stage_recipe(folder),
     )

@@ -1,21 +1,31 @@
 """Errors of a prediction of one clip, and of zero motion beside it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 
-from gmrdata.score import METHODS, METRICS, Method, Metric, WorldMetric
+from gmrdata.score import METHODS, METRICS, CameraMetric, Method, Metric, ProtocolMetric, SeenIn
 from gmrdata.score.predictions import PredictedClip, PredictedRun, World, still_motion
-from gmrdata.score.protocols import WorldBody, WorldPair, protocol_values
+from gmrdata.score.protocol_values import (
+    SeenBody,
+    WorldBody,
+    WorldPair,
+    accelerations_over_clips,
+    protocol_values,
+    values_together,
+)
 from gmrdata.score.records import Protocol
-from gmrdata.score.world_metrics import pooled
+from gmrdata.score.world_metrics import Points, pooled
 from gmrdata.values import motion_metrics
-from gmrdata.values.body import BodyModel, sole_vertices, with_vertices
+from gmrdata.values.body import PARENTS, BodyModel, sole_vertices, with_vertices
+from gmrdata.values.errors import BadRecipe
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
-from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
+from gmrdata.values.skinning import global_rotmats, motion_joints_m, motion_vertices_m
 
 SMPL_VERTICES = 6890
 SMPL_FEET = (3216, 3387, 6617, 6787)
@@ -46,10 +56,14 @@ class ClipErrors:
     over_time_mm: dict[Method, np.ndarray] = field(default_factory=dict)
     """Vertex error in each frame of the clip's longest run, whose first pose is the true one: (K,)
     by method [mm]."""
-    protocol: dict[Method, dict[WorldMetric, np.ndarray]] = field(default_factory=dict)
+    protocol: dict[Method, dict[ProtocolMetric, np.ndarray]] = field(default_factory=dict)
     """A protocol's samples: (n,) by method and metric; none without a protocol."""
     protocol_fps_hz: float | None = None  # rate of the protocol's frames [Hz], if there is one
     dropped_frames: int = 0
+    seen_in: SeenIn | None = None  # how it came into the camera's frame, if a protocol asked
+    subsets: tuple[str, ...] = ()  # named parts of the data set that it belongs to
+    pairs: dict[Method, list[WorldPair]] = field(default_factory=dict)
+    """What a protocol measures across clips, by method; none where it measures each alone."""
 
     @property
     def n_motions(self) -> int:
@@ -61,23 +75,88 @@ def clip_errors(
     body: BodyModel,
     protocol: Protocol | None = None,
     predicted_body: BodyModel | None = None,
+    regressor: np.ndarray | None = None,
 ) -> ClipErrors:
-    """Score a prediction of a clip; `predicted_body` has the true one's mesh, or is None for it."""
+    """Score a prediction of a clip.
+
+    A protocol that takes several clips together has its figures by `across_clips` alone.
+
+    Args:
+        predicted_body: Of the true one's mesh; None for the true one.
+        regressor: (J, V) which joints a protocol takes from posed meshes; None for the bodies' own.
+    """
     runs = [_run_errors(run, body, predicted_body) for run in clip.runs]
     errors = {
         method: {m: np.concatenate([run[method][m] for run in runs]) for m in METRICS}
         for method in METHODS
     }
     longest = max(runs, key=lambda run: len(run["predicted"]["over_time_mm"]))
-    return ClipErrors(
+    found = ClipErrors(
         clip.clip_id,
         clip.camera_motion,
         errors,
         over_time_mm={method: longest[method]["over_time_mm"] for method in METHODS},
-        protocol=_protocol(clip.worlds, protocol, body, predicted_body or body) if protocol else {},
-        protocol_fps_hz=clip.worlds[0][0].true.fps_hz if protocol else None,
         dropped_frames=clip.dropped_frames,
     )
+    if protocol is None:
+        return found
+    bodies = body, predicted_body or body
+    pairs = _pairs(clip, protocol, bodies, regressor)
+    across = protocol.people == "together" or protocol.gaps == "joined_over_clips"
+    return replace(
+        found,
+        protocol={method: _pooled_values(protocol, pairs[method]) for method in METHODS},
+        protocol_fps_hz=clip.worlds[0][0].true.fps_hz,
+        seen_in=_seen_in(clip.worlds, protocol) if _needs_camera(protocol) else None,
+        pairs=pairs if across else {},
+    )
+
+
+def across_clips(
+    scored: Sequence[ClipErrors], protocol: Protocol | None, videos: Mapping[str, str]
+) -> list[ClipErrors]:
+    """Clips with the figures that a protocol takes of several together; others are as they were.
+
+    `videos` says by a clip's id which video it is of.  Figures of several people of a video are in
+    its first clip.
+    """
+    if protocol is None or not scored:
+        return list(scored)
+    if protocol.people == "together":
+        return _of_videos(scored, protocol, videos)
+    if protocol.gaps != "joined_over_clips":
+        return list(scored)
+    found = [dict(one.protocol) for one in scored]
+    for method in METHODS:
+        tables = accelerations_over_clips(protocol, [one.pairs[method] for one in scored])
+        for clip, table in zip(found, tables, strict=True):
+            clip[method] = {**clip[method], **table}
+    return [replace(one, protocol=new, pairs={}) for one, new in zip(scored, found, strict=True)]
+
+
+def _of_videos(
+    scored: Sequence[ClipErrors], protocol: Protocol, videos: Mapping[str, str]
+) -> list[ClipErrors]:
+    by_video: dict[str, list[ClipErrors]] = {}
+    for one in scored:
+        if any(pair.frames is None for pair in one.pairs["predicted"]):
+            raise BadRecipe(
+                "--original people: a network's motions have no place in a video. Write its "
+                "predictions to files and score them with --predictions"
+            )
+        by_video.setdefault(videos.get(one.clip_id, one.clip_id), []).append(one)
+    nothing = {metric: np.zeros(0) for metric in protocol.metrics}
+    found = []
+    for clips in by_video.values():
+        values = {
+            method: values_together(protocol, [pair for one in clips for pair in one.pairs[method]])
+            for method in METHODS
+        }
+        empty = {method: dict(nothing) for method in METHODS}
+        for one in clips:
+            found.append(replace(one, protocol=values if one is clips[0] else empty, pairs={}))
+    by_id = {one.clip_id: one for one in found}
+    return [by_id[one.clip_id] for one in scored]
 
 
 def _run_errors(
@@ -96,31 +175,139 @@ def _run_errors(
     return found
 
 
-def _protocol(
-    worlds: Sequence[World], protocol: Protocol, body: BodyModel, predicted_body: BodyModel
-) -> dict[Method, dict[WorldMetric, np.ndarray]]:
-    with_feet = "foot_sliding_mm" in protocol.metrics
-    found: dict[Method, list[dict[WorldMetric, np.ndarray]]] = {method: [] for method in METHODS}
-    for world in worlds:
-        true = _world_body(body, [run.true for run in world], with_feet)
-        predicted = _world_body(predicted_body, [run.predicted for run in world], with_feet)
-        still = [still_motion(run.true, world[0].true) for run in world]
-        zero = _world_body(body, still, with_feet)
+def _pooled_values(
+    protocol: Protocol, pairs: Sequence[WorldPair]
+) -> dict[ProtocolMetric, np.ndarray]:
+    if protocol.people == "together":
+        return {metric: np.zeros(0) for metric in protocol.metrics}
+    parts = [protocol_values(protocol, pair) for pair in pairs]
+    return {metric: pooled([one[metric] for one in parts]) for metric in protocol.metrics}
+
+
+def _pairs(
+    clip: PredictedClip,
+    protocol: Protocol,
+    bodies: tuple[BodyModel, BodyModel],
+    regressor: np.ndarray | None,
+) -> dict[Method, list[WorldPair]]:
+    """What a protocol looks at, world by world: the true body's is the first of the bodies."""
+    found: dict[Method, list[WorldPair]] = {method: [] for method in METHODS}
+    for world in clip.worlds:
+        true = _whole([run.true for run in world])
+        predicted = _whole([run.predicted for run in world])
+        still = _whole([still_motion(run.true, world[0].true) for run in world])
         edges = np.cumsum([0, *(run.true.n_frames for run in world)]).tolist()
-        for method, one in zip(METHODS, (predicted, zero), strict=True):
-            pair = WorldPair(one, true, tuple(pairwise(edges)), world[0].true.fps_hz)
-            found[method].append(protocol_values(protocol, pair))
-    return {
-        method: {metric: pooled([one[metric] for one in parts]) for metric in protocol.metrics}
-        for method, parts in found.items()
-    }
+        numbers = [run.frames for run in world if run.frames is not None]
+        frames = np.concatenate(numbers) if len(numbers) == len(world) else None
+        seen = _needs_camera(protocol) and _seen_in([world], protocol) is not None
+        true_body, its_body = bodies
+        cameras = _cameras(world, true, predicted)
+        truth = _world_body(true_body, true, protocol, regressor)
+        true_seen = _seen_body(true_body, true, cameras[0], regressor)
+        for method, one, body, camera in (
+            ("predicted", predicted, its_body, cameras[1]),
+            ("zero", still, true_body, cameras[0]),
+        ):
+            pair = WorldPair(
+                _world_body(body, one, protocol, regressor),
+                truth,
+                tuple(pairwise(edges)),
+                true.fps_hz,
+                (_seen_body(body, one, camera, regressor), true_seen) if seen else None,
+                clip.camera_paths_m if method == "predicted" else None,
+                frames,
+                clip.n_video_frames,
+            )
+            found[method].append(pair)  # type: ignore[index]  # mypy takes the names for str
+    return found
 
 
-def _world_body(body: BodyModel, motions: Sequence[Motion], with_feet: bool) -> WorldBody:
-    root_rotmats = np.concatenate([motion.root_rotmats for motion in motions])
-    feet_m = np.zeros((len(root_rotmats), 0, 3))
-    if with_feet:
+def _needs_camera(protocol: Protocol) -> bool:
+    in_camera = set(get_args(CameraMetric)) & set(protocol.metrics)
+    return bool(in_camera) or protocol.jitter == "camera_from_pelvis"
+
+
+def _seen_in(worlds: Sequence[World], protocol: Protocol) -> SeenIn | None:
+    runs = [run for world in worlds for run in world]
+    if all(run.true_cam_rotmats is not None for run in runs):
+        if all(run.predicted_cam_rotmats is not None for run in runs):
+            return "own_camera"
+        return "true_camera" if protocol.camera == "any" else None
+    return "world" if protocol.camera == "any" else None
+
+
+def _cameras(world: World, true: Motion, predicted: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """cam_from_world rotations (T, 3, 3) of the truth, and for the prediction's own world.
+
+    A prediction without a camera is turned so that its first orientation is the true one.  A truth
+    without one is looked at as it is in the world.
+    """
+    seen = [run.true_cam_rotmats for run in world if run.true_cam_rotmats is not None]
+    own = [run.predicted_cam_rotmats for run in world if run.predicted_cam_rotmats is not None]
+    has_true = len(seen) == len(world)
+    of_true = np.concatenate(seen) if has_true else np.tile(np.eye(3), (true.n_frames, 1, 1))
+    if has_true and len(own) == len(world):
+        return of_true, np.concatenate(own)
+    true_from_predicted = true.root_rotmats[0] @ predicted.root_rotmats[0].T
+    return of_true, of_true @ true_from_predicted
+
+
+def _whole(motions: Sequence[Motion]) -> Motion:
+    """Runs of one motion, one behind the other."""
+    return replace(
+        motions[0],
+        local_rotmats=np.concatenate([one.local_rotmats for one in motions]),
+        root_rotmats=np.concatenate([one.root_rotmats for one in motions]),
+        pelvis_m=np.concatenate([one.pelvis_m for one in motions]),
+    )
+
+
+def _world_body(
+    body: BodyModel, motion: Motion, protocol: Protocol, regressor: np.ndarray | None
+) -> WorldBody:
+    feet_m = np.zeros((motion.n_frames, 0, 3))
+    if "foot_sliding_mm" in protocol.metrics:
         feet = with_vertices(body, np.array(foot_vertices(body)))
-        feet_m = np.concatenate([motion_vertices_m(feet, one) for one in motions]).astype(float)
-    joints_m = np.concatenate([motion_joints_m(body, motion) for motion in motions])
-    return WorldBody(root_rotmats, joints_m, feet_m)
+        feet_m = motion_vertices_m(feet, motion).astype(float)
+    if regressor is None:
+        joints_m = motion_joints_m(body, motion)
+    else:
+        # From the pelvis, since vertices far from the origin have few digits.
+        at_origin = replace(motion, pelvis_m=np.zeros_like(motion.pelvis_m))
+        joints_m = _regressed_m(body, at_origin, regressor) + motion.pelvis_m[:, None]
+    return WorldBody(motion.root_rotmats, joints_m, feet_m)
+
+
+def _seen_body(
+    body: BodyModel, motion: Motion, cam_rotmats: np.ndarray, regressor: np.ndarray | None
+) -> SeenBody:
+    """A body in the axes of a camera (T, 3, 3), with its pelvis at the origin."""
+    seen = replace(
+        motion,
+        root_rotmats=cam_rotmats @ motion.root_rotmats,
+        pelvis_m=np.zeros_like(motion.pelvis_m),
+        frame="camera",
+    )
+    if regressor is None:
+        joints_m = motion_joints_m(body, seen)
+    else:
+        joints_m = _regressed_m(body, seen, regressor)
+    rotmats = global_rotmats(PARENTS, seen.rotmats)
+    vertices_m = partial(_vertices_m, body, seen)
+    return SeenBody(joints_m, rotmats, body.rest_pelvis_m(motion.shape), vertices_m)
+
+
+def _vertices_m(body: BodyModel, motion: Motion, rows: slice) -> Points:
+    return motion_vertices_m(body, motion, rows).astype(float)
+
+
+def _regressed_m(body: BodyModel, motion: Motion, regressor: np.ndarray) -> Points:
+    """Joints (T, J, 3) of posed meshes [m], a chunk of frames at a time."""
+    length = max(1, motion_metrics.CHUNK_BYTES // (len(body.template_m) * 24))
+    parts = []
+    for start in range(0, motion.n_frames, length):
+        rows = slice(start, min(start + length, motion.n_frames))
+        parts.append(
+            np.einsum("jv,tvd->tjd", regressor, _vertices_m(body, motion, rows), optimize=True)
+        )
+    return np.concatenate(parts)

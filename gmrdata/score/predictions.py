@@ -1,12 +1,14 @@
 """Predictions beside their truth, whoever predicted: a trained network, or files in a folder."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmrdata.gmr.runs import UsableClip, runs_at
+from gmrdata.gmr.runs import MIN_FRAMES, UsableClip, runs_at
+from gmrdata.motion.resample import valid_runs
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.motion import Motion, whole_ratio
@@ -22,6 +24,10 @@ class PredictedRun:
 
     true: Motion
     predicted: Motion  # the same frames at the same rate, in a world of the prediction's own
+    true_cam_rotmats: np.ndarray | None = None  # (T, 3, 3) cam_from_world of the truth
+    predicted_cam_rotmats: np.ndarray | None = None
+    """(T, 3, 3) the same of the prediction's own camera and world; None where it has none."""
+    frames: np.ndarray | None = None  # (T,) number of each frame in the video, from 0
 
 
 World = tuple[PredictedRun, ...]  # runs, in the order of time, whose predictions share one world
@@ -36,6 +42,9 @@ class PredictedClip:
     runs: tuple[PredictedRun, ...]  # for OME, TME, VME and vertex error over time, at their rate
     worlds: tuple[World, ...]  # for a protocol, at the prediction's own rate
     dropped_frames: int = 0  # valid frames, at the prediction's rate, without a prediction
+    camera_paths_m: tuple[np.ndarray, np.ndarray] | None = None
+    """(N, 3) the prediction's own camera and the true one, in the frames that both have [m]."""
+    n_video_frames: int = 0  # frames of the video at the rate of `worlds`
 
 
 def still_motion(true: Motion, first: Motion) -> Motion:
@@ -47,7 +56,9 @@ def still_motion(true: Motion, first: Motion) -> Motion:
     )
 
 
-def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> PredictedClip | str:
+def network_clip(
+    gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool, smoothing_frames: float = 0.0
+) -> PredictedClip | str:
     """What a network sees in runs of valid frames, from their true first poses; or why nothing."""
     from gmrdata.gmr.predict import predict_deltas
 
@@ -59,7 +70,13 @@ def network_clip(gmr: "TrainedGmr", one: UsableClip, *, all_phases: bool) -> Pre
         runs.append(PredictedRun(true, predicted))
     if not runs:
         return f"no two valid frames in a row at {gmr.fps_hz:g} fps"
-    return PredictedClip(one.clip.id, one.camera_motion, tuple(runs), tuple((run,) for run in runs))
+    rows = _rows_of_runs(one.clip, gmr.fps_hz, all_phases=all_phases)
+    cameras = _cam_rotmats(one.clip, rows)
+    worlds = tuple(
+        (replace(run, predicted=_smoothed(run.predicted, smoothing_frames), true_cam_rotmats=seen),)
+        for run, seen in zip(runs, cameras, strict=True)
+    )
+    return PredictedClip(one.clip.id, one.camera_motion, tuple(runs), worlds)
 
 
 def file_clip(
@@ -68,18 +85,22 @@ def file_clip(
     fps_hz: float,
     *,
     protocol_fps_hz: float | None = None,
+    smoothing_frames: float = 0.0,
     all_phases: bool = False,
     drop_missing: bool = False,
 ) -> PredictedClip | str:
     """A clip beside `<clip id>.npz` of a folder; the reason where there is no prediction.
 
-    The file is a clip as `save_clip` writes it, in a world of its own.  Its row i is the truth's
-    row i, or row k i where the truth's rate is k times the prediction's.
+    The file is a clip as `save_clip` writes it, in a world of its own, or in the camera's frame:
+    then its own camera puts it into the world, or the truth's where it has none.  Its row i is the
+    truth's row i, or row k i where the truth's rate is k times the prediction's.
 
     Args:
         fps_hz: Rate of OME, TME and VME [Hz].
         protocol_fps_hz: Rate of a protocol's figures [Hz], which is taken where the prediction's is
             a multiple of it; the prediction's own otherwise.
+        smoothing_frames: Standard deviation of the Gaussian that smooths the predicted path for a
+            protocol first, in frames of its rate; 0 for none.
         drop_missing: Whether clips and true frames without a prediction are dropped, the frames
             counted; they are an error otherwise.
     """
@@ -93,8 +114,33 @@ def file_clip(
         raise BadMotionFile(
             f"{folder}: {reason}. Predict this clip too, or pass --missing drop to leave it out"
         )
-    predicted = load_clip(path)
+    return clip_beside_truth(
+        path,
+        load_clip(path),
+        one,
+        fps_hz,
+        protocol_fps_hz=protocol_fps_hz,
+        smoothing_frames=smoothing_frames,
+        all_phases=all_phases,
+        drop_missing=drop_missing,
+    )
+
+
+def clip_beside_truth(
+    path: Path,
+    predicted: Clip,
+    one: UsableClip,
+    fps_hz: float,
+    *,
+    protocol_fps_hz: float | None = None,
+    smoothing_frames: float = 0.0,
+    all_phases: bool = False,
+    drop_missing: bool = False,
+) -> PredictedClip | str:
+    """A predicted clip beside the true one, as `file_clip` says; `path` is of its file."""
     true = _at_its_rate(path, predicted, one.clip)
+    paths_m = _camera_paths(predicted, true)
+    whole = predicted = _in_world(path, predicted, true)
     true, predicted, n_missing = _with_both(path, true, predicted, drop_missing=drop_missing)
     runs = _paired(true, predicted, fps_hz, all_phases=all_phases)
     if not runs:
@@ -102,8 +148,20 @@ def file_clip(
     world_hz = predicted.motion.fps_hz
     if protocol_fps_hz is not None and whole_ratio(world_hz, protocol_fps_hz) is not None:
         world_hz = protocol_fps_hz
-    world = _paired(true, predicted, world_hz, all_phases=False)
-    return PredictedClip(one.clip.id, one.camera_motion, runs, (world,), n_missing)
+    if smoothing_frames > 0:
+        whole = _smoothed_clip(whole, smoothing_frames * whole.motion.fps_hz / world_hz)
+        predicted = _first_rows(whole, str(path), predicted.valid)
+    numbers = _frame_numbers(one.clip, world_hz)
+    world = _world(true, predicted, world_hz, numbers)
+    return PredictedClip(
+        one.clip.id,
+        one.camera_motion,
+        runs,
+        (world,),
+        n_missing,
+        paths_m,
+        int(numbers[-1]) + 1,
+    )
 
 
 def every_row(valid: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
@@ -137,10 +195,6 @@ def _at_its_rate(path: Path, predicted: Clip, true: Clip) -> Clip:
         raise BadMotionFile(
             f"{path}: holds clip {predicted.id}. Name each file by the id of its clip"
         )
-    if predicted.motion.frame != "world":
-        raise BadMotionFile(
-            f"{path}: its motion is in the camera's frame. Give predictions in the world"
-        )
     step = whole_ratio(true.motion.fps_hz, predicted.motion.fps_hz)
     if step is None:
         raise BadMotionFile(
@@ -155,12 +209,117 @@ def _at_its_rate(path: Path, predicted: Clip, true: Clip) -> Clip:
         )
     rows, valid = every_row(true.valid, step)
     motion = true.motion.take(slice(0, None, step), true.motion.fps_hz / step)
-    return replace(true, motion=motion, valid=valid, image_numbers=rows, camera=None)
+    camera = None if true.camera is None else true.camera.at_rows(rows)
+    return replace(true, motion=motion, valid=valid, image_numbers=rows, camera=camera)
+
+
+def _in_world(path: Path, predicted: Clip, true: Clip) -> Clip:
+    """A prediction in the camera's frame, in its own camera's world, or else in the truth's."""
+    motion, n = predicted.motion, predicted.motion.n_frames
+    if motion.frame == "world":
+        return predicted
+    camera = predicted.camera or (None if true.camera is None else true.camera.at_rows(slice(n)))
+    if camera is None:
+        raise BadMotionFile(
+            f"{path}: its motion is in the camera's frame, and neither it nor the clip has a "
+            "camera. Give a prediction in the world, or one with its camera"
+        )
+    rotmats, places_m = camera.world_from_cam[:, :3, :3], camera.world_from_cam[:, :3, 3]
+    pelvis_m = (rotmats @ motion.pelvis_m[..., None])[..., 0] + places_m
+    in_world = replace(
+        motion, root_rotmats=rotmats @ motion.root_rotmats, pelvis_m=pelvis_m, frame="world"
+    )
+    return replace(
+        predicted, motion=in_world, valid=predicted.valid & camera.has_camera, camera=camera
+    )
+
+
+def _camera_paths(predicted: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray] | None:
+    """The prediction's own camera and the true one in the frames that both have, if three do."""
+    if predicted.camera is None or true.camera is None:
+        return None
+    n = predicted.camera.n_frames
+    both = predicted.camera.has_camera & true.camera.has_camera[:n]
+    if both.sum() < 3:
+        return None
+    return predicted.camera.centres_world_m[both], true.camera.centres_world_m[:n][both]
 
 
 def _first_rows(clip: Clip, name: str, valid: np.ndarray) -> Clip:
     n = len(valid)
-    return Clip(name, clip.motion.take(slice(0, n)), valid, np.full(n, -1), None)
+    camera = None if clip.camera is None else clip.camera.at_rows(slice(0, n))
+    return Clip(name, clip.motion.take(slice(0, n)), valid, clip.image_numbers[:n], camera)
+
+
+def _frame_numbers(clip: Clip, fps_hz: float) -> np.ndarray:
+    """Numbers of a clip's rows among the video's frames at a rate of which its own is a multiple.
+
+    They are those of its images, or of its rows where it has none.
+    """
+    numbers, step = clip.image_numbers, whole_ratio(clip.motion.fps_hz, fps_hz) or 1
+    if (numbers < 0).any():
+        numbers = np.arange(len(numbers))
+    return np.asarray(numbers[::step] // step)
+
+
+def _world(true: Clip, predicted: Clip, fps_hz: float, numbers: np.ndarray) -> World:
+    """The runs of one world, with their cameras and `numbers` of the frames at its rate."""
+    runs = _paired(true, predicted, fps_hz, all_phases=False)
+    rows = _rows_of_runs(true, fps_hz, all_phases=False)
+    cameras = zip(_cam_rotmats(true, rows), _cam_rotmats(predicted, rows), strict=True)
+    # The numbers are of every step-th row from the first one on.
+    step = whole_ratio(true.motion.fps_hz, fps_hz) or 1
+    return tuple(
+        replace(
+            run,
+            true_cam_rotmats=true_camera,
+            predicted_cam_rotmats=own_camera,
+            frames=numbers[of_run // step],
+        )
+        for run, of_run, (true_camera, own_camera) in zip(runs, rows, cameras, strict=True)
+    )
+
+
+def _rows_of_runs(clip: Clip, fps_hz: float, *, all_phases: bool) -> list[np.ndarray | None]:
+    """Rows of each of the runs that `runs_at` takes; None for runs that are resampled."""
+    step = whole_ratio(clip.motion.fps_hz, fps_hz)
+    if step is None:
+        return [None for _ in runs_at(clip, fps_hz, all_phases=all_phases)]
+    phases = range(step if all_phases else 1)
+    rows = [
+        np.arange(start + phase, stop, step)
+        for start, stop in valid_runs(clip.valid)
+        for phase in phases
+    ]
+    return [one for one in rows if len(one) >= MIN_FRAMES]
+
+
+def _cam_rotmats(clip: Clip, rows_of_runs: Sequence[np.ndarray | None]) -> list[np.ndarray | None]:
+    """cam_from_world rotations (T, 3, 3) of each run; None for all unless all frames have one."""
+    known = [rows for rows in rows_of_runs if rows is not None]
+    camera = clip.camera
+    has_all = camera is not None and all(camera.has_camera[rows].all() for rows in known)
+    if camera is None or not has_all or len(known) < len(rows_of_runs):
+        return [None for _ in rows_of_runs]
+    return [np.swapaxes(camera.world_from_cam[rows, :3, :3], 1, 2) for rows in known]
+
+
+def _smoothed_clip(clip: Clip, sigma_rows: float) -> Clip:
+    """A prediction whose path is smoothed within each of its unbroken runs."""
+    pelvis_m = clip.motion.pelvis_m.copy()
+    for start, stop in valid_runs(clip.valid):
+        part = clip.motion.take(slice(start, stop))
+        pelvis_m[start:stop] = _smoothed(part, sigma_rows).pelvis_m
+    return replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m))
+
+
+def _smoothed(motion: Motion, sigma_rows: float) -> Motion:
+    """A motion whose path went through a Gaussian, as traj_filter of yufu-wang/tram does it."""
+    if sigma_rows <= 0:
+        return motion
+    from scipy.ndimage import gaussian_filter1d
+
+    return replace(motion, pelvis_m=gaussian_filter1d(motion.pelvis_m, sigma_rows, axis=0))
 
 
 def _paired(

@@ -1,31 +1,26 @@
-"""Named protocols: what other systems measure in the world, and how each differs, as plain data.
+"""Named protocols: what other systems measure, and how each differs, as plain data.
 
-Each entry says which public code it follows; `notes` say where it can't, or must not, be followed
-to the letter.  The protocols agree in this: positions are of SMPL's tree in metres, alignments are
-least squares (Umeyama 1991), and published figures are of video at 30 fps.  A protocol's figures
-for one person in one world are samples, of which means are taken.
+Each entry says which public code it follows.  Where it does not follow it to the letter, `ORIGINAL`
+has the released code's own way by a name; `notes` say the rest.  The protocols agree in this:
+positions are in metres, alignments are least squares (Umeyama 1991), and published figures are of
+video at 30 fps.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
-import numpy as np
-
-from gmrdata.score import ProtocolName, WorldMetric
-from gmrdata.score import world_metrics as metrics
+from gmrdata.score import Deviation, ProtocolMetric, ProtocolName
 from gmrdata.score.records import Protocol
-from gmrdata.score.world_metrics import Points, Rotmats, Rows, Samples, pooled
 from gmrdata.values.body import JOINT, N_JOINTS
-from gmrdata.values.shapes import Float
+from gmrdata.values.errors import BadBodyFile, BadRecipe
 
-_WHAM_NOTES = (
-    "Released code joins the frames on both sides of a gap; here no velocity, jitter, sliding or "
-    "path length goes over one.",
-    "W-MPJPE and WA-MPJPE fit the scale, so they don't show an error of it; RTE does.",
-)
+_CAMERA: tuple[ProtocolMetric, ...] = (
+    "pa_mpjpe_mm", "mpjpe_mm", "pve_mm", "accel_error_m_per_s2",
+)  # fmt: skip
 
-_LSP_JOINTS = (
+_SCALE_NOTE = ("W-MPJPE and WA-MPJPE fit the scale, so they don't show an error of it; RTE does.",)
+
+LSP_JOINTS = (
     "right_ankle", "right_knee", "right_hip", "left_hip", "left_knee", "left_ankle", "right_wrist",
     "right_elbow", "right_shoulder", "left_shoulder", "left_elbow", "left_wrist", "neck", "head",
 )  # fmt: skip
@@ -35,63 +30,134 @@ _EMDB_ZEROED = (
     "left_wrist", "right_wrist", "left_hand", "right_hand",
 )  # fmt: skip
 
+_LSP_NOTE = (
+    "There the joints are Human3.6M's, regressed from the mesh by a file that is not free; here "
+    "they are SMPL's of the same names, 14 without the root, unless that file is given."
+)
 
-def _protocol(**differences: Any) -> Protocol:
+
+def _protocol(name: ProtocolName, **differences: Any) -> Protocol:
     """A protocol that is as most are, but for what is given."""
     usual = {
+        "name": name,
         "fps_hz": 30.0,
         "segment_frames": 100,
         "remainder": "own_segment",
         "first_frames": 2,
         "scale": True,
         "joints": tuple(range(N_JOINTS)),
+        "hips": (JOINT["left_hip"], JOINT["right_hip"]),
+        "joints_from": "skeleton",
         "sample": "frame",
+        "once_per_clip": (),
         "zeroed_joints": (),
-        "jitter_of_path": True,
+        "jitter": "world",
         "contact_m": 0.01,
+        "accel_trim": 0,
+        "pve_from": "hips",
+        "gaps": "kept",
+        "camera": "any",
+        "people": "apart",
+        "smoothing_frames": 0.0,
+        "original": (),
+        "deviations": tuple(ORIGINAL[name]),
     }
     return Protocol.model_validate(usual | differences)
 
+
+ORIGINAL: dict[ProtocolName, dict[Deviation, dict[str, Any]]] = {
+    "gmr": {},
+    "wham": {"gaps": {"gaps": "joined"}, "camera": {"camera": "own"}},
+    "tram": {
+        "gaps": {"gaps": "joined"},
+        "camera": {"camera": "own"},
+        "smoothing": {"smoothing_frames": 3.0},
+    },
+    "gvhmr": {"gaps": {"gaps": "joined"}, "camera": {"camera": "own"}},
+    "slahmr": {"gaps": {"gaps": "joined"}, "people": {"people": "together"}},
+    "emdb": {
+        "gaps": {"gaps": "joined"},
+        "camera": {"camera": "own", "jitter": "camera_from_pelvis"},
+    },
+    "vibe": {"gaps": {"gaps": "joined_over_clips"}, "camera": {"camera": "own"}},
+}
+"""What the released code of each does otherwise, by the name that switches it."""
+
+DEVIATIONS: dict[Deviation, str] = {
+    "gaps": "Released code joins the frames on both sides of a gap; here no velocity, "
+    "acceleration, jitter, sliding or path length goes over one.",
+    "camera": "Released code gets predictions in the camera's frame. Here one that is in the world "
+    "alone, without a camera of its own, is turned so that its first orientation is the true one, "
+    "and seen by the truth's camera.",
+    "people": "There a segment is of the video's frames, and all people in it are aligned jointly, "
+    "by the first two frames of the first of them where only the first frames are; here each "
+    "person is alone, and segments are of the valid frames.",
+    "smoothing": "There the predicted path is smoothed before it is scored (a Gaussian of 3 "
+    "frames); here it is scored as it is given.",
+}
+"""What each means, for a reader of figures that were taken without it."""
 
 PROTOCOLS: dict[ProtocolName, Protocol] = {
     protocol.name: protocol
     for protocol in (
         _protocol(
-            name="gmr",
+            "gmr",
             metrics=(),
             source="the GMR paper (arXiv 2112.00343), eqs. 15-17 and fig. 5",
             notes=("OME, TME, VME and the vertex error over time; nothing is aligned.",),
             fps_hz=10.0,
         ),
         _protocol(
-            name="wham",
-            metrics=get_args(WorldMetric),
+            "wham",
+            metrics=(
+                *_CAMERA,
+                "w_mpjpe_mm",
+                "wa_mpjpe_mm",
+                "rte_percent",
+                "roe_deg",
+                "erve_mm_per_frame",
+                "jitter_10m_per_s3",
+                "foot_sliding_mm",
+            ),
             source="yohanshin/WHAM, lib/eval/eval_utils.py and lib/eval/evaluate_emdb.py",
             notes=(
-                *_WHAM_NOTES,
+                *_SCALE_NOTE,
                 "The released code has no ROE and no ERVE. ROE is taken after the first frame's "
                 "orientations were made equal, ERVE as yufu-wang/tram codes it.",
                 "RTE is of SMPL's transl there and of the pelvis here; the two paths differ by a "
                 "constant, which the alignment takes away.",
             ),
+            accel_trim=1,
         ),
         _protocol(
-            name="tram",
-            metrics=("w_mpjpe_mm", "wa_mpjpe_mm", "rte_percent", "erve_mm_per_frame"),
-            source="yufu-wang/tram, lib/utils/eval_utils.py and scripts/emdb/run_eval.py",
+            "tram",
+            metrics=(
+                *_CAMERA,
+                "w_mpjpe_mm",
+                "wa_mpjpe_mm",
+                "rte_percent",
+                "erve_mm_per_frame",
+                "ate_m",
+                "ate_s_m",
+            ),
+            source="yufu-wang/tram, lib/utils/eval_utils.py, scripts/emdb/run_eval.py and "
+            "lib/vis/traj.py",
             notes=(
-                *_WHAM_NOTES,
+                *_SCALE_NOTE,
                 "Frames after the last full segment belong to it, but for the very last one; "
                 "sequences of up to 100 frames have no W-MPJPE and no WA-MPJPE, and where the "
                 "length is a multiple of 100 the last 100 frames are not scored.",
-                "There the predicted path is smoothed before it is scored; here it is scored as "
-                "it is given.",
+                "ATE and ATE-S are of the prediction's own camera over all frames that both have, "
+                "each clip counts once. ATE fits the scale, ATE-S does not.",
             ),
             remainder="joined_but_last_frame",
+            once_per_clip=("ate_m", "ate_s_m"),
+            accel_trim=1,
         ),
         _protocol(
-            name="gvhmr",
+            "gvhmr",
             metrics=(
+                *_CAMERA,
                 "w_mpjpe_mm",
                 "wa_mpjpe_mm",
                 "rte_percent",
@@ -101,126 +167,126 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
             source="zju3dv/GVHMR, hmr4d/utils/eval/eval_utils.py and "
             "hmr4d/model/gvhmr/callbacks/metric_emdb.py",
             notes=(
-                *_WHAM_NOTES,
+                *_SCALE_NOTE,
                 "There the joints of both bodies are regressed from their meshes by the neutral "
-                "SMPL model; here each body has its own joints.",
+                "SMPL model; here each body has its own joints, unless a regressor is given.",
             ),
         ),
         _protocol(
-            name="slahmr",
-            metrics=("w_mpjpe_mm", "wa_mpjpe_mm"),
-            source="vye16/slahmr, slahmr/eval/tools.py, slahmr/eval/run_eval.py (fa_jmse, ga_jmse) "
-            "and slahmr/eval/split_egobody.py",
+            "slahmr",
+            metrics=(
+                "pa_mpjpe_mm",
+                "w_mpjpe_mm",
+                "wa_mpjpe_mm",
+                "accel_length_error_mm_per_frame2",
+            ),
+            source="vye16/slahmr, slahmr/eval/tools.py, slahmr/eval/run_eval.py and "
+            "slahmr/eval/split_egobody.py",
             notes=(
                 "Each segment counts once, however many frames it has: figures are means of "
                 "segments.",
                 "Sequences are cut into segments of 100 frames, the rest belongs to the last one, "
                 "and sequences of up to 100 frames have none; where no frame is left over, the "
                 "last 200 frames are one segment.",
-                "There the joints are Human3.6M's, regressed from the mesh by a file that is not "
-                "free; here they are SMPL's of the same names, 14 without the root. Until commit "
-                "f65c767 the root was aligned too, and its error was a figure of its own.",
-                "Both fit the scale, so they don't show an error of it.",
+                _LSP_NOTE + " Until commit f65c767 the root was aligned too, and its error was a "
+                "figure of its own.",
+                "PA-MPJPE, W-MPJPE and WA-MPJPE fit the scale, so they don't show an error of it.",
+                "The acceleration's error is the length of the vector over joints of the "
+                "differences of |acceleration|, in the world, as acc_norm there.",
+                "The figures of several people who are aligned jointly stand in the row of the "
+                "first of them.",
             ),
             remainder="joined",
-            joints=tuple(JOINT[name] for name in _LSP_JOINTS),
+            joints=tuple(JOINT[name] for name in LSP_JOINTS),
             sample="segment",
         ),
         _protocol(
-            name="emdb",
-            metrics=("jitter_10m_per_s3",),
+            "emdb",
+            metrics=(
+                "mpjpe_mm",
+                "pa_mpjpe_mm",
+                "mpjae_deg",
+                "pa_mpjae_deg",
+                "pve_mm",
+                "pa_pve_mm",
+                "jitter_10m_per_s3",
+            ),
             source="eth-ait/emdb, evaluation_metrics.py and evaluation_engine.py",
             notes=(
+                "PVE is called MVE there.",
                 "The jitter of EMDB's own evaluation: nine joints count as standing still, which "
                 "makes it 15/24 of the mean of the others; the pelvis' translation is left out; "
                 "each sequence counts once. One file there calls the unit km/s^3, the other "
                 "10 m/s^3, which it is.",
                 "The figures of others on EMDB 2 are those of protocol wham.",
-                "Released code joins the frames on both sides of a gap; here no jitter goes over "
-                "one.",
             ),
-            sample="clip",
+            once_per_clip=("jitter_10m_per_s3",),
             zeroed_joints=tuple(JOINT[name] for name in _EMDB_ZEROED),
-            jitter_of_path=False,
+            jitter="world_from_pelvis",
+        ),
+        _protocol(
+            "vibe",
+            metrics=(
+                "mpjpe_mm",
+                "pa_mpjpe_mm",
+                "pve_mm",
+                "accel_mm_per_frame2",
+                "accel_error_mm_per_frame2",
+            ),
+            source="mkocabas/VIBE, lib/core/evaluate.py and lib/utils/eval_utils.py",
+            notes=(
+                _LSP_NOTE,
+                "PVE is measured from the origin of SMPL's mesh, not from the hips.",
+                "The acceleration is the prediction's own, its error that of the difference, both "
+                "per frame and not per second.",
+                "Released code also takes accelerations from one sequence to the next; --original "
+                "gaps does so too.",
+            ),
+            joints=tuple(JOINT[name] for name in LSP_JOINTS),
+            pve_from="origin",
         ),
     )
 }
 
-
-@dataclass(frozen=True, eq=False)
-class WorldBody:
-    """What protocols look at of a body over time in one world."""
-
-    root_rotmats: Rotmats  # world_from_root
-    joints_m: Float[np.ndarray, "frames 24 3"]  # SMPL's joints, the pelvis first [m]
-    feet_m: Points  # points of the feet [m]
+H36M_JOINTS = 17
+H36M_ROWS = (6, 5, 4, 1, 2, 3, 16, 15, 14, 11, 12, 13, 8, 10)
+"""Rows of Human3.6M's 17 joints in the order of `LSP_JOINTS`, as SLAHMR and VIBE take them."""
 
 
-@dataclass(frozen=True, eq=False)
-class WorldPair:
-    """A prediction in a world of its own, and the truth of the same frames."""
+def protocol_as(name: ProtocolName, original: Sequence[Deviation | str] = ()) -> Protocol:
+    """A protocol that follows the released code in what is named; in all that it has for "all".
 
-    predicted: WorldBody
-    true: WorldBody
-    runs: tuple[Rows, ...]  # rows between the gaps; together they are all frames
-    fps_hz: float  # frame rate [Hz]
-
-
-def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[WorldMetric, Samples]:
-    """Samples of each of a protocol's metrics; empty where there are none."""
-    return {
-        metric: _sampled(protocol, _parts(protocol, metric, pair)) for metric in protocol.metrics
-    }
-
-
-def _sampled(protocol: Protocol, parts: Sequence[np.ndarray]) -> Samples:
-    """The values themselves, or their means where each segment or each clip counts once."""
-    values = pooled(parts)
-    if protocol.sample == "segment":
-        return np.array([part.mean() for part in parts])
-    if protocol.sample == "clip" and len(values):
-        return np.array([values.mean()])
-    return values
+    BadRecipe for a name that the protocol has no deviation of.
+    """
+    protocol, known = PROTOCOLS[name], ORIGINAL[name]
+    wanted = list(known) if "all" in original else list(original)
+    for one in wanted:
+        if one not in known:
+            has = ", ".join(known) or "none"
+            raise BadRecipe(
+                f"--original {one}: protocol {name} has no such deviation, it has {has}"
+            )
+    changes: dict[str, Any] = {}
+    for one, change in known.items():
+        changes |= change if one in wanted else {}
+    switched = tuple(one for one in known if one in wanted)
+    rest = tuple(one for one in known if one not in wanted)
+    return protocol.model_copy(update=changes | {"original": switched, "deviations": rest})
 
 
-def _parts(protocol: Protocol, metric: WorldMetric, pair: WorldPair) -> list[Samples]:
-    """Samples of a metric, segment by segment where it has segments."""
-    predicted, true = pair.predicted, pair.true
-    roots_m = predicted.joints_m[:, 0], true.joints_m[:, 0]
-    rotmats = predicted.root_rotmats, true.root_rotmats
-    match metric:
-        case "w_mpjpe_mm":
-            return _segments(protocol, pair, protocol.first_frames)
-        case "wa_mpjpe_mm":
-            return _segments(protocol, pair, None)
-        case "rte_percent":
-            return [metrics.root_errors_percent(*roots_m, pair.runs)]
-        case "roe_deg":
-            return [metrics.root_orientation_errors_deg(*rotmats)]
-        case "erve_mm_per_frame":
-            of_both = (rotmats[0], roots_m[0], rotmats[1], roots_m[1])
-            return [metrics.root_velocity_errors_mm_per_frame(*of_both, pair.runs)]
-        case "jitter_10m_per_s3":
-            return [metrics.jitter_10m_per_s3(_jittered_m(protocol, pair), pair.fps_hz, pair.runs)]
-        case "foot_sliding_mm":
-            feet_m = predicted.feet_m, true.feet_m
-            return [metrics.foot_sliding_mm(*feet_m, pair.runs, protocol.contact_m)]
+def with_mesh_joints(protocol: Protocol, n_rows: int) -> Protocol:
+    """A protocol whose joints are regressed from the mesh, by a matrix with a row for each joint.
 
-
-def _segments(protocol: Protocol, pair: WorldPair, first_frames: int | None) -> list[Samples]:
-    joints, n_frames = list(protocol.joints), len(pair.true.joints_m)
-    return metrics.segment_errors_mm(
-        pair.predicted.joints_m[:, joints],
-        pair.true.joints_m[:, joints],
-        metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder),
-        first_frames=first_frames,
-        scale=protocol.scale,
-    )
-
-
-def _jittered_m(protocol: Protocol, pair: WorldPair) -> Points:
-    joints_m = pair.predicted.joints_m.copy()
-    if not protocol.jitter_of_path:
-        joints_m -= joints_m[:, :1].copy()
-    joints_m[:, list(protocol.zeroed_joints)] = 0.0
-    return joints_m
+    A protocol of 14 joints takes Human3.6M's 17 or its 14, one of 24 SMPL's 24.
+    """
+    n_joints = len(protocol.joints)
+    if n_rows != n_joints and not (n_rows == H36M_JOINTS and n_joints == len(LSP_JOINTS)):
+        wanted = "17 or 14" if n_joints == len(LSP_JOINTS) else str(n_joints)
+        raise BadBodyFile(
+            f"--joint-regressor: has {n_rows} rows, but protocol {protocol.name} takes {wanted}"
+        )
+    if n_joints == N_JOINTS:
+        return protocol.model_copy(update={"joints_from": "mesh"})
+    hips = LSP_JOINTS.index("left_hip"), LSP_JOINTS.index("right_hip")
+    changes = {"joints": tuple(range(n_joints)), "hips": hips, "joints_from": "mesh"}
+    return protocol.model_copy(update=changes)

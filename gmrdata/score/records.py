@@ -5,7 +5,17 @@ from typing import Generic, Literal, Self, TypeVar
 
 from pydantic import Field, JsonValue, model_validator
 
-from gmrdata.score import METRICS, Interval, Method, Metric, ProtocolName, Remainder, WorldMetric
+from gmrdata.score import (
+    METRICS,
+    Deviation,
+    Interval,
+    Method,
+    Metric,
+    ProtocolMetric,
+    ProtocolName,
+    Remainder,
+    SeenIn,
+)  # fmt: skip
 from gmrdata.values.records import Config, Record
 
 T = TypeVar("T")
@@ -81,6 +91,10 @@ class ClipScore(Row):
     zero: PaperMetrics[float]
     protocol_fps_hz: float | None
     """Rate of the protocol's frames [Hz]; None without a protocol."""
+    subsets: tuple[str, ...]
+    """Named parts of the data set that it belongs to, as EMDB 1 and EMDB 2."""
+    seen_in: SeenIn | None
+    """How the prediction came into the camera's frame; None where it did not."""
 
     def paper(self) -> ByMethod[PaperMetrics[float]]:
         return ByMethod(predicted=self.predicted, zero=self.zero)
@@ -126,7 +140,7 @@ class Protocol(Config):
     """What is measured beside OME, TME and VME, and how."""
 
     name: ProtocolName
-    metrics: tuple[WorldMetric, ...]
+    metrics: tuple[ProtocolMetric, ...]
     source: str
     """Repository and files that it follows."""
     notes: tuple[str, ...]
@@ -141,15 +155,37 @@ class Protocol(Config):
     scale: bool
     """Whether W-MPJPE and WA-MPJPE fit the scale too."""
     joints: tuple[int, ...]
-    """Joints of W-MPJPE and WA-MPJPE."""
-    sample: Literal["frame", "segment", "clip"]
+    """Joints of MPJPE, W-MPJPE, WA-MPJPE and accelerations."""
+    hips: tuple[int, int]
+    """Joints whose middle is the point that MPJPE, PVE and accelerations are measured from."""
+    joints_from: Literal["skeleton", "mesh"]
+    """Whether joints are the body's own, or regressed from its posed mesh by a given file."""
+    sample: Literal["frame", "segment"]
     """What each value stands for, of which the mean over all clips is taken."""
+    once_per_clip: tuple[ProtocolMetric, ...]
+    """Metrics of which each clip counts once, however long it is."""
     zeroed_joints: tuple[int, ...]
     """Joints that count as standing still in jitter, and so lower its mean."""
-    jitter_of_path: bool
-    """Whether jitter is of joints in the world; of joints relative to the pelvis otherwise."""
+    jitter: Literal["world", "world_from_pelvis", "camera_from_pelvis"]
+    """Whether jitter is of joints in the world, or relative to the pelvis, in which axes."""
     contact_m: float
     """A true point of a foot stands while it moves less than this from frame to frame [m]."""
+    accel_trim: int
+    """Samples of the acceleration's error that are left out at both ends."""
+    pve_from: Literal["hips", "origin"]
+    """Whether PVE is measured from the middle of the hips, or from the origin of SMPL's mesh."""
+    gaps: Literal["kept", "joined", "joined_over_clips"]
+    """Whether differences between frames leave gaps out, or go over them as released code does."""
+    camera: Literal["any", "own"]
+    """Whether predictions in the world alone are put into the truth's camera, or left out."""
+    people: Literal["apart", "together"]
+    """Whether each person is aligned alone, or all of a segment of the video jointly."""
+    smoothing_frames: float
+    """Standard deviation of the Gaussian that smooths a predicted path first [frames]."""
+    original: tuple[Deviation, ...]
+    """In what it follows the released code because it was asked to."""
+    deviations: tuple[Deviation, ...]
+    """In what it does not."""
 
 
 def metrics_with(protocol: Protocol | None) -> tuple[str, ...]:
@@ -174,6 +210,37 @@ class ScoredFiles(Config):
     predictions: str
 
 
+class MatchedResult(Config):
+    """What of another system's result is a clip's prediction."""
+
+    file: str
+    person: str
+    """As the file counts people."""
+    people: int
+    """How many people the result has."""
+    frames: int
+    """Frames in which the result has the person."""
+    used_frames: int
+    """Those that are the clip's."""
+    first_unused_frame: int | None
+    """First of the others, counted from 0 in the video; None without any."""
+    notes: tuple[str, ...]
+    """What a reader of the figures must know, as sentences."""
+
+
+class ScoredResults(Config):
+    """Results of another system, as it writes them."""
+
+    kind: Literal["results"]
+    predictions: str
+    """The folder, or file, that they were found in."""
+    system: str
+    camera: Literal["ignored", "true"] | None
+    """How motions in the camera's frame came into the world; None for those in a world."""
+    clips: dict[str, MatchedResult]
+    """What each clip's prediction is, by id."""
+
+
 class Bootstrap(Config):
     resamples: int
     seed: int
@@ -186,6 +253,8 @@ class Summary(Config):
     camera_motion: dict[str, GroupScore]
     motion_type: dict[str, GroupScore]
     """Clips of each type of motion that is on record."""
+    subset: dict[str, GroupScore]
+    """Clips of each named part of the data set."""
     overall: GroupScore
     over_time: OverTime
     statements: tuple[str, ...]
@@ -196,6 +265,7 @@ class Summary(Config):
         same_names("camera_motion", self.camera_motion, {c.camera_motion for c in self.clips})
         types = {clip.motion_type for clip in self.clips if clip.motion_type is not None}
         same_names("motion_type", self.motion_type, types)
+        same_names("subset", self.subset, {one for clip in self.clips for one in clip.subsets})
         with_floor = (*self.clips, *self.camera_motion.values(), self.overall)
         if len({row.floor is None for row in with_floor}) > 1:
             raise ValueError("some rows have a `floor` and others have none")
@@ -205,9 +275,9 @@ class Summary(Config):
 class Scores(Summary, Record):
     """What `scores.json` holds: the figures of each clip and of groups of clips."""
 
-    format: Literal["gmrdata-scores/3"] = "gmrdata-scores/3"
+    format: Literal["gmrdata-scores/4"] = "gmrdata-scores/4"
     name: str
-    model: ScoredNetwork | ScoredFiles = Field(discriminator="kind")
+    model: ScoredNetwork | ScoredFiles | ScoredResults = Field(discriminator="kind")
     """Where the predictions come from."""
     fps_hz: float
     """Rate of OME, TME and VME [Hz]."""
@@ -222,7 +292,8 @@ class Scores(Summary, Record):
 
     @model_validator(mode="after")
     def _has_the_protocols_figures(self) -> Self:
-        groups = (*self.camera_motion.values(), *self.motion_type.values(), self.overall)
+        named = (self.camera_motion, self.motion_type, self.subset)
+        groups = (*(group for groups in named for group in groups.values()), self.overall)
         figures = [row.protocol for row in (*self.clips, *groups)]
         for found in (*figures, *(group.protocol_interval95 for group in groups)):
             if (found is None) != (self.protocol is None):

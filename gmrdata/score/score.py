@@ -13,11 +13,23 @@ from gmrdata.gmr.config import Which
 from gmrdata.gmr.runs import UsableClip, check_clips_fit, usable_clips
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.score import ProtocolName
-from gmrdata.score.clip_errors import ClipErrors, clip_errors
+from gmrdata.score import Deviation, ProtocolName
+from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.predictions import PredictedClip, file_clip, network_clip
-from gmrdata.score.protocols import PROTOCOLS
-from gmrdata.score.records import Bootstrap, Protocol, ScoredFiles, ScoredNetwork, Scores
+from gmrdata.score.protocols import (
+    H36M_JOINTS,
+    H36M_ROWS,
+    protocol_as,
+    with_mesh_joints,
+)
+from gmrdata.score.records import (
+    Bootstrap,
+    Protocol,
+    ScoredFiles,
+    ScoredNetwork,
+    ScoredResults,
+    Scores,
+)
 from gmrdata.score.summary import beside_floor, read_fitting_floor, summarise
 from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
@@ -25,7 +37,7 @@ from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
-from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile
+from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe
 from gmrdata.values.records import Config
 
 
@@ -39,6 +51,8 @@ class ScoreConfig(Config):
     doesn't say."""
     protocol: ProtocolName | None = None
     """What is measured beside OME, TME, VME and the vertex error over time."""
+    original: tuple[Deviation | Literal["all"], ...] = ()
+    """In what a protocol follows its released code where it doesn't by itself."""
     fps_hz: float = Field(default=10.0, gt=0)
     """Rate of OME, TME and VME of predictions from files [Hz]; a network is scored at its own."""
     missing: Literal["error", "drop"] = "error"
@@ -48,7 +62,12 @@ class ScoreConfig(Config):
     seed: int = Field(default=0, ge=0)
 
     def its_protocol(self) -> Protocol | None:
-        return None if self.protocol is None else PROTOCOLS[self.protocol]
+        """The protocol as it is asked for; BadRecipe where it has no such deviation."""
+        if self.protocol is None:
+            if self.original:
+                raise BadRecipe(f"--original {' '.join(self.original)}: give --protocol too")
+            return None
+        return protocol_as(self.protocol, self.original)
 
 
 def score_manifest(
@@ -59,6 +78,7 @@ def score_manifest(
     config: ScoreConfig | None = None,
     *,
     floor_path: Path | None = None,
+    joint_regressor_path: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Score a trained network on a manifest's clips: OME, TME and VME (eqs. 15-17).
@@ -71,6 +91,8 @@ def score_manifest(
         body_path: Their body, as `load_body` takes it; None for the default body.
         out_dir: Gets `scores.json`, whose path is returned, `scores.csv` and `scores.md`.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
+        joint_regressor_path: A .npy of (joints, vertices) that takes a protocol's joints from posed
+            meshes, as some released code does; None for the bodies' own joints.
 
     BadManifest where no clip can be scored, one is of another body, or a floor is given for a
     manifest that is no pseudo ground truth; BadRecord where the floor is of another frame rate.
@@ -79,17 +101,22 @@ def score_manifest(
 
     config = config or ScoreConfig()
 
-    def predictor() -> _Predictor:
+    def predictor() -> Predictor:
         gmr = load_gmr(run_dir, config.which)
         network = gmr.model.config.model_dump(mode="json")
         model = ScoredNetwork(
             kind="network", run=gmr.name, step=gmr.step, which=config.which, network=network
         )
-        predict = partial(network_clip, gmr, all_phases=config.all_phases)
+        protocol = config.its_protocol()
+        smoothing = protocol.smoothing_frames if protocol else 0.0
+        predict = partial(
+            network_clip, gmr, all_phases=config.all_phases, smoothing_frames=smoothing
+        )
         return gmr.name, model, predict, gmr.fps_hz
 
     inputs = {"run": run_dir, "manifest": manifest_path, "body": body_path, "floor": floor_path}
-    return _write_scores(out_dir, manifest_path, predictor, inputs, config, run)
+    inputs["joint_regressor"] = joint_regressor_path
+    return write_scores(out_dir, manifest_path, predictor, inputs, config, run)
 
 
 def score_predictions(
@@ -101,6 +128,7 @@ def score_predictions(
     *,
     predictions_body_path: Path | None = None,
     floor_path: Path | None = None,
+    joint_regressor_path: Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Score predicted world motions, whatever made them, by the same code as a network's.
@@ -118,7 +146,7 @@ def score_predictions(
     """
     config = config or ScoreConfig()
 
-    def predictor() -> _Predictor:
+    def predictor() -> Predictor:
         folder, protocol = predictions_dir.resolve(), config.its_protocol()
         name = folder.parent.name if folder.name == "predictions" else folder.name
         predict = partial(
@@ -126,6 +154,7 @@ def score_predictions(
             predictions_dir,
             fps_hz=config.fps_hz,
             protocol_fps_hz=protocol.fps_hz if protocol else None,
+            smoothing_frames=protocol.smoothing_frames if protocol else 0.0,
             all_phases=config.all_phases,
             drop_missing=config.missing == "drop",
         )
@@ -133,11 +162,12 @@ def score_predictions(
 
     inputs = {"predictions": predictions_dir, "manifest": manifest_path, "body": body_path}
     inputs |= {"floor": floor_path, "predictions_body": predictions_body_path}
-    return _write_scores(out_dir, manifest_path, predictor, inputs, config, run)
+    inputs["joint_regressor"] = joint_regressor_path
+    return write_scores(out_dir, manifest_path, predictor, inputs, config, run)
 
 
 Predict = Callable[[UsableClip], PredictedClip | str]  # or the reason why there is none
-_Predictor = tuple[str, ScoredNetwork | ScoredFiles, Predict, float]
+Predictor = tuple[str, ScoredNetwork | ScoredFiles | ScoredResults, Predict, float]
 """Its name, what predicts, and the rate of OME, TME and VME [Hz]."""
 
 
@@ -147,6 +177,7 @@ def score_clips(
     clips: Sequence[UsableClip],
     protocol: Protocol | None = None,
     predicted_body: BodyModel | None = None,
+    regressor: np.ndarray | None = None,
 ) -> tuple[list[ClipErrors], dict[str, str]]:
     """Errors of each clip that has a prediction, and the reason by id of each that has none."""
     scored, skipped, its_body = [], {}, predicted_body or body
@@ -162,7 +193,7 @@ def score_clips(
                 f"{motion.shape.size} shape coefficients, but the given body is {its_body.name} "
                 f"with {its_body.n_shape}. Pass the predictions' own body with --predictions-body"
             )
-        scored.append(clip_errors(predicted, body, protocol, predicted_body))
+        scored.append(clip_errors(predicted, body, protocol, predicted_body, regressor))
     return scored, skipped
 
 
@@ -179,10 +210,27 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
     return {id: labels[source] for id, source in sources.items() if source in labels}
 
 
-def _write_scores(
+def videos_of(manifest: Manifest) -> dict[str, str]:
+    """Which video each clip is of, by clip id."""
+    return {one.id: f"{one.source.dataset}/{one.source.sequence}" for one in manifest.clips}
+
+
+SUBSETS = {"emdb1": "EMDB 1", "emdb2": "EMDB 2"}  # figures of a clip, 1 or 0, and their names
+
+
+def subsets_of(manifest: Manifest) -> dict[str, tuple[str, ...]]:
+    """Named parts of a data set that each clip belongs to, by clip id."""
+    figures = {one.id: one.quality.figures if one.quality else {} for one in manifest.clips}
+    return {
+        id: tuple(name for key, name in SUBSETS.items() if of_clip.get(key) == 1)
+        for id, of_clip in figures.items()
+    }
+
+
+def write_scores(
     out_dir: Path,
     manifest_path: Path,
-    predictor: Callable[[], _Predictor],
+    predictor: Callable[[], Predictor],
     inputs: Mapping[str, Path | None],
     config: ScoreConfig,
     run: Run,
@@ -198,7 +246,7 @@ def _write_scores(
 
 
 def _scores(
-    predictor: _Predictor,
+    predictor: Predictor,
     manifest_path: Path,
     inputs: Mapping[str, Path | None],
     config: ScoreConfig,
@@ -207,13 +255,20 @@ def _scores(
     usable, floor, protocol = usable_clips(manifest_path), None, config.its_protocol()
     if (path := inputs["floor"]) is not None:
         floor = read_fitting_floor(path, manifest_path, usable.manifest.kind, fps_hz)
-    body, predicted_body = _bodies(inputs["body"], inputs.get("predictions_body"))
+    body, predicted_body = bodies_for(inputs["body"], inputs.get("predictions_body"))
     check_clips_fit([one.clip for one in usable.clips], body)
-    scored, skipped = score_clips(predict, body, usable.clips, protocol, predicted_body)
+    regressor = None
+    if (path := inputs["joint_regressor"]) is not None:
+        regressor, protocol = _joint_regressor(path, body, protocol)
+    scored, skipped = score_clips(predict, body, usable.clips, protocol, predicted_body, regressor)
     if not scored:
         raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
-    types = motion_types(usable.manifest)
-    typed = [replace(one, motion_type=types.get(one.clip_id)) for one in scored]
+    scored = across_clips(scored, protocol, videos_of(usable.manifest))
+    types, subsets = motion_types(usable.manifest), subsets_of(usable.manifest)
+    typed = [
+        replace(one, motion_type=types.get(one.clip_id), subsets=subsets.get(one.clip_id, ()))
+        for one in scored
+    ]
     summary = summarise(typed, fps_hz, config.resamples, np.random.default_rng(config.seed))
     if floor is not None:
         summary = beside_floor(summary, floor)
@@ -230,7 +285,30 @@ def _scores(
     )
 
 
-def _bodies(
+def _joint_regressor(
+    path: Path, body: BodyModel, protocol: Protocol | None
+) -> tuple[np.ndarray, Protocol]:
+    """(J, V) joints of a mesh as a file says, and the protocol with them."""
+    if protocol is None or not protocol.metrics:
+        raise BadRecipe("--joint-regressor: give a --protocol that measures joints too")
+    try:
+        matrix = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise BadBodyFile(f"{path}: not a .npy of numbers ({error})") from None
+    n_vertices = len(body.template_m)
+    if not isinstance(matrix, np.ndarray) or matrix.dtype.kind not in "fiu" or matrix.ndim != 2:
+        raise BadBodyFile(f"{path}: not a .npy with one matrix of joints by vertices")
+    if matrix.shape[1] != n_vertices or not np.isfinite(matrix).all():
+        raise BadBodyFile(
+            f"{path}: {matrix.shape[0]} by {matrix.shape[1]} numbers, but the body {body.name} has "
+            f"{n_vertices} vertices, or not all are finite. Give the regressor of this mesh"
+        )
+    fitting = with_mesh_joints(protocol, len(matrix))
+    rows = matrix[list(H36M_ROWS)] if len(matrix) == H36M_JOINTS else matrix
+    return rows.astype(float), fitting
+
+
+def bodies_for(
     body_path: Path | None, predicted_body_path: Path | None
 ) -> tuple[BodyModel, BodyModel | None]:
     """The clips' body, and the predictions' where that is another one."""

@@ -3,11 +3,19 @@
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, get_args
 
 import numpy as np
 
-from gmrdata.score import METRICS, Interval, Method, Metric, records
+from gmrdata.score import (
+    METRICS,
+    CameraMetric,
+    Interval,
+    Method,
+    Metric,
+    WorldMetric,
+    records,
+)
 from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.intervals import mean_intervals, ratio_interval, resampled_counts
 from gmrdata.twins.floor_record import Floor, FloorGroup
@@ -20,6 +28,11 @@ BELOW: dict[Metric, str] = {
     "tme_mm": "TME {:.2f} mm is below {:.2f} mm",
     "vme_mm": "VME {:.2f} mm is below {:.2f} mm",
 }
+SUBSET_METRICS: dict[str, tuple[str, ...]] = {
+    "EMDB 1": get_args(CameraMetric),
+    "EMDB 2": get_args(WorldMetric),
+}
+"""What the data set's authors take of each of its parts: poses of one, paths of the other."""
 Draws = Callable[[int], np.ndarray]  # how often each of n clips is drawn: n -> (resamples, n)
 
 
@@ -41,6 +54,7 @@ def summarise(
         over_time=over_time(scored, fps_hz, draws),
         camera_motion=_groups(scored, lambda one: one.camera_motion, draws),
         motion_type=_groups(scored, lambda one: one.motion_type, draws),
+        subset=_subsets(scored, draws),
         statements=(),
     )
 
@@ -79,6 +93,8 @@ def _clip(one: ClipErrors) -> records.ClipScore:
         **dict(_pooled([one])),
         protocol=_protocol([one]),
         protocol_fps_hz=one.protocol_fps_hz,
+        subsets=one.subsets,
+        seen_in=one.seen_in,
         floor=None,
         below_floor=(),
     )
@@ -90,6 +106,36 @@ def _groups(
     """Groups by name, sorted; clips without a name are in none."""
     names = sorted({name for one in scored if (name := name_of(one)) is not None})
     return {name: _group([one for one in scored if name_of(one) == name], draws) for name in names}
+
+
+def _subsets(scored: Sequence[ClipErrors], draws: Draws) -> dict[str, records.GroupScore]:
+    """Named parts of the data set, sorted, each with the figures that are taken of it."""
+    names = sorted({name for one in scored for name in one.subsets})
+    found = {}
+    for name in names:
+        group = _group([one for one in scored if name in one.subsets], draws)
+        found[name] = _with_figures_of(group, SUBSET_METRICS.get(name))
+    return found
+
+
+def _with_figures_of(
+    group: records.GroupScore, metrics: tuple[str, ...] | None
+) -> records.GroupScore:
+    """The group with null for a protocol's other metrics; all of them for None."""
+    if metrics is None or group.protocol is None or group.protocol_interval95 is None:
+        return group
+
+    def kept(values: dict[str, T]) -> dict[str, T | None]:
+        return {metric: value if metric in metrics else None for metric, value in values.items()}
+
+    both, ends = group.protocol, group.protocol_interval95
+    changes = {
+        "protocol": records.ByMethod(predicted=kept(both.predicted), zero=kept(both.zero)),
+        "protocol_interval95": records.ByMethod(
+            predicted=kept(ends.predicted), zero=kept(ends.zero)
+        ),
+    }
+    return group.model_copy(update=changes)
 
 
 def _group(scored: Sequence[ClipErrors], draws: Draws) -> records.GroupScore:

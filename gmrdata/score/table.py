@@ -2,11 +2,13 @@
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
-from gmrdata.score import METHODS, METRICS, Interval, records
+from gmrdata.score import METHODS, METRICS, CameraMetric, Interval, SeenIn, records
+from gmrdata.score.protocols import DEVIATIONS
 from gmrdata.score.records import ClipScore, GroupScore, Scores, metrics_with
 from gmrdata.values.files import write_text
 
@@ -32,6 +34,18 @@ METRIC_WORDS = {  # by key in `scores.json`
     "erve_mm_per_frame": MetricWords("ERVE", "mm/frame", 1),
     "jitter_10m_per_s3": MetricWords("jitter", "10 m/s³", 1),
     "foot_sliding_mm": MetricWords("foot sliding", "mm", 1),
+    "pa_mpjpe_mm": MetricWords("PA-MPJPE", "mm", 1),
+    "mpjpe_mm": MetricWords("MPJPE", "mm", 1),
+    "pve_mm": MetricWords("PVE", "mm", 1),
+    "pa_pve_mm": MetricWords("PA-PVE", "mm", 1),
+    "mpjae_deg": MetricWords("MPJAE", "°", 1),
+    "pa_mpjae_deg": MetricWords("PA-MPJAE", "°", 1),
+    "accel_error_m_per_s2": MetricWords("Accel error", "m/s²", 1),
+    "accel_mm_per_frame2": MetricWords("Accel", "mm/frame²", 1),
+    "accel_error_mm_per_frame2": MetricWords("Accel error", "mm/frame²", 1),
+    "accel_length_error_mm_per_frame2": MetricWords("Accel length error", "mm/frame²", 1),
+    "ate_m": MetricWords("ATE", "m", 3),
+    "ate_s_m": MetricWords("ATE-S", "m", 3),
 }
 MEANINGS = {
     "ome_deg": "Angle between the predicted and the true turn from frame to frame.",
@@ -45,6 +59,24 @@ MEANINGS = {
     "erve_mm_per_frame": "Error of the root's step as the body sees it.",
     "jitter_10m_per_s3": "Mean length of the joints' jerk; the true motion has some too.",
     "foot_sliding_mm": "Step of points on the predicted feet while the true ones stand.",
+    "pa_mpjpe_mm": "Distance of the joints after the best similarity of each frame.",
+    "mpjpe_mm": "Distance of the joints in the camera's frame, from the middle of the hips.",
+    "pve_mm": "Distance of the vertices in the camera's frame, from the same point.",
+    "pa_pve_mm": "Distance of the vertices after the best similarity of each frame's joints.",
+    "mpjae_deg": "Angle between the orientations of nine joints in the camera's frame.",
+    "pa_mpjae_deg": "The same after the rotation of the best similarity of each frame.",
+    "accel_error_m_per_s2": "Length of the difference of the joints' accelerations.",
+    "accel_mm_per_frame2": "Length of the predicted joints' accelerations.",
+    "accel_error_mm_per_frame2": "Length of the difference of the joints' accelerations.",
+    "accel_length_error_mm_per_frame2": "Difference of the lengths of the joints' accelerations, "
+    "as the length of a vector over the joints.",
+    "ate_m": "Distance of the camera's places after one best similarity of its path.",
+    "ate_s_m": "Distance of the camera's places after one rigid alignment of its path.",
+}
+SEEN_IN: dict[SeenIn, str] = {
+    "own_camera": "seen by their own cameras",
+    "true_camera": "turned to the first true orientation and seen by the truth's cameras",
+    "world": "turned to the first true orientation in the world, as the truth has no cameras",
 }
 
 
@@ -72,6 +104,7 @@ def rows_of(scores: Scores) -> Iterator[tuple[str, str, ClipScore | GroupScore]]
     yield from (("clip", clip.id, clip) for clip in scores.clips)
     yield from (("camera_motion", *named) for named in scores.camera_motion.items())
     yield from (("motion_type", *named) for named in scores.motion_type.items())
+    yield from (("subset", *named) for named in scores.subset.items())
     yield "overall", "all", scores.overall
 
 
@@ -128,7 +161,7 @@ def _csv_row(
 
 
 def _shown_name(kind: str, name: str) -> str:
-    return f"all {name}" if kind in ("camera_motion", "motion_type") else name
+    return f"all {name}" if kind in ("camera_motion", "motion_type", "subset") else name
 
 
 def _cells(row: records.Row, metrics: Sequence[str]) -> tuple[str, ...]:
@@ -159,11 +192,12 @@ def lead(scores: Scores) -> str:
     """What was scored, in a sentence or two."""
     overall, model = scores.overall, scores.model
     what = f"{overall.n_motions} motions of {overall.n_clips} clips at {scores.fps_hz:g} fps"
-    how = (
-        f"read from files ({model.predictions})"
-        if isinstance(model, records.ScoredFiles)
-        else f"predicted by network {model.run} (step {model.step})"
-    )
+    if isinstance(model, records.ScoredNetwork):
+        how = f"predicted by network {model.run} (step {model.step})"
+    elif isinstance(model, records.ScoredResults):
+        how = f"predicted by {model.system} (results in {model.predictions})"
+    else:
+        how = f"read from files ({model.predictions})"
     protocol = f" Protocol {scores.protocol.name}." if scores.protocol else ""
     return f"{what}, {how}; body {scores.body}.{protocol}"
 
@@ -176,12 +210,29 @@ def explanations(scores: Scores) -> list[str]:
         f"row. In brackets: 95 % bootstrap intervals, for which {scores.bootstrap.resamples} times "
         "clips were drawn with replacement; a single clip has none.",
         "Zero motion is a body that neither turns nor moves.",
-        "No difference between frames is taken over a gap.",
+        "OME, TME and VME take no difference between frames over a gap.",
         *_of_protocol(scores),
     ]
+    if isinstance(scores.model, records.ScoredResults):
+        lines += result_lines(scores.model)
     if scores.dropped_frames:
         lines.append(f"{scores.dropped_frames} valid frames had no prediction and are left out.")
     return lines + [f"Left out: {id}: {why}" for id, why in sorted(scores.skipped.items())]
+
+
+def result_lines(model: records.ScoredResults) -> list[str]:
+    """What of another system's results was scored, as sentences."""
+    lines = []
+    if model.camera is not None:
+        how = "as if it stood still" if model.camera == "ignored" else "by the truth's own path"
+        lines.append(f"Its motions are in the camera's frame; the camera was taken {how}.")
+    for id, one in sorted(model.clips.items()):
+        of_all = f" of {one.people}" if one.people > 1 else ""
+        line = f"{id}: {one.file}, {one.person}{of_all}, {one.used_frames} of {one.frames} frames"
+        if one.first_unused_frame is not None:
+            line += f"; others are not the clip's, the first is frame {one.first_unused_frame}"
+        lines.append("; ".join([line, *one.notes]) + ".")
+    return lines
 
 
 def _of_protocol(scores: Scores) -> list[str]:
@@ -189,6 +240,13 @@ def _of_protocol(scores: Scores) -> list[str]:
     if not protocol:
         return []
     lines = [f"Protocol {protocol.name} follows {protocol.source}.", *protocol.notes]
+    lines += [f"{DEVIATIONS[one]} `--original {one}` switches that." for one in protocol.deviations]
+    if protocol.original:
+        names = " ".join(protocol.original)
+        lines.append(f"As its released code in what `--original {names}` switches.")
+    if protocol.joints_from == "mesh":
+        lines.append("Joints are regressed from both meshes by the given regressor.")
+    lines += _seen_in(scores)
     rates = sorted({clip.protocol_fps_hz for clip in scores.clips if clip.protocol_fps_hz})
     if protocol.metrics and rates != [protocol.fps_hz]:
         lines.append(
@@ -196,6 +254,18 @@ def _of_protocol(scores: Scores) -> list[str]:
             f"{' and '.join(f'{rate:g}' for rate in rates)} fps: segments of "
             f"{protocol.segment_frames} frames last longer or shorter than there, and figures "
             "per frame, jitter and sliding can't be compared with published ones."
+        )
+    return lines
+
+
+def _seen_in(scores: Scores) -> list[str]:
+    found = Counter(clip.seen_in for clip in scores.clips if clip.seen_in is not None)
+    lines = [f"{n} predictions are {SEEN_IN[way]}." for way, n in found.items()]
+    in_camera = set(get_args(CameraMetric)) & set(metrics_with(scores.protocol))
+    if in_camera and (rest := len(scores.clips) - found.total()):
+        lines.append(
+            f"{rest} predictions have no camera of their own, and so no figures in its frame but "
+            "PA-MPJPE."
         )
     return lines
 

@@ -120,6 +120,35 @@ def fit_similarity(
     return Similarity(factor, rotmat, mean_a - factor * rotmat @ mean_b)
 
 
+class Similarities(NamedTuple):
+    """a_from_b of many sets of points, each as `Similarity`."""
+
+    scales: Float[np.ndarray, " sets"]
+    rotmats: Float[np.ndarray, "sets 3 3"]
+    translations_m: Float[np.ndarray, "sets 3"]
+
+    def apply(self, points_b_m: Float[np.ndarray, "sets n 3"]) -> Float[np.ndarray, "sets n 3"]:
+        """Map each set of points from its b to its a [m]."""
+        turned_m = points_b_m @ np.swapaxes(self.rotmats, -1, -2)
+        return np.asarray(self.scales[:, None, None] * turned_m + self.translations_m[:, None])
+
+
+def fit_similarities(
+    points_a_m: Float[np.ndarray, "sets n 3"], points_b_m: Float[np.ndarray, "sets n 3"]
+) -> Similarities:
+    """`fit_similarity` with its scale for each of many sets of points."""
+    mean_a, mean_b = points_a_m.mean(1), points_b_m.mean(1)
+    centred_a, centred_b = points_a_m - mean_a[:, None], points_b_m - mean_b[:, None]
+    covariances = np.swapaxes(centred_a, 1, 2) @ centred_b / points_a_m.shape[1]
+    u, singular, vt = np.linalg.svd(covariances)
+    signs = np.ones_like(singular)
+    signs[:, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    rotmats = (u * signs[:, None]) @ vt
+    scales = (singular * signs).sum(1) / centred_b.var(1).sum(1)
+    translations_m = mean_a - scales[:, None] * (rotmats @ mean_b[..., None])[..., 0]
+    return Similarities(scales, rotmats, translations_m)
+
+
 def mean_rotation(rotmats: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "3 3"]:
     """Chordal mean (Hartley et al. 2013, section 5.3)."""
     return _nearest_rotation(rotmats.sum(0))[0]

@@ -46,6 +46,8 @@ def clip_score(
         zero=zero,
         protocol=None if world is None else ByMethod(predicted=dict(world), zero=dict(world)),
         protocol_fps_hz=None if world is None else 30.0,
+        subsets=(),
+        seen_in=None,
         floor=None,
         below_floor=(),
     )
@@ -101,6 +103,7 @@ def scores(
             type: group_score([clip for clip in clips if clip.motion_type == type], floor=None)
             for type in types
         },
+        subset={},
         overall=overall or group_score(clips),
         over_time=OverTime(
             times_s=(0.0, 0.1),

@@ -123,12 +123,12 @@ def test_what_can_not_be_compared_is_refused(tmp_path: Path) -> None:
     values = {"x": 1.0, "yy": 2.0}
     first = write_scores(tmp_path / "a", values)
     older = tmp_path / "e" / "scores.json"
-    write_json(older, read_json(first) | {"format": "gmrdata-scores/2"})
+    write_json(older, read_json(first) | {"format": "gmrdata-scores/3"})
     refused = {
         "30 fps": write_scores(tmp_path / "b", values, fps_hz=30.0),
         "no clip is in all 2": write_scores(tmp_path / "c", {"other": 1.0}),
         "clip x was scored on other frames": write_scores(tmp_path / "d", {"x": 1.0}, zero=77.0),
-        "`format` is 'gmrdata-scores/2', .* with --redo": older,
+        "`format` is 'gmrdata-scores/3', .* with --redo": older,
     }
     for message, path in refused.items():
         with pytest.raises(BadRecord, match=message):

@@ -8,11 +8,19 @@ import pytest
 
 from gmrdata.score import ProtocolName
 from gmrdata.score.clip_errors import SMPL_FEET, foot_vertices
-from gmrdata.score.protocols import PROTOCOLS, WorldBody, WorldPair, protocol_values
+from gmrdata.score.protocol_values import SeenBody, WorldBody, WorldPair, protocol_values
+from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.table import METRIC_WORDS
 from gmrdata.values.body import JOINT, JOINT_NAMES, BodyModel
 
 STILL = np.eye(3)
+
+
+def seen(joints_m: np.ndarray) -> SeenBody:
+    """A body in the camera's axes whose vertices are its joints, twice as far from the pelvis."""
+    places_m = joints_m - joints_m[:, :1]
+    rotmats = np.tile(STILL, (len(joints_m), 24, 1, 1))
+    return SeenBody(places_m, rotmats, np.zeros(3), lambda rows: 2 * places_m[rows])
 
 
 def body(joints_m: np.ndarray) -> WorldBody:
@@ -42,7 +50,11 @@ def test_the_truth_has_no_error_in_any_protocol() -> None:
         body(moved_m), root_rotmats=np.tile([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], (230, 1, 1))
     )
     for protocol in PROTOCOLS.values():
-        found = protocol_values(protocol, WorldPair(turned, body(true_m), ((0, 230),), 30.0))
+        given = WorldPair(turned, body(true_m), ((0, 230),), 30.0)
+        given = replace(
+            given, seen=(seen(true_m), seen(true_m)), camera_paths_m=(moved_m[:, 0], true_m[:, 0])
+        )
+        found = protocol_values(protocol, given)
         assert set(found) == set(protocol.metrics)
         for metric, values in found.items():
             np.testing.assert_allclose(values, 0, atol=1e-6, err_msg=f"{protocol.name} {metric}")

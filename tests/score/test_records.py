@@ -20,7 +20,7 @@ def full(name: str = "run") -> Scores:
     """Scores with a protocol, a floor, types of motion and clips that were left out."""
     clips = [
         clip_score(
-            id, metrics(0.4, 18.0, 25.0), camera_motion=kind, world={"jitter_10m_per_s3": 1.5}
+            id, metrics(0.4, 18.0, 25.0), camera_motion=kind, world=dict.fromkeys(EMDB.metrics, 1.5)
         ).model_copy(update={"motion_type": "walk", "floor": FLOOR, "below_floor": ("ome_deg",)})
         for id, kind in (("a", "linear"), ("b", "static"))
     ]
@@ -52,7 +52,7 @@ def test_each_key_of_a_comparison_is_needed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("record", "older"), [(Scores, "gmrdata-scores/2"), (Comparison, "gmrdata-comparison/1")]
+    ("record", "older"), [(Scores, "gmrdata-scores/3"), (Comparison, "gmrdata-comparison/1")]
 )
 def test_an_older_version_is_refused_with_the_remedy(
     record: type[Scores] | type[Comparison], older: str, tmp_path: Path

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.score.protocols import PROTOCOLS, WorldBody, WorldPair, protocol_values
+from gmrdata.score.protocol_values import WorldBody, WorldPair, protocol_values
+from gmrdata.score.protocols import PROTOCOLS
 
 N_FRAMES = 250
 
