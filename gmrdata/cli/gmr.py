@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.gmr.config import Which
-from gmrdata.score import ProtocolName
+from gmrdata.score import Deviation, ProtocolName
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 
@@ -49,8 +49,13 @@ def evaluate(
     out: Path,
     predictions: Path | None = None,
     protocol: ProtocolName | None = None,
+    original: tuple[Deviation | Literal["all"], ...] = (),
     body: flags.Body = "anny",
     predictions_body: Path | None = None,
+    joint_regressor: Path | None = None,
+    person: tuple[str, ...] = (),
+    camera: Literal["ignored", "true"] = "ignored",
+    first_image: int | None = None,
     fps_hz: float = 10.0,
     missing: Literal["error", "drop"] = "error",
     floor: Path | None = None,
@@ -62,63 +67,107 @@ def evaluate(
     """Score a trained GMR, or any predictions, on a manifest: OME [deg], TME [mm], VME [mm].
 
     `gmrdata evaluate RUN MANIFEST` scores a network, `gmrdata evaluate MANIFEST --predictions
-    FOLDER` world motions that anything predicted. Zero motion is scored beside.
+    FOLDER` motions that anything predicted: WHAM, GVHMR, TRAM, SLAHMR, VIBE, AMASS-like npz and
+    clips of gmrdata. Several systems in one folder are compared. Zero motion is scored beside.
 
     Args:
         run_and_manifest: Run folder of `gmrdata train` and manifest file; the manifest alone with
             --predictions.
-        out: Output folder: scores.json, scores.csv, scores.md, scores.html, over_time.png.
-        predictions: Folder with one clip file (.npz) for each clip, named by the clip's id, in the
-            world frame.
-        protocol: What to measure besides: gmr, wham, tram, gvhmr, slahmr or emdb, for W-MPJPE,
-            WA-MPJPE, RTE, ROE, ERVE, jitter and foot sliding as each of them defines them.
+        out: Output folder: scores.json, scores.csv, scores.md, scores.html, over_time.png; with
+            several systems a folder of these for each, and comparison/.
+        predictions: Folder of results as the systems write them, in files or folders named by the
+            clip's id or sequence; or one result. docs/scores.md has the rules.
+        protocol: What to measure besides: gmr, wham, tram, gvhmr, slahmr, emdb or vibe, as each of
+            them defines it.
+        original: In what the protocol follows its released code where it doesn't by itself.
         predictions_body: Body model of the predictions, with the same mesh; the clips' when left
             out.
+        joint_regressor: A .npy of (joints, vertices) that takes a protocol's joints from meshes.
+        person: Which person of a result a clip is, where there are several: NAME, CLIP=NAME or
+            SYSTEM/CLIP=NAME.
+        camera: How motions in the camera's frame (VIBE's) become ones in the world: as if it stood
+            still, or by the manifest's cameras.
+        first_image: Number of the image that the systems' frame 0 is; that of the first image that
+            the manifest lists when left out, or 0.
         fps_hz: Rate of OME, TME and VME of predictions; a network is scored at its own.
         missing: Whether a clip or frame without a prediction is an error, or dropped and counted.
         floor: The floor.json of `gmrdata floor`, to see which scores are not distinguishable from
             the pseudo ground truth's own error.
         all_phases: Score a clip of a higher frame rate in all its phases, not in the first alone.
     """
-    from gmrdata.score.score import ScoreConfig, score_manifest, score_predictions
+    from gmrdata.score.result_scores import ResultsConfig, score_results
+    from gmrdata.score.score import ScoreConfig, score_manifest
 
     if not fps_hz > 0:
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
     config = ScoreConfig(
-        which=which, all_phases=all_phases, protocol=protocol,
+        which=which, all_phases=all_phases, protocol=protocol, original=original,
         fps_hz=fps_hz, missing=missing, seed=seed,
     )  # fmt: skip
     clips_body, run = flags.body_path(body), Run(redo=redo)
     if predictions is None:
         if len(run_and_manifest) != 2:
             raise MissingInput("give a run folder and a manifest, or a manifest and --predictions")
-        path = score_manifest(*run_and_manifest, clips_body, out, config, floor_path=floor, run=run)
-    else:
-        if len(run_and_manifest) != 1:
-            raise MissingInput("with --predictions, give the manifest alone")
-        path = score_predictions(
-            predictions, *run_and_manifest, clips_body, out, config,
-            predictions_body_path=predictions_body, floor_path=floor, run=run,
+        show_scores(
+            score_manifest(
+                *run_and_manifest, clips_body, out, config,
+                floor_path=floor, joint_regressor_path=joint_regressor, run=run,
+            )
         )  # fmt: skip
-    show_scores(path)
+        return
+    if len(run_and_manifest) != 1:
+        raise MissingInput("with --predictions, give the manifest alone")
+    chosen = {"person": _people(person), "camera": camera, "first_image": first_image}
+    made = score_results(
+        predictions, *run_and_manifest, clips_body, out,
+        ResultsConfig.model_validate(dict(config) | chosen),
+        predictions_body_path=predictions_body, floor_path=floor,
+        joint_regressor_path=joint_regressor, run=run,
+    )  # fmt: skip
+    for path in made.scores:
+        show_scores(path)
+    if made.comparison is not None:
+        _show_comparison(made.comparison, made.scores)
+
+
+def _people(given: tuple[str, ...]) -> dict[str, str]:
+    """--person as a table: by `SYSTEM/CLIP` or `CLIP`, or by "" for all clips."""
+    table = {}
+    for one in given:
+        clip, _, name = one.rpartition("=")
+        if not name or clip in table:
+            raise BadRecipe(f"--person {one}: give NAME, CLIP=NAME or SYSTEM/CLIP=NAME, each once")
+        table[clip] = name
+    return table
 
 
 def show_scores(path: Path) -> None:
     """Print a `scores.json`, and write its page."""
     from gmrdata.pages.scores import write_scores_page
-    from gmrdata.score.records import Scores
-    from gmrdata.score.table import protocol_rows, score_rows
+    from gmrdata.score.records import ScoredResults, Scores
+    from gmrdata.score.table import protocol_rows, result_lines, score_rows
 
     scores = Scores.read(path)
     print_table(*score_rows(scores))
     if besides := protocol_rows(scores):
         print_table(*besides)
+    matched = result_lines(scores.model) if isinstance(scores.model, ScoredResults) else ()
     skipped = (f"{id}: left out: {why}" for id, why in sorted(scores.skipped.items()))
-    for line in (*scores.statements, *skipped):
+    for line in (*scores.statements, *matched, *skipped):
         answer(line)
     if scores.dropped_frames:
         answer(f"{scores.dropped_frames} valid frames had no prediction and are left out")
     answer(write_scores_page(path))
+    answer(path)
+
+
+def _show_comparison(path: Path, scores: tuple[Path, ...]) -> None:
+    """Print a `comparison.json`, and write its page."""
+    from gmrdata.pages.scores import write_comparison_page
+    from gmrdata.score import compare as stage
+
+    print_table(stage.HEADINGS, stage.table_rows(stage.Comparison.read(path)))
+    answer(write_comparison_page(path, scores))
     answer(path)
 
 
@@ -188,12 +237,8 @@ def compare(
         out: Output folder: comparison.json, comparison.csv, comparison.md, comparison.html.
         names: What to call the runs, in their order; their own names when left out.
     """
-    from gmrdata.pages.scores import write_comparison_page
     from gmrdata.score import compare as stage
 
     flags.need(scores, "the scores.json of two runs or more")
     config = stage.CompareConfig(names=names, seed=seed)
-    path = stage.compare_scores(scores, out, config, run=Run(redo=redo))
-    print_table(stage.HEADINGS, stage.table_rows(stage.Comparison.read(path)))
-    answer(write_comparison_page(path, scores))
-    answer(path)
+    _show_comparison(stage.compare_scores(scores, out, config, run=Run(redo=redo)), scores)

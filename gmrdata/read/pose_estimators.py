@@ -145,7 +145,7 @@ def _phalp_pose(smpl: Any, what: str, path: Path) -> np.ndarray:
 def _gvhmr(path: Path) -> list[PersonPoses]:
     import torch
 
-    content = _load_tensors(path)
+    content = load_tensors(path)
     found = next((content[key] for key in GVHMR_KEYS if key in content), None)
     if not isinstance(found, Mapping) or "body_pose" not in found:
         has = ", ".join(map(str, content))[:200]
@@ -158,7 +158,7 @@ def _gvhmr(path: Path) -> list[PersonPoses]:
     return [PersonPoses("person", local_rotmats, np.arange(len(poses)), None)]
 
 
-def _load_tensors(path: Path) -> Mapping[str, Any]:
+def load_tensors(path: Path) -> Mapping[str, Any]:
     """The file's dict, with torch's own reader for tensors and nothing else.
 
     Only the zip form is handed to it, which torch writes since 1.6: in its older form, versions of

@@ -1,0 +1,198 @@
+"""Where other systems' results lie in a folder: by names, as systems and users leave them.
+
+A result is of a clip when its file, or the folder that it lies in, is named after the clip's id or
+the clip's sequence.  In a folder of that name the systems' own file names are looked for.  Where a
+manifest has one sequence, the systems' own files may lie in the folder itself.  Each of the
+folder's own folders may hold a set of results by the same rules: a system, or a version of one.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.read.world_results import (
+    HPS_FOLDER,
+    SLAHMR_FILE,
+    WorldResult,
+    is_tram_folder,
+    read_world_result,
+)
+from gmrdata.values.clip import CLIP_FORMAT
+from gmrdata.values.errors import BadMotionFile, MissingInput
+
+OWN_NAMES = ("wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl")
+SUFFIXES = (".npz", ".pkl", ".pt")
+SLAHMR_PHASES = ("motion_refine", "motion_chunks", "smooth_fit", "smpl_fit", "root_fit", ".")
+"""SLAHMR's folders of results, the last phase of its optimization first."""
+RULES = "docs/scores.md says how files are named"
+
+
+@dataclass(frozen=True)
+class ClipName:
+    """What results of a clip may be named after."""
+
+    id: str
+    sequence: str
+
+    def names(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys((self.id, self.sequence)))
+
+
+@dataclass(frozen=True, eq=False)
+class ResultSet:
+    """The results of one system, or of one version of it."""
+
+    name: str
+    system: str
+    results: Mapping[str, WorldResult]  # by the clip's id
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return tuple(dict.fromkeys(path for one in self.results.values() for path in one.files))
+
+
+@dataclass(frozen=True)
+class ClipFiles:
+    """A folder with `<clip id>.npz` of gmrdata's own, as `predictions.file_clip` reads them."""
+
+    name: str
+    folder: Path
+
+
+def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | ClipFiles]:
+    """The sets of results of some clips in a folder, or a single file, by name.
+
+    Results of others are read; of gmrdata's own, folders are named.  MissingInput where there is
+    none, BadMotionFile where two results are of one clip and system.
+    """
+    if not path.exists():
+        raise MissingInput(f"{path}: no such file or folder of predictions")
+    read: dict[Path, WorldResult] = {}
+    found: dict[tuple[Path, str], dict[str, WorldResult]] = defaultdict(dict)
+    for root, clip, file in _candidates(path, clips):
+        result = read[file] if file in read else read_world_result(file)
+        read[file] = result
+        of_system = found[root, result.system]
+        if (other := of_system.get(clip.id)) and other is not result:
+            both = f"{other.files[0]} and {result.files[0]}"
+            raise BadMotionFile(
+                f"{path}: {both} are both {result.system}'s of clip {clip.id}. Keep one"
+            )
+        of_system[clip.id] = result
+    own = _clip_folders(path, clips)
+    if not found and not own:
+        named = ", ".join(clips[0].names()) if clips else "no clip"
+        raise MissingInput(
+            f"{path}: no result named after a clip or its sequence ({named}); {RULES}"
+        )
+    return _distinct(path, [*_named(path, found), *own])
+
+
+def _clip_folders(path: Path, clips: Sequence[ClipName]) -> list[ClipFiles]:
+    """The folder and those in it that hold clips, or a folder `predictions` with clips."""
+    if not path.is_dir():
+        return []
+    found = []
+    for folder in (path, *(one for one in sorted(path.iterdir()) if one.is_dir())):
+        for made in (folder, folder / "predictions"):
+            if any(_is_clip_file(made / f"{clip.id}.npz") for clip in clips):
+                full = made.resolve()
+                name = full.parent.name if full.name == "predictions" else full.name
+                found.append(ClipFiles(name, made))
+    return list({one.folder: one for one in found}.values())
+
+
+def _distinct(path: Path, sets: Sequence[ResultSet | ClipFiles]) -> list[ResultSet | ClipFiles]:
+    """The sets in the order of their names, which must tell them apart."""
+    names = [one.name for one in sets]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise BadMotionFile(f"{path}: two sets of results are called {twice[0]}. Rename a folder")
+    return sorted(sets, key=lambda one: one.name)
+
+
+def _named(
+    path: Path, found: Mapping[tuple[Path, str], Mapping[str, WorldResult]]
+) -> list[ResultSet]:
+    """Sets named after their system, or after their folder where that says more."""
+    sets = []
+    for (root, system), results in found.items():
+        several = sum(other == root for other, _ in found) > 1
+        own = root == path or root.name in (system, "smpl") or path.is_file()
+        name = system if own else f"{root.name}-{system}" if several else root.name
+        sets.append(ResultSet(name, system, results))
+    return sets
+
+
+def _candidates(path: Path, clips: Sequence[ClipName]) -> Iterator[tuple[Path, ClipName, Path]]:
+    """Folder of the set, clip, and file or folder of its result."""
+    one_sequence = len({clip.sequence for clip in clips}) == 1
+    if path.is_file() or (one_sequence and is_tram_folder(path)):
+        yield from ((path, clip, path) for clip in clips if one_sequence)
+        return
+    taken = {name for clip in clips for name in clip.names()} | {HPS_FOLDER}
+    roots = [
+        path,
+        *(one for one in sorted(path.iterdir()) if one.is_dir() and one.name not in taken),
+    ]
+    for root in roots:
+        for clip in clips:
+            files = [file for name in clip.names() for file in _of_name(root, name)]
+            if one_sequence:
+                files += _own_files(root)
+            yield from ((root, clip, file) for file in dict.fromkeys(files))
+
+
+def _of_name(root: Path, name: str) -> Iterator[Path]:
+    """The results in a folder that are named so."""
+    if root.name == "camera" and (root.with_name("smpl") / f"{name}.npz").is_file():
+        return  # TRAM's cameras, which are read beside its people
+    for suffix in SUFFIXES:
+        file = root / f"{name}{suffix}"
+        if file.is_file() and not _is_clip_file(file):
+            yield file
+    if (root / name).is_dir():
+        yield from _own_files(root / name)
+    # SLAHMR's runs are called <sequence>-<tracks>-shot-<n>-<first>-<last>.
+    for folder in sorted(root.iterdir()):
+        if folder.is_dir() and re.fullmatch(rf"{re.escape(name)}-.*-shot-.*", folder.name):
+            yield from _slahmr_files(folder)
+
+
+def _own_files(folder: Path) -> Iterator[Path]:
+    """What a folder holds under the systems' own names."""
+    yield from (folder / name for name in OWN_NAMES if (folder / name).is_file())
+    if is_tram_folder(folder):
+        yield folder
+    yield from _slahmr_files(folder)
+
+
+def _slahmr_files(folder: Path) -> list[Path]:
+    """The result of SLAHMR's last phase and last step."""
+    for phase in SLAHMR_PHASES:
+        steps = {
+            int(found[1]): file
+            for file in (folder / phase).glob("*_world_results.npz")
+            if (found := SLAHMR_FILE.fullmatch(file.name))
+        }
+        if steps:
+            return [steps[max(steps)]]
+    return []
+
+
+def _is_clip_file(path: Path) -> bool:
+    """Whether a file is a clip of gmrdata's own."""
+    if path.suffix != ".npz" or not path.is_file():
+        return False
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return "format" in arrays and str(arrays["format"]) == CLIP_FORMAT
+    except (OSError, ValueError, KeyError, EOFError):
+        return False
+    except Exception as error:  # zipfile's and zlib's own, of a file that is cut off
+        if type(error).__module__.split(".")[0] in ("zipfile", "zlib"):
+            return False
+        raise

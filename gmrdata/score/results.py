@@ -1,0 +1,271 @@
+"""Other systems' results beside the truth: which person, which frames, on which body."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from gmrdata.read.world_results import Z_UP_FROM_Y_DOWN, ResultPerson, WorldResult
+from gmrdata.score.records import MatchedResult
+from gmrdata.values.body import BodyModel, gender_of
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rigid
+from gmrdata.world.compose import motion_in_world
+
+SeenAs = Literal["ignored", "true"]
+"""How a motion in the camera's frame becomes one in the world: as if the camera stood still, or by
+the manifest's cameras."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedClip:
+    """A result on the rows of a clip."""
+
+    clip: Clip  # the prediction: `valid` where the result has the row's frame, NaN elsewhere
+    matched: MatchedResult
+
+
+def pick_person(
+    result: WorldResult, clip_id: str, set_name: str, wanted: Mapping[str, str]
+) -> ResultPerson:
+    """The person of a result that is a clip's: the one that was named, else the only one.
+
+    `wanted` has a person by `<set>/<clip id>`, `<clip id>` or "", in this order.  BadMotionFile
+    lists the people where none is named of several, or one that is not there.
+    """
+    keys = (f"{set_name}/{clip_id}", clip_id, "")
+    name = next((wanted[key] for key in keys if key in wanted), None)
+    people = result.people
+    if name is not None:
+        found = [one for one in people if one.name in (name, f"person_{name}")]
+        if found:
+            return found[0]
+        what = f"has no person {name!r} for clip {clip_id}"
+    elif len(people) == 1:
+        return people[0]
+    else:
+        what = f"has {len(people)} people, and which one is clip {clip_id} is not said"
+    raise BadMotionFile(
+        f"{result.files[0]}: {what}. It has {_listed(people)}. Name one with "
+        f"--person {clip_id}=NAME"
+    )
+
+
+def _listed(people: Sequence[ResultPerson]) -> str:
+    shown = [
+        f"{one.name} (frames {one.frame_numbers[0]}-{one.frame_numbers[-1]}, "
+        f"{len(one.frame_numbers)} of them)"
+        for one in people[:12]
+    ]
+    return ", ".join(shown) + (f" and {len(people) - 12} more" if len(people) > 12 else "")
+
+
+def frames_of_rows(
+    clip: Clip, images: Sequence[int] | None = None, first_image: int | None = None
+) -> np.ndarray:
+    """(T,) which frame of the video, from 0, each row of a clip is; -1 for none.
+
+    Frame 0 is the image `first_image`, where that is given; else the frames are the clip's images
+    in their order (`images`, the numbers of all in the folder); else frame k is the image k.  A
+    clip without images is as a video of its rows.
+    """
+    numbers = clip.image_numbers.astype(np.int64)
+    if not (numbers >= 0).any():
+        return np.arange(len(numbers))
+    if first_image is None and images:
+        ordered = np.array(sorted(set(images)), dtype=np.int64)
+        at = np.searchsorted(ordered, numbers).clip(max=len(ordered) - 1)
+        return np.where(ordered[at] == numbers, at, -1)
+    return np.where(numbers >= 0, numbers - (first_image or 0), -1).clip(min=-1)
+
+
+def matched_clip(
+    result: WorldResult,
+    person: ResultPerson,
+    true: Clip,
+    frames: np.ndarray,
+    body: BodyModel,
+    seen_as: SeenAs,
+    wanted: np.ndarray | None = None,
+) -> MatchedClip:
+    """A person's motion on the rows of a clip, at its rate, in a world with z up.
+
+    `frames` (T,) is the video's frame of each row, `wanted` (T,) bool the rows to take; None for
+    all.  BadMotionFile: the result has none of the frames.
+    """
+    rows = rows_of_numbers(person.frame_numbers, frames)
+    has = has_rows(person, true, frames, seen_as)
+    if not (has & true.valid).any():
+        valid = frames[true.valid & (frames >= 0)]
+        wanted = f"{valid.min()}-{valid.max()}" if valid.size else "none"
+        raise BadMotionFile(
+            f"{result.files[0]}: {person.name} has frames {person.frame_numbers[0]}-"
+            f"{person.frame_numbers[-1]}, and clip {true.id} is of frames {wanted} of the video. "
+            "Give the clip's own result, or say with --first-image which image is frame 0"
+        )
+    shape, notes = _shape_on(person, body)
+    others = np.setdiff1d(person.frame_numbers, frames[has])
+    if wanted is not None:
+        has = has & wanted
+    z_up_from_file = _to_world(person, true, rows, has, seen_as)
+    used = rows[has]
+    seen = Motion(
+        local_rotmats=person.local_rotmats[used],
+        root_rotmats=person.root_rotmats[used],
+        pelvis_m=_transl_m(person, true)[used] + _rest_pelves_m(person, body, shape)[used],
+        shape=shape,
+        fps_hz=true.motion.fps_hz,
+        body=body.name,
+        gender=gender_of(body),
+        frame="camera",
+        source=f"{result.system}: {result.files[0].name}, {person.name}",
+    )
+    motion = _spread(motion_in_world(seen, z_up_from_file[has]), has)
+    matched = MatchedResult(
+        file=result.files[0].name,
+        person=person.name,
+        people=len(result.people),
+        frames=len(person.frame_numbers),
+        used_frames=int(has.sum()),
+        first_unused_frame=int(others[0]) if others.size else None,
+        notes=notes,
+    )
+    camera = _own_camera(person, true, rows, has, z_up_from_file)
+    return MatchedClip(Clip(true.id, motion, has, true.image_numbers, camera), matched)
+
+
+def _own_camera(
+    person: ResultPerson, true: Clip, rows: np.ndarray, has: np.ndarray, z_up_from_file: np.ndarray
+) -> CameraPath | None:
+    """The camera that the result saw the person with, in the result's world."""
+    world_from_cam = np.tile(np.eye(4), (len(rows), 1, 1))
+    if person.z_up_from_cam is not None:
+        world_from_cam[has] = person.z_up_from_cam[rows[has]]
+    elif person.z_up_from_file is None:
+        world_from_cam[has] = z_up_from_file[has]
+    else:
+        return None
+    if true.camera is None:
+        return CameraPath(np.eye(3), 1, 1, world_from_cam, has)
+    return replace(true.camera, world_from_cam=world_from_cam, has_camera=has)
+
+
+def _shape_on(person: ResultPerson, body: BodyModel) -> tuple[np.ndarray, tuple[str, ...]]:
+    """(S,) the person's mean shape where it is of this body, else the body's mean; and a word."""
+    shape = np.zeros(body.n_shape)
+    if person.betas is None:
+        what = "the file has no shape of an SMPL body"
+    elif person.betas_body != body.name:
+        what = f"its shape is of {person.betas_body}"
+    else:
+        kept = person.betas.mean(axis=0)[: len(shape)]
+        shape[: len(kept)] = kept
+        return shape, ()
+    said = (
+        f"{what}: scored on the mean shape of {body.name}, so limbs have other lengths than there"
+    )
+    return shape, (said,)
+
+
+def _rest_pelves_m(person: ResultPerson, body: BodyModel, shape: np.ndarray) -> np.ndarray:
+    """(T, 3) J0 of each frame's own shape: SMPL's transl is the pelvis less that."""
+    if person.rest_pelvis_m is not None:
+        return np.tile(person.rest_pelvis_m, (len(person.frame_numbers), 1))
+    shapes = np.tile(shape, (len(person.frame_numbers), 1))
+    if person.betas is not None and person.betas_body == body.name:
+        n_common = min(shapes.shape[1], person.betas.shape[1])
+        shapes[:, :n_common] = person.betas[:, :n_common]
+    return np.asarray(body.joints_template_m[0] + shapes @ body.joint_shape_dirs_m[0].T)
+
+
+def _transl_m(person: ResultPerson, true: Clip) -> np.ndarray:
+    """(T, 3) SMPL's transl in the file's frame; before the clip's camera for a weak camera."""
+    if person.transl_m is not None:
+        return person.transl_m
+    assert person.weak_cameras is not None
+    camera = camera_of(true)
+    (fx, _, cx), (_, _, cy), _ = camera.intrinsics_px
+    scales, shifts_m = person.weak_cameras[:, :2], person.weak_cameras[:, 2:]
+    half_px = np.array([camera.width_px, camera.height_px]) / 2
+    # One unit of length is scale * half the image's size in pixels, where the person stands.
+    px_per_m = scales * half_px
+    off_m = (half_px - [cx, cy]) / px_per_m
+    return np.column_stack([shifts_m + off_m, fx / px_per_m[:, 0]])
+
+
+def has_rows(person: ResultPerson, true: Clip, frames: np.ndarray, seen_as: SeenAs) -> np.ndarray:
+    """(T,) bool: rows of a clip whose frame of the video the person has, in a world."""
+    has = rows_of_numbers(person.frame_numbers, frames) >= 0
+    if person.z_up_from_file is None and seen_as == "true":
+        return np.asarray(has & camera_of(true).has_camera)
+    return has
+
+
+def _to_world(
+    person: ResultPerson, true: Clip, rows: np.ndarray, has: np.ndarray, seen_as: SeenAs
+) -> np.ndarray:
+    """(T, 4, 4) from the file's frame to a world with z up, by the clip's rows."""
+    if person.z_up_from_file is None and seen_as == "true":
+        return camera_of(true).world_from_cam
+    z_up_from_file = np.tile(rigid(Z_UP_FROM_Y_DOWN, np.zeros(3)), (len(rows), 1, 1))
+    if person.z_up_from_file is not None:
+        z_up_from_file[has] = person.z_up_from_file[rows[has]]
+    return z_up_from_file
+
+
+def _spread(motion: Motion, has: np.ndarray) -> Motion:
+    """A motion of some rows on all of them, NaN in the others."""
+
+    def on_all(values: np.ndarray) -> np.ndarray:
+        found = np.full((len(has), *values.shape[1:]), np.nan)
+        found[has] = values
+        return found
+
+    return Motion(
+        local_rotmats=on_all(motion.local_rotmats),
+        root_rotmats=on_all(motion.root_rotmats),
+        pelvis_m=on_all(motion.pelvis_m),
+        shape=motion.shape,
+        fps_hz=motion.fps_hz,
+        body=motion.body,
+        gender=motion.gender,
+        frame=motion.frame,
+        source=motion.source,
+    )
+
+
+def timed_clip(
+    result: WorldResult, person: ResultPerson, true: Clip, body: BodyModel
+) -> MatchedClip:
+    """A motion with its own frame rate: row i is the clip's row i, or k i at a k-th of its rate."""
+    n_rows, fps_hz = len(person.frame_numbers), result.fps_hz or true.motion.fps_hz
+    shape, notes = _shape_on(person, body)
+    if result.fps_hz is None:
+        notes += (f"the file has no frame rate: taken as the clip's {fps_hz:g} fps",)
+    assert person.transl_m is not None
+    motion = Motion(
+        local_rotmats=person.local_rotmats,
+        root_rotmats=person.root_rotmats,
+        pelvis_m=person.transl_m + _rest_pelves_m(person, body, shape),
+        shape=shape,
+        fps_hz=fps_hz,
+        body=body.name,
+        gender=gender_of(body),
+        frame="world",
+        source=f"{result.system}: {result.files[0].name}",
+    )
+    matched = MatchedResult(
+        file=result.files[0].name,
+        person=person.name,
+        people=1,
+        frames=n_rows,
+        used_frames=n_rows,
+        first_unused_frame=None,
+        notes=notes,
+    )
+    whole = np.ones(n_rows, dtype=bool)
+    return MatchedClip(Clip(true.id, motion, whole, np.full(n_rows, -1), None), matched)
