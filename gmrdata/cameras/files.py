@@ -138,7 +138,8 @@ class CamerasQuality(records.Record):
     frames_with_camera: NonNegativeInt
     registered_share: Figure
     mean_reprojection_px: Figure
-    """Mean error of what holds the cameras: points, or matches under a pure rotation [px]."""
+    """Mean error of what holds the cameras [px]: of the points that the bundle adjustment had, each
+    the mean over its frames, as COLMAP has it; of the matches under a pure rotation."""
     median_reprojection_px: Figure
     inliers_per_frame: tuple[NonNegativeInt, ...]
     """Points or matches that hold each camera."""

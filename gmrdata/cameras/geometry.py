@@ -15,6 +15,7 @@ from gmrdata.cameras.one_scale import weakest_step
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import RotationOnly, refine_turning, solve_rotation_only
 from gmrdata.cameras.solution import Solution, fill_short_gaps, quality_of, turning_solution
+from gmrdata.cameras.tracks import errors_px, mean_over_points, tracks_of
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.records import figure
 
@@ -77,11 +78,23 @@ def _solve_keyframes(
             "could build a model; the parallax may be too small, the intrinsics wrong or the "
             "background moving"
         )
-    matches, everything = (of.without(mapped.lens, intrinsics_px) for of in (matches, everything))
+    matches, straight = (of.without(mapped.lens, intrinsics_px) for of in (matches, everything))
     step = weakest_step(mapped, matches, key_rows, intrinsics_px, config.max_reprojection_px)
     mapped = replace(mapped, weakest_step=step)
-    placed = place_between(mapped, key_rows, everything, intrinsics_px)
-    return refine_mapped(placed, everything, intrinsics_px, timeline, config), evidence, bent
+    placed = place_between(mapped, key_rows, straight, intrinsics_px)
+    refined = refine_mapped(placed, straight, intrinsics_px, timeline, config)
+    return _with_tracks(refined, everything, frames), evidence, bent
+
+
+def _with_tracks(solution: Solution, matches: Matches, frames: Frames) -> Solution:
+    """The solution with its tracks, and the errors of what the bundle adjustment had of them."""
+    names = [image.name for image in frames.images]
+    points, adjusted = solution.points, solution.adjusted
+    tracks = tracks_of(solution.seen, matches.keypoints_px, points, adjusted, names)
+    held, cameras = tracks.of_adjusted(), solution.world_from_cam
+    found_px = errors_px(held, points, cameras, frames.intrinsics_px, solution.lens)
+    mean_px = mean_over_points(found_px, held.points)
+    return replace(solution, tracks=tracks, errors_px=found_px, mean_error_px=mean_px)
 
 
 def weigh(turning: RotationOnly, matches: Matches, config: SfmConfig) -> Evidence:

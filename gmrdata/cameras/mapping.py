@@ -59,10 +59,13 @@ def place_between(
     n = len(matches.keypoints_px)
     world_from_cam, inliers = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.int64)
     world_from_cam[key_rows], inliers[key_rows] = keys.world_from_cam, keys.inliers
+    adjusted = np.zeros(n, dtype=bool)
+    adjusted[key_rows] = keys.adjusted
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
     between = set(range(n)) - set(key_rows.tolist())
     place_frames(between, world_from_cam, inliers, seen, matches, intrinsics_px)
-    return replace(keys, world_from_cam=world_from_cam, inliers=inliers, seen=seen)
+    placed = {"world_from_cam": world_from_cam, "inliers": inliers, "seen": seen}
+    return replace(keys, adjusted=adjusted, **placed)
 
 
 def refine_mapped(
@@ -151,6 +154,7 @@ def _finish(
         seen[row] = points
     _forget_weak(world_from_cam, inliers, seen, config.min_frame_points)
     missing = set(range(n)) - set(seen)
+    adjusted = np.isin(np.arange(n), list(seen))
     n_resected = place_frames(missing, world_from_cam, inliers, seen, matches, intrinsics_px)
     points3d = [model.point3D(i) for i in sorted(model.point3D_ids())]
     return Solution(
@@ -165,6 +169,7 @@ def _finish(
         models=records,
         n_resected=n_resected,
         seen=seen,
+        adjusted=adjusted,
         lens=lens,
     )
 

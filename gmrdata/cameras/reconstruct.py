@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from gmrdata.cameras import files
 from gmrdata.cameras.frames import Frames, reduced
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.read.frames import check_images, list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -41,7 +43,7 @@ def reconstruct(
         masks_dir: Masks (255 = dynamic), one per frame; None to use whole frames.  Inside a mask
             only points count that other frames show outside of theirs.
         intrinsics_px: (3, 3) calibration matrix, without skew, kept fixed [px].
-        out_dir: Folder to make: `cameras.npz`, `points.npz`, `quality.json`.
+        out_dir: Folder to make: `cameras.npz`, `points.npz`, `tracks.npz`, `quality.json`.
         left_out: Numbers of images that are known to be unusable and get no camera and no row.
 
     Raises:
@@ -73,10 +75,21 @@ def reconstruct(
         cameras = files.SfmCameras(path, solution.geometry, given.numbers, filled)
         files.save_cameras(partial / files.CAMERAS_FILE, cameras)
         files.save_points(partial / files.POINTS_FILE, solution.points, solution.track_lengths)
+        save_tracks(partial / TRACKS_FILE, _tracks_in(solution.tracks, given, frames))
         quality.write(partial / files.QUALITY_FILE)
 
     inputs = {"images": images_dir} | ({} if masks_dir is None else {"masks": masks_dir})
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
+
+
+def _tracks_in(tracks: Tracks | None, given: Frames, worked_on: Frames) -> Tracks:
+    """Tracks in the pixels of the given frames; without observations where there are none."""
+    names = tuple(image.name for image in given.images)
+    if tracks is None:
+        nothing, n_frames = np.zeros(0, dtype=np.int64), len(names)
+        return Tracks(nothing, nothing, np.zeros((0, 2)), np.zeros(n_frames, dtype=bool), names)
+    larger = np.divide(given.size_px, worked_on.size_px)
+    return replace(tracks, image_px=tracks.image_px * larger, image_names=names)
 
 
 def _checked(intrinsics_px: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.keyframes import Keyframes
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import RotationOnly
+from gmrdata.cameras.tracks import Tracks
 from gmrdata.values import transforms
 from gmrdata.values.camera import fill_gaps
 
@@ -36,6 +37,10 @@ class Solution:
     models: tuple[files.ModelRecord, ...] = ()
     n_resected: int = 0  # Frames that the mapper left out and that its points placed afterwards
     seen: SeenPoints = field(default_factory=dict)
+    adjusted: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """(T,) frames that the bundle adjustment had; none but for "full"."""
+    tracks: Tracks | None = None  # In the pixels of the frames; None but for "full"
+    mean_error_px: float | None = None  # COLMAP's mean of `errors_px`; None but for "full"
     weakest_step: files.WeakestStep | None = None  # None but for "full"
     lens: files.Lens | None = None  # Taken out of the image points; None where there was hardly any
     largest_turn_deg: float | None = None  # Largest turn from the mean orientation; None for "full"
@@ -113,6 +118,9 @@ def quality_of(
     """The figures of a solution, and which of its gaps are to be filled, (T,) bool."""
     n_frames, n_found = len(solution.world_from_cam), int(solution.has_camera.sum())
     lengths, focal = solution.track_lengths, solution.focal
+    mean_px = solution.mean_error_px
+    if mean_px is None:
+        mean_px = float(solution.errors_px.mean())
     return files.CamerasQuality(
         geometry=solution.geometry,
         mapper=solution.mapper,
@@ -121,7 +129,7 @@ def quality_of(
         frames=n_frames,
         frames_with_camera=n_found,
         registered_share=n_found / n_frames,
-        mean_reprojection_px=solution.errors_px.mean(),
+        mean_reprojection_px=mean_px,
         median_reprojection_px=float(np.median(solution.errors_px)),
         inliers_per_frame=tuple(solution.inliers.tolist()),
         interpolated=tuple(np.flatnonzero(interpolated).tolist()),

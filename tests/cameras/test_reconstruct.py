@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.cameras.files import SfmCameras, load_cameras, load_quality
+from gmrdata.cameras.files import SfmCameras, load_cameras, load_points, load_quality
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.cameras.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.read.frames import list_images
 from gmrdata.stage.jobs import own_cores
-from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, NoReconstruction
+from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction
 from gmrdata.values.transforms import fit_similarity
 
 SMALL = SfmConfig(max_features=600)
@@ -78,6 +79,35 @@ def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(
     assert points["track_lengths"].min() >= 2
 
 
+def test_the_tracks_give_the_error_of_the_cameras_again(dolly: Any, dolly_dir: Path) -> None:
+    cameras, quality, tracks = (
+        load_cameras(dolly_dir),
+        load_quality(dolly_dir),
+        load_tracks(dolly_dir),
+    )
+    points, path, held = load_points(dolly_dir), cameras.path, tracks.of_adjusted()
+    found_px = errors_px(held, points, path.world_from_cam, path.intrinsics_px, quality.lens)
+    again_px = mean_over_points(found_px, held.points)
+    assert again_px == pytest.approx(quality.mean_reprojection_px, rel=2e-3)  # kept to 1/64 px
+    assert tracks.image_names == tuple(image.name for image in list_images(dolly.images_dir))
+    assert set(np.flatnonzero(tracks.adjusted)) <= set(quality.keyframes)
+    seen = np.stack([tracks.rows, tracks.points])
+    assert len(np.unique(seen, axis=1).T) == len(tracks.rows) > 1000
+    assert (dolly_dir / "tracks.npz").stat().st_size < 10 * len(tracks.rows)
+
+
+def test_a_camera_that_only_turns_has_no_tracks(pan_dir: Path) -> None:
+    tracks = load_tracks(pan_dir)
+    assert len(tracks.rows) == 0 and len(tracks.image_names) == 12 and not tracks.adjusted.any()
+
+
+def test_a_folder_without_tracks_says_how_to_get_them(dolly_dir: Path, tmp_path: Path) -> None:
+    shutil.copytree(dolly_dir, tmp_path / "sfm")
+    (tmp_path / "sfm/tracks.npz").unlink()
+    with pytest.raises(MissingInput, match="kept no tracks. Delete .*sfm and run the same command"):
+        load_tracks(tmp_path / "sfm")
+
+
 def test_a_lens_that_bends_the_picture_bends_no_path(
     film: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -122,13 +152,14 @@ def test_the_same_seed_gives_the_same_bytes(
         for threads in (None, 1 if own_cores() > 1 else 2)
     )
     assert load_cameras(first).geometry == {"pan": "rotation_only", "dolly": "full"}[kind]
-    for name in ("cameras.npz", "points.npz", "quality.json"):
+    for name in ("cameras.npz", "points.npz", "tracks.npz", "quality.json"):
         assert (first / name).read_bytes() == (second / name).read_bytes(), name
     assert sorted(p.name for p in second.iterdir()) == [
         "cameras.npz",
         "points.npz",
         "quality.json",
         "stage.json",
+        "tracks.npz",
     ]
 
 

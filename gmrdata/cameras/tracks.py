@@ -1,0 +1,117 @@
+"""Tracks: which frame saw which point where, so that anyone can work out the error of the cameras.
+
+The mean error is COLMAP's: over the points, of each one's mean over the frames that see it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.cameras.files import Lens
+from gmrdata.values import records, transforms
+from gmrdata.values.errors import MissingInput
+from gmrdata.values.files import write_npz
+
+TRACKS_FILE = "tracks.npz"
+TRACKS_FORMAT = "gmrdata-tracks/1"
+_SHAPES: records.ArrayShapes = {
+    "row": ("iu", ("M",)),
+    "point": ("iu", ("M",)),
+    "image_px": ("f", ("M", 2)),
+    "adjusted": ("b", ("T",)),
+    "image_names": ("U", ("T",)),
+}
+STEPS_PER_PX = 64.0
+"""Image points are kept to 1/64 px: far finer than they are, and zip takes a third of the bytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """M observations of the background points of a reconstruction, in T frames."""
+
+    rows: np.ndarray  # (M,) int: the frame of each; ascending
+    points: np.ndarray  # (M,) int: the point of each, as its row in `points.npz`
+    image_px: np.ndarray  # (M, 2) where it is seen in the image [px], distorted as the image is
+    adjusted: np.ndarray
+    """(T,) bool: frames that the bundle adjustment had; the others were placed by its points."""
+    image_names: tuple[str, ...]  # (T,) file names of the images
+
+    def of_adjusted(self) -> "Tracks":
+        """The observations that the bundle adjustment had."""
+        keep = self.adjusted[self.rows]
+        seen = {"rows": self.rows, "points": self.points, "image_px": self.image_px}
+        return replace(self, **{name: values[keep] for name, values in seen.items()})
+
+
+def tracks_of(
+    seen: Mapping[int, Mapping[int, np.ndarray]],
+    keypoints_px: Sequence[np.ndarray],
+    points: np.ndarray,
+    adjusted: np.ndarray,
+    image_names: Sequence[str],
+) -> Tracks:
+    """Tracks of what frames see: by row and feature the point (3,), one of `points` (N, 3)."""
+    number = {point.tobytes(): n for n, point in enumerate(points)}
+    rows, numbers = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    image_px = [np.zeros((0, 2))]
+    for row, by_feature in sorted(seen.items()):
+        of = np.array([number[point.tobytes()] for point in by_feature.values()], np.int64)
+        # Followed from two keyframes, a point may be there twice.
+        once, first = np.unique(of, return_index=True)
+        rows.append(np.full(len(once), row))
+        numbers.append(once)
+        image_px.append(keypoints_px[row][np.array(list(by_feature), np.int64)[first]])
+    together = (np.concatenate(parts) for parts in (rows, numbers, image_px))
+    return Tracks(*together, adjusted, tuple(image_names))
+
+
+def errors_px(
+    tracks: Tracks,
+    points: np.ndarray,
+    world_from_cam: np.ndarray,
+    intrinsics_px: np.ndarray,
+    lens: Lens | None,
+) -> np.ndarray:
+    """(M,) distance of each observation from its point (N, 3) in its camera (T, 4, 4) [px]."""
+    k1, k2 = (0.0, 0.0) if lens is None else (lens.k1, lens.k2)
+    cam_from_world = transforms.invert(world_from_cam[tracks.rows])
+    points_cam = transforms.apply(cam_from_world, points[tracks.points][:, None])[:, 0]
+    rays = points_cam[:, :2] / points_cam[:, 2:]
+    r2 = (rays**2).sum(axis=1, keepdims=True)
+    bent = rays * (1 + k1 * r2 + k2 * r2**2)
+    image_px = bent * intrinsics_px[[0, 1], [0, 1]] + intrinsics_px[:2, 2]
+    return np.asarray(np.linalg.norm(image_px - tracks.image_px, axis=1))
+
+
+def mean_over_points(errors: np.ndarray, points: np.ndarray) -> float:
+    """The mean over points of the mean error of each one's observations (M,), as COLMAP has it."""
+    counts = np.bincount(points)
+    there = counts > 0
+    return float((np.bincount(points, weights=errors)[there] / counts[there]).mean())
+
+
+def save_tracks(path: Path, tracks: Tracks) -> None:
+    """Write `tracks.npz`: about 2 kB a frame."""
+    arrays = {
+        "format": TRACKS_FORMAT,
+        "row": tracks.rows.astype(np.uint32),
+        "point": tracks.points.astype(np.uint32),
+        "image_px": (np.rint(tracks.image_px * STEPS_PER_PX) / STEPS_PER_PX).astype(np.float32),
+        "adjusted": tracks.adjusted,
+        "image_names": np.array(tracks.image_names, dtype=np.str_),
+    }
+    write_npz(path, arrays, compressed=True)
+
+
+def load_tracks(sfm_dir: Path) -> Tracks:
+    """Read `tracks.npz` of a folder; MissingInput where an older version made it."""
+    path = sfm_dir / TRACKS_FILE
+    if not path.is_file():
+        remedy = f"Delete {sfm_dir} and run the same command again, which makes the same cameras"
+        raise MissingInput(f"{path}: an older gmrdata kept no tracks. {remedy}")
+    arrays = records.read_arrays(path, TRACKS_FORMAT, _SHAPES)
+    rows, points = arrays["row"].astype(np.int64), arrays["point"].astype(np.int64)
+    adjusted, names = arrays["adjusted"], tuple(map(str, arrays["image_names"]))
+    return Tracks(rows, points, arrays["image_px"].astype(np.float64), adjusted, names)
