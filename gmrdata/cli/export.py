@@ -7,8 +7,9 @@ from tyro.conf import Positional
 
 from gmrdata.cli import options as flags
 
-FormatName = Literal["tum"]
+FormatName = Literal["colmap", "tum", "kitti", "gem-x"]
 Trajectory = Literal["camera", "person"]
+Seen = Literal["keyframes", "all", "none"]
 
 
 def export(
@@ -17,6 +18,7 @@ def export(
     out: Path,
     clips: tuple[str, ...] = (),
     of: Trajectory = "camera",
+    observations: Seen = "keyframes",
     body: str | None = None,
     images: Path | None = None,
     truth: Path | None = None,
@@ -28,10 +30,15 @@ def export(
     Args:
         source: A manifest, a clip's file, or the folder of a rendered set, of sfm, threedpw, floor,
             infer or a demo.
-        to: Formats. tum: trajectory as TUM's RGB-D benchmark has it, with times.
+        to: Formats. colmap: a COLMAP model, binary and text, with the tracks of a solved sequence;
+            tum: trajectory as TUM's RGB-D benchmark has it, with times;
+            kitti: trajectory as KITTI's odometry has it, a line per frame;
+            gem-x: GEM-X's camera file, preprocess/camera.pt.
         out: Output folder: <format>/<clip id>.
         clips: Names of the clips to write; all when left out.
         of: Whose trajectory tum and kitti hold: the camera's, or the person's pelvis.
+        observations: Which image points a COLMAP model has: of the keyframes, which the bundle
+            adjustment had and whose error is the stage's; those of the frames between too; or none.
         body: "anny", or the file of a body model; the one that lies beside the clips when left out.
         images: Folder with the images, or with a folder of them for each sequence, where the
             clips do not say it.
@@ -46,7 +53,7 @@ def export(
         Given(source, clips, body, images, truth),
         tuple(dict.fromkeys(to)),
         out,
-        ExportOptions(of=of),
+        ExportOptions(of=of, observations=observations),
         redo=redo,
         dry_run=dry_run,
     )

@@ -5,16 +5,17 @@ with plain values.  What it can't write is an error, which the verb says of that
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from gmrdata.cli.export import FormatName, Trajectory
+from gmrdata.cli.export import FormatName, Seen, Trajectory
 from gmrdata.manifest.exported import ExportedClip
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of
+from gmrdata.values.errors import BadMotionFile
 
 Need = Literal["camera", "world", "trajectory", "images", "one_person"]
 """trajectory: a camera or a motion in the world, whichever is asked for."""
@@ -25,6 +26,7 @@ class ExportOptions:
     """What the flags of `gmrdata export` say to the formats."""
 
     of: Trajectory = "camera"  # whose trajectory tum and kitti hold
+    observations: Seen = "keyframes"  # which image points a COLMAP model has
 
 
 class Format(NamedTuple):
@@ -66,6 +68,38 @@ def _clip_lacks(need: Need, exported: ExportedClip) -> str:
     return ""
 
 
+def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
+    from gmrdata.world.background import load_background, load_background_tracks
+    from gmrdata.write.colmap import NO_POINTS, ColmapPoints, write_colmap
+
+    exported = clips[0]
+    path.mkdir()
+    if exported.sfm_dir is None:
+        write_colmap(path, camera_of(exported.clip), _image_names(exported))
+        return
+    found, images_dir = load_background(exported.sfm_dir, exported.clip), exported.images_dir
+    radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
+    if options.observations == "none":
+        by_number = dict(
+            zip(exported.clip.image_numbers.tolist(), _image_names(exported), strict=True)
+        )
+        names = [by_number.get(number) for number in found.image_numbers.tolist()]
+        points = replace(NO_POINTS, world_m=found.points_m)
+        write_colmap(path, found.camera, names, points, radial=radial)
+        return
+    tracks = load_background_tracks(exported.sfm_dir, found)
+    seen = tracks if options.observations == "all" else tracks.of_adjusted()
+    points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
+    write_colmap(
+        path, found.camera, tracks.image_names, points, radial=radial, images_dir=images_dir
+    )
+
+
+def _image_names(exported: ExportedClip) -> list[str | None]:
+    return [None if image is None else image.name for image in exported.image_paths()]
+
+
 def export_tum(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
     """The camera's or the pelvis's path; frames without one are left out, so times have gaps."""
     from gmrdata.write.trajectories import write_tum
@@ -73,6 +107,32 @@ def export_tum(clips: Sequence[ExportedClip], path: Path, options: ExportOptions
     poses, known = _trajectory(clips[0], options.of)
     times_s = np.flatnonzero(known) / clips[0].clip.motion.fps_hz
     write_tum(path, poses[known], times_s)
+
+
+def export_kitti(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The same, a line for each frame: one that lacks a pose can't be left out."""
+    from gmrdata.write.trajectories import write_kitti
+
+    poses, known = _trajectory(clips[0], options.of)
+    _require_all(clips[0], known, options.of, "tum leaves such frames out")
+    write_kitti(path, poses)
+
+
+def export_gem_x(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """`camera.pt` with cam_from_world of each frame of the video."""
+    from gmrdata.write.trajectories import write_gem_x
+
+    camera = camera_of(clips[0].clip)
+    _require_all(clips[0], camera.has_camera, "camera", "GEM-X needs one for each frame")
+    write_gem_x(path, camera.world_from_cam)
+
+
+def _require_all(exported: ExportedClip, known: np.ndarray, of: Trajectory, remedy: str) -> None:
+    if len(missing := np.flatnonzero(~known)):
+        frames = ", ".join(map(str, missing[:3]))
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        what = f"clip {exported.id}: the {of} of frame {frames}{more} is not known"
+        raise BadMotionFile(f"{what}; {remedy}")
 
 
 def _trajectory(exported: ExportedClip, of: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -85,5 +145,8 @@ def _trajectory(exported: ExportedClip, of: Trajectory) -> tuple[np.ndarray, np.
 
 
 FORMATS: dict[FormatName, Format] = {
+    "colmap": Format("sequence", "{id}", ("camera",), export_colmap),
     "tum": Format("clip", "{id}.txt", ("trajectory",), export_tum),
+    "kitti": Format("clip", "{id}.txt", ("trajectory",), export_kitti),
+    "gem-x": Format("sequence", "{id}/preprocess/camera.pt", ("camera",), export_gem_x),
 }

@@ -1,0 +1,129 @@
+"""COLMAP models: `sparse/0` in binary, as its window and Gaussian splatting open it, and `text/`.
+
+COLMAP's pixels and camera axes are this project's, so nothing is converted
+(https://colmap.github.io/format.html).  Images are numbered from 1 in the order of their rows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.values import transforms
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadMotionFile
+
+BINARY_FOLDER, TEXT_FOLDER = "sparse/0", "text"
+CAMERA_ID = 1
+
+
+@dataclass(frozen=True, eq=False)
+class ColmapPoints:
+    """Background points, and M observations of them."""
+
+    world_m: np.ndarray  # (N, 3) in the cameras' world
+    rows: np.ndarray  # (M,) row of the image of each observation
+    points: np.ndarray  # (M,) row in `world_m` of each
+    image_px: np.ndarray  # (M, 2) where it is seen [px]
+
+
+NO_POINTS = ColmapPoints(
+    np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2))
+)
+
+
+def write_colmap(
+    folder: Path,
+    camera: CameraPath,
+    image_names: Sequence[str | None],
+    points: ColmapPoints = NO_POINTS,
+    *,
+    radial: tuple[float, float] | None = None,
+    images_dir: Path | None = None,
+) -> None:
+    """Write a model to a folder that is there: every frame that has a camera and an image.
+
+    Args:
+        folder: Gets `sparse/0` (binary) and `text`.
+        camera: Of T frames.
+        image_names: (T,) file names; None for a frame without an image.
+        points: Those that no image of the model sees are left out, as they have no error; where
+            there are no observations at all, all of them are kept.
+        radial: k1 and k2 of a lens: a point at r, in units of the focal length, is seen at
+            r + k1 r^3 + k2 r^5.
+        images_dir: Where the images are, to give the points their colours.
+
+    BadMotionFile where no frame has both a camera and an image.
+    """
+    rows = [row for row in np.flatnonzero(camera.has_camera).tolist() if image_names[row]]
+    if not rows:
+        raise BadMotionFile(f"{folder}: no frame has both a camera and an image")
+    model = _with_cameras(camera, radial)
+    _add_images(model, camera, image_names, points, rows)
+    _add_points(model, points, rows)
+    if images_dir is not None and len(points.world_m):
+        model.extract_colors_for_all_images(str(images_dir))
+    model.update_point_3d_errors()
+    for name, write in ((BINARY_FOLDER, model.write_binary), (TEXT_FOLDER, model.write_text)):
+        (folder / name).mkdir(parents=True)
+        write(str(folder / name))
+
+
+def _with_cameras(camera: CameraPath, radial: tuple[float, float] | None) -> Any:
+    """An empty model with the one camera."""
+    # OpenCV first: with pycolmap loaded before it, writing a PNG aborts the process.
+    import cv2  # noqa: F401
+    import pycolmap
+
+    pycolmap.logging.minloglevel = 3  # only what is fatal
+    matrix = camera.intrinsics_px
+    params = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+    model = pycolmap.Reconstruction()
+    model.add_camera_with_trivial_rig(
+        pycolmap.Camera(
+            camera_id=CAMERA_ID,
+            model="PINHOLE" if radial is None else "OPENCV",
+            width=camera.width_px,
+            height=camera.height_px,
+            params=params if radial is None else [*params, *radial, 0.0, 0.0],
+        )
+    )
+    return model
+
+
+def _add_images(
+    model: Any,
+    camera: CameraPath,
+    image_names: Sequence[str | None],
+    points: ColmapPoints,
+    rows: Sequence[int],
+) -> None:
+    import pycolmap
+
+    cam_from_world = transforms.invert(camera.world_from_cam)
+    for row in rows:
+        image = pycolmap.Image(
+            image_names[row], points.image_px[points.rows == row], CAMERA_ID, row + 1
+        )
+        pose = pycolmap.Rigid3d(np.ascontiguousarray(cam_from_world[row, :3]))
+        model.add_image_with_trivial_frame(image, pose)
+
+
+def _add_points(model: Any, points: ColmapPoints, rows: Sequence[int]) -> None:
+    """Points with their tracks; an image point's number is its place among those of its image."""
+    import pycolmap
+
+    order = np.argsort(points.rows, kind="stable")
+    starts = np.searchsorted(points.rows[order], np.arange(points.rows.max(initial=0) + 1))
+    number = np.empty_like(points.rows)
+    number[order] = np.arange(len(order)) - starts[points.rows[order]]
+    tracks: list[list[Any]] = [[] for _ in points.world_m]
+    used = np.isin(points.rows, rows)
+    seen = zip(points.points[used], points.rows[used], number[used], strict=True)
+    for point, row, at in seen:
+        tracks[point].append(pycolmap.TrackElement(int(row) + 1, int(at)))
+    for place_m, track in zip(points.world_m, tracks, strict=True):
+        if track or not len(points.rows):
+            model.add_point3D(place_m, pycolmap.Track(track))
