@@ -1,5 +1,6 @@
 """The command line: one verb per capability.  Each verb imports its stage only when it runs."""
 
+import sys
 from collections.abc import Callable
 
 import tyro
@@ -14,11 +15,13 @@ from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.sequence import masks, sfm
+from gmrdata.cli.shards import end_of_share, merge
+from gmrdata.stage.shards import OthersLeft
 from gmrdata.values.errors import GmrdataError
 
 _VERBS: tuple[Callable[..., None], ...] = (
     demo, fetch, motions, render, masks, sfm, manifest, threedpw, floor, train, infer, evaluate,
-    compare, export, baseline, tables, report, run,
+    compare, export, baseline, tables, merge, report, run,
 )  # fmt: skip
 VERBS = {verb.__name__: verb for verb in _VERBS}
 
@@ -29,6 +32,8 @@ def main(arguments: list[str] | None = None) -> None:
         tyro.extras.subcommand_cli_from_dict(
             VERBS, prog="gmrdata", description="World-frame human motion data.", args=arguments
         )
+    except OthersLeft as left:
+        end_of_share(left, sys.argv[1:] if arguments is None else arguments)
     except GmrdataError as error:
         fail(str(error))
     except OSError as error:

@@ -67,8 +67,8 @@ def motions(
     layout: Literal["files", "human36m", "emdb"] = "files",
     fps_hz: flags.FpsHz = None,
     joint_map: flags.JointMap = None,
-    workers: int | None = None,
-    redo: flags.Redo = False,
+    *,
+    run: flags.RunFlags,
 ) -> None:
     """Read motion files, retarget them to the 24-joint tree, and list them or write a manifest.
 
@@ -81,13 +81,11 @@ def motions(
         layout: What the sources are. human36m: annotation JSON files of Human3.6M, to train.yaml
             and test.yaml. emdb: the folder of P0 to P9, to emdb.yaml, emdb1.yaml and emdb2.yaml;
             --body is then a folder with SMPL's models of the genders.
-        workers: Worker processes; one per CPU when left out.
     """
     from gmrdata.motion.emdb import make_emdb
     from gmrdata.motion.human36m import make_human36m
     from gmrdata.motion.library import make_library, motion_table
 
-    run = Run(redo=redo, workers=workers)
     if layout != "files":
         if len(sources) != 1 or out is None:
             raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")

@@ -7,6 +7,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.stage.run import Run
+from gmrdata.stage.shards import Shard
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.people import PersonFiles
 
@@ -28,13 +29,18 @@ def _run(
         str | None,
         arg(help="Address of a Dask cluster (tcp://host:port); local processes when left out."),
     ] = None,
+    shard: Annotated[
+        str | None,
+        arg(help="Do one share of the clips, like 2/4, beside the others in the same --out."),
+    ] = None,
 ) -> Run:
     """How the stages run."""
-    return Run(redo=redo, workers=workers, scheduler=scheduler)
+    share = None if shard is None else Shard.parse(shard)
+    return Run(redo=redo, workers=workers, scheduler=scheduler, shard=share)
 
 
 RunFlags = Annotated[Run, OmitArgPrefixes, arg(constructor=_run)]
-"""--redo, --workers and --scheduler, for verbs that run jobs; give it no default."""
+"""--redo, --workers, --scheduler and --shard, for verbs that run jobs; give it no default."""
 DryRun = Annotated[bool, arg(help="Say what would be done and, where it is known, what it costs.")]
 Probe = Annotated[
     bool, arg(help="For the estimate of a dry run, render two frames in a temporary folder.")

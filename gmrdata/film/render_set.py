@@ -48,18 +48,18 @@ def try_render_clips(
     """Render each clip, given by id, in a worker of its own; reasons of failures are kept.
     A Blender process that ends without its result is started once more, at the next missing frame.
     """
+    n_frames = {id: load_clip(job.clip_path).motion.n_frames for id, job in jobs.items()}
     calls = [
-        stage_jobs.Job(clip_id, render_clip, dict(job) | {"run": run}, retries=RETRIES)
-        for clip_id, job in jobs.items()
+        stage_jobs.Job(id, render_clip, dict(job) | {"run": run}, RETRIES, n_frames[id])
+        for id, job in jobs.items()
     ]
     folders = [job.out_dir for job in jobs.values()]
-    n_frames = sum(load_clip(job.clip_path).motion.n_frames for job in jobs.values())
     return stage_jobs.try_jobs(
         DESCRIPTION,
         calls,
         pool,
         failures_dir,
-        units=(n_frames, lambda: stage_jobs.count_files(folders, "masks/[0-9]*.png")),
+        units=(sum(n_frames.values()), lambda: stage_jobs.count_files(folders, "masks/[0-9]*.png")),
     )
 
 

@@ -177,7 +177,10 @@ def make_library(
     config = LibraryConfig(fps_hz=fps_hz)
     shared = {"body_path": body_path, "out_dir": out_dir, "config": config}
     shared |= {"joint_map": joint_map, "run": run}
-    jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
+    jobs = [
+        Job(file.id, make_entry, {"file": file} | shared, weight=file.path.stat().st_size)
+        for file in files
+    ]
     outcome = _run(jobs, out_dir / FAILED, run)
     if outcome.results:
         licence = f"clips as stated by each; body: {_body(body_path).licence}"
@@ -256,7 +259,7 @@ def _body(path: Path) -> BodyModel:
 def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
     """Make clips in worker processes, or a few of them right here."""
     workers = run.workers or os.cpu_count() or 1
-    if len(jobs) > FEW_FILES and workers > 1:
+    if run.shard is not None or (len(jobs) > FEW_FILES and workers > 1):
         with worker_pool(run, workers) as pool:
             return try_jobs(READING, jobs, pool, failures_dir)
     outcome = Outcome({}, {})

@@ -111,7 +111,8 @@ def try_jobs(
     if left := by_id.keys() - {*results, *reasons}:
         raise OthersLeft(
             f"{description}: {len(left)} of {len(jobs)} are left. Who finishes last writes the "
-            f"result, or `gmrdata merge` does.\n{marks.said(left)}"
+            f"result, or `gmrdata merge` does.\n{marks.said(left)}",
+            marks.folder,
         )
     marks.remove()
     return _in_order(jobs, Outcome(results, reasons))

@@ -46,6 +46,10 @@ class Shard:
 class OthersLeft(Exception):
     """This shard is done, and others are not: no error, but no result of the whole batch yet."""
 
+    def __init__(self, message: str, folder: Path) -> None:
+        super().__init__(message)
+        self.folder = folder  # of the marks
+
 
 class DoneRecord(Record):
     """`<shard>.done`: a shard's share is made, or failed with a reason."""
@@ -54,6 +58,18 @@ class DoneRecord(Record):
     jobs_sha256: str
     """Of the ids of the whole batch and the number of shards: marks of another batch don't count.
     """
+
+
+COMMAND_FILE = "command.json"
+
+
+class CommandRecord(Record):
+    """`command.json` among the marks: what was typed, so that `gmrdata merge` knows the batch."""
+
+    format: Literal["gmrdata-command/1"] = "gmrdata-command/1"
+    arguments: tuple[str, ...]
+    folder: str
+    """The working folder, in which relative paths hold."""
 
 
 class Marks:

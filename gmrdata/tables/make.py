@@ -3,6 +3,7 @@
 import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from gmrdata.gmr.config import DataConfig
@@ -100,6 +101,8 @@ def make_table(
     ]
     with worker_pool(run) as pool:
         run_jobs("train", training, pool, failures_dir / "train")
+    # Of several shards only the last comes here, and scores take seconds.
+    with worker_pool(replace(run, shard=None)) as pool:
         run_jobs("score", scoring, pool, failures_dir / "score")
     scores = {
         name: [Scores.read(scores_dir / one.id / "scores.json") for one in ones]
