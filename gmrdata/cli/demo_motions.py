@@ -56,7 +56,9 @@ def choose_files(
     if trials:
         filmed = tuple(named[trial] for trial in trials)
     else:
-        fitting = (path for path in files if _fits(read_motion(path, body), recipe.film))
+        fitting = (
+            path for path in files if _fits(read_motion(path, body, ground=True), recipe.film)
+        )
         filmed = tuple(path for path, _ in zip(fitting, range(n_clips), strict=False))
     if len(filmed) != n_clips:
         raise MissingInput(
@@ -89,7 +91,7 @@ def make_motions(paths: DemoPaths, recipe: DemoRecipe, files: MotionFiles, *, ru
         for index, spec in enumerate(recipe.clips):
             rng = np.random.default_rng([config.seed, index])
             if files.filmed:
-                motion = read_motion(files.filmed[index], body)
+                motion = read_motion(files.filmed[index], body, ground=True)
             else:
                 motion = make_gait(spec.gait, config.film.duration_s, 30.0, body, rng)
             filmed = film_motion(motion, config.film)
@@ -119,7 +121,7 @@ def _training_clips(config: MotionsConfig, files: MotionFiles, body: BodyModel) 
     )
     motions = [(f"gait_{index:03d}", motion) for index, motion in enumerate(gaits)]
     for path in track(files.training, "reading training motions") if files.training else ():
-        motion = read_motion(path, body)
+        motion = read_motion(path, body, ground=True)
         if motion.n_frames / motion.fps_hz >= SHORTEST_S:
             motions.append((path.stem, resample(motion, training.fps_hz)))
     return [

@@ -5,36 +5,69 @@ the hands, the first index joint stands for SMPL's hand joint: 22 and 37 of SMPL
 the video-based estimators take it, and likewise 25 and 40 of SMPL-X's 55; other fingers are left
 out.
 
-AMASS's `trans` is the pelvis less J0(betas), a constant, so the path's form does not need J0; its
-place over the floor comes from the body's own soles.  The path is scaled by the ratio of the leg
-lengths.  That of AMASS's subject needs `source_body`; without it SMPL's mean leg is taken.
+A file's betas are kept where its own body is at hand: the motion then is the file's, number by
+number, and stays in the file's world.  On any other body it has the mean shape.  AMASS's `trans` is
+the pelvis less J0(betas), and the path is scaled by the ratio of the leg lengths.  The leg of
+AMASS's subject needs `source_body`.  Without it the subject has the mean leg of SMPL's body at
+hand, or on other bodies that of SMPL's neutral one; `gmrdata.write.amass` takes that ratio back.
 """
 
 import re
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion.ground import levelled, motion_of
-from gmrdata.motion.rest_pose import leg_length_m
 from gmrdata.read.numbers import finite_numbers
 from gmrdata.read.source_motion import CMU_60_HZ_SUBJECTS, check_rate_hz, cmu_subject
-from gmrdata.values.body import HANDS, N_JOINTS, BodyModel
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.bodies import SMPL, shape_on
+from gmrdata.values.body import (
+    HANDS,
+    N_JOINTS,
+    SMPL_LEG_M,
+    SMPL_REST_PELVIS_M,
+    BodyModel,
+    leg_length_m,
+)
+from gmrdata.values.errors import BadBodyFile, BadMotionFile
 from gmrdata.values.files import read_npz
 from gmrdata.values.motion import Motion
 
 RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 """SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
-SMPL_LEG_M = 0.78
-"""Hip-knee-ankle of SMPL's neutral mean shape, rounded [m]; release differences are below 2 %."""
 _EXTRA = re.compile(r"(^shape|_stagei|^neutral_stagei)$")
 
 
 def is_amass_extra(path: Path) -> bool:
     """Whether a file is AMASS's `shape.npz` or a `*_stagei.npz`, which hold no motion."""
     return path.suffix.lower() == ".npz" and bool(_EXTRA.search(path.stem))
+
+
+def named_body(path: Path) -> str | None:
+    """The body whose shape a file's betas are, "smpl-female"; None where it has none of a known
+    body: SMPL-X's betas mean something else."""
+    arrays = read_npz(path)
+    if "betas" not in arrays or "poses" not in arrays or arrays["poses"].shape[-1:] == (165,):
+        return None
+    return str(arrays["body"]) if "body" in arrays else f"{SMPL}{_gender(arrays)}"
+
+
+def chosen_body(path: Path, names: Collection[str]) -> str:
+    """Which of some bodies a motion file of any format is put on.
+
+    That of its shape; else SMPL's neutral one; else the only one.  BadBodyFile: none of these.
+    """
+    wanted = named_body(path) if path.suffix.lower() == ".npz" else None
+    for name in (wanted, f"{SMPL}neutral"):
+        if name is not None and name in names:
+            return name
+    if len(names) > 1:
+        needs = f"the body {wanted} or {SMPL}neutral" if wanted else f"{SMPL}neutral, for anybody"
+        there = ", ".join(sorted(names))
+        raise BadBodyFile(f"{path}: needs {needs}; there are {there}. Put it into the folder")
+    return next(iter(names))
 
 
 def read_amass(
@@ -44,7 +77,7 @@ def read_amass(
     fps_hz: float | None = None,
     shape: np.ndarray | None = None,
     source_body: BodyModel | None = None,
-    ground: bool = True,
+    ground: bool | None = None,
 ) -> Motion:
     """Read an AMASS motion (156 or 165 pose values), SMPL poses (72) or a clip, onto a body.
 
@@ -62,16 +95,18 @@ def read_amass(
     poses, trans = _pose_arrays(arrays, path)
     rate_hz, rate_note = _choose_rate(arrays, fps_hz, path)
     kept = _holds_shape_of(arrays, body, poses.shape[1])
-    source_leg_m, source_pelvis_m, betas = _subject(arrays, body if kept else source_body, path)
+    betas = _betas(arrays, path)
+    source_leg_m, source_pelvis_m = _subject(arrays, betas, body, kept, source_body, path)
+    is_own = kept and shape is None
     if shape is None:
-        shape = betas if kept else np.zeros(body.n_shape)
+        shape = shape_on(body, betas) if kept else np.zeros(body.n_shape)
     shape = np.asarray(shape, dtype=np.float64)
     scale = leg_length_m(body.rest_joints_m(shape)) / source_leg_m
     pelvis_m = (trans + source_pelvis_m) * scale
-    betas_note = f"betas of the file{'' if kept else ' not used'}"
+    betas_note = _betas_note(arrays, betas, body, kept)
     source = f"{path.name}: {rate_hz:.7g} Hz ({rate_note}), {betas_note}, path x {scale:.4f}"
     motion = motion_of(body, shape, _rotmats(poses), pelvis_m, rate_hz, source)
-    return levelled(body, motion, ground)
+    return levelled(body, motion, not is_own if ground is None else ground)
 
 
 def _pose_arrays(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -123,22 +158,49 @@ def _holds_shape_of(arrays: dict[str, np.ndarray], body: BodyModel, n_values: in
     return n_values != 165 and body.name == f"smpl-{_gender(arrays)}"
 
 
+def _betas(arrays: dict[str, np.ndarray], path: Path) -> np.ndarray:
+    return finite_numbers(arrays.get("betas", ()), "betas", path).ravel()
+
+
+def _betas_note(
+    arrays: dict[str, np.ndarray], betas: np.ndarray, body: BodyModel, kept: bool
+) -> str:
+    """What became of the file's betas."""
+    if kept:
+        is_cut = betas[body.n_shape :].any()
+        return f"the first {body.n_shape} betas of the file" if is_cut else "betas of the file"
+    is_gendered = "betas" in arrays and "body" not in arrays and arrays["poses"].shape[1] != 165
+    whose = f", which are of {SMPL}{_gender(arrays)}" if is_gendered else ""
+    return f"betas of the file not used{whose}"
+
+
 def _subject(
-    arrays: dict[str, np.ndarray], betas_body: BodyModel | None, path: Path
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Leg length [m], J0 (3,) [m] and betas of the file's subject."""
-    if betas_body is None:
-        if not str(arrays.get("body", "smpl")).startswith("smpl"):
-            what = f"a clip on the body {str(arrays['body'])!r}"
-            raise BadMotionFile(f"{path}: {what}; give that body as source_body")
-        rest_pelvis_m = finite_numbers(arrays.get("rest_pelvis_m", 0.0), "rest_pelvis_m", path)
-        return SMPL_LEG_M, np.broadcast_to(rest_pelvis_m, 3), np.zeros(0)
-    found = finite_numbers(arrays.get("betas", ()), "betas", path).ravel()
-    betas = np.zeros(betas_body.n_shape)
-    n_common = min(betas.size, found.size)
-    betas[:n_common] = found[:n_common]
-    rest_joints_m = betas_body.rest_joints_m(betas)
-    return leg_length_m(rest_joints_m), rest_joints_m[0], betas
+    arrays: dict[str, np.ndarray],
+    betas: np.ndarray,
+    body: BodyModel,
+    kept: bool,
+    source_body: BodyModel | None,
+    path: Path,
+) -> tuple[float, np.ndarray]:
+    """Leg length [m] and J0 (3,) [m] of the file's subject, as far as they are known."""
+    betas_body = body if kept else source_body
+    if betas_body is not None:
+        return _leg_and_pelvis(betas_body, shape_on(betas_body, betas))
+    if not str(arrays.get("body", SMPL)).startswith(SMPL):
+        what = f"a clip on the body {str(arrays['body'])!r}"
+        raise BadMotionFile(f"{path}: {what}; give that body as source_body")
+    if body.name.startswith(SMPL):
+        leg_m, rest_pelvis_m = _leg_and_pelvis(body, np.zeros(body.n_shape))
+    else:
+        leg_m, rest_pelvis_m = SMPL_LEG_M, np.array(SMPL_REST_PELVIS_M)
+    if "rest_pelvis_m" in arrays:
+        rest_pelvis_m = finite_numbers(arrays["rest_pelvis_m"], "rest_pelvis_m", path)
+    return leg_m, np.broadcast_to(rest_pelvis_m, 3)
+
+
+def _leg_and_pelvis(body: BodyModel, shape: np.ndarray) -> tuple[float, np.ndarray]:
+    rest_joints_m = body.rest_joints_m(shape)
+    return leg_length_m(rest_joints_m), rest_joints_m[0]
 
 
 def _rotmats(poses: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from gmrdata.read.numbers import smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values.bodies import SMPL, shape_on
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
@@ -35,10 +36,10 @@ def take_clip(
     Image numbers count from 1, as the files' do.
     """
     clip_id = f"S{subject}.{files.ACTIONS[take.action]}.{take.subaction}"
-    if body.name != "smpl-neutral" or body.n_shape > take.shapes.shape[1]:
+    if body.name != f"{SMPL}neutral":
         raise BadBodyFile(
-            f"{clip_id}: the betas are of SMPL's neutral body with {take.shapes.shape[1]}"
-            f" coefficients, given: {body.name} with {body.n_shape}. Give --body SMPL_NEUTRAL.pkl"
+            f"{clip_id}: the betas are of SMPL's neutral body, given: {body.name}. Give --body"
+            " SMPL_NEUTRAL.pkl"
         )
     step = _most_common(np.diff(take.frames)) if len(take.frames) > 1 else 1
     on_grid = take.frames % step == _most_common(take.frames % step)
@@ -47,7 +48,7 @@ def take_clip(
     usable = on_grid & usable_rows(take.poses_rad, take.shapes, take.trans_m)
     rows = (take.frames[usable] - numbers[0]) // step
     valid = np.isin(np.arange(n_rows), rows)
-    shapes = take.shapes[usable, : body.n_shape]
+    shapes = np.array([shape_on(body, betas) for betas in take.shapes[usable]])
     rotmats = np.full((n_rows, 24, 3, 3), np.nan)
     pelvis_m = np.full((n_rows, 3), np.nan)
     if len(rows):

@@ -17,8 +17,9 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Source
 from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
+from gmrdata.motion.amass import chosen_body
 from gmrdata.motion.files import find_motions, input_files, read_motion
-from gmrdata.read.bodies import keep_body, load_body
+from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
 from gmrdata.read.source_motion import is_trial
 from gmrdata.stage.jobs import Job, Outcome, record_failures, try_jobs, worker_pool
 from gmrdata.stage.progress import track
@@ -134,12 +135,14 @@ def motion_table(
 
     Paths are given from the folder that holds all files.
     """
-    loaded_body, files = load_body(body), library_files(sources)
+    bodies = {one.name: one for one in load_bodies(body)}
+    files = library_files(sources)
     root = os.path.commonpath([file.path.absolute().parent for file in files])
     rows, reasons = [], {}
     for file in track(files, READING):
         try:
-            motion = read_motion(file.path, loaded_body, fps_hz=fps_hz, joint_map=joint_map)
+            one = bodies[chosen_body(file.path, bodies)]
+            motion = read_motion(file.path, one, fps_hz=fps_hz, joint_map=joint_map)
         except GmrdataError as error:
             reasons[file.id] = str(error)
             continue
@@ -168,14 +171,15 @@ def make_library(
 
     Each file is a stage of its own, done by one of several worker processes, and is not done again.
 
-    `body` is as `load_body` takes it; `fps_hz` and `joint_map` as `read_motion` does.  A
+    `body` is as `load_body` takes it, or a folder of bodies: then each motion is put on the one
+    that its shape is of, see `chosen_body`.  `fps_hz` and `joint_map` as `read_motion` does.  A
     BadMotionFile lists the files that could not be read, once the others' manifest is written.
     """
     out_dir = out_dir.resolve()
     files = library_files(sources)
-    body_path = keep_body(body, out_dir / "body", run=run)
+    body_paths = _keep(body, out_dir / "body", run)
     config = LibraryConfig(fps_hz=fps_hz)
-    shared = {"body_path": body_path, "out_dir": out_dir, "config": config}
+    shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config}
     shared |= {"joint_map": joint_map, "run": run}
     jobs = [
         Job(file.id, make_entry, {"file": file} | shared, weight=file.path.stat().st_size)
@@ -183,7 +187,9 @@ def make_library(
     ]
     outcome = _run(jobs, out_dir / FAILED, run)
     if outcome.results:
-        licence = f"clips as stated by each; body: {_body(body_path).licence}"
+        used = sorted({entry.body for entry in outcome.results.values()})
+        licences = dict.fromkeys(_body(body_paths[name]).licence for name in used)
+        licence = f"clips as stated by each; body: {'; '.join(licences)}"
         head = ("motions", clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
         write_motions(out_dir, *head, list(outcome.results.values()), config, run=run)
     if outcome.reasons:
@@ -196,13 +202,14 @@ def make_library(
 
 def make_entry(
     file: LibraryFile,
-    body_path: Path,
+    body_paths: Mapping[str, Path],
     out_dir: Path,
     config: LibraryConfig,
     joint_map: Path | None,
     run: Run,
 ) -> ClipEntry:
     """Stage: one motion file as a clip in `clips/<id>` of the library; gives its manifest entry."""
+    body_path = body_paths[chosen_body(file.path, body_paths)]
 
     def work(partial_dir: Path) -> None:
         body = _body(body_path)
@@ -250,7 +257,15 @@ def write_motions(
     )
 
 
-@lru_cache(maxsize=1)
+def _keep(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
+    """Files of the kept bodies by name: a single one in the folder itself."""
+    if Path(body).expanduser().is_dir():
+        return keep_bodies(body, out_dir, run=run)
+    path = keep_body(body, out_dir, run=run)
+    return {_body(path).name: path}
+
+
+@lru_cache(maxsize=3)
 def _body(path: Path) -> BodyModel:
     """Read once per process and not once per file."""
     return load_body(str(path))

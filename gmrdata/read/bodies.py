@@ -158,11 +158,12 @@ def _named_files(folder: Path) -> dict[str, tuple[Path, BodyModel]]:
         one = load_body(str(path))
         if one.name in found:
             both = f"{found[one.name][0]} and {path}"
-            raise BadBodyFile(f"{folder}: {both} are both the body {one.name}. Leave one there")
+            what = f"holds two files of the body {one.name}: {both}"
+            raise BadBodyFile(f"{folder}: {what}. Leave one there")
         found[one.name] = path, one
     if not found:
         like = "like SMPL_FEMALE.npz, basicmodel_f_lbs_10_207_0_v1.1.0.pkl or female/model.npz"
-        raise MissingInput(f"{folder}: holds no bodies. Put SMPL's models there, named {like}")
+        raise MissingInput(f"{folder}: holds no SMPL models, which are named {like}")
     return found
 
 

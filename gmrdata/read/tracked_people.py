@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.read.numbers import finite_numbers
+from gmrdata.values.bodies import SMPL, shape_on
 from gmrdata.values.body import N_LOCAL, BodyModel, gender_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
@@ -155,8 +156,6 @@ def _filled(rotmats: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def _shape_on(body: BodyModel, betas: np.ndarray | None) -> np.ndarray:
     """(S,) SMPL's neutral betas on SMPL's neutral body; the mean shape of all others."""
-    shape = np.zeros(body.n_shape)
-    if betas is not None and body.name == "smpl-neutral":
-        kept = betas[: len(shape)]
-        shape[: len(kept)] = kept
-    return shape
+    if betas is None or body.name != f"{SMPL}neutral":
+        return np.zeros(body.n_shape)
+    return shape_on(body, betas)

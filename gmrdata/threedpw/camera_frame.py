@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, unusable_reasons
 from gmrdata.read.threedpw_arrays import FPS_HZ, Person
+from gmrdata.values.bodies import SMPL, shape_on
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
@@ -76,18 +77,18 @@ def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> Bod
     """The body that a person's betas belong to.
 
     An SMPL body must be of the person's gender, since 3DPW's betas are; of other bodies (the twins'
-    body) the first is taken.  The betas must be as many as the body's, or more, and where the file
-    has joints, the body's pelvis must be at theirs: else BadBodyFile, which begins with `where`.
+    body) the first is taken, whose betas must not be fewer than the body has.  Where the file has
+    joints, the body's pelvis must be at theirs: else BadBodyFile, which begins with `where`.
     """
-    gendered = f"smpl-{person.gender}"
-    fits = [body for body in bodies if body.name == gendered or not body.name.startswith("smpl-")]
+    gendered = f"{SMPL}{person.gender}"
+    fits = [body for body in bodies if body.name == gendered or not body.name.startswith(SMPL)]
     if not fits:
         names = ", ".join(body.name for body in bodies) or "none"
         what = f"needs SMPL's {person.gender} body, given: {names}"
         raise BadBodyFile(f"{where}: {what}; 3DPW's betas are those of the gendered bodies")
     body = fits[0]
     remedy = "give the body that the file was made with"
-    if len(person.betas) < body.n_shape:
+    if len(person.betas) < body.n_shape and not body.name.startswith(SMPL):
         what = f"has {len(person.betas)} betas, body {body.name} needs {body.n_shape}"
         raise BadBodyFile(f"{where}: {what}; {remedy}")
     off_m = _pelvis_off_m(person, body)
@@ -99,7 +100,7 @@ def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> Bod
 
 def shape_of(person: Person, body: BodyModel) -> np.ndarray:
     """(S,) the betas that the body has; longer ones are cut, as every reader of 3DPW does."""
-    return person.betas[: body.n_shape].copy()
+    return shape_on(body, person.betas)
 
 
 def pelvis_3dpw_m(person: Person, body: BodyModel) -> np.ndarray:

@@ -23,10 +23,21 @@ JOINT_NAMES = (
 PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
 """Parent of each joint; the pelvis has none (-1).  A parent always comes before its children."""
 
+SMPL_LEG_M = 0.78
+"""Hip-knee-ankle of SMPL's neutral mean shape, rounded [m]; release differences are below 2 %."""
+SMPL_REST_PELVIS_M = (-0.002, -0.223, 0.028)
+"""J0 of SMPL's neutral mean shape, rounded, rest frame [m]."""
+
 N_JOINTS = 24
 N_LOCAL = 23  # joints with a local rotation: all but the pelvis, whose rotation is the root's
 
 JOINT = {name: i for i, name in enumerate(JOINT_NAMES)}
+
+_LEGS = tuple(
+    (JOINT[f"{side}_{start}"], JOINT[f"{side}_{end}"])
+    for side in ("left", "right")
+    for start, end in (("hip", "knee"), ("knee", "ankle"))
+)
 
 MIRRORED = (0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20, 23, 22)
 """Index of each joint's counterpart on the other side of the body."""
@@ -73,6 +84,12 @@ class BodyModel:
     def rest_pelvis_m(self, shape: np.ndarray) -> Float[np.ndarray, "3"]:
         """J0(shape), by which SMPL's `trans` differs from the pelvis position [m]."""
         return self.rest_joints_m(shape)[0]
+
+
+def leg_length_m(rest_joints_m: Float[np.ndarray, "24 3"]) -> float:
+    """Hip-knee-ankle length of rest joints, mean of both sides [m]."""
+    bones_m = [rest_joints_m[end] - rest_joints_m[start] for start, end in _LEGS]
+    return float(sum(np.linalg.norm(bone_m) for bone_m in bones_m) / 2)
 
 
 def vertex_rows(n_body_vertices: int, n_vertices: int | None) -> Int[np.ndarray, " n"]:

@@ -5,7 +5,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.values.body import HANDS, BodyModel
+from gmrdata.values.bodies import SMPL
+from gmrdata.values.body import (
+    HANDS,
+    SMPL_LEG_M,
+    SMPL_REST_PELVIS_M,
+    BodyModel,
+    leg_length_m,
+)
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion
 
@@ -17,27 +24,36 @@ def write_amass(path: Path, motion: Motion, body: BodyModel) -> None:
     """Write `poses` (T, 156), `trans`, `betas`, `gender`, `dmpls` and `mocap_framerate`.
 
     SMPL's two hand joints become the first index joints, as `gmrdata.motion.amass` reads them; all
-    other fingers are straight.  `trans` is the pelvis less J0 of the body.  `betas` are the
-    motion's on SMPL's bodies; on any other they would mean something else, and are zero.  The world
-    is z-up.
+    other fingers are straight.  The world is z-up.
+
+    A motion of one of SMPL's bodies has that body's betas and gender, and `trans` is the pelvis
+    less J0.  The shape of any other body means nothing there: such a motion is written for SMPL's
+    neutral mean shape, with zero betas and a path that its legs walk.
     """
     rotvecs = Rotation.from_matrix(motion.rotmats.reshape(-1, 3, 3)).as_rotvec()
     rotvecs = rotvecs.reshape(motion.n_frames, -1, 3)
     poses = np.zeros((motion.n_frames, SMPLH_VALUES // 3, 3))
     poses[:, :22] = rotvecs[:, :22]
     poses[:, list(HANDS[SMPLH_VALUES])] = rotvecs[:, 22:]
-    betas = np.zeros(N_BETAS)
-    if body.name.startswith("smpl-"):
-        n_common = min(N_BETAS, len(motion.shape))
-        betas[:n_common] = motion.shape[:n_common]
+    betas, trans_m = _on_smpl(motion, body)
     write_npz(
         path,
         {
             "poses": poses.reshape(motion.n_frames, SMPLH_VALUES),
-            "trans": motion.pelvis_m - body.rest_pelvis_m(motion.shape),
+            "trans": trans_m,
             "betas": betas,
             "dmpls": np.zeros((motion.n_frames, N_DMPLS)),
             "gender": motion.gender,
             "mocap_framerate": motion.fps_hz,
         },
     )
+
+
+def _on_smpl(motion: Motion, body: BodyModel) -> tuple[np.ndarray, np.ndarray]:
+    """Betas (16 or more,) and SMPL's `trans` (T, 3) [m]."""
+    betas = np.zeros(max(N_BETAS, len(motion.shape)))
+    if body.name.startswith(SMPL):
+        betas[: len(motion.shape)] = motion.shape
+        return betas, motion.pelvis_m - body.rest_pelvis_m(motion.shape)
+    smpl_from_body = SMPL_LEG_M / leg_length_m(body.rest_joints_m(motion.shape))
+    return betas, motion.pelvis_m * smpl_from_body - np.array(SMPL_REST_PELVIS_M)

@@ -160,7 +160,7 @@ def test_frames_that_are_not_finite_are_dropped(
 def test_bodies_are_those_of_the_genders(tmp_path: Path, small_body: BodyModel) -> None:
     write_sequence(tmp_path / "EMDB", content(gender="neutral"))
     save_smpl(tmp_path / "smpl" / "a.npz", small_body, "male")
-    with pytest.raises(BadBodyFile, match="needs the body smpl-neutral .* given: smpl-male"):
+    with pytest.raises(BadBodyFile, match="needs the body smpl-neutral, given: smpl-male"):
         make_emdb(tmp_path / "EMDB", str(tmp_path / "smpl"), tmp_path / "out")
     save_smpl(tmp_path / "smpl" / "b.npz", small_body, "male")
     with pytest.raises(BadBodyFile, match="two files of the body smpl-male"):

@@ -3,14 +3,25 @@
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gmrdata.read import anny as anny_body
-from gmrdata.read.bodies import anny_file, cache_dir, load_body, save_body
+from gmrdata.read.bodies import (
+    anny_file,
+    body_files,
+    cache_dir,
+    keep_bodies,
+    load_bodies,
+    load_body,
+    save_body,
+)
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, MissingInput
+from tests.smpl_models import save_smpl
 
 
 @pytest.fixture
@@ -33,6 +44,48 @@ def test_another_kind_of_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "body.obj").write_text("v 0 0 0\n")
     with pytest.raises(BadBodyFile, match=r"body\.obj.*\.npz or \.pkl"):
         load_body(str(tmp_path / "body.obj"))
+
+
+def test_a_folder_holds_bodies_of_each_gender(small_body: BodyModel, tmp_path: Path) -> None:
+    folder = tmp_path / "smpl"
+    save_smpl(folder / "SMPL_NEUTRAL.npz", small_body, "neutral")
+    few = replace(
+        small_body,
+        shape_dirs_m=small_body.shape_dirs_m[..., :6],
+        joint_shape_dirs_m=small_body.joint_shape_dirs_m[..., :6],
+    )
+    save_smpl(folder / "male" / "model.npz", few, "male")
+    save_body(folder / "own" / "deep" / "x.npz", replace(small_body, name="mine"))
+    np.savez(folder / "smpl_mean_params.npz", pose=np.zeros(144))
+    save_smpl(tmp_path / "outside" / "SMPL_FEMALE.npz", small_body, "female")
+    (folder / "SMPL_FEMALE.npz").symlink_to(tmp_path / "outside" / "SMPL_FEMALE.npz")
+    names = [str(path.relative_to(folder)) for path in body_files(folder)]
+    assert names == ["SMPL_NEUTRAL.npz", "male/model.npz", "own/deep/x.npz"]
+    bodies = load_bodies(str(folder))
+    assert [body.name for body in bodies] == ["mine", "smpl-male", "smpl-neutral"]
+    assert {body.n_shape for body in bodies} == {10}
+    betas = np.arange(10) / 10
+    expected_m = few.rest_vertices_m(betas[:6])
+    np.testing.assert_allclose(bodies[1].rest_vertices_m(betas), expected_m, atol=1e-6)
+    kept = keep_bodies(str(folder), tmp_path / "kept")
+    assert {name: path.parent.name for name, path in kept.items()} == {
+        body.name: body.name for body in bodies
+    }
+    assert load_body(str(kept["smpl-male"])).n_shape == 6
+    assert [body.name for body in load_bodies(str(tmp_path / "kept"))] == list(kept)
+    assert [body.name for body in load_bodies(str(kept["mine"]))] == ["mine"]
+
+
+def test_folders_that_leave_it_open_are_refused(small_body: BodyModel, tmp_path: Path) -> None:
+    save_smpl(tmp_path / "SMPL_MALE.npz", small_body, "male")
+    save_smpl(tmp_path / "male" / "model.npz", small_body, "male")
+    with pytest.raises(BadBodyFile, match="two files of the body smpl-male: .*SMPL_MALE.*model"):
+        load_bodies(str(tmp_path))
+    with pytest.raises(BadBodyFile, match="a folder of bodies.*Name one of its files"):
+        load_body(str(tmp_path))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(MissingInput, match=r"holds no SMPL models.*female/model\.npz"):
+        load_bodies(str(tmp_path / "empty"))
 
 
 def test_cache_folder_follows_the_environment(

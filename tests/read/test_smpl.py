@@ -1,6 +1,7 @@
 """SMPL's files, on a random model in SMPL's format: the real one may not be passed on."""
 
 import pickle  # noqa: TID251  The tests write SMPL's pickle.
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def official() -> dict[str, Any]:
     parents[0] = 2**32 - 1
     return {
         "v_template": rng.normal(size=(N_VERTICES, 3)),
-        "shapedirs": 0.1 * rng.normal(size=(N_VERTICES, 3, 12)),
+        "shapedirs": 0.1 * rng.normal(size=(N_VERTICES, 3, 18)),
         "posedirs": 0.1 * rng.normal(size=(N_VERTICES, 3, 207)),
         "J_regressor": regressor.tocsc(),
         "weights": skin,
@@ -63,7 +64,7 @@ def smpl_vertices_by_the_paper(
 
     Args:
         model: SMPL's arrays.
-        betas: (10,).
+        betas: (16,).
         pose: (24, 3) axis-angle, root first.
         trans: (3,).
         vertices: Which vertices to pose.
@@ -100,7 +101,7 @@ def test_forward_is_the_published_one(official: dict[str, Any], tmp_path: Path) 
     body = read_smpl(write_pickle(tmp_path / "SMPL_NEUTRAL.pkl", official))
     rng = np.random.default_rng(1)
     for _ in range(2):
-        betas, trans = rng.normal(size=10), rng.normal(size=3)
+        betas, trans = rng.normal(size=16), rng.normal(size=3)
         pose = rng.normal(size=(24, 3))
         some = range(0, N_VERTICES, 97)
         vertices_m, joints_m = smpl_vertices_by_the_paper(official, betas, pose, trans, some)
@@ -127,8 +128,8 @@ def test_pickle_and_npz_load_equal(official: dict[str, Any], tmp_path: Path, pro
     pickled = load_body(str(write_pickle(tmp_path / "SMPL_FEMALE.pkl", official, protocol)))
     zipped = load_body(str(write_npz(tmp_path / "SMPL_FEMALE.npz", official)))
     assert pickled.name == zipped.name == "smpl-female"
-    assert pickled.n_shape == 10
-    assert pickled.shape_dirs_m.shape == (N_VERTICES, 3, 10)
+    assert pickled.n_shape == 16
+    assert pickled.shape_dirs_m.shape == (N_VERTICES, 3, 16)
     assert "smpl.is.tue.mpg.de" in pickled.licence
     assert_equal_bodies(pickled, zipped)
 
@@ -149,6 +150,55 @@ def test_gender_stands_in_the_name(
     assert load_body(str(write_npz(tmp_path / f"{file}.npz", official))).name == name
 
 
+@pytest.mark.parametrize("gender", ["female", "male", "neutral"])
+def test_gender_may_stand_in_the_folders_name(
+    official: dict[str, Any], tmp_path: Path, gender: str
+) -> None:
+    (tmp_path / gender).mkdir()
+    path = write_npz(tmp_path / gender / "model.npz", few_vertices(official))
+    assert load_body(str(path)).name == f"smpl-{gender}"
+
+
+def few_vertices(model: dict[str, Any], count: int = 200) -> dict[str, Any]:
+    """A part of SMPL's arrays, which fit together as the whole does."""
+    regressor = np.random.default_rng(3).dirichlet(np.ones(count), 24)
+    by_vertex = {
+        key: model[key][:count] for key in ("v_template", "shapedirs", "posedirs", "weights")
+    }
+    return model | by_vertex | {"J_regressor": regressor, "f": model["f"] % count}
+
+
+def with_fingers(model: dict[str, Any]) -> dict[str, Any]:
+    """SMPL's arrays in SMPL+H's layout: a hand's share is divided among its 15 joints."""
+    rng, kept, n_vertices = np.random.default_rng(4), [*range(22), 22, 37], len(model["weights"])
+    weights = np.zeros((n_vertices, 52))
+    weights[:, :22] = model["weights"][:, :22]
+    for hand in range(2):
+        shares = rng.dirichlet(np.ones(15), n_vertices)
+        weights[:, 22 + 15 * hand : 37 + 15 * hand] = shares * model["weights"][:, [22 + hand]]
+    pose_dirs = rng.normal(size=(n_vertices, 3, 51, 9))
+    pose_dirs[:, :, [joint - 1 for joint in kept[1:]]] = model["posedirs"].reshape(-1, 3, 23, 9)
+    regressor = rng.dirichlet(np.ones(n_vertices), 52)
+    regressor[kept] = model["J_regressor"]
+    fingers = [[20 + hand, *range(23 + 15 * hand, 37 + 15 * hand)] for hand in range(2)]
+    tree = np.array([2**32 - 1, *PARENTS[1:22], *fingers[0], *fingers[1]])
+    changed = {"weights": weights, "J_regressor": regressor}
+    changed["posedirs"] = pose_dirs.reshape(n_vertices, 3, -1)
+    return model | changed | {"kintree_table": np.stack([tree, np.arange(52)])}
+
+
+def test_smplh_is_the_same_body_with_hands_of_one_piece(
+    official: dict[str, Any], tmp_path: Path
+) -> None:
+    model = few_vertices(official)
+    smpl = load_body(str(write_npz(tmp_path / "SMPL_FEMALE.npz", model)))
+    (tmp_path / "female").mkdir()
+    found = load_body(str(write_npz(tmp_path / "female" / "model.npz", with_fingers(model))))
+    assert found.name == "smpl-female" and "mano.is.tue.mpg.de" in found.licence
+    assert_equal_bodies(replace(found, skin_weights=smpl.skin_weights), smpl)
+    np.testing.assert_allclose(found.skin_weights, smpl.skin_weights, atol=1e-12)
+
+
 def test_name_without_a_gender_is_refused(official: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(BadBodyFile, match="neutral, female or male"):
         load_body(str(write_npz(tmp_path / "model.npz", official)))
@@ -159,7 +209,8 @@ def test_name_without_a_gender_is_refused(official: dict[str, Any], tmp_path: Pa
     ("change", "message"),
     [
         ({"weights": None}, "lacks weights"),
-        ({"weights": np.full((N_VERTICES, 52), 1 / 52)}, "SMPL-H"),
+        ({"weights": np.full((N_VERTICES, 55), 1 / 55)}, "SMPL-X"),
+        ({"weights": np.full((N_VERTICES, 52), 1 / 52)}, "do not fit together"),
         ({"f": np.zeros((5, 4), dtype=np.uint32)}, "faces has the shape"),
         ({"f": np.full((5, 3), N_VERTICES, dtype=np.uint32)}, "faces must name vertices"),
         ({"posedirs": np.zeros((N_VERTICES, 3, 9))}, "pose_dirs_m has the shape"),

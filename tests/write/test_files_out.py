@@ -17,7 +17,15 @@ from scipy.spatial.transform import Rotation, Slerp
 from gmrdata.motion.amass import read_amass
 from gmrdata.motion.files import read_motion
 from gmrdata.read.bvh import read_bvh
-from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, WORLD_FROM_REST, BodyModel
+from gmrdata.values.body import (
+    JOINT,
+    JOINT_NAMES,
+    PARENTS,
+    SMPL_LEG_M,
+    WORLD_FROM_REST,
+    BodyModel,
+    leg_length_m,
+)
 from gmrdata.values.joint_names import find_joints
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import (
@@ -112,6 +120,61 @@ def test_bvh_of_a_walk_comes_back_onto_the_body(
     )
 
 
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 1000),
+    gender=st.sampled_from(["female", "male", "neutral"]),
+    on=st.sampled_from(["own", "other", "small"]),
+    n_betas=st.sampled_from([10, 16]),
+    fps_hz=st.sampled_from([10.0, 29.97, 59.94, 60.0, 120.0]),
+)
+def test_amass_in_and_out_again_has_the_same_numbers(
+    seed: int,
+    gender: str,
+    on: str,
+    n_betas: int,
+    fps_hz: float,
+    small_body: BodyModel,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    """On its own body all of them; on one of another gender or kind all but betas and gender."""
+    rng, folder = np.random.default_rng(seed), tmp_path_factory.getbasetemp()
+    poses = np.zeros((4, 52, 3))
+    poses[:, [*range(22), 22, 37]] = rng.normal(0, 0.5, (4, 24, 3))
+    arrays: dict[str, Any] = {
+        "poses": poses.reshape(4, 156),
+        "trans": rng.normal(0, 3, (4, 3)),
+        "betas": np.append(rng.normal(size=n_betas), np.zeros(16 - n_betas)),
+        "gender": gender,
+        "mocap_framerate": fps_hz,
+    }
+    np.savez(folder / "in_poses.npz", **arrays)
+    name = {"own": f"smpl-{gender}", "other": "smpl-male", "small": "small"}[on]
+    body = replace(grown_body(small_body, n_betas), name=name)
+    is_own = name == f"smpl-{gender}"
+    motion = read_amass(folder / "in_poses.npz", body, ground=None if is_own else False)
+    write_amass(folder / "out.npz", motion, body)
+    with np.load(folder / "out.npz", allow_pickle=False) as found:
+        for key in ("poses", "trans"):
+            np.testing.assert_allclose(found[key], arrays[key], atol=1e-12, err_msg=key)
+        assert found["mocap_framerate"] == fps_hz
+        betas = arrays["betas"] if is_own else np.zeros(16)
+        np.testing.assert_array_equal(found["betas"], betas)
+        assert found["gender"] == ("neutral" if on == "small" else body.name.removeprefix("smpl-"))
+
+
+def grown_body(body: BodyModel, n_shape: int) -> BodyModel:
+    """A body of other proportions, with so many coefficients."""
+    more = ((0, 0), (0, 0), (0, n_shape - body.n_shape))
+    return replace(
+        body,
+        template_m=1.07 * body.template_m,
+        joints_template_m=1.07 * body.joints_template_m,
+        shape_dirs_m=np.pad(body.shape_dirs_m, more, constant_values=0.003),
+        joint_shape_dirs_m=np.pad(body.joint_shape_dirs_m, more, constant_values=0.003),
+    )
+
+
 @pytest.mark.parametrize("name", ["small", "smpl-neutral"])
 def test_amass_comes_back_through_our_reader(
     name: str, walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
@@ -123,12 +186,15 @@ def test_amass_comes_back_through_our_reader(
         assert arrays["poses"].shape == (20, 156)
         assert arrays["betas"].shape == (16,)
         assert arrays["betas"].any() == (name == "smpl-neutral" and motion.shape.any())
-        pelvis_m = arrays["trans"] + body.rest_pelvis_m(motion.shape)
-        np.testing.assert_allclose(pelvis_m, motion.pelvis_m, atol=1e-12)
+        leg_m = leg_length_m(body.rest_joints_m(motion.shape))
+        scale = 1.0 if name == "smpl-neutral" else SMPL_LEG_M / leg_m
+        steps_m = np.diff(arrays["trans"], axis=0)
+        np.testing.assert_allclose(steps_m, scale * np.diff(motion.pelvis_m, axis=0), atol=1e-12)
     found = read_amass(tmp_path / "walk.npz", body, shape=motion.shape, ground=False)
     assert found.fps_hz == 30.0
     np.testing.assert_allclose(found.local_rotmats, motion.local_rotmats, atol=1e-9)
     np.testing.assert_allclose(found.root_rotmats, motion.root_rotmats, atol=1e-9)
+    np.testing.assert_allclose(found.pelvis_m, motion.pelvis_m, atol=1e-9)
 
 
 class Glb:
