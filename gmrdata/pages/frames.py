@@ -3,7 +3,6 @@
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -18,28 +17,20 @@ from gmrdata.read.video import extract_video, is_video
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import camera, transforms
-from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.files import write_bytes
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.write.overlay import LINE_PX, OVERLAY_BGR, draw_body, draw_floor_path
 
-OVERLAY_BGR = {"body": (255, 210, 130), "outline": (255, 255, 255), "path": (90, 225, 255)}
 TINT_BGR = (60, 60, 235)
 TINT_ALPHA = 0.35
-BODY_ALPHA = 0.8
-LINE_PX = 2
-TOWARDS_LIGHT = np.array([-0.35, -0.6, -0.72])
-"""The body is lit from above the camera's left shoulder."""
 GAP_PX = 4  # between the frames of a sheet [px]
 DRAWING_SCALE = 2
 """Overlays are drawn on frames of twice their size, so that lines and close-ups are smooth."""
 CONTACT_FILE = "contact.jpg"
 MASK_COLUMNS = 4
-_SUPERSAMPLE = 2
-_FAR_PX = 20000.0
-"""OpenCV's drawing takes 16-bit coordinates once they are shifted; a NaN is beyond it too."""
 
 
 def jpeg(image: np.ndarray, quality: int = 88) -> bytes:
@@ -135,76 +126,6 @@ def draw_mask_outline(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     inside = (mask > 0).astype(np.uint8)
     contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return cv2.polylines(image.copy(), contours, True, OVERLAY_BGR["outline"], LINE_PX, cv2.LINE_AA)
-
-
-def draw_floor_path(
-    image: np.ndarray,
-    world_from_cam: np.ndarray,
-    intrinsics_px: np.ndarray,
-    path_world_m: np.ndarray,
-    every: int,
-) -> np.ndarray:
-    """A copy of a BGR image with a path on the floor drawn in, a dot at each `every`-th point."""
-    points_px = camera.project(world_from_cam, path_world_m, intrinsics_px)
-    # OpenCV's pixel centres are whole numbers, and the drawing takes 4 fractional bits.
-    fixed, drawable = np.round((points_px - 0.5) * 16), (abs(points_px) < _FAR_PX).all(axis=1)
-    points = [(int(x), int(y)) if ok else None for (x, y), ok in zip(fixed, drawable, strict=True)]
-    out = image.copy()
-    for start, stop in pairwise(points):
-        if start and stop:
-            cv2.line(out, start, stop, OVERLAY_BGR["path"], LINE_PX, cv2.LINE_AA, 4)
-    for point in points[::every]:
-        if point:
-            cv2.circle(out, point, 3 * LINE_PX << 4, OVERLAY_BGR["path"], -1, cv2.LINE_AA, 4)
-    return out
-
-
-def draw_body(
-    image: np.ndarray,
-    world_from_cam: np.ndarray,
-    intrinsics_px: np.ndarray,
-    vertices_world_m: np.ndarray,
-    body: BodyModel,
-) -> np.ndarray:
-    """A copy of a BGR image with a shaded, see-through body mesh (V, 3) over it."""
-    points_cam_m = transforms.apply(transforms.invert(world_from_cam), vertices_world_m)
-    triangles_m = points_cam_m[body.faces]
-    normals = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
-    facing = np.einsum("fi,fi->f", normals, triangles_m.mean(axis=1)) < 0
-    shown = facing & (triangles_m[..., 2] > 0.01).all(axis=1)
-    triangles_m, normals = triangles_m[shown], normals[shown]
-    order = np.argsort(-triangles_m[..., 2].mean(axis=1), kind="stable")
-    points_px = camera.project_cam(triangles_m[order], intrinsics_px)
-    lengths = np.linalg.norm(normals[order], axis=1, keepdims=True)
-    lambert = (normals[order] / np.maximum(lengths, 1e-12)) @ TOWARDS_LIGHT
-    return _paint(image, points_px, np.minimum(0.55 + 0.55 * np.clip(lambert, 0.0, 1.0), 1.0))
-
-
-def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> np.ndarray:
-    """Fill triangles from back to front at twice the size, then blend the smoothed layer in."""
-    height, width = image.shape[:2]
-    layer = np.zeros((height * _SUPERSAMPLE, width * _SUPERSAMPLE), np.uint8)  # 0 = no body
-    drawable = (np.abs(triangles_px) < _FAR_PX).all(axis=(1, 2))
-    corners = np.round((triangles_px[drawable] * _SUPERSAMPLE - 0.5) * 16).astype(np.int32)
-    greys = np.round(255 * shades[drawable]).tolist()
-    for triangle, grey in zip(corners, greys, strict=True):
-        cv2.fillConvexPoly(layer, triangle, (grey,), cv2.LINE_8, 4)
-    # What the body leaves free stays as it is.
-    left, top, wide, high = cv2.boundingRect(layer)
-    rows, columns = (
-        slice(first // _SUPERSAMPLE, -(-(first + count) // _SUPERSAMPLE))
-        for first, count in ((top, high), (left, wide))
-    )
-    squares = layer.reshape(height, _SUPERSAMPLE, width, _SUPERSAMPLE)[rows, :, columns]
-    cover, shade = (
-        part.mean(axis=(1, 3), dtype=np.float32)[..., None] for part in (squares > 0, squares)
-    )
-    # `shade` is 0 outside the body, so at its edge it is already shade x cover.
-    body = shade / 255.0 * np.array(OVERLAY_BGR["body"])
-    blend = (1 - BODY_ALPHA * cover) * image[rows, columns] + BODY_ALPHA * body
-    out = image.copy()
-    out[rows, columns] = np.clip(np.round(blend), 0, 255).astype(np.uint8)
-    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from gmrdata.pages.report_data import ClipReport, GmrSummary, ReportData
 from gmrdata.twins.pseudo_gt_error import error_series
 from gmrdata.values.files import write_text
 from gmrdata.values.motion import Motion
+from gmrdata.write.overlay import OVERLAY_BGR
 
 CLOSE_UP_PX = (300, 380)  # width and height of a close-up: people stand
 
@@ -64,7 +65,7 @@ def page(report: ReportData) -> str:
         clip_table=_clip_table(report),
         scales=scales,
         clips=[_clip(i, clip) for i, clip in enumerate(report.clips)],
-        colours={name: "rgb({2} {1} {0})".format(*bgr) for name, bgr in frames.OVERLAY_BGR.items()},
+        colours={name: "rgb({2} {1} {0})".format(*bgr) for name, bgr in OVERLAY_BGR.items()},
         has_gmr=has_gmr,
         score_table=_score_table(report.scores),
         predicted=predicted,

@@ -163,7 +163,7 @@ def _log_person(
     rows = np.flatnonzero(person.shown)
     for start in range(0, len(rows), POSED_AT_ONCE):
         now = rows[start : start + POSED_AT_ONCE]
-        posed_m = zip(now.tolist(), motion_vertices_m(body, motion, rows=now), strict=True)
+        posed_m = zip(now.tolist(), motion_vertices_m(body, motion.take(now)), strict=True)
         for row, vertices_m in posed_m:
             _at(recording, row, fps_hz)
             normals = _normals(vertices_m, body.faces)
@@ -208,7 +208,8 @@ def _log_camera(
         _at(recording, row, fps_hz)
         image, mask = images[row] if images else None, masks[row] if masks else None
         if not camera.has_camera[row] or (images and not image) or (masks and not mask):
-            _clear(recording, entity, f"{entity}/image", f"{entity}/image/mask")
+            seen = [f"{entity}/image", *([f"{entity}/image/mask"] if masks else [])]
+            _clear(recording, entity, *seen)
         if camera.has_camera[row]:
             recording.log(entity, _transform(camera.world_from_cam[row]))
             recording.log(f"{entity}/image", pinhole)

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from scipy.spatial.transform import Rotation
 
-from gmrdata.pages import frames as overlay
 from gmrdata.pages.frames import frame_tiles, tile_sheet
 from gmrdata.pages.overview import DPI, overview_plot, write_overview
 from gmrdata.pages.plots import (
@@ -29,6 +28,7 @@ from gmrdata.values import transforms
 from gmrdata.values.camera import intrinsics_from_fov, project
 from gmrdata.values.errors import BadFrames, NothingToCompare, StageFailed
 from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.write import overlay
 
 
 def test_body_covers_the_painted_silhouette(report: ReportData) -> None:

@@ -1,0 +1,160 @@
+"""Bodies and their paths on the floor, drawn over the frames; and that as a video."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gmrdata.read.frames import read_color
+from gmrdata.values import camera, transforms
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadFrames, BadMotionFile
+from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.write.take import Performer, Take, check_take
+from gmrdata.write.video import write_video
+
+OVERLAY_BGR = {"body": (255, 210, 130), "outline": (255, 255, 255), "path": (90, 225, 255)}
+BODY_ALPHA = 0.8
+LINE_PX = 2
+TOWARDS_LIGHT = np.array([-0.35, -0.6, -0.72])
+"""The body is lit from above the camera's left shoulder."""
+_SUPERSAMPLE = 2
+_FAR_PX = 20000.0
+"""OpenCV's drawing takes 16-bit coordinates once they are shifted; a NaN is beyond it too."""
+
+
+def write_overlay(path: Path, take: Take, images: Sequence[Path | None]) -> None:
+    """Write the frames of a take as an mp4 of its rate, with the bodies and their paths drawn in.
+
+    A row without a known camera shows its frame as it is, one without a frame is black.  A dot
+    stands on the path, which lies on the floor z = 0, at each second.
+
+    Args:
+        path: The .mp4 file; an odd width or height is made even, as `write_video` says.
+        take: With a camera.
+        images: The frame of each row; None for none.
+    """
+    check_take(path, take)
+    if take.camera is None:
+        raise BadMotionFile(f"{path}: no camera, so nothing can be drawn over the frames")
+    if len(images) != take.n_frames:
+        raise BadFrames(f"{path}: {len(images)} images for {take.n_frames} rows")
+    if not any(images):
+        raise BadFrames(f"{path}: no row has an image")
+    write_video(_overlays(take, take.camera, images), path, take.fps_hz)
+
+
+def _overlays(take: Take, path: CameraPath, images: Sequence[Path | None]) -> Iterator[np.ndarray]:
+    """Each frame (H, W, 3), red first, with all that is known in it."""
+    every, floors_m = max(1, round(take.fps_hz)), [_floor_path_m(one) for one in take.people]
+    for row, image in enumerate(images):
+        drawn = _frame(image, path)
+        if image is not None and path.has_camera[row]:
+            view = path.world_from_cam[row], path.intrinsics_px
+            for floor_m in floors_m:
+                drawn = draw_floor_path(drawn, *view, floor_m, every)
+            for person in _far_ones_first(take.people, view[0], row):
+                now = person.motion.take(slice(row, row + 1))
+                vertices_m = motion_vertices_m(person.body, now)[0]
+                drawn = draw_body(drawn, *view, vertices_m, person.body)
+        yield drawn[..., ::-1]
+
+
+def _frame(image: Path | None, path: CameraPath) -> np.ndarray:
+    size = (path.height_px, path.width_px, 3)
+    if image is None:
+        return np.zeros(size, np.uint8)
+    frame = read_color(image)
+    if frame.shape != size:
+        sizes = "{1}x{0} px, but its camera has {3}x{2} px".format(*frame.shape[:2], *size[:2])
+        raise BadFrames(f"{image}: {sizes}")
+    return frame
+
+
+def _floor_path_m(person: Performer) -> np.ndarray:
+    """(T, 3) pelvis path on the floor z = 0; NaN in frames without a pose, where it is broken."""
+    path_m = np.where(person.shown[:, None], person.motion.pelvis_m, np.nan)
+    path_m[:, 2] = 0.0
+    return path_m
+
+
+def _far_ones_first(
+    people: Sequence[Performer], world_from_cam: np.ndarray, row: int
+) -> list[Performer]:
+    """Those who are shown in a row, so that near ones are painted over far ones."""
+    there = [person for person in people if person.shown[row]]
+    towards = world_from_cam[:3, 2]
+    return sorted(there, key=lambda person: -float(person.motion.pelvis_m[row] @ towards))
+
+
+def draw_floor_path(
+    image: np.ndarray,
+    world_from_cam: np.ndarray,
+    intrinsics_px: np.ndarray,
+    path_world_m: np.ndarray,
+    every: int,
+) -> np.ndarray:
+    """A copy of a BGR image with a path on the floor drawn in, a dot at each `every`-th point."""
+    points_px = camera.project(world_from_cam, path_world_m, intrinsics_px)
+    # OpenCV's pixel centres are whole numbers, and the drawing takes 4 fractional bits.
+    fixed, drawable = np.round((points_px - 0.5) * 16), (abs(points_px) < _FAR_PX).all(axis=1)
+    points = [(int(x), int(y)) if ok else None for (x, y), ok in zip(fixed, drawable, strict=True)]
+    out = image.copy()
+    for start, stop in pairwise(points):
+        if start and stop:
+            cv2.line(out, start, stop, OVERLAY_BGR["path"], LINE_PX, cv2.LINE_AA, 4)
+    for point in points[::every]:
+        if point:
+            cv2.circle(out, point, 3 * LINE_PX << 4, OVERLAY_BGR["path"], -1, cv2.LINE_AA, 4)
+    return out
+
+
+def draw_body(
+    image: np.ndarray,
+    world_from_cam: np.ndarray,
+    intrinsics_px: np.ndarray,
+    vertices_world_m: np.ndarray,
+    body: BodyModel,
+) -> np.ndarray:
+    """A copy of a BGR image with a shaded, see-through body mesh (V, 3) over it."""
+    points_cam_m = transforms.apply(transforms.invert(world_from_cam), vertices_world_m)
+    triangles_m = points_cam_m[body.faces]
+    normals = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
+    facing = np.einsum("fi,fi->f", normals, triangles_m.mean(axis=1)) < 0
+    shown = facing & (triangles_m[..., 2] > 0.01).all(axis=1)
+    triangles_m, normals = triangles_m[shown], normals[shown]
+    order = np.argsort(-triangles_m[..., 2].mean(axis=1), kind="stable")
+    points_px = camera.project_cam(triangles_m[order], intrinsics_px)
+    lengths = np.linalg.norm(normals[order], axis=1, keepdims=True)
+    lambert = (normals[order] / np.maximum(lengths, 1e-12)) @ TOWARDS_LIGHT
+    return _paint(image, points_px, np.minimum(0.55 + 0.55 * np.clip(lambert, 0.0, 1.0), 1.0))
+
+
+def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> np.ndarray:
+    """Fill triangles from back to front at twice the size, then blend the smoothed layer in."""
+    height, width = image.shape[:2]
+    layer = np.zeros((height * _SUPERSAMPLE, width * _SUPERSAMPLE), np.uint8)  # 0 = no body
+    drawable = (np.abs(triangles_px) < _FAR_PX).all(axis=(1, 2))
+    corners = np.round((triangles_px[drawable] * _SUPERSAMPLE - 0.5) * 16).astype(np.int32)
+    greys = np.round(255 * shades[drawable]).tolist()
+    for triangle, grey in zip(corners, greys, strict=True):
+        cv2.fillConvexPoly(layer, triangle, (grey,), cv2.LINE_8, 4)
+    # What the body leaves free stays as it is.
+    left, top, wide, high = cv2.boundingRect(layer)
+    rows, columns = (
+        slice(first // _SUPERSAMPLE, -(-(first + count) // _SUPERSAMPLE))
+        for first, count in ((top, high), (left, wide))
+    )
+    squares = layer.reshape(height, _SUPERSAMPLE, width, _SUPERSAMPLE)[rows, :, columns]
+    cover, shade = (
+        part.mean(axis=(1, 3), dtype=np.float32)[..., None] for part in (squares > 0, squares)
+    )
+    # `shade` is 0 outside the body, so at its edge it is already shade x cover.
+    body = shade / 255.0 * np.array(OVERLAY_BGR["body"])
+    blend = (1 - BODY_ALPHA * cover) * image[rows, columns] + BODY_ALPHA * body
+    out = image.copy()
+    out[rows, columns] = np.clip(np.round(blend), 0, 255).astype(np.uint8)
+    return out

@@ -1,0 +1,112 @@
+"""Overlays as videos, decoded again: bodies lie where the cameras put them, times are kept."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.masks.silhouette import silhouette
+from gmrdata.values import transforms
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import project
+from gmrdata.values.errors import BadFrames, BadMotionFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.write.overlay import write_overlay
+from gmrdata.write.take import Performer, Take
+from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX, make_take
+
+WITHOUT_IMAGE = 2
+
+
+@pytest.fixture(scope="module")
+def take(walk: Callable[..., Motion], small_body: BodyModel) -> Take:
+    return make_take(walk, small_body)
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory: pytest.TempPathFactory) -> list[Path | None]:
+    """Dark grey frames, one of which is missing."""
+    folder, paths = tmp_path_factory.mktemp("frames"), []
+    for row in range(N_FRAMES):
+        paths.append(folder / f"{row:05d}.png")
+        cv2.imwrite(str(paths[-1]), np.full((SIZE_PX[1], SIZE_PX[0], 3), 40, np.uint8))
+    return [None if row == WITHOUT_IMAGE else path for row, path in enumerate(paths)]
+
+
+def silhouette_of(take: Take, person: Performer, row: int) -> np.ndarray:
+    assert take.camera is not None
+    vertices_m = motion_vertices_m(person.body, person.motion, rows=np.array([row]))[0]
+    cam_from_world = transforms.invert(take.camera.world_from_cam[row])
+    vertices_cam_m = transforms.apply(cam_from_world, vertices_m)
+    faces, intrinsics_px = person.body.faces, take.camera.intrinsics_px
+    return silhouette(vertices_cam_m, faces, intrinsics_px, SIZE_PX) > 0
+
+
+def test_bodies_cover_their_silhouettes(
+    take: Take, images: list[Path | None], tmp_path: Path
+) -> None:
+    write_overlay(tmp_path / "clip.mp4", take, images)
+    with av.open(str(tmp_path / "clip.mp4")) as container:
+        stream = container.streams.video[0]
+        assert stream.average_rate == Fraction(2997, 100)
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+    assert len(frames) == N_FRAMES
+    for row, frame in enumerate(frames):
+        assert frame.shape == (SIZE_PX[1], SIZE_PX[0], 3)
+        if row in (WITHOUT_IMAGE, HIDDEN[-1]):  # nothing is drawn there
+            assert np.abs(frame.astype(int) - (0 if row == WITHOUT_IMAGE else 40)).max() < 12
+            continue
+        there = [person for person in take.people if person.shown[row]]
+        assert len(there) == (1 if row in HIDDEN else 2)
+        expected = np.any([silhouette_of(take, person, row) for person in there], axis=0)
+        yellow = frame[..., 0] > frame[..., 2].astype(int) + 10  # the paths
+        elsewhere = cv2.dilate(yellow.astype(np.uint8), np.ones((5, 5))) == 0
+        covered, expected = (frame.max(axis=2) > 75) & elsewhere, expected & elsewhere
+        assert (covered & expected).sum() > 0.95 * (covered | expected).sum() > 500
+
+
+def test_the_path_lies_on_the_floor_and_has_the_gap(
+    take: Take, images: list[Path | None], tmp_path: Path
+) -> None:
+    """Seen from above, in a frame in which the person is hidden."""
+    second, camera = take.people[1], take.camera
+    assert camera is not None
+    path_m = second.motion.pelvis_m * [1.0, 1.0, 0.0]
+    middle_m = np.nanmean(path_m, axis=0)
+    above = transforms.rigid(np.diag([1.0, -1.0, -1.0]), middle_m + np.array([0.0, 0.0, 1.0]))
+    still = replace(camera, world_from_cam=np.tile(above, (N_FRAMES, 1, 1)))
+    still = replace(still, has_camera=np.ones(N_FRAMES, dtype=bool))
+    write_overlay(tmp_path / "path.mp4", replace(take, people=(second,), camera=still), images)
+    with av.open(str(tmp_path / "path.mp4")) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    yellow = frames[HIDDEN[0]].astype(int)
+    drawn = yellow[..., 0] - yellow[..., 2] > 60
+    points_px = project(above, path_m, camera.intrinsics_px)
+    inside = ((points_px > 1) & (points_px < np.array(SIZE_PX) - 1)).all(axis=1)
+    assert inside.sum() >= 5 and not inside[HIDDEN].any()
+    for x, y in points_px[inside].astype(int):
+        assert drawn[y, x]
+    between = (points_px[HIDDEN[0] - 1] + points_px[HIDDEN[-1] + 1]) / 2
+    assert not drawn[int(between[1]), int(between[0])]
+
+
+def test_what_cannot_be_drawn_is_said(
+    take: Take, images: list[Path | None], tmp_path: Path
+) -> None:
+    path = tmp_path / "bad.mp4"
+    with pytest.raises(BadMotionFile, match="no camera"):
+        write_overlay(path, replace(take, camera=None), images)
+    with pytest.raises(BadFrames, match="3 images for 12 rows"):
+        write_overlay(path, take, images[:3])
+    with pytest.raises(BadFrames, match="no row has an image"):
+        write_overlay(path, take, [None] * N_FRAMES)
+    cv2.imwrite(str(tmp_path / "small.png"), np.zeros((48, 64, 3), np.uint8))
+    with pytest.raises(BadFrames, match=r"small\.png: 64x48 px, but its camera has 160x96 px"):
+        write_overlay(path, take, [tmp_path / "small.png", *images[1:]])
+    assert [file.name for file in tmp_path.iterdir()] == ["small.png"]
