@@ -47,7 +47,7 @@ def to_rotmats(
         return roma.unitquat_to_rotmat(roma.quat_wxyz_to_xyzw(unit))
     if representation == "axis-angle":
         return roma.rotvec_to_rotmat(values)
-    columns = values.unflatten(-1, (2, 3)).transpose(-1, -2)
+    columns = torch.stack([values[..., :3], values[..., 3:]], dim=-1)
     return roma.special_gramschmidt(columns, epsilon=torch.finfo(values.dtype).eps)
 
 
