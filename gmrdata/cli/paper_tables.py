@@ -7,6 +7,7 @@ from tyro.conf import Positional, UseAppendAction
 
 from gmrdata.cli.answers import answer, print_table, then
 from gmrdata.cli.options import FEATURES, KEYPOINTS, POSES, Body, DryRun, RunFlags, body_path
+from gmrdata.cli.shards import ArrayFlags, print_script
 from gmrdata.tables import ScaleName
 
 
@@ -25,6 +26,7 @@ def tables(
     body: Body = "anny",
     *,
     run: RunFlags,
+    array: ArrayFlags,
     dry_run: DryRun = False,
 ) -> None:
     """Make one of the paper's tables again: train, score, and lay it beside the paper's figures.
@@ -54,6 +56,9 @@ def tables(
         manifest, scored, poses, keypoints, features, videos, held_out,
         body_path(body),
     )  # fmt: skip
+    if array is not None:
+        print_script(array)
+        return
     if dry_run:
         plan = plan_table(recipe, scale, given, seeds)
         rows, lines = planned_runs(plan, out, run.workers or 2)

@@ -39,6 +39,8 @@ def demo(
     from gmrdata.cli.demo import plan, run_demo
     from gmrdata.cli.demo_recipe import DemoRecipe
 
+    if run.shard is not None:
+        raise BadRecipe("--shard: a demo has a handful of clips and is not shared; leave it out")
     loaded = flags.read_recipe(recipe, DemoRecipe)
     if dry_run:
         print_table(("stage", "state"), plan(loaded, out))
@@ -144,13 +146,15 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
         case "demo":
             demo(out, recipe=recipe, run=run, dry_run=dry_run, **given)
         case "synthetic":
-            render(recipe, out, run=run, dry_run=dry_run, probe=False, **given)
+            render(recipe, out, run=run, array=None, dry_run=dry_run, probe=False, **given)
         case "threedpw_twin":
             threedpw_twin(recipe, out, run=run, dry_run=dry_run, probe=False, **given)
         case "threedpw":
-            threedpw_regenerate(out=out, recipe=recipe, run=run, dry_run=dry_run, **given)
+            threedpw_regenerate(
+                out=out, recipe=recipe, run=run, array=None, dry_run=dry_run, **given
+            )
         case "table":
-            tables(recipe, out, run=run, dry_run=dry_run, **given)
+            tables(recipe, out, run=run, array=None, dry_run=dry_run, **given)
         case "masks":
             masks(out=out, sources=(recipe,), redo=run.redo, **given)
         case "joint":

@@ -1,17 +1,21 @@
-"""Verbs for work in shards: merge; and the end of a share."""
+"""Work in shards: the verb merge, the end of a share, scripts for clusters."""
 
+import sys
 from collections.abc import Sequence
 from contextlib import chdir
 from pathlib import Path
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from gmrdata.stage.progress import console
+from gmrdata.stage.cluster_scripts import Array, Need, array_script
+from gmrdata.stage.progress import answers, console
 from gmrdata.stage.shards import COMMAND_FILE, SHARDS_FOLDER, CommandRecord, OthersLeft
 from gmrdata.values.errors import BadRecord, MissingInput
 
 SHARD_FLAG, OUT_FLAG = "--shard", "--out"
-SHARED_VERBS = ("motions", "render", "threedpw", "floor", "tables")
+SHARED_VERBS = ("motions", "render", "threedpw", "floor", "tables", "run")
+NOT_MEASURED = Need(None, None)
 
 
 def end_of_share(left: OthersLeft, arguments: Sequence[str]) -> None:
@@ -20,6 +24,30 @@ def end_of_share(left: OthersLeft, arguments: Sequence[str]) -> None:
     if left.folder.is_dir():  # who finished meanwhile took it away
         record.write(left.folder / COMMAND_FILE)
     console.print(str(left), markup=False, soft_wrap=True)
+
+
+def _array(print_slurm: int | None = None, print_kubernetes: int | None = None) -> Array | None:
+    """Print a script for a cluster instead of working.
+
+    Args:
+        print_slurm: Print an sbatch script for so many shards.
+        print_kubernetes: Print an indexed job for so many shards.
+    """
+    if print_slurm is not None:
+        return Array("slurm", print_slurm)
+    return None if print_kubernetes is None else Array("kubernetes", print_kubernetes)
+
+
+ArrayFlags = Annotated[Array | None, OmitArgPrefixes, arg(constructor=_array)]
+"""--print-slurm and --print-kubernetes, for verbs with --shard; give it no default."""
+
+
+def print_script(array: Array, need: Need = NOT_MEASURED) -> None:
+    """Print the command that was typed as a script for a cluster."""
+    typed = [part for argument in sys.argv[1:] for part in argument.split("=", 1)]
+    at = typed.index(f"--print-{array.system}")
+    command = ["gmrdata", *typed[:at], *typed[at + 2 :]]
+    answers.out(array_script(array, command, Path.cwd(), need), end="", highlight=False)
 
 
 def merge(out: Positional[Path]) -> None:

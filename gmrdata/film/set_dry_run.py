@@ -27,6 +27,7 @@ class Probe:
     frame_cpu_s: float
     clip_cpu_s: float  # before its first frame: Blender's start, the scene [s]
     frame_bytes: float  # of all files of a frame
+    memory_mib: float  # of this process and Blender's, at their largest [MiB]
 
 
 @dataclass(frozen=True)
@@ -40,12 +41,16 @@ class DryRun:
     probe: Probe | None  # None when there is nothing to do, or no probe was wanted
 
     @property
-    def seconds(self) -> float | None:
-        """Estimate of the wall time when each worker has a core of its own [s]."""
+    def cpu_s(self) -> float | None:
+        """Estimate of the processor time of all that is to do [s]."""
         if (probe := self.probe) is None:
             return None
-        cpu_s = self.clips_to_do * probe.clip_cpu_s + self.frames_to_do * probe.frame_cpu_s
-        return cpu_s / self.workers
+        return self.clips_to_do * probe.clip_cpu_s + self.frames_to_do * probe.frame_cpu_s
+
+    @property
+    def seconds(self) -> float | None:
+        """Estimate of the wall time when each worker has a core of its own [s]."""
+        return None if self.cpu_s is None else self.cpu_s / self.workers
 
     @property
     def size_bytes(self) -> float | None:
@@ -100,7 +105,7 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
     frame_cpu_s = cpu_s * frame_s / wall_s
     size_bytes = sum(path.stat().st_size for path in made.glob("*/*") if path.is_file())
     clip_cpu_s = max(0.0, cpu_s - len(rows) * frame_cpu_s)
-    return Probe(frame_cpu_s, clip_cpu_s, size_bytes / len(rows))
+    return Probe(frame_cpu_s, clip_cpu_s, size_bytes / len(rows), _memory_mib())
 
 
 def summary_lines(plan: DryRun) -> list[str]:
@@ -115,6 +120,12 @@ def summary_lines(plan: DryRun) -> list[str]:
             f"processor time, {probe.frame_bytes / 1e3:.0f} kB a frame)"
         )
     return lines
+
+
+def _memory_mib() -> float:
+    """The largest memory of this process and of its largest ended child, together [MiB]."""
+    whose = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
+    return sum(resource.getrusage(who).ru_maxrss for who in whose) / 1024.0
 
 
 def _children_cpu_s() -> float:
