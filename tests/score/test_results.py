@@ -1,0 +1,381 @@
+"""Other systems' results, as they write them: exact figures, people, frames, what is refused."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gmrdata.cli import main
+from gmrdata.motion.gait import embedded_motions
+from gmrdata.read.bodies import save_body
+from gmrdata.read.world_results import read_world_result
+from gmrdata.score.compare import Comparison
+from gmrdata.score.records import ScoredResults, Scores
+from gmrdata.score.result_scores import ResultsConfig, ScoredSets, score_results
+from gmrdata.score.results import frames_of_rows
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import rigid
+from tests.clip_manifests import write_clips
+from tests.joblib_layout import joblib_bytes
+from tests.read import system_files as files
+
+N, FIRST = 60, 10  # the clip's images are 10 to 69 of the video
+FRAMES = np.arange(FIRST, FIRST + N)
+
+
+def yaw_rotmats(angles_deg: np.ndarray) -> np.ndarray:
+    rotvecs = np.deg2rad(angles_deg)[:, None] * [0, 0, 1]
+    return np.asarray(Rotation.from_rotvec(rotvecs).as_matrix())
+
+
+@pytest.fixture(scope="module")
+def body(small_body: BodyModel) -> BodyModel:
+    return replace(small_body, name="smpl-neutral")
+
+
+@pytest.fixture(scope="module")
+def true(body: BodyModel) -> Clip:
+    """A walk with straight hands, seen by a camera that turns and travels."""
+    (motion,) = embedded_motions(body, np.random.default_rng(0), count=1, fps_hz=30, duration_s=2)
+    local = motion.local_rotmats.copy()
+    local[:, 21:] = np.eye(3)
+    times = np.linspace(0, 1, N)
+    yaws = yaw_rotmats(40 * times)
+    level_from_cam = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    places_m = motion.pelvis_m[0] + np.stack([2 * times, times - 7, 0.3 + 0 * times], axis=1)
+    camera = CameraPath(
+        np.array([[900.0, 0, 310], [0, 900, 250], [0, 0, 1]]),
+        640,
+        480,
+        rigid(yaws @ level_from_cam, places_m),
+        np.ones(N, bool),
+    )
+    return Clip("walk.p0", replace(motion, local_rotmats=local), np.ones(N, bool), FRAMES, camera)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory, body: BodyModel, true: Clip) -> Path:
+    """Folder with a manifest of the clip, and its body."""
+    folder = tmp_path_factory.mktemp("data")
+    write_clips(folder, body, [true], camera_motions=["linear"])
+    save_body(folder / "body.npz", body)
+    return folder
+
+
+def rest(body: BodyModel, true: Clip) -> np.ndarray:
+    return body.rest_pelvis_m(true.motion.shape)
+
+
+def score(data: Path, path: Path, out: Path, **config: Any) -> ScoredSets:
+    given = {"fps_hz": 30.0, "resamples": 100} | config
+    manifest = data / "manifest.yaml"
+    return score_results(path, manifest, data / "body.npz", out, ResultsConfig(**given))
+
+
+def only(made: ScoredSets) -> Scores:
+    (path,) = made.scores
+    return Scores.read(path)
+
+
+def wham(folder: Path, body: BodyModel, true: Clip, motion: Motion | None = None) -> Path:
+    people = {3: (motion or true.motion, FRAMES)}
+    return files.write_wham(folder / "wham_output.pkl", people, rest(body, true))
+
+
+def vibe(folder: Path, body: BodyModel, true: Clip) -> Path:
+    assert true.camera is not None
+    path = folder / "vibe_output.pkl"
+    return files.write_vibe(path, true.motion, true.camera, FRAMES, rest(body, true))
+
+
+def before(motion: Motion) -> Motion:
+    """The motion with 10 frames before it: GVHMR has a row for every frame of the video."""
+    return motion.take(np.r_[np.zeros(FIRST, int), 0:N])
+
+
+def tram(folder: Path, body: BodyModel, true: Clip) -> Path:
+    assert true.camera is not None
+    return files.write_tram(folder, true.motion, true.camera, FRAMES, rest(body, true))
+
+
+def slahmr(folder: Path, body: BodyModel, true: Clip) -> Path:
+    assert true.camera is not None
+    return files.write_slahmr(
+        folder, {7: true.motion}, true.camera, rest(body, true), first_image=4, before=6
+    )
+
+
+WRITE: dict[str, Callable[[Path, BodyModel, Clip], Path]] = {
+    "wham": wham,
+    "gvhmr": lambda folder, body, true: files.write_gvhmr(
+        folder / "hmr4d_results.pt", before(true.motion)
+    ),
+    "vibe": vibe,
+    "tram": tram,
+    "slahmr": slahmr,
+    "amass": lambda folder, body, true: files.write_amass(
+        folder.with_name(f"{folder.name}.npz"), true.motion, rest(body, true)
+    ),
+}
+
+
+@pytest.mark.parametrize("system", WRITE)
+def test_the_truth_as_each_system_writes_it_has_no_error(
+    system: str, tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    WRITE[system](tmp_path / "results" / true.id, body, true)
+    made = score(data, tmp_path / "results", tmp_path / "out", protocol="tram", camera="true")
+    scores = only(made)
+    assert made.comparison is None and isinstance(scores.model, ScoredResults)
+    assert (scores.name, scores.model.system) == (system, system)
+    (clip,) = scores.clips
+    assert clip.n_motions == N - 1 and clip.predicted.ome_deg < 1e-4
+    assert clip.predicted.tme_mm < 1e-3 < 1 < clip.zero.tme_mm
+    assert clip.protocol is not None
+    figures = clip.protocol.predicted
+    assert figures["rte_percent"] == pytest.approx(0, abs=1e-4)
+    notes = scores.model.clips[true.id].notes
+    if system == "gvhmr":
+        assert "mean shape of smpl-neutral" in notes[0] and clip.predicted.vme_mm < 20
+    else:
+        assert notes == () and clip.predicted.vme_mm < 1e-3
+        assert figures["w_mpjpe_mm"] is None and figures["mpjpe_mm"] == pytest.approx(0, abs=1e-2)
+    has_path = system in ("tram", "slahmr")
+    assert (figures["ate_s_m"] is not None) == has_path
+    if has_path:
+        assert figures["ate_s_m"] == pytest.approx(0, abs=1e-6)
+
+
+def test_an_injected_error_is_measured_exactly(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    """One degree of yaw a frame too much, and 12 mm a frame along y."""
+    yaws = yaw_rotmats(np.arange(N))
+    turned = replace(true.motion, root_rotmats=yaws @ true.motion.root_rotmats)
+    wham(tmp_path / "turned", body, true, turned)
+    (clip,) = only(score(data, tmp_path / "turned", tmp_path / "a")).clips
+    assert clip.predicted.ome_deg == pytest.approx(1.0, rel=1e-6)
+    drift_m = 0.012 * np.arange(N)[:, None] * [0, 1, 0]
+    shifted = replace(true.motion, pelvis_m=true.motion.pelvis_m + drift_m)
+    wham(tmp_path / "shifted", body, true, shifted)
+    (clip,) = only(score(data, tmp_path / "shifted", tmp_path / "b")).clips
+    assert clip.predicted.tme_mm == pytest.approx(12.0, rel=1e-6)
+    assert clip.predicted.ome_deg < 1e-4
+
+
+def test_three_systems_of_one_sequence_are_compared_by_one_command(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    folder = tmp_path / "results"
+    wham(folder, body, true)
+    drift_m = 0.012 * np.arange(N)[:, None] * [0, 1, 0]
+    shifted = replace(true.motion, pelvis_m=true.motion.pelvis_m + drift_m)
+    files.write_gvhmr(folder / "hmr4d_results.pt", before(shifted))
+    vibe(folder, body, true)
+    out = tmp_path / "out"
+    given = ("--body", str(data / "body.npz"), "--fps-hz", "30", "--out", str(out))
+    main(["evaluate", str(data / "manifest.yaml"), "--predictions", str(folder), *given])
+    found = Comparison.read(out / "comparison" / "comparison.json")
+    assert found.runs == ("gvhmr", "vibe", "wham") and found.clips == (true.id,)
+    tme = {row.run: row.mean_of_clips for row in found.metrics["tme_mm"]}
+    assert tme["gvhmr"] == pytest.approx(12.0, abs=1e-3)
+    assert tme["wham"] == pytest.approx(0.0, abs=1e-3)
+    assert tme["vibe"] is not None and tme["vibe"] > 10  # the camera's own motion
+    page = (out / "comparison" / "comparison.html").read_text()
+    for word in ("gvhmr", "vibe", "wham", "TME", "<svg"):
+        assert word in page
+    for name in found.runs:
+        assert (out / name / "scores.html").is_file()
+    text = (out / "vibe" / "scores.md").read_text()
+    assert "the camera was taken as if it stood still" in text
+    assert (
+        "walk.p0: wham_output.pkl, person_3, 60 of 60 frames"
+        in (out / "wham" / "scores.md").read_text()
+    )
+
+
+def test_sets_in_folders_beside_clips_of_gmrdata(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    folder = tmp_path / "results"
+    wham(folder / "wham_v1" / true.id, body, true)
+    wham(folder / "wham_v2", body, true).rename(folder / "wham_v2" / f"{true.id}.pkl")
+    write_clips(folder / "ours" / "predictions", body, [true])
+    made = score(data, folder, tmp_path / "out")
+    assert made.comparison is not None
+    assert Comparison.read(made.comparison).runs == ("ours", "wham_v1", "wham_v2")
+    wham(folder / "wham_v2" / true.id, body, true)
+    with pytest.raises(BadMotionFile, match=r"are both wham's of clip walk\.p0"):
+        score(data, folder, tmp_path / "other")
+
+
+def test_several_people_need_a_name(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    still = replace(true.motion, pelvis_m=0 * true.motion.pelvis_m)
+    people = {0: (still, FRAMES), 4: (true.motion, FRAMES)}
+    path = files.write_wham(tmp_path / "x.pkl", people, rest(body, true))
+    listed = r"person_0 \(frames 10-69, 60 of them\), person_4 .* --person walk\.p0=NAME"
+    with pytest.raises(BadMotionFile, match=rf"2 people.*not said.*{listed}"):
+        score(data, path, tmp_path / "out")
+    with pytest.raises(BadMotionFile, match=r"no person '2' .*person_4"):
+        score(data, path, tmp_path / "out", person={true.id: "2"})
+    for number, key in enumerate(("", true.id, f"wham/{true.id}")):
+        scores = only(score(data, path, tmp_path / f"out_{number}", person={key: "4"}))
+        assert scores.clips[0].predicted.tme_mm < 1e-3
+    assert isinstance(scores.model, ScoredResults)
+    found = scores.model.clips[true.id]
+    assert (found.person, found.people, found.used_frames) == ("person_4", 2, N)
+
+
+def test_frames_are_matched_by_number_and_the_missing_are_said(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    """Five frames lack, and ten are not the clip's."""
+    rows = np.r_[0:20, 25:60]
+    frames = np.r_[FRAMES[rows], 70:80]
+    motion = true.motion.take(np.r_[rows, np.full(10, 59)])
+    path = files.write_wham(tmp_path / "x.pkl", {0: (motion, frames)}, rest(body, true))
+    with pytest.raises(BadMotionFile, match="no prediction for 5 of 60 valid frames.* row 20"):
+        score(data, path, tmp_path / "out")
+    scores = only(score(data, path, tmp_path / "out", missing="drop"))
+    assert scores.dropped_frames == 5 and scores.clips[0].n_motions == 19 + 34
+    assert scores.clips[0].predicted.tme_mm < 1e-3
+    assert isinstance(scores.model, ScoredResults)
+    found = scores.model.clips[true.id]
+    assert (found.frames, found.used_frames, found.first_unused_frame) == (65, 55, 70)
+    other = files.write_wham(tmp_path / "y.pkl", {0: (motion, frames + 100)}, rest(body, true))
+    with pytest.raises(BadMotionFile, match=r"frames 110-179, and .* frames 10-69 .*first-image"):
+        score(data, other, tmp_path / "late")
+
+
+def test_sets_with_other_gaps_are_compared_on_their_common_frames(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    folder = tmp_path / "results"
+    rows = np.r_[0:20, 25:60]
+    people = {0: (true.motion.take(rows), FRAMES[rows])}
+    files.write_wham(folder / "wham_output.pkl", people, rest(body, true))
+    files.write_gvhmr(folder / "hmr4d_results.pt", before(true.motion))
+    made = score(data, folder, tmp_path / "out", missing="drop")
+    assert made.comparison is not None
+    assert [Scores.read(path).clips[0].n_motions for path in made.scores] == [53, 53]
+
+
+@pytest.mark.parametrize(
+    ("images", "first_image", "expected"),
+    [
+        (None, None, [10, 11, -1, 13]),
+        (None, 1, [9, 10, -1, 12]),
+        ([1, 10, 11, 13], None, [1, 2, -1, 3]),
+        ([1, 10, 11, 13], 0, [10, 11, -1, 13]),
+    ],
+)
+def test_frames_of_images(
+    true: Clip, images: list[int] | None, first_image: int | None, expected: list[int]
+) -> None:
+    clip = replace(true, image_numbers=np.array([10, 11, -1, 13]))
+    assert frames_of_rows(clip, images, first_image).tolist() == expected
+    no_images = replace(true, image_numbers=np.full(4, -1))
+    assert frames_of_rows(no_images, images, first_image).tolist() == [0, 1, 2, 3]
+
+
+def test_an_amass_like_file_has_its_own_rate(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    slow = true.motion.take(slice(0, None, 3), 10.0)
+    path = files.write_amass(tmp_path / f"{true.id}.npz", slow, rest(body, true))
+    scores = only(score(data, path, tmp_path / "out", fps_hz=10.0))
+    assert scores.clips[0].n_motions == 19 and scores.clips[0].predicted.vme_mm < 1e-6
+    other = files.write_amass(tmp_path / f"{true.id}.npz", slow, rest(body, true), gender=b"female")
+    scores = only(score(data, other, tmp_path / "female", fps_hz=10.0))
+    assert isinstance(scores.model, ScoredResults)
+    assert "its shape is of smpl-female" in scores.model.clips[true.id].notes[0]
+    wrong = files.write_amass(
+        tmp_path / f"{true.id}.npz", true.motion, rest(body, true), mocap_framerate=45.0
+    )
+    with pytest.raises(BadMotionFile, match="45 fps, but the truth's 30 fps"):
+        score(data, wrong, tmp_path / "wrong")
+
+
+def test_what_is_not_there_is_said(tmp_path: Path, data: Path, body: BodyModel, true: Clip) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(MissingInput, match=r"no result named after .*walk\.p0.*docs/scores\.md"):
+        score(data, tmp_path / "empty", tmp_path / "out")
+    with pytest.raises(MissingInput, match="nowhere: no such file"):
+        score(data, tmp_path / "nowhere", tmp_path / "out")
+    run = slahmr(tmp_path / true.id, body, true)
+    (run / "track_info.json").unlink()
+    with pytest.raises(MissingInput, match=r"no track_info\.json.*Keep SLAHMR's"):
+        score(data, tmp_path, tmp_path / "out")
+    (run / "track_info.json").write_text('{"tracks": {}')
+    with pytest.raises(BadMotionFile, match=r"not SLAHMR's track_info\.json"):
+        score(data, tmp_path, tmp_path / "out")
+
+
+def test_a_person_outside_of_trams_cameras_is_refused(
+    tmp_path: Path, body: BodyModel, true: Clip
+) -> None:
+    folder = tram(tmp_path / "run", body, true)
+    camera = {"world_cam_R": np.tile(np.eye(3), (9, 1, 1)), "world_cam_T": np.zeros((9, 3))}
+    np.save(folder / "camera.npy", camera)  # type: ignore[arg-type]
+    with pytest.raises(BadMotionFile, match=r"frames to 69, but camera\.npy has 9 cameras"):
+        read_world_result(folder)
+
+
+BROKEN = ("nan", "short", "no_key", "wrong_width", "text", "frames_not_rising", "cut_off")
+
+
+@given(data=st.data())
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_a_broken_result_is_an_error_that_names_the_file(
+    data: st.DataObject, tmp_path: Path
+) -> None:
+    n = data.draw(st.integers(1, 5))
+    keys = {"pose_world": 72, "trans_world": 3, "betas": 10}
+    person: dict[str, Any] = {key: np.zeros((n, width)) for key, width in keys.items()}
+    person["frame_ids"] = np.arange(n)
+    key, how = data.draw(st.sampled_from(sorted(person))), data.draw(st.sampled_from(BROKEN))
+    value = person[key]
+    if how == "nan":
+        person[key] = np.where(np.arange(value.size).reshape(value.shape) == 0, np.nan, value)
+    elif how == "short":
+        person[key] = value[:-1]
+    elif how == "no_key":
+        del person[key]
+    elif how == "wrong_width":
+        person[key] = np.zeros((n, 73))
+    elif how == "text":
+        person[key] = "abc"
+    elif how == "frames_not_rising":
+        person["frame_ids"] = -np.ones(n + 1)
+    content = joblib_bytes({1: person})
+    if how == "cut_off":
+        content = content[: data.draw(st.integers(0, len(content) - 1))]
+    path = tmp_path / "wham_output.pkl"
+    path.write_bytes(content)
+    if key == "betas" and how == "wrong_width":  # SMPL has up to 300 coefficients
+        assert len(read_world_result(path).people) == 1
+        return
+    with pytest.raises(GmrdataError, match=r"wham_output\.pkl: "):
+        read_world_result(path)
+
+
+def test_figures_are_json(tmp_path: Path, data: Path, body: BodyModel, true: Clip) -> None:
+    path = wham(tmp_path, body, true)
+    (scores,) = score(data, path, tmp_path / "out").scores
+    said = json.loads(scores.read_text())["model"]
+    assert said["kind"] == "results" and said["clips"][true.id]["file"] == "wham_output.pkl"
