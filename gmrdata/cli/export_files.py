@@ -3,7 +3,6 @@
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,7 +43,7 @@ def write_exports(
     """
     wanted = list_clips(given.source, given.ids)
     truths = _truths(given.truth, wanted)
-    sequences = [tuple(people) for _, people in groupby(wanted, key=lambda one: one.sequence)]
+    sequences = _by_sequence(wanted)
     if not (redo or dry_run):
         _refuse_to_overwrite([u.path for people in sequences for u in _units(people, formats, out)])
     results: list[Result] = []
@@ -70,6 +69,14 @@ class Result(NamedTuple):
 
     unit: Unit
     left_out: str  # why it was not written; empty if it was
+
+
+def _by_sequence(wanted: Sequence[ClipFiles]) -> list[list[ClipFiles]]:
+    """The people of each sequence."""
+    sequences: dict[str, list[ClipFiles]] = {}
+    for files in wanted:
+        sequences.setdefault(files.sequence, []).append(files)
+    return list(sequences.values())
 
 
 def _units(people: Sequence[ClipFiles], formats: Sequence[FormatName], out: Path) -> Iterator[Unit]:

@@ -124,8 +124,14 @@ def test_a_lens_that_bends_the_picture_bends_no_path(
         bent = cv2.remap(cv2.imread(str(image)), column, row, cv2.INTER_CUBIC)
         cv2.imwrite(str(tmp_path / "frames" / f"{i:05d}.png"), bent)
     made = reconstruct(tmp_path / "frames", None, dolly.intrinsics_px, tmp_path / "sfm", config)
-    cameras, lens = load_cameras(made), load_quality(made).lens
+    cameras, quality = load_cameras(made), load_quality(made)
+    lens, tracks = quality.lens, load_tracks(made).of_adjusted()
     assert lens is not None and lens.explains > 0.05
+    # The tracks are where the image shows them, distorted.
+    path, points = cameras.path, load_points(made)
+    found_px = errors_px(tracks, points, path.world_from_cam, path.intrinsics_px, lens)
+    again_px = mean_over_points(found_px, tracks.points)
+    assert again_px == pytest.approx(quality.mean_reprojection_px, rel=2e-3)
     # 0.3 of the focal length from the middle it shifts a point by 0.65 px.
     assert lens.k1 * 0.3**3 + lens.k2 * 0.3**5 == pytest.approx(k1 * 0.3**3, abs=0.0006)
     found = cameras.path.world_from_cam[:, :3, :3]

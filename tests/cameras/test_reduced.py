@@ -7,10 +7,11 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.cameras.files import load_cameras, load_quality
+from gmrdata.cameras.files import load_cameras, load_points, load_quality
 from gmrdata.cameras.frames import Frames, reduced
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.cameras.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.read.frames import list_images, read_gray
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
@@ -74,6 +75,11 @@ def test_cameras_of_large_frames_have_their_size(dolly: Any, tmp_path: Path) -> 
     np.testing.assert_array_equal(cameras.path.intrinsics_px, matrix)
     assert cameras.geometry == "full" and cameras.path.has_camera.all()
     assert quality.mean_reprojection_px < 1.0
+    held, points = load_tracks(out_dir).of_adjusted(), load_points(out_dir)
+    found_px = errors_px(held, points, cameras.path.world_from_cam, matrix, None)
+    # The tracks are in the pixels of the given frames, the record in those worked on.
+    again_px = mean_over_points(found_px, held.points) / 2
+    assert again_px == pytest.approx(quality.mean_reprojection_px, rel=2e-3)
     turns = cameras.path.world_from_cam[:, :3, :3]
     true = dolly.world_from_cam[:, :3, :3]
     found = turns[0].T @ turns[-1]
