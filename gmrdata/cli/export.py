@@ -6,15 +6,17 @@ from typing import Literal
 from tyro.conf import Positional
 
 from gmrdata.cli import options as flags
+from gmrdata.cli.gmr import Weights
+from gmrdata.values.errors import BadRecipe
 
-FormatName = Literal["colmap", "tum", "kitti", "gem-x"]
+FormatName = Literal["colmap", "tum", "kitti", "gem-x", "3dpw", "emdb", "wham", "gvhmr"]
 Trajectory = Literal["camera", "person"]
 Seen = Literal["keyframes", "all", "none"]
 
 
 def export(
     source: Positional[Path],
-    to: tuple[FormatName, ...],
+    to: tuple[FormatName | Literal["onnx"], ...],
     out: Path,
     clips: tuple[str, ...] = (),
     of: Trajectory = "camera",
@@ -22,6 +24,8 @@ def export(
     body: str | None = None,
     images: Path | None = None,
     truth: Path | None = None,
+    threedpw: Path | None = None,
+    which: Weights = "latest",
     redo: bool = False,
     dry_run: flags.DryRun = False,
 ) -> None:
@@ -33,7 +37,10 @@ def export(
         to: Formats. colmap: a COLMAP model, binary and text, with the tracks of a solved sequence;
             tum: trajectory as TUM's RGB-D benchmark has it, with times;
             kitti: trajectory as KITTI's odometry has it, a line per frame;
-            gem-x: GEM-X's camera file, preprocess/camera.pt.
+            gem-x: GEM-X's camera file, preprocess/camera.pt;
+            3dpw: the sequence files of 3DPW, with people and cameras in one world that does not
+            drift; emdb: EMDB's files; wham: wham_output.pkl; gvhmr: hmr4d_results.pt;
+            onnx: the network of a training run, whose folder is then the source.
         out: Output folder: <format>/<clip id>.
         clips: Names of the clips to write; all when left out.
         of: Whose trajectory tum and kitti hold: the camera's, or the person's pelvis.
@@ -43,17 +50,23 @@ def export(
         images: Folder with the images, or with a folder of them for each sequence, where the
             clips do not say it.
         truth: Manifest, folder or clip with the exact motions of the same clips, by id.
+        threedpw: 3DPW's own folder: the 2D keypoints and clothed templates for 3dpw.
         redo: Write again what is there.
     """
-    from gmrdata.cli.export_files import Given, write_exports
+    from gmrdata.cli.export_files import Given, write_exports, write_network
     from gmrdata.cli.export_formats import ExportOptions
 
     flags.need(to, "a format: --to tum")
+    if "onnx" in to and len(set(to)) > 1:
+        raise BadRecipe("onnx is of a training run, the other formats of clips. Export it alone")
+    if "onnx" in to:
+        write_network(source, out, which, redo=redo, dry_run=dry_run)
+        return
     write_exports(
         Given(source, clips, body, images, truth),
-        tuple(dict.fromkeys(to)),
+        tuple(dict.fromkeys(name for name in to if name != "onnx")),
         out,
-        ExportOptions(of=of, observations=observations),
+        ExportOptions(of=of, observations=observations, threedpw=threedpw),
         redo=redo,
         dry_run=dry_run,
     )

@@ -9,9 +9,12 @@ from typing import NamedTuple
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.export import FormatName
 from gmrdata.cli.export_formats import FORMATS, ExportOptions, why_not
+from gmrdata.gmr.config import Which
 from gmrdata.manifest.exported import ClipFiles, ExportedClip, list_clips, load_exported
 from gmrdata.stage.progress import console, progress_bar
 from gmrdata.values.errors import GmrdataError, MissingInput, StageFailed, StaleOutput
+from gmrdata.values.files import write_bytes
+from gmrdata.write.emdb import emdb_name
 
 HEADINGS = ("format", "clip", "file or folder", "state")
 
@@ -86,8 +89,14 @@ def _units(people: Sequence[ClipFiles], formats: Sequence[FormatName], out: Path
         groups = [people] if of_all else [(person,) for person in people]
         for group in groups:
             called = group[0].sequence if of_all else group[0].id
-            path = out / name / FORMATS[name].path.format(id=called)
+            path = out / name / _placed(FORMATS[name].path, called, group[0].split)
             yield Unit(name, called, path, tuple(person.id for person in group))
+
+
+def _placed(pattern: str, name: str, split: str) -> str:
+    """Where a unit goes below its format's folder."""
+    subject, take = emdb_name(name)
+    return pattern.format(id=name, split=split, subject=subject, take=take)
 
 
 def _truths(source: Path | None, wanted: Sequence[ClipFiles]) -> dict[str, Path]:
@@ -136,7 +145,7 @@ def _write(
         with _whole(unit.path) as partial:
             format.write(people, partial, options)
     except GmrdataError as error:
-        return str(error)
+        return str(error).replace(_partial(unit.path).name, unit.path.name)
     return ""
 
 
@@ -159,10 +168,29 @@ def _say(results: Sequence[Result], out: Path, dry_run: bool) -> None:
         raise StageFailed(f"{len(left_out)} of {len(results)} could not be written, see above")
 
 
+def write_network(
+    run_dir: Path, out: Path, which: Which, *, redo: bool = False, dry_run: bool = False
+) -> None:
+    """Write the network of a training run as `onnx/<run>.onnx`, or say where it would go."""
+    from gmrdata.gmr.onnx_network import onnx_network
+    from gmrdata.gmr.predict import load_gmr
+
+    gmr = load_gmr(run_dir.resolve(), which)
+    path = out / "onnx" / f"{gmr.name}.onnx"
+    if dry_run:
+        state = "to replace" if path.exists() else "to write"
+        print_table(HEADINGS, [("onnx", gmr.name, str(path), state)])
+        return
+    if not redo:
+        _refuse_to_overwrite([path])
+    write_bytes(path, onnx_network(gmr))
+    answer(path)
+
+
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
     """A sibling of `path` to write a file or folder to, which replaces it when the block ends."""
-    partial = path.with_name(f".partial.{path.name}")
+    partial = _partial(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove(partial)
     try:
@@ -171,6 +199,11 @@ def _whole(path: Path) -> Iterator[Path]:
         partial.rename(path)
     finally:
         _remove(partial)
+
+
+def _partial(path: Path) -> Path:
+    """Keeps the suffix, by which some writers choose a form."""
+    return path.with_name(f".partial.{path.name}")
 
 
 def _remove(path: Path) -> None:

@@ -7,18 +7,24 @@ with plain values.  What it can't write is an error, which the verb says of that
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from gmrdata.cli.export import FormatName, Seen, Trajectory
 from gmrdata.manifest.exported import ExportedClip
+from gmrdata.read.frames import number_in_name
+from gmrdata.stage.progress import console
 from gmrdata.values import transforms
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadMotionFile
 
-Need = Literal["camera", "world", "trajectory", "images", "one_person"]
-"""trajectory: a camera or a motion in the world, whichever is asked for."""
+if TYPE_CHECKING:
+    from gmrdata.write.system_results import TrackedPerson
+
+Need = Literal["camera", "world", "in_world", "trajectory", "images", "one_person"]
+"""in_world: a motion in the world, of which perhaps no frame is valid; trajectory: a camera or a
+motion in the world, whichever is asked for."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +33,16 @@ class ExportOptions:
 
     of: Trajectory = "camera"  # whose trajectory tum and kitti hold
     observations: Seen = "keyframes"  # which image points a COLMAP model has
+    threedpw: Path | None = None  # 3DPW's own folder
 
 
 class Format(NamedTuple):
     """How one format is written."""
 
     unit: Literal["clip", "sequence"]  # a file for each clip, or for all people of a sequence
-    path: str  # below OUT/<format>/; {id} is the clip's or the sequence's name
+    path: str
+    """Below OUT/<format>/.  {id} is the clip's or the sequence's name, {split} 3DPW's, {subject}
+    and {take} are the two parts of EMDB's name."""
     needs: tuple[Need, ...]  # what is looked at before anything is written
     write: Callable[[Sequence[ExportedClip], Path, ExportOptions], None]
     """Writes the clips of one unit to a path that is not there: a file, or a folder to make."""
@@ -59,7 +68,7 @@ def _clip_lacks(need: Need, exported: ExportedClip) -> str:
         return "has no camera"
     if need == "camera" and clip.camera is not None and not clip.camera.has_camera.any():
         return "has no frame with a known camera"
-    if need == "world" and clip.motion.frame != "world":
+    if need in ("world", "in_world") and clip.motion.frame != "world":
         return "its motion is in the camera's frame, not in a world"
     if need == "world" and not clip.valid.any():
         return "has no valid frame"
@@ -144,9 +153,98 @@ def _trajectory(exported: ExportedClip, of: Trajectory) -> tuple[np.ndarray, np.
     return transforms.rigid(motion.root_rotmats, motion.pelvis_m), exported.clip.valid
 
 
+def export_3dpw(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The people of a sequence; of those who were rejected no frame is `campose_valid`."""
+    from gmrdata.read.threedpw_arrays import N_KEYPOINTS, read_sequence_file
+    from gmrdata.read.threedpw_layout import find_sequence
+    from gmrdata.threedpw.world_sequence import sequence_arrays, with_original
+    from gmrdata.write.threedpw import write_sequence_file
+
+    _usable(clips, "campose_valid is 0 in all frames")
+    name = clips[0].sequence
+    unseen = [np.zeros((one.clip.motion.n_frames, N_KEYPOINTS, 3)) for one in clips]
+    arrays = sequence_arrays(
+        name,
+        [one.clip for one in clips],
+        [one.body for one in clips],
+        [one.clip.motion.gender for one in clips],
+        unseen,
+    )
+    if options.threedpw is not None:
+        original = read_sequence_file(find_sequence(options.threedpw, name).pickle_path)
+        arrays = with_original(arrays, original)
+    write_sequence_file(path, arrays)
+
+
+def _usable(clips: Sequence[ExportedClip], rest: str) -> list[ExportedClip]:
+    """The clips with frames that may be used; says what becomes of the others."""
+    usable = [one for one in clips if one.clip.valid.any()]
+    if not usable:
+        raise BadMotionFile("has no valid frame")
+    for one in clips:
+        if not one.clip.valid.any():
+            text = f"clip {one.id} has no valid frame: {rest}"
+            console.print(text, markup=False, soft_wrap=True)
+    return usable
+
+
+def export_emdb(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """One person; the parts of EMDB as it was read, and both for clips from elsewhere."""
+    from gmrdata.motion.emdb import ABOUT_FILE, EmdbAbout
+    from gmrdata.write.emdb import emdb_name, emdb_sequence, seen_in_image, write_emdb
+
+    (exported,) = clips
+    about_path, parts = exported.clip_path.parent / ABOUT_FILE, (True, True)
+    if about_path.is_file():
+        about = EmdbAbout.read(about_path)
+        parts = (about.emdb1, about.emdb2)
+    name = "_".join(emdb_name(exported.id))
+    sequence = emdb_sequence(name, exported.clip, exported.body, parts)
+    write_emdb(path, sequence, *seen_in_image(exported.clip, exported.body))
+
+
+def export_wham(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The people of a sequence, each in the frames that may be used."""
+    from gmrdata.write.system_results import write_wham
+
+    usable = _usable(clips, "left out")
+    write_wham(path, [_tracked(one) for one in usable], usable[0].clip.camera)
+
+
+def export_gvhmr(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """One person, in every frame of the video."""
+    from gmrdata.write.system_results import write_gvhmr
+
+    person = _tracked(clips[0])
+    missed = np.flatnonzero(person.frame_numbers != np.arange(len(person.frame_numbers)))
+    if len(missed):
+        what = f"row {missed[0]} is frame {person.frame_numbers[missed[0]]} of the video"
+        raise BadMotionFile(f"{what}, and GVHMR has a row for each frame; wham names its frames")
+    write_gvhmr(path, person, clips[0].clip.camera)
+
+
+def _tracked(exported: ExportedClip) -> "TrackedPerson":
+    """The person and the frames of the video, counted as `gmrdata evaluate` counts them."""
+    from gmrdata.score.results import frames_of_rows
+    from gmrdata.write.system_results import TrackedPerson
+
+    images = []
+    if exported.images_dir is not None:
+        images = [number_in_name(image.name) for image in exported.images_dir.iterdir()]
+    frames = frames_of_rows(exported.clip, [number for number in images if number is not None])
+    rows = exported.clip.valid & (frames >= 0)
+    return TrackedPerson(exported.clip.motion, exported.rest_pelvis_m, rows, frames)
+
+
 FORMATS: dict[FormatName, Format] = {
     "colmap": Format("sequence", "{id}", ("camera",), export_colmap),
     "tum": Format("clip", "{id}.txt", ("trajectory",), export_tum),
     "kitti": Format("clip", "{id}.txt", ("trajectory",), export_kitti),
     "gem-x": Format("sequence", "{id}/preprocess/camera.pt", ("camera",), export_gem_x),
+    "3dpw": Format("sequence", "sequenceFiles/{split}/{id}.pkl", ("camera",), export_3dpw),
+    "emdb": Format(
+        "clip", "{subject}/{take}/{subject}_{take}_data.pkl", ("camera", "world"), export_emdb
+    ),
+    "wham": Format("sequence", "{id}/wham_output.pkl", ("in_world",), export_wham),
+    "gvhmr": Format("clip", "{id}/hmr4d_results.pt", ("world",), export_gvhmr),
 }

@@ -21,13 +21,15 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
+from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, GmrdataError, MissingInput
-from gmrdata.values.files import read_npz, resolve_inside
+from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside
 
 MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
 """The manifest that stands for a folder with several: a demo's result goes before its truth."""
+PSEUDO_GT, SFM = "pseudo_gt", "sfm"  # stages of a sequence that was solved, in one folder
 WRONG_BODY_M = 1e-3  # a rest pelvis that far from the clip's own is of another body
 
 
@@ -44,6 +46,7 @@ class ClipFiles:
     sfm_dir: Path | None = None
     truth_path: Path | None = None
     extras_paths: tuple[Path, ...] = ()
+    split: str = "test"  # of 3DPW
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,7 @@ class ExportedClip:
 
     id: str  # fit for the name of a file
     sequence: str  # people of one sequence share a world and a camera
+    clip_path: Path
     clip: Clip  # `valid` is False outside the manifest's kept ranges
     rest_pelvis_m: np.ndarray  # (3,) J0 of the person's shape, rest frame [m]
     body_names: tuple[str, ...]  # as `load_body` takes them: those that `body` chooses from
@@ -85,7 +89,9 @@ class ExportedClip:
         if self.images_dir is None:
             remedy = "Give their folder, or the folder of the sequences' folders, with --images"
             raise MissingInput(f"clip {self.id} has no images. {remedy}")
-        paths = (path for path in self.images_dir.iterdir() if path.suffix in IMAGE_SUFFIXES)
+        paths = (
+            path for path in self.images_dir.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES
+        )
         by_number = {number_in_name(path.name): path for path in paths}
         return [by_number.get(int(number)) for number in self.clip.image_numbers]
 
@@ -135,6 +141,7 @@ def load_exported(
     return ExportedClip(
         id=files.id,
         sequence=files.sequence,
+        clip_path=files.clip_path,
         clip=clip,
         rest_pelvis_m=read_npz(files.clip_path)["rest_pelvis_m"],
         body_names=_bodies(files.clip_path, clip) if body is None else (body,),
@@ -158,7 +165,7 @@ def _bodies(clip_path: Path, clip: Clip) -> tuple[str, ...]:
     """The bodies that the stages keep beside a clip, and the default one where the clip has it."""
     beside = [
         str(path)
-        for folder in clip_path.absolute().parents[:5]
+        for folder in clip_path.absolute().parents[:4]
         for pattern in ("body/body.npz", "body/*/body.npz", "bodies/*/body.npz")
         for path in sorted(folder.glob(pattern))
     ]
@@ -178,7 +185,7 @@ def _clips_of(source: Path) -> Iterator[ClipFiles]:
 def _clip_file(path: Path) -> ClipFiles:
     """A single clip, with what the stage that made it left beside it."""
     name = load_clip(path).id
-    if path.parent.name == "pseudo_gt":
+    if path.absolute().parent.name == PSEUDO_GT:
         return replace(_pseudo_gt_clip(path), id=_file_name(name), sequence=_file_name(name))
     return _rendered_clip(path, _file_name(name))
 
@@ -255,12 +262,13 @@ def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int
     def folder(record: FolderRecord | None) -> Path | None:
         return None if record is None else inside(record.folder)
 
-    clip_path = inside(entry.arrays.path)
+    clip_path, stages = inside(entry.arrays.path), Path(entry.arrays.path).parents[1:2]
     files = ClipFiles(entry.id, entry.id, clip_path)
-    if manifest.kind == "pseudo_gt":
+    if manifest.kind == "pseudo_gt" and clip_path.parent.name == PSEUDO_GT and stages:
+        inside((stages[0] / SFM).as_posix())  # else what lies beside the clip is no part of the set
         files = _pseudo_gt_clip(clip_path)
         # One person alone: the folder may be any, so the clip names the sequence.
-        of_set = clip_path.parent.parent.parent.name == "sequences"
+        of_set = stages[0].parent.name == "sequences"
         sequence = files.sequence if n_people > 1 or of_set else entry.id
         files = replace(files, id=entry.id, sequence=sequence)
     return replace(
@@ -274,8 +282,8 @@ def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int
 
 def _people_in(folder: Path) -> list[ClipFiles]:
     """The people of one sequence: of `gmrdata sfm`'s folder, or of its `pseudo_gt` in it."""
-    if (folder / "pseudo_gt").is_dir():
-        folder = folder / "pseudo_gt"
+    if (folder / PSEUDO_GT).is_dir():
+        folder = folder / PSEUDO_GT
     paths = sorted(folder.glob("person_[0-9]*.npz"))
     people = [replace(_pseudo_gt_clip(path), id=_file_name(load_clip(path).id)) for path in paths]
     one = people[0].id if len(people) == 1 else None
@@ -291,8 +299,16 @@ def _pseudo_gt_clip(path: Path) -> ClipFiles:
         clip_path=path,
         images_dir=_there(folder / "frames"),
         masks_dir=_there(folder / "masks"),
-        sfm_dir=folder / "sfm" if (folder / "sfm" / CAMERAS_FILE).is_file() else None,
+        sfm_dir=folder / SFM if (folder / SFM / CAMERAS_FILE).is_file() else None,
+        split=_split(folder / "people"),
     )
+
+
+def _split(people_dir: Path) -> str:
+    """3DPW's split, as the stage that read the sequence's file has it in its record."""
+    if not (people_dir / STAGE_FILE).is_file():
+        return ClipFiles.split
+    return str(StageRecord.of(people_dir).config.get("split", ClipFiles.split))
 
 
 def _rendered_clip(path: Path, name: str | None = None) -> ClipFiles:

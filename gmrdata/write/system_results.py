@@ -1,0 +1,150 @@
+"""Writing motions as WHAM and GVHMR write their results, for the tools that were made for them.
+
+WHAM      `wham_output.pkl` (its demo.py with --save_pkl): a dict from a person's number to
+          `pose_world` (T, 72) axis-angle [rad], `trans_world` (T, 3) SMPL's transl [m], `pose` and
+          `trans`, the same in the camera's frame, `betas` (T, S) and `frame_ids` (T,).  The world
+          is y-up.  `verts`, which follow from the others, are left out.
+GVHMR     `hmr4d_results.pt` (its tools/demo/demo.py): `smpl_params_global` and
+          `smpl_params_incam`, each with `body_pose` (T, 63), `betas` (T, 10), `global_orient`
+          (T, 3) [rad] and `transl` (T, 3) [m] of SMPL-X; and `K_fullimg` (T, 3, 3) [px].  The world
+          is y-up.  `net_outputs`, what the network made on its way, are left out.
+
+`gmrdata.read.world_results` reads both.
+"""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gmrdata.read.pose_estimators import N_SMPLX_BODY
+from gmrdata.read.world_results import SMPLX_REST_PELVIS_M
+from gmrdata.values.body import WORLD_FROM_REST
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.files import write_bytes
+from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import invert, rigid
+from gmrdata.write.pickles import python3_pickle
+
+if TYPE_CHECKING:
+    import torch
+
+Y_UP_FROM_WORLD = WORLD_FROM_REST.T
+N_BETAS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPerson:
+    """One person of a sequence over T frames."""
+
+    motion: Motion  # in the z-up world
+    rest_pelvis_m: np.ndarray  # (3,) J0 of the person's shape, rest frame [m]
+    rows: np.ndarray  # (T,) bool: frames that may be used
+    frame_numbers: np.ndarray  # (T,) int: which frame of the video each row is, from 0
+
+
+def write_wham(path: Path, people: Sequence[TrackedPerson], camera: CameraPath | None) -> None:
+    """Write `wham_output.pkl`: each person's frames that may be used, numbered from person 0.
+
+    The shape coefficients are those of the person's own body, whose name is in `body`, a key more
+    than WHAM has.  Without a camera there is no `pose` and no `trans`.
+
+    Raises:
+        BadMotionFile: a person has no frame that may be used, or one that is not finite.
+    """
+    content = {number: _wham_person(one, camera) for number, one in enumerate(people)}
+    write_bytes(path, python3_pickle(content))
+
+
+def _wham_person(person: TrackedPerson, camera: CameraPath | None) -> dict[str, object]:
+    rows = person.rows if camera is None else person.rows & camera.has_camera
+    if not rows.any():
+        raise BadMotionFile("a person has no frame that may be used; give a clip with one")
+    motion = person.motion.take(rows)
+    _require_finite(motion, np.flatnonzero(rows))
+    y_up = np.tile(rigid(Y_UP_FROM_WORLD, np.zeros(3)), (motion.n_frames, 1, 1))
+    shape = np.pad(motion.shape, (0, max(0, N_BETAS - len(motion.shape))))
+    content: dict[str, object] = {}
+    if camera is not None:
+        cam_from_world = invert(camera.world_from_cam[rows])
+        content |= _named(_placed(motion, cam_from_world, person.rest_pelvis_m), "pose", "trans")
+    world = _placed(motion, y_up, person.rest_pelvis_m)
+    content |= _named(world, "pose_world", "trans_world")
+    content["betas"] = np.tile(shape, (motion.n_frames, 1)).astype(np.float32)
+    content["frame_ids"] = person.frame_numbers[rows].astype(np.int64)
+    content["body"] = motion.body
+    return content
+
+
+def _named(placed: tuple[np.ndarray, np.ndarray], *keys: str) -> dict[str, object]:
+    return dict(zip(keys, (values.astype(np.float32) for values in placed), strict=True))
+
+
+def _placed(
+    motion: Motion, frame_from_world: np.ndarray, rest_pelvis_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Axis-angle (T, 72) and transl (T, 3) in another frame, each row's own (T, 4, 4)."""
+    turns = frame_from_world[:, :3, :3]
+    rotmats = np.concatenate([(turns @ motion.root_rotmats)[:, None], motion.local_rotmats], axis=1)
+    rotvecs = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_rotvec()
+    pelvis_m = (turns @ motion.pelvis_m[..., None])[..., 0] + frame_from_world[:, :3, 3]
+    return rotvecs.reshape(-1, 72), pelvis_m - rest_pelvis_m
+
+
+def _require_finite(motion: Motion, rows: np.ndarray) -> None:
+    values = np.concatenate([motion.rotmats.reshape(len(rows), -1), motion.pelvis_m], axis=1)
+    if bad := rows[~np.isfinite(values).all(axis=1)].tolist():
+        raise BadMotionFile(f"frame {bad[0]} has no motion ({len(bad)} frames in all)")
+
+
+def write_gvhmr(path: Path, person: TrackedPerson, camera: CameraPath | None) -> None:
+    """Write `hmr4d_results.pt`: one person, with a row for every frame.
+
+    SMPL-X has other shape coefficients than the person's body, so `betas` are zero, the mean shape;
+    `transl` puts SMPL-X's pelvis where the person's is.  The two hand joints have no place in it.
+    `valid` (T,), a key more than GVHMR has, says which frames may be used.  Without a camera there
+    is no `smpl_params_incam` and no `K_fullimg`; in frames without a known one the first is NaN.
+
+    Raises:
+        BadMotionFile: a frame is not finite.
+    """
+    import torch
+
+    motion = person.motion
+    _require_finite(motion, np.arange(motion.n_frames))
+    y_up = np.tile(rigid(Y_UP_FROM_WORLD, np.zeros(3)), (motion.n_frames, 1, 1))
+    valid = person.rows
+    content: dict[str, object] = {"smpl_params_global": _smplx_params(motion, y_up)}
+    if camera is not None:
+        known = camera.has_camera
+        cam_from_world = np.tile(np.eye(4), (motion.n_frames, 1, 1))
+        cam_from_world[known] = invert(camera.world_from_cam[known])
+        in_camera = _smplx_params(motion, cam_from_world)
+        for key in ("global_orient", "transl"):
+            in_camera[key][~torch.as_tensor(known)] = torch.nan
+        intrinsics_px = torch.as_tensor(camera.intrinsics_px, dtype=torch.float32)
+        content["smpl_params_incam"] = in_camera
+        content["K_fullimg"] = intrinsics_px.repeat(motion.n_frames, 1, 1)
+        valid = valid & known
+    content["valid"] = torch.as_tensor(valid)
+    stream = io.BytesIO()
+    torch.save(content, stream)
+    write_bytes(path, stream.getbuffer())
+
+
+def _smplx_params(motion: Motion, frame_from_world: np.ndarray) -> dict[str, "torch.Tensor"]:
+    import torch
+
+    poses_rad, transl_m = _placed(motion, frame_from_world, SMPLX_REST_PELVIS_M)
+    params = {
+        "body_pose": poses_rad[:, 3 : 3 + 3 * N_SMPLX_BODY],
+        "betas": np.zeros((motion.n_frames, N_BETAS)),
+        "global_orient": poses_rad[:, :3],
+        "transl": transl_m,
+    }
+    return {key: torch.tensor(values, dtype=torch.float32) for key, values in params.items()}
