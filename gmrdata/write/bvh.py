@@ -36,7 +36,7 @@ def write_bvh(path: Path, motion: Motion, body: BodyModel) -> None:
         *_joint_lines(0, 0, rest_joints_m, tips_m),
         "MOTION",
         f"Frames: {motion.n_frames}",
-        f"Frame Time: {1 / motion.fps_hz:.10f}",
+        f"Frame Time: {1 / motion.fps_hz:.20f}",
         *(" ".join(f"{value:.6f}" for value in row) for row in rows),
     ]
     write_text(path, "\n".join(lines) + "\n")
