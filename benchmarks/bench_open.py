@@ -1,7 +1,8 @@
 """Measure what the toolkit makes of other people's files, and they of its own.
 
 `make bench-open ARGS='--bvh FOLDER'` reads the BVH files of a folder, which everyone fetches for
-themselves.  Each part is a module of `open/` with a function that gives plain figures.  Prints
+themselves; `--released FOLDER` names clones of evaluators, `yohanshin+WHAM` and the like.  Each
+part is a module of `open/` with a function that gives plain figures.  Prints
 tables and writes out/bench/open.json.
 """
 
@@ -10,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from open import bvh
+from open import bvh, colmap, protocols
 from record import Record, at_least, at_most
 from render.tables import show
 
 from gmrdata.read.bodies import load_body
+from gmrdata.score.clip_errors import foot_vertices
+from gmrdata.values.body import BodyModel
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/open.json")
@@ -56,3 +59,24 @@ def test_bvh_files(request: pytest.FixtureRequest, record: Record) -> None:
             at_most("read wrongly", counts["bvh_wrong"], 0),
         ]
     )
+
+
+def test_protocols(
+    request: pytest.FixtureRequest, record: Record, small_body: BodyModel, tmp_path: Path
+) -> None:
+    folder = request.config.getoption("--released")
+    if folder is None:
+        pytest.skip("ARGS='--released FOLDER' names a folder of clones of evaluators")
+    found = protocols.compared(folder, small_body, foot_vertices(small_body), tmp_path)
+    show("Protocols beside released code", found["protocols"])
+    keep(record, found)
+    largest = found["protocol_difference_max"]
+    record.hold([at_most("relative difference to released figures", largest, 1e-6)])
+
+
+def test_colmap_models(made_set: Path, record: Record, tmp_path: Path) -> None:
+    found = colmap.compared(made_set, tmp_path)
+    show("Mean reprojection error", found["reprojection"])
+    keep(record, found)
+    share = found["reprojection_difference_share"]
+    record.hold([at_most("COLMAP's mean error beside the stage's", share, 0.01)])

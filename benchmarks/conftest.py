@@ -19,11 +19,12 @@ pytest_plugins = ["conftest"]
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`--small`: try every part of a measurement, without its bars.  `--twins`: see bench_sfm.
-    `--clips`, `--ours-alone`: see bench_real.  `--bvh`: see bench_open."""
+    `--clips`, `--ours-alone`: see bench_real.  `--bvh`, `--released`: see bench_open."""
     parser.addoption("--small", action="store_true", help="small sizes, and no bars")
     parser.addoption("--twins", type=Path, help="a folder that `gmrdata threedpw twin` made")
     parser.addoption("--clips", type=Path, help="a folder that real/layout.py made")
     parser.addoption("--bvh", type=Path, help="a folder of BVH files of others")
+    parser.addoption("--released", type=Path, help="a folder of clones of others' evaluators")
     parser.addoption("--ours-alone", action="store_true", help="nothing beside it, no bars")
 
 

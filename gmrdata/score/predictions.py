@@ -235,14 +235,16 @@ def _in_world(path: Path, predicted: Clip, true: Clip) -> Clip:
 
 
 def _camera_paths(predicted: Clip, true: Clip) -> tuple[np.ndarray, np.ndarray] | None:
-    """The prediction's own camera and the true one in the frames that both have, if three do."""
+    """The prediction's own camera and the true one in the frames that both have, if three do.
+
+    None too where the prediction was given the true camera: its error of 0 would say nothing.
+    """
     if predicted.camera is None or true.camera is None:
         return None
     n = predicted.camera.n_frames
     both = predicted.camera.has_camera & true.camera.has_camera[:n]
-    if both.sum() < 3:
-        return None
-    return predicted.camera.centres_world_m[both], true.camera.centres_world_m[:n][both]
+    paths_m = predicted.camera.centres_world_m[both], true.camera.centres_world_m[:n][both]
+    return None if both.sum() < 3 or np.array_equal(*paths_m) else paths_m
 
 
 def _first_rows(clip: Clip, name: str, valid: np.ndarray) -> Clip:

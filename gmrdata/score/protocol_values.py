@@ -151,15 +151,20 @@ def _parts(
         case "rte_percent" | "roe_deg" | "erve_mm_per_frame" | "foot_sliding_mm":
             return [_of_path(protocol, metric, pair)]
         case "ate_m" | "ate_s_m":
-            return [] if pair.camera_paths_m is None else [_camera_error(metric, pair)]
+            return (
+                [] if pair.camera_paths_m is None else [_camera_error(metric, *pair.camera_paths_m)]
+            )
         case "jitter_10m_per_s3":
             return _jitters(protocol, pair)
     return [] if pair.seen is None else [_of_seen(protocol, metric, pair, pair.seen)]
 
 
-def _camera_error(metric: ProtocolMetric, pair: WorldPair) -> Samples:
-    assert pair.camera_paths_m is not None
-    return np.array([seen_metrics.path_error_m(*pair.camera_paths_m, scale=metric == "ate_m")])
+def _camera_error(metric: ProtocolMetric, predicted_m: Places, true_m: Places) -> Samples:
+    """One value; none where a camera stands, so that there is no scale to fit."""
+    fits_scale = metric == "ate_m"
+    if fits_scale and np.ptp(predicted_m, axis=0).max() == 0:
+        return np.zeros(0)
+    return np.array([seen_metrics.path_error_m(predicted_m, true_m, scale=fits_scale)])
 
 
 def _of_path(protocol: Protocol, metric: ProtocolMetric, pair: WorldPair) -> Samples:

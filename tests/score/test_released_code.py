@@ -1,11 +1,16 @@
 """Protocols against figures that the released code of each system gave for the same motions."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.score.protocol_values import WorldBody, WorldPair, protocol_values
-from gmrdata.score.protocols import PROTOCOLS
+from gmrdata.score.protocols import ORIGINAL, PROTOCOLS
+from gmrdata.values.body import BodyModel
+from tests.score.made_people import made_people, our_figures
 
 N_FRAMES = 250
 
@@ -66,3 +71,44 @@ def test_the_figure_is_the_released_codes(name: str, metric: str) -> None:
     pair = WorldPair(made_up_body(0.4), made_up_body(0.0), ((0, N_FRAMES),), 30.0)
     found = protocol_values(PROTOCOLS[name], pair)[metric]  # type: ignore[index]
     assert found.mean() == pytest.approx(RELEASED[name][metric], rel=1e-9)
+
+
+FIGURES = json.loads(Path(__file__).with_name("released_figures.json").read_text())
+"""Case -> protocol -> metric -> what the released functions of its authors returned for
+`made_people`, in double precision; benchmarks/open/protocols.py makes them again.  Commits: WHAM
+2b54f77, tram 4861c11, GVHMR 44fbc19, slahmr 58518fe, emdb 9a4eab6, VIBE 851f779."""
+
+
+@pytest.mark.parametrize("case", list(FIGURES))
+@pytest.mark.parametrize("name", [name for name in PROTOCOLS if ORIGINAL[name]])
+def test_files_are_scored_as_released_code_scores_them(
+    name: str, case: str, small_body: BodyModel, tmp_path: Path
+) -> None:
+    """One person without gaps, and two with gaps; read from files, in the original's mode."""
+    people = made_people(small_body, int(case[0]), gaps="with gaps" in case)
+    found = our_figures(name, small_body, people, tmp_path)  # type: ignore[arg-type]
+    released = FIGURES[case][name]
+    assert set(found) - set(released) <= {"roe_deg", "erve_mm_per_frame"}
+    for metric, figure in released.items():
+        # The feet are posed in single precision.
+        assert found[metric] == pytest.approx(figure, rel=1e-6), metric  # type: ignore[index]
+
+
+@pytest.mark.parametrize(
+    ("name", "metric"),
+    [
+        ("wham", "rte_percent"),
+        ("gvhmr", "jitter_10m_per_s3"),
+        ("tram", "rte_percent"),
+        ("slahmr", "w_mpjpe_mm"),
+        ("emdb", "jitter_10m_per_s3"),
+        ("vibe", "accel_error_mm_per_frame2"),
+    ],
+)
+def test_each_deviation_changes_a_figure_until_it_is_switched(
+    name: str, metric: str, small_body: BodyModel, tmp_path: Path
+) -> None:
+    people = made_people(small_body, 2, gaps=True)
+    found = our_figures(name, small_body, people, tmp_path, original=())  # type: ignore[arg-type]
+    figure = FIGURES["2 people, with gaps"][name][metric]
+    assert abs(found[metric] / figure - 1) > 1e-4  # type: ignore[index]
