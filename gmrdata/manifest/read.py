@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from gmrdata import __version__
-from gmrdata.manifest import yaml_text
+from gmrdata.manifest import clip_lines, yaml_text
 from gmrdata.manifest.current import READS, AnyManifest, FrameRange, ListManifest, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.stage.progress import console
@@ -30,12 +30,21 @@ MAX_PROBLEMS = 50
 
 def read_manifest(path: Path) -> Manifest | ListManifest:
     """Read a manifest, not its files; a BadManifest names each wrong field with line and path."""
-    data, lines = yaml_text.load(path)
+    yaml_text.require_size(path, clip_lines.MAX_BYTES)
+    found = clip_lines.load(path)
+    data, lines = yaml_text.load(path) if found is None else found[:2]
     _refuse_other_formats(path, data)
+    text: str | bytes = _as_json(path, data)
+    if found is not None:
+        text = clip_lines.as_json(str(text), found[2])
     try:
         # Only from JSON does pydantic's strict mode take lists for tuples; "12" never passes as 12.
-        return ADAPTER.validate_json(_as_json(path, data), strict=True)
+        return ADAPTER.validate_json(text, strict=True)
     except ValidationError as error:
+        if found is not None:
+            data["clips"] = found[2]
+            lines["clips",] = found[2].first_line - 1
+            lines |= {("clips", number): line for number, line in enumerate(found[2].lines)}
         problems = [
             f"{path}:{_line(problem['loc'], lines)}: {_field(problem['loc'], data)}: "
             f"{problem['msg'].removeprefix('Value error, ')}"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from gmrdata.manifest import yaml_text
+from gmrdata.manifest import clip_lines, yaml_text
 from gmrdata.manifest.current import FORMAT, Clip, CreatedBy, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.entry import created_by as made_now
 from gmrdata.manifest.read import ADAPTER, read_manifest
@@ -56,8 +56,15 @@ def write_manifest(
 
 
 def manifest_text(manifest: Manifest | ListManifest) -> str:
-    """YAML of a manifest: keys in the models' order, fields without a value left out."""
-    return yaml_text.dump(manifest.model_dump(mode="json", exclude_defaults=True))
+    """YAML of a manifest: keys in the models' order, fields without a value left out.
+
+    A long one has a line of JSON for each clip.
+    """
+    if len(manifest.clips) < clip_lines.LINES_FROM:
+        return yaml_text.dump(manifest.model_dump(mode="json", exclude_defaults=True))
+    head = manifest.model_dump(mode="json", exclude_defaults=True, exclude={"clips"})
+    clips = (clip.model_dump(mode="json", exclude_defaults=True) for clip in manifest.clips)
+    return clip_lines.dump(head, clips)
 
 
 def _refuse_to_change_a_version(path: Path, manifest: Manifest | ListManifest) -> None:

@@ -26,15 +26,25 @@ def load(path: Path) -> tuple[Any, dict[FieldPath, int]]:
     Aliases, repeated keys, tags that build objects, deep nesting and files above 64 MiB are
     refused.
     """
+    require_size(path, MAX_BYTES)
+    return parse(path, path.read_bytes())
+
+
+def require_size(path: Path, max_bytes: int) -> None:
+    """MissingInput where there is no file, BadManifest where it is larger."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such manifest")
     size_bytes = path.stat().st_size
-    if size_bytes > MAX_BYTES:
+    if size_bytes > max_bytes:
         raise BadManifest(
-            f"{path}: {size_bytes} bytes, more than a manifest's {MAX_BYTES}; split the data set"
+            f"{path}: {size_bytes} bytes, more than a manifest's {max_bytes}; split the data set"
         )
+
+
+def parse(path: Path, content: bytes) -> tuple[Any, dict[FieldPath, int]]:
+    """The same of a file's content."""
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = content.decode("utf-8")
         _refuse_aliases_and_depth(path, text)
         loader = _LOADER(text)
         try:
