@@ -88,7 +88,7 @@ def test_the_tracks_give_the_error_of_the_cameras_again(dolly: Any, dolly_dir: P
     points, path, held = load_points(dolly_dir), cameras.path, tracks.of_adjusted()
     found_px = errors_px(held, points, path.world_from_cam, path.intrinsics_px, quality.lens)
     again_px = mean_over_points(found_px, held.points)
-    assert again_px == pytest.approx(quality.mean_reprojection_px, rel=2e-3)  # kept to 1/64 px
+    assert again_px == pytest.approx(quality.mean_reprojection_px, rel=2e-3)
     assert tracks.image_names == tuple(image.name for image in list_images(dolly.images_dir))
     assert set(np.flatnonzero(tracks.adjusted)) <= set(quality.keyframes)
     seen = np.stack([tracks.rows, tracks.points])
