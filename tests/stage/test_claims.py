@@ -16,6 +16,7 @@ from gmrdata.stage import claims
 from gmrdata.stage.claims import ClaimRecord, claimed, is_dead, owner, try_claim
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import ClaimLost
+from gmrdata.values.files import host_word
 from gmrdata.values.records import Config
 
 HOLD = """
@@ -64,10 +65,14 @@ def test_one_of_many_has_it_and_nothing_stays(tmp_path: Path) -> None:
     context = multiprocessing.get_context("fork")
     processes = [context.Process(target=count_alone, args=(tmp_path, 10)) for _ in range(4)]
     threads = [threading.Thread(target=count_alone, args=(tmp_path, 10)) for _ in range(2)]
-    for one in (*processes, *threads):
-        one.start()
-    for one in (*processes, *threads):
-        one.join(60)
+    for process in processes:
+        process.start()
+    for thread in threads:
+        thread.start()
+    for process in processes:
+        process.join(60)
+    for thread in threads:
+        thread.join(60)
     assert (tmp_path / "count").read_text() == "60"
     assert names(tmp_path) == ["count"]
 
@@ -91,7 +96,7 @@ def test_the_dead_of_this_machine_are_known_at_once(tmp_path: Path) -> None:
 
 def test_a_number_of_a_process_that_is_used_again_is_no_life(tmp_path: Path) -> None:
     path = tmp_path / ".x.claim"
-    of_another_machine(path, host=claims.host_word(), pid=os.getpid(), started="1")
+    of_another_machine(path, host=host_word(), pid=os.getpid(), started="1")
     with claimed(path) as claim:
         assert claim.taken_over
 
