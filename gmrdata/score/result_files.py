@@ -28,6 +28,8 @@ OWN_NAMES = ("wham_output.pkl", "hmr4d_results.pt", "vibe_output.pkl")
 SUFFIXES = (".npz", ".pkl", ".pt")
 SLAHMR_PHASES = ("motion_refine", "motion_chunks", "smooth_fit", "smpl_fit", "root_fit", ".")
 """SLAHMR's folders of results, the last phase of its optimization first."""
+COMPARISON = "comparison"
+"""Folder of the comparison beside those of the sets, so no set has this name."""
 RULES = "docs/scores.md says how files are named"
 
 
@@ -39,7 +41,9 @@ class ClipName:
     sequence: str
 
     def names(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys((self.id, self.sequence)))
+        """Names of files and folders: never a path, whatever a manifest calls a sequence."""
+        last = re.split(r"[/\\]", self.sequence)[-1]
+        return tuple(dict.fromkeys(name for name in (self.id, last) if name not in ("", ".", "..")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,10 +76,16 @@ def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | 
     if not path.exists():
         raise MissingInput(f"{path}: no such file or folder of predictions")
     read: dict[Path, WorldResult] = {}
+    sequences: dict[Path, str] = {}
     found: dict[tuple[Path, str], dict[str, WorldResult]] = defaultdict(dict)
     for root, clip, file in _candidates(path, clips):
         result = read[file] if file in read else read_world_result(file)
         read[file] = result
+        if sequences.setdefault(file, clip.sequence) != clip.sequence:
+            both = f"{sequences[file]} and {clip.sequence}"
+            raise BadMotionFile(
+                f"{file}: named after two sequences, {both}. Name it by a clip's id"
+            )
         of_system = found[root, result.system]
         if (other := of_system.get(clip.id)) and other is not result:
             both = f"{other.files[0]} and {result.files[0]}"
@@ -111,6 +121,8 @@ def _distinct(path: Path, sets: Sequence[ResultSet | ClipFiles]) -> list[ResultS
     names = [one.name for one in sets]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise BadMotionFile(f"{path}: two sets of results are called {twice[0]}. Rename a folder")
+    if len(names) > 1 and COMPARISON in names:
+        raise BadMotionFile(f"{path / COMPARISON}: a set can't be called so. Rename the folder")
     return sorted(sets, key=lambda one: one.name)
 
 

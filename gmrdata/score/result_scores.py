@@ -15,7 +15,13 @@ from gmrdata.read.frames import number_in_name
 from gmrdata.score.compare import CompareConfig, compare_scores
 from gmrdata.score.predictions import PredictedClip, clip_beside_truth
 from gmrdata.score.records import MatchedResult, ScoredResults
-from gmrdata.score.result_files import ClipFiles, ClipName, ResultSet, find_result_sets
+from gmrdata.score.result_files import (
+    COMPARISON,
+    ClipFiles,
+    ClipName,
+    ResultSet,
+    find_result_sets,
+)
 from gmrdata.score.results import (
     MatchedClip,
     SeenAs,
@@ -121,7 +127,7 @@ def score_results(
     if len(sets) == 1:
         return ScoredSets(tuple(scores), None)
     compared = CompareConfig(names=tuple(one.name for one in sets), seed=config.seed)
-    comparison = compare_scores(scores, out_dir / "comparison", compared, run=run)
+    comparison = compare_scores(scores, out_dir / COMPARISON, compared, run=run)
     return ScoredSets(tuple(scores), comparison)
 
 

@@ -15,15 +15,21 @@ from scipy.spatial.transform import Rotation
 from gmrdata.cli import main
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.read.bodies import save_body
+from gmrdata.read.safe_pickle import load_object_npy
 from gmrdata.read.world_results import read_world_result
 from gmrdata.score.compare import Comparison
 from gmrdata.score.records import ScoredResults, Scores
+from gmrdata.score.result_files import ClipName, find_result_sets
 from gmrdata.score.result_scores import ResultsConfig, ScoredSets, score_results
 from gmrdata.score.results import frames_of_rows
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.errors import (
+    BadMotionFile,
+    GmrdataError,
+    MissingInput,
+)
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from tests.clip_manifests import write_clips
@@ -379,3 +385,37 @@ def test_figures_are_json(tmp_path: Path, data: Path, body: BodyModel, true: Cli
     (scores,) = score(data, path, tmp_path / "out").scores
     said = json.loads(scores.read_text())["model"]
     assert said["kind"] == "results" and said["clips"][true.id]["file"] == "wham_output.pkl"
+
+
+def test_results_are_never_looked_for_outside_or_under_two_names(
+    tmp_path: Path, body: BodyModel, true: Clip
+) -> None:
+    assert ClipName("a", "../../etc/..").names() == ("a",)
+    assert ClipName("P0_09", "P0/09").names() == ("P0_09", "09")
+    wham(tmp_path / "09", body, true)
+    clips = [ClipName("P0_09", "P0/09"), ClipName("P1_09", "P1/09")]
+    with pytest.raises(BadMotionFile, match="named after two sequences, P0/09 and P1/09"):
+        find_result_sets(tmp_path, clips)
+    (found,) = find_result_sets(tmp_path, clips[:1])
+    assert (found.name, set(found.results)) == ("wham", {"P0_09"})  # type: ignore[union-attr]
+    wham(tmp_path / "comparison", body, true)
+    with pytest.raises(BadMotionFile, match="comparison: a set can't be called so"):
+        find_result_sets(tmp_path, clips[:1])
+
+
+def test_tram_on_emdb_and_its_cameras(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    """`smpl/<sequence>.npz` has a row for every image, and `camera/` lies beside."""
+    motion = before(true.motion)
+    assert true.camera is not None
+    camera = true.camera.at_rows(np.r_[np.zeros(FIRST, int), 0:N])
+    rows = np.arange(FIRST + N)
+    run = files.write_tram(tmp_path / "x", motion, camera, rows, rest(body, true))
+    for name, made in (("smpl", "hps/hps_track_0.npy"), ("camera", "camera.npy")):
+        arrays = load_object_npy(run / made)
+        arrays.pop("frame", None)
+        (tmp_path / "emdb" / name).mkdir(parents=True)
+        np.savez(tmp_path / "emdb" / name / f"{true.id}.npz", **arrays)
+    scores = only(score(data, tmp_path / "emdb", tmp_path / "out"))
+    assert scores.name == "tram" and scores.clips[0].predicted.tme_mm < 1e-3

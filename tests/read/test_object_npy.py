@@ -1,0 +1,72 @@
+"""numpy's files of one object, with torch's tensors in it: read without running anything."""
+
+import pickle  # noqa: TID251  Writes what must be refused.
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gmrdata.read.safe_pickle import load_object_npy, load_plain
+from gmrdata.values.errors import BrokenPickle, GmrdataError, UnsafePickle
+
+
+@given(data=st.data())
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_a_damaged_file_of_tram_is_an_error_or_reads_as_it_was(
+    data: st.DataObject, tmp_path: Path
+) -> None:
+    """Nothing of what it holds is run, and no number of its tensors is read beyond its bytes."""
+    path = tmp_path / "hps_track_0.npy"
+    tensors = {"pred_rotmat": torch.eye(3).repeat(2, 24, 1, 1), "frame": torch.arange(2)}
+    np.save(path, tensors)  # type: ignore[arg-type]
+    whole = path.read_bytes()
+    if data.draw(st.booleans()):
+        damaged = whole[: data.draw(st.integers(0, len(whole) - 1))]
+    else:
+        at = data.draw(st.integers(0, len(whole) - 1))
+        damaged = whole[:at] + bytes([data.draw(st.integers(0, 255))]) + whole[at + 1 :]
+    path.write_bytes(damaged)
+    try:
+        found = load_object_npy(path)
+    except GmrdataError as error:
+        assert "hps_track_0.npy: " in str(error)
+    else:
+        assert isinstance(found, dict)
+
+
+def test_tensors_of_any_step_and_type_are_arrays(tmp_path: Path) -> None:
+    path = tmp_path / "x.npy"
+    whole = torch.arange(24.0).reshape(2, 3, 4)
+    tensors = {
+        "part": whole[1:, ::2],
+        "turned": whole.transpose(0, 2),
+        "none": whole[:0],
+        "one": torch.tensor(5, dtype=torch.int16),
+        "half": whole.half(),
+        "bool": whole > 3,
+        "array": np.arange(3),
+    }
+    np.save(path, tensors)  # type: ignore[arg-type]
+    found = load_object_npy(path)
+    for key, value in tensors.items():
+        expected = np.asarray(value)
+        assert found[key].dtype == expected.dtype
+        np.testing.assert_array_equal(found[key], expected)
+    with pytest.raises(UnsafePickle, match="torch"):
+        load_plain(_pickled(tmp_path / "x.pkl", whole))
+    np.save(path, {"sparse": whole.to_sparse()})  # type: ignore[arg-type]
+    with pytest.raises(UnsafePickle, match="_rebuild_sparse_tensor"):
+        load_object_npy(path)
+    np.save(path, {"far": torch.zeros(1).expand(1 << 40)})  # type: ignore[arg-type]
+    with pytest.raises(BrokenPickle, match="numbers"):
+        load_object_npy(path)
+
+
+def _pickled(path: Path, value: object) -> Path:
+    path.write_bytes(pickle.dumps(value))
+    return path

@@ -1,0 +1,44 @@
+"""What this project exports in WHAM's and GVHMR's layout is scored as no error."""
+
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.read.world_results import read_world_result
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.write import system_results
+from gmrdata.write.system_results import TrackedPerson
+from tests.score.test_results import FRAMES, N, body, data, only, rest, score, true
+
+__all__ = ["body", "data", "true"]  # fixtures
+
+
+def test_what_this_project_exports_is_scored_as_no_error(
+    tmp_path: Path, data: Path, body: BodyModel, true: Clip
+) -> None:
+    """Their camera's frame too, so that figures there are of its own camera."""
+    rows = np.arange(N) != 30
+    person = TrackedPerson(true.motion, rest(body, true), rows, FRAMES)
+    (tmp_path / "wham").mkdir()
+    system_results.write_wham(tmp_path / "wham" / "wham_output.pkl", [person], true.camera)
+    scores = only(score(data, tmp_path / "wham", tmp_path / "a", protocol="wham", missing="drop"))
+    clip = scores.clips[0]
+    assert clip.dropped_frames == 1 and clip.seen_in == "own_camera"
+    assert clip.predicted.tme_mm < 1e-2 and clip.predicted.vme_mm < 1e-2
+    assert clip.protocol is not None and (clip.protocol.predicted["mpjpe_mm"] or 1) < 1e-2
+
+
+def test_a_video_of_gvhmr_keeps_the_frames_that_count(
+    tmp_path: Path, true: Clip, body: BodyModel
+) -> None:
+    valid = np.arange(N) > 3
+    person = TrackedPerson(true.motion, rest(body, true), valid, np.arange(N))
+    path = tmp_path / "hmr4d_results.pt"
+    system_results.write_gvhmr(path, person, true.camera)
+    (found,) = read_world_result(path).people
+    assert found.frame_numbers.tolist() == list(range(4, N))
+    assert found.z_up_from_cam is not None and true.camera is not None
+    np.testing.assert_allclose(
+        found.z_up_from_cam[:, :3, :3], true.camera.world_from_cam[4:, :3, :3], atol=1e-6
+    )
