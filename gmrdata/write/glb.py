@@ -2,7 +2,8 @@
 
 Viewers, Blender, Unity and three.js play it.  In it y is up.  glTF has four joints for each vertex
 and no blend shapes of the pose: of the skin weights the four largest are kept, and the bulges that
-SMPL adds to bent joints are not in it.
+SMPL adds to bent joints are not in it.  Nor can its camera have a principal point off the middle;
+the camera's `extras` have the whole calibration matrix.
 """
 
 from pathlib import Path
@@ -12,17 +13,37 @@ import pygltflib as gltf
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values.body import JOINT_NAMES, PARENTS, WORLD_FROM_REST, BodyModel
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.files import write_bytes
 from gmrdata.values.motion import Motion
+from gmrdata.write.take import Performer, Take, check_take, quaternions_xyzw
 
 JOINTS_PER_VERTEX = 4
 SKIN_COLOUR = (0.55, 0.67, 0.83, 1.0)
+GLTF_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+"""A camera of glTF looks along -z and has y up."""
+NEAREST_M = 0.01
+Track = tuple[int, str, np.ndarray, np.ndarray]
+"""An animated node: its number, "rotation" or "translation", the rows, and the values there."""
 _DTYPES = {gltf.UNSIGNED_BYTE: "<u1", gltf.UNSIGNED_INT: "<u4", gltf.FLOAT: "<f4"}
 _TYPES = {(): gltf.SCALAR, (3,): gltf.VEC3, (4,): gltf.VEC4, (16,): gltf.MAT4}
 
 
-def write_glb(path: Path, motion: Motion, body: BodyModel) -> None:
-    """Write the body with its motion in a z-up world."""
+def write_glb(
+    path: Path,
+    motion: Motion,
+    body: BodyModel,
+    *,
+    shown: np.ndarray | None = None,
+    camera: CameraPath | None = None,
+) -> None:
+    """Write the body with its motion in a z-up world, and the camera that films it.
+
+    Frames that are not `shown` (T,), and those without a camera, have no sample: what plays the
+    file moves straight on over them.
+    """
+    shown = np.ones(motion.n_frames, dtype=bool) if shown is None else shown
+    check_take(Take("glb", (Performer(motion.source, motion, body, shown),), camera))
     surface = gltf.PbrMetallicRoughness(
         baseColorFactor=list(SKIN_COLOUR), metallicFactor=0.0, roughnessFactor=0.9
     )
@@ -34,19 +55,47 @@ def write_glb(path: Path, motion: Motion, body: BodyModel) -> None:
         buffers=[gltf.Buffer(byteLength=0)],
     )
     document.set_binary_blob(b"")
-    quaternions = _quaternions(motion)
+    rows = np.flatnonzero(shown)
+    quaternions, pelvis_m = quaternions_xyzw(motion.rotmats[rows]), motion.pelvis_m[rows]
     rest_joints_m = body.rest_joints_m(motion.shape)
     document.meshes = [_mesh(document, body, motion.shape)]
-    document.nodes = _nodes(rest_joints_m, quaternions, motion.pelvis_m)
+    document.nodes = _nodes(rest_joints_m, quaternions, pelvis_m)
     inverse_bind = np.tile(np.eye(4), (len(PARENTS), 1, 1))
     inverse_bind[:, :3, 3] = -rest_joints_m
     columns = inverse_bind.swapaxes(1, 2).reshape(-1, 16)  # matrices stand column by column
     bind = _add(document, columns, gltf.FLOAT)
     joints = list(range(len(PARENTS)))
     document.skins = [gltf.Skin(joints=joints, inverseBindMatrices=bind, skeleton=0)]
-    document.animations = [_animation(document, quaternions, motion)]
+    tracks: list[Track] = [(j, "rotation", rows, quaternions[:, j]) for j in joints]
+    tracks.append((0, "translation", rows, pelvis_m))
+    if camera is not None and camera.has_camera.any():
+        tracks += _film(document, camera)
+    document.animations = [_animation(document, tracks, motion.fps_hz)]
     document.buffers[0].byteLength = len(document.binary_blob())
     write_bytes(path, b"".join(document.save_to_bytes()))
+
+
+def _film(document: gltf.GLTF2, camera: CameraPath) -> list[Track]:
+    """Add the camera and its node in the z-up world; gives what moves it."""
+    (fx_px, _, _), (_, fy_px, _), _ = camera.intrinsics_px.tolist()
+    half_width, half_height = camera.width_px / fx_px / 2, camera.height_px / fy_px / 2
+    perspective = gltf.Perspective(
+        yfov=2 * float(np.arctan(half_height)),
+        aspectRatio=half_width / half_height,
+        znear=NEAREST_M,
+    )
+    size_px = [camera.width_px, camera.height_px]
+    extras = {"intrinsics_px": camera.intrinsics_px.tolist(), "size_px": size_px}
+    document.cameras = [gltf.Camera(type="perspective", perspective=perspective, extras=extras)]
+    rows = np.flatnonzero(camera.has_camera)
+    quaternions = quaternions_xyzw(camera.world_from_cam[rows, None, :3, :3] @ GLTF_FROM_OPENCV)
+    centres_m = camera.centres_world_m[rows]
+    node = gltf.Node(name="camera", camera=0, translation=centres_m[0].tolist())
+    node.rotation = quaternions[0, 0].tolist()
+    number = len(document.nodes)
+    document.nodes.append(node)
+    document.nodes[len(PARENTS)].children.append(number)
+    return [(number, "rotation", rows, quaternions[:, 0]), (number, "translation", rows, centres_m)]
 
 
 def _add(document: gltf.GLTF2, array: np.ndarray, component: int, *, bounds: bool = False) -> int:
@@ -67,15 +116,6 @@ def _add(document: gltf.GLTF2, array: np.ndarray, component: int, *, bounds: boo
     document.bufferViews.append(view)
     document.accessors.append(accessor)
     return len(document.accessors) - 1
-
-
-def _quaternions(motion: Motion) -> np.ndarray:
-    """(T, 24, 4) x, y, z, w of all joints; signs that never jump, so that players interpolate."""
-    found = Rotation.from_matrix(motion.rotmats.reshape(-1, 3, 3)).as_quat()
-    found = found.reshape(motion.n_frames, -1, 4)
-    jumps = (found[1:] * found[:-1]).sum(-1, keepdims=True) < 0
-    found[1:] *= np.cumprod(np.where(jumps, -1.0, 1.0), axis=0)
-    return found
 
 
 def _mesh(document: gltf.GLTF2, body: BodyModel, shape: np.ndarray) -> gltf.Mesh:
@@ -112,14 +152,14 @@ def _nodes(
     return [*nodes, gltf.Node(name="body", mesh=0, skin=0)]
 
 
-def _animation(document: gltf.GLTF2, quaternions: np.ndarray, motion: Motion) -> gltf.Animation:
-    times_s = _add(document, np.arange(motion.n_frames) / motion.fps_hz, gltf.FLOAT, bounds=True)
-    outputs = [(joint, "rotation", quaternions[:, joint]) for joint in range(len(PARENTS))]
-    outputs.append((0, "translation", motion.pelvis_m))
-    animation = gltf.Animation(name="motion")
-    for n, (node, path, values) in enumerate(outputs):
+def _animation(document: gltf.GLTF2, tracks: list[Track], fps_hz: float) -> gltf.Animation:
+    animation, times = gltf.Animation(name="motion"), dict[bytes, int]()
+    for n, (node, path, rows, values) in enumerate(tracks):
+        if rows.tobytes() not in times:
+            times[rows.tobytes()] = _add(document, rows / fps_hz, gltf.FLOAT, bounds=True)
         output = _add(document, values, gltf.FLOAT)
-        animation.samplers.append(gltf.AnimationSampler(input=times_s, output=output))
+        sampler = gltf.AnimationSampler(input=times[rows.tobytes()], output=output)
+        animation.samplers.append(sampler)
         target = gltf.AnimationChannelTarget(node=node, path=path)
         animation.channels.append(gltf.AnimationChannel(sampler=n, target=target))
     return animation

@@ -37,13 +37,13 @@ def write_overlay(path: Path, take: Take, images: Sequence[Path | None]) -> None
         take: With a camera.
         images: The frame of each row; None for none.
     """
-    check_take(path, take)
+    check_take(take)
     if take.camera is None:
-        raise BadMotionFile(f"{path}: no camera, so nothing can be drawn over the frames")
+        raise BadMotionFile(f"take {take.name}: no camera, so nothing can be drawn over the frames")
     if len(images) != take.n_frames:
-        raise BadFrames(f"{path}: {len(images)} images for {take.n_frames} rows")
+        raise BadFrames(f"take {take.name}: {len(images)} images for {take.n_frames} rows")
     if not any(images):
-        raise BadFrames(f"{path}: no row has an image")
+        raise BadFrames(f"take {take.name}: no row has an image")
     write_video(_overlays(take, take.camera, images), path, take.fps_hz)
 
 

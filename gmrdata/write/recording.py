@@ -58,10 +58,10 @@ def write_recording(
         masks: The mask of each row, 255 where something moves; None for none.
     """
     for take in takes:
-        check_take(path, take)
-    _check_frames(path, takes, images, masks)
+        check_take(take)
+    _check_frames(takes, images, masks)
     with atomic_path(path) as temporary:
-        recording = _start(path, temporary)
+        recording = _start(temporary)
         try:
             _log_takes(recording, takes, shown_from_world or {}, images, masks)
         finally:
@@ -70,14 +70,11 @@ def write_recording(
 
 
 def _check_frames(
-    path: Path,
-    takes: Sequence[Take],
-    images: Sequence[Path | None],
-    masks: Sequence[Path | None],
+    takes: Sequence[Take], images: Sequence[Path | None], masks: Sequence[Path | None]
 ) -> None:
     lengths = {take.n_frames for take in takes} | {len(paths) for paths in (images, masks) if paths}
     if len(lengths) > 1 or len({take.fps_hz for take in takes}) > 1:
-        raise BadFrames(f"{path}: takes, images and masks have other numbers or rates of frames")
+        raise BadFrames("takes, images and masks have other numbers or rates of frames")
     files = [image for image in images if image is not None]
     camera = next((take.camera for take in takes if take.camera is not None), None)
     if not files or camera is None:
@@ -88,12 +85,12 @@ def _check_frames(
         raise BadFrames(f"{files[0].parent}: images of {sizes}")
 
 
-def _start(path: Path, temporary: Path) -> Any:
+def _start(temporary: Path) -> Any:
     try:
         import rerun
     except ImportError as error:
         what = "Install the extra: pip install 'gmrdata[view]'"
-        raise MissingExtra(f"{path}: a recording needs rerun-sdk ({error}). {what}") from None
+        raise MissingExtra(f"recordings need rerun-sdk ({error}). {what}") from None
     recording = rerun.RecordingStream(APPLICATION)
     recording.save(str(temporary))
     return recording

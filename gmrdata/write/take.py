@@ -1,7 +1,6 @@
 """What a file for viewers shows: people, and the camera that films them, over the same frames."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -42,28 +41,32 @@ class Take:
         return self.people[0].motion.fps_hz
 
 
-def check_take(path: Path, take: Take) -> None:
-    """Refuse what could only be written wrongly; `path` is the file that was to be made."""
+def check_take(take: Take) -> None:
+    """Refuse what could only be written wrongly; BadMotionFile names the person."""
     if not take.people:
-        raise BadMotionFile(f"{path}: nobody to write; give a clip with a person")
+        raise BadMotionFile(f"take {take.name}: nobody to write; give a clip with a person")
     names = [person.name for person in take.people]
     if len(set(names)) < len(names):
-        raise BadMotionFile(f"{path}: two people are called the same: {', '.join(names)}")
+        raise BadMotionFile(f"take {take.name}: two people have one name: {', '.join(names)}")
     for person in take.people:
-        motion, what = person.motion, f"{path}: {person.name}"
-        if motion.frame != "world":
-            remedy = "give a clip with cameras, so that it can be put in the world"
-            raise BadMotionFile(f"{what} is in the camera's frame; {remedy}")
-        if (motion.n_frames, motion.fps_hz) != (take.n_frames, take.fps_hz):
-            here, first = (f"{m.n_frames} frames at {m.fps_hz:g} Hz" for m in
-                           (motion, take.people[0].motion))  # fmt: skip
-            raise BadMotionFile(f"{what} has {here}, {take.people[0].name} has {first}")
-        if not person.shown.any():
-            raise BadMotionFile(f"{what} has no frame that can be used")
-        if not _finite(motion)[person.shown].all():
-            raise BadMotionFile(f"{what} has NaN in a frame that is said to be valid")
+        _check_person(person, take)
     if take.camera is not None:
-        _check_camera(path, take.camera, take.n_frames)
+        _check_camera(f"take {take.name}", take.camera, take.n_frames)
+
+
+def _check_person(person: Performer, take: Take) -> None:
+    motion, what = person.motion, f"clip {person.name}"
+    if motion.frame != "world":
+        remedy = "give a clip with cameras, so that it can be put in the world"
+        raise BadMotionFile(f"{what}: is in the camera's frame; {remedy}")
+    if (motion.n_frames, motion.fps_hz) != (take.n_frames, take.fps_hz):
+        here = f"{motion.n_frames} frames at {motion.fps_hz:g} Hz"
+        first = f"{take.n_frames} at {take.fps_hz:g} Hz"
+        raise BadMotionFile(f"{what}: has {here}, {take.people[0].name} has {first}")
+    if not person.shown.any():
+        raise BadMotionFile(f"{what}: has no valid frame")
+    if not _finite(motion)[person.shown].all():
+        raise BadMotionFile(f"{what}: NaN in a frame that is said to be valid; make it again")
 
 
 def quaternions_xyzw(rotmats: np.ndarray) -> np.ndarray:
@@ -82,12 +85,12 @@ def _finite(motion: Motion) -> np.ndarray:
     return np.asarray(np.isfinite(values).all(axis=1))
 
 
-def _check_camera(path: Path, camera: CameraPath, n_frames: int) -> None:
+def _check_camera(what: str, camera: CameraPath, n_frames: int) -> None:
     if camera.n_frames != n_frames:
-        raise BadMotionFile(f"{path}: {camera.n_frames} cameras for {n_frames} frames")
+        raise BadMotionFile(f"{what}: {camera.n_frames} cameras for {n_frames} frames")
     known = camera.world_from_cam[camera.has_camera]
     if not (np.isfinite(known).all() and np.isfinite(camera.intrinsics_px).all()):
-        raise BadMotionFile(f"{path}: NaN in a camera that is said to be known")
+        raise BadMotionFile(f"{what}: NaN in a camera that is said to be known")
     if camera.intrinsics_px[0, 1]:
         skew = f"{camera.intrinsics_px[0, 1]:g} px"
-        raise BadMotionFile(f"{path}: the camera's axes are skewed by {skew}, which no viewer has")
+        raise BadMotionFile(f"{what}: the camera's axes are skewed by {skew}, which no viewer has")

@@ -35,12 +35,12 @@ OPENCV_FROM_USD = np.diag([1.0, -1.0, -1.0, 1.0])
 
 def write_usd(path: Path, take: Take) -> None:
     """Write a take to a `.usdc` (binary), `.usda` (text) or `.usd` file."""
-    check_take(path, take)
+    check_take(take)
     try:
         from pxr import Tf, Usd, UsdGeom
     except ImportError as error:
         what = "Install the extra: pip install 'gmrdata[export]'"
-        raise MissingExtra(f"{path}: USD needs usd-core ({error}). {what}") from None
+        raise MissingExtra(f"USD files need usd-core ({error}). {what}") from None
 
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)

@@ -18,8 +18,8 @@ HIDDEN = [4, 5]
 """Rows without a pose of the second person; the camera is not known in the last of them."""
 
 
-def make_take(walk: Callable[..., Motion], body: BodyModel) -> Take:
-    motion = walk(29.97, N_FRAMES)
+def make_take(walk: Callable[..., Motion], body: BodyModel, fps_hz: float = 29.97) -> Take:
+    motion = walk(fps_hz, N_FRAMES)
     beside = replace(motion, pelvis_m=motion.pelvis_m + np.array([1.0, 0.5, 0.0]))
     beside.pelvis_m[HIDDEN] = np.nan
     shown = np.ones(N_FRAMES, dtype=bool)
