@@ -33,7 +33,7 @@ def export(
 
     Args:
         source: A manifest, a clip's file, or the folder of a rendered set, of sfm, threedpw, floor,
-            infer or a demo.
+            motions, infer or a demo.
         to: Formats. colmap: a COLMAP model, binary and text, with the tracks of a solved sequence;
             tum: trajectory as TUM's RGB-D benchmark has it, with times;
             kitti: trajectory as KITTI's odometry has it, a line per frame;
@@ -47,8 +47,8 @@ def export(
         observations: Which image points a COLMAP model has: of the keyframes, which the bundle
             adjustment had and whose error is the stage's; those of the frames between too; or none.
         body: "anny", or the file of a body model; the one that lies beside the clips when left out.
-        images: Folder with the images, or with a folder of them for each sequence, where the
-            clips do not say it.
+        images: Folder with the images of one sequence, or with a folder for each of several, by
+            name; for clips that do not say where theirs are.
         truth: Manifest, folder or clip with the exact motions of the same clips, by id.
         threedpw: 3DPW's own folder: the 2D keypoints and clothed templates for 3dpw.
         redo: Write again what is there.

@@ -52,7 +52,10 @@ def write_exports(
     results: list[Result] = []
     with progress_bar(shown=not dry_run) as bar:
         for people in bar.track(sequences, description="exporting"):
-            loaded = {files.id: _load(files, given, truths.get(files.id)) for files in people}
+            images = _images(given.images, people[0].sequence, alone=len(sequences) == 1)
+            loaded = {
+                files.id: _load(files, given.body, images, truths.get(files.id)) for files in people
+            }
             for unit in _units(people, formats, out):
                 results.append(Result(unit, _write(unit, loaded, options, dry_run)))
     _say(results, out, dry_run)
@@ -112,10 +115,19 @@ def _truths(source: Path | None, wanted: Sequence[ClipFiles]) -> dict[str, Path]
     return found
 
 
-def _load(files: ClipFiles, given: Given, truth: Path | None) -> ExportedClip | GmrdataError:
+def _images(folder: Path | None, sequence: str, *, alone: bool) -> Path | None:
+    """A sequence's images in `--images`: in a folder of its name, or right there if it is alone."""
+    if folder is None or (alone and not (folder / sequence).is_dir()):
+        return folder
+    return folder / sequence
+
+
+def _load(
+    files: ClipFiles, body: str | None, images: Path | None, truth: Path | None
+) -> ExportedClip | GmrdataError:
     """The clip, or why it can't be read."""
     try:
-        return load_exported(files, body=given.body, images=given.images, truth=truth)
+        return load_exported(files, body=body, images=images, truth=truth)
     except GmrdataError as error:
         return error
 

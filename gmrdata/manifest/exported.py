@@ -132,10 +132,12 @@ def load_exported(
     Args:
         files: An item of `list_clips`.
         body: The body to use, as `load_body` takes it; what lies beside the clip when None.
-        images: Folder with the images, or with a folder of images for each sequence.
+        images: Folder with the images, in place of the one that the clip names.
         truth: Clip file of the same person, in place of what lies beside.
     """
     clip = load_clip(files.clip_path) if files.listed is None else load_entry(*files.listed)
+    if images is not None and not images.is_dir():
+        raise MissingInput(f"{images}: no such folder of images")
     truth_path = truth or files.truth_path
     extras = (path for path in files.extras_paths if "poses" in read_npz(path))
     return ExportedClip(
@@ -145,20 +147,12 @@ def load_exported(
         clip=clip,
         rest_pelvis_m=read_npz(files.clip_path)["rest_pelvis_m"],
         body_names=_bodies(files.clip_path, clip) if body is None else (body,),
-        images_dir=files.images_dir if images is None else _images_of(images, files.sequence),
+        images_dir=images or files.images_dir,
         masks_dir=files.masks_dir,
         sfm_dir=files.sfm_dir,
         truth=None if truth_path is None else load_clip(truth_path),
         extras=tuple(map(load_clip, extras)),
     )
-
-
-def _images_of(folder: Path, sequence: str) -> Path:
-    """The images of a sequence in a folder of images, or in one with a folder for each."""
-    own = folder / sequence
-    if not folder.is_dir():
-        raise MissingInput(f"{folder}: no such folder of images")
-    return own if own.is_dir() else folder
 
 
 def _bodies(clip_path: Path, clip: Clip) -> tuple[str, ...]:

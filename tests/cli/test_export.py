@@ -126,6 +126,40 @@ def test_a_broken_clip_does_not_stop_the_others(
     assert (tmp_path / "out/tum/alone.txt").is_file()
 
 
+def test_images_of_one_sequence_are_not_taken_for_those_of_another(
+    manifest: Path, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    (tmp_path / "images/holed").mkdir(parents=True)
+    (tmp_path / "images/holed/00000.png").touch()
+    arguments = ("export", manifest, "--to", "colmap", "--out", tmp_path, "--images")
+    said = gmrdata(*arguments, tmp_path / "images")
+    assert f"alone: no colmap: {tmp_path}/images/alone: no such folder of images" in said.stderr
+    assert (tmp_path / "colmap/holed/sparse/0/images.bin").is_file()
+    said = gmrdata(*arguments, tmp_path / "images/holed", "--redo")
+    assert "holed/holed: no such folder of images" in said.stderr
+    alone = ("--clips", "holed", "--redo")
+    assert gmrdata(*arguments, tmp_path / "images/holed", *alone).returncode == 0
+
+
+def test_a_rendered_clip_becomes_a_model_without_points(
+    walkers: list[Clip], small_body: BodyModel, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    clip = walkers[0]
+    save_clip(tmp_path / "in/clip.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
+    (tmp_path / "in/frames").mkdir()
+    for number in range(20):
+        (tmp_path / f"in/frames/{number:05d}.png").touch()
+    assert gmrdata("export", tmp_path / "in", "--to", "colmap", "--out", tmp_path).returncode == 0
+    for model in models(tmp_path / "colmap/walk.p0"):
+        names = sorted(image.name for image in model.images.values())
+        assert names == [f"{number:05d}.png" for number in range(20)]
+        assert model.num_points3D() == 0
+    shutil.rmtree(tmp_path / "in/frames")
+    said = gmrdata("export", tmp_path / "in", "--to", "colmap", "--out", tmp_path / "without")
+    assert said.returncode == 1 and "has no images. Give their folder" in said.stderr
+    assert not list((tmp_path / "without").rglob("*.*"))
+
+
 def models(folder: Path) -> list[Any]:
     return [pycolmap.Reconstruction(str(folder / name)) for name in ("sparse/0", "text")]
 
