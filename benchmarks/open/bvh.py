@@ -18,9 +18,10 @@ from gmrdata.values.body import JOINT, BodyModel
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.skinning import motion_joints_m
 
-LIMITS_DEG = {"limbs": 1.0, "hips": 20.0, "shoulders": 30.0, "hands": 30.0, "feet": 30.0}
+LIMITS_DEG = {"limbs": 1.0, "hips": 20.0, "shoulders": 30.0, "hands": 30.0}
 """Mean angle up to which a file counts as read right.  Limbs must agree; the others are of another
-form in each skeleton, so only a turned or exchanged side is seen."""
+form in each skeleton, so only a turned or exchanged side is seen.  Feet are reported only: where a
+file has no toes, or toes along the shank, the body's own are right and point elsewhere."""
 PARTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 NAMES = {
     "MotionBuilder": ("?UpLeg", "?Leg", "?Foot", "?Arm", "?ForeArm", "?Hand"),
@@ -36,10 +37,20 @@ NAMES = {
     "Biped": ("# Thigh", "# Calf", "# Foot", "# UpperArm", "# Forearm", "# Hand"),
     "Acclaim": ("*femur", "*tibia", "*foot", "*humerus", "*radius", "*hand"),
     "HipKneeHand": ("?Hip", "?Knee", "?Ankle", "?Shoulder", "?Elbow", "?Hand"),
-    "UpLegArm": ("?Hip", "?Knee", "?Ankle", "?UpArm", "?LowArm", "?Hand"),
+    "Biovision": ("?UpLeg", "?LowLeg", "?Foot", "?UpArm", "?LowArm", "?Hand"),
+    "MocapNET": ("*hip", "*knee", "*foot", "*shoulder", "*elbow", "*hand"),
+    "MakeHuman": (
+        "upperleg01.#",
+        "lowerleg01.#",
+        "foot.#",
+        "upperarm01.#",
+        "lowerarm01.#",
+        "wrist.#",
+    ),
+    "MakeHuman 1": ("UpLeg_#", "LoLeg_#", "Foot_#", "UpArm_#", "LoArm_#", "Hand_#"),
 }
 """Whole names of the joints of a side by producer: ? stands for Left, # for L, * for l."""
-_PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|Bip\d+[ _]|[mf]_avg_|DEF-)")
+_PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|Bip\d+[ _]|[mf]_avg_|DEF-|Character\d_)")
 AXES = {axis: np.eye(3)[row] for row, axis in enumerate("XYZ")}
 
 
@@ -50,7 +61,6 @@ class Skeleton:
     names: list[str]
     parents: list[int]
     joints: np.ndarray  # (T, J, 3) places, in the file's unit and axes
-    tips: np.ndarray  # (T, J, 3) ends of bones without a joint below; NaN elsewhere
     frame_time_s: float
 
 
@@ -58,7 +68,7 @@ def forward(path: Path) -> Skeleton:
     """Places of all joints, word by word from the file."""
     head, _, motion = path.read_text(errors="replace").partition("MOTION")
     words = iter(head.replace("{", " { ").replace("}", " } ").split())
-    names, parents, offsets, channels, ends, line = [], [], [], [], {}, []
+    names, parents, offsets, channels, line = [], [], [], [], []
     owner = None
     for word in words:
         if word.upper() in ("ROOT", "JOINT"):
@@ -79,9 +89,7 @@ def forward(path: Path) -> Skeleton:
             line.pop()
         elif word.upper() == "OFFSET":
             offset = np.array([float(next(words)) for _ in range(3)])
-            if owner is None:
-                ends[line[-2]] = offset
-            else:
+            if owner is not None:
                 offsets[owner] = offset
         elif word.upper() == "CHANNELS":
             channels[owner] = [next(words) for _ in range(int(next(words)))]
@@ -89,7 +97,7 @@ def forward(path: Path) -> Skeleton:
     at = after.index("Time:")
     table = np.array(after[at + 2 :], dtype=float)
     table = table.reshape(-1, sum(map(len, channels)))
-    return _posed(names, parents, offsets, channels, ends, table, float(after[at + 1]))
+    return _posed(names, parents, offsets, channels, table, float(after[at + 1]))
 
 
 def _posed(
@@ -97,12 +105,10 @@ def _posed(
     parents: list[int],
     offsets: list[Any],
     channels: list[list[str]],
-    ends: dict[int, np.ndarray],
     table: np.ndarray,
     frame_time_s: float,
 ) -> Skeleton:
     places = np.zeros((len(table), len(names), 3))
-    tips = np.full_like(places, np.nan)
     turns: list[np.ndarray] = []
     column = 0
     for joint, parent in enumerate(parents):
@@ -123,9 +129,7 @@ def _posed(
             turn = _times(turns[parent], turn)
         places[:, joint] = place
         turns.append(turn)
-        if joint in ends:
-            tips[:, joint] = place + _turned(turn, np.tile(ends[joint], (len(table), 1)))
-    return Skeleton(names, parents, places, tips, frame_time_s)
+    return Skeleton(names, parents, places, frame_time_s)
 
 
 def _times(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -216,16 +220,19 @@ def _directions(joints: np.ndarray, rows: dict[str, int]) -> dict[str, np.ndarra
 
 
 def _ends(file: Skeleton, rows: dict[str, int], used: slice) -> dict[str, np.ndarray]:
-    """Hands and feet of the file: to the middle of what hangs on them, or to their tips."""
+    """Hands and feet of the file, to the middle of what hangs on them but a thumb; tips of bones
+    are no evidence, as exporters make them up."""
     ends = {}
     for what, part in (("hands", "wrist"), ("feet", "ankle")):
         lines = []
         for side in ("left", "right"):
             joint = rows[f"{side}_{part}"]
             below = [row for row, parent in enumerate(file.parents) if parent == joint]
-            far = file.joints[:, below].mean(axis=1) if below else file.tips[:, joint]
-            line = (far - file.joints[:, joint])[used]
-            short = np.linalg.norm(line, axis=1, keepdims=True) < 1e-3 * np.ptp(file.joints[0])
+            below = [row for row in below if "humb" not in file.names[row]]
+            line = np.full_like(file.joints[used, joint], np.nan)
+            if below:
+                line = (file.joints[:, below].mean(axis=1) - file.joints[:, joint])[used]
+            short = np.linalg.norm(line, axis=1, keepdims=True) < 0.01 * np.ptp(file.joints[0])
             lines.append(np.where(short, np.nan, line))
         ends[what] = np.stack(lines, axis=1)
     return ends

@@ -2,22 +2,40 @@
 
 import zipfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 from gmrdata.motion.amass import is_amass_extra, read_amass
-from gmrdata.motion.retarget import retarget
+from gmrdata.motion.retarget import Residual, retarget
 from gmrdata.motion.standing import in_metres
 from gmrdata.read.amc import find_asf, read_amc
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import CMU_TRIAL
+from gmrdata.read.source_motion import (
+    CMU_60_HZ_SUBJECTS,
+    CMU_TRIAL,
+    ReadConfig,
+    RestPose,
+    SourceMotion,
+    cmu_subject,
+)
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
 
 SUFFIXES = (".amc", ".bvh", ".npz")
+
+
+@dataclass(frozen=True, eq=False)
+class FileReading:
+    """A motion that was read, and how far it can be trusted."""
+
+    motion: Motion
+    rate_from: str  # where its frame rate is from: "header", "file", "CMU's index" or "given"
+    residual: Residual | None  # of a BVH or AMC; other files hold poses of this tree
 
 
 def read_motion(
@@ -27,17 +45,18 @@ def read_motion(
     fps_hz: float | None = None,
     joint_map: Mapping[str, str] | Path | str | None = None,
     unit_m: float | None = None,
+    rest_pose: RestPose | Path | None = None,
     asf_path: Path | None = None,
     drop_rest_frame: bool | None = None,
     shape: np.ndarray | None = None,
     source_body: BodyModel | None = None,
-    ground: bool = True,
+    ground: bool | None = None,
 ) -> Motion:
     """Read a BVH, AMC or AMASS file, or one of gmrdata's clips, as a motion of `body`.
 
-    The suffix tells the format.  The motion is in a z-up world with the floor at z = 0, and its
-    `source` records what was decided.  Errors are MissingInput, BadRecipe for a wrong `shape` or
-    `unit_m`, and BadMotionFile, which names the place and the remedy.
+    The suffix tells the format.  The motion is in a z-up world with the floor at z = 0 (see
+    `ground`), and its `source` records what was decided.  Errors are MissingInput, BadRecipe for a
+    wrong `shape` or `unit_m`, and BadMotionFile, which names the place and the remedy.
 
     Args:
         fps_hz: Frame rate to believe instead of the file's [Hz].
@@ -45,20 +64,54 @@ def read_motion(
             whose names are not known.
         unit_m: Metres per unit of a BVH or ASF; without it the convention's, if the legs are of a
             person's length with it, else what makes them so.
+        rest_pose: What the pose of a BVH or AMC without rotations is (`RestPose`), or a BVH of the
+            same skeleton in whose first frame the person stands; None looks for itself.
         asf_path: Skeleton of an AMC, where it does not lie beside it.
         drop_rest_frame: Whether a BVH's frame 0 is an added rest pose; None looks for itself.
         shape: (S,) shape of `body`; without it that of the file if it is of this body, else the
             mean.
         source_body: The body whose betas an AMASS file holds, for the leg length of its subject.
-        ground: Whether to level the floor that the feet show and move it to z = 0.
+        ground: Whether to level the floor that the feet show and move it to z = 0; None for a
+            motion of any other body than `body`, while one of its own stays where the file has it.
     """
     path = Path(path)
     _check_options(path, body, unit_m, shape)
-    suffix = path.suffix.lower()
-    if suffix == ".npz":
+    if path.suffix.lower() == ".npz":
         return read_amass(
             path, body, fps_hz=fps_hz, shape=shape, source_body=source_body, ground=ground
         )
+    joint_map = Path(joint_map) if isinstance(joint_map, str) else joint_map
+    names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
+    config = ReadConfig(fps_hz=fps_hz, unit_m=unit_m, joint_map=names, rest_pose=rest_pose)
+    _, motion, _ = _captured(path, body, config, shape, asf_path, drop_rest_frame, ground)
+    return motion
+
+
+def read_file(
+    path: Path, body: BodyModel, config: ReadConfig, *, shape: np.ndarray | None = None
+) -> FileReading:
+    """`read_motion` as a recipe says, with where the rate is from and the residual."""
+    _check_options(path, body, config.unit_m, shape)
+    if path.suffix.lower() == ".npz":
+        motion = read_amass(path, body, fps_hz=config.fps_hz, shape=shape)
+        in_index = "CMU" in path.parts and cmu_subject(path) in CMU_60_HZ_SUBJECTS
+        rate_from = "given" if config.fps_hz is not None else "CMU's index" if in_index else "file"
+        return FileReading(motion, rate_from, None)
+    source, motion, residual = _captured(path, body, config, shape)
+    return FileReading(motion, source.rate_from, residual)
+
+
+def _captured(
+    path: Path,
+    body: BodyModel,
+    config: ReadConfig,
+    shape: np.ndarray | None,
+    asf_path: Path | None = None,
+    drop_rest_frame: bool | None = None,
+    ground: bool | None = None,
+) -> tuple[SourceMotion, Motion, Residual]:
+    """Motion capture on its own skeleton, and on the body."""
+    suffix, fps_hz, unit_m = path.suffix.lower(), config.fps_hz, config.unit_m
     if suffix == ".bvh":
         source = read_bvh(path, fps_hz=fps_hz, unit_m=unit_m, drop_rest_frame=drop_rest_frame)
     elif suffix == ".amc":
@@ -66,12 +119,28 @@ def read_motion(
     else:
         known = "a .bvh, an .amc with its .asf, or an AMASS .npz"
         raise BadMotionFile(f"{path}: no known motion format; a motion is {known}")
-    joints = find_joints(source.names, source.parents, joint_map, path)
-    source = source if unit_m is not None else in_metres(source, joints)
-    upright = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else None
-    return retarget(
-        source, joints, body, shape=shape, upright_pitch_deg=upright, name=path.name, ground=ground
+    joints = find_joints(source.names, source.parents, config.joint_map, path)
+    motion, residual = retarget(
+        source if unit_m is not None else in_metres(source, joints),
+        joints,
+        body,
+        shape=shape,
+        upright_pitch_deg=CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else None,
+        rest=_rest(config.rest_pose),
+        name=str(path),
+        ground=ground,
     )
+    return source, motion, residual
+
+
+def _rest(rest_pose: RestPose | Path | None) -> RestPose | SourceMotion | None:
+    """The pose that a person named, or the file of one."""
+    if not isinstance(rest_pose, Path):
+        return rest_pose
+    if not rest_pose.is_file():
+        known = ", ".join(get_args(RestPose))
+        raise MissingInput(f"{rest_pose}: no such file. A rest_pose is a BVH file, or {known}")
+    return read_bvh(rest_pose, drop_rest_frame=False, fewest_frames=1)
 
 
 def input_files(path: Path) -> dict[str, Path]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gmrdata.values.body import JOINT, JOINT_NAMES
+from gmrdata.values.body import JOINT, JOINT_NAMES, leg_length_m
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.transforms import angles_deg
 
@@ -13,17 +13,15 @@ LIMBS = tuple(
     for start, end in (*_LEG, *_ARM)
 )
 """(joint, end) of the eight bones whose directions retargeting keeps exactly."""
-_LEGS, ARMS = (*LIMBS[:2], *LIMBS[4:6]), (*LIMBS[2:4], *LIMBS[6:])
+ARMS = (*LIMBS[2:4], *LIMBS[6:])
 SHORTEST_LEG_M, LONGEST_LEG_M = 0.3, 1.5
 """Hip-knee-ankle of a small child and more than that of the tallest person."""
-SHORTEST_LIMB_M = 0.02
+SHORTEST_LIMB_M, SHORTEST_HAND = 0.02, 0.05
+"""Of a limb [m], and of a hand over the leg; what is shorter shows no direction."""
+HAND_DEG, LARGEST_HAND_DEG = 15.0, 75.0
+"""Between these angles off the body's a hand is bent; below, its skeleton has another form; above,
+what hangs on the wrist is no hand."""
 LARGEST_TILT_DEG = 40.0  # how far a zero pose may lean or face away from the coordinate axes
-
-
-def leg_length_m(rest_joints_m: np.ndarray) -> float:
-    """Hip-knee-ankle length, mean of both sides: (24, 3) rest joints -> metres."""
-    bones_m = [rest_joints_m[end] - rest_joints_m[start] for start, end in _LEGS]
-    return float(sum(np.linalg.norm(bone_m) for bone_m in bones_m) / 2)
 
 
 def check_size(rest_joints_m: np.ndarray, name: str) -> None:
@@ -91,18 +89,26 @@ def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarr
     return np.asarray(Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle_rad).as_matrix())
 
 
-def limb_corrections(source_rest_m: np.ndarray, body_rest_m: np.ndarray) -> dict[int, np.ndarray]:
+def limb_corrections(
+    source_rest_m: np.ndarray, body_rest_m: np.ndarray, source_hands_m: np.ndarray
+) -> dict[int, np.ndarray]:
     """C (3, 3) of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
-    Wrists and hands get the elbow's: in both rest poses they go on in the line of the forearm.
-    Both zero poses are (24, 3) in rest axes [m]."""
+
+    Wrists and hands get the elbow's: in both rest poses they go on in the line of the forearm.  A
+    hand that the source's zero pose bends by more than `HAND_DEG` is bent so.  Both zero poses are
+    (24, 3) in rest axes [m], the source's hands (2, 3) left and right from the wrist; NaN: unknown.
+    """
     poses_m = (body_rest_m, source_rest_m)
     limbs = {a: minimal_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
-    followers = {
-        JOINT[f"{side}_{part}"]: limbs[JOINT[f"{side}_elbow"]]
-        for side in ("left", "right")
-        for part in ("wrist", "hand")
-    }
-    return limbs | followers
+    hands, shortest_m = {}, SHORTEST_HAND * leg_length_m(source_rest_m)
+    for side, hand_m in zip(("left", "right"), source_hands_m, strict=True):
+        elbow, wrist, hand = (JOINT[f"{side}_{part}"] for part in ("elbow", "wrist", "hand"))
+        straight_m = limbs[elbow] @ (body_rest_m[hand] - body_rest_m[wrist])
+        bent = np.linalg.norm(hand_m) > shortest_m  # False for NaN
+        if bent and HAND_DEG < angles_deg(straight_m, hand_m) < LARGEST_HAND_DEG:
+            hands[wrist] = minimal_rotation(straight_m, hand_m) @ limbs[elbow]
+        hands[hand] = hands.setdefault(wrist, limbs[elbow])
+    return limbs | hands
 
 
 def nearest_axis(vector: np.ndarray) -> tuple[np.ndarray, float]:

@@ -20,8 +20,12 @@ with a constant C_j that turns the body's rest pose into the source's zero pose 
   zero pose is flat.
 - neck, head: CMU's zero pose looks up; its known pitch (`joint_names.CMU_UPRIGHT_PITCH_DEG`) is
   undone.
-- wrist, hand: the elbow's, so that they go on in the line of the forearm.
+- wrist, hand: the elbow's, so that they go on in the line of the forearm; if the source's hand is
+  bent in its zero pose, by a middle finger or a tip, so is the body's.
 - pelvis, spine, collars: none.  Both rest poses hold them upright.
+
+A file whose zero pose is the body's own rest pose has the body's rotations: nothing is corrected
+then, and its world and shape are kept (`own_skeleton`).
 
 The zero pose is one in which the person stands; a file whose own is none is told from another
 (`standing.from_standing`).
@@ -37,19 +41,29 @@ both sides).  That ratio is all that is kept of a subject's size.  Last, the sol
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import NoReturn
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmrdata.motion import rest_pose
 from gmrdata.motion.ground import FOOT_JOINTS, foot_corrections, levelled, motion_of
-from gmrdata.motion.rest_pose import leg_length_m
+from gmrdata.motion.own_skeleton import own_shape
 from gmrdata.motion.standing import from_standing, some_rows, source_joints_m, zero_pose_m
-from gmrdata.read.source_motion import SourceMotion
-from gmrdata.values.body import JOINT, N_JOINTS, PARENTS, WORLD_FROM_REST, BodyModel
+from gmrdata.read.source_motion import RestPose, SourceMotion
+from gmrdata.values.body import (
+    JOINT,
+    N_JOINTS,
+    PARENTS,
+    WORLD_FROM_REST,
+    BodyModel,
+    leg_length_m,
+)
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
+from gmrdata.values.records import figure
 from gmrdata.values.skinning import (
     global_rotmats,
     joint_positions_m,
@@ -61,6 +75,25 @@ from gmrdata.values.transforms import angles_deg, between
 _HIPS = (JOINT["left_hip"], JOINT["right_hip"])
 
 
+@dataclass(frozen=True)
+class Residual:
+    """Angles between lines of a file's own joints and the same lines of the body that it drives."""
+
+    mean_deg: Mapping[str, float]  # over frames, of "limbs", "hip line", "shoulder line", "trunk"
+    worst_deg: Mapping[str, float]  # of the same
+    upright: bool  # False for one who lies or leans in most frames
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """All angles by the names that they have in manifests."""
+        kinds = {"mean": self.mean_deg, "worst": self.worst_deg}
+        return {
+            f"{line.replace(' ', '_')}_residual_deg_{kind}": angles_deg[line]
+            for line in LARGEST_RESIDUAL_DEG
+            for kind, angles_deg in kinds.items()
+        }
+
+
 def retarget(
     source: SourceMotion,
     joints: Mapping[int, int],
@@ -68,22 +101,29 @@ def retarget(
     *,
     shape: np.ndarray | None = None,
     upright_pitch_deg: Mapping[str, float] | None = None,
+    rest: RestPose | SourceMotion | None = None,
     name: str = "motion",
-    ground: bool = True,
-) -> Motion:
-    """Put a source motion on a body.
+    ground: bool | None = None,
+) -> tuple[Motion, Residual]:
+    """Put a source motion on a body, and measure how well it points its limbs.
 
     Args:
         joints: `{SMPL joint: source joint}`, as `joint_names.find_joints` gives it.
-        shape: (S,) shape coefficients of the body; without them its mean shape.
+        shape: (S,) shape coefficients of the body; without them those of the file's skeleton if
+            that is the body's own, else its mean shape.
         upright_pitch_deg: `{SMPL joint name: forward pitch}` that joints of the source have while
             the person stands upright and looks ahead [deg], where that is not the zero pose.
-        name: What messages and the motion's `source` call it.
+        rest: What the source's zero pose is, or a motion of the same skeleton whose first frame
+            stands; without it that is looked for.
+        name: The file's path in messages; the motion's `source` has its last part.
     """
-    shape = np.zeros(body.n_shape) if shape is None else np.asarray(shape, dtype=np.float64)
+    own = own_shape(source, joints, body, shape) if rest is None else None
+    shape = own if own is not None else np.zeros(body.n_shape) if shape is None else shape
+    shape = np.asarray(shape, dtype=np.float64)
     body_rest_m = body.rest_joints_m(shape)
     rest_pose.check_size(zero_pose_m(source, joints), name)
-    source = from_standing(source, joints, body_rest_m, name)
+    if own is None:
+        source = from_standing(source, joints, body_rest_m, name, rest)
     source_rest_m = zero_pose_m(source, joints)
     axes = rest_pose.source_from_rest_axes(source_rest_m)
     source_rest_m = source_rest_m @ axes
@@ -93,6 +133,7 @@ def retarget(
         j: between(axes.T, world_from_joint[:, joints[j]], axes) for j in FOOT_JOINTS if j in joints
     }
     paths_m = _paths_m(source, world_from_joint, joints, axes)
+    world_from_joint = _along_bones(source, world_from_joint, joints, name)
 
     toe_tips_m = _toe_tips_m(source, joints) @ axes
     feet, flat_pitch_deg = foot_corrections(
@@ -102,17 +143,21 @@ def retarget(
         JOINT[joint]: Rotation.from_euler("x", -pitch_deg, degrees=True).as_matrix()
         for joint, pitch_deg in (upright_pitch_deg or {}).items()
     }
-    corrections = rest_pose.limb_corrections(source_rest_m, body_rest_m) | feet | upright
+    hands_m = _hands_m(source, joints) @ axes
+    limbs = rest_pose.limb_corrections(source_rest_m, body_rest_m, hands_m)
+    corrections = limbs | feet | upright if own is None else {}
     local_rotmats = _local_rotmats(world_from_joint, joints, axes, corrections)
     scale = leg_length_m(body_rest_m) / leg_length_m(source_rest_m)
     middle_m = scale * sum(paths_m[hip] for hip in _HIPS) / len(_HIPS) @ WORLD_FROM_REST.T
     middle_from_pelvis_m = body_rest_m[list(_HIPS)].mean(axis=0) - body_rest_m[0]
     pelvis_m = middle_m - local_rotmats[:, 0] @ middle_from_pelvis_m
-    notes = [*source.notes, f"path x {scale:.4f}", f"flat foot at {flat_pitch_deg:+.1f} deg"]
+    feet_note = f"flat foot at {flat_pitch_deg:+.1f} deg" if own is None else "own skeleton"
+    notes = [*source.notes, f"path x {scale:.4f}", feet_note]
     motion = motion_of(body, shape, local_rotmats, pelvis_m, source.fps_hz, name)
-    notes.append(_residual(source, joints, axes, body, motion))
-    motion = replace(motion, source=f"{name}: {', '.join(notes)}")
-    return levelled(body, motion, ground)
+    residual = _residual(source, joints, axes, body, motion)
+    notes.append(_in_words(residual))
+    motion = replace(motion, source=f"{PurePath(name).name}: {', '.join(notes)}")
+    return levelled(body, motion, own is None if ground is None else ground), residual
 
 
 def _paths_m(
@@ -124,6 +169,50 @@ def _paths_m(
     translations_m = source.translations_m[:, legs]
     source_m = joint_positions_m(parents, world_from_joint[:, legs], translations_m)
     return {j: source_m[:, legs.index(row)] @ axes for j, row in wanted.items()}
+
+
+LARGEST_BEND_DEG = 15.0
+"""How far a bone may mostly point aside from where its joint turns it, which soft joints do."""
+
+
+def _along_bones(
+    source: SourceMotion, world_from_joint: np.ndarray, joints: Mapping[int, int], name: str
+) -> np.ndarray:
+    """Global rotations (T, J, 3, 3) in which the limbs' joints follow their bones.
+
+    A bone is where the joint at its end is.  That is not where its own joint turns it if the file
+    moves the joints as well (Axis Neuron), or has others in between that bend.
+    """
+    turned = world_from_joint
+    rows, rest_m = np.arange(source.n_frames), zero_pose_m(source, joints)
+    bent = [limb for limb in rest_pose.LIMBS if _bends(source, joints, *limb)]
+    joints_m = source_joints_m(source, joints, rows) if bent else np.empty(0)
+    for start, end in bent:
+        drawn_m = world_from_joint[:, joints[start]] @ (rest_m[end] - rest_m[start])
+        bones_m = joints_m[:, end] - joints_m[:, start]
+        off_deg = float(angles_deg(drawn_m, bones_m).mean())
+        if not off_deg <= LARGEST_BEND_DEG:
+            _refuse(name, "limbs", off_deg)
+        turned = turned.copy() if turned is world_from_joint else turned
+        turned[:, joints[start]] = _turns(drawn_m, bones_m) @ turned[:, joints[start]]
+    return turned
+
+
+def _bends(source: SourceMotion, joints: Mapping[int, int], start: int, end: int) -> bool:
+    """Whether a limb's end moves against the joint at its start."""
+    bone = joints[end]
+    moves = source.translations_m[:, bone] - source.offsets_m[bone]
+    return bool(source.parents[bone] != joints[start] or np.abs(moves).max() > 1e-6)
+
+
+def _turns(from_m: np.ndarray, to_m: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) smallest rotations between vectors (T, 3) that are not opposite."""
+    a, b = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (from_m, to_m))
+    x, y, z = np.cross(a, b).T
+    zero = np.zeros_like(x)
+    crossed = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    cosine = (a * b).sum(axis=1)[:, None, None]
+    return np.asarray(np.eye(3) + crossed + crossed @ crossed / (1.0 + cosine))
 
 
 def _local_rotmats(
@@ -157,8 +246,8 @@ def _residual(
     axes: np.ndarray,
     body: BodyModel,
     motion: Motion,
-) -> str:
-    """Mean and worst angle between lines of the file's joints and the same of the body, in words.
+) -> Residual:
+    """Mean and worst angle between lines of the file's joints and the same of the body.
 
     Raises:
         BadMotionFile: a line is off by more than the form of two skeletons explains.
@@ -167,19 +256,34 @@ def _residual(
     found_m = source_joints_m(source, joints, rows) @ axes @ WORLD_FROM_REST.T
     rest_m = body.rest_joints_m(motion.shape)
     posed_m, _ = posed_joints_m(rest_m, motion.rotmats[rows], motion.pelvis_m[rows], PARENTS)
-    wanted, got, said = _lines(found_m), _lines(posed_m), []
+    wanted, got = _lines(found_m), _lines(posed_m)
+    mean_deg, worst_deg = {}, {}
     for line, most_deg in LARGEST_RESIDUAL_DEG.items():
         off_deg = angles_deg(wanted[line], got[line])
-        if not off_deg.mean() <= most_deg:
-            raise BadMotionFile(
-                f"{motion.source}: the {line} would be {off_deg.mean():.0f} degrees off the file's "
-                "own; its joints turn in another way than their names say: give a joint_map"
-            )
-        said.append(f"{line} {off_deg.mean():.1f} ({off_deg.max():.1f})")
+        mean_deg[line], worst_deg[line] = figure(off_deg.mean()), figure(off_deg.max())
+        if not mean_deg[line] <= most_deg:
+            _refuse(motion.source, line, mean_deg[line])
     trunk_m = np.median(got["trunk"][:, 0], axis=0)
-    if trunk_m[2] < UPRIGHT * np.linalg.norm(trunk_m):
-        said.append("the person lies or leans throughout: is up another axis?")
-    return f"residual mean (worst) in deg: {', '.join(said)}"
+    upright = bool(trunk_m[2] >= UPRIGHT * np.linalg.norm(trunk_m))
+    return Residual(mean_deg, worst_deg, upright)
+
+
+def _refuse(name: str, line: str, off_deg: float) -> NoReturn:
+    what = f"the {line} would be {off_deg:.1f} degrees off the file's own"
+    why = "its joints turn in another way than their names say"
+    raise BadMotionFile(f"{name}: {what}; {why}: give a joint_map, or a rest_pose")
+
+
+LIES = "the person lies or leans throughout: is up another axis?"
+
+
+def _in_words(residual: Residual) -> str:
+    said = [
+        f"{line} {residual.mean_deg[line]:.1f} ({residual.worst_deg[line]:.1f})"
+        for line in LARGEST_RESIDUAL_DEG
+    ]
+    lies = () if residual.upright else (LIES,)
+    return f"residual mean (worst) in deg: {', '.join([*said, *lies])}"
 
 
 def _lines(joints_m: np.ndarray) -> dict[str, np.ndarray]:
@@ -206,3 +310,22 @@ def _toe_tips_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
             children = [child for child, parent in enumerate(source.parents) if parent == toe]
             tips_m[row] = source.offsets_m[children[0]] if children else source.tips_m[toe]
     return tips_m
+
+
+def _hands_m(source: SourceMotion, joints: Mapping[int, int]) -> np.ndarray:
+    """(2, 3) left and right hand in the zero pose, from the wrist, in the source's axes.
+
+    To the middle finger where it is known, else to the middle of what hangs on the wrist but a
+    thumb, else to the tip; NaN if unknown.
+    """
+    rest_m, hands_m = source.rest_joints_m(), np.full((2, 3), np.nan)
+    for row, side in enumerate(("left", "right")):
+        wrist, finger = joints[JOINT[f"{side}_wrist"]], joints.get(JOINT[f"{side}_hand"])
+        ends = [child for child, parent in enumerate(source.parents) if parent == wrist]
+        ends = [end for end in ends if "thumb" not in source.names[end].lower()]
+        ends = ends if finger is None else [finger]
+        if ends:
+            hands_m[row] = rest_m[ends].mean(axis=0) - rest_m[wrist]
+        else:
+            hands_m[row] = source.tips_m[wrist]
+    return hands_m

@@ -7,14 +7,13 @@ import numpy as np
 
 from gmrdata.motion.rest_pose import (
     arms_deg,
-    leg_length_m,
     middles,
     minimal_rotation,
     nearest_axis,
     stands,
 )
-from gmrdata.read.source_motion import SourceMotion
-from gmrdata.values.body import JOINT, N_JOINTS
+from gmrdata.read.source_motion import RestPose, SourceMotion
+from gmrdata.values.body import JOINT, N_JOINTS, leg_length_m
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
 from gmrdata.values.transforms import angles_deg, mean_rotation
@@ -22,6 +21,7 @@ from gmrdata.values.transforms import angles_deg, mean_rotation
 SPREAD_DEG = 20.0  # how far the arms of a T-pose are from the level
 RAISED_DEG = 30.0  # above the level, from which arms are no pose to stand in but a rig's axes
 LARGEST_HIPS_OFF_DEG = 20.0
+MOST_APART = 0.02  # offset of one skeleton from that of another, over the length of all offsets
 MANY_FRAMES = 200
 USUAL_LEG_M, LIKELY_LEGS_M = 0.82, (0.5, 1.2)
 """Hip-knee-ankle of an adult, and of nearly all people whom somebody records."""
@@ -45,8 +45,21 @@ def in_metres(source: SourceMotion, joints: Mapping[int, int]) -> SourceMotion:
     )
 
 
+ARMS_DEG: Mapping[RestPose, tuple[float, float]] = {
+    "t": (-SPREAD_DEG, SPREAD_DEG),
+    "a": (-75.0, -15.0),
+    "arms_down": (-90.0, -55.0),
+    "arms_up": (RAISED_DEG, 90.0),
+}
+"""How far the arms point above the level in a zero pose that is said to be one of these [deg]."""
+
+
 def from_standing(
-    source: SourceMotion, joints: Mapping[int, int], body_rest_m: np.ndarray, name: str
+    source: SourceMotion,
+    joints: Mapping[int, int],
+    body_rest_m: np.ndarray,
+    name: str,
+    rest: RestPose | SourceMotion | None = None,
 ) -> SourceMotion:
     """The same motion, told from a zero pose in which the person stands along the axes.
 
@@ -54,22 +67,33 @@ def from_standing(
     along their bones' axes (Rokoko, Bandai Namco, LAFAN1) or reach up (Geno), or their hips turn
     beside the pelvis's joint (deep-motion-editing): then it is frame 0 if that is a T-pose, else
     the mean of the motion's poses, in which arms hang as they mostly do and the trunk is held as
-    that of the body at rest, (24, 3).
+    that of the body at rest, (24, 3).  `rest` says which it is: what the zero pose is, or a motion
+    of the same skeleton whose first frame stands.
 
     Raises:
-        BadMotionFile: the person stands in none of these.
+        BadMotionFile: the person stands in none of these, or not as `rest` says.
     """
     rest_m = zero_pose_m(source, joints)
-    likely = stands(rest_m) and arms_deg(rest_m).max() < RAISED_DEG
+    if isinstance(rest, str) and rest in ARMS_DEG:
+        _check_arms(rest_m, rest, name)
+        return replace(source, notes=(*source.notes, f"zero pose given as {rest}"))
+    likely = rest is None and stands(rest_m) and arms_deg(rest_m).max() < RAISED_DEG
     if likely and _hips_off_deg(source, joints, rest_m) < LARGEST_HIPS_OFF_DEG:
         return source
-    up, first = _up_axis(source, joints), source.local_rotmats[0]
+    given = rest == "first_frame" or isinstance(rest, SourceMotion)
+    pose, said = source.local_rotmats[0], "frame 0" if given else "frame 0, a T-pose"
+    if isinstance(rest, SourceMotion):
+        pose, said = _pose_of(rest, source, name), "the first frame of rest_pose's file"
+    up = _up_axis(source, joints)
     aside = np.eye(3)[1 if up[0] else 0]
     axes = np.stack([aside, up, np.cross(aside, up)], axis=1)
-    standing = _told_from(source, joints, first, up, axes)
+    standing = _told_from(source, joints, pose, up, axes)
     rest_m = zero_pose_m(standing, joints)
-    if stands(rest_m) and np.abs(arms_deg(rest_m)).max() < SPREAD_DEG:
-        return replace(standing, notes=(*source.notes, "turns told from frame 0, a T-pose"))
+    if stands(rest_m) and (given or np.abs(arms_deg(rest_m)).max() < SPREAD_DEG):
+        return replace(standing, notes=(*source.notes, f"turns told from {said}"))
+    if given:
+        what = "the person does not stand upright in the first frame that was given as rest_pose"
+        raise BadMotionFile(f"{name}: {what}; leave rest_pose out, or give another")
     every = range(len(source.parents))
     mean = np.stack([mean_rotation(source.local_rotmats[:, joint]) for joint in every])
     standing = _told_from(source, joints, mean, None, axes @ _frame(body_rest_m, None))
@@ -78,8 +102,37 @@ def from_standing(
     raise BadMotionFile(
         f"{name}: the person stands (hips sideways, legs below, trunk above) neither with all "
         "rotations zero, nor in frame 0, nor in the mean of all frames, so it can't be told what "
-        "the rotations mean; export the motion with a T-pose as its rest pose or its first frame"
+        "the rotations mean; export the motion with a T-pose as its rest pose or its first frame, "
+        "or give a rest_pose: a file of the same skeleton that begins with one"
     )
+
+
+def _check_arms(rest_m: np.ndarray, said: RestPose, name: str) -> None:
+    """See that a zero pose (24, 3) is the one that a person says it is."""
+    if not stands(rest_m):
+        what = f"with all rotations zero the person does not stand, so that is no pose {said!r}"
+        raise BadMotionFile(f"{name}: {what}; give along_axes, or leave rest_pose out")
+    arms, (least, most) = float(arms_deg(rest_m).mean()), ARMS_DEG[said]
+    if not least <= arms <= most:
+        what = f"the arms of the zero pose point {arms:+.0f} degrees above the level"
+        raise BadMotionFile(f"{name}: {what}, so it is no pose {said!r}; give another rest_pose")
+
+
+def _pose_of(rest: SourceMotion, source: SourceMotion, name: str) -> np.ndarray:
+    """(J, 3, 3) first pose of another file, for the joints of this one."""
+    known = set(rest.names)
+    if missing := [joint for joint in source.names if joint not in known]:
+        what = f"the file of rest_pose has no joint {missing[0]}"
+        raise BadMotionFile(f"{name}: {what}; give one of the same skeleton")
+    rows = [rest.names.index(joint) for joint in source.names]
+    both = rest.offsets_m[rows[1:]], source.offsets_m[1:]
+    a, b = (offsets_m / np.linalg.norm(offsets_m) for offsets_m in both)  # of any unit
+    apart = np.linalg.norm(a - b, axis=1)
+    if apart.max(initial=0.0) > MOST_APART:
+        worst = source.names[int(apart.argmax()) + 1]
+        what = f"the offset of {worst} is another in the file of rest_pose"
+        raise BadMotionFile(f"{name}: {what}; give one of the same skeleton")
+    return rest.local_rotmats[0][rows]
 
 
 def _hips_off_deg(source: SourceMotion, joints: Mapping[int, int], rest_m: np.ndarray) -> float:

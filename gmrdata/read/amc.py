@@ -241,6 +241,7 @@ def read_amc(
         local_rotmats=_local_rotmats(asf, angles, len(table), degrees),
         translations_m=translations_m,
         fps_hz=fps_hz,
+        rate_from=rate_note,
         notes=(*notes, f"{asf.unit_m:.6g} m per unit", *rows_notes),
     )
 

@@ -3,7 +3,8 @@
 The zero pose is the hierarchy's offsets with all rotations zero.  A joint's rotation channels are
 applied in the listed order about the joint's own moving axes (R = R1 R2 R3); its position channels
 replace the offset, which for the root is what exporters write although the 1999 description adds
-them (for a motion that is put on the floor afterwards the two differ by a constant shift).
+them (for a motion that is put on the floor afterwards the two differ by a constant shift).  Of any
+other joint they are added to the offset where they are nearer to nothing than to the offset.
 """
 
 import re
@@ -126,6 +127,7 @@ def read_bvh(
     fps_hz: float | None = None,
     unit_m: float | None = None,
     drop_rest_frame: bool | None = None,
+    fewest_frames: int = 2,
 ) -> SourceMotion:
     """Read a BVH file.
 
@@ -156,7 +158,9 @@ def read_bvh(
             fps_hz, rate_note = source_motion.cmu_rate_hz(path), "CMU's index"
     notes = (f"{fps_hz:.7g} Hz ({rate_note})", f"{unit_m:.6g} m per unit ({unit_note})")
     rotation_columns = [[c for _, c in joint] for joint in _columns(tree, "rotation")]
-    rows, rows_notes = recorded_rows(table, rotation_columns, cmu, drop_rest_frame, path)
+    rows, rows_notes = recorded_rows(
+        table, rotation_columns, cmu, drop_rest_frame, path, fewest_frames
+    )
     table = table[rows]
     return SourceMotion(
         names=tuple(tree.names),
@@ -166,6 +170,7 @@ def read_bvh(
         local_rotmats=_local_rotmats(tree, table),
         translations_m=_translations(tree, table) * unit_m,
         fps_hz=fps_hz,
+        rate_from=rate_note,
         notes=notes + rows_notes,
     )
 
@@ -201,8 +206,12 @@ def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
 
 def _translations(tree: Hierarchy, table: np.ndarray) -> np.ndarray:
     """(T, J, 3) in the file's unit: offsets, replaced where there are position channels."""
-    translations = np.tile(np.array(tree.offsets), (len(table), 1, 1))
+    offsets = np.array(tree.offsets)
+    translations = np.tile(offsets, (len(table), 1, 1))
     for joint, channels in enumerate(_columns(tree, "position")):
         for axis, column in channels:
             translations[:, joint, "XYZ".index(axis)] = table[:, column]
+        usual = np.median(translations[:, joint], axis=0)
+        if joint and 2 * np.linalg.norm(usual) < np.linalg.norm(offsets[joint]):
+            translations[:, joint] += offsets[joint]
     return translations

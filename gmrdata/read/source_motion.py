@@ -1,15 +1,45 @@
-"""SourceMotion: a motion on its own skeleton, from BVH or ASF/AMC; its recorded rows and rate."""
+"""SourceMotion: a motion on its own skeleton, from BVH or ASF/AMC; its recorded rows and rate.
+
+And `ReadConfig`: what a person says of such a file that it doesn't show.
+"""
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from gmrdata.read.numbers import bad_line
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.records import Config
 from gmrdata.values.skinning import joint_positions_m
+
+RestPose = Literal["t", "a", "arms_down", "arms_up", "along_axes", "first_frame"]
+"""What a file's pose without rotations is.  The first four stand, with arms as said; along the
+axes it is no pose at all; `first_frame` says that the person stands in frame 0."""
+
+
+class ReadConfig(Config):
+    """What a person says of motion files; None: each file is looked at for it."""
+
+    fps_hz: float | None = None
+    """True frame rate [Hz]."""
+    unit_m: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    """Metres per unit of a BVH or ASF."""
+    joint_map: dict[str, str] | Path | None = None
+    """`{name in a BVH or ASF: SMPL joint}`, or a YAML or JSON file of it."""
+    rest_pose: RestPose | Path | None = None
+    """What the pose without rotations of a BVH or ASF is; or a BVH of the same skeleton, in whose
+    first frame the person stands."""
+
+    @property
+    def inputs(self) -> dict[str, Path]:
+        """Files that the motion depends on, by name."""
+        files = {"joint_map": self.joint_map, "rest_pose": self.rest_pose}
+        return {name: file for name, file in files.items() if isinstance(file, Path)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +61,7 @@ class SourceMotion:
     translations_m: np.ndarray
     """(T, J, 3) joint position in its parent's frame [m]; of the root: in the file's world."""
     fps_hz: float
+    rate_from: str  # "header", "CMU's index" or "given"
     notes: tuple[str, ...]  # what the reader decided (unit, rate, dropped frame), for the record
 
     @property
@@ -53,6 +84,7 @@ def recorded_rows(
     cmu: bool,
     drop_rest_frame: bool | None,
     path: Path,
+    fewest_frames: int = 2,
 ) -> tuple[slice, tuple[str, ...]]:
     """The recorded rows of a file's table of channels.
 
@@ -68,8 +100,8 @@ def recorded_rows(
     if drop_rest_frame is None:
         drop_rest_frame = _starts_with_rest_frame(table, rotation_columns, empty)
     filled = np.flatnonzero(~empty[1:]) + 1 if drop_rest_frame else np.flatnonzero(~empty)
-    if len(filled) < 2:
-        what = f"{len(filled)} recorded frames are no motion; it takes at least 2"
+    if len(filled) < fewest_frames:
+        what = f"{len(filled)} recorded frames are no motion; it takes at least {fewest_frames}"
         raise BadMotionFile(f"{path}: {what}")
     start, stop = int(filled[0]), int(filled[-1]) + 1
     if empty[start:stop].any():
@@ -135,8 +167,11 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
     decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
     # 1/256 lies exactly in the middle of two numbers of 7 digits; what is computed, beside it.
     half_step_s = 0.5 * 10.0**-decimals * (1 + 1e-6)
-    nearest_hz = float(round(1 / frame_time_s))
-    return nearest_hz if abs(1 / nearest_hz - frame_time_s) <= half_step_s else 1 / frame_time_s
+    # Rates as people write them: whole, with few decimals, or a television's.
+    likely_hz = [round(1 / frame_time_s, n) for n in range(4)]
+    likely_hz.append(round(1.001 / frame_time_s) * 1000 / 1001)
+    fitting_hz = (hz for hz in likely_hz if abs(1 / hz - frame_time_s) <= half_step_s)
+    return next(fitting_hz, 1 / frame_time_s)
 
 
 def check_rate_hz(fps_hz: float, path: Path) -> float:

@@ -65,31 +65,39 @@ MIXAMO = {
 
 _WORDS = {
     "hip": ("upleg", "upperleg", "thigh", "thighbend", "hip"),
-    "knee": ("knee", "shin", "calf", "lowerleg", "leg"),
+    "knee": ("knee", "shin", "calf", "lowerleg", "lowleg", "loleg", "leg"),
     "ankle": ("ankle", "foot"),
-    "foot": ("toebase", "toes", "toe", "ball", "foot"),
-    "shoulder": ("upperarm", "arm", "shldr", "shldrbend", "shoulder"),
+    "foot": ("toebase", "toes", "toe", "ball", "forefoot", "foot"),
+    "shoulder": ("upperarm", "uparm", "uarm", "arm", "shldr", "shldrbend", "shoulder"),
     "collar": ("collar", "clavicle", "shoulder"),
-    "elbow": ("elbow", "forearm", "forearmbend", "lowerarm"),
+    "elbow": ("elbow", "forearm", "forearmbend", "lowerarm", "lowarm", "loarm", "farm"),
     "wrist": ("wrist", "hand"),
     "hand": ("handmiddle", "middle", "fmiddle", "hand"),
 }
 """What bones of a limb are called by Mixamo and MotionBuilder, 3ds Max, Xsens, Rokoko, Poser and
-DAZ, Unreal, Rigify, VRM, Bandai Namco and SMPL, without side, numbers and signs.  Of the words of a
+DAZ, Second Life, MakeHuman, mocopi, OptiTrack, Kinect, Reallusion, Unreal, Rigify, VRM, Biovision,
+Bandai Namco and SMPL, without side, numbers and signs.  Of the words of a
 joint the first counts that no joint above has: a shoulder is a collar where there is an arm."""
-_NAMESPACE = re.compile(r"^(.*:|mixamorig\d*_?|bip\d+[ _]|[mf]_avg_|def-)", re.IGNORECASE)
+_KNOWN = frozenset(word for words in _WORDS.values() for word in words)
+_NAMESPACE = re.compile(
+    r"^(.*:|mixamorig\d*_?|character\d*_|bip\d+[ _]|j_bip_|cc_base_|[mf]_avg_|def-"
+    r"|(?-i:m(?=[A-Z])))|_jnt$",
+    re.IGNORECASE,
+)
+_HELPER = "__"  # begins a bone that only leads from one joint to the next, in MakeHuman's files
 _SIDES = (
     re.compile(r"(?P<side>left|right)[ _.-]*(?P<part>.+)", re.IGNORECASE),
     re.compile(r"(?P<part>.+?)[ _.-]*(?P<side>left|right)", re.IGNORECASE),
     re.compile(r"(?P<side>[lr])[ _.-]+(?P<part>.+)", re.IGNORECASE),
     re.compile(r"(?P<part>.+)[ _.-]+(?P<side>[lr])", re.IGNORECASE),
     re.compile(r"(?P<side>[lrLR])(?P<part>[A-Z].*)"),
+    re.compile(rf"(?P<side>[lr])(?P<part>{'|'.join(sorted(_KNOWN))})"),
 )
 
 
 def is_cmu(names: Sequence[str]) -> bool:
     """Whether the names are those of CMU's skeleton, in its BVH or its ASF form."""
-    return {"LHipJoint", "LowerBack"} <= set(names) or {"lhipjoint", "lowerback"} <= set(names)
+    return {"LHipJoint", "LowerBack"} <= set(names) or {"lhipjoint", "lfemur"} <= set(names)
 
 
 def find_joints(
@@ -130,8 +138,8 @@ def joints_by_name(names: Sequence[str], parents: Sequence[int]) -> dict[str, in
     lines = [_line(bone, parents) for bone in range(len(names))]
     said = [_side_and_word(name) for name in names]
     found: dict[str, int] = {}
-    # Of bones with one word the nearest to the root counts.
-    order = sorted(range(len(names)), key=lambda bone: (len(lines[bone]), bone))
+    # Of bones with one word the nearest to the root counts, then the first by name: sides agree.
+    order = sorted(range(len(names)), key=lambda bone: (len(lines[bone]), names[bone]))
     for side in ("left", "right"):
         free = {said[bone][1]: bone for bone in reversed(order) if said[bone][0] == side}
         for joint, words in _WORDS.items():
@@ -147,6 +155,8 @@ def _side_and_word(name: str) -> tuple[str, str]:
     """`mixamorig:LeftUpLeg_03` -> ("left", "upleg"); without a side ("", word)."""
     plain = re.sub(r"[._ ]\d+$", "", _NAMESPACE.sub("", name))
     side, word = "", plain
+    if name.startswith(_HELPER):
+        return "", ""
     if match := next(filter(None, (form.fullmatch(plain) for form in _SIDES)), None):
         side, word = "left" if match["side"][0] in "lL" else "right", match["part"]
     return side, re.sub("[^a-z]", "", word.lower())
@@ -169,7 +179,10 @@ def _middle(
         both = zip(lines[found[f"left_{joint}"]], lines[found[f"right_{joint}"]], strict=False)
         shared.append([left for left, right in both if left == right])
     to_pelvis, to_chest = shared
-    if not to_pelvis or to_chest[: len(to_pelvis)] != to_pelvis:
+    # Some rigs hang the legs on a bone of their own beside the spine.
+    both = zip(to_pelvis, to_chest, strict=False)
+    to_pelvis = [bone for bone, other in both if bone == other]
+    if not to_pelvis:
         return {}
     spine = to_chest[len(to_pelvis) :]
     if len(spine) > 3:
