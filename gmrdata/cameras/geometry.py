@@ -82,8 +82,8 @@ def _solve_keyframes(
     step = weakest_step(mapped, matches, key_rows, intrinsics_px, config.max_reprojection_px)
     mapped = replace(mapped, weakest_step=step)
     placed = place_between(mapped, key_rows, straight, intrinsics_px)
-    refined = refine_mapped(placed, straight, intrinsics_px, timeline, config)
-    return _with_tracks(refined, everything, frames), evidence, bent
+    solution = refine_mapped(placed, straight, intrinsics_px, timeline, config)
+    return _with_tracks(solution, everything, frames), evidence, bent
 
 
 def _with_tracks(solution: Solution, matches: Matches, frames: Frames) -> Solution:

@@ -64,8 +64,8 @@ def place_between(
     seen = {int(key_rows[key]): points for key, points in keys.seen.items()}
     between = set(range(n)) - set(key_rows.tolist())
     place_frames(between, world_from_cam, inliers, seen, matches, intrinsics_px)
-    placed = {"world_from_cam": world_from_cam, "inliers": inliers, "seen": seen}
-    return replace(keys, adjusted=adjusted, **placed)
+    placed = replace(keys, world_from_cam=world_from_cam, inliers=inliers, seen=seen)
+    return replace(placed, adjusted=adjusted)
 
 
 def refine_mapped(

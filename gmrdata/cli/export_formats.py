@@ -16,8 +16,10 @@ from gmrdata.manifest.exported import ExportedClip
 from gmrdata.read.frames import number_in_name
 from gmrdata.stage.progress import console
 from gmrdata.values import transforms
+from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import camera_of
 from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
 
 if TYPE_CHECKING:
     from gmrdata.write.system_results import TrackedPerson
@@ -87,25 +89,24 @@ def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOpti
     if exported.sfm_dir is None:
         write_colmap(path, camera_of(exported.clip), _image_names(exported))
         return
-    found, images_dir = load_background(exported.sfm_dir, exported.clip), exported.images_dir
-    radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
+    found = load_background(exported.sfm_dir, exported.clip)
+    names: Sequence[str | None]
     if options.observations == "none":
-        by_number = dict(
-            zip(exported.clip.image_numbers.tolist(), _image_names(exported), strict=True)
-        )
-        names = [by_number.get(number) for number in found.image_numbers.tolist()]
+        numbers = exported.clip.image_numbers.tolist()
+        name_of = dict(zip(numbers, _image_names(exported), strict=True))
+        names = [name_of.get(number) for number in found.image_numbers.tolist()]
         points = replace(NO_POINTS, world_m=found.points_m)
-        write_colmap(path, found.camera, names, points, radial=radial)
-        return
-    tracks = load_background_tracks(exported.sfm_dir, found)
-    seen = tracks if options.observations == "all" else tracks.of_adjusted()
-    points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
-    write_colmap(
-        path, found.camera, tracks.image_names, points, radial=radial, images_dir=images_dir
-    )
+    else:
+        tracks = load_background_tracks(exported.sfm_dir, found)
+        names = tracks.image_names
+        seen = tracks if options.observations == "all" else tracks.of_adjusted()
+        points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
+    radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
+    write_colmap(path, found.camera, names, points, radial=radial, images_dir=exported.images_dir)
 
 
 def _image_names(exported: ExportedClip) -> list[str | None]:
+    """File name of each row's image; None for a row without one."""
     return [None if image is None else image.name for image in exported.image_paths()]
 
 
@@ -236,6 +237,75 @@ def _tracked(exported: ExportedClip) -> "TrackedPerson":
     return TrackedPerson(exported.clip.motion, exported.rest_pelvis_m, rows, frames)
 
 
+def export_usd(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """All who are in a sequence, and the camera."""
+    from gmrdata.cli.export_takes import result_take
+    from gmrdata.write.usd import write_usd
+
+    write_usd(path, result_take(clips))
+
+
+def export_rrd(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The same with frames, masks and points, and the truth beside it, as far as they are there."""
+    from gmrdata.cli.export_takes import TRUTH, mask_paths, result_take, truth_take, with_points
+    from gmrdata.write.recording import write_recording
+
+    first, true = clips[0], truth_take(clips)
+    takes = [with_points(result_take(clips), first)]
+    write_recording(
+        path,
+        [*takes, true[0]] if true else takes,
+        shown_from_world={TRUTH: true[1]} if true else {},
+        images=first.image_paths() if first.images_dir else [],
+        masks=mask_paths(first),
+    )
+
+
+def export_mp4(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The frames with all bodies drawn over them."""
+    from gmrdata.cli.export_takes import result_take
+    from gmrdata.write.overlay import write_overlay
+
+    write_overlay(path, result_take(clips), clips[0].image_paths())
+
+
+def export_glb(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """One person, and the camera."""
+    from gmrdata.write.glb import write_glb
+
+    clip, body = clips[0].clip, clips[0].body
+    write_glb(path, clip.motion, body, shown=clip.valid, camera=clip.camera)
+
+
+def export_amass(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """A file for each unbroken stretch of valid frames."""
+    from gmrdata.write.amass import write_amass
+
+    _write_runs(clips[0], path, ".npz", write_amass)
+
+
+def export_bvh(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
+    """The same as BVH."""
+    from gmrdata.write.bvh import write_bvh
+
+    _write_runs(clips[0], path, ".bvh", write_bvh)
+
+
+def _write_runs(
+    exported: ExportedClip,
+    folder: Path,
+    suffix: str,
+    write: Callable[[Path, Motion, BodyModel], None],
+) -> None:
+    """A file for each unbroken stretch of valid frames, named by its first and last row."""
+    from gmrdata.cli.export_takes import unbroken_runs
+
+    folder.mkdir()
+    for rows in unbroken_runs(exported.clip.valid):
+        name = f"{exported.id}_{rows.start:05d}-{rows.stop - 1:05d}{suffix}"
+        write(folder / name, exported.clip.motion.take(rows), exported.body)
+
+
 FORMATS: dict[FormatName, Format] = {
     "colmap": Format("sequence", "{id}", ("camera",), export_colmap),
     "tum": Format("clip", "{id}.txt", ("trajectory",), export_tum),
@@ -247,4 +317,10 @@ FORMATS: dict[FormatName, Format] = {
     ),
     "wham": Format("sequence", "{id}/wham_output.pkl", ("in_world",), export_wham),
     "gvhmr": Format("clip", "{id}/hmr4d_results.pt", ("world",), export_gvhmr),
+    "amass": Format("clip", "{id}", ("world",), export_amass),
+    "bvh": Format("clip", "{id}", ("world",), export_bvh),
+    "glb": Format("clip", "{id}.glb", ("world",), export_glb),
+    "usd": Format("sequence", "{id}.usdc", ("world",), export_usd),
+    "rrd": Format("sequence", "{id}.rrd", ("world",), export_rrd),
+    "mp4": Format("sequence", "{id}.mp4", ("camera", "world", "images"), export_mp4),
 }

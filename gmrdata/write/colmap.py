@@ -4,7 +4,7 @@ COLMAP's pixels and camera axes are this project's, so nothing is converted
 (https://colmap.github.io/format.html).  Images are numbered from 1 in the order of their rows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -57,12 +57,13 @@ def write_colmap(
 
     BadMotionFile where no frame has both a camera and an image.
     """
-    rows = [row for row in np.flatnonzero(camera.has_camera).tolist() if image_names[row]]
-    if not rows:
+    known = zip(image_names, camera.has_camera, strict=True)
+    names = {row: name for row, (name, there) in enumerate(known) if name and there}
+    if not names:
         raise BadMotionFile(f"{folder}: no frame has both a camera and an image")
     model = _with_cameras(camera, radial)
-    _add_images(model, camera, image_names, points, rows)
-    _add_points(model, points, rows)
+    _add_images(model, camera, names, points)
+    _add_points(model, points, list(names))
     if images_dir is not None and len(points.world_m):
         model.extract_colors_for_all_images(str(images_dir))
     model.update_point_3d_errors()
@@ -94,19 +95,13 @@ def _with_cameras(camera: CameraPath, radial: tuple[float, float] | None) -> Any
 
 
 def _add_images(
-    model: Any,
-    camera: CameraPath,
-    image_names: Sequence[str | None],
-    points: ColmapPoints,
-    rows: Sequence[int],
+    model: Any, camera: CameraPath, names: Mapping[int, str], points: ColmapPoints
 ) -> None:
     import pycolmap
 
     cam_from_world = transforms.invert(camera.world_from_cam)
-    for row in rows:
-        image = pycolmap.Image(
-            image_names[row], points.image_px[points.rows == row], CAMERA_ID, row + 1
-        )
+    for row, name in names.items():
+        image = pycolmap.Image(name, points.image_px[points.rows == row], CAMERA_ID, row + 1)
         pose = pycolmap.Rigid3d(np.ascontiguousarray(cam_from_world[row, :3]))
         model.add_image_with_trivial_frame(image, pose)
 
