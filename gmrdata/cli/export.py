@@ -9,7 +9,22 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.gmr import Weights
 from gmrdata.values.errors import BadRecipe
 
-FormatName = Literal["colmap", "tum", "kitti", "gem-x", "3dpw", "emdb", "wham", "gvhmr"]
+FormatName = Literal[
+    "colmap",
+    "tum",
+    "kitti",
+    "gem-x",
+    "3dpw",
+    "emdb",
+    "wham",
+    "gvhmr",
+    "amass",
+    "bvh",
+    "glb",
+    "usd",
+    "rrd",
+    "mp4",
+]
 Trajectory = Literal["camera", "person"]
 Seen = Literal["keyframes", "all", "none"]
 
@@ -40,7 +55,12 @@ def export(
             gem-x: GEM-X's camera file, preprocess/camera.pt;
             3dpw: the sequence files of 3DPW, with people and cameras in one world that does not
             drift; emdb: EMDB's files; wham: wham_output.pkl; gvhmr: hmr4d_results.pt;
-            onnx: the network of a training run, whose folder is then the source.
+            onnx: the network of a training run, whose folder is then the source;
+            amass: SMPL+H's npz, and bvh: Mixamo's joints in cm; each in a folder, a file for each
+            unbroken stretch of valid frames; glb: a person and the camera, animated;
+            usd: all people of a sequence and the camera (extra `export`);
+            rrd: the same for rerun, with frames, masks, points and truth (extra `view`);
+            mp4: the frames with bodies and paths drawn over them.
         out: Output folder: <format>/<clip id>.
         clips: Names of the clips to write; all when left out.
         of: Whose trajectory tum and kitti hold: the camera's, or the person's pelvis.

@@ -176,7 +176,7 @@ def compare_clips(
     step = _frames_per_motion(true, fps_hz)
     errors = motion_errors(pseudo, true, rows, true_rows, step, body)
     # With the bodies' axes the fit is defined for a person who stands still, too.
-    points_m = _body_points_m(true, true_rows), _body_points_m(pseudo, rows)
+    points_m = body_points_m(true, true_rows), body_points_m(pseudo, rows)
     fit = fit_similarity(*points_m, scale=False)
     true_from_pseudo = transforms.rigid(fit.rotmat, fit.translation_m)
     moved_m = transforms.apply(true_from_pseudo, pseudo.motion.pelvis_m[rows])
@@ -275,7 +275,7 @@ def _frames_per_motion(clip: Clip, fps_hz: float | None) -> int:
     return step
 
 
-def _body_points_m(clip: Clip, rows: np.ndarray) -> np.ndarray:
+def body_points_m(clip: Clip, rows: np.ndarray) -> np.ndarray:
     """Pelvis, and the points half a metre from it along the body's axes: (4 * rows, 3) [m]."""
     axes_m = BODY_AXIS_M * np.concatenate([np.zeros((1, 3)), np.eye(3)])
     world_from_root = transforms.rigid(clip.motion.root_rotmats[rows], clip.motion.pelvis_m[rows])
