@@ -71,7 +71,7 @@ def onnx_network(gmr: TrainedGmr) -> bytes:
         torch.onnx.export(
             _WholeNetwork(gmr.model.eval()),
             (example,),
-            stream,
+            stream,  # type: ignore[arg-type]  # its older form takes streams too
             dynamo=False,
             opset_version=OPSET,
             input_names=[INPUT],

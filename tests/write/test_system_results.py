@@ -1,0 +1,154 @@
+"""WHAM's and GVHMR's results, opened as their own tools open them, and read back."""
+
+import pickle  # noqa: TID251  The oracle: joblib.load is this for a file without its own arrays.
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from gmrdata.read.world_results import read_world_result
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.skinning import motion_joints_m
+from gmrdata.values.transforms import apply, invert, rigid
+from gmrdata.write.system_results import TrackedPerson, write_gvhmr, write_wham
+
+MM, DEG = 1e-4, 0.01
+Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+SMPLX_PELVIS_M = [0.0031, -0.3514, 0.0120]
+
+
+@pytest.fixture(scope="module")
+def people(walkers: list[Clip], small_body: BodyModel) -> list[TrackedPerson]:
+    """Two walkers, of whom the second is not in frames 5 to 7."""
+    n = np.arange(walkers[0].motion.n_frames)
+    rows = [n >= 0, (n < 5) | (n > 7)]
+    return [
+        TrackedPerson(one.motion, small_body.rest_pelvis_m(one.motion.shape), valid, n + 3)
+        for one, valid in zip(walkers, rows, strict=True)
+    ]
+
+
+def angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    turned = (np.swapaxes(a, -1, -2) @ b).reshape(-1, 3, 3)
+    return np.rad2deg(Rotation.from_matrix(turned).magnitude())
+
+
+def rotmats(rotvecs: np.ndarray) -> np.ndarray:
+    return Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(len(rotvecs), -1, 3, 3)
+
+
+def test_wham_by_plain_pickle(
+    people: list[TrackedPerson], walkers: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    path, camera = tmp_path / "walk" / "wham_output.pkl", camera_of(walkers[0])
+    write_wham(path, people, camera)
+    found = pickle.loads(path.read_bytes())
+    assert list(found) == [0, 1]
+    assert found[1].pop("body") == found[0].pop("body") == "small"
+    assert {key: (value.shape, value.dtype) for key, value in found[1].items()} == {
+        "pose": ((27, 72), np.float32), "trans": ((27, 3), np.float32),
+        "pose_world": ((27, 72), np.float32), "trans_world": ((27, 3), np.float32),
+        "betas": ((27, 10), np.float32), "frame_ids": ((27,), np.int64),
+    }  # fmt: skip
+    for number, person in enumerate(people):
+        one, motion = found[number], person.motion.take(person.rows)
+        assert one["frame_ids"].tolist() == person.frame_numbers[person.rows].tolist()
+        joints_m = motion_joints_m(small_body, motion)
+        for pose, trans, frame_from_world in (
+            ("pose_world", "trans_world", rigid(Z_UP_FROM_Y_UP.T, np.zeros(3))),
+            ("pose", "trans", invert(camera.world_from_cam[person.rows])),
+        ):
+            placed = rotmats(one[pose])
+            seen = replace(
+                motion,
+                root_rotmats=placed[:, 0],
+                local_rotmats=placed[:, 1:],
+                pelvis_m=one[trans] + small_body.rest_pelvis_m(one["betas"][0]),
+            )
+            wanted_m = apply(frame_from_world, joints_m)
+            assert np.abs(motion_joints_m(small_body, seen) - wanted_m).max() < MM
+
+
+def test_wham_comes_back(people: list[TrackedPerson], tmp_path: Path) -> None:
+    path = tmp_path / "wham_output.pkl"
+    write_wham(path, people, None)
+    assert "pose" not in pickle.loads(path.read_bytes())[0]
+    for found, person in zip(read_world_result(path).people, people, strict=True):
+        motion = person.motion.take(person.rows)
+        assert found.z_up_from_file is not None and found.transl_m is not None
+        turns = found.z_up_from_file[:, :3, :3]
+        assert angles_deg(turns @ found.root_rotmats, motion.root_rotmats).max() < DEG
+        assert angles_deg(found.local_rotmats, motion.local_rotmats).max() < DEG
+        transl_m = found.transl_m + person.rest_pelvis_m
+        pelvis_m = (turns @ transl_m[..., None])[..., 0]
+        assert np.abs(pelvis_m - motion.pelvis_m).max() < MM
+        assert found.frame_numbers.tolist() == person.frame_numbers[person.rows].tolist()
+        assert (found.betas_body, path.name) == (motion.body, "wham_output.pkl")
+
+
+def test_gvhmr_by_torchs_safe_loader(
+    people: list[TrackedPerson], walkers: list[Clip], tmp_path: Path
+) -> None:
+    path, person, camera = tmp_path / "hmr4d_results.pt", people[1], camera_of(walkers[0])
+    has = np.arange(camera.n_frames) != 9
+    known = np.where(has[:, None, None], camera.world_from_cam, np.nan)
+    write_gvhmr(path, person, replace(camera, world_from_cam=known, has_camera=has))
+    found = torch.load(path, weights_only=True)
+    n, motion = person.motion.n_frames, person.motion
+    assert {key: tuple(value.shape) for key, value in found["smpl_params_global"].items()} == {
+        "body_pose": (n, 63), "betas": (n, 10), "global_orient": (n, 3), "transl": (n, 3),
+    }  # fmt: skip
+    assert all(value.dtype == torch.float32 for value in found["smpl_params_incam"].values())
+    np.testing.assert_allclose(found["K_fullimg"][4], camera.intrinsics_px, rtol=1e-6)
+    assert np.flatnonzero(~found["valid"].numpy()).tolist() == [5, 6, 7, 9]
+    # SMPL-X's pelvis is at transl + J0, and the root turns about it.
+    for key, frame_from_world in (
+        ("smpl_params_global", np.tile(rigid(Z_UP_FROM_Y_UP.T, np.zeros(3)), (n, 1, 1))),
+        ("smpl_params_incam", invert(camera.world_from_cam)),
+    ):
+        params = {name: value.numpy().astype(float) for name, value in found[key].items()}
+        rows = has if key == "smpl_params_incam" else np.ones(n, dtype=bool)
+        assert np.isfinite(params["transl"]).all(axis=1).tolist() == rows.tolist()
+        pelvis_m = apply(frame_from_world, motion.pelvis_m[:, None])[:, 0]
+        assert np.abs(params["transl"] + SMPLX_PELVIS_M - pelvis_m)[rows].max() < MM
+        root = frame_from_world[rows, :3, :3] @ motion.root_rotmats[rows]
+        assert angles_deg(rotmats(params["global_orient"][rows])[:, 0], root).max() < DEG
+        bent = rotmats(params["body_pose"])
+        assert angles_deg(bent, motion.local_rotmats[:, :21]).max() < DEG
+        assert not params["betas"].any()
+
+
+def test_gvhmr_comes_back(people: list[TrackedPerson], tmp_path: Path) -> None:
+    path = tmp_path / "hmr4d_results.pt"
+    write_gvhmr(path, people[1], None)
+    assert set(torch.load(path, weights_only=True)) == {"smpl_params_global", "valid"}
+    (found,) = read_world_result(path).people
+    rows, motion = people[1].rows, people[1].motion
+    assert found.frame_numbers.tolist() == np.flatnonzero(rows).tolist()
+    assert found.z_up_from_file is not None and found.transl_m is not None
+    assert found.rest_pelvis_m is not None
+    turns = found.z_up_from_file[:, :3, :3]
+    assert angles_deg(turns @ found.root_rotmats, motion.root_rotmats[rows]).max() < DEG
+    pelvis_m = (turns @ (found.transl_m + found.rest_pelvis_m)[..., None])[..., 0]
+    assert np.abs(pelvis_m - motion.pelvis_m[rows]).max() < MM
+
+
+def test_frames_without_a_motion_are_left_out_or_refused(
+    people: list[TrackedPerson], tmp_path: Path
+) -> None:
+    pelvis_m = people[1].motion.pelvis_m.copy()
+    pelvis_m[6] = np.nan
+    gap = replace(people[1], motion=replace(people[1].motion, pelvis_m=pelvis_m))
+    write_wham(tmp_path / "a.pkl", [gap], None)
+    with pytest.raises(BadMotionFile, match="frame 6 has no motion"):
+        write_gvhmr(tmp_path / "a.pt", gap, None)
+    with pytest.raises(BadMotionFile, match="frame 6 has no motion"):
+        write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.ones_like(gap.rows))], None)
+    with pytest.raises(BadMotionFile, match="no frame that may be used"):
+        write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.zeros_like(gap.rows))], None)
+    assert [one.name for one in tmp_path.iterdir()] == ["a.pkl"]
