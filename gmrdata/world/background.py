@@ -14,6 +14,7 @@ from gmrdata.values.errors import BadRecord
 from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.values.transforms import Similarity
 
+IN_PLACE_M = 1e-9  # a camera that travels less was kept in place
 LARGEST_RESIDUAL = 1e-6  # of the camera's distance from the middle, and of rotation matrices
 
 
@@ -66,7 +67,7 @@ def world_from_sfm(cameras: files.SfmCameras, clip: Clip, sfm_dir: Path) -> Simi
     way_m, way = there[:, :3, 3] - middle_m, (here[:, :3, 3] - middle) @ rotmat.T
     travels = float((way**2).sum())
     scale = float((way_m * way).sum()) / travels if travels > 0 else 1.0
-    if not scale > 0:
+    if travels > 0 and np.abs(way_m).max() < IN_PLACE_M:
         what = f"clip {clip.id} has no metric scale, so its camera was kept in place"
         raise BadRecord(f"{sfm_dir}: {what}, and the points have no place in its world")
     turned = np.abs(rotmat @ here[:, :3, :3] - there[:, :3, :3]).max()
