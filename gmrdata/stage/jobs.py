@@ -100,12 +100,15 @@ def try_jobs(
         return _in_order(jobs, _run_left(description, jobs, pool, failures_dir, units))
     weights = {job.id: job.weight for job in jobs}
     marks = Marks(marks_folder(failures_dir, description), pool.shard, weights)
-    by_id = {job.id: job for job in jobs}
+    by_id, results = {job.id: job for job in jobs}, {}
     with marks.working() as shares:
         for ids in shares:
             share = [by_id[id] for id in ids]
-            _run_left(description, share, pool, failures_dir, units, marks.folder)
-    ended, results = marks.ended(), _look_first(jobs)
+            results |= _run_left(
+                description, share, pool, failures_dir, units, marks.folder
+            ).results
+    ended = marks.ended()
+    results |= _look_first([job for job in jobs if job.id not in results])
     failed = {id: failures_dir / f"{id}.txt" for id in ended - results.keys()}
     reasons = {id: path.read_text() for id, path in failed.items() if path.is_file()}
     if left := by_id.keys() - {*results, *reasons}:

@@ -18,7 +18,13 @@ from gmrdata import __version__
 from gmrdata.stage.claims import Claim, claimed
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecord, MissingInput, StaleOutput
-from gmrdata.values.files import RECIPE_FILE, STAGE_FILE, sha256_of_file, sha256_of_path
+from gmrdata.values.files import (
+    RECIPE_FILE,
+    STAGE_FILE,
+    json_text,
+    sha256_of_file,
+    sha256_of_path,
+)
 from gmrdata.values.records import Config, Record
 
 RECORDED_PACKAGES = (
@@ -175,7 +181,8 @@ def _make(
     # What `atomic_path` left in a folder whose process was killed.
     for leftover in filter(Path.is_file, partial.rglob(".*.tmp*")):
         leftover.unlink()
-    recipe.write(partial / RECIPE_FILE)
+    # Not forced to the disk, which takes longer than a small stage: torn, it only starts anew.
+    (partial / RECIPE_FILE).write_text(json_text(recipe.model_dump(mode="json")))
     start_s = time.monotonic()
     facts = dict(work(partial) or {})
     StageRecord(
@@ -202,11 +209,13 @@ def _partial_dir(out_dir: Path, resumable: bool, claim: Claim) -> Path:
     Where another machine's process fell silent, it may wake up and write on in its folder.  Files
     of a resumable stage are the same then; another stage gets a new folder.
     """
-    for left in out_dir.parent.glob(f".{glob.escape(out_dir.name)}.{'[0-9a-f]' * 32}.partial"):
-        shutil.rmtree(left, ignore_errors=True)
+    usual = out_dir.with_name(out_dir.name + ".partial")
     if resumable or not claim.taken_over:
-        return out_dir.with_name(out_dir.name + ".partial")
-    shutil.rmtree(out_dir.with_name(out_dir.name + ".partial"), ignore_errors=True)
+        return usual
+    # Those of who took over before, and died too.
+    others = out_dir.parent.glob(f".{glob.escape(out_dir.name)}.{'[0-9a-f]' * 32}.partial")
+    for left in (usual, *others):
+        shutil.rmtree(left, ignore_errors=True)
     return out_dir.with_name(f".{out_dir.name}.{claim.record.token}.partial")
 
 
