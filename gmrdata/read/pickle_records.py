@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.values.errors import UnsafePickle
+from gmrdata.values.limits import Budget, OverBudget
 
 JOBLIB_ARRAY = "joblib array"
 """Kind of record whose array's bytes stand in the file right after it; see `array_that_follows`."""
@@ -34,7 +35,9 @@ _CALLS = {
 """Kind of record for each name that may be called, as Python 2 and 3, old and new numpy say it."""
 _TORCH_CALLS = {
     "torch._utils._rebuild_tensor_v2": "tensor",
+    "torch._utils._rebuild_parameter": "parameter",
     "torch.storage._load_from_bytes": TORCH_STORAGE,
+    "torch.Size": "size",
     "collections.OrderedDict": "ordered",
 }
 STORAGE_DTYPES = {
@@ -49,13 +52,15 @@ STORAGE_DTYPES = {
     "torch.BoolStorage": "?",
 }
 """numpy's type of the numbers of each of torch's storages."""
-TORCH_IMPORTS = frozenset(_TORCH_CALLS) | frozenset(STORAGE_DTYPES)
+_BFLOAT16 = "torch.BFloat16Storage"  # the upper half of a float32, which numpy doesn't have
+TORCH_IMPORTS = frozenset(_TORCH_CALLS) | frozenset(STORAGE_DTYPES) | {_BFLOAT16}
 """What a pickle that may hold torch's tensors may import besides."""
 _ONLY_NAMED = frozenset({"numpy.ndarray"}) | {
     f"{module}.{name}" for module in ("__builtin__", "builtins") for name in ("object", "dict")
 }
 ADMITTED_IMPORTS = frozenset(_CALLS) | _ONLY_NAMED
 """Every name that a pickle may import; some only as an argument of a call."""
+_MOST_AXES = 32  # numpy's
 _DTYPE_CODE = re.compile(r"b1|[iu][1248]|f[248]|c(8|16)|[SU]\d{1,6}|O8?")
 _PLAIN = (bool, int, float, complex, str, bytes, bytearray, np.ndarray, type(None))
 """What is itself already; an array is so when it was read as joblib writes it."""
@@ -70,29 +75,47 @@ class Record:
     state: Any = None  # what the pickle wanted to set on the result
 
 
-def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
+def record_of_call(name: str, arguments: tuple[Any, ...], budget: Budget) -> Any:
     """The record of a call, or its value where that is a plain one.
 
     `name` is in full, one of `ADMITTED_IMPORTS`; imported names are strings in the arguments too.
     """
     kind = _CALLS.get(name) or _TORCH_CALLS.get(name)
     match kind, arguments:
+        case "object", (str() as made, "__builtin__.object" | "builtins.object", None):
+            return record_of_call(made, (), budget)
+        case "set", (list() as members,):
+            return set_of(members, budget)
+    made = _plain_value(kind, arguments)
+    made = _record(str(kind), arguments) if made is None else made
+    if made is None:
+        raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
+    return made
+
+
+def _plain_value(kind: str | None, arguments: tuple[Any, ...]) -> Any:
+    """The value of a call that makes a plain one, else None."""
+    match kind, arguments:
         case "encode", (str() as text, "latin1" | "latin-1"):
             return text.encode("latin1")
         case "bytes", ():
             return b""
-        case "set", (list() as members,):
-            return set(members)
-        case "dict", ("__builtin__.dict" | "builtins.dict",):
-            return {}  # of a defaultdict
-        case "ordered", ():
-            return {}  # a tensor's hooks
+        case ("dict", ("__builtin__.dict" | "builtins.dict",)) | ("ordered", ()):
+            return {}  # of a defaultdict; or what torch keeps tensors or a tensor's hooks in
+        case "size", (tuple() as sizes,):
+            return sizes
+    return None
+
+
+def _record(kind: str, arguments: tuple[Any, ...]) -> Record | None:
+    """The record of a call that makes an array or a part of one, else None."""
+    match kind, arguments:
         case "torch storage", (bytes(),):
             return Record(TORCH_STORAGE, arguments)
+        case "parameter", (Record("tensor") as tensor, bool(), {}):
+            return tensor
         case "tensor", (np.ndarray(), int(), tuple(), tuple(), bool(), {}, *_):
             return Record("tensor", arguments[:4])
-        case "object", (str() as made, "__builtin__.object" | "builtins.object", None):
-            return record_of_call(made, ())
         case "dtype", (str() as code, *_) if _DTYPE_CODE.fullmatch(code):
             return Record("dtype", (code,))
         case "scalar", (Record("dtype", (str() as code,)), bytes() | str()) if code[0] != "O":
@@ -103,12 +126,18 @@ def record_of_call(name: str, arguments: tuple[Any, ...]) -> Any:
             "csc" | "csr" | "chumpy.ch.Ch" | "chumpy.reordering.Select" | "joblib array",
             (),
         ):
-            return Record(str(kind), ())
-    raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
+            return Record(kind, ())
+    return None
+
+
+def set_of(members: list[Any], budget: Budget) -> set[Any]:
+    for member in members:
+        budget.check_key(member)
+    return set(members)
 
 
 def array_that_follows(
-    state: Any, subclass: str | None, read: Callable[[int], bytes]
+    state: Any, subclass: str | None, read: Callable[[int], bytes], budget: Budget
 ) -> np.ndarray:
     """The array of a joblib `NumpyArrayWrapper`, whose bytes stand in the file right after it.
 
@@ -129,15 +158,60 @@ def array_that_follows(
         raise UnsafePickle(f"holds a joblib array of {subclass!r} of {dtype}, not of numbers")
     if state.get("numpy_array_alignment_bytes") is not None:
         read(read(1)[0])
-    return _array(read(_size(shape) * dtype.itemsize), dtype, shape, order, {})
+    return _array(read(_size(shape) * dtype.itemsize), dtype, shape, order, _Done(budget))
 
 
-def plain(value: Any) -> Any:
-    """Replace the records in nested containers by arrays.  Shared parts stay shared."""
-    return _plain(value, {})
+class _Done(dict[int, Any]):
+    """What was made of each part so far, by the part's id."""
+
+    def __init__(self, budget: Budget) -> None:
+        super().__init__()
+        self.budget = budget
 
 
-def _plain(value: Any, done: dict[int, Any]) -> Any:
+def plain(value: Any, budget: Budget) -> Any:
+    """Replace the records in nested containers by arrays.  Shared parts stay shared, but count each
+    time: numpy and the readers copy them."""
+    made = _plain(value, _Done(budget))
+    budget.take_numbers(_numbers_in(made, {}))
+    return made
+
+
+def _numbers_in(value: Any, known: dict[int, int | None]) -> int:
+    """Numbers in nested containers, each as often as it is referred to."""
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        return value.size
+    if isinstance(value, str | bytes | bytearray):
+        return 1 + len(value) // 8
+    if hasattr(value, "toarray"):  # sparse, and perhaps made dense
+        return math.prod(value.shape)
+    if not isinstance(value, list | tuple | set | frozenset | dict | np.ndarray):
+        return 1
+    if id(value) not in known:
+        known[id(value)] = None
+        parts = (
+            [*value, *value.values()]
+            if isinstance(value, dict)
+            else list(value.flat if isinstance(value, np.ndarray) else value)
+        )
+        # An array of texts has the longest one's room for each of them.
+        texts = [len(part) for part in parts if isinstance(part, str | bytes)]
+        text = len(texts) * max(texts, default=0)
+        known[id(value)] = text + 1 + sum(_numbers_in(part, known) for part in parts)
+    found = known[id(value)]
+    if found is None:
+        raise OverBudget("holds a list or dictionary that is in itself")
+    return found
+
+
+def _array_of(value: Any, done: _Done) -> np.ndarray:
+    """`np.asarray` of a part, which numpy writes out in full."""
+    made = _plain(value, done)
+    done.budget.take_numbers(_numbers_in(made, {}))
+    return np.asarray(made)
+
+
+def _plain(value: Any, done: _Done) -> Any:
     if isinstance(value, _PLAIN):
         return value
     if id(value) in done:
@@ -160,7 +234,7 @@ def _plain(value: Any, done: dict[int, Any]) -> Any:
     return done[id(value)]
 
 
-def _evaluate(record: Record, done: dict[int, Any]) -> Any:
+def _evaluate(record: Record, done: _Done) -> Any:
     match record.kind, record.arguments, record.state:
         case "array", _, (1, tuple() as shape, Record("dtype") as dtype, int() as fortran, raw):
             return _array(raw, _dtype(dtype), shape, "F" if fortran else "C", done)
@@ -171,13 +245,14 @@ def _evaluate(record: Record, done: dict[int, Any]) -> Any:
         case "dtype", _, _:
             return _dtype(record)
         case "tensor", (storage, offset, size, stride), None:
+            done.budget.take_numbers(_size(size))  # a step of 0 could ask for any amount of memory
             return _strided(storage, offset, size, stride)
         case "csc" | "csr", _, dict() as state:
             return _sparse(record.kind, {key: _plain(item, done) for key, item in state.items()})
         case "chumpy.ch.Ch", _, {"x": x}:
-            return np.asarray(_plain(x, done))
+            return _array_of(x, done)
         case "chumpy.reordering.Select", _, {"a": a, "idxs": idxs, **rest}:
-            chosen = np.asarray(_plain(a, done)).ravel()[np.asarray(_plain(idxs, done))]
+            chosen = _array_of(a, done).ravel()[_array_of(idxs, done)]
             shape = _plain(rest.get("preferred_shape", chosen.shape), done)
             return chosen.reshape(shape)
     raise ValueError(f"the parts of a {record.kind} do not fit together")
@@ -194,13 +269,13 @@ def _dtype(record: Record) -> np.dtype:
 
 
 def _size(shape: tuple[Any, ...]) -> int:
-    if not all(isinstance(n, int) and n >= 0 for n in shape):
-        raise ValueError(f"an array cannot have the shape {shape}")
+    if len(shape) > _MOST_AXES or not all(isinstance(n, int) and 0 <= n < 2**62 for n in shape):
+        raise ValueError("an array cannot have such a shape")
     return math.prod(shape)
 
 
 def _array(
-    raw: Any, dtype: np.dtype, shape: tuple[Any, ...], order: Any, done: dict[int, Any]
+    raw: Any, dtype: np.dtype, shape: tuple[Any, ...], order: Any, done: _Done
 ) -> np.ndarray:
     size = _size(shape)
     if dtype.hasobject:
@@ -213,9 +288,18 @@ def _array(
     data = raw.encode("latin1") if isinstance(raw, str) else raw
     if not isinstance(data, bytes | bytearray) or len(data) != size * dtype.itemsize:
         raise ValueError(f"an array of shape {shape} and dtype {dtype} lacks its bytes")
-    if size * dtype.itemsize == 0:
+    if size == 0:
         return np.zeros(shape, dtype)
+    if dtype.itemsize == 0:
+        raise ValueError(f"an array of shape {shape} has numbers of no bytes")
     return np.frombuffer(data, dtype).reshape(shape, order=order).copy(order="K")
+
+
+def storage_of(name: str, raw: bytes) -> np.ndarray:
+    """The numbers (n,) of a storage of torch, from their bytes; `name` is its imported name."""
+    if name == _BFLOAT16:
+        return (np.frombuffer(raw, "<u2").astype("<u4") << 16).view("<f4")
+    return np.frombuffer(raw, STORAGE_DTYPES[name])
 
 
 def _strided(
@@ -225,8 +309,6 @@ def _strided(
     if not _size(size):
         return np.zeros(size, storage.dtype)
     _size(stride)  # whole numbers, none below 0
-    if _size(size) > len(storage):  # a step of 0 could ask for any amount of memory
-        raise ValueError(f"a tensor of shape {size} has but {len(storage)} numbers")
     last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True))
     if not 0 <= offset <= last < len(storage):
         raise ValueError(f"a tensor of shape {size} reaches beyond its {len(storage)} numbers")
@@ -248,5 +330,7 @@ def _sparse(kind: str, state: dict[str, Any]) -> Any:
 
 
 def _summary(arguments: tuple[Any, ...]) -> str:
-    text = ", ".join(repr(a) if isinstance(a, str | int) else type(a).__name__ for a in arguments)
+    text = ", ".join(
+        repr(a)[:200] if isinstance(a, str | int) else type(a).__name__ for a in arguments
+    )
     return f"({text[:200]})"

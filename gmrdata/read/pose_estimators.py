@@ -24,9 +24,6 @@ SMPL's two hand joints stay straight.  The two have the same `body_pose`.  The b
 which mean something else on SMPL, and are not used.  One file is one person, in every frame.
 """
 
-import pickle  # noqa: TID251  Only the name of the error that torch raises.
-import warnings
-import zipfile
 from collections import defaultdict
 from collections.abc import Mapping
 from operator import itemgetter
@@ -37,10 +34,11 @@ import numpy as np
 
 from gmrdata.read import tracked_people
 from gmrdata.read.numbers import finite_numbers
-from gmrdata.read.safe_pickle import MAX_UNPACKED_BYTES, load_plain
+from gmrdata.read.safe_pickle import load_plain
+from gmrdata.read.torch_files import load_tensors
 from gmrdata.read.tracked_people import PersonPoses
 from gmrdata.values.body import N_JOINTS, N_LOCAL
-from gmrdata.values.errors import BadMotionFile, UnsafePickle
+from gmrdata.values.errors import BadMotionFile
 
 ZIP = b"PK\3\4"  # how a file of torch.save begins, as each zip does
 VIBE_KEYS = frozenset({"pose", "frame_ids"})
@@ -48,11 +46,6 @@ PHALP_KEYS = frozenset({"time", "tid", "smpl"})
 """What an entry of these files has, which tells them from others."""
 GVHMR_KEYS = ("smpl_params_global", "smpl_params_incam")
 N_SMPLX_BODY = 21
-_BROKEN = (
-    zipfile.BadZipFile, RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
-    AssertionError, OverflowError, MemoryError, OSError,
-)  # fmt: skip
-"""What zipfile and torch's reader raise for files whose bytes were changed."""
 
 
 def read_people(path: Path) -> list[PersonPoses]:
@@ -143,45 +136,12 @@ def _phalp_pose(smpl: Any, what: str, path: Path) -> np.ndarray:
 
 
 def _gvhmr(path: Path) -> list[PersonPoses]:
-    import torch
-
     content = load_tensors(path)
     found = next((content[key] for key in GVHMR_KEYS if key in content), None)
     if not isinstance(found, Mapping) or "body_pose" not in found:
         has = ", ".join(map(str, content))[:200]
         what = f"has no body_pose in {' or '.join(GVHMR_KEYS)} (it has {has})"
         raise BadMotionFile(f"{path}: {what}. Give GVHMR's hmr4d_results.pt")
-    value = found["body_pose"]
-    value = value.detach().double().numpy() if isinstance(value, torch.Tensor) else value
-    poses = finite_numbers(value, "body_pose", path)
+    poses = finite_numbers(found["body_pose"], "body_pose", path)
     local_rotmats = tracked_people.rotmats_of_rotvecs(poses, N_SMPLX_BODY, "body_pose", path)
     return [PersonPoses("person", local_rotmats, np.arange(len(poses)), None)]
-
-
-def load_tensors(path: Path) -> Mapping[str, Any]:
-    """The file's dict, with torch's own reader for tensors and nothing else.
-
-    Only the zip form is handed to it, which torch writes since 1.6: in its older form, versions of
-    torch before 2.6 could be made to run code (CVE-2025-32434).
-    """
-    import torch
-
-    try:
-        with zipfile.ZipFile(path) as archive:
-            size_bytes = sum(entry.file_size for entry in archive.infolist())
-        if size_bytes > MAX_UNPACKED_BYTES:
-            raise BadMotionFile(f"{path}: unpacks to {size_bytes} bytes, which no motion needs")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # on odd pickle protocols; then it fails
-            content = torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
-        what = f"wants something that is not tensors ({str(error).splitlines()[0][:200]})"
-        remedy = "Do not trust this file; get it from its maker"
-        raise UnsafePickle(f"{path}: {what}. {remedy}") from None
-    except _BROKEN as error:
-        fault = f"{type(error).__name__}: {str(error)[:200]}"
-        what = f"truncated, or not a file of torch.save ({fault})"
-        raise BadMotionFile(f"{path}: {what}; get it again") from None
-    if not isinstance(content, Mapping):
-        raise BadMotionFile(f"{path}: holds no dict. Give GVHMR's hmr4d_results.pt")
-    return content

@@ -1,6 +1,6 @@
 """Reading pickles of plain data (SMPL, 3DPW, estimators' outputs) without running them.
 
-A pickle is a program that may import and call.  Here an import only yields an inert `_Import`, and
+A pickle is a program that may import and call.  Here an import only yields an inert `Import`, and
 a call only a record of what was to be called; records become arrays after the program has ended.
 So whatever a file holds, none of its imports is made and none of its calls is run.
 
@@ -9,6 +9,9 @@ stand outside of the program (`pickle_records.array_that_follows`).  joblib itse
 
 numpy.save's files of objects are a pickle behind numpy's header.  Torch's tensors in such a pickle
 are a call on a storage, whose bytes are a file of torch.save's older form; both become arrays.
+
+Memory and time are bounded by the file's `Budget`: what it unpacks to, the steps of its program,
+the numbers in what it makes, and what may be a key.
 """
 
 import bz2
@@ -16,6 +19,7 @@ import gzip
 import io
 import lzma
 import pickle  # noqa: TID251  Only its interpreter is used, with every import and call taken out.
+import reprlib
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -29,36 +33,34 @@ import numpy as np
 
 from gmrdata.read import pickle_records
 from gmrdata.values.errors import BrokenPickle, MissingInput, UnsafePickle
+from gmrdata.values.limits import LZMA_BYTES, Budget, OverBudget
 
-MAX_UNPACKED_BYTES = 4 << 30  # a file that unpacks to more is refused before it fills the memory
 _CHUNK_BYTES = 1 << 20
 _OPENERS: dict[bytes, Callable[[IO[bytes]], Any]] = {
     b"\x1f\x8b": lambda stream: gzip.GzipFile(fileobj=stream),
     b"BZh": bz2.BZ2File,
-    b"\xfd7zXZ\x00": lzma.LZMAFile,
-    b"\x5d\x00": partial(lzma.LZMAFile, format=lzma.FORMAT_ALONE),
 }
-"""First bytes of each compression; zlib's are below."""
+"""First bytes of each compression; those of zlib and lzma are below."""
 _ZLIB_FIRST = b"\x78"  # no pickle begins so: there is no such opcode
+_LZMA_FIRST = (b"\xfd7zXZ\x00", b"\x5d\x00")
 
 
-def _unpacked(path: Path, data: bytes) -> bytes:
+def _unpacked(data: bytes, budget: Budget) -> bytes:
     """Unpack zlib, gzip, bz2, xz and lzma."""
     opener = next((o for first, o in _OPENERS.items() if data.startswith(first)), None)
     if data.startswith(_ZLIB_FIRST):
         chunks = _zlib_chunks(data)
+    elif data.startswith(_LZMA_FIRST):
+        chunks = _lzma_chunks(data)
     elif opener is not None:
         chunks = iter(partial(opener(io.BytesIO(data)).read, _CHUNK_BYTES), b"")
     else:
         return data
-    found, size_bytes = [], 0
+    found = bytearray()
     for chunk in chunks:
-        found.append(chunk)
-        size_bytes += len(chunk)
-        if size_bytes > MAX_UNPACKED_BYTES:
-            what = f"unpacks to more than {MAX_UNPACKED_BYTES} bytes; no motion needs that"
-            raise BrokenPickle(f"{path}: {what}")
-    return b"".join(found)
+        budget.take_bytes(len(chunk))
+        found += chunk
+    return bytes(found)
 
 
 def _zlib_chunks(data: bytes) -> Iterator[bytes]:
@@ -73,7 +75,19 @@ def _zlib_chunks(data: bytes) -> Iterator[bytes]:
         raise EOFError("the compressed data ends in its middle")
 
 
-_BROKEN = (
+def _lzma_chunks(data: bytes) -> Iterator[bytes]:
+    while data:
+        # Its header says how much memory the unpacker sets aside.
+        unpacker = lzma.LZMADecompressor(memlimit=LZMA_BYTES)
+        yield unpacker.decompress(data, _CHUNK_BYTES)
+        while not unpacker.eof:
+            if unpacker.needs_input:
+                raise EOFError("the compressed data ends in its middle")
+            yield unpacker.decompress(b"", _CHUNK_BYTES)
+        data = unpacker.unused_data.lstrip(b"\0")
+
+
+BROKEN = (
     pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
     OverflowError, MemoryError, RecursionError, AssertionError, struct.error, zlib.error,
     lzma.LZMAError, OSError,
@@ -89,9 +103,10 @@ def load_plain(path: Path) -> Any:
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    data = path.read_bytes()
+    budget = Budget.of(path)
     with _explained(path, "a pickle"):
-        return pickle_records.plain(_Interpreter(io.BytesIO(_unpacked(path, data))).load())
+        stream = io.BytesIO(_unpacked(path.read_bytes(), budget))
+        return pickle_records.plain(Interpreter(stream, budget).load(), budget)
 
 
 def load_object_npy(path: Path) -> Any:
@@ -101,7 +116,7 @@ def load_object_npy(path: Path) -> Any:
     """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    stream = io.BytesIO(path.read_bytes())
+    stream, budget = io.BytesIO(path.read_bytes()), Budget.of(path)
     with _explained(path, "a .npy of an object"):
         read_header = (
             np.lib.format.read_array_header_1_0
@@ -111,7 +126,8 @@ def load_object_npy(path: Path) -> Any:
         shape, _, dtype = read_header(stream)
         if shape != () or dtype != np.dtype(object):
             raise ValueError(f"holds an array of dtype {dtype} and shape {shape}")
-        return pickle_records.plain(_Interpreter(stream, tensors=True).load()).item()
+        found = Interpreter(stream, budget, tensors=True).load()
+        return pickle_records.plain(found, budget).item()
 
 
 @contextmanager
@@ -122,19 +138,25 @@ def _explained(path: Path, kind: str) -> Iterator[None]:
     except UnsafePickle as error:
         remedy = "Do not trust this file; get it from its maker"
         raise UnsafePickle(f"{path}: {error}. {remedy}") from None
-    except _BROKEN as error:
+    except OverBudget as error:
+        raise BrokenPickle(f"{path}: {error}; get it from its maker") from None
+    except BROKEN as error:
         what = f"truncated or not {kind} ({type(error).__name__}: {error})"
         raise BrokenPickle(f"{path}: {what}; get it again") from None
 
 
+_short = reprlib.Repr()
+"""A text of what a file holds; a full one may be larger than the memory."""
+
+
 @dataclass(frozen=True)
-class _Import:
+class Import:
     """What the pickle wanted to import: a name, and nothing behind it."""
 
     name: str
 
 
-class _Interpreter(pickle._Unpickler):
+class Interpreter(pickle._Unpickler):
     """Python's own pickle interpreter, with every opcode that could reach an object replaced.
 
     The pure Python one, since the C one cannot be kept from setting attributes and allocates what
@@ -143,38 +165,60 @@ class _Interpreter(pickle._Unpickler):
 
     dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(pickle._Unpickler.dispatch)
     stack: list[Any]
+    memo: dict[int, Any]
+    pop_mark: Callable[[], list[Any]]
     append: Callable[[Any], None]
     read: Callable[[int], bytes]
     readline: Callable[[], bytes]
 
-    def __init__(self, stream: io.BytesIO, *, tensors: bool = False) -> None:
-        self._stream, self._tensors = stream, tensors
+    def __init__(self, stream: io.BytesIO, budget: Budget, *, tensors: bool = False) -> None:
+        self._stream, self.budget, self._tensors = stream, budget, tensors
         super().__init__(stream, encoding="latin1")
+
+    def load(self) -> Any:
+        """Python's own loop, with each step counted."""
+        self._unframer = pickle._Unframer(self._file_read, self._file_readline)
+        self.read, self.readline = self._unframer.read, self._unframer.readline
+        self.readinto = self._unframer.readinto
+        self.metastack: list[Any] = []
+        self.stack = []
+        self.append = self.stack.append
+        self.proto = 0
+        budget = self.budget
+        try:
+            while key := self.read(1):
+                budget.nodes_left -= 1
+                if budget.nodes_left < 0:
+                    raise budget.too_many_nodes()
+                self.dispatch[key[0]](self)
+        except pickle._Stop as stop:
+            return stop.value
+        raise EOFError("the program does not end")
 
     def find_class(self, module: str, name: str) -> Any:
         full_name = f"{module}.{name}"
         of_torch = self._tensors and full_name in pickle_records.TORCH_IMPORTS
         if full_name not in pickle_records.ADMITTED_IMPORTS and not of_torch:
             raise UnsafePickle(f"wants to import {full_name!r}")
-        return _Import(full_name)
+        return Import(full_name)
 
     def persistent_load(self, pid: Any) -> Any:
-        raise UnsafePickle(f"wants the outside object {pid!r}")
+        raise UnsafePickle(f"wants the outside object {_short.repr(pid)}")
 
     def get_extension(self, code: int) -> None:
         raise UnsafePickle(f"wants to import number {code} of the extension registry")
 
     def _call(self) -> None:
         arguments = self.stack.pop()
-        made = _record(self.stack[-1], arguments)
+        made = _record(self.stack[-1], arguments, self.budget)
         if isinstance(made, pickle_records.Record) and made.kind == pickle_records.TORCH_STORAGE:
-            made = _storage(made.arguments[0])
+            made = _storage(made.arguments[0], self.budget)
         self.stack[-1] = made
 
     def _call_with_keywords(self) -> None:
         keywords = self.stack.pop()
         if keywords:
-            raise UnsafePickle(f"wants to call with the keywords {sorted(map(str, keywords))}")
+            raise UnsafePickle(f"wants to call with the keywords {_short.repr(keywords)}")
         self._call()
 
     def _old_instance(self) -> None:
@@ -192,47 +236,92 @@ class _Interpreter(pickle._Unpickler):
         made.state = state
         if made.kind == pickle_records.JOBLIB_ARRAY:
             subclass = state.get("subclass") if isinstance(state, dict) else None
-            named = subclass.name if isinstance(subclass, _Import) else None
+            named = subclass.name if isinstance(subclass, Import) else None
             # The bytes stand behind this opcode, which is where a frame has ended.
-            self.stack[-1] = pickle_records.array_that_follows(state, named, self._stream.read)
+            read = self._stream.read
+            self.stack[-1] = pickle_records.array_that_follows(state, named, read, self.budget)
 
     def _bytearray(self) -> None:
         (length,) = struct.unpack("<Q", self.read(8))
         # Python's own allocates the length first, which a broken file may claim to be anything.
         self.append(bytearray(self.read(length)))
 
+    def _set_item(self) -> None:
+        value, key = self.stack.pop(), self.stack.pop()
+        self._fill_dict([key, value])
+
+    def _set_items(self) -> None:
+        self._fill_dict(self.pop_mark())
+
+    def _dict(self) -> None:
+        items = self.pop_mark()
+        self.append({})
+        self._fill_dict(items)
+
+    def _fill_dict(self, items: list[Any]) -> None:
+        made = self.stack[-1]
+        if not isinstance(made, dict):
+            raise UnsafePickle(f"wants to set keys of a {type(made).__name__}")
+        for key in items[::2]:
+            self.budget.check_key(key)
+        made.update(zip(items[::2], items[1::2], strict=True))
+
+    def _add_items(self) -> None:
+        members = self.pop_mark()
+        made = self.stack[-1]
+        if not isinstance(made, set):
+            raise UnsafePickle(f"wants to add members to a {type(made).__name__}")
+        made |= pickle_records.set_of(members, self.budget)
+
+    def _frozenset(self) -> None:
+        members = self.pop_mark()
+        self.append(frozenset(pickle_records.set_of(members, self.budget)))
+
+    def _remember(self) -> None:
+        number = int(self.readline()[:-1])
+        # Python's own takes any number, and those of one hash take for ever to look up.
+        if not 0 <= number < len(self.memo) + 2**31:
+            raise ValueError("remembers under a number that no writer gives")
+        self.memo[number] = self.stack[-1]
+
     def _out_of_band(self) -> None:
         raise UnsafePickle("wants a buffer from outside the file")
 
 
-def _record(called: Any, arguments: Any) -> Any:
-    if not isinstance(called, _Import) or not isinstance(arguments, tuple):
+def _record(called: Any, arguments: Any, budget: Budget) -> Any:
+    if not isinstance(called, Import) or not isinstance(arguments, tuple):
         raise UnsafePickle(f"wants to call a {type(called).__name__}")
-    names = [a.name if isinstance(a, _Import) else a for a in arguments]
-    return pickle_records.record_of_call(called.name, tuple(names))
+    names = [a.name if isinstance(a, Import) else a for a in arguments]
+    return pickle_records.record_of_call(called.name, tuple(names), budget)
 
 
-_REPLACED: dict[bytes, Callable[[_Interpreter], None]] = {
-    pickle.REDUCE: _Interpreter._call,
-    pickle.NEWOBJ: _Interpreter._call,
-    pickle.NEWOBJ_EX: _Interpreter._call_with_keywords,
-    pickle.OBJ: _Interpreter._old_object,
-    pickle.INST: _Interpreter._old_instance,
-    pickle.BUILD: _Interpreter._set_state,
-    pickle.BYTEARRAY8: _Interpreter._bytearray,
-    pickle.NEXT_BUFFER: _Interpreter._out_of_band,
-    pickle.READONLY_BUFFER: _Interpreter._out_of_band,
+_REPLACED: dict[bytes, Callable[[Interpreter], None]] = {
+    pickle.REDUCE: Interpreter._call,
+    pickle.NEWOBJ: Interpreter._call,
+    pickle.NEWOBJ_EX: Interpreter._call_with_keywords,
+    pickle.OBJ: Interpreter._old_object,
+    pickle.INST: Interpreter._old_instance,
+    pickle.BUILD: Interpreter._set_state,
+    pickle.BYTEARRAY8: Interpreter._bytearray,
+    pickle.SETITEM: Interpreter._set_item,
+    pickle.SETITEMS: Interpreter._set_items,
+    pickle.DICT: Interpreter._dict,
+    pickle.ADDITEMS: Interpreter._add_items,
+    pickle.FROZENSET: Interpreter._frozenset,
+    pickle.PUT: Interpreter._remember,
+    pickle.NEXT_BUFFER: Interpreter._out_of_band,
+    pickle.READONLY_BUFFER: Interpreter._out_of_band,
 }
 for _opcode, _method in _REPLACED.items():
-    _Interpreter.dispatch[_opcode[0]] = _method
+    Interpreter.dispatch[_opcode[0]] = _method
 
 
-class _StorageInterpreter(_Interpreter):
+class _StorageInterpreter(Interpreter):
     """Reads what a storage's own file says of it: the type of its numbers, and how many."""
 
     def persistent_load(self, pid: Any) -> Any:
         match pid:
-            case ("storage", _Import(name), str(), str(), int() as n, *_):
+            case ("storage", Import(name), str(), str(), int() as n, *_):
                 return np.dtype(pickle_records.STORAGE_DTYPES[name]), n
         return super().persistent_load(pid)
 
@@ -241,19 +330,19 @@ _TORCH_MAGIC = 0x1950A86A20F9469CFC6C
 _TORCH_PROTOCOL = 1001
 
 
-def _storage(data: bytes) -> np.ndarray:
+def _storage(data: bytes, budget: Budget) -> np.ndarray:
     """The numbers (n,) of a storage that torch wrote in its form from before version 1.6.
 
     Five pickles (a magic number, the form's number, the machine, the storage, the list of its one
     key), then how many numbers there are, as 8 bytes, and the numbers (torch/serialization.py).
     """
     stream = io.BytesIO(data)
-    magic, protocol, machine = (_Interpreter(stream).load() for _ in range(3))
+    magic, protocol, machine = (Interpreter(stream, budget).load() for _ in range(3))
     known = (magic, protocol) == (_TORCH_MAGIC, _TORCH_PROTOCOL) and isinstance(machine, dict)
     if not known or machine.get("little_endian") is not True:
         raise ValueError("a tensor is not in the form that torch writes")
-    dtype, n_numbers = _StorageInterpreter(stream, tensors=True).load()
-    _Interpreter(stream).load()
+    dtype, n_numbers = _StorageInterpreter(stream, budget, tensors=True).load()
+    Interpreter(stream, budget).load()
     (n_said,) = struct.unpack("<q", stream.read(8))
     raw = stream.read()
     if n_said != n_numbers or len(raw) != n_numbers * dtype.itemsize:

@@ -40,8 +40,9 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.read import tracked_people
 from gmrdata.read.numbers import finite_numbers
-from gmrdata.read.pose_estimators import GVHMR_KEYS, N_SMPLX_BODY, ZIP, load_tensors
+from gmrdata.read.pose_estimators import GVHMR_KEYS, N_SMPLX_BODY, ZIP
 from gmrdata.read.safe_pickle import load_object_npy, load_plain
+from gmrdata.read.torch_files import load_tensors
 from gmrdata.values.body import HANDS, N_JOINTS
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
@@ -214,19 +215,11 @@ def _vibe_person(key: Any, values: Any, path: Path) -> ResultPerson:
 
 
 def _gvhmr_person(path: Path) -> ResultPerson:
-    import torch
-
     content = load_tensors(path)
     if not isinstance(content.get(GVHMR_KEYS[0]), Mapping):
         has = ", ".join(map(str, content))[:200]
         raise BadMotionFile(f"{path}: no {GVHMR_KEYS[0]} (it has {has}). {_AGAIN}")
-    values, seen = (
-        {
-            key: value.detach().double().numpy() if isinstance(value, torch.Tensor) else value
-            for key, value in dict(content.get(name) or {}).items()
-        }
-        for name in GVHMR_KEYS
-    )
+    values, seen = (dict(content.get(name) or {}) for name in GVHMR_KEYS)
     rows = _usable_rows(content, path)
     poses = _array(values, "body_pose", (None, 3 * N_SMPLX_BODY), "the person", path)
     n_frames = len(poses)

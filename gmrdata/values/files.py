@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmrdata.values.errors import BadMotionFile, BadRecord, MissingInput
+from gmrdata.values.limits import Budget, OverBudget
 
 STAGE_FILE, RECIPE_FILE = "stage.json", "recipe.json"
 _BESIDE_A_STAGE = re.compile(r"\..+\.(lock|claim|inputs)")
@@ -146,22 +147,31 @@ def read_json(path: Path) -> Any:
         raise BadRecord(f"{path}: not JSON ({error}); make it again") from None
 
 
-MAX_UNPACKED_BYTES = 4 << 30  # an .npz that unpacks to more is refused before it fills the memory
-
-
 def read_npz(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of an .npz, without unpickling anything."""
+    """All arrays of an .npz, without unpickling anything, and within the file's `Budget`."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
+    budget = Budget.of(path)
     try:
-        with zipfile.ZipFile(path) as archive:
-            size_bytes = sum(entry.file_size for entry in archive.infolist())
-        if size_bytes > MAX_UNPACKED_BYTES:
-            raise BadMotionFile(f"{path}: unpacks to {size_bytes} bytes, which no motion needs")
+        check_archive(path, budget)
+        found = {}
         with np.load(path, allow_pickle=False) as arrays:
-            return {key: arrays[key] for key in arrays.files}
+            for key in arrays.files:
+                found[key] = arrays[key]
+                budget.take_numbers(np.size(found[key]))
+        return found
+    except OverBudget as error:
+        raise BadMotionFile(f"{path}: {error}; get it from its maker") from None
     except _NPZ_ERRORS as error:
         raise BadMotionFile(f"{path}: not a readable .npz of plain arrays ({error})") from None
+
+
+def check_archive(path: Path, budget: Budget) -> None:
+    """Refuse a zip file of too many files, or of more bytes than it may unpack to."""
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+    budget.check_members(len(entries))
+    budget.take_bytes(sum(entry.file_size for entry in entries))
 
 
 _NPZ_ERRORS = (

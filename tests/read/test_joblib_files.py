@@ -17,8 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gmrdata.read import safe_pickle as unpacking
 from gmrdata.read.safe_pickle import load_plain
+from gmrdata.values import limits
 from gmrdata.values.errors import BrokenPickle, UnsafePickle
 from tests.joblib_layout import joblib_bytes
 
@@ -192,6 +192,6 @@ def test_the_spelt_out_wrapper_itself_is_read(tmp_path: Path) -> None:
 def test_a_file_that_unpacks_without_end_is_refused(
     packer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(unpacking, "MAX_UNPACKED_BYTES", 3 << 20)
-    with pytest.raises(BrokenPickle, match=r"some\.pkl: unpacks to more than"):
+    monkeypatch.setattr(limits, "FREE_BYTES", 3 << 20)
+    with pytest.raises(BrokenPickle, match=r"some\.pkl: unpacks to more bytes than"):
         read(tmp_path, PACKERS[packer](bytes(5 << 20)))

@@ -329,7 +329,7 @@ def assert_plain(value: Any) -> None:
 
 def test_shared_parts_stay_shared_and_do_not_multiply(tmp_path: Path) -> None:
     value: list[Any] = [np.arange(3.0)]
-    for _ in range(60):
+    for _ in range(20):
         value = [value, value]
     found = read(tmp_path, pickle.dumps(value, 2))
     assert found[0] is found[1]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gmrdata.values import files
+from gmrdata.values import limits
 from gmrdata.values.camera import CameraPath, intrinsics_from_fov
 from gmrdata.values.clip import (
     _CAMERA_SHAPES,
@@ -259,6 +259,6 @@ def test_header_that_claims_more_than_any_memory(tmp_path: Path) -> None:
 def test_npz_bomb_is_refused_unopened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "c.npz"
     np.savez_compressed(path, a=np.zeros(200_000))
-    monkeypatch.setattr(files, "MAX_UNPACKED_BYTES", 1_000_000)
-    with pytest.raises(BadMotionFile, match="unpacks to 16"):
+    monkeypatch.setattr(limits, "FREE_BYTES", 1_000_000)
+    with pytest.raises(BadMotionFile, match="unpacks to more bytes"):
         read_npz(path)

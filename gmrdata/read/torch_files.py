@@ -1,0 +1,90 @@
+"""Files of torch.save, without torch: its tensors become arrays, and nothing else is admitted.
+
+Since version 1.6 torch writes a zip archive: `<name>/data.pkl`, a pickle whose tensors are calls on
+storages, and `<name>/data/<key>` with the bytes of each storage (torch/serialization.py).  The
+pickle is read as every other is (`gmrdata.read.safe_pickle`), within the same budget.  A sparse,
+quantized or nested tensor, or one of no device, is a call that is not admitted.
+"""
+
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gmrdata.read import pickle_records
+from gmrdata.read.safe_pickle import BROKEN, Import, Interpreter
+from gmrdata.values.errors import BadMotionFile, MissingInput, UnsafePickle
+from gmrdata.values.files import check_archive
+from gmrdata.values.limits import Budget, OverBudget
+
+PROGRAM = "data.pkl"
+
+
+def load_tensors(path: Path) -> Mapping[str, Any]:
+    """The dict that torch.save wrote to a file, with its tensors as arrays.
+
+    BadMotionFile where it is broken, too large, of torch's form from before 1.6 or no dict;
+    UnsafePickle where it holds more than tensors and plain data.
+    """
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    budget = Budget.of(path)
+    with _explained(path):
+        check_archive(path, budget)
+        with zipfile.ZipFile(path) as archive:
+            found = _Reader(archive, _folder_in(archive), budget).load()
+        content = pickle_records.plain(found, budget)
+    if not isinstance(content, Mapping):
+        raise BadMotionFile(f"{path}: holds no dict; give the file that the system wrote")
+    return content
+
+
+class _Reader(Interpreter):
+    """Python's pickle interpreter on an archive's program, with storages from its other files."""
+
+    def __init__(self, archive: zipfile.ZipFile, folder: str, budget: Budget) -> None:
+        super().__init__(BytesIO(archive.read(f"{folder}{PROGRAM}")), budget, tensors=True)
+        self._archive, self._folder = archive, folder
+        self._storages: dict[str, np.ndarray] = {}
+
+    def persistent_load(self, pid: Any) -> Any:
+        match pid:
+            case ("storage", Import(name), str() as key, str(), int()):
+                if key not in self._storages:
+                    raw = self._archive.read(f"{self._folder}data/{key}")
+                    self._storages[key] = pickle_records.storage_of(name, raw)
+                return self._storages[key]
+        return super().persistent_load(pid)
+
+
+def _folder_in(archive: zipfile.ZipFile) -> str:
+    """The folder that all is in, with its slash."""
+    names = archive.namelist()
+    programs = [name for name in names if name.rpartition("/")[2] == PROGRAM]
+    if len(programs) != 1 or len({name.casefold() for name in names}) < len(names):
+        raise ValueError(f"it has {len(programs)} files {PROGRAM}, or two of one name")
+    folder = programs[0].removesuffix(PROGRAM)
+    order = f"{folder}byteorder"
+    if order in names and archive.read(order) != b"little":
+        raise ValueError("its numbers have the byte order of another machine")
+    return folder
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Let what a broken or unsafe file raises name the file and the remedy."""
+    try:
+        yield
+    except UnsafePickle as error:
+        what = f"wants something that is not tensors ({error})"
+        remedy = "Do not trust this file; get it from its maker"
+        raise UnsafePickle(f"{path}: {what}. {remedy}") from None
+    except OverBudget as error:
+        raise BadMotionFile(f"{path}: {error}; get it from its maker") from None
+    except (*BROKEN, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        what = f"truncated, or not a file of torch.save ({type(error).__name__}: {error})"
+        raise BadMotionFile(f"{path}: {what[:300]}; get it again") from None

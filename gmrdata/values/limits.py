@@ -1,0 +1,104 @@
+"""Limits: how much memory and time a file that others made may take.  docs/security.md lists them.
+
+A reader makes a `Budget` of its file, and takes from it what the file asks for before it is made.
+What a file may ask for grows with its size, so that a small file can't fill the memory, up to a
+ceiling; what every small file may ask for is free of that.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+MIB = 1 << 20
+
+FREE_BYTES, BYTES_PER_BYTE, MOST_BYTES = 256 * MIB, 64, 4096 * MIB
+"""Bytes that a file unpacks to: free, for each byte of the file, and at most."""
+FREE_NUMBERS, NUMBERS_PER_BYTE, MOST_NUMBERS = 32 * MIB, 8, 512 * MIB
+"""Numbers in its arrays and lists, each counted as often as it is referred to; 8 bytes in use."""
+FREE_NODES, NODES_PER_BYTE, MOST_NODES = 2_000_000, 1, 20_000_000
+"""Steps of a pickle."""
+MOST_MEMBERS = 10_000  # files in an archive
+MOST_KEY_PARTS = 32  # of a tuple that is a key: what is hashed is small and flat
+MOST_ODD_KEYS = 20_000  # tuples and the like, whose hashes a file can make equal, as no text's
+LARGEST_INTEGER = 1 << 60  # that is no odd key; above it Python's hashes repeat
+LZMA_BYTES = 256 * MIB  # of memory that a compressed file may tell its reader to set aside
+
+MOST_TEXT_BYTES = 1024 * MIB  # of a motion file in text
+FREE_LINES, BYTES_PER_LINE = 1_000_000, 12  # free, and else this many bytes for each
+MOST_JOINTS = 1000  # of a skeleton
+MOST_PIXELS = 200_000_000  # of an image
+MOST_DIGITS = 9  # of an image's number
+
+MOST_RECIPE_BYTES = MIB
+MOST_MANIFEST_BYTES = 64 * MIB
+DEEPEST_YAML = 32
+MOST_YAML_DIGITS = 18  # of a whole number
+
+
+class OverBudget(ValueError):
+    """A file asks for more than its budget; the text names neither the file nor a remedy."""
+
+
+@dataclass
+class Budget:
+    """What a file may still ask for."""
+
+    size_bytes: int  # of the file as it is
+    bytes_left: int
+    numbers_left: int
+    nodes_left: int
+    odd_keys_left: int = MOST_ODD_KEYS
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        return cls.of_size(path.stat().st_size)
+
+    @classmethod
+    def of_size(cls, size_bytes: int) -> Self:
+        return cls(
+            size_bytes,
+            bytes_left=min(MOST_BYTES, max(FREE_BYTES, BYTES_PER_BYTE * size_bytes)),
+            numbers_left=min(MOST_NUMBERS, max(FREE_NUMBERS, NUMBERS_PER_BYTE * size_bytes)),
+            nodes_left=min(MOST_NODES, max(FREE_NODES, NODES_PER_BYTE * size_bytes)),
+        )
+
+    def take_bytes(self, count: int) -> None:
+        self.bytes_left -= count
+        if self.bytes_left < 0:
+            raise self._over("unpacks to more bytes")
+
+    def take_numbers(self, count: int) -> None:
+        self.numbers_left -= count
+        if self.numbers_left < 0:
+            raise self._over("holds more numbers")
+
+    def too_many_nodes(self) -> OverBudget:
+        return self._over("takes more steps to read")
+
+    def check_members(self, count: int) -> None:
+        if count > MOST_MEMBERS:
+            raise OverBudget(f"holds {count} files; {MOST_MEMBERS} are the most")
+
+    def check_key(self, key: Any) -> None:
+        """Refuse what must not be hashed: deep or wide tuples crash or stall the interpreter, and
+        many keys of one hash take for ever."""
+        if isinstance(key, str | bytes | float | None) or (
+            isinstance(key, int) and abs(key) < LARGEST_INTEGER
+        ):
+            return
+        if isinstance(key, tuple):
+            _require_flat(key)
+        self.odd_keys_left -= 1
+        if self.odd_keys_left < 0:
+            raise OverBudget(f"has more than {MOST_ODD_KEYS} keys that are no texts or numbers")
+
+    def _over(self, what: str) -> OverBudget:
+        return OverBudget(f"{what} than a file of {self.size_bytes} bytes has any use for")
+
+
+def _require_flat(key: tuple[Any, ...]) -> None:
+    parts = list(key[:MOST_KEY_PARTS])
+    for part in parts:  # grows while it is gone through
+        parts += part[:MOST_KEY_PARTS] if isinstance(part, tuple) else ()
+        if len(parts) >= MOST_KEY_PARTS:
+            raise OverBudget(f"has a key of {MOST_KEY_PARTS} parts or more")
