@@ -1,0 +1,130 @@
+"""Broken results of other systems are refused with the file, whatever part of them is broken."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from gmrdata.read.world_results import read_world_result
+from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from tests.joblib_layout import joblib_bytes
+
+T = 4
+
+
+def vibe(path: Path, **change: Any) -> Path:
+    person = {
+        "pose": np.zeros((T, 72)),
+        "betas": np.zeros((T, 10)),
+        "orig_cam": np.ones((T, 4)),
+        "frame_ids": np.arange(T),
+    }
+    (path / "vibe_output.pkl").write_bytes(joblib_bytes({1: _changed(person, change)}))
+    return path / "vibe_output.pkl"
+
+
+def gvhmr(path: Path, **change: Any) -> Path:
+    widths = {"body_pose": 63, "global_orient": 3, "transl": 3}
+    person = _changed({key: np.zeros((T, width)) for key, width in widths.items()}, change)
+    tensors = {key: torch.from_numpy(np.asarray(value)) for key, value in person.items()}
+    torch.save({"smpl_params_global": tensors}, path / "hmr4d_results.pt")
+    return path / "hmr4d_results.pt"
+
+
+def tram(path: Path, **change: Any) -> Path:
+    people = {
+        "pred_rotmat": np.tile(np.eye(3), (T, 24, 1, 1)),
+        "pred_shape": np.zeros((T, 10)),
+        "pred_trans": np.zeros((T, 1, 3)),
+        "frame": np.arange(T),
+    }
+    camera = {"world_cam_R": np.tile(np.eye(3), (T, 1, 1)), "world_cam_T": np.zeros((T, 3))}
+    (path / "hps").mkdir(exist_ok=True)
+    both = _changed(people | camera, change)
+    for name, keys in (("camera.npy", camera), ("hps/hps_track_0.npy", people)):
+        kept = {key: both[key] for key in keys if key in both}
+        np.save(path / name, kept)  # type: ignore[arg-type]  # as TRAM does
+    return path
+
+
+def slahmr(path: Path, **change: Any) -> Path:
+    arrays = {
+        "trans": np.zeros((2, T, 3)),
+        "root_orient": np.zeros((2, T, 3)),
+        "pose_body": np.zeros((2, T, 63)),
+        "betas": np.zeros((2, 16)),
+        "cam_R": np.tile(np.eye(3), (2, T, 1, 1)),
+        "cam_t": np.zeros((2, T, 3)),
+    }
+    tracks = ", ".join(f'"{n}": {{"index": {n}, "vis_mask": {[1] * T}}}' for n in range(2))
+    meta = f'{{"seq_interval": [0, {T}], "data_interval": [0, {T}]}}'
+    (path / "track_info.json").write_text(f'{{"tracks": {{{tracks}}}, "meta": {meta}}}')
+    np.savez(path / "x_000040_world_results.npz", **_changed(arrays, change))
+    return path / "x_000040_world_results.npz"
+
+
+def amass(path: Path, **change: Any) -> Path:
+    arrays = {"poses": np.zeros((T, 72)), "trans": np.zeros((T, 3)), "mocap_framerate": 30.0}
+    np.savez(path / "x.npz", **_changed(arrays, change))
+    return path / "x.npz"
+
+
+WRITERS: dict[str, tuple[Callable[..., Path], tuple[str, ...]]] = {
+    "vibe": (vibe, ("pose", "betas", "orig_cam", "frame_ids")),
+    "gvhmr": (gvhmr, ("body_pose", "global_orient", "transl")),
+    "tram": (
+        tram,
+        ("pred_rotmat", "pred_shape", "pred_trans", "frame", "world_cam_R", "world_cam_T"),
+    ),
+    "slahmr": (slahmr, ("trans", "root_orient", "pose_body", "betas", "cam_R", "cam_t")),
+    "amass": (amass, ("poses", "trans", "mocap_framerate")),
+}
+OPTIONAL = {"frame", "mocap_framerate", "cam_R", "cam_t"}
+PARTS = [(system, key) for system, (_, keys) in WRITERS.items() for key in keys]
+
+
+def _changed(arrays: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    for key, how in change.items():
+        value = np.asarray(arrays[key], dtype=float)
+        if how == "nan":
+            arrays[key] = np.where(np.arange(value.size).reshape(value.shape) == 0, np.nan, value)
+        elif how == "short":
+            arrays[key] = value[:-1] if value.ndim else np.zeros(3)
+        elif how == "flat":
+            arrays[key] = value.ravel()[:-1] if value.ndim else np.zeros(0)
+        else:
+            del arrays[key]
+    return arrays
+
+
+@pytest.mark.parametrize("system", WRITERS)
+def test_whole_results_are_read(system: str, tmp_path: Path) -> None:
+    found = read_world_result(WRITERS[system][0](tmp_path))
+    assert found.system == system
+    assert [len(one.frame_numbers) for one in found.people] == [T] * len(found.people)
+
+
+@pytest.mark.parametrize(("system", "key"), PARTS)
+@pytest.mark.parametrize("how", ["nan", "short", "flat", "gone"])
+def test_a_broken_part_is_refused(system: str, key: str, how: str, tmp_path: Path) -> None:
+    path = WRITERS[system][0](tmp_path, **{key: how})
+    if how == "gone" and key in OPTIONAL:
+        assert read_world_result(path).people
+        return
+    with pytest.raises(GmrdataError, match=str(tmp_path)) as refused:
+        read_world_result(path)
+    assert type(refused.value) in (BadMotionFile, MissingInput)
+
+
+def test_a_folder_that_is_no_result_is_named(tmp_path: Path) -> None:
+    with pytest.raises(MissingInput, match=r"no camera\.npy and hps/hps_track_<k>\.npy"):
+        read_world_result(tmp_path)
+    np.savez(tmp_path / "x.npz", other=np.zeros(3))
+    with pytest.raises(BadMotionFile, match=r"x\.npz: no result of SLAHMR .* it has other"):
+        read_world_result(tmp_path / "x.npz")
+    (tmp_path / "x.pkl").write_bytes(joblib_bytes({1: {"pose": np.zeros((T, 72))}}))
+    with pytest.raises(BadMotionFile, match=r"x\.pkl: neither WHAM's .* has pose"):
+        read_world_result(tmp_path / "x.pkl")
