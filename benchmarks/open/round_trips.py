@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from open import sequences
 
 from gmrdata.motion.files import read_motion
 from gmrdata.stage.progress import track
@@ -36,7 +37,14 @@ def bvh(motion: Motion, body: BodyModel, folder: Path) -> Motion:
     return read_motion(folder / "motion.bvh", body)
 
 
-FORMATS: dict[str, RoundTrip] = {"amass": amass, "bvh": bvh}
+FORMATS: dict[str, RoundTrip] = {
+    "amass": amass,
+    "bvh": bvh,
+    "3dpw": sequences.threedpw,
+    "emdb": sequences.emdb,
+    "wham": sequences.wham,
+    "gvhmr": sequences.gvhmr,
+}
 
 
 def measured(paths: Sequence[Path], body: BodyModel, folder: Path) -> list[dict[str, Any]]:
