@@ -97,7 +97,8 @@ def write_tram(
     n_cameras = int(frames.max()) + 1
     world_from_cam = np.tile(np.eye(4), (n_cameras, 1, 1))
     world_from_cam[frames, :3, :3] = Y_UP_FROM_Z_UP @ camera.world_from_cam[:, :3, :3]
-    world_from_cam[frames, :3, 3] = camera.world_from_cam[:, :3, 3] @ Y_UP_FROM_Z_UP.T
+    # In a world of its own.
+    world_from_cam[frames, :3, 3] = camera.centres_world_m @ Y_UP_FROM_Z_UP.T + [3.0, 1.0, 2.0]
     rotmats = np.concatenate([seen.root_rotmats[:, None], seen.local_rotmats], axis=1)
     people = {
         "pred_cam": torch.ones(len(frames), 3),
