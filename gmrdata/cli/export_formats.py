@@ -17,7 +17,7 @@ from gmrdata.read.frames import number_in_name
 from gmrdata.stage.progress import console
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import camera_of
+from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
 
@@ -81,7 +81,8 @@ def _clip_lacks(need: Need, exported: ExportedClip) -> str:
 
 def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
     """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
-    from gmrdata.world.background import load_background, load_background_tracks
+    from gmrdata.cameras.files import load_cameras
+    from gmrdata.world.background import is_kept_in_place, load_background, load_background_tracks
     from gmrdata.write.colmap import NO_POINTS, ColmapPoints, write_colmap
 
     exported = clips[0]
@@ -89,7 +90,12 @@ def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOpti
     if exported.sfm_dir is None:
         write_colmap(path, camera_of(exported.clip), _image_names(exported))
         return
-    found = load_background(exported.sfm_dir, exported.clip)
+    world_of: Clip | None = exported.clip
+    if load_cameras(exported.sfm_dir).geometry == "full" and is_kept_in_place(exported.clip):
+        what = "its scale is not known: the model is in the unit and world of its reconstruction"
+        console.print(f"{exported.sequence}: {what}", markup=False, soft_wrap=True)
+        world_of = None
+    found = load_background(exported.sfm_dir, world_of)
     names: Sequence[str | None]
     if options.observations == "none":
         numbers = exported.clip.image_numbers.tolist()

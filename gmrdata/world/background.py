@@ -15,6 +15,7 @@ from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.values.transforms import Similarity
 
 IN_PLACE_M = 1e-9  # a camera that travels less was kept in place
+OWN_WORLD = Similarity(1.0, np.eye(3), np.zeros(3))
 LARGEST_RESIDUAL = 1e-6  # of the camera's distance from the middle, and of rotation matrices
 
 
@@ -28,10 +29,13 @@ class Background:
     lens: files.Lens | None  # distortion that was taken out of the image points
 
 
-def load_background(sfm_dir: Path, clip: Clip) -> Background:
-    """Read a reconstruction's folder; errors as of `world_from_sfm`."""
+def load_background(sfm_dir: Path, clip: Clip | None) -> Background:
+    """Read a reconstruction's folder; errors as of `world_from_sfm`.
+
+    Without a clip it is in the world and the unit of the reconstruction itself.
+    """
     cameras, points = files.load_cameras(sfm_dir), files.load_points(sfm_dir)
-    similarity = world_from_sfm(cameras, clip, sfm_dir)
+    similarity = OWN_WORLD if clip is None else world_from_sfm(cameras, clip, sfm_dir)
     known = cameras.path.world_from_cam
     rotmats, centres_m = similarity.rotmat @ known[:, :3, :3], similarity.apply(known[:, :3, 3])
     camera = replace(cameras.path, world_from_cam=transforms.rigid(rotmats, centres_m))
@@ -47,6 +51,13 @@ def load_background_tracks(sfm_dir: Path, background: Background) -> Tracks:
     if not (rows_fit and tracks.points.max(initial=-1) < n_points):
         raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
     return tracks
+
+
+def is_kept_in_place(clip: Clip) -> bool:
+    """Whether the clip's camera stays in one place, as that of a tripod, or for want of a scale."""
+    camera = camera_of(clip)
+    centres_m = camera.centres_world_m[camera.has_camera]
+    return bool(np.ptp(centres_m, axis=0).max(initial=0.0) < IN_PLACE_M)
 
 
 def world_from_sfm(cameras: files.SfmCameras, clip: Clip, sfm_dir: Path) -> Similarity:
@@ -67,7 +78,7 @@ def world_from_sfm(cameras: files.SfmCameras, clip: Clip, sfm_dir: Path) -> Simi
     way_m, way = there[:, :3, 3] - middle_m, (here[:, :3, 3] - middle) @ rotmat.T
     travels = float((way**2).sum())
     scale = float((way_m * way).sum()) / travels if travels > 0 else 1.0
-    if travels > 0 and np.abs(way_m).max() < IN_PLACE_M:
+    if travels > 0 and is_kept_in_place(clip):
         what = f"clip {clip.id} has no metric scale, so its camera was kept in place"
         raise BadRecord(f"{sfm_dir}: {what}, and the points have no place in its world")
     turned = np.abs(rotmat @ here[:, :3, :3] - there[:, :3, :3]).max()

@@ -234,3 +234,24 @@ def test_all_observations_none_and_an_older_folder(
     bare, _ = models(tmp_path / "none/colmap/arc_00")
     assert bare.compute_num_observations() == 0
     assert bare.num_points3D() >= keyframes.num_points3D() and bare.num_reg_images() == 36
+
+
+@pytest.mark.slow
+def test_a_model_without_a_metric_scale_keeps_its_own_world(
+    made_set: Path, small_body: BodyModel, tmp_path: Path, gmrdata: Gmrdata
+) -> None:
+    source = tmp_path / "arc_00"
+    shutil.copytree(made_set / "sequences/arc_00/sfm", source / "sfm")
+    clip = load_clip(made_set / "sequences/arc_00/pseudo_gt/person_0.npz")
+    camera = camera_of(clip)
+    world_from_cam = camera.world_from_cam.copy()
+    world_from_cam[:, :3, 3] = world_from_cam[0, :3, 3]
+    still = replace(clip, camera=replace(camera, world_from_cam=world_from_cam))
+    path = source / "pseudo_gt/person_0.npz"
+    save_clip(path, still, small_body.rest_pelvis_m(clip.motion.shape))
+    said = gmrdata("export", source, "--to", "colmap", "--out", tmp_path)
+    assert said.returncode == 0 and "its scale is not known" in said.stderr
+    stage = load_quality(source / "sfm")
+    for model in models(tmp_path / "colmap" / "arc_00.p0"):
+        error_px = model.compute_mean_reprojection_error()
+        assert error_px == pytest.approx(stage.mean_reprojection_px, rel=0.01)

@@ -53,6 +53,13 @@ def test_points_and_cameras_are_in_the_clips_world(walkers: list[Clip], sfm_dir:
     np.testing.assert_allclose(again.points_m, found.points_m, atol=1e-9)
 
 
+def test_without_a_clip_it_is_in_its_own_world(walkers: list[Clip], sfm_dir: Path) -> None:
+    found = load_background(sfm_dir, None)
+    assert np.array_equal(found.points_m, POINTS)
+    expected = in_sfm(camera_of(walkers[0])).world_from_cam
+    assert np.array_equal(found.camera.world_from_cam, expected)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
