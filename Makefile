@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-gmr bench-gmr-cmu clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-scale bench-gmr bench-gmr-cmu clean
 
 setup: $(READY)
 
@@ -43,6 +43,10 @@ bench-real: $(READY)
 # Other people's files in and out.  ARGS='--bvh FOLDER' reads their BVH files.
 bench-open: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_open.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# Many clips and many processes.  ARGS=--small only tries every part.
+bench-scale: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_scale.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # GMR's training step.  ARGS=--small only tries every part.
 bench-gmr: $(READY)

@@ -10,17 +10,19 @@ from gmrdata.cli.options import Manifest, Manifests, need
 from gmrdata.stage.progress import answers
 
 
-def manifest_check(paths: Manifests, hashes: bool = True) -> None:
+def manifest_check(paths: Manifests, hashes: bool = True, files: bool = True) -> None:
     """Check manifests: schema, files, hashes, sizes, finite values, proper rotations, paths.
 
     Args:
         hashes: Read every byte; sizes alone without.
+        files: Look at the files; without, only at what the manifests say, for data sets that are
+            not here.
     """
     from gmrdata.manifest.check import check_manifest
 
     need(paths, "a manifest file")
     for path in paths:
-        check_manifest(path, hashes=hashes)
+        check_manifest(path, hashes=hashes, files=files)
         answer(f"{path}: good")
 
 

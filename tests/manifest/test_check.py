@@ -419,6 +419,15 @@ def test_recipe_that_was_edited(edit: Edit) -> None:
     refused(path, "clip walk: recipe.sha256")
 
 
+def test_without_files_only_the_manifest_is_looked_at(data_set: Path, edit: Edit) -> None:
+    (data_set / "clips" / "bare.npz").unlink()
+    check_manifest(data_set / "set.yaml", files=False)
+    recipe = {"stage": "render", "config": {"seed": 1}, "inputs": {}, "sha256": "0" * 64}
+    path = edit(lambda data: data["clips"][WALK].update(recipe=recipe))
+    with pytest.raises(BadManifest, match="clip walk: recipe.sha256"):
+        check_manifest(path, files=False)
+
+
 def test_all_problems_come_at_once(data_set: Path) -> None:
     for number in range(6):
         (data_set / "frames" / f"{number:05d}.jpg").unlink()

@@ -1,0 +1,67 @@
+"""Measure what many clips and many processes cost, and that shards lose nothing.
+
+`make bench-scale` prints tables and writes out/bench/scale.json; `ARGS=--small` only tries every
+part.  Each part is a module of `scale/` with a function that gives plain figures.
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+from record import Record, at_least, at_most
+from render.tables import show
+from scale import jobs, manifests, sharing
+
+pytestmark = pytest.mark.bench
+OUT = Path("out/bench/scale.json")
+
+
+@pytest.fixture(scope="module")
+def record(request: pytest.FixtureRequest) -> Record:
+    small = request.config.getoption("--small")
+    return Record(OUT, small, lambda: {"small": small, "cores": os.cpu_count()})
+
+
+def test_jobs(record: Record, tmp_path: Path) -> None:
+    n = 200 if record.small else 10_000
+    found = jobs.milliseconds(n, tmp_path)
+    show(f"{n} empty jobs", [found])
+    record.add(**found)
+    record.hold(
+        [
+            at_most("an empty job by shards [ms]", found["job_ms_shards"], 2.0),
+            at_most("an empty job by Dask [ms]", found["job_ms_dask"], 15.0),
+        ]
+    )
+
+
+def test_manifests(record: Record, tmp_path: Path) -> None:
+    rows = [manifests.measured(n, tmp_path) for n in ((100, 2000) if record.small else manifests.N)]
+    show("Manifests", rows)
+    last = rows[-1]
+    figures = {"manifest_100k_read_s": last["read_s"], "manifest_100k_mib": last["read_mib"]}
+    record.add(manifests=rows, **figures)
+    record.hold(
+        [
+            at_most("reading 100,000 clips [s]", last["read_s"], 20.0),
+            at_most("memory for that [MiB]", last["read_mib"], 1024.0),
+            at_most("checking 100,000 clips without files [s]", last["check_s"], 60.0),
+        ]
+    )
+
+
+def test_shards(record: Record, tmp_path: Path, cmu_dir: Path) -> None:
+    n = 8 if record.small else 200
+    motions = sharing.motion_files(cmu_dir / "bvh", tmp_path / "motions", n)
+    found = sharing.killed_and_taken_over(motions, tmp_path)
+    found |= sharing.speedups(motions, tmp_path)
+    show(f"{n} motions in shards", [found])
+    record.add(**found)
+    record.hold(
+        [
+            at_least("bytes of four shards, one killed, are those of one process",
+                     float(found["shard_bytes_equal"]), 1.0),
+            at_least("two processes beside one", found["two_process_speedup"], 1.7),
+            at_most("a finished shard run again, of the first", found["repeat_share"], 0.05),
+        ]
+    )  # fmt: skip
