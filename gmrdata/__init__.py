@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from gmrdata.read.bodies import load_body as load_body
     from gmrdata.read.bodies import save_body as save_body
     from gmrdata.score.records import Scores as Scores
+    from gmrdata.score.result_scores import ResultsConfig as ResultsConfig
+    from gmrdata.score.result_scores import score_results as score_results
     from gmrdata.score.score import ScoreConfig as ScoreConfig
     from gmrdata.score.score import score_manifest as score_manifest
     from gmrdata.score.score import score_predictions as score_predictions
@@ -53,6 +55,7 @@ _NAMES = {
     "motion.library": ("make_library",),
     "read.bodies": ("load_body", "save_body"),
     "score.records": ("Scores",),
+    "score.result_scores": ("ResultsConfig", "score_results"),
     "score.score": ("ScoreConfig", "score_manifest", "score_predictions"),
     "stage.run": ("Run",),
     "values.body": ("BodyModel",),
