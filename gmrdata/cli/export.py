@@ -49,18 +49,22 @@ def export(
     Args:
         source: A manifest, a clip's file, or the folder of a rendered set, of sfm, threedpw, floor,
             motions, infer or a demo.
-        to: Formats. colmap: a COLMAP model, binary and text, with the tracks of a solved sequence;
-            tum: trajectory as TUM's RGB-D benchmark has it, with times;
-            kitti: trajectory as KITTI's odometry has it, a line per frame;
-            gem-x: GEM-X's camera file, preprocess/camera.pt;
-            3dpw: the sequence files of 3DPW, with people and cameras in one world that does not
-            drift; emdb: EMDB's files; wham: wham_output.pkl; gvhmr: hmr4d_results.pt;
-            onnx: the network of a training run, whose folder is then the source;
-            amass: SMPL+H's npz, and bvh: Mixamo's joints in cm; each in a folder, a file for each
-            unbroken stretch of valid frames; glb: a person and the camera, animated;
-            usd: all people of a sequence and the camera (extra `export`);
-            rrd: the same for rerun, with frames, masks, points and truth (extra `view`);
+        to: Formats.
+            colmap: a COLMAP model, binary and text, with the tracks of a solved sequence.
+            tum: trajectory as TUM's RGB-D benchmark has it, with times.
+            kitti: trajectory as KITTI's odometry has it, a line per frame.
+            gem-x: GEM-X's camera file, preprocess/camera.pt.
+            3dpw: 3DPW's sequence files, people and cameras in one world that does not drift.
+            emdb: EMDB's files.
+            wham: wham_output.pkl.
+            gvhmr: hmr4d_results.pt.
+            amass: SMPL+H's npz, a file for each unbroken stretch of valid frames.
+            bvh: Mixamo's joints [cm], in such files.
+            glb: a person and the camera, animated.
+            usd: all people of a sequence and the camera (extra `export`).
+            rrd: the same for rerun, with frames, masks, points and truth (extra `view`).
             mp4: the frames with bodies and paths drawn over them.
+            onnx: the network of a training run, whose folder is then the source.
         out: Output folder: <format>/<clip id>.
         clips: Names of the clips to write; all when left out.
         of: Whose trajectory tum and kitti hold: the camera's, or the person's pelvis.
