@@ -77,7 +77,11 @@ def mask_paths(exported: ExportedClip) -> list[Path | None]:
 
 def unbroken_runs(valid: np.ndarray) -> list[slice]:
     """The stretches of valid frames (T,)."""
-    return [slice(start, stop) for start, stop, here in text_runs("x" * v for v in valid) if here]
+    return [
+        slice(start, stop)
+        for start, stop, here in text_runs("here" if one else "" for one in valid)
+        if here
+    ]
 
 
 def _in_rows_of(clip: Clip, truth: Clip) -> Clip:

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -16,9 +15,9 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
 from gmrdata.write.recording import write_recording
 from gmrdata.write.take import Take
+from tests.write.rerun_files import Recorded
 from tests.write.takes import HIDDEN, INTRINSICS_PX, N_FRAMES, SIZE_PX, make_take
 
-dataframe = pytest.importorskip("rerun.dataframe", reason="the reader of rerun 0.23 to 0.30")
 SHOWN_FROM_WORLD = np.array([[0.0, -1, 0, 2], [1, 0, 0, 3], [0, 0, 1, 0.5], [0, 0, 0, 1]])
 
 
@@ -49,7 +48,7 @@ def recording(
     take: Take,
     files: tuple[list[Path | None], list[Path | None]],
     tmp_path_factory: pytest.TempPathFactory,
-) -> Any:
+) -> Recorded:
     path = tmp_path_factory.mktemp("rrd") / "take.rrd"
     write_recording(
         path,
@@ -58,85 +57,83 @@ def recording(
         images=files[0],
         masks=files[1],
     )
-    return dataframe.load_recording(path)
+    return Recorded(path)
 
 
-def rows_of(
-    recording: Any, column: str, timeline: str = "frame", *, held: bool = False
-) -> dict[Any, Any]:
-    """A component's values by time: what was logged then, or with `held` what a viewer shows."""
-    view = recording.view(index=timeline, contents=column.partition(":")[0])
-    if held:
-        view = view.using_index_values(np.arange(N_FRAMES)).fill_latest_at()
-    table = view.select().read_all().to_pydict()
-    (name,) = [name for name in table if name.startswith(column)]
-    return {at: value for at, value in zip(table[timeline], table[name], strict=True) if value}
-
-
-def test_bodies_are_where_ours_are(recording: Any, take: Take) -> None:
+def test_bodies_are_where_ours_are(recording: Recorded, take: Take) -> None:
     for person in take.people:
-        entity = f"/world/truth/{person.name}"
+        entity = f"world/truth/{person.name}"
         joints_m = motion_joints_m(person.body, person.motion)
         vertices_m = motion_vertices_m(person.body, person.motion)
-        joints = rows_of(recording, f"{entity}/joints:Position3D")
-        skin = rows_of(recording, f"{entity}/body:Position3D")
-        bones = rows_of(recording, f"{entity}/bones:LineStrip3D")
-        for row in np.flatnonzero(person.shown).tolist():
+        joints = recording.values(f"{entity}/joints", "Points3D:positions")
+        skin = recording.values(f"{entity}/body", "Mesh3D:vertex_positions")
+        bones = recording.values(f"{entity}/bones", "LineStrips3D:strips")
+        shown = np.flatnonzero(person.shown).tolist()
+        assert sorted(joints) == sorted(skin) == sorted(bones) == shown
+        for row in shown:
             np.testing.assert_allclose(joints[row], joints_m[row], atol=1e-6)
             np.testing.assert_allclose(skin[row], vertices_m[row], atol=1e-6)
-            np.testing.assert_allclose(
-                bones[row], joints_m[row][list(enumerate(PARENTS))[1:]], atol=1e-6
-            )
+            ends_m = joints_m[row][list(enumerate(PARENTS))[1:]]
+            np.testing.assert_allclose(bones[row], ends_m, atol=1e-6)
+        (faces,) = recording.values(f"{entity}/body", "Mesh3D:triangle_indices").values()
+        assert np.array_equal(faces, person.body.faces)
+
+
+def test_what_is_not_known_is_not_shown(recording: Recorded) -> None:
+    """A viewer goes on showing what was logged last, until it is cleared."""
     everywhere = set(range(N_FRAMES))
-    for component in ("joints:Position3D", "body:Position3D", "bones:LineStrip3D"):
-        shown = rows_of(recording, f"/world/truth/second/{component}", held=True)
-        assert everywhere - shown.keys() == set(HIDDEN)
-    kept = rows_of(recording, "/world/truth/second/body:TriangleIndices", held=True)
-    assert np.array_equal(kept[N_FRAMES - 1], take.people[1].body.faces)
+    for part, component in (
+        ("second/joints", "Points3D:positions"),
+        ("second/body", "Mesh3D:vertex_positions"),
+        ("second/bones", "LineStrips3D:strips"),
+    ):
+        shown = recording.shown(f"world/truth/{part}", component, N_FRAMES)
+        assert everywhere - shown == set(HIDDEN)
+    for entity in ("world/result/camera", "world/truth/camera"):
+        shown = recording.shown(f"{entity}/image", "Pinhole:image_from_camera", N_FRAMES)
+        assert everywhere - shown == {HIDDEN[-1]}
+        shown = recording.shown(entity, "Transform3D:mat3x3", N_FRAMES)
+        assert everywhere - shown == {HIDDEN[-1]}
+    shown = recording.shown("world/result/camera/image", "EncodedImage:blob", N_FRAMES)
+    assert everywhere - shown == {N_FRAMES - 1}
 
 
-def test_the_camera_is_ours(recording: Any, take: Take) -> None:
+def test_the_camera_is_ours(recording: Recorded, take: Take) -> None:
     camera = take.camera
     assert camera is not None
-    shown = rows_of(recording, "/world/result/camera/image:PinholeProjection", held=True)
-    assert set(range(N_FRAMES)) - shown.keys() == {HIDDEN[-1]}
     for name in ("result", "truth"):
-        entity = f"/world/{name}/camera"
-        centres = rows_of(recording, f"{entity}:Translation3D")
-        turns = rows_of(recording, f"{entity}:TransformMat3x3")
-        lenses = rows_of(recording, f"{entity}/image:PinholeProjection")
-        sizes = rows_of(recording, f"{entity}/image:Resolution")
-        assert HIDDEN[-1] not in lenses.keys() | turns.keys()
-        for row in np.flatnonzero(camera.has_camera).tolist():
-            np.testing.assert_allclose(centres[row][0], camera.centres_world_m[row], atol=1e-6)
-            columns = camera.world_from_cam[row, :3, :3].T.ravel()
-            np.testing.assert_allclose(turns[row][0], columns, atol=1e-6)
+        entity = f"world/{name}/camera"
+        found = recording.transforms(entity)
+        lenses = recording.values(f"{entity}/image", "Pinhole:image_from_camera")
+        sizes = recording.values(f"{entity}/image", "Pinhole:resolution")
+        assert sorted(found) == sorted(lenses) == np.flatnonzero(camera.has_camera).tolist()
+        for row in found:
+            np.testing.assert_allclose(found[row], camera.world_from_cam[row], atol=1e-6)
             np.testing.assert_allclose(lenses[row][0], INTRINSICS_PX.T.ravel(), atol=1e-5)
             assert sizes[row][0] == list(SIZE_PX)
-    placed = recording.view(index="frame", contents="/world/truth").select_static()
-    moved_m = placed.read_all().to_pydict()["/world/truth:Translation3D"]
-    np.testing.assert_allclose(moved_m[0][0], SHOWN_FROM_WORLD[:3, 3])
+    np.testing.assert_allclose(recording.transforms("world/truth")[None], SHOWN_FROM_WORLD)
 
 
 def test_frames_and_masks_are_the_files(
-    recording: Any, files: tuple[list[Path | None], list[Path | None]]
+    recording: Recorded, files: tuple[list[Path | None], list[Path | None]]
 ) -> None:
-    blobs = rows_of(recording, "/world/result/camera/image:Blob")
-    masks = rows_of(recording, "/world/result/camera/image/mask:ImageBuffer")
+    entity = "world/result/camera/image"
+    blobs = recording.values(entity, "EncodedImage:blob")
+    masks = recording.values(f"{entity}/mask", "SegmentationImage:buffer")
+    assert sorted(blobs) == sorted(masks) == list(range(N_FRAMES - 1))
     for row, (image, mask) in enumerate(zip(*files, strict=True)):
         if image is None or mask is None:
-            assert row not in blobs and row not in masks
             continue
         assert bytes(blobs[row][0]) == image.read_bytes()
         pixels = np.array(masks[row][0], np.uint8).reshape(SIZE_PX[::-1])
         assert np.array_equal(255 * pixels, cv2.imread(str(mask), cv2.IMREAD_GRAYSCALE))
-    assert "/world/truth/camera/image/mask:ImageBuffer" not in str(recording.schema())
+    assert "world/truth/camera/image/mask" not in recording.entities()
 
 
-def test_times_are_the_frames_over_their_rate(recording: Any) -> None:
-    joints = rows_of(recording, "/world/result/person/joints:Position3D", "time")
-    seconds = [at.total_seconds() for at in joints]
-    np.testing.assert_allclose(seconds, np.arange(N_FRAMES) / 29.97, atol=1e-6)
+def test_times_are_the_frames_over_their_rate(recording: Recorded) -> None:
+    times_s = recording.times_s("world/result/person/joints", "Points3D:positions")
+    assert list(times_s) == list(range(N_FRAMES))
+    np.testing.assert_allclose(list(times_s.values()), np.arange(N_FRAMES) / 29.97, atol=1e-6)
 
 
 def test_what_cannot_be_written_is_said(
