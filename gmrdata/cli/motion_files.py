@@ -67,7 +67,9 @@ def motions(
     body: flags.Body = "anny",
     layout: Literal["files", "human36m", "emdb"] = "files",
     fps_hz: flags.FpsHz = None,
+    unit_m: flags.UnitM = None,
     joint_map: flags.JointMap = None,
+    rest_pose: flags.RestPoseOrFile = None,
     *,
     run: flags.RunFlags,
     array: ArrayFlags,
@@ -88,6 +90,7 @@ def motions(
     from gmrdata.motion.human36m import make_human36m
     from gmrdata.motion.library import make_library, motion_table
 
+    config = flags.reading(fps_hz, unit_m, joint_map, rest_pose)
     if array is not None:
         print_script(array)
     elif layout != "files":
@@ -97,12 +100,14 @@ def motions(
         for path in make(sources[0], body, out, run=run):
             answer(path)
     elif out is None:
-        headings, rows, bad = motion_table(sources, body, fps_hz=fps_hz, joint_map=joint_map)
-        print_table(headings, rows)
-        if bad:
-            raise BadMotionFile(bad)
+        table = motion_table(sources, body, config)
+        print_table(table.headings, table.rows)
+        for warning in table.warnings:
+            answer(warning)
+        if table.bad:
+            raise BadMotionFile(table.bad)
     else:
-        answer(make_library(sources, body, out, fps_hz=fps_hz, joint_map=joint_map, run=run))
+        answer(make_library(sources, body, out, **dict(config), run=run))
 
 
 def render(

@@ -8,11 +8,12 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.stage.run import Run
 from gmrdata.stage.shards import Shard
-from gmrdata.values.errors import MissingInput
+from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.people import PersonFiles
 
 if TYPE_CHECKING:
     from gmrdata.film.set_plan import SyntheticRecipe
+    from gmrdata.read.source_motion import ReadConfig
     from gmrdata.values.records import Config
 
 AnyRecipe = TypeVar("AnyRecipe", bound="Config")
@@ -61,6 +62,17 @@ FpsHz = Annotated[
 JointMap = Annotated[
     Path | None, arg(help="YAML or JSON file: joint name in a BVH or ASF -> joint of SMPL's tree.")
 ]
+UnitM = Annotated[
+    float | None, arg(help="Metres per unit of a BVH or ASF; found by the legs when left out.")
+]
+RestPoseOrFile = Annotated[
+    str | None,
+    arg(
+        metavar="t|a|arms_down|arms_up|along_axes|first_frame|FILE",
+        help="What the pose without rotations of a BVH or ASF is, or a BVH of the same skeleton "
+        "that begins with the standing person; looked for when left out.",
+    ),
+]
 Frames = Annotated[Path, arg(help="Folder of numbered images, or a video file.")]
 MaskModel = Annotated[
     Path | None,
@@ -88,6 +100,23 @@ def read_recipe(name: str, model: type[AnyRecipe]) -> AnyRecipe:
     from gmrdata.stage.recipes import find_recipe, load_recipe
 
     return load_recipe(find_recipe(name), model)
+
+
+def reading(
+    fps_hz: float | None, unit_m: float | None, joint_map: Path | None, rest_pose: str | None
+) -> "ReadConfig":
+    """What a person said of motion files; raises BadRecipe for what is none of the choices."""
+    from pydantic import ValidationError
+
+    from gmrdata.read.source_motion import ReadConfig
+
+    said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
+    try:
+        return ReadConfig.model_validate(said)
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        flag = str(wrong["loc"][0]).replace("_", "-")
+        raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
 
 
 def need(values: tuple[Any, ...], what: str) -> None:

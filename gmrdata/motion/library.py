@@ -10,25 +10,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
+from typing import Literal, Self
 
 import numpy as np
 
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Source
+from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.entry import clip_entry, created_by, stage_recipe
 from gmrdata.manifest.write import write_manifest
 from gmrdata.motion.amass import chosen_body
-from gmrdata.motion.files import find_motions, input_files, read_motion
+from gmrdata.motion.files import FileReading, find_motions, input_files, read_file
+from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG, LIES
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
-from gmrdata.read.source_motion import is_trial
+from gmrdata.read.source_motion import ReadConfig, RestPose, is_trial
 from gmrdata.stage.jobs import Job, Outcome, record_failures, try_jobs, worker_pool
-from gmrdata.stage.progress import track
+from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, Record
 
 LICENCES = {
     "gmrdata": "CC0-1.0",  # generated gait on a CC0 body: nobody's work but the program's
@@ -36,10 +38,16 @@ LICENCES = {
     "mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
     "AMASS": "AMASS's licence (amass.is.tue.mpg.de): non-commercial; not to be passed on",
 }
+DEFAULT_READING = ReadConfig()
+LINES = ("limbs", "hips", "shoulders", "trunk")
+"""The file's own lines against the body's, mean (worst) [deg]; the keys of LARGEST_RESIDUAL_DEG."""
+HEADINGS = ("file", "frames", "rate [Hz]", "from", "length [s]", "path [m]", "speed [m/s]",
+            *(f"{line} [deg]" for line in LINES))  # fmt: skip
 LONGEST_ID = 150
 READING = "reading motions"
 FAILED = "failed"
 """Folder below the library's with a text file for each file that could not be read."""
+CLIPS, READING_FILE = "clips", "reading.json"
 FEW_FILES = 8  # so many files are read faster than worker processes start
 MAX_LISTED = 20
 
@@ -118,44 +126,72 @@ def clip_id(name: str) -> str:
     return plain if re.match(r"[A-Za-z0-9_]", plain) else f"_{plain}"
 
 
-class LibraryConfig(Config):
-    """How the files are read: at the true frame rate that a person gave, or None for their own."""
+class ReadingRecord(Record):
+    """`reading.json`: how a clip's file was read."""
 
-    fps_hz: float | None
+    format: Literal["gmrdata-reading/1"] = "gmrdata-reading/1"
+    rate_from: str
+    """Where the frame rate is from: "header", "file", "CMU's index" or "given"."""
+    residual_deg: dict[str, float]
+    """Mean and worst angles between the file's own lines and the body's (`Residual.figures`); empty
+    for a file that holds poses of this tree."""
+    upright: bool | None
+    """False for one who lies or leans in most frames; None where it was not looked at."""
+
+    @classmethod
+    def of(cls, read: FileReading) -> Self:
+        residual = read.residual
+        figures = {} if residual is None else residual.figures
+        upright = None if residual is None else residual.upright
+        return cls(rate_from=read.rate_from, residual_deg=figures, upright=upright)
+
+
+@dataclass(frozen=True)
+class MotionTable:
+    """What is in motion files."""
+
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    warnings: Sequence[str]
+    bad: str  # which files can't be read; empty if all can
 
 
 def motion_table(
-    sources: tuple[Path, ...],
-    body: str,
-    *,
-    fps_hz: float | None = None,
-    joint_map: Path | None = None,
-) -> tuple[Sequence[str], Sequence[Sequence[str]], str]:
-    """Read motion files and say what is in them: headings and rows; and which can't be read.
-
-    Paths are given from the folder that holds all files.
-    """
+    sources: tuple[Path, ...], body: str, config: ReadConfig = DEFAULT_READING
+) -> MotionTable:
+    """Read motion files and say what is in them, with paths from the folder that holds them all."""
     bodies = {one.name: one for one in load_bodies(body)}
     files = library_files(sources)
     root = os.path.commonpath([file.path.absolute().parent for file in files])
-    rows, reasons = [], {}
+    rows, warnings, reasons = [], [], {}
     for file in track(files, READING):
         try:
             one = bodies[chosen_body(file.path, bodies)]
-            motion = read_motion(file.path, one, fps_hz=fps_hz, joint_map=joint_map)
+            read = read_file(file.path, one, config)
         except GmrdataError as error:
             reasons[file.id] = str(error)
             continue
-        # Its path on the ground at 10 fps, which leaves out the pelvis's sway.
-        ground_m = motion.pelvis_m[:: max(1, round(motion.fps_hz / 10)), :2]
-        travelled_m = float(np.linalg.norm(np.diff(ground_m, axis=0), axis=1).sum())
-        seconds = motion.n_frames / motion.fps_hz
-        figures = [f"{value:.2f}" for value in (seconds, travelled_m, travelled_m / seconds)]
-        inside = file.path.absolute().relative_to(root)
-        rows.append((str(inside), f"{motion.n_frames}", f"{motion.fps_hz:g}", *figures))
-    headings = ("file", "frames", "rate [Hz]", "length [s]", "path [m]", "speed [m/s]")
+        inside = str(file.path.absolute().relative_to(root))
+        rows.append((inside, *_cells(read)))
+        if read.residual is not None and not read.residual.upright:
+            warnings.append(f"{inside}: {LIES}")
     bad = _bad_files(reasons, len(files), "the others are listed") if reasons else ""
-    return headings, rows, bad
+    return MotionTable(HEADINGS, rows, warnings, bad)
+
+
+def _cells(read: FileReading) -> tuple[str, ...]:
+    """A motion's row, without its name."""
+    motion, residual = read.motion, read.residual
+    # Its path on the ground at 10 fps, which leaves out the pelvis's sway.
+    ground_m = motion.pelvis_m[:: max(1, round(motion.fps_hz / 10)), :2]
+    travelled_m = float(np.linalg.norm(np.diff(ground_m, axis=0), axis=1).sum())
+    seconds = motion.n_frames / motion.fps_hz
+    figures = [f"{value:.2f}" for value in (seconds, travelled_m, travelled_m / seconds)]
+    off = ["" for _ in LARGEST_RESIDUAL_DEG]
+    if residual is not None:
+        both = [(residual.mean_deg[line], residual.worst_deg[line]) for line in residual.mean_deg]
+        off = [f"{mean:.1f} ({worst:.1f})" for mean, worst in both]
+    return f"{motion.n_frames}", f"{motion.fps_hz:g}", read.rate_from, *figures, *off
 
 
 def make_library(
@@ -164,7 +200,9 @@ def make_library(
     out_dir: Path,
     *,
     fps_hz: float | None = None,
+    unit_m: float | None = None,
     joint_map: Path | None = None,
+    rest_pose: RestPose | Path | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Write one clip per motion file, and `motions.yaml` that lists them; gives its path.
@@ -172,15 +210,14 @@ def make_library(
     Each file is a stage of its own, done by one of several worker processes, and is not done again.
 
     `body` is as `load_body` takes it, or a folder of bodies: then each motion is put on the one
-    that its shape is of, see `chosen_body`.  `fps_hz` and `joint_map` as `read_motion` does.  A
+    that its shape is of, see `chosen_body`.  `fps_hz` to `rest_pose` as in `read_motion`.  A
     BadMotionFile lists the files that could not be read, once the others' manifest is written.
     """
     out_dir = out_dir.resolve()
     files = library_files(sources)
     body_paths = _keep(body, out_dir / "body", run)
-    config = LibraryConfig(fps_hz=fps_hz)
-    shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config}
-    shared |= {"joint_map": joint_map, "run": run}
+    config = ReadConfig(fps_hz=fps_hz, unit_m=unit_m, joint_map=joint_map, rest_pose=rest_pose)
+    shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config, "run": run}
     jobs = [
         Job(file.id, make_entry, {"file": file} | shared, weight=file.path.stat().st_size)
         for file in files
@@ -191,7 +228,10 @@ def make_library(
         licences = dict.fromkeys(_body(body_paths[name]).licence for name in used)
         licence = f"clips as stated by each; body: {'; '.join(licences)}"
         head = ("motions", clip_id(out_dir.name), "Motions on the 24-joint tree.", licence)
-        write_motions(out_dir, *head, list(outcome.results.values()), config, run=run)
+        write_motions(out_dir, *head, list(outcome.results.values()), config.recorded, run=run)
+    for id in outcome.results:
+        if ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).upright is False:
+            console.print(f"clip {id}: {LIES}", markup=False, soft_wrap=True)
     if outcome.reasons:
         others = "there is no manifest"
         if outcome.results:
@@ -204,8 +244,7 @@ def make_entry(
     file: LibraryFile,
     body_paths: Mapping[str, Path],
     out_dir: Path,
-    config: LibraryConfig,
-    joint_map: Path | None,
+    config: ReadConfig,
     run: Run,
 ) -> ClipEntry:
     """Stage: one motion file as a clip in `clips/<id>` of the library; gives its manifest entry."""
@@ -213,21 +252,24 @@ def make_entry(
 
     def work(partial_dir: Path) -> None:
         body = _body(body_path)
-        motion = read_motion(file.path, body, fps_hz=config.fps_hz, joint_map=joint_map)
+        read = read_file(file.path, body, config)
+        motion = read.motion
         n = motion.n_frames
         clip = Clip(file.id, motion, np.ones(n, dtype=bool), np.full(n, -1), None)
         save_clip(partial_dir / "clip.npz", clip, body.rest_pelvis_m(motion.shape))
+        ReadingRecord.of(read).write(partial_dir / READING_FILE)
 
-    inputs = input_files(file.path) | {"body": body_path}
-    if joint_map is not None:
-        inputs["joint_map"] = joint_map
-    folder = run_stage("motion", out_dir / "clips" / file.id, config, inputs, work, run=run)
+    inputs = input_files(file.path) | {"body": body_path} | config.inputs
+    made_by, clip_dir = config.recorded, out_dir / CLIPS / file.id
+    folder = run_stage("motion", clip_dir, made_by, inputs, work, run=run)
+    figures = ReadingRecord.read(folder / READING_FILE).residual_deg
     return clip_entry(
         out_dir,
         clip_path=folder / "clip.npz",
         camera_motion="none",
         licence=licence_of(file.source),
         source=file.source,
+        quality=Quality(figures=figures) if figures else None,
         recipe=stage_recipe(folder),
     )
 

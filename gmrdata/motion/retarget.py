@@ -63,7 +63,6 @@ from gmrdata.values.body import (
 )
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
-from gmrdata.values.records import figure
 from gmrdata.values.skinning import (
     global_rotmats,
     joint_positions_m,
@@ -260,7 +259,8 @@ def _residual(
     mean_deg, worst_deg = {}, {}
     for line, most_deg in LARGEST_RESIDUAL_DEG.items():
         off_deg = angles_deg(wanted[line], got[line])
-        mean_deg[line], worst_deg[line] = figure(off_deg.mean()), figure(off_deg.max())
+        mean_deg[line] = round(float(off_deg.mean()), 3)
+        worst_deg[line] = round(float(off_deg.max()), 3)
         if not mean_deg[line] <= most_deg:
             _refuse(motion.source, line, mean_deg[line])
     trunk_m = np.median(got["trunk"][:, 0], axis=0)

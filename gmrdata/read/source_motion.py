@@ -41,6 +41,11 @@ class ReadConfig(Config):
         files = {"joint_map": self.joint_map, "rest_pose": self.rest_pose}
         return {name: file for name, file in files.items() if isinstance(file, Path)}
 
+    @property
+    def recorded(self) -> "ReadConfig":
+        """The same without its files, which count in a stage's record by their content."""
+        return self.model_copy(update=dict.fromkeys(self.inputs))
+
 
 @dataclass(frozen=True, eq=False)
 class SourceMotion:

@@ -156,18 +156,17 @@ def test_clip_ids_have_plain_letters() -> None:
 def test_the_table_of_a_folder(tmp_path: Path, body_path: Path) -> None:
     write_amass(tmp_path / "AMASS", NAMES[:2])
     folder = tmp_path / "AMASS"
-    headings, rows, bad = motion_table((folder,), str(body_path))
-    assert headings[:3] == ("file", "frames", "rate [Hz]") and not bad
-    assert [row[:3] for row in rows] == [
-        ("01/01_01_poses.npz", "12", "60"),
-        ("02/02_03_poses.npz", "12", "60"),
+    table = motion_table((folder,), str(body_path))
+    assert table.headings[:4] == ("file", "frames", "rate [Hz]", "from") and not table.bad
+    assert [row[:4] for row in table.rows] == [
+        ("01/01_01_poses.npz", "12", "60", "file"),
+        ("02/02_03_poses.npz", "12", "60", "file"),
     ]
     (folder / "walk.bvh").write_text("HIERARCHY\n")
-    _, again, bad = motion_table((folder,), str(body_path))
-    assert again[0][0] == "CMU/01/01_01_poses.npz" and len(again) == 2
-    assert (
-        bad.startswith("1 of 3 files could not be read; the others are listed:\n") and "walk" in bad
-    )
+    again = motion_table((folder,), str(body_path))
+    assert again.rows[0][0] == "CMU/01/01_01_poses.npz" and len(again.rows) == 2
+    assert again.bad.startswith("1 of 3 files could not be read; the others are listed:\n")
+    assert "walk" in again.bad
 
 
 def finished(out: Path) -> dict[Path, int]:
