@@ -23,7 +23,7 @@ from gmrdata.values.body import JOINT, PARENTS, BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.skinning import global_rotmats, motion_joints_m, motion_vertices_m
 from gmrdata.values.transforms import apply, invert
-from tests.score.made_people import made_people, our_figures
+from tests.score.made_people import made_people, made_regressor, our_figures
 
 FILES = {
     "wham": {"yohanshin+WHAM": ["lib/eval/eval_utils.py"]},
@@ -143,11 +143,13 @@ def _with_feet(feet: np.ndarray) -> torch.Tensor:
     return vertices
 
 
-def _camera_figures(code: SimpleNamespace, true: Arrays, own: Arrays) -> dict[str, np.ndarray]:
+def _camera_figures(
+    code: SimpleNamespace, true: Arrays, own: Arrays, hips: Sequence[int] = (1, 2)
+) -> dict[str, np.ndarray]:
     """As WHAM's and TRAM's scripts take them, with accelerations per s^2 at 30 Hz."""
     good = true.valid
     given = [own.seen_joints, true.seen_joints, own.seen_vertices, true.seen_vertices]
-    data = code.batch_align_by_pelvis([_t(one[good]) for one in given], [1, 2])
+    data = code.batch_align_by_pelvis([_t(one[good]) for one in given], list(hips))
     aligned = code.batch_compute_similarity_transform_torch(data[0], data[1])
     accel = code.compute_error_accel(joints_pred=data[0], joints_gt=data[1])[1:-1]
     return {
@@ -247,7 +249,7 @@ def tram(code: SimpleNamespace, pairs: Pairs) -> Figures:
     return {**_pooled(samples), "ate_m": float(ate), "ate_s_m": float(ate_s)}
 
 
-def slahmr(code: SimpleNamespace, pairs: Pairs) -> Figures:
+def slahmr(code: SimpleNamespace, pairs: Pairs, joints: Sequence[int] = LSP) -> Figures:
     """Jobs of the video's frames; all tracks of a job go through `eval_result_dir` at once."""
     n = len(pairs[0][0].valid)
     splits = list(range(0, n, 100))
@@ -256,7 +258,7 @@ def slahmr(code: SimpleNamespace, pairs: Pairs) -> Figures:
     for start, end in itertools.pairwise(splits):
         valid = torch.stack([torch.as_tensor(true.valid[start:end]) for true, _ in pairs])
         target, own = (
-            torch.stack([_t(pair[which].joints[start:end, LSP]) for pair in pairs])[valid]
+            torch.stack([_t(pair[which].joints[start:end, list(joints)]) for pair in pairs])[valid]
             for which in (0, 1)
         )
         made = {
@@ -330,12 +332,36 @@ def vibe(code: SimpleNamespace, pairs: Pairs) -> Figures:
     }
 
 
+def wham_on_3dpw(code: SimpleNamespace, pairs: Pairs) -> Figures:
+    return _pooled([_camera_figures(code, true, own, (2, 3)) for true, own in pairs])
+
+
 SCRIPTS = {"wham": wham, "tram": tram, "gvhmr": gvhmr, "slahmr": slahmr, "emdb": emdb, "vibe": vibe}
+MESH_CASE = "2 people, with gaps, joints from the mesh"
 CASES = [(people, gaps) for people in (1, 2) for gaps in (False, True)]
 
 
 def case_name(people: int, gaps: bool) -> str:
     return f"{people} people, {'with' if gaps else 'without'} gaps"
+
+
+def regressed(arrays: Arrays, matrix: np.ndarray) -> Arrays:
+    """The same with joints that a regressor takes from the vertices."""
+    seen = np.einsum("jv,tvd->tjd", matrix, arrays.seen_vertices)
+    return replace(arrays, seen_joints=seen, joints=apply(arrays.camera, seen))
+
+
+def mesh_figures(code: Mapping[str, SimpleNamespace], pairs: Pairs, body: BodyModel) -> dict[
+    str, Figures
+]:  # fmt: skip
+    """What released functions make of joints from the mesh: Human3.6M's 14, SMPL's 24."""
+    of_24 = [tuple(regressed(one, made_regressor(body, 24)) for one in pair) for pair in pairs]
+    of_14 = [tuple(regressed(one, made_regressor(body, 14)) for one in pair) for pair in pairs]
+    return {
+        "gvhmr": gvhmr(code["gvhmr"], of_24),  # type: ignore[arg-type]
+        "wham": wham_on_3dpw(code["wham"], of_14),  # type: ignore[arg-type]
+        "slahmr": slahmr(code["slahmr"], of_14, range(14)),  # type: ignore[arg-type]
+    }
 
 
 def released_figures(
@@ -355,28 +381,36 @@ def released_figures(
             found[case_name(people, gaps)] = {
                 name: script(codes[name], pairs) for name, script in SCRIPTS.items()
             }
+        found[MESH_CASE] = mesh_figures(codes, pairs, body)
         return found
     finally:
         torch.set_default_dtype(before)
 
 
+def _rows(case: str, name: str, theirs: Figures, ours: Mapping[Any, float]) -> list[dict[str, Any]]:
+    return [
+        {
+            "case": case, "protocol": name, "metric": metric, "released": figure,
+            "ours": ours[metric], "difference": abs(ours[metric] - figure) / abs(figure),
+        }
+        for metric, figure in theirs.items()
+    ]  # fmt: skip
+
+
 def compared(folder: Path, body: BodyModel, feet: Sequence[int], work_dir: Path) -> dict[str, Any]:
     """The largest difference of ours to released figures, relative, and each of them."""
     theirs = released_figures(folder, body, feet)
-    rows = []
+    rows: list[dict[str, Any]] = []
     for people, gaps in CASES:
         case = case_name(people, gaps)
         for name in SCRIPTS:
             made = made_people(body, people, gaps=gaps)
             ours = our_figures(name, body, made, work_dir)  # type: ignore[arg-type]
-            for metric, figure in theirs[case][name].items():
-                own = ours[metric]  # type: ignore[index]
-                rows.append(
-                    {
-                        "case": case, "protocol": name, "metric": metric, "released": figure,
-                        "ours": own, "difference": abs(own - figure) / abs(figure),
-                    }
-                )  # fmt: skip
+            rows += _rows(case, name, theirs[case][name], ours)
+    for name, figures in theirs[MESH_CASE].items():
+        matrix = made_regressor(body, 24 if name == "gvhmr" else 14)
+        ours = our_figures(name, body, made, work_dir, regressor=matrix)  # type: ignore[arg-type]
+        rows += _rows(MESH_CASE, name, figures, ours)
     return {
         "protocol_difference_max": max(row["difference"] for row in rows),
         "protocol_figures": len(rows),

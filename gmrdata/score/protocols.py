@@ -253,6 +253,11 @@ H36M_ROWS = (6, 5, 4, 1, 2, 3, 16, 15, 14, 11, 12, 13, 8, 10)
 """Rows of Human3.6M's 17 joints in the order of `LSP_JOINTS`, as SLAHMR and VIBE take them."""
 
 
+ON_3DPW: tuple[ProtocolName, ...] = ("wham", "gvhmr")
+"""Protocols that measure 14 joints of Human3.6M in the camera's frame on 3DPW: WHAM's
+lib/eval/evaluate_3dpw.py and GVHMR's hmr4d/model/gvhmr/callbacks/metric_3dpw.py."""
+
+
 def protocol_as(name: ProtocolName, original: Sequence[Deviation | str] = ()) -> Protocol:
     """A protocol that follows the released code in what is named; in all that it has for "all".
 
@@ -277,16 +282,24 @@ def protocol_as(name: ProtocolName, original: Sequence[Deviation | str] = ()) ->
 def with_mesh_joints(protocol: Protocol, n_rows: int) -> Protocol:
     """A protocol whose joints are regressed from the mesh, by a matrix with a row for each joint.
 
-    A protocol of 14 joints takes Human3.6M's 17 or its 14, one of 24 SMPL's 24.
+    With SMPL's 24, they take the place of the skeleton's.  With Human3.6M's 17 or 14 of them, a
+    protocol measures in the camera's frame alone what it has there, as WHAM and GVHMR do on 3DPW;
+    those of 14 joints measure all that they have.
     """
-    n_joints = len(protocol.joints)
-    if n_rows != n_joints and not (n_rows == H36M_JOINTS and n_joints == len(LSP_JOINTS)):
-        wanted = "17 or 14" if n_joints == len(LSP_JOINTS) else str(n_joints)
+    of_14 = n_rows in (H36M_JOINTS, len(LSP_JOINTS))
+    needs_14 = len(protocol.joints) == len(LSP_JOINTS)
+    if n_rows == N_JOINTS and not needs_14:
+        return protocol.model_copy(update={"joints_from": "mesh"})
+    if not of_14 or not (needs_14 or protocol.name in ON_3DPW):
+        wanted = "17 or 14" if needs_14 else "24, 17 or 14" if protocol.name in ON_3DPW else "24"
         raise BadBodyFile(
             f"--joint-regressor: has {n_rows} rows, but protocol {protocol.name} takes {wanted}"
         )
-    if n_joints == N_JOINTS:
-        return protocol.model_copy(update={"joints_from": "mesh"})
-    hips = LSP_JOINTS.index("left_hip"), LSP_JOINTS.index("right_hip")
-    changes = {"joints": tuple(range(n_joints)), "hips": hips, "joints_from": "mesh"}
+    in_camera = tuple(one for one in protocol.metrics if one in _CAMERA)
+    changes = {
+        "metrics": protocol.metrics if needs_14 else in_camera,
+        "joints": tuple(range(len(LSP_JOINTS))),
+        "hips": (LSP_JOINTS.index("left_hip"), LSP_JOINTS.index("right_hip")),
+        "joints_from": "mesh",
+    }
     return protocol.model_copy(update=changes)

@@ -125,7 +125,7 @@ def _with_figures_of(
     if metrics is None or group.protocol is None or group.protocol_interval95 is None:
         return group
 
-    def kept(values: dict[str, T]) -> dict[str, T | None]:
+    def kept(values: dict[str, T | None]) -> dict[str, T | None]:
         return {metric: value if metric in metrics else None for metric, value in values.items()}
 
     both, ends = group.protocol, group.protocol_interval95

@@ -10,7 +10,7 @@ from gmrdata.gmr.runs import UsableClip
 from gmrdata.score import ProtocolMetric, ProtocolName
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.predictions import PredictedClip, file_clip
-from gmrdata.score.protocols import protocol_as
+from gmrdata.score.protocols import protocol_as, with_mesh_joints
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, save_clip
@@ -31,15 +31,25 @@ def made_people(body: BodyModel, n_people: int, *, gaps: bool) -> list[tuple[Cli
     return [_person(body, person, gaps=gaps) for person in range(n_people)]
 
 
+def made_regressor(body: BodyModel, n_joints: int) -> np.ndarray:
+    """(J, V) a matrix whose rows sum to 1, as those of regressors of joints do."""
+    joints, vertices = np.arange(n_joints)[:, None], np.arange(len(body.template_m))
+    weights = np.exp(6 * np.cos(0.7 * joints * (1 + vertices / len(vertices)) + vertices))
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+
 def our_figures(
     name: ProtocolName,
     body: BodyModel,
     people: list[tuple[Clip, Clip]],
     folder: Path,
     original: Sequence[str] = ("all",),
+    regressor: np.ndarray | None = None,
 ) -> dict[ProtocolMetric, float]:
     """A protocol's figures of all people together, by way of files."""
     protocol = protocol_as(name, original)
+    if regressor is not None:
+        protocol = with_mesh_joints(protocol, len(regressor))
     scored: list[ClipErrors] = []
     for true, predicted in people:
         path = folder / f"{true.id}.npz"
@@ -52,7 +62,7 @@ def our_figures(
             smoothing_frames=protocol.smoothing_frames,
         )
         assert isinstance(found, PredictedClip)
-        scored.append(clip_errors(found, body, protocol))
+        scored.append(clip_errors(found, body, protocol, regressor=regressor))
     scored = across_clips(scored, protocol, {one.clip_id: "video" for one in scored})
     samples = [one.protocol["predicted"] for one in scored]
     return {

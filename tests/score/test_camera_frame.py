@@ -128,8 +128,11 @@ def test_joints_from_the_mesh(
     whole = means(clip_errors(found, small_body, joints, regressor=everything))
     assert whole["mpjpe_mm"] == pytest.approx(whole["pve_mm"])
     assert with_mesh_joints(PROTOCOLS["slahmr"], 17).hips == (3, 2)
-    with pytest.raises(BadBodyFile, match="has 17 rows, but protocol wham takes 24"):
-        with_mesh_joints(PROTOCOLS["wham"], 17)
+    on_3dpw = with_mesh_joints(PROTOCOLS["wham"], 17)
+    assert on_3dpw.metrics == ("pa_mpjpe_mm", "mpjpe_mm", "pve_mm", "accel_error_m_per_s2")
+    for name, n_rows, wanted in (("tram", 17, "24"), ("vibe", 24, "17 or 14")):
+        with pytest.raises(BadBodyFile, match=f"{n_rows} rows, but protocol {name} takes {wanted}"):
+            with_mesh_joints(PROTOCOLS[name], n_rows)  # type: ignore[index]
 
 
 def test_deviations_are_switched_by_name() -> None:
