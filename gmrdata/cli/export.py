@@ -48,7 +48,7 @@ def export(
 
     Args:
         source: A manifest, a clip's file, or the folder of a rendered set, of sfm, threedpw, floor,
-            motions, infer or a demo.
+            motions, infer, a baseline or a demo; or of clips' files.
         to: Formats.
             colmap: a COLMAP model, binary and text, with the tracks of a solved sequence.
             tum: trajectory as TUM's RGB-D benchmark has it, with times.

@@ -23,12 +23,13 @@ from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, GmrdataError, MissingInput
 from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside
 
 MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
 """The manifest that stands for a folder with several: a demo's result goes before its truth."""
+CLIPS_WITHIN = ("render_set", "predictions")  # the folders of twins, and of a baseline
 PSEUDO_GT, SFM = "pseudo_gt", "sfm"  # stages of a sequence that was solved, in one folder
 WRONG_BODY_M = 1e-3  # a rest pelvis that far from the clip's own is of another body
 
@@ -190,8 +191,8 @@ def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
         truths = _truths_beside(folder)
         for files in _clips_of_manifest(manifest):
             yield replace(files, truth_path=truths.get(files.id))
-    elif (folder / "render_set").is_dir():  # twins
-        yield from _clips_in_folder(folder / "render_set")
+    elif within := [folder / name for name in CLIPS_WITHIN if (folder / name).is_dir()]:
+        yield from _clips_in_folder(within[0])
     elif (folder / "regenerated").is_dir():  # a noise floor
         for files in _clips_in_folder(folder / "regenerated"):
             truth_path = folder / "twins" / "truth" / f"{files.id}.npz"
@@ -202,6 +203,8 @@ def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
         yield from people
     elif (folder / "clip.npz").is_file():
         yield _rendered_clip(folder / "clip.npz")
+    elif alone := [path for path in sorted(folder.glob("*.npz")) if _is_clip(path)]:
+        yield from map(_clip_file, alone)
     else:
         what = "no manifest, and no folder that a stage of gmrdata left with clips"
         raise MissingInput(f"{folder}: {what}. Name a manifest (.yaml) or a clip's file (.npz)")
@@ -217,6 +220,10 @@ def _manifest_in(folder: Path) -> Path | None:
         names = ", ".join(path.name for path in others)
         raise MissingInput(f"{folder}: holds several manifests. Name one of {names}")
     return others[0] if others else None
+
+
+def _is_clip(path: Path) -> bool:
+    return str(read_npz(path).get("format")) == CLIP_FORMAT
 
 
 def _is_manifest(path: Path) -> bool:

@@ -122,6 +122,16 @@ def test_the_motions_of_inference_are_clips(
     assert [files.id for files in list_clips(tmp_path, ["person_2"])] == ["person_2"]
 
 
+def test_predictions_and_other_folders_of_clips(
+    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    for walker in walkers:
+        save(tmp_path / "predictions" / f"{walker.id}.npz", walker, small_body)
+    np.savez(tmp_path / "predictions/other.npz", numbers=np.arange(3))
+    for source in (tmp_path, tmp_path / "predictions"):
+        assert [files.id for files in list_clips(source)] == ["walk.p0", "walk.p1"]
+
+
 def test_twins_and_a_noise_floor_lead_to_their_manifests(
     clip: Clip, small_body: BodyModel, tmp_path: Path
 ) -> None:
