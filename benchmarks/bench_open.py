@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from open import bvh, colmap, protocols
+from open import bvh, colmap, protocols, round_trips
 from record import Record, at_least, at_most
 from render.tables import show
 
@@ -57,6 +57,20 @@ def test_bvh_files(request: pytest.FixtureRequest, record: Record) -> None:
             at_least("BVH files that were tried", counts["bvh_tried"], FEWEST_FILES),
             at_least("read right", counts["bvh_right"], FEWEST_RIGHT),
             at_most("read wrongly", counts["bvh_wrong"], 0),
+        ]
+    )
+
+
+def test_round_trips(record: Record, cmu_dir: Path, small_body: BodyModel, tmp_path: Path) -> None:
+    files = sorted(cmu_dir.glob("bvh/*.bvh"))[:: 45 if record.small else 5]
+    rows = round_trips.measured(files, small_body, tmp_path)
+    show("There and back", rows)
+    found = round_trips.figures(rows)
+    keep(record, found | {"round_trips": rows})
+    record.hold(
+        [
+            at_most("joints after a round trip [mm]", found["round_trip_mm_max"], 0.1),
+            at_most("rotations after a round trip [deg]", found["round_trip_deg_max"], 0.01),
         ]
     )
 

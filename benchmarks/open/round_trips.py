@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from open import sequences
+from open import scenes, sequences
 
 from gmrdata.motion.files import read_motion
 from gmrdata.stage.progress import track
@@ -22,7 +22,6 @@ from gmrdata.values.skinning import motion_joints_m
 from gmrdata.write.amass import write_amass
 from gmrdata.write.bvh import write_bvh
 
-LARGEST_MM, LARGEST_DEG = 0.1, 0.01
 GENDERS = ("neutral", "female", "male")
 RoundTrip = Callable[[Motion, BodyModel, Path], Motion]
 
@@ -44,6 +43,8 @@ FORMATS: dict[str, RoundTrip] = {
     "emdb": sequences.emdb,
     "wham": sequences.wham,
     "gvhmr": sequences.gvhmr,
+    "glb": scenes.glb,
+    "usd": scenes.usd,
 }
 
 
@@ -64,6 +65,8 @@ def measured(paths: Sequence[Path], body: BodyModel, folder: Path) -> list[dict[
         for name, there_and_back in FORMATS.items():
             found = there_and_back(motion, named, folder)
             rows.append({"file": path.name, "format": name, **_moved(named, motion, found)})
+        recorded = scenes.recording(motion, named, folder)
+        rows.append({"file": path.name, "format": "rrd", **recorded})
     return rows
 
 
