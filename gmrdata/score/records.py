@@ -221,9 +221,11 @@ class MatchedResult(Config):
     frames: int
     """Frames in which the result has the person."""
     used_frames: int
-    """Those that are the clip's."""
+    """Those that are the clip's, and were scored."""
+    unused_frames: int
+    """Those that are not the clip's."""
     first_unused_frame: int | None
-    """First of the others, counted from 0 in the video; None without any."""
+    """First of these, counted from 0 in the video; None without any."""
     notes: tuple[str, ...]
     """What a reader of the figures must know, as sentences."""
 

@@ -131,6 +131,7 @@ def matched_clip(
         people=len(result.people),
         frames=len(person.frame_numbers),
         used_frames=int(has.sum()),
+        unused_frames=len(others),
         first_unused_frame=int(others[0]) if others.size else None,
         notes=notes,
     )
@@ -264,6 +265,7 @@ def timed_clip(
         people=1,
         frames=n_rows,
         used_frames=n_rows,
+        unused_frames=0,
         first_unused_frame=None,
         notes=notes,
     )

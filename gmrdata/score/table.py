@@ -230,7 +230,9 @@ def result_lines(model: records.ScoredResults) -> list[str]:
         of_all = f" of {one.people}" if one.people > 1 else ""
         line = f"{id}: {one.file}, {one.person}{of_all}, {one.used_frames} of {one.frames} frames"
         if one.first_unused_frame is not None:
-            line += f"; others are not the clip's, the first is frame {one.first_unused_frame}"
+            line += (
+                f"; {one.unused_frames} are not the clip's, from frame {one.first_unused_frame} on"
+            )
         lines.append("; ".join([line, *one.notes]) + ".")
     return lines
 

@@ -74,7 +74,8 @@ def write_vibe(
     return _put(path, joblib_bytes({1: person}))
 
 
-def write_gvhmr(path: Path, motion: Motion) -> Path:
+def write_gvhmr(path: Path, motion: Motion, cam_rotmats: np.ndarray) -> Path:
+    """`cam_rotmats` (T, 3, 3): cam_from_world of the camera that saw it."""
     roots, pelvis_m = turned(motion, Y_UP_FROM_Z_UP)
     shared = {
         "body_pose": torch.from_numpy(rotvecs(motion.local_rotmats)[:, :63]),
@@ -83,9 +84,8 @@ def write_gvhmr(path: Path, motion: Motion) -> Path:
         "transl": torch.from_numpy(pelvis_m - SMPLX_PELVIS_M),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    torch.save(
-        {"smpl_params_global": shared, "smpl_params_incam": dict(shared), "net_outputs": {}}, path
-    )
+    seen = shared | {"global_orient": torch.from_numpy(rotvecs(cam_rotmats @ motion.root_rotmats))}
+    torch.save({"smpl_params_global": shared, "smpl_params_incam": seen, "net_outputs": {}}, path)
     return path
 
 

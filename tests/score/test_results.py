@@ -110,6 +110,13 @@ def before(motion: Motion) -> Motion:
     return motion.take(np.r_[np.zeros(FIRST, int), 0:N])
 
 
+def gvhmr(folder: Path, true: Clip, motion: Motion | None = None) -> Path:
+    assert true.camera is not None
+    seen = before(motion or true.motion)
+    cameras = true.camera.world_from_cam[np.r_[np.zeros(FIRST, int), 0:N], :3, :3]
+    return files.write_gvhmr(folder / "hmr4d_results.pt", seen, np.swapaxes(cameras, 1, 2))
+
+
 def tram(folder: Path, body: BodyModel, true: Clip) -> Path:
     assert true.camera is not None
     return files.write_tram(folder, true.motion, true.camera, FRAMES, rest(body, true))
@@ -124,9 +131,7 @@ def slahmr(folder: Path, body: BodyModel, true: Clip) -> Path:
 
 WRITE: dict[str, Callable[[Path, BodyModel, Clip], Path]] = {
     "wham": wham,
-    "gvhmr": lambda folder, body, true: files.write_gvhmr(
-        folder / "hmr4d_results.pt", before(true.motion)
-    ),
+    "gvhmr": lambda folder, body, true: gvhmr(folder, true),
     "vibe": vibe,
     "tram": tram,
     "slahmr": slahmr,
@@ -154,6 +159,7 @@ def test_the_truth_as_each_system_writes_it_has_no_error(
     notes = scores.model.clips[true.id].notes
     if system == "gvhmr":
         assert "mean shape of smpl-neutral" in notes[0] and clip.predicted.vme_mm < 20
+        assert clip.seen_in == "own_camera" and 1 < (figures["mpjpe_mm"] or 0) < 50
     else:
         assert notes == () and clip.predicted.vme_mm < 1e-3
         assert figures["w_mpjpe_mm"] is None and figures["mpjpe_mm"] == pytest.approx(0, abs=1e-2)
@@ -187,7 +193,7 @@ def test_three_systems_of_one_sequence_are_compared_by_one_command(
     wham(folder, body, true)
     drift_m = 0.012 * np.arange(N)[:, None] * [0, 1, 0]
     shifted = replace(true.motion, pelvis_m=true.motion.pelvis_m + drift_m)
-    files.write_gvhmr(folder / "hmr4d_results.pt", before(shifted))
+    gvhmr(folder, true, shifted)
     vibe(folder, body, true)
     out = tmp_path / "out"
     given = ("--body", str(data / "body.npz"), "--fps-hz", "30", "--out", str(out))
@@ -260,7 +266,8 @@ def test_frames_are_matched_by_number_and_the_missing_are_said(
     assert scores.clips[0].predicted.tme_mm < 1e-3
     assert isinstance(scores.model, ScoredResults)
     found = scores.model.clips[true.id]
-    assert (found.frames, found.used_frames, found.first_unused_frame) == (65, 55, 70)
+    assert (found.frames, found.used_frames) == (65, 55)
+    assert (found.unused_frames, found.first_unused_frame) == (10, 70)
     other = files.write_wham(tmp_path / "y.pkl", {0: (motion, frames + 100)}, rest(body, true))
     with pytest.raises(BadMotionFile, match=r"frames 110-179, and .* frames 10-69 .*first-image"):
         score(data, other, tmp_path / "late")
@@ -273,7 +280,7 @@ def test_sets_with_other_gaps_are_compared_on_their_common_frames(
     rows = np.r_[0:20, 25:60]
     people = {0: (true.motion.take(rows), FRAMES[rows])}
     files.write_wham(folder / "wham_output.pkl", people, rest(body, true))
-    files.write_gvhmr(folder / "hmr4d_results.pt", before(true.motion))
+    gvhmr(folder, true)
     made = score(data, folder, tmp_path / "out", missing="drop")
     assert made.comparison is not None
     assert [Scores.read(path).clips[0].n_motions for path in made.scores] == [53, 53]
