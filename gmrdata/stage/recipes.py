@@ -8,13 +8,13 @@ package the links `pipelines` and `published` lead there; a wheel carries real f
 from pathlib import Path
 from typing import TypeVar
 
-import yaml
 from pydantic import ValidationError
 
 from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.limits import MOST_RECIPE_BYTES
+from gmrdata.values.plain_yaml import NotPlain, parse
 from gmrdata.values.records import Config
 
-MAX_BYTES = 1 << 20
 _PUBLISHED, _RECIPES = (Path(__file__).parents[1] / name for name in ("published", "pipelines"))
 Recipe = TypeVar("Recipe", bound=Config)
 
@@ -54,12 +54,15 @@ def load_recipe(path: Path, model: type[Recipe]) -> Recipe:
 def _read(path: Path) -> dict[str, object]:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    if path.stat().st_size > MAX_BYTES:
-        raise BadRecipe(f"{path}: larger than {MAX_BYTES} bytes, so it is no recipe")
+    if path.stat().st_size > MOST_RECIPE_BYTES:
+        raise BadRecipe(f"{path}: larger than {MOST_RECIPE_BYTES} bytes, so it is no recipe")
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise BadRecipe(f"{path}: not YAML: {error}") from None
+        data, _ = parse(path.read_text(encoding="utf-8"))
+    except NotPlain as error:
+        where = str(path) if error.line is None else f"{path}:{error.line}"
+        raise BadRecipe(f"{where}: {error.problem}") from None
+    except UnicodeDecodeError as error:
+        raise BadRecipe(f"{path}: not plain YAML: not UTF-8 text ({error.reason})") from None
     if not isinstance(data, dict):
         raise BadRecipe(f"{path}: a recipe is a mapping of keys to values")
     return data

@@ -5,10 +5,10 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import yaml
-
 from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.limits import MOST_RECIPE_BYTES
+from gmrdata.values.plain_yaml import parse
 
 REQUIRED = (
     "pelvis", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
@@ -213,10 +213,12 @@ def _read_map(joint_map: Mapping[str, str] | Path | str, path: Path) -> dict[str
 def _load_map(map_path: Path) -> Mapping[str, str]:
     if not map_path.is_file():
         raise MissingInput(f"{map_path}: no such joint map")
+    if map_path.stat().st_size > MOST_RECIPE_BYTES:
+        raise BadMotionFile(f"{map_path}: larger than {MOST_RECIPE_BYTES} bytes; no joint map is")
     text = map_path.read_text(encoding="utf-8", errors="replace")
     try:
-        loaded = json.loads(text) if map_path.suffix == ".json" else yaml.safe_load(text)
-    except (json.JSONDecodeError, yaml.YAMLError) as error:
+        loaded = json.loads(text) if map_path.suffix == ".json" else parse(text)[0]
+    except (ValueError, RecursionError) as error:
         raise BadMotionFile(f"{map_path}: not a readable joint map ({error})") from None
     if not isinstance(loaded, Mapping):
         raise BadMotionFile(f"{map_path}: a joint map is a list of `name in the file: SMPL joint`")

@@ -32,7 +32,7 @@ MOST_DIGITS = 9  # of an image's number
 MOST_RECIPE_BYTES = MIB
 MOST_MANIFEST_BYTES = 64 * MIB
 DEEPEST_YAML = 32
-MOST_YAML_DIGITS = 18  # of a whole number
+MOST_YAML_DIGITS = 20  # of a whole number, as those of 64 bits have
 
 
 class OverBudget(ValueError):

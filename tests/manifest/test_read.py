@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gmrdata.manifest import yaml_text
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.stage.recipes import published_manifest
+from gmrdata.values import limits
 from gmrdata.values.errors import BadManifest
 
 Edit = Callable[[Callable[[dict], None]], Path]
@@ -126,11 +126,11 @@ def test_yaml_that_is_no_manifest(tmp_path: Path, text: str) -> None:
         (HEAD + "clips: []\nname: b\n", ":10: key 'name' stands twice"),
         (HEAD + "clips: " + "[" * 40 + "]" * 40 + "\n", ":9: nested more than 32 levels"),
         (HEAD + "clips: !!python/object/apply:os.system ['true']\n", ":9: not plain YAML"),
-        (HEAD + "clips: !!binary aGVsbG8=\n", "not plain data: a bytes"),
+        (HEAD + "clips: !!binary aGVsbG8=\n", "a tag of no plain data"),
         (HEAD + "clips: {? [a] : b}\n", ":9: a key must be plain text"),
         (HEAD + "clips: []\n<<: {a: b}\n", ":10: a key must be plain text"),
         (HEAD + "clips: [.nan]\n", "holds .nan"),
-        (HEAD + f"clips: [0x{'f' * 5000}]\n", "endless number"),
+        (HEAD + f"clips: [0x{'f' * 5000}]\n", "Input should be an object"),
         (HEAD + f"clips: [{'9' * 5000}]\n", "not plain YAML"),
         (HEAD + 'clips: ["\\ud800"]\n', "m.yaml"),
         (HEAD + "clips: [a\n", "not plain YAML"),
@@ -151,7 +151,7 @@ def test_yaml_bomb_is_refused_before_it_grows(tmp_path: Path) -> None:
 
 
 def test_oversized_file_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(yaml_text, "MAX_BYTES", 100)
+    monkeypatch.setattr(limits, "MOST_MANIFEST_BYTES", 100)
     assert "more than a manifest's 100" in refused(written(tmp_path, HEAD))
 
 
@@ -162,12 +162,11 @@ def test_date_stays_text(tmp_path: Path) -> None:
     assert read_manifest(path).description == "2021-12-01"
 
 
-def test_trial_names_must_be_quoted(tmp_path: Path) -> None:
-    """YAML 1.1 reads 02_03 as the octal number 131; it must not pass as a name."""
+def test_trial_names_stay_text(tmp_path: Path) -> None:
+    """YAML 1.1 reads 02_03 as the octal number 131."""
     assert yaml.safe_load("02_03") == 131
-    assert "name: Input should be a valid string" in refused(
-        written(tmp_path, HEAD.replace("name: a", "name: 02_03") + "clips: []\n")
-    )
+    path = written(tmp_path, HEAD.replace("name: a", "name: 02_03") + "clips: []\n")
+    assert read_manifest(path).name == "02_03"
 
 
 def test_lists_have_no_clips_to_load() -> None:

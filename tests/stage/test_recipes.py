@@ -46,8 +46,8 @@ def test_the_demo_has_the_three_cameras() -> None:
         ("recipe: demo\nclips: []\nsede: 1\n", "sede: Extra inputs are not permitted"),
         ("recipe: demo\nclips: []\n", "clips: Tuple should have at least 1 item"),
         ("- a\n- b\n", "a recipe is a mapping"),
-        ("recipe: [demo\n", "not YAML"),
-        ("\x00\xff", "not YAML"),
+        ("recipe: [demo\n", "not plain YAML"),
+        ("\x00\xff", "not plain YAML"),
         (
             "recipe: demo\nclips: [{id: a, gait: walk, programme: {kind: spiral}}]\n",
             "clips.0.programme",
