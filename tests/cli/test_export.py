@@ -5,7 +5,7 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import cv2  # noqa: F401  (before pycolmap)
 import numpy as np
@@ -15,6 +15,8 @@ import torch
 from evo.tools import file_interface
 
 from gmrdata.cameras.files import load_quality
+from gmrdata.cli.export import FormatName, export
+from gmrdata.cli.export_formats import FORMATS
 from gmrdata.values import transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
@@ -158,6 +160,14 @@ def test_a_rendered_clip_becomes_a_model_without_points(
     said = gmrdata("export", tmp_path / "in", "--to", "colmap", "--out", tmp_path / "without")
     assert said.returncode == 1 and "has no images. Give their folder" in said.stderr
     assert not list((tmp_path / "without").rglob("*.*"))
+
+
+def test_each_format_is_described_in_the_help_and_on_the_page() -> None:
+    page = (Path(__file__).parents[2] / "docs/export.md").read_text(encoding="utf-8")
+    for name in (*get_args(FormatName), "onnx"):
+        assert f"            {name}: " in (export.__doc__ or "")
+        assert f"\n| `{name}` | " in page, name
+    assert set(FORMATS) == set(get_args(FormatName))
 
 
 def models(folder: Path) -> list[Any]:
