@@ -15,7 +15,6 @@ import numpy as np
 
 from gmrdata.cameras.files import CAMERAS_FILE
 from gmrdata.film.render import EXTRAS_FOLDER
-from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import READS, FolderRecord, ListManifest, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.read import load_entry, read_manifest
@@ -24,13 +23,14 @@ from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
-from gmrdata.values.errors import BadBodyFile, BadManifest, GmrdataError, MissingInput
+from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput
 from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside
 
 MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
 """The manifest that stands for a folder with several: a demo's result goes before its truth."""
 CLIPS_WITHIN = ("render_set", "predictions")  # the folders of twins, and of a baseline
 PSEUDO_GT, SFM = "pseudo_gt", "sfm"  # stages of a sequence that was solved, in one folder
+HEAD_BYTES = 1 << 16  # of a manifest, before its clips
 WRONG_BODY_M = 1e-3  # a rest pelvis that far from the clip's own is of another body
 
 
@@ -227,11 +227,11 @@ def _is_clip(path: Path) -> bool:
 
 
 def _is_manifest(path: Path) -> bool:
-    try:
-        data, _ = yaml_text.load(path)
-    except GmrdataError:
-        return False
-    return isinstance(data, dict) and data.get("format") in READS and data.get("kind") != "list"
+    """By its first lines, since a long one takes seconds to read."""
+    with path.open("rb") as stream:
+        head = stream.read(HEAD_BYTES).decode("utf-8", "replace")
+    said = dict(re.findall(r"^(format|kind): *['\"]?([\w/.-]+)", head, re.MULTILINE))
+    return said.get("format") in READS and said.get("kind") != "list"
 
 
 def _truths_beside(folder: Path) -> dict[str, Path]:
