@@ -16,9 +16,10 @@ from gmrdata.manifest.exported import ExportedClip
 from gmrdata.read.frames import number_in_name
 from gmrdata.stage.progress import console
 from gmrdata.values import transforms
+from gmrdata.values.bodies import SMPL
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.errors import BadMotionFile, BadSequence
 from gmrdata.values.motion import Motion
 
 if TYPE_CHECKING:
@@ -162,12 +163,17 @@ def _trajectory(exported: ExportedClip, of: Trajectory) -> tuple[np.ndarray, np.
 
 def export_3dpw(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
     """The people of a sequence; of those who were rejected no frame is `campose_valid`."""
-    from gmrdata.read.threedpw_arrays import N_KEYPOINTS, read_sequence_file
+    from gmrdata.read.threedpw_arrays import N_KEYPOINTS, SMPL_SHAPES, read_sequence_file
     from gmrdata.read.threedpw_layout import find_sequence
     from gmrdata.threedpw.world_sequence import sequence_arrays, with_original
     from gmrdata.write.threedpw import write_sequence_file
 
     _usable(clips, "campose_valid is 0 in all frames")
+    _require_images_by_row(clips[0])
+    for one in clips:
+        if one.clip.motion.body.startswith(SMPL) and one.clip.motion.shape[SMPL_SHAPES:].any():
+            what = f"{len(one.clip.motion.shape)} shape coefficients, 3DPW has {SMPL_SHAPES}"
+            raise BadSequence(f"clip {one.id} has {what}")
     name = clips[0].sequence
     unseen = [np.zeros((one.clip.motion.n_frames, N_KEYPOINTS, 3)) for one in clips]
     arrays = sequence_arrays(
@@ -183,16 +189,25 @@ def export_3dpw(clips: Sequence[ExportedClip], path: Path, options: ExportOption
     write_sequence_file(path, arrays)
 
 
-def _usable(clips: Sequence[ExportedClip], rest: str) -> list[ExportedClip]:
-    """The clips with frames that may be used; says what becomes of the others."""
-    usable = [one for one in clips if one.clip.valid.any()]
-    if not usable:
+def _usable(clips: Sequence[ExportedClip], rest: str) -> list[bool]:
+    """Whether a clip has frames that may be used; says what becomes of the others."""
+    usable = [bool(one.clip.valid.any()) for one in clips]
+    if not any(usable):
         raise BadMotionFile("has no valid frame")
-    for one in clips:
-        if not one.clip.valid.any():
+    for one, is_usable in zip(clips, usable, strict=True):
+        if not is_usable:
             text = f"clip {one.id} has no valid frame: {rest}"
             console.print(text, markup=False, soft_wrap=True)
     return usable
+
+
+def _require_images_by_row(exported: ExportedClip) -> None:
+    """Refuse a clip whose row t is not image t, where a layout knows images by their row."""
+    numbers = exported.clip.image_numbers
+    off = np.flatnonzero((numbers >= 0) & (numbers != np.arange(len(numbers))))
+    if len(off):
+        what = f"row {off[0]} is image {numbers[off[0]]}, and in this layout row {off[0]}"
+        raise BadSequence(f"clip {exported.id}: {what}. Export a clip of all images, from 0 on")
 
 
 def export_emdb(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
@@ -201,6 +216,7 @@ def export_emdb(clips: Sequence[ExportedClip], path: Path, options: ExportOption
     from gmrdata.write.emdb import emdb_name, emdb_sequence, seen_in_image, write_emdb
 
     (exported,) = clips
+    _require_images_by_row(exported)
     about_path, parts = exported.clip_path.parent / ABOUT_FILE, (True, True)
     if about_path.is_file():
         about = EmdbAbout.read(about_path)
@@ -214,8 +230,9 @@ def export_wham(clips: Sequence[ExportedClip], path: Path, options: ExportOption
     """The people of a sequence, each in the frames that may be used."""
     from gmrdata.write.system_results import write_wham
 
-    usable = _usable(clips, "left out")
-    write_wham(path, [_tracked(one) for one in usable], usable[0].clip.camera)
+    usable = zip(clips, _usable(clips, "left out"), strict=True)
+    people = [_tracked(one) if is_usable else None for one, is_usable in usable]
+    write_wham(path, people, clips[0].clip.camera)
 
 
 def export_gvhmr(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:

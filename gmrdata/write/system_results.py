@@ -48,8 +48,12 @@ class TrackedPerson:
     frame_numbers: np.ndarray  # (T,) int: which frame of the video each row is, from 0
 
 
-def write_wham(path: Path, people: Sequence[TrackedPerson], camera: CameraPath | None) -> None:
+def write_wham(
+    path: Path, people: Sequence[TrackedPerson | None], camera: CameraPath | None
+) -> None:
     """Write `wham_output.pkl`: each person's frames that may be used, numbered from person 0.
+
+    A person who is None is left out; the others keep their numbers.
 
     The shape coefficients are those of the person's own body, whose name is in `body`, a key more
     than WHAM has.  Without a camera there is no `pose` and no `trans`.
@@ -57,7 +61,7 @@ def write_wham(path: Path, people: Sequence[TrackedPerson], camera: CameraPath |
     Raises:
         BadMotionFile: a person has no frame that may be used, or one that is not finite.
     """
-    content = {number: _wham_person(one, camera) for number, one in enumerate(people)}
+    content = {n: _wham_person(one, camera) for n, one in enumerate(people) if one is not None}
     write_bytes(path, python3_pickle(content))
 
 
