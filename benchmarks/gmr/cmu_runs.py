@@ -75,7 +75,7 @@ def trained_for(
     while more:
         steps += more
         before_s = time.monotonic()
-        fit(clips, body, run_dir, _until(config, steps), held_out=held_out)
+        fit(clips, [body], run_dir, _until(config, steps), held_out=held_out)
         # Start and end of a call are counted as steps, so time is left for another, longer one.
         step_s = (time.monotonic() - before_s) / more
         spent_s = time.monotonic() - start_s

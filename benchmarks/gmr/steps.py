@@ -14,7 +14,7 @@ from gmrdata.gmr.config import LossConfig, ModelConfig, TrainConfig, WindowConfi
 from gmrdata.gmr.loop import gradient_step
 from gmrdata.gmr.losses import Motions, gmr_loss
 from gmrdata.gmr.model import Gmr
-from gmrdata.gmr.vertex_loss import make_loss_body
+from gmrdata.gmr.vertex_loss import make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet, make_batch, make_training_set
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.values.body import BodyModel
@@ -84,10 +84,10 @@ def recipe(
 def our_step(work: Workload) -> Step:
     """A step of the training loop."""
     model, optimizer = work.network()
-    loss_body = make_loss_body(work.body, None, work.config.device)
+    loss_bodies = make_loss_bodies([work.body], None, work.config.device)
 
     def step(number: int) -> None:
-        gradient_step(model, work.batch(number), loss_body, work.config)
+        gradient_step(model, work.batch(number), loss_bodies, work.config)
         optimizer.step()
 
     return step
@@ -142,9 +142,9 @@ def bare_step(work: Workload) -> Step:
 
 def difference_to_direct(work: Workload) -> dict[str, float]:
     """How far our loss and its gradient are from the direct reading's, relative to these."""
-    batch, loss_body = work.batch(0), make_loss_body(work.body, None, "cpu")
+    batch, loss_bodies = work.batch(0), make_loss_bodies([work.body], None, "cpu")
     ours, _ = work.network()
-    value = gradient_step(ours, batch, loss_body, work.config)["loss"]
+    value = gradient_step(ours, batch, loss_bodies, work.config)["loss"]
     direct, _ = work.network()
     loss = direct_loss(work, direct, batch)
     loss.backward()

@@ -58,7 +58,7 @@ def rows_per_frame(clip: Clip, fps_hz: float) -> int:
     return step
 
 
-def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float) -> list[TrainingRun]:
+def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float, body: int = 0) -> list[TrainingRun]:
     """Runs of valid frames, all phases: rows of features (T, D), then the local rotations."""
     check_finite(clip)
     step = rows_per_frame(clip, fps_hz)
@@ -66,7 +66,9 @@ def joint_runs(clip: Clip, features: np.ndarray, fps_hz: float) -> list[Training
     local = motion.local_rotmats.reshape(motion.n_frames, -1)
     rows = np.concatenate([features, local.astype(np.float32)], axis=1)
     return [
-        TrainingRun(rows[now], motion.root_rotmats[now], motion.pelvis_m[now], motion.shape)
+        TrainingRun(
+            rows[now], motion.root_rotmats[now], motion.pelvis_m[now], motion.shape, body=body
+        )
         for start, stop in valid_runs(clip.valid)
         for now in (slice(start + phase, stop, step) for phase in range(step))
         if stop - now.start > (MIN_FRAMES - 1) * step
@@ -79,15 +81,23 @@ def split_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(features), local.reshape(*rows.shape[:-1], N_LOCAL, 3, 3)
 
 
-def training_runs(pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float) -> TrainingSet:
-    """Runs of all training clips, with features of one size."""
+def training_runs(
+    pairs: Sequence[tuple[Clip, np.ndarray]], fps_hz: float, bodies: Sequence[str] = ()
+) -> TrainingSet:
+    """Runs of all training clips, with features of one size, each of a body of those names."""
     sizes = sorted({features.shape[1] for _, features in pairs})
     if len(sizes) > 1:
         raise BadFeatures(
             f"features have {' or '.join(map(str, sizes))} numbers per frame. Compute those of all"
             " clips with one network"
         )
-    runs = [run for clip, features in pairs for run in joint_runs(clip, features, fps_hz)]
+    runs = [
+        run
+        for clip, features in pairs
+        for run in joint_runs(
+            clip, features, fps_hz, bodies.index(clip.motion.body) if bodies else 0
+        )
+    ]
     if not runs:
         raise no_runs(len(pairs), "training", fps_hz, "Give manifests with longer clips")
     return TrainingSet(in_memory(runs), "6d")
@@ -108,4 +118,5 @@ def make_joint_batch(training_set: TrainingSet, config: JointConfig, step: int) 
         motions=motions,
         local_rotmats=torch.from_numpy(local_rotmats),
         shape=torch.from_numpy(np.stack([window.shape for window in windows])),
+        bodies=torch.tensor([window.body for window in windows]),
     )

@@ -20,12 +20,14 @@ from gmrdata.baselines.joint_model import JointModel, JointOutput, JointState
 from gmrdata.gmr import checkpoint
 from gmrdata.gmr.losses import gmr_loss
 from gmrdata.gmr.parallel import check_device
-from gmrdata.gmr.runs import check_clips_fit, usable_clips
+from gmrdata.gmr.runs import fitting_clips, usable_clips
 from gmrdata.gmr.steps import Log, derived_seed, fill_gradients, is_due, run_steps, torch_settings
-from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
+from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet
+from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values.bodies import names_of
 from gmrdata.values.body import BodyModel
 
 
@@ -48,37 +50,40 @@ def train_joint(
     clips = [one.clip for path in manifest_paths for one in usable_clips(path).clips]
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"features_{clip.id}": features_dir / f"{clip.id}.npz" for clip in clips}
-    if body_path is not None:
-        inputs["body"] = body_path
+    inputs |= body_inputs(body_path)
 
     def work(partial_dir: Path) -> None:
-        from gmrdata.read.bodies import load_body
-
-        body = load_body("anny" if body_path is None else str(body_path))
-        check_clips_fit(clips, body)
-        pairs = [(clip, joint_data.load_features(features_dir, clip)) for clip in clips]
-        fit_joint(joint_data.training_runs(pairs, config.fps_hz), body, partial_dir, config)
+        bodies = load_bodies("anny" if body_path is None else str(body_path))
+        fitting = list(fitting_clips(clips, bodies))
+        pairs = [(clip, joint_data.load_features(features_dir, clip)) for clip in fitting]
+        names = [body.name for body in bodies]
+        training_set = joint_data.training_runs(pairs, config.fps_hz, names)
+        fit_joint(training_set, bodies, partial_dir, config)
 
     return run_stage("joint-train", run_dir, config, inputs, work, run=run, resumable=True)
 
 
 def fit_joint(
-    training_set: TrainingSet, body: BodyModel, run_dir: Path, config: JointConfig
+    training_set: TrainingSet, bodies: Sequence[BodyModel], run_dir: Path, config: JointConfig
 ) -> JointModel:
     """Train a network: goes on from the folder's latest checkpoint, or begins."""
     check_device(config.device)
     with torch_settings(config.device, config.threads, derived_seed(config.seed, 0)):
-        learner = _JointLearner(training_set, body, run_dir, config)
+        learner = _JointLearner(training_set, bodies, run_dir, config)
         run_steps(learner, config, run_dir)
     return learner.model
 
 
 class _JointLearner:
     def __init__(
-        self, training_set: TrainingSet, body: BodyModel, run_dir: Path, config: JointConfig
+        self,
+        training_set: TrainingSet,
+        bodies: Sequence[BodyModel],
+        run_dir: Path,
+        config: JointConfig,
     ) -> None:
         self._training_set, self._run_dir, self._config = training_set, run_dir, config
-        self._loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
+        self._loss_bodies = make_loss_bodies(bodies, config.loss.n_vertices, config.device)
         features, local_rotmats = joint_data.split_rows(training_set.frames.poses)
         self.model = JointModel(config, features.shape[1])
         self.model.start_from(torch.from_numpy(features), torch.from_numpy(local_rotmats))
@@ -94,7 +99,7 @@ class _JointLearner:
 
         def terms() -> dict[str, Tensor]:
             output = self.model(batch.poses.to(config.device), batch.lengths)
-            return joint_loss(output, batch, self._loss_body, config)
+            return joint_loss(output, batch, self._loss_bodies, config)
 
         return fill_gradients(self.model, terms, config.gradient_norm)
 
@@ -105,7 +110,7 @@ class _JointLearner:
         if is_due(done, self._config.checkpoint_every, self._config):
             state = JointState(
                 step=done,
-                body=self._loss_body.body.name,
+                body=names_of(one.body for one in self._loss_bodies),
                 n_features=self.model.n_features,
                 config=self._config,
             )
@@ -121,14 +126,15 @@ class _JointLearner:
 
 
 def joint_loss(
-    output: JointOutput, batch: Batch, loss_body: LossBody, config: JointConfig
+    output: JointOutput, batch: Batch, loss_bodies: tuple[LossBody, ...], config: JointConfig
 ) -> dict[str, Tensor]:
     """Eq. 5 of the motion and the chordal loss of the local pose; terms are not weighted yet."""
     device = output.local_rotmats.device
     true_local = batch.local_rotmats.to(device)
     bodies = None
     if config.loss.vertex > 0:
-        bodies = Bodies(loss_body, batch.shape.to(device), true_local[:, :-1])
+        shape, local_rotmats = batch.shape.to(device), true_local[:, :-1]
+        bodies = Bodies(loss_bodies, shape, local_rotmats, batch.bodies)
     true, mask = batch.motions.to(device), batch.mask.to(device)
     motion = gmr_loss(output.motions, true, mask, bodies, config.loss)
     per_joint = (output.local_rotmats - true_local).square().sum((-1, -2))

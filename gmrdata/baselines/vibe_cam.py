@@ -5,7 +5,7 @@ before the camera by 2D keypoints (the paper: STAF) frame by frame, give a motio
 frame.  It is then taken as one in the world, as if the camera stood still.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,11 +16,13 @@ from gmrdata.baselines import predictions
 from gmrdata.baselines.camera_as_world import as_if_still
 from gmrdata.baselines.clip_keypoints import ClipKeypoints, clip_keypoints
 from gmrdata.baselines.placement import Placed, PlacementConfig, place_person
+from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values.bodies import body_of
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.records import Config
 from gmrdata.values.rows import text_runs
@@ -76,7 +78,8 @@ def predict_vibe_cam(
         poses_dir: `<clip id>.npz` for each clip: a clip's file with `frame` "camera" and the rows
             of the manifest's clip, whose `trans` is not looked at.
         keypoints_dir: `<clip id>/` for each clip: OpenPose's or STAF's JSON, one file per frame.
-        body_path: Body of the poses, as `load_body` takes it; None for the default body.
+        body_path: Body of the poses, or a folder of bodies, as `load_bodies` takes it; None for the
+            default body.
 
     Errors are MissingInput, BadMotionFile, BadRecord, BadKeypoints, and BadRecipe where
     `person_ids` names a clip that is not there.
@@ -85,18 +88,16 @@ def predict_vibe_cam(
     subjects, left_out = predictions.manifest_subjects(manifest_path)
     _check_ids(config, [one.clip.id for one in subjects])
     inputs = {"manifest": manifest_path}
-    inputs |= {} if body_path is None else {"body": body_path}
+    inputs |= body_inputs(body_path)
     for one in subjects:
         inputs[f"poses_{one.clip.id}"] = poses_dir / f"{one.clip.id}.npz"
         inputs[f"keypoints_{one.clip.id}"] = keypoints_dir / one.clip.id
 
     def work(partial_dir: Path) -> None:
-        from gmrdata.read.bodies import load_body
-
-        body = load_body("anny" if body_path is None else str(body_path))
+        bodies = load_bodies("anny" if body_path is None else str(body_path))
         made = []
         for one in track(subjects, "placing people", total=len(subjects)):
-            posed = load_poses(inputs[f"poses_{one.clip.id}"], one.clip, body)
+            posed, body = load_poses(inputs[f"poses_{one.clip.id}"], one.clip, bodies)
             found = clip_keypoints(
                 one.clip,
                 keypoints_dir / one.clip.id,
@@ -111,16 +112,18 @@ def predict_vibe_cam(
     return run_stage("baseline-vibe-cam", out_dir, config, inputs, work, run=run)
 
 
-def load_poses(path: Path, clip: Clip, body: BodyModel) -> Clip:
-    """Another network's poses for a clip: in the camera's frame, of this body and the same rows."""
+def load_poses(path: Path, clip: Clip, bodies: Sequence[BodyModel]) -> tuple[Clip, BodyModel]:
+    """Another network's poses for a clip: in the camera's frame, the same rows; and their body."""
     posed = load_clip(path)
     motion = posed.motion
     if motion.frame != "camera":
         raise BadMotionFile(f"{path}: the motion is not in the camera frame")
-    if motion.body != body.name or motion.shape.shape != (body.n_shape,):
+    body = body_of(motion, bodies)
+    if body is None:
+        given = ", ".join(f"{one.name} with {one.n_shape}" for one in bodies)
         raise BadMotionFile(
             f"{path}: of body {motion.body} with {motion.shape.size} shape coefficients, but the"
-            f" given body is {body.name} with {body.n_shape}. Give the poses' own body"
+            f" given body is {given}. Give the poses' own body"
         )
     same_rate = abs(motion.fps_hz / clip.motion.fps_hz - 1) < 1e-6
     if motion.n_frames != clip.motion.n_frames or not same_rate:
@@ -131,7 +134,7 @@ def load_poses(path: Path, clip: Clip, body: BodyModel) -> Clip:
     numbers = posed.image_numbers
     if (numbers >= 0).any() and not np.array_equal(numbers, clip.image_numbers):
         raise BadMotionFile(f"{path}: of other images than clip {clip.id}. Give its own poses")
-    return posed
+    return clip_on_body(posed, body), body
 
 
 def _prediction(

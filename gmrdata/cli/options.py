@@ -52,7 +52,10 @@ RecipeName = Annotated[
 Motions = Annotated[Path | None, arg(help="Folder of motion files: BVH, ASF/AMC or AMASS npz.")]
 Body = Annotated[
     str,
-    arg(help='"anny", or the path of an SMPL model (.npz or .pkl) or of a gmrdata body (.npz).'),
+    arg(
+        help='"anny", or the path of an SMPL or SMPL+H model (.npz or .pkl) or of a gmrdata body '
+        "(.npz), or a folder with such bodies of several genders: each person gets its own."
+    ),
 ]
 Manifest = Positional[Annotated[Path, arg(help="Manifest file.")]]
 Manifests = Positional[Annotated[tuple[Path, ...], arg(help="Manifest files.")]]
@@ -131,10 +134,12 @@ def body_path(body: str) -> Path | None:
 
 
 def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
-    """One person's clip, with the body of `--body`."""
-    from gmrdata.read.bodies import anny_file
+    """One person's clip, with the body of `--body`, or of its folder the person's own."""
+    from gmrdata.read.bodies import body_file
+    from gmrdata.values.clip import load_clip
 
-    return (PersonFiles(clip_path, body_path(body) or anny_file()),)
+    name = load_clip(clip_path).motion.body if Path(body).is_dir() else body
+    return (PersonFiles(clip_path, body_file(body, name)),)
 
 
 def show_dry_run(

@@ -27,7 +27,7 @@ PACK_FILE = "pack.json"
 class PackRecord(Record):
     """What decides the content of a set's files: of the network's input."""
 
-    format: Literal["gmrdata-pack/1"] = "gmrdata-pack/1"
+    format: Literal["gmrdata-pack/2"] = "gmrdata-pack/2"
     input: Representation
     fps_hz: float
 
@@ -41,6 +41,7 @@ class TrainingRun:
     pelvis_m: np.ndarray  # (n, 3) [m]
     shape: np.ndarray  # (S,)
     part: int = 0  # which of several manifests it comes from; parts come one after the other
+    body: int = 0  # which of several bodies the person has
     mirrored: bool = False  # left and right exchanged: in the root's motion, not yet in `poses`
 
 
@@ -55,6 +56,7 @@ class FlatRuns:
     """(N, 3) float64 [m], likewise: 300 m from the origin float32 would be 0.03 mm off."""
     shapes: np.ndarray  # (R, S) float32
     parts: np.ndarray  # (R,) int64 which manifest each run comes from, ascending
+    bodies: np.ndarray  # (R,) int64 which body each run's person has
     ends: np.ndarray  # (R,) int64 frames up to and including each run
 
     def rows(self, run: int) -> slice:
@@ -139,6 +141,7 @@ def _of_runs(runs: list[TrainingRun], lengths: list[int]) -> dict[str, np.ndarra
     return {
         "shapes": np.stack([run.shape for run in runs]).astype(np.float32),
         "parts": np.array([run.part for run in runs], np.int64),
+        "bodies": np.array([run.body for run in runs], np.int64),
         "ends": np.cumsum(lengths, dtype=np.int64),
     }
 
@@ -146,7 +149,8 @@ def _of_runs(runs: list[TrainingRun], lengths: list[int]) -> dict[str, np.ndarra
 def _mapped(folder: Path) -> FlatRuns:
     try:
         frames = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FRAME_ARRAYS}
-        runs = {name: np.load(folder / f"{name}.npy") for name in ("shapes", "parts", "ends")}
+        of_runs = ("shapes", "parts", "bodies", "ends")
+        runs = {name: np.load(folder / f"{name}.npy") for name in of_runs}
     except (OSError, ValueError) as error:
         raise BadRecord(f"{folder}: broken ({error}). Remove it, and it is made again") from None
     lengths = {len(values) for values in frames.values()} | {int(runs["ends"][-1])}

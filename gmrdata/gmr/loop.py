@@ -19,9 +19,10 @@ from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.parallel import ALONE, Processes, averaging, check_device, own_part
 from gmrdata.gmr.predict import TrainedGmr, predict_deltas
 from gmrdata.gmr.runs import fitting_clips, no_runs, runs_at
-from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_body
+from gmrdata.gmr.vertex_loss import Bodies, LossBody, make_loss_bodies
 from gmrdata.gmr.windows import Batch, Mix, TrainingSet, make_batch, make_training_set
 from gmrdata.stage.progress import track
+from gmrdata.values.bodies import names_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, StageFailed
@@ -32,7 +33,7 @@ from gmrdata.values.motion_metrics import orientation_errors_deg, translation_er
 
 def fit(
     clips: Sequence[Clip],
-    body: BodyModel,
+    bodies: Sequence[BodyModel],
     run_dir: Path,
     config: TrainConfig,
     *,
@@ -43,23 +44,24 @@ def fit(
 ) -> Gmr:
     """Train a network: goes on from the folder's latest checkpoint, or begins; errors as `train`.
 
-    Gives it with averaged weights if the recipe averages them.  `pack_dir` gets the training
-    frames, or is used as it is if it is there, and is removed when the training is done; None keeps
-    them in memory.
+    Gives it with averaged weights if the recipe averages them.  Each clip is of one of the bodies,
+    which have one mesh; eq. 13 takes its own.  `pack_dir` gets the training frames, or is used as
+    it is if it is there, and is removed when the training is done; None keeps them in memory.
     """
     check_device(config.device)
     training_set = make_training_set(
-        track(fitting_clips(clips, body), "reading clips", total=len(clips)),
+        track(fitting_clips(clips, bodies), "reading clips", total=len(clips)),
         config.model.input,
         config.windows,
         config.model.extra_inputs,
         mix=mix,
+        bodies=[body.name for body in bodies],
         pack_dir=pack_dir,
     )
-    scored_runs = held_out_runs(held_out, body, config.windows.fps_hz)
+    scored_runs = held_out_runs(held_out, bodies, config.windows.fps_hz)
     seed = steps.derived_seed(config.seed, 0)
     with steps.torch_settings(config.device, config.threads, seed):
-        learner = _GmrLearner(training_set, scored_runs, body, run_dir, config, processes)
+        learner = _GmrLearner(training_set, scored_runs, bodies, run_dir, config, processes)
         steps.run_steps(learner, config, run_dir, processes, tensorboard=config.tensorboard)
     if pack_dir is not None and processes.is_first:
         remove_files(pack_dir)
@@ -71,14 +73,14 @@ class _GmrLearner:
         self,
         training_set: TrainingSet,
         scored_runs: Sequence[Motion],
-        body: BodyModel,
+        bodies: Sequence[BodyModel],
         run_dir: Path,
         config: TrainConfig,
         processes: Processes,
     ) -> None:
         self._training_set, self._scored_runs = training_set, scored_runs
         self._run_dir, self._config, self._processes = run_dir, config, processes
-        self._loss_body = make_loss_body(body, config.loss.n_vertices, config.device)
+        self._loss_bodies = make_loss_bodies(bodies, config.loss.n_vertices, config.device)
         self.model = Gmr(config.model).to(config.device)
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
         decay = config.average_decay
@@ -98,7 +100,7 @@ class _GmrLearner:
         return make_batch(self._training_set, config.windows, size, config.seed, step)
 
     def gradients(self, batch: Batch) -> dict[str, float]:
-        return gradient_step(self._network, batch, self._loss_body, self._config, self._processes)
+        return gradient_step(self._network, batch, self._loss_bodies, self._config, self._processes)
 
     def rate_at(self, step: int) -> float:
         return learning_rate_at(self._config, step)
@@ -120,7 +122,7 @@ class _GmrLearner:
                 done,
                 self.model,
                 self.optimizer,
-                body=self._loss_body.body.name,
+                body=names_of(one.body for one in self._loss_bodies),
                 fps_hz=fps_hz,
                 processes=self._processes.count,
                 best=self.best,
@@ -152,7 +154,7 @@ class _GmrLearner:
 def gradient_step(
     network: nn.Module,
     batch: Batch,
-    loss_body: LossBody,
+    loss_bodies: tuple[LossBody, ...],
     config: TrainConfig,
     processes: Processes = ALONE,
 ) -> dict[str, float]:
@@ -168,7 +170,7 @@ def gradient_step(
         if config.loss.vertex > 0:
             # T frames have T-1 motions, and eq. 13 moves the body from the first frame of each.
             local_rotmats = part.local_rotmats[:, :-1].to(device)
-            bodies = Bodies(loss_body, part.shape.to(device), local_rotmats)
+            bodies = Bodies(loss_bodies, part.shape.to(device), local_rotmats, part.bodies)
         return gmr_loss(predicted, true, mask, bodies, config.loss, counts)
 
     return steps.fill_gradients(network, terms, config.gradient_norm, processes)
@@ -182,11 +184,13 @@ def learning_rate_at(config: TrainConfig, step: int) -> float:
     return config.learning_rate * warmup * 0.5 * (1 + math.cos(math.pi * step / config.steps))
 
 
-def held_out_runs(clips: Sequence[Clip], body: BodyModel, fps_hz: float) -> list[Motion]:
+def held_out_runs(
+    clips: Sequence[Clip], bodies: Sequence[BodyModel], fps_hz: float
+) -> list[Motion]:
     """What to score: the runs of valid frames of the held-out clips, first phase."""
     if not clips:
         return []
-    fitting = fitting_clips(clips, body)
+    fitting = fitting_clips(clips, bodies)
     runs = [run for clip in fitting for run in runs_at(clip, fps_hz, all_phases=False)]
     if not runs:
         raise no_runs(len(clips), "held-out", fps_hz, "Give others, or none")

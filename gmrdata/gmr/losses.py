@@ -81,7 +81,7 @@ def gmr_loss(
         per_vertex_m = vertex_l1_m(
             predicted.delta_rotmats - true.delta_rotmats, predicted.delta_m - true.delta_m, bodies
         )
-        scale = 1 if mean else len(bodies.body.body.template_m)
+        scale = 1 if mean else bodies.n_mesh_vertices
         terms["vertex"] = _total(per_vertex_m, mask) * scale / motions
     loss = config.orientation * terms["orientation"] + config.translation * terms["translation"]
     loss = loss + config.smoothness * terms["smoothness"] + config.vertex * terms["vertex"]

@@ -10,8 +10,9 @@ from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.motion.resample import resample, valid_runs
+from gmrdata.values.bodies import body_of
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip
+from gmrdata.values.clip import Clip, clip_on_body
 from gmrdata.values.errors import BadManifest, BadMotionFile
 from gmrdata.values.motion import Motion, whole_ratio
 
@@ -76,14 +77,11 @@ def usable_files(path: Path) -> tuple[list[ClipFile], dict[str, str], Manifest]:
     return files, skipped, manifest
 
 
-def check_clips_fit(clips: Iterable[Clip], body: BodyModel) -> None:
-    """Refuse, with a BadManifest, clips of another body or not in the world, or no clip at all."""
-    for _ in fitting_clips(clips, body):
-        pass
+def fitting_clips(clips: Iterable[Clip], bodies: Sequence[BodyModel]) -> Iterator[Clip]:
+    """The clips one by one, each with as many shape coefficients as its body.
 
-
-def fitting_clips(clips: Iterable[Clip], body: BodyModel) -> Iterator[Clip]:
-    """The clips one by one, each checked as `check_clips_fit` does when its turn comes."""
+    BadManifest, when its turn comes: a clip of no such body, or not in the world; or no clip.
+    """
     clip = None
     for clip in clips:
         if clip.motion.frame != "world":
@@ -91,13 +89,15 @@ def fitting_clips(clips: Iterable[Clip], body: BodyModel) -> Iterator[Clip]:
                 f"clip {clip.id}: its motion is in the camera's frame, which moves. Give clips in"
                 " the world frame"
             )
-        if clip.motion.body != body.name or clip.motion.shape.shape != (body.n_shape,):
+        body = body_of(clip.motion, bodies)
+        if body is None:
+            given = ", ".join(f"{body.name} with {body.n_shape}" for body in bodies)
             raise BadManifest(
                 f"clip {clip.id}: of body {clip.motion.body} with {clip.motion.shape.size} shape"
-                f" coefficients, but the given body is {body.name} with {body.n_shape}."
-                " Give the clips' own body"
+                f" coefficients, but the given body is {given}."
+                " Give the clips' own body, or a folder with the bodies of all"
             )
-        yield clip
+        yield clip_on_body(clip, body)
     if clip is None:
         raise BadManifest("no usable clips. Give manifests with clips that are not rejected")
 

@@ -76,11 +76,12 @@ def train(
     """Train a network on the clips of manifests; resumes a killed run.
 
     Args:
-        body_path: Body of the clips, as `load_body` takes it; None for the default body.
+        body_path: Body of the clips, or a folder of bodies, as `load_bodies` takes it; None for the
+            default body.
         held_out_paths: Manifests to score every `eval_every` steps; they don't change the training.
 
     Raises:
-        BadManifest: no clips to train on, of several bodies, or of another body than the given one.
+        BadManifest: no clips to train on, or of another body than the given ones.
         BadRecipe: weights that are not one per manifest, or a held-out subject without a clip.
         BadMotionFile: a clip holds NaN, or has a lower frame rate than the windows.
         TrainingDiverged: the loss became infinite or NaN; the last good checkpoint is kept.
@@ -92,12 +93,12 @@ def train(
     from gmrdata.gmr.parallel import from_first, join_processes
     from gmrdata.gmr.runs import LazyClips, usable_files
     from gmrdata.gmr.split import split_manifests
-    from gmrdata.read.bodies import load_body
+    from gmrdata.read.bodies import body_inputs, load_bodies
     from gmrdata.stage.progress import console
 
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifest_paths)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out_paths)}
-    inputs |= {} if body_path is None else {"body": body_path}
+    inputs |= body_inputs(body_path)
     processes = join_processes(config.device)
 
     def fit_in(partial_dir: Path) -> dict[str, Any]:
@@ -108,7 +109,7 @@ def train(
         scored += split.held_out
         fit(
             LazyClips(split.training),
-            load_body("anny" if body_path is None else str(body_path)),
+            load_bodies("anny" if body_path is None else str(body_path)),
             partial_dir,
             config,
             held_out=LazyClips(scored),

@@ -7,6 +7,7 @@ block by block, while they are in the processor's cache; for the backward pass n
 the gradient of each motion's 12 numbers, which is made with its value.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,9 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from gmrdata.values.bodies import names_of
 from gmrdata.values.body import BodyModel, vertex_rows
+from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import joint_transforms
 
@@ -47,9 +50,34 @@ class LossBody:
 class Bodies:
     """The people of a batch, in the first frame of each motion."""
 
-    body: LossBody
+    bodies: tuple[LossBody, ...]  # of one mesh and as many coefficients
     shape: Tensor  # (B, S) coefficients
     local_rotmats: Tensor  # (B, T-1, 23, 3, 3) parent_from_joint
+    numbers: Tensor | None = None  # (B,) int64 on the CPU: whose body is which; None for one body
+
+    @property
+    def n_mesh_vertices(self) -> int:
+        """Vertices of the whole mesh."""
+        return len(self.bodies[0].body.template_m)
+
+    def of_body(self, number: int, windows: Tensor) -> "Bodies":
+        """Those of some windows, whose people all have one body."""
+        one = (self.bodies[number],)
+        return Bodies(one, self.shape[windows], self.local_rotmats[windows])
+
+
+def make_loss_bodies(
+    bodies: Sequence[BodyModel],
+    n_vertices: int | None,
+    device: str,
+    dtype: torch.dtype = torch.float32,
+) -> tuple[LossBody, ...]:
+    """`make_loss_body` of each; BadBodyFile where their meshes or shapes differ in size."""
+    sizes = {(len(body.template_m), body.n_shape) for body in bodies}
+    if len(sizes) > 1:
+        what = "have meshes or shapes of different sizes. Give bodies of one kind"
+        raise BadBodyFile(f"the bodies {names_of(bodies)} {what}")
+    return tuple(make_loss_body(body, n_vertices, device, dtype) for body in bodies)
 
 
 def make_loss_body(
@@ -92,8 +120,16 @@ def vertex_l1_m(
     bodies: Bodies,
 ) -> Float[Tensor, "batch motions"]:
     """Mean over vertices of eq. 13's L1 distance per motion [m], of dR - dR* and dT - dT* [m]."""
-    sums_m: Tensor = _SummedL1.apply(difference, difference_m, bodies)
-    return sums_m / bodies.body.n_vertices
+    if len(bodies.bodies) == 1 or bodies.numbers is None:
+        sums_m: Tensor = _SummedL1.apply(difference, difference_m, bodies)
+        return sums_m / bodies.bodies[0].n_vertices
+    means_m = torch.zeros_like(difference_m[..., 0])
+    for number in bodies.numbers.unique().tolist():
+        windows = torch.nonzero(bodies.numbers == number)[:, 0].to(difference.device)
+        people = bodies.of_body(number, windows)
+        own_m = vertex_l1_m(difference[windows], difference_m[windows], people)
+        means_m = means_m.index_add(0, windows, own_m)
+    return means_m
 
 
 class _SummedL1(torch.autograd.Function):
@@ -102,11 +138,11 @@ class _SummedL1(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, turns: Tensor, moves_m: Tensor, bodies: Bodies) -> Tensor:
         shape, local_rotmats = bodies.shape, bodies.local_rotmats
-        transforms = joint_transforms(bodies.body.body, shape[:, None], local_rotmats)
+        transforms = joint_transforms(bodies.bodies[0].body, shape[:, None], local_rotmats)
         transforms = transforms.permute(0, 1, 3, 4, 2).contiguous()
         sums_m = turns.new_zeros(turns.shape[:2])
         by_turns, by_moves = torch.zeros_like(turns), torch.zeros_like(moves_m)
-        for block in bodies.body.blocks:
+        for block in bodies.bodies[0].blocks:
             for rows in _chunks(turns, block):
                 vertices_m = _vertices_m(block, shape[rows], local_rotmats[rows], transforms[rows])
                 offsets_m = turns[rows] @ vertices_m + moves_m[rows, :, :, None]

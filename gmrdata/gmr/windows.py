@@ -61,6 +61,7 @@ class TrainingSet:
             np.array(frames.root_rotmats[of_run][rows]),
             np.array(frames.pelvis_m[of_run][rows]),
             frames.shapes[run],
+            body=int(frames.bodies[run]),
         )
 
 
@@ -74,6 +75,7 @@ class Batch:
     motions: Motions  # true ones; the identity in padding
     local_rotmats: Tensor  # (B, T, 23, 3, 3); those of the last real frame in padding
     shape: Tensor  # (B, S)
+    bodies: Tensor  # (B,) int64 on the CPU: which of several bodies the person has
 
 
 def make_training_set(
@@ -83,14 +85,16 @@ def make_training_set(
     extra_inputs: tuple[ExtraInput, ...] = (),
     *,
     mix: Mix | None = None,
+    bodies: Sequence[str] = (),
     pack_dir: Path | None = None,
 ) -> TrainingSet:
     """Cut clips into runs at the network's frame rate, and compute their inputs once.
 
-    The clips are gone through once and not kept, so they may come from disk one by one.  With
-    `pack_dir`, the runs' arrays are files in that folder, mapped and not kept in memory.
+    The clips are gone through once and not kept, so they may come from disk one by one.  `bodies`
+    are the names of those that they may have, in the order of their numbers; none for one body.
+    With `pack_dir`, the runs' arrays are files in that folder, mapped and not kept in memory.
     """
-    rows = _run_rows(clips, representation, config, mix)
+    rows = _run_rows(clips, representation, config, mix, list(bodies))
     about = PackRecord(input=representation, fps_hz=config.fps_hz)
     frames = in_memory(rows) if pack_dir is None else in_files(rows, pack_dir, about)
     if mix is None or mix.weights is None:
@@ -129,6 +133,7 @@ def make_batch(
         motions=motions,
         local_rotmats=torch.from_numpy(local_rotmats),
         shape=torch.from_numpy(np.stack([window.shape for window in windows])),
+        bodies=torch.tensor([window.body for window in windows]),
     )
 
 
@@ -155,7 +160,8 @@ def sample_window(
 
 
 def reverse(run: TrainingRun) -> TrainingRun:
-    return TrainingRun(run.poses[::-1], run.root_rotmats[::-1], run.pelvis_m[::-1], run.shape)
+    backwards = {name: getattr(run, name)[::-1] for name in ("poses", "root_rotmats", "pelvis_m")}
+    return replace(run, **backwards)
 
 
 def stacked(
@@ -207,23 +213,29 @@ def _signed(poses: np.ndarray, representation: Representation) -> np.ndarray:
 
 
 def _run_rows(
-    clips: Iterable[Clip], representation: Representation, config: WindowConfig, mix: Mix | None
+    clips: Iterable[Clip],
+    representation: Representation,
+    config: WindowConfig,
+    mix: Mix | None,
+    bodies: list[str],
 ) -> Iterator[TrainingRun]:
     """The runs of the clips, one after the other."""
     parts = None if mix is None else np.repeat(np.arange(len(mix.sizes)), mix.sizes)
-    body, n_clips, n_runs = "", 0, 0
+    n_clips = n_runs = 0
     for n_clips, clip in enumerate(clips, start=1):
-        body = body or clip.motion.body
-        if clip.motion.body != body:
+        bodies = bodies or [clip.motion.body]
+        if clip.motion.body not in bodies:
             raise BadManifest(
-                f"training clips are of different bodies ({body}, {clip.motion.body}), whose"
-                " shapes do not mix. Train on the clips of one body"
+                f"training clips are of different bodies ({', '.join(bodies)},"
+                f" {clip.motion.body}), whose shapes do not mix. Give a folder with all of them"
             )
+        body = bodies.index(clip.motion.body)
         for motion in runs_at(clip, config.fps_hz, all_phases=config.all_phases):
             n_runs += 1
             part = 0 if parts is None else int(parts[n_clips - 1])
             local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
             poses = network_input(local_rotmats, representation).float().numpy()
-            yield TrainingRun(poses, motion.root_rotmats, motion.pelvis_m, motion.shape, part)
+            arrays = (poses, motion.root_rotmats, motion.pelvis_m, motion.shape)
+            yield TrainingRun(*arrays, part, body)
     if not n_runs:
         raise no_runs(n_clips, "training", config.fps_hz, "Give manifests with longer clips")

@@ -18,9 +18,10 @@ from gmrdata.film.render import EXTRAS_FOLDER
 from gmrdata.manifest.current import READS, FolderRecord, ListManifest, Manifest
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.read import load_entry, read_manifest
-from gmrdata.read.bodies import load_body
+from gmrdata.read.bodies import body_files, load_body
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
 from gmrdata.stage.store import StageRecord
+from gmrdata.values.bodies import body_of, sized
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput
@@ -76,9 +77,9 @@ class ExportedClip:
             raise MissingInput(
                 f"clip {self.id} needs the body {wanted}{there}. Give it with --body"
             )
-        body = found[wanted]
-        far_m = np.inf
-        if body.n_shape == len(shape):
+        body, far_m = found[wanted], np.inf
+        if body_of(self.clip.motion, [body]) is not None:
+            body = sized(body, len(shape))
             far_m = float(np.abs(body.rest_pelvis_m(shape) - self.rest_pelvis_m).max())
         if not far_m < WRONG_BODY_M:
             what = f"clip {self.id} was made with another body that is called {wanted}"
@@ -132,7 +133,8 @@ def load_exported(
 
     Args:
         files: An item of `list_clips`.
-        body: The body to use, as `load_body` takes it; what lies beside the clip when None.
+        body: The body to use, as `load_body` takes it, or a folder of bodies; what lies beside the
+            clip when None.
         images: Folder with the images, in place of the one that the clip names.
         truth: Clip file of the same person, in place of what lies beside.
     """
@@ -147,13 +149,19 @@ def load_exported(
         clip_path=files.clip_path,
         clip=clip,
         rest_pelvis_m=read_npz(files.clip_path)["rest_pelvis_m"],
-        body_names=_bodies(files.clip_path, clip) if body is None else (body,),
+        body_names=_bodies(files.clip_path, clip) if body is None else _given(body),
         images_dir=images or files.images_dir,
         masks_dir=files.masks_dir,
         sfm_dir=files.sfm_dir,
         truth=None if truth_path is None else load_clip(truth_path),
         extras=tuple(map(load_clip, extras)),
     )
+
+
+def _given(body: str) -> tuple[str, ...]:
+    """A body, or those of a folder."""
+    folder = Path(body).expanduser()
+    return tuple(map(str, body_files(folder))) if folder.is_dir() else (body,)
 
 
 def _bodies(clip_path: Path, clip: Clip) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from gmrdata.read.frames import check_images, image_number, list_images, write_g
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, load_clip, rows_of_numbers
+from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip, rows_of_numbers
 from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
 from gmrdata.values.people import PersonFiles, stage_inputs
 from gmrdata.values.records import Config
@@ -134,6 +134,7 @@ def _write_silhouettes(
     size_px = check_images(images)
     clips = [_clip(person.clip_path, images[0], size_px) for person in people]
     bodies = [load_body(str(person.body_path)) for person in people]
+    clips = list(map(clip_on_body, clips, bodies))
     pairs = zip(clips, people, strict=True)
     rows = [_rows_of_images(clip, person.clip_path, images) for clip, person in pairs]
     for start in range(0, len(images), FRAMES_AT_ONCE):

@@ -64,9 +64,11 @@ def chosen_body(path: Path, names: Collection[str]) -> str:
         if name is not None and name in names:
             return name
     if len(names) > 1:
-        needs = f"the body {wanted} or {SMPL}neutral" if wanted else f"{SMPL}neutral, for anybody"
+        needs = " or ".join(dict.fromkeys(filter(None, (wanted, f"{SMPL}neutral"))))
         there = ", ".join(sorted(names))
-        raise BadBodyFile(f"{path}: needs {needs}; there are {there}. Put it into the folder")
+        raise BadBodyFile(
+            f"{path}: needs the body {needs}; there are {there}. Put it into the folder"
+        )
     return next(iter(names))
 
 

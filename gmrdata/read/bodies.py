@@ -151,6 +151,24 @@ def load_bodies(body: str) -> tuple[BodyModel, ...]:
     return of_equal_size([one for _, one in (found[name] for name in sorted(found))])
 
 
+def body_inputs(path: Path | None, role: str = "body") -> dict[str, Path]:
+    """The files of `load_bodies`, as a stage's inputs; none for the default body."""
+    if path is None or not path.is_dir():
+        return {} if path is None else {role: path}
+    return {f"{role}_{number}": file for number, file in enumerate(body_files(path))}
+
+
+def body_file(body: str, name: str) -> Path:
+    """The file of the body of that name, of those that `load_bodies` takes."""
+    folder = Path(body).expanduser()
+    if body == "anny" or not folder.is_dir():
+        return anny_file() if body == "anny" else Path(body)
+    found = _named_files(folder)
+    if name not in found:
+        raise BadBodyFile(f"{folder}: holds {', '.join(found)}, but not {name}. Put it there")
+    return found[name][0]
+
+
 def _named_files(folder: Path) -> dict[str, tuple[Path, BodyModel]]:
     """A folder's bodies and their files, by the bodies' names."""
     found: dict[str, tuple[Path, BodyModel]] = {}

@@ -9,6 +9,8 @@ import numpy as np
 
 from gmrdata.gmr.runs import MIN_FRAMES, UsableClip, runs_at
 from gmrdata.motion.resample import valid_runs
+from gmrdata.values.bodies import on_body
+from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.motion import Motion, whole_ratio
@@ -45,6 +47,19 @@ class PredictedClip:
     camera_paths_m: tuple[np.ndarray, np.ndarray] | None = None
     """(N, 3) the prediction's own camera and the true one, in the frames that both have [m]."""
     n_video_frames: int = 0  # frames of the video at the rate of `worlds`
+
+
+def on_its_body(predicted: PredictedClip, body: BodyModel) -> PredictedClip:
+    """The same with as many shape coefficients as the prediction's body; itself if it has them."""
+    if predicted.runs[0].predicted.shape.size == body.n_shape:
+        return predicted
+
+    def fitting(runs: tuple[PredictedRun, ...]) -> tuple[PredictedRun, ...]:
+        return tuple(replace(run, predicted=on_body(run.predicted, body)) for run in runs)
+
+    return replace(
+        predicted, runs=fitting(predicted.runs), worlds=tuple(map(fitting, predicted.worlds))
+    )
 
 
 def still_motion(true: Motion, first: Motion) -> Motion:
@@ -276,7 +291,7 @@ def _world(true: Clip, predicted: Clip, fps_hz: float, numbers: np.ndarray) -> W
             run,
             true_cam_rotmats=true_camera,
             predicted_cam_rotmats=own_camera,
-            frames=numbers[of_run // step],
+            frames=None if of_run is None else numbers[of_run // step],
         )
         for run, of_run, (true_camera, own_camera) in zip(runs, rows, cameras, strict=True)
     )

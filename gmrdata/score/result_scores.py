@@ -12,6 +12,7 @@ from gmrdata.gmr.runs import UsableClip, usable_clips, usable_files
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.listing import read_listing
 from gmrdata.read.frames import number_in_name
+from gmrdata.read.world_results import ResultPerson
 from gmrdata.score.compare import CompareConfig, compare_scores
 from gmrdata.score.predictions import PredictedClip, clip_beside_truth
 from gmrdata.score.records import MatchedResult, ScoredResults
@@ -39,7 +40,9 @@ from gmrdata.score.score import (
     write_scores,
 )
 from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.values.bodies import body_of
 from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.files import resolve_inside
 
@@ -161,10 +164,10 @@ def _score_set(
     def predictor() -> Predictor:
         usable = usable_clips(given.manifest_path)
         entries = {entry.id: entry for entry in usable.manifest.clips}
-        of_truth, of_results = bodies_for(given.body_path, given.predictions_body_path)
+        bodies = bodies_for(given.body_path, given.predictions_body_path)
         matched = {
             one.clip.id: _matched(
-                found, beside, one, entries[one.clip.id], of_results or of_truth, given, config
+                found, beside, one, entries[one.clip.id], bodies.of_predictions, given, config
             )
             for one in usable.clips
             if one.clip.id in found.results
@@ -195,13 +198,14 @@ def _matched(
     beside: Sequence[ResultSet],
     one: UsableClip,
     entry: ClipEntry,
-    body: BodyModel,
+    bodies: Sequence[BodyModel],
     given: _Given,
     config: ResultsConfig,
 ) -> MatchedClip:
     """A clip's prediction, on the frames that all results of the clip have where some may lack."""
     id, result = one.clip.id, found.results[one.clip.id]
     person = pick_person(result, id, found.name, config.person)
+    body = _body_of(person, one.clip, bodies)
     if result.system == "amass":
         return timed_clip(result, person, one.clip, body)
     images = _image_numbers(entry, given.manifest_path)
@@ -212,6 +216,12 @@ def _matched(
             its_person = pick_person(other.results[id], id, other.name, config.person)
             common &= has_rows(its_person, one.clip, frames, config.camera)
     return matched_clip(result, person, one.clip, frames, body, config.camera, common)
+
+
+def _body_of(person: ResultPerson, clip: Clip, bodies: Sequence[BodyModel]) -> BodyModel:
+    """The body that a result's shape is of; else the clip's own; else the first."""
+    named = (body for body in bodies if body.name == person.betas_body)
+    return next(named, None) or body_of(clip.motion, bodies) or bodies[0]
 
 
 def _image_numbers(entry: ClipEntry, manifest_path: Path) -> list[int]:

@@ -1,7 +1,7 @@
 """Score a trained network, or predictions of anything else, on a manifest's clips."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -10,12 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.gmr.config import Which
-from gmrdata.gmr.runs import UsableClip, check_clips_fit, usable_clips
+from gmrdata.gmr.runs import UsableClip, fitting_clips, usable_clips
 from gmrdata.manifest.current import ListManifest, Manifest
 from gmrdata.manifest.read import read_manifest
+from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.score import Deviation, ProtocolName
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
-from gmrdata.score.predictions import PredictedClip, file_clip, network_clip
+from gmrdata.score.predictions import PredictedClip, file_clip, network_clip, on_its_body
 from gmrdata.score.protocols import (
     H36M_JOINTS,
     H36M_ROWS,
@@ -36,6 +37,7 @@ from gmrdata.stage import recipes
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values.bodies import body_of, names_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe
 from gmrdata.values.records import Config
@@ -88,7 +90,8 @@ def score_manifest(
     not valid; each run of valid frames is a sequence of its own for the network.
 
     Args:
-        body_path: Their body, as `load_body` takes it; None for the default body.
+        body_path: Their body, or a folder of bodies, as `load_bodies` takes it; None for the
+            default body.
         out_dir: Gets `scores.json`, whose path is returned, `scores.csv` and `scores.md`.
         floor_path: A `floor.json`: the error of the pseudo ground truth itself, to lay beside.
         joint_regressor_path: A .npy of (joints, vertices) that takes a protocol's joints from posed
@@ -139,7 +142,8 @@ def score_predictions(
         predictions_dir: `<clip id>.npz` for each clip, as `save_clip` writes it, each in a world of
             its own; row i is the clip's row i, or row k i where the clip's rate is k times the
             prediction's.  Its local pose and shape count in VME and in a protocol.
-        predictions_body_path: The predictions' body, of the same mesh; None for the clips' own.
+        predictions_body_path: The predictions' body or bodies, of the same mesh; None for those of
+            `body_path`.
 
     BadMotionFile where a prediction is missing, lacks frames and may not be dropped, is of another
     clip or body, or in the camera's frame; BadBodyFile where the two bodies have different meshes.
@@ -171,30 +175,52 @@ Predictor = tuple[str, ScoredNetwork | ScoredFiles | ScoredResults, Predict, flo
 """Its name, what predicts, and the rate of OME, TME and VME [Hz]."""
 
 
+@dataclass(frozen=True, eq=False)
+class ScoredBodies:
+    """The bodies that clips and predictions may have, all of one mesh."""
+
+    of_clips: tuple[BodyModel, ...]
+    of_predictions: tuple[BodyModel, ...]
+
+
 def score_clips(
     predict: Predict,
-    body: BodyModel,
+    bodies: ScoredBodies,
     clips: Sequence[UsableClip],
     protocol: Protocol | None = None,
-    predicted_body: BodyModel | None = None,
     regressor: np.ndarray | None = None,
 ) -> tuple[list[ClipErrors], dict[str, str]]:
-    """Errors of each clip that has a prediction, and the reason by id of each that has none."""
-    scored, skipped, its_body = [], {}, predicted_body or body
-    for one in track(clips, "scoring", total=len(clips)):
-        predicted = predict(one)
+    """Errors of each clip that has a prediction, and the reason by id of each that has none.
+
+    Clip and prediction are posed on their own bodies.
+    """
+    scored, skipped = [], {}
+    fitting = fitting_clips((one.clip for one in clips), bodies.of_clips)
+    for one, clip in track(list(zip(clips, fitting, strict=True)), "scoring", total=len(clips)):
+        predicted = predict(replace(one, clip=clip))
         if isinstance(predicted, str):
-            skipped[one.clip.id] = predicted
+            skipped[clip.id] = predicted
             continue
-        motion = predicted.runs[0].predicted
-        if motion.body != its_body.name or motion.shape.shape != (its_body.n_shape,):
-            raise BadMotionFile(
-                f"clip {one.clip.id}: its prediction is of body {motion.body} with "
-                f"{motion.shape.size} shape coefficients, but the given body is {its_body.name} "
-                f"with {its_body.n_shape}. Pass the predictions' own body with --predictions-body"
-            )
-        scored.append(clip_errors(predicted, body, protocol, predicted_body, regressor))
+        body = body_of(clip.motion, bodies.of_clips)
+        assert body is not None  # or the clip would not fit
+        its_body = _predicted_body(predicted, bodies)
+        other_body = None if its_body is body else its_body
+        predicted = on_its_body(predicted, its_body)
+        scored.append(clip_errors(predicted, body, protocol, other_body, regressor))
     return scored, skipped
+
+
+def _predicted_body(predicted: PredictedClip, bodies: ScoredBodies) -> BodyModel:
+    motion = predicted.runs[0].predicted
+    body = body_of(motion, bodies.of_predictions)
+    if body is None:
+        given = ", ".join(f"{one.name} with {one.n_shape}" for one in bodies.of_predictions)
+        raise BadMotionFile(
+            f"clip {predicted.clip_id}: its prediction is of body {motion.body} with "
+            f"{motion.shape.size} shape coefficients, but the given body is {given}. Pass the "
+            "predictions' own body with --predictions-body"
+        )
+    return body
 
 
 def motion_types(manifest: Manifest) -> dict[str, str]:
@@ -242,6 +268,9 @@ def write_scores(
         write_table_files(path, csv_rows(scores), scores_markdown(scores))
 
     given = {key: path for key, path in inputs.items() if path is not None}
+    for role in ("body", "predictions_body"):
+        if (path := given.pop(role, None)) is not None:
+            given |= body_inputs(path, role)
     return run_stage("score", out_dir, config, given, work, run=run) / "scores.json"
 
 
@@ -255,12 +284,11 @@ def _scores(
     usable, floor, protocol = usable_clips(manifest_path), None, config.its_protocol()
     if (path := inputs["floor"]) is not None:
         floor = read_fitting_floor(path, manifest_path, usable.manifest.kind, fps_hz)
-    body, predicted_body = bodies_for(inputs["body"], inputs.get("predictions_body"))
-    check_clips_fit([one.clip for one in usable.clips], body)
-    regressor = None
+    bodies, regressor = bodies_for(inputs["body"], inputs.get("predictions_body")), None
     if (path := inputs["joint_regressor"]) is not None:
-        regressor, protocol = _joint_regressor(path, body, protocol)
-    scored, skipped = score_clips(predict, body, usable.clips, protocol, predicted_body, regressor)
+        regressor, protocol = _joint_regressor(path, bodies.of_clips[0], protocol)
+    scored, skipped = score_clips(predict, bodies, usable.clips, protocol, regressor)
+    used = {one.clip.motion.body for one in usable.clips}
     if not scored:
         raise BadManifest(f"{manifest_path}: no clip has two valid frames in a row")
     scored = across_clips(scored, protocol, videos_of(usable.manifest))
@@ -277,7 +305,7 @@ def _scores(
         name=name,
         model=model,
         fps_hz=fps_hz,
-        body=body.name,
+        body=names_of(body for body in bodies.of_clips if body.name in used),
         protocol=protocol,
         bootstrap=Bootstrap(resamples=config.resamples, seed=config.seed),
         skipped=usable.skipped | skipped,
@@ -308,21 +336,21 @@ def _joint_regressor(
     return rows.astype(float), fitting
 
 
-def bodies_for(
-    body_path: Path | None, predicted_body_path: Path | None
-) -> tuple[BodyModel, BodyModel | None]:
-    """The clips' body, and the predictions' where that is another one."""
-    from gmrdata.read.bodies import load_body
+def bodies_for(body_path: Path | None, predicted_body_path: Path | None) -> ScoredBodies:
+    """The clips' bodies, and the predictions' where those are others.
 
-    body = load_body("anny" if body_path is None else str(body_path))
-    if predicted_body_path is None:
-        return body, None
-    predicted_body = load_body(str(predicted_body_path))
-    n_vertices, n_predicted = len(body.template_m), len(predicted_body.template_m)
-    if n_vertices != n_predicted:
-        raise BadBodyFile(
-            f"{predicted_body_path}: {n_predicted} vertices, but the clips' body {body.name} has "
-            f"{n_vertices}, so no vertex error can be measured. Give predictions of a body with "
-            "the clips' mesh"
-        )
-    return body, predicted_body
+    BadBodyFile: meshes of different sizes.
+    """
+    bodies = load_bodies("anny" if body_path is None else str(body_path))
+    predicted = bodies
+    if predicted_body_path is not None:
+        predicted = load_bodies(str(predicted_body_path))
+    n_vertices = len(bodies[0].template_m)
+    for body in (*bodies, *predicted):
+        if len(body.template_m) != n_vertices:
+            raise BadBodyFile(
+                f"{predicted_body_path or body_path}: {len(body.template_m)} vertices of "
+                f"{body.name}, but the clips' body {bodies[0].name} has {n_vertices}, so no vertex "
+                "error can be measured. Give predictions of a body with the clips' mesh"
+            )
+    return ScoredBodies(bodies, predicted)

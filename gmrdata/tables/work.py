@@ -17,7 +17,7 @@ from gmrdata.baselines.vibe_cam import load_poses, predict_vibe_cam
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_deltas
 from gmrdata.gmr.train import train
-from gmrdata.read.bodies import load_body
+from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.score.predictions import every_row
 from gmrdata.score.score import score_manifest, score_predictions
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -47,13 +47,16 @@ def infer_poses(
     """
     subjects, left_out = predictions.manifest_subjects(manifest_path)
     inputs = {"run": run_dir, "manifest": manifest_path}
-    inputs |= {} if body_path is None else {"body": body_path}
+    inputs |= body_inputs(body_path)
     inputs |= {f"poses_{one.clip.id}": poses_dir / f"{one.clip.id}.npz" for one in subjects}
 
     def work(partial_dir: Path) -> None:
-        gmr, body = load_gmr(run_dir), load_body("anny" if body_path is None else str(body_path))
-        seen = (load_poses(inputs[f"poses_{one.clip.id}"], one.clip, body) for one in subjects)
-        found = [_moved(gmr, *both, body) for both in zip(subjects, seen, strict=True)]
+        gmr, bodies = (
+            load_gmr(run_dir),
+            load_bodies("anny" if body_path is None else str(body_path)),
+        )
+        seen = (load_poses(inputs[f"poses_{one.clip.id}"], one.clip, bodies) for one in subjects)
+        found = [_moved(gmr, one, *posed) for one, posed in zip(subjects, seen, strict=True)]
         kind, figures = predictions.NetworkPredictions, predictions.NetworkFigures(run=run_dir.name)
         predictions.write_predictions(partial_dir, "gmr", found, left_out, kind, figures)
 

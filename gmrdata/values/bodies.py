@@ -24,41 +24,44 @@ def shape_on(body: BodyModel, betas: np.ndarray) -> np.ndarray:
     return shape
 
 
-def takes_shape(body: BodyModel, name: str, n_shape: int) -> bool:
-    """Whether so many coefficients of a body of that name are a shape of this body, uncut."""
-    if body.name != name:
-        return False
-    return n_shape == body.n_shape or (name.startswith(SMPL) and n_shape < body.n_shape)
-
-
 def body_of(motion: Motion, bodies: Iterable[BodyModel]) -> BodyModel | None:
-    """The body that a motion is of; None where it is not among them."""
-    fitting = (body for body in bodies if takes_shape(body, motion.body, motion.shape.size))
-    return next(fitting, None) if motion.shape.ndim == 1 else None
+    """The body that a motion is of, all of whose shape it has; None where it is not among them."""
+    return next((body for body in bodies if _has_shape(body, motion)), None)
+
+
+def _has_shape(body: BodyModel, motion: Motion) -> bool:
+    shape = motion.shape
+    if body.name != motion.body or shape.ndim != 1:
+        return False
+    by_size = body.name.startswith(SMPL) and not shape[body.n_shape :].any()
+    return len(shape) == body.n_shape or by_size
 
 
 def on_body(motion: Motion, body: BodyModel) -> Motion:
-    """A motion of a body, with as many coefficients as the body has; itself if it has them."""
-    if motion.shape.size == body.n_shape:
+    """A motion with as many coefficients as its body has; itself if it has them or another body."""
+    if motion.shape.size == body.n_shape or body_of(motion, [body]) is None:
         return motion
     return replace(motion, shape=shape_on(body, motion.shape))
 
 
+def sized(body: BodyModel, n_shape: int) -> BodyModel:
+    """The same body with so many coefficients: the first, or more that change nothing."""
+    if n_shape == body.n_shape:
+        return body
+    more = ((0, 0), (0, 0), (0, max(0, n_shape - body.n_shape)))
+    return replace(
+        body,
+        shape_dirs_m=np.pad(body.shape_dirs_m[..., :n_shape], more),
+        joint_shape_dirs_m=np.pad(body.joint_shape_dirs_m[..., :n_shape], more),
+    )
+
+
 def of_equal_size(bodies: Sequence[BodyModel]) -> tuple[BodyModel, ...]:
-    """The same bodies with as many coefficients as the one that has most; more change nothing."""
+    """The same bodies with as many coefficients as the one that has most."""
     size = max(body.n_shape for body in bodies)
-    return tuple(body if body.n_shape == size else _grown(body, size) for body in bodies)
+    return tuple(sized(body, size) for body in bodies)
 
 
 def names_of(bodies: Iterable[BodyModel]) -> str:
     """Names of bodies, for records and messages."""
     return ", ".join(body.name for body in bodies)
-
-
-def _grown(body: BodyModel, size: int) -> BodyModel:
-    more = ((0, 0), (0, 0), (0, size - body.n_shape))
-    return replace(
-        body,
-        shape_dirs_m=np.pad(body.shape_dirs_m, more),
-        joint_shape_dirs_m=np.pad(body.joint_shape_dirs_m, more),
-    )

@@ -1,11 +1,13 @@
 """Clip: what the manifest lists, the trainer trains on and the evaluator scores; and its file."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gmrdata.values.bodies import on_body
+from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile, BadRecord
 from gmrdata.values.files import read_npz, write_npz
@@ -55,6 +57,11 @@ def camera_of(clip: Clip) -> CameraPath:
         remedy = "Give a clip that was rendered or reconstructed"
         raise BadMotionFile(f"clip {clip.id} has no camera. {remedy}")
     return clip.camera
+
+
+def clip_on_body(clip: Clip, body: BodyModel) -> Clip:
+    """A clip with as many shape coefficients as its body has, see `on_body`."""
+    return replace(clip, motion=on_body(clip.motion, body))
 
 
 def rows_of_numbers(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:

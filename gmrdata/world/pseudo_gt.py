@@ -12,7 +12,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, fill_gaps
-from gmrdata.values.clip import Clip, load_clip, rows_of_numbers, save_clip
+from gmrdata.values.clip import Clip, clip_on_body, load_clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
 from gmrdata.values.records import MAKE_AGAIN
@@ -56,7 +56,8 @@ def make_pseudo_gt(
     def work(partial: Path) -> None:
         from gmrdata.read.bodies import load_body
 
-        clips, bodies = _camera_clips(people), [load_body(str(one.body_path)) for one in people]
+        bodies = [load_body(str(one.body_path)) for one in people]
+        clips = list(map(clip_on_body, _camera_clips(people), bodies))
         cameras, quality = files.load_cameras(sfm_dir), files.load_quality(sfm_dir)
         if quality.frames != len(cameras.image_numbers):
             raise BadRecord(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")

@@ -24,7 +24,7 @@ from gmrdata.cli import main
 from gmrdata.gmr.checkpoint import latest_checkpoint
 from gmrdata.gmr.config import LossConfig, NetworkConfig
 from gmrdata.gmr.flat_runs import in_memory
-from gmrdata.gmr.vertex_loss import make_loss_body
+from gmrdata.gmr.vertex_loss import make_loss_bodies
 from gmrdata.gmr.windows import Batch, TrainingSet
 from gmrdata.motion.gait import embedded_motions
 from gmrdata.values.body import BodyModel
@@ -143,7 +143,7 @@ def test_the_same_recipe_gives_the_same_network(
     config = SMALL.model_copy(update={"steps": 3})
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
-        fit_joint(runs, small_body, tmp_path / name, config)
+        fit_joint(runs, [small_body], tmp_path / name, config)
     assert contents(tmp_path / "one") == contents(tmp_path / "other")
 
 
@@ -160,7 +160,7 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(
     config = SMALL.model_copy(update=changes)
     for name in ("whole", "stopped"):
         (tmp_path / name).mkdir()
-    fit_joint(runs, small_body, tmp_path / "whole", config)
+    fit_joint(runs, [small_body], tmp_path / "whole", config)
 
     def stop_in_step_6(runs: TrainingSet, config: JointConfig, step: int) -> Batch:
         if step == 6:
@@ -169,10 +169,10 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr("gmrdata.baselines.joint_data.make_joint_batch", stop_in_step_6)
-        fit_joint(runs, small_body, tmp_path / "stopped", config)
+        fit_joint(runs, [small_body], tmp_path / "stopped", config)
     pointer = tmp_path / "stopped" / "checkpoints" / "latest"
     assert pointer.read_text() == "step_00000004\n"
-    fit_joint(runs, small_body, tmp_path / "stopped", config)
+    fit_joint(runs, [small_body], tmp_path / "stopped", config)
     assert contents(tmp_path / "stopped") == contents(tmp_path / "whole")
     steps = [json.loads(line)["step"] for line in (tmp_path / "whole/metrics.jsonl").open()]
     assert steps == list(range(1, 10))
@@ -182,7 +182,7 @@ def test_what_is_read_is_what_was_written(
     walks: list[Clip], small_body: BodyModel, tmp_path: Path
 ) -> None:
     runs = training_runs([(walks[0], told(walks[0]))], 10.0)
-    model = fit_joint(runs, small_body, tmp_path, SMALL.model_copy(update={"steps": 2})).eval()
+    model = fit_joint(runs, [small_body], tmp_path, SMALL.model_copy(update={"steps": 2})).eval()
     features = torch.from_numpy(split_rows(runs.frames.poses)[0][:40])[None]
     with torch.no_grad():
         one, other = model(features), load_joint(tmp_path)(features)
@@ -233,11 +233,11 @@ def test_padding_and_windows(walks: list[Clip], small_body: BodyModel) -> None:
         ),
         local_rotmats=batch.local_rotmats[:, :6],
     )
-    loss_body = make_loss_body(small_body, None, "cpu")
+    loss_bodies = make_loss_bodies([small_body], None, "cpu")
     for reduction in ("mean", "sum"):
         both = config.model_copy(update={"loss": LossConfig(reduction=reduction)})
-        padded = joint_loss(output, batch, loss_body, both)
-        whole = joint_loss(model(cut.poses), cut, loss_body, both)
+        padded = joint_loss(output, batch, loss_bodies, both)
+        whole = joint_loss(model(cut.poses), cut, loss_bodies, both)
         for one, other in zip(padded.items(), whole.items(), strict=True):
             assert one[0] == other[0]
             assert one[1].item() == pytest.approx(other[1].item(), rel=1e-4, abs=1e-9)
@@ -267,7 +267,7 @@ def test_every_run_is_a_sequence_of_its_own(
     clip = replace(walks[0], valid=valid)
     runs = training_runs([(walks[1], told(walks[1]))], 10.0)
     (tmp_path / "run").mkdir()
-    model = fit_joint(runs, small_body, tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
+    model = fit_joint(runs, [small_body], tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
     write_features(tmp_path / "features", [clip])
     manifest = write_set(tmp_path / "set", [clip])
     predict_joint(tmp_path / "run", manifest, tmp_path / "features", tmp_path / "out")
@@ -310,7 +310,7 @@ def test_features_that_do_not_fit(
         training_runs([(clip, good), (walks[1], good[:, :7])], 10.0)
     runs = training_runs([(clip, good)], 10.0)
     (tmp_path / "run").mkdir()
-    fit_joint(runs, small_body, tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
+    fit_joint(runs, [small_body], tmp_path / "run", SMALL.model_copy(update={"steps": 1}))
     write_npz(path, {"features": good[:, :7]})
     manifest = write_set(tmp_path / "set", [clip])
     with pytest.raises(BadFeatures, match="7 numbers per frame, but the model takes 48"):
@@ -332,5 +332,5 @@ def test_a_step_size_that_is_far_too_large(
 ) -> None:
     runs = training_runs([(walks[0], told(walks[0]))], 10.0)
     with pytest.raises(TrainingDiverged, match="Lower learning_rate, or set gradient_norm"):
-        fit_joint(runs, small_body, tmp_path, SMALL.model_copy(update={"learning_rate": 1e30}))
+        fit_joint(runs, [small_body], tmp_path, SMALL.model_copy(update={"learning_rate": 1e30}))
     assert latest_checkpoint(tmp_path) is None

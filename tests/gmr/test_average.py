@@ -57,8 +57,8 @@ def test_the_average_is_what_is_used_and_training_goes_on_from_the_weights(
     tmp_path: Path,
 ) -> None:
     clips = make_clips(2, 1)
-    used = fit(clips, small_body, tmp_path / "a", config)
-    fit(clips, small_body, tmp_path / "b", config.model_copy(update={"average_decay": 0.0}))
+    used = fit(clips, [small_body], tmp_path / "a", config)
+    fit(clips, [small_body], tmp_path / "b", config.model_copy(update={"average_decay": 0.0}))
     a, b = checkpoint_dir(tmp_path / "a", 12), checkpoint_dir(tmp_path / "b", 12)
     for name in ("model.safetensors", "optimizer.safetensors"):
         assert (a / name).read_bytes() == (b / name).read_bytes()
@@ -78,7 +78,7 @@ def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(
 ) -> None:
     """With every augmentation, extra input and the average: stopped at any step."""
     clips, held_out = make_clips(2, 1), make_clips(1, 2)
-    fit(clips, small_body, tmp_path / "whole", config, held_out=held_out)
+    fit(clips, [small_body], tmp_path / "whole", config, held_out=held_out)
     expected = files_of(tmp_path / "whole")
     assert any("average" in name for name in expected)
     make_batch = loop.make_batch
@@ -93,9 +93,9 @@ def test_n_steps_are_k_resumed_and_the_rest_bit_for_bit(
         with monkeypatch.context() as patch:
             patch.setattr(loop, "make_batch", stopping)
             with pytest.raises(KeyboardInterrupt):
-                fit(clips, small_body, run_dir, config, held_out=held_out)
+                fit(clips, [small_body], run_dir, config, held_out=held_out)
         torch.rand(stop)
-        fit(clips, small_body, run_dir, config, held_out=held_out)
+        fit(clips, [small_body], run_dir, config, held_out=held_out)
         assert files_of(run_dir) == expected
 
 
@@ -114,7 +114,7 @@ def test_a_checkpoint_that_lost_its_average_is_refused(
     tmp_path: Path,
 ) -> None:
     clips = make_clips(1, 1)
-    fit(clips, small_body, tmp_path, config)
+    fit(clips, [small_body], tmp_path, config)
     folder = checkpoint_dir(tmp_path, 12)
     assert json.loads((folder / "state.json").read_text())["averaged"] is True
     path = folder / "average.safetensors"
@@ -125,5 +125,5 @@ def test_a_checkpoint_that_lost_its_average_is_refused(
     with pytest.raises(BadCheckpoint, match=r"average\.safetensors: truncated, missing"):
         load_gmr(tmp_path)
     with pytest.raises(BadCheckpoint, match=r"average\.safetensors"):
-        fit(clips, small_body, tmp_path, config.model_copy(update={"steps": 20}))
+        fit(clips, [small_body], tmp_path, config.model_copy(update={"steps": 20}))
     load_weights(folder, Gmr(config.model))

@@ -50,7 +50,7 @@ def test_it_overfits_one_window(
         log_every=1,
     )
     clip = make_clips(1, 0, duration_s=2.0, fps_hz=10.0)
-    fit(clip, small_body, tmp_path, config)
+    fit(clip, [small_body], tmp_path, config)
     first, last = lines_of(tmp_path)[0], lines_of(tmp_path)[-1]
     assert last["step"] == 150
     assert last["loss"] < 0.06 * first["loss"]
@@ -64,8 +64,8 @@ def test_held_out_scores_are_logged_and_change_nothing(
     tmp_path: Path,
 ) -> None:
     clips, held_out = make_clips(2, 1), make_clips(2, 2)
-    fit(clips, small_body, tmp_path / "a", small_config, held_out=held_out)
-    fit(clips, small_body, tmp_path / "b", small_config)
+    fit(clips, [small_body], tmp_path / "a", small_config, held_out=held_out)
+    fit(clips, [small_body], tmp_path / "b", small_config)
     scored = [line for line in lines_of(tmp_path / "a") if "held_out_ome_deg" in line]
     assert [line["step"] for line in scored] == [4, 8, 12]
     a, b = bytes_of(tmp_path / "a"), bytes_of(tmp_path / "b")
@@ -85,7 +85,7 @@ def test_the_best_weights_are_those_of_the_lowest_score(
     clips, held_out = make_clips(2, 1), make_clips(2, 2)
     change = {"eval_every": 1, "best_by": best_by, "learning_rate": 0.1, "schedule": "constant"}
     config = small_config.model_copy(update=change)
-    fit(clips, small_body, tmp_path, config, held_out=held_out)
+    fit(clips, [small_body], tmp_path, config, held_out=held_out)
     scores = {line["step"]: line[best_by] for line in lines_of(tmp_path) if best_by in line}
     step = min(scores, key=lambda step: (scores[step], step))
     assert step < 12
@@ -95,7 +95,7 @@ def test_the_best_weights_are_those_of_the_lowest_score(
     assert best is not None
     assert best.score == BestScore(step=step, score=best_by, value=scores[step])
     fps_hz = config.windows.fps_hz
-    runs = held_out_runs(held_out, small_body, fps_hz)
+    runs = held_out_runs(held_out, [small_body], fps_hz)
     found = held_out_scores(read_model(folder, "best"), runs, fps_hz)
     assert found[best_by] == scores[step]
     assert load_gmr(tmp_path, "best").step == step
@@ -108,7 +108,7 @@ def test_without_held_out_clips_there_are_no_best_weights(
     small_config: TrainConfig,
     tmp_path: Path,
 ) -> None:
-    fit(make_clips(1, 1), small_body, tmp_path, small_config)
+    fit(make_clips(1, 1), [small_body], tmp_path, small_config)
     with pytest.raises(BadCheckpoint, match="no best weights"):
         load_gmr(tmp_path, "best")
 
@@ -124,7 +124,7 @@ def test_bf16_is_close_and_keeps_float32_weights(
         config = small_config.model_copy(
             update={"precision": precision, "model": ModelConfig(layers=2, hidden=12)}
         )
-        fit(make_clips(2, 1), small_body, tmp_path / precision, config)
+        fit(make_clips(2, 1), [small_body], tmp_path / precision, config)
         losses[precision] = [line["loss"] for line in lines_of(tmp_path / precision)]
         parameters = load_gmr(tmp_path / precision).model.parameters()
         assert {p.dtype for p in parameters} == {torch.float32}
@@ -151,7 +151,7 @@ def test_compiling_changes_rounding_alone(
     for name, compiled in (("plain", False), ("compiled", True)):
         fit(
             make_clips(2, 1),
-            small_body,
+            [small_body],
             tmp_path / name,
             config.model_copy(update={"compile": compiled}),
         )
@@ -172,7 +172,7 @@ def test_compiling_without_a_compiler_is_said(
     monkeypatch.setenv("CXX", "no-such-compiler")
     config = small_config.model_copy(update={"compile": True})
     with pytest.raises(StageFailed, match="there is no no-such-compiler"):
-        fit(make_clips(1, 1), small_body, tmp_path, config)
+        fit(make_clips(1, 1), [small_body], tmp_path, config)
 
 
 @pytest.mark.parametrize("precision", ["fp32", "bf16"])
@@ -187,7 +187,7 @@ def test_k_steps_resumed_are_n_steps_bit_for_bit(
     """Stopped in the middle of any step: before, between and after checkpoints and log lines."""
     clips, held_out = make_clips(2, 1), make_clips(1, 2)
     small_config = small_config.model_copy(update={"precision": precision})
-    fit(clips, small_body, tmp_path / "whole", small_config, held_out=held_out)
+    fit(clips, [small_body], tmp_path / "whole", small_config, held_out=held_out)
     expected = bytes_of(tmp_path / "whole")
     assert "checkpoints/step_00000012/best.safetensors" in expected
     make_batch = loop.make_batch
@@ -203,12 +203,12 @@ def test_k_steps_resumed_are_n_steps_bit_for_bit(
         with monkeypatch.context() as patch:
             patch.setattr(loop, "make_batch", stopping)
             with pytest.raises(KeyboardInterrupt):
-                fit(clips, small_body, run_dir, small_config, held_out=held_out)
+                fit(clips, [small_body], run_dir, small_config, held_out=held_out)
         with (run_dir / "metrics.jsonl").open("a") as stream:
             stream.write('{"step": 11, "lo')
         torch.manual_seed(stop)
         torch.rand(stop)
-        fit(clips, small_body, run_dir, small_config, held_out=held_out)
+        fit(clips, [small_body], run_dir, small_config, held_out=held_out)
         assert bytes_of(run_dir) == expected
 
 
@@ -219,8 +219,8 @@ def test_another_seed_gives_other_weights(
     tmp_path: Path,
 ) -> None:
     clips = make_clips(2, 1)
-    fit(clips, small_body, tmp_path / "a", small_config)
-    fit(clips, small_body, tmp_path / "b", small_config.model_copy(update={"seed": 8}))
+    fit(clips, [small_body], tmp_path / "a", small_config)
+    fit(clips, [small_body], tmp_path / "b", small_config.model_copy(update={"seed": 8}))
     assert bytes_of(tmp_path / "a") != bytes_of(tmp_path / "b")
 
 
@@ -234,7 +234,7 @@ def test_global_torch_settings_are_left_alone(
     expected = torch.rand(3)
     torch.manual_seed(5)
     threads = torch.get_num_threads()
-    fit(make_clips(1, 1), small_body, tmp_path, small_config)
+    fit(make_clips(1, 1), [small_body], tmp_path, small_config)
     assert torch.equal(torch.rand(3), expected)
     assert torch.get_num_threads() == threads
     assert not torch.are_deterministic_algorithms_enabled()
@@ -258,7 +258,7 @@ def test_divergence_keeps_the_last_good_checkpoint(
 
     monkeypatch.setattr(loop, "make_batch", bursting)
     with pytest.raises(TrainingDiverged, match=r"in step 8 the loss is (inf|nan) .*step_00000005"):
-        fit(make_clips(2, 1), small_body, tmp_path, small_config)
+        fit(make_clips(2, 1), [small_body], tmp_path, small_config)
     gmr = load_gmr(tmp_path)
     assert gmr.step == 5
     assert all(torch.isfinite(p).all() for p in gmr.model.parameters())
@@ -275,7 +275,7 @@ def test_a_step_size_that_is_far_too_large_diverges_and_says_so(
         update={"learning_rate": 1e30, "warmup_steps": 0, "gradient_norm": None}
     )
     with pytest.raises(TrainingDiverged, match="checkpoint: none. Lower learning_rate"):
-        fit(make_clips(2, 1), small_body, tmp_path, config)
+        fit(make_clips(2, 1), [small_body], tmp_path, config)
 
 
 def test_a_broken_or_foreign_checkpoint_stops_the_run(
@@ -285,22 +285,22 @@ def test_a_broken_or_foreign_checkpoint_stops_the_run(
     tmp_path: Path,
 ) -> None:
     clips = make_clips(1, 1)
-    fit(clips, small_body, tmp_path, small_config)
+    fit(clips, [small_body], tmp_path, small_config)
     larger = small_config.model_copy(update={"model": ModelConfig(layers=1, hidden=13)})
     with pytest.raises(BadCheckpoint, match="of another model"):
-        fit(clips, small_body, tmp_path, larger)
+        fit(clips, [small_body], tmp_path, larger)
     with pytest.raises(BadCheckpoint, match="more steps than the 6 to train"):
-        fit(clips, small_body, tmp_path, small_config.model_copy(update={"steps": 6}))
+        fit(clips, [small_body], tmp_path, small_config.model_copy(update={"steps": 6}))
     folder = tmp_path / "checkpoints" / "step_00000012"
     state = json.loads((folder / "state.json").read_text())
     write_json(folder / "state.json", state | {"processes": 2})
     with pytest.raises(BadCheckpoint, match="made by 2 processes"):
-        fit(clips, small_body, tmp_path, small_config)
+        fit(clips, [small_body], tmp_path, small_config)
     write_json(folder / "state.json", state)
     path = folder / "optimizer.safetensors"
     path.write_bytes(path.read_bytes()[:-5])
     with pytest.raises(BadCheckpoint, match=r"optimizer\.safetensors: truncated"):
-        fit(clips, small_body, tmp_path, small_config)
+        fit(clips, [small_body], tmp_path, small_config)
 
 
 def test_clips_that_cannot_be_trained_on_are_refused(
@@ -310,17 +310,17 @@ def test_clips_that_cannot_be_trained_on_are_refused(
     tmp_path: Path,
 ) -> None:
     with pytest.raises(BadManifest, match="no usable clips"):
-        fit([], small_body, tmp_path, small_config)
+        fit([], [small_body], tmp_path, small_config)
     clip = make_clips(1, 1)[0]
     other = replace(clip, motion=replace(clip.motion, body="giant"))
     with pytest.raises(BadManifest, match="clip gait_1_0: of body giant with 10"):
-        fit([other], small_body, tmp_path, small_config)
+        fit([other], [small_body], tmp_path, small_config)
     flicker = replace(clip, valid=np.arange(clip.motion.n_frames) % 2 == 0)
     with pytest.raises(BadManifest, match="none of the 1 held-out clips has two valid frames"):
-        fit([clip], small_body, tmp_path, small_config, held_out=[flicker])
+        fit([clip], [small_body], tmp_path, small_config, held_out=[flicker])
     shaken = replace(clip, motion=replace(clip.motion, frame="camera"))
     with pytest.raises(BadManifest, match="clip gait_1_0: its motion is in the camera's frame"):
-        fit([shaken], small_body, tmp_path, small_config)
+        fit([shaken], [small_body], tmp_path, small_config)
 
 
 def test_a_missing_gpu_is_said(
@@ -334,7 +334,7 @@ def test_a_missing_gpu_is_said(
     with pytest.raises(StageFailed, match="no GPU here"):
         fit(
             make_clips(1, 1),
-            small_body,
+            [small_body],
             tmp_path,
             small_config.model_copy(update={"device": "cuda"}),
         )

@@ -14,7 +14,7 @@ from gmrdata.gmr.config import LossConfig, ModelConfig
 from gmrdata.gmr.losses import Motions, counts_of, gmr_loss
 from gmrdata.gmr.model import Gmr
 from gmrdata.gmr.rotations import to_rotmats
-from gmrdata.gmr.vertex_loss import Bodies, make_loss_body, vertex_l1_m
+from gmrdata.gmr.vertex_loss import Bodies, make_loss_bodies, vertex_l1_m
 from gmrdata.values.body import BodyModel, vertex_rows, with_vertices
 from gmrdata.values.skinning_torch import posed_vertices
 from tests.gmr.direct_reading import direct_mesh_m
@@ -49,7 +49,7 @@ def random_bodies(
     rng = np.random.default_rng(seed)
     local = Rotation.from_rotvec(rng.normal(0, 0.4, (B * N * 23, 3))).as_matrix()
     return Bodies(
-        make_loss_body(body, n_vertices, "cpu", dtype),
+        make_loss_bodies([body], n_vertices, "cpu", dtype),
         torch.as_tensor(rng.normal(0, 1, (B, body.n_shape)), dtype=dtype),
         torch.as_tensor(local, dtype=dtype).reshape(B, N, 23, 3, 3),
     )
@@ -161,7 +161,7 @@ def test_parts_of_a_step_add_up(small_body: BodyModel, reduction: Literal["mean"
                 Motions(predicted.delta_rotmats[rows], predicted.delta_m[rows]),
                 Motions(true.delta_rotmats[rows], true.delta_m[rows]),
                 mask[rows],
-                Bodies(bodies.body, bodies.shape[rows], bodies.local_rotmats[rows]),
+                Bodies(bodies.bodies, bodies.shape[rows], bodies.local_rotmats[rows]),
                 config,
                 counts_of(mask, processes=B),
             )
@@ -293,7 +293,7 @@ def test_gradients_by_finite_differences(
         torch.tensor([0.01, 0.02, 0.03], dtype=torch.float64).expand(1, 3, 3),
     )
     some = random_bodies(small_body, 4, n_vertices=40)
-    bodies = Bodies(some.body, some.shape[:1], some.local_rotmats[:1, :3])
+    bodies = Bodies(some.bodies, some.shape[:1], some.local_rotmats[:1, :3])
     kind = term if term in KINDS else "chordal"
     config = LossConfig.model_validate({"orientation_loss": kind, "reduction": reduction})
     seen = bodies if term == "vertex" else None  # the costly term, which no other depends on
@@ -321,7 +321,7 @@ def test_gradients_are_finite_at_0_and_pi(
     """Prediction and truth equal, opposite, or both at half a turn."""
     axis = torch.tensor([0.6, -0.48, 0.64], dtype=dtype)
     some = random_bodies(small_body, 4, n_vertices=2, dtype=dtype)
-    bodies = Bodies(some.body, some.shape[:1], some.local_rotmats[:1, :1])
+    bodies = Bodies(some.bodies, some.shape[:1], some.local_rotmats[:1, :1])
     for true_angle_rad in (0.0, np.pi):
         values = (angle_rad * axis).requires_grad_()
         true_rotmats = to_rotmats(true_angle_rad * axis, "axis-angle")[None, None]
@@ -338,3 +338,27 @@ def test_gradients_are_finite_at_0_and_pi(
         assert torch.isfinite(found["loss"])
         assert values.grad is not None
         assert torch.isfinite(values.grad).all()
+
+
+def test_each_window_is_posed_on_its_own_body(small_body: BodyModel) -> None:
+    """Value and gradient of a batch with two bodies are those of each body alone."""
+    other = replace(
+        small_body,
+        template_m=1.2 * small_body.template_m,
+        joints_template_m=1.2 * small_body.joints_template_m,
+    )
+    one, two = random_bodies(small_body, 5), random_bodies(other, 5)
+    numbers = torch.tensor([1, 0, 1])
+    mixed = Bodies((*one.bodies, *two.bodies), one.shape, one.local_rotmats, numbers)
+    predicted, true = random_motions(1, 0.3), random_motions(2, 0.3)
+    found = []
+    for people in (one, two, mixed):
+        turns = (predicted.delta_rotmats - true.delta_rotmats).detach().requires_grad_()
+        moves = (predicted.delta_m - true.delta_m).detach().requires_grad_()
+        means_m = vertex_l1_m(turns, moves, people)
+        (means_m * torch.arange(1.0, 1.0 + means_m.numel()).reshape(means_m.shape)).sum().backward()
+        found.append((means_m.detach(), turns.grad, moves.grad))
+    for of_one, of_two, of_both in zip(*found, strict=True):
+        assert of_one is not None and of_two is not None and of_both is not None
+        expected = torch.stack([of_two[0], of_one[1], of_two[2]])
+        torch.testing.assert_close(of_both, expected)

@@ -19,8 +19,8 @@ from gmrdata.values.errors import BadMotionFile
 @pytest.mark.parametrize(
     ("text", "fps_hz"),
     [(".0083333", 120), ("0.008333", 120), ("0.0333333", 30), ("0.0333", 30), ("0.04", 25),
-     ("0.0166667", 60), ("1.66667e-2", 60), ("0.010", 100), ("0.0333667", 1 / 0.0333667),
-     ("0.0039062", 256)],
+     ("0.0166667", 60), ("1.66667e-2", 60), ("0.010", 100), ("0.0333667", 29.97),
+     ("0.0039062", 256), ("0.0341131", 1 / 0.0341131)],
 )  # fmt: skip
 def test_printed_frame_times(text: str, fps_hz: float) -> None:
     assert rate_of_frame_time_hz(text, Path("a.bvh"), 1) == fps_hz
@@ -29,6 +29,11 @@ def test_printed_frame_times(text: str, fps_hz: float) -> None:
 @given(st.integers(5, 1000), st.integers(7, 12))
 def test_every_whole_rate_survives_printing(fps_hz: int, decimals: int) -> None:
     assert rate_of_frame_time_hz(f"{1 / fps_hz:.{decimals}f}", Path("a.bvh"), 1) == fps_hz
+
+
+@pytest.mark.parametrize("fps_hz", [23.976, 29.97, 59.94, 119.88, 30000 / 1001, 60000 / 1001, 12.5])
+def test_rates_that_are_not_whole_survive_in_full(fps_hz: float) -> None:
+    assert rate_of_frame_time_hz(f"{1 / fps_hz:.20f}", Path("a.bvh"), 1) == fps_hz
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from gmrdata.score.clip_errors import ClipErrors
 from gmrdata.score.predictions import network_clip
 from gmrdata.score.score import (
     ScoreConfig,
+    ScoredBodies,
     motion_types,
     score_clips,
     score_manifest,
@@ -136,7 +137,7 @@ def test_known_errors_get_known_scores(
     usable = [UsableClip(clip, "linear") for clip in clips]
     scored, skipped = score_clips(
         partial(network_clip, oracle, all_phases=False),  # type: ignore[arg-type]
-        small_body,
+        ScoredBodies((small_body,), (small_body,)),
         usable,
     )
     assert skipped == {}
@@ -153,7 +154,7 @@ def test_known_errors_get_known_scores(
 
 def scored_by(gmr: TrainedGmr, body: BodyModel, clip: Clip) -> ClipErrors:
     predict = partial(network_clip, gmr, all_phases=False)
-    ((one,), _) = score_clips(predict, body, [UsableClip(clip, "none")])
+    ((one,), _) = score_clips(predict, ScoredBodies((body,), (body,)), [UsableClip(clip, "none")])
     return one
 
 
@@ -449,7 +450,7 @@ def test_a_trial_of_the_published_list_has_its_type(
         (("run",), "a run folder and a manifest, or a manifest and --predictions"),
         (("run", "manifest.yaml", "--predictions", "folder"), "give the manifest alone"),
         (("manifest.yaml", "--predictions", "folder", "--fps-hz", "0"), "must be more than 0"),
-        (("manifest.yaml", "--predictions", "folder"), "manifest.yaml: no such file"),
+        (("manifest.yaml", "--predictions", "folder"), "manifest.yaml: no such manifest"),
     ],
 )
 def test_the_verb_says_what_it_needs(

@@ -81,7 +81,7 @@ def test_bvh_comes_back_through_our_reader(
     path = tmp_path_factory.getbasetemp() / "some.bvh"
     write_bvh(path, motion, small_body)
     found = read_bvh(path, drop_rest_frame=False)
-    assert abs(found.fps_hz - fps_hz) < 1e-5
+    assert found.fps_hz == fps_hz
     order = [
         joint
         for _, joint in sorted(
@@ -98,26 +98,38 @@ def test_bvh_comes_back_through_our_reader(
     np.testing.assert_allclose(joints_m, expected_m[:, order], atol=1e-6)
 
 
+@pytest.mark.parametrize("shape_given", [True, False])
 def test_bvh_of_a_walk_comes_back_onto_the_body(
-    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
+    shape_given: bool, walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
 ) -> None:
-    """Retargeting looks for flat feet by itself, so the ankles and toes are left out here."""
-    motion = walk(30.0, 40)
+    """All of it, feet, shape, world and rate: the file's skeleton is the body's own."""
+    shape = np.random.default_rng(3).normal(0, 1, small_body.n_shape)
+    motion = replace(walk(29.97, 40), shape=shape)
     write_bvh(tmp_path / "walk.bvh", motion, small_body)
     found = read_motion(
         tmp_path / "walk.bvh",
         small_body,
-        shape=motion.shape,
-        ground=False,
+        shape=shape if shape_given else None,
         drop_rest_frame=False,
     )
-    np.testing.assert_allclose(found.root_rotmats, motion.root_rotmats, atol=1e-4)
-    np.testing.assert_allclose(found.pelvis_m, motion.pelvis_m, atol=1e-4)
-    feet = {JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")}
-    kept = [joint - 1 for joint in range(1, 24) if joint not in feet]
-    np.testing.assert_allclose(
-        found.local_rotmats[:, kept], motion.local_rotmats[:, kept], atol=1e-4
-    )
+    assert "own skeleton" in found.source and found.fps_hz == 29.97
+    rest_m = small_body.rest_joints_m(found.shape) - small_body.rest_joints_m(shape)
+    np.testing.assert_allclose(rest_m - rest_m[0], 0.0, atol=1e-7)
+    np.testing.assert_allclose(found.rotmats, motion.rotmats, atol=1e-7)
+    off_m = motion_joints_m(small_body, found) - motion_joints_m(small_body, motion)
+    assert np.abs(off_m).max() < 1e-6
+
+
+def test_another_skeleton_is_not_taken_for_the_bodys_own(
+    walk: Callable[..., Motion], small_body: BodyModel, tmp_path: Path
+) -> None:
+    motion = walk(30.0, 40)
+    joints_m = small_body.joints_template_m.copy()
+    joints_m[JOINT["left_foot"]] += [0.0, 0.001, 0.0]
+    write_bvh(tmp_path / "walk.bvh", motion, replace(small_body, joints_template_m=joints_m))
+    found = read_motion(tmp_path / "walk.bvh", small_body, drop_rest_frame=False)
+    assert "flat foot" in found.source and "own skeleton" not in found.source
+    np.testing.assert_array_equal(found.shape, np.zeros(10))
 
 
 @settings(max_examples=25, deadline=None)
