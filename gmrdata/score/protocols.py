@@ -20,6 +20,8 @@ _CAMERA: tuple[ProtocolMetric, ...] = (
 
 _SCALE_NOTE = ("W-MPJPE and WA-MPJPE fit the scale, so they don't show an error of it; RTE does.",)
 
+_TRIM_NOTE = "The first and the last sample of the acceleration's error are left out, as there."
+
 LSP_JOINTS = (
     "right_ankle", "right_knee", "right_hip", "left_hip", "left_knee", "left_ankle", "right_wrist",
     "right_elbow", "right_shoulder", "left_shoulder", "left_elbow", "left_wrist", "neck", "head",
@@ -124,6 +126,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
                 *_SCALE_NOTE,
                 "The released code has no ROE and no ERVE. ROE is taken after the first frame's "
                 "orientations were made equal, ERVE as yufu-wang/tram codes it.",
+                _TRIM_NOTE,
                 "RTE is of SMPL's transl there and of the pelvis here; the two paths differ by a "
                 "constant, which the alignment takes away.",
             ),
@@ -147,6 +150,7 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
                 "Frames after the last full segment belong to it, but for the very last one; "
                 "sequences of up to 100 frames have no W-MPJPE and no WA-MPJPE, and where the "
                 "length is a multiple of 100 the last 100 frames are not scored.",
+                _TRIM_NOTE,
                 "ATE and ATE-S are of the prediction's own camera over all frames that both have, "
                 "each clip counts once. ATE fits the scale, ATE-S does not.",
             ),

@@ -1,0 +1,56 @@
+"""docs/scores.md says of each protocol what it has and what switches its deviations."""
+
+from pathlib import Path
+
+import pytest
+
+from gmrdata.score.protocols import ORIGINAL, PROTOCOLS
+
+PAGE = (Path(__file__).parents[2] / "docs" / "scores.md").read_text()
+ROWS = {
+    "PA-MPJPE": ("pa_mpjpe_mm",),
+    "MPJPE": ("mpjpe_mm",),
+    "PVE (EMDB calls it MVE)": ("pve_mm",),
+    "PA-PVE": ("pa_pve_mm",),
+    "MPJAE, PA-MPJAE": ("mpjae_deg", "pa_mpjae_deg"),
+    "Accel error, of the difference m/s²": ("accel_error_m_per_s2",),
+    "Accel error, of the difference mm/frame²": ("accel_error_mm_per_frame2",),
+    "Accel, the prediction's own": ("accel_mm_per_frame2",),
+    "Accel length error": ("accel_length_error_mm_per_frame2",),
+    "W-MPJPE, WA-MPJPE": ("w_mpjpe_mm", "wa_mpjpe_mm"),
+    "RTE": ("rte_percent",),
+    "ROE": ("roe_deg",),
+    "ERVE": ("erve_mm_per_frame",),
+    "jitter": ("jitter_10m_per_s3",),
+    "foot sliding": ("foot_sliding_mm",),
+    "ATE, ATE-S": ("ate_m", "ate_s_m"),
+}
+
+
+def table(heading: str) -> list[list[str]]:
+    """Cells of the first table under a heading, its headings first."""
+    lines = PAGE.partition(f"## {heading}")[2].partition("\n## ")[0].splitlines()
+    rows = [line.strip("|").split("|") for line in lines if line.startswith("|")]
+    end = next((i for i, row in enumerate(rows[2:], 2) if set(row[0].strip()) <= {"-"}), len(rows))
+    return [[cell.strip() for cell in row] for row in (rows[0], *rows[2 : min(end, len(rows))])]
+
+
+@pytest.mark.parametrize("name", [name for name in PROTOCOLS if PROTOCOLS[name].metrics])
+def test_the_table_has_the_protocols_metrics(name: str) -> None:
+    headings, *rows = table("Protocols and their metrics")
+    column, said = headings.index(name), set()
+    for row in rows:
+        metrics = ROWS.get(row[0]) or ROWS.get(f"{row[0]} {row[1]}")
+        if len(row) == len(headings) and metrics and row[column]:
+            said |= set(metrics)
+    assert said == set(PROTOCOLS[name].metrics)  # type: ignore[index]
+
+
+def test_each_deviation_has_its_option_and_protocols() -> None:
+    _, *rows = table("Deviations, and the option that switches each")
+    said = {row[0].strip("`"): set(row[1].split(", ")) for row in rows if "--" not in row[0]}
+    known: dict[str, set[str]] = {}
+    for name, deviations in ORIGINAL.items():
+        for one in deviations:
+            known.setdefault(one, set()).add(name)
+    assert said == known
