@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from record import Record, at_least, at_most
 from render.tables import show
-from scale import jobs, manifests, sharing
+from scale import hosts, jobs, manifests, sharing
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/scale.json")
@@ -65,3 +65,20 @@ def test_shards(record: Record, tmp_path: Path, cmu_dir: Path) -> None:
             at_most("a finished shard run again, of the first", found["repeat_share"], 0.05),
         ]
     )  # fmt: skip
+
+
+def test_hosts(record: Record, tmp_path: Path, cmu_dir: Path) -> None:
+    if os.geteuid() != 0:
+        pytest.skip("needs root, for network namespaces")
+    motions = sharing.motion_files(cmu_dir / "bvh", tmp_path / "motions", 40)
+    names = list(hosts.FAULTS)[:1] if record.small else list(hosts.FAULTS)
+    with hosts.network():
+        expected = hosts.undisturbed(motions, tmp_path / "undisturbed")
+        rows = [
+            hosts.survived(name, motions, expected, tmp_path / f"fault{number}")
+            for number, name in enumerate(names)
+        ]
+    show("Three hosts", rows)
+    n_survived = sum(bool(row["survived"]) for row in rows)
+    record.add(hosts=rows, host_faults_survived=n_survived, host_faults_tried=len(rows))
+    record.hold([at_least("faults of three hosts survived", n_survived, len(rows))])

@@ -1,7 +1,11 @@
 """Independent jobs on Dask workers, local ones by default, and work in threads."""
 
+import logging
 import os
+import platform
+import socket
 import traceback
+import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
@@ -11,11 +15,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, TypeVar
 
+from gmrdata import __version__
 from gmrdata.stage.claims import claimed
 from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
 from gmrdata.stage.shards import Marks, OthersLeft, Shard, marks_folder
-from gmrdata.stage.store import NotMade
+from gmrdata.stage.store import NotMade, package_versions
 from gmrdata.values.errors import GmrdataError, StageFailed
 from gmrdata.values.files import write_text
 
@@ -40,6 +45,7 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 POLL_S = 0.5
 CONNECT_S = 5.0  # how long a scheduler may take to answer
+FIRST_WORKER_S = 60.0  # and the first of its workers to come
 IDLE = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"}
 """Dask's processes look at themselves 50 to 100 times a second, which takes a tenth of a core."""
 
@@ -73,6 +79,8 @@ class Pool:
     """Who runs jobs."""
 
     client: Callable[[], Any]  # gives a Dask client; the first call starts the workers
+    elsewhere: bool = False
+    """Whether the workers may be on other machines, so that each is looked at before it works."""
     shard: Shard | None = None
     here: bool = False
     """Whether this process runs them one by one, without Dask: one of many shards."""
@@ -140,20 +148,98 @@ def _run_left(
         if pool.here and claims_dir is not None:
             new = _one_by_one(description, left, claims_dir, failures_dir)
         else:
-            new = _by_dask(description, left, pool, units)
+            with _same_house(failures_dir.parent, pool) as house:
+                new = _by_dask(description, left, pool, units, house)
         record_failures(failures_dir, new.reasons, new.results)
     return Outcome(made | new.results, new.reasons)
 
 
-def _by_dask(description: str, jobs: Sequence[Job], pool: Pool, units: Units) -> Outcome:
+@dataclass(frozen=True)
+class House:
+    """What a worker on another machine must have in common with the process that asks."""
+
+    mark: Path
+    """A file in the output folder."""
+    token: str
+    """What it holds."""
+    versions: dict[str, str]
+    """Of the packages that decide what bytes come out, gmrdata's and Python's."""
+
+
+@contextmanager
+def _same_house(out_dir: Path, pool: Pool) -> Iterator[House | None]:
+    """Look at the workers of other machines before they begin; StageFailed names one that differs.
+
+    The mark stays until the work is done, for workers that come later.
+    """
+    if not pool.elsewhere:
+        yield None
+        return
+    token = uuid.uuid4().hex
+    house = House(out_dir.resolve() / f".workers-{token}", token, _versions())
+    write_text(house.mark, token)
+    try:
+        client = pool.client()
+        _await_worker(client)
+        found = client.run(_differs, house, on_error="ignore")  # of who doesn't answer, nothing
+        if wrong := {address: said for address, said in found.items() if said}:
+            listed = "\n".join(f"  {address}: {said}" for address, said in sorted(wrong.items()))
+            raise StageFailed(
+                f"{len(wrong)} of {len(found)} workers can't work on this. Mend or stop them and "
+                f"run again:\n{listed}"
+            )
+        yield house
+    finally:
+        house.mark.unlink(missing_ok=True)
+
+
+def _await_worker(client: Any) -> None:
+    try:
+        client.wait_for_workers(1, timeout=FIRST_WORKER_S)
+    except TimeoutError:
+        raise StageFailed(
+            f"no worker came to {client.scheduler.address} in {FIRST_WORKER_S:g} s. "
+            "Start some with `dask worker ADDRESS --nthreads 1`"
+        ) from None
+
+
+def _versions() -> dict[str, str]:
+    return package_versions() | {"gmrdata": __version__, "python": platform.python_version()}
+
+
+def _differs(house: House) -> str:
+    """In the worker: what is not as where the work was asked for; empty where all is."""
+    try:
+        seen = house.mark.read_text()
+    except OSError:
+        seen = ""
+    if seen != house.token:
+        return f"does not see {house.mark.parent}. Put it on a disk that all machines share"
+    own = _versions()
+    return "; ".join(
+        f"has {name} {own.get(name, 'not at all')}, not {version}"
+        for name, version in house.versions.items()
+        if own.get(name) != version
+    )
+
+
+def _by_dask(
+    description: str, jobs: Sequence[Job], pool: Pool, units: Units, house: House | None
+) -> Outcome:
     results, reasons = {}, {}
-    for id, future in _submit_and_wait(description, jobs, pool.client(), units).items():
+    for id, future in _submit_and_wait(description, jobs, pool.client(), units, house).items():
         # Not by its status: a worker that dies now takes its results along, and Dask makes them
         # again, for which these two wait.
-        error = future.exception()
-        if error is None:
-            results[id] = future.result()
-        else:
+        try:
+            error = future.exception()
+            if error is None:
+                results[id] = future.result()
+        except CancelledError:
+            raise StageFailed(
+                f"{description}: the scheduler was lost. What is made is kept; start it again, and "
+                "the same command goes on"
+            ) from None
+        if error is not None:
             reasons[id] = _reason(error, future.traceback())
     return Outcome(results, reasons)
 
@@ -202,13 +288,14 @@ def _look_first(jobs: Sequence[Job]) -> dict[str, Any]:
 
 
 def _submit_and_wait(
-    description: str, jobs: Sequence[Job], client: Any, units: Units
+    description: str, jobs: Sequence[Job], client: Any, units: Units, house: House | None
 ) -> dict[str, Any]:
     """Futures that are done, by job id."""
     from dask.distributed import wait
 
     futures = {
-        job.id: client.submit(_call, job, key=f"{description}-{job.id}", pure=False) for job in jobs
+        job.id: client.submit(_call, job, house, key=f"{description}-{job.id}", pure=False)
+        for job in jobs
     }
     total, n_done = units or (len(jobs), lambda: sum(f.done() for f in futures.values()))
     with progress_bar() as bar:
@@ -251,7 +338,7 @@ def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:
     with ExitStack() as stack:
         client = cache(lambda: stack.enter_context(_client(run, workers)))
         here = run.shard is not None and run.workers is None and run.scheduler is None
-        yield Pool(client, run.shard, here)
+        yield Pool(client, run.scheduler is not None, run.shard, here)
 
 
 @contextmanager
@@ -260,6 +347,8 @@ def _client(run: Run, workers: int) -> Iterator[Any]:
     from dask.distributed import Client, LocalCluster
 
     if run.scheduler is not None:
+        # It prints how it looks for a scheduler that is gone; ours says it in a sentence.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             client = Client(run.scheduler, timeout=CONNECT_S)
         except (OSError, ValueError) as error:
@@ -287,9 +376,11 @@ def _client(run: Run, workers: int) -> Iterator[Any]:
         yield client
 
 
-def _call(job: Job) -> Any:
+def _call(job: Job, house: House | None) -> Any:
     """In the worker: its progress bars would write over those of the process that waits."""
     console.quiet = True
+    if house is not None and (said := _differs(house)):
+        raise StageFailed(f"its worker on {socket.gethostname()} {said}")
     return _attempt(job)
 
 

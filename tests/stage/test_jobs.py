@@ -166,3 +166,61 @@ def test_files_are_counted_in_finished_and_unfinished_folders(tmp_path: Path) ->
         for i in range(n_files):
             (tmp_path / name / "frames" / f"{i}.jpg").touch()
     assert count_files([tmp_path / "a", tmp_path / "b"], "frames/*.jpg") == 5
+
+
+def see_nothing(*_: object) -> None:
+    raise OSError("no such disk")
+
+
+def test_workers_that_do_not_see_the_folder_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They run in this process here, so that a disk can be taken away from them."""
+    jobs = [Job("a", write_process_id, {"path": tmp_path / "a"})]
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, processes=False, protocol="tcp"
+    ) as cluster:
+        run = Run(scheduler=cluster.scheduler_address)
+        with worker_pool(run) as pool:
+            monkeypatch.setattr(Path, "read_text", see_nothing)
+            with pytest.raises(StageFailed, match=f"does not see {tmp_path}. Put it on a disk"):
+                run_jobs("writing", jobs, pool, tmp_path / "failed")
+            monkeypatch.undo()
+            assert list(run_jobs("writing", jobs, pool, tmp_path / "failed")) == ["a"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a"]
+
+
+def test_workers_with_another_version_are_named(tmp_path: Path) -> None:
+    """A worker of a real process, in which another version of scipy is installed."""
+    (tmp_path / "site" / "scipy-0.1.dist-info").mkdir(parents=True)
+    metadata = "Metadata-Version: 2.1\nName: scipy\nVersion: 0.1\n"
+    (tmp_path / "site" / "scipy-0.1.dist-info" / "METADATA").write_text(metadata)
+    jobs = [Job("a", write_process_id, {"path": tmp_path / "a"})]
+    with LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None) as cluster:
+        command = [sys.executable, "-m", "distributed.cli.dask_worker", cluster.scheduler_address]
+        worker = subprocess.Popen(
+            [*command, "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)],
+            env=os.environ | {"PYTHONPATH": str(tmp_path / "site")},
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            with (
+                worker_pool(Run(scheduler=cluster.scheduler_address)) as pool,
+                pytest.raises(StageFailed, match=r"tcp://.*: has scipy 0\.1, not 1"),
+            ):
+                run_jobs("writing", jobs, pool, tmp_path / "failed")
+        finally:
+            worker.terminate()
+            worker.wait()
+
+
+def test_a_cluster_without_workers_is_a_clear_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage_jobs, "FIRST_WORKER_S", 0.2)
+    with (
+        LocalCluster(n_workers=0, dashboard_address=None) as cluster,
+        worker_pool(Run(scheduler=cluster.scheduler_address)) as pool,
+        pytest.raises(StageFailed, match="no worker came to tcp://"),
+    ):
+        run_jobs("a", [Job("a", write_process_id, {"path": tmp_path})], pool, tmp_path / "failed")
