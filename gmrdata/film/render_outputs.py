@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from gmrdata.read.frames import decoded
 from gmrdata.values.body import N_JOINTS, BodyModel
 from gmrdata.values.camera import in_frame, project_cam
 from gmrdata.values.clip import Clip, camera_of
@@ -150,10 +151,10 @@ def _write(path: Path, pixels: np.ndarray, kind: type[np.integer] = np.uint16) -
 def _read(path: Path, n_dimensions: int, kind: type[np.integer] = np.uint16) -> np.ndarray:
     import cv2
 
-    stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
-    if stored is None or stored.dtype != kind or stored.ndim != n_dimensions:
-        bits = 8 * np.dtype(kind).itemsize
-        raise BadFrames(f"{path}: missing, or no such PNG of {bits}-bit; render this frame again")
+    fault = f"missing, or no such PNG of {8 * np.dtype(kind).itemsize}-bit; render this frame again"
+    stored = decoded(path, cv2.IMREAD_UNCHANGED, fault)
+    if stored.dtype != kind or stored.ndim != n_dimensions:
+        raise BadFrames(f"{path}: {fault}")
     return stored.astype(np.float64) if kind is np.uint16 else stored
 
 

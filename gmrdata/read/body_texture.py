@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.read.bodies import read_plain_npz
-from gmrdata.values.errors import BadBodyFile, MissingInput
+from gmrdata.read.frames import decoded
+from gmrdata.values.errors import BadBodyFile, BadFrames, MissingInput
 
 
 def read_uv(path: Path, faces: np.ndarray) -> np.ndarray:
@@ -30,9 +31,11 @@ def read_picture(path: Path) -> np.ndarray:
 
     if not path.is_file():
         raise MissingInput(f"{path}: no such texture")
-    pixels = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if pixels is None:
-        raise BadBodyFile(f"{path}: not a picture; give a .png or .jpg as the texture")
+    fault = "not a picture; give a .png or .jpg as the texture"
+    try:
+        pixels = decoded(path, cv2.IMREAD_COLOR, fault)
+    except BadFrames as error:
+        raise BadBodyFile(str(error)) from None
     return np.asarray(pixels[..., ::-1], dtype=np.float32) / 255
 
 

@@ -19,6 +19,7 @@ from gmrdata.read.numbers import bad_line, parse_floats, parse_table, read_text
 from gmrdata.read.source_motion import SourceMotion, recorded_rows
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.joint_names import is_cmu
+from gmrdata.values.limits import MOST_JOINTS, Budget, OverBudget
 from gmrdata.values.transforms import euler_rotmats
 
 CMU_UNIT_M = 0.0254 / 0.45  # CMU's files hold inches times 0.45
@@ -89,6 +90,9 @@ def _announce_joint(tree: Hierarchy, keyword: str, name: str, path: Path, line_n
     if (keyword == "ROOT") != (not tree.names) or (keyword == "JOINT" and here is None):
         what = f"{keyword} {name[:40]} is not inside the one ROOT; broken hierarchy"
         raise bad_line(path, line_number, what)
+    if len(tree.names) >= MOST_JOINTS:
+        what = f"more than {MOST_JOINTS} joints; no person's skeleton has so many"
+        raise bad_line(path, line_number, what)
     if name in tree.names:
         raise bad_line(path, line_number, f"a second joint of the name {name[:40]}")
     tree.announced, tree.brace_due = len(tree.names), True
@@ -143,6 +147,10 @@ def read_bvh(
     tree = read_hierarchy(lines[:motion_line], path)
     n_frames, frame_time, table_line = _read_motion_header(lines, motion_line + 1, path)
     n_columns = sum(len(channels) for channels in tree.channels)
+    try:  # each joint becomes a matrix in each frame, though few may have a column
+        Budget.of(path).take_numbers(9 * n_frames * len(tree.names))
+    except OverBudget as error:
+        raise BadMotionFile(f"{path}: {error}; cut it into parts") from None
     table = parse_table(lines[table_line:], n_columns, n_frames, path, table_line + 1)
 
     cmu = is_cmu(tree.names)

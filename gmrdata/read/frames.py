@@ -11,6 +11,7 @@ import numpy as np
 
 from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.values.files import write_bytes
+from gmrdata.values.limits import MOST_DIGITS, MOST_PIXELS
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -22,14 +23,16 @@ def image_number(path: Path) -> int:
     """Number of a frame: the last run of digits in the file's stem (`image_00012.jpg` -> 12)."""
     number = number_in_name(path.name)
     if number is None:
-        raise BadFrames(f"{path}: no number in the name; name frames like 00012.jpg")
+        what = f"no number in the name, or one of more than {MOST_DIGITS} digits"
+        raise BadFrames(f"{path}: {what}; name frames like 00012.jpg")
     return number
 
 
 def number_in_name(name: str) -> int | None:
-    """The last run of digits in a file name without its suffix, or None."""
+    """The last run of digits in a file name without its suffix; None without, or if too long."""
     runs = re.findall(r"[0-9]+", PurePosixPath(name).stem)
-    return int(runs[-1]) if runs else None
+    digits = runs[-1].lstrip("0") if runs else ""
+    return int(digits or 0) if runs and len(digits) <= MOST_DIGITS else None
 
 
 def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
@@ -61,13 +64,30 @@ def check_images(paths: list[Path]) -> tuple[int, int]:
 
 
 def decoded(path: Path, flags: int, fault: str) -> np.ndarray:
-    """An image as cv2 reads it with some flags; BadFrames with the fault if it can't."""
+    """An image as cv2 reads it with some flags; BadFrames with the fault if it can't.
+
+    The size in its header is looked at first, since that is what memory is taken for.
+    """
     import cv2
 
-    image = cv2.imread(str(path), flags) if path.is_file() else None
+    size_px = _size_in_header(path.read_bytes()) if path.is_file() else None
+    if size_px is None:
+        raise BadFrames(f"{path}: {fault}")
+    _require_small(path, size_px)
+    try:
+        image = cv2.imread(str(path), flags)
+    except cv2.error:
+        image = None
     if image is None:
         raise BadFrames(f"{path}: {fault}")
     return np.asarray(image)
+
+
+def _require_small(path: Path, size_px: tuple[int, int]) -> None:
+    """Refuse an image of a size that no camera has."""
+    if size_px[0] * size_px[1] > MOST_PIXELS:
+        what = f"{size_px[0]}x{size_px[1]} px, more than {MOST_PIXELS} in all"
+        raise BadFrames(f"{path}: {what}; make the image smaller")
 
 
 def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
@@ -102,9 +122,13 @@ def _require_one_each(folder: Path, numbers: list[int], left_out: Collection[int
     for before, after in pairwise(numbers):
         if before == after:
             raise BadFrames(f"{folder}: two images have the number {after}; keep one of them")
-        missing = [number for number in range(before + 1, after) if number not in left_out]
-        if missing:
-            named = f"{missing[0]}" if len(missing) == 1 else f"{missing[0]} to {missing[-1]}"
+        # A gap may be of a billion numbers, so those that may lack are counted, not listed.
+        n_missing = after - before - 1 - sum(before < number < after for number in set(left_out))
+        if n_missing:
+            lacking = (n for n in range(before + 1, after) if n not in left_out)
+            back = (n for n in range(after - 1, before, -1) if n not in left_out)
+            first, last = next(lacking), next(back)
+            named = f"{first}" if n_missing == 1 else f"{first} to {last}"
             what = f"frame {named} missing between {before} and {after}"
             remedy = "put it back, or renumber the frames without a gap"
             raise BadFrames(f"{folder}: {what}; {remedy}")
@@ -114,24 +138,37 @@ def _image_size(path: Path) -> tuple[int, int]:
     if not path.is_file():
         raise BadFrames(f"{path}: no such image")
     content = path.read_bytes()
-    size = _png_size(content) if content.startswith(PNG_SIGNATURE) else _jpeg_size(content)
+    size = _size_in_header(content) if _is_whole(content) else None
     if size is None:
         fault = "truncated or not an image" if content else "empty file (0 bytes)"
         raise BadFrames(f"{path}: {fault}; extract or copy this frame again")
+    _require_small(path, size)
     return size
 
 
+def _size_in_header(content: bytes) -> tuple[int, int] | None:
+    """(width, height) of a PNG or JPEG, else None."""
+    return _png_size(content) if content.startswith(PNG_SIGNATURE) else _jpeg_size(content)
+
+
+def _is_whole(content: bytes) -> bool:
+    """Whether a PNG or JPEG has its end."""
+    if content.startswith(PNG_SIGNATURE):
+        return b"IEND" in content[-64:]
+    return b"\xff\xd9" in content[-1024:]
+
+
 def _png_size(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of a complete PNG (IHDR comes first, IEND last), else None."""
-    if len(content) < 33 or b"IEND" not in content[-64:]:
+    """(width, height) of a PNG, whose IHDR comes first, else None."""
+    if len(content) < 33:
         return None
     width, height = struct.unpack(">II", content[16:24])
     return (width, height) if width and height else None
 
 
 def _jpeg_size(content: bytes) -> tuple[int, int] | None:
-    """(width, height) of a complete JPEG: its first start-of-frame segment, else None."""
-    if not content.startswith(b"\xff\xd8") or b"\xff\xd9" not in content[-1024:]:
+    """(width, height) of a JPEG: its first start-of-frame segment, else None."""
+    if not content.startswith(b"\xff\xd8"):
         return None
     at = 2
     while at + 9 <= len(content) and content[at] == 0xFF:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.values.body import N_JOINTS
 from gmrdata.values.errors import BadMotionFile, BadSequence, MissingInput
+from gmrdata.values.limits import BYTES_PER_LINE, FREE_LINES, MOST_TEXT_BYTES
 
 LARGEST_IN_TEXT = 1e7  # larger magnitudes are no positions or angles of a person in any unit
 DIGITS = b"0123456789+-.eE"
@@ -21,9 +22,11 @@ RIGID_TOLERANCE = 1e-3  # largest entry of R^T R - 1 of a rotation as files roun
 
 
 def read_text(path: Path) -> str:
-    """A motion file as text with plain line ends."""
+    """A motion file as text with plain line ends, of no more lines than its size has use for."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
+    if path.stat().st_size > MOST_TEXT_BYTES:
+        raise BadMotionFile(f"{path}: larger than {MOST_TEXT_BYTES} bytes; cut it into parts")
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -34,6 +37,9 @@ def read_text(path: Path) -> str:
         raise BadMotionFile(f"{path}: a Git LFS pointer, not the file; run `git lfs pull` there")
     if b"\0" in data:
         raise BadMotionFile(f"{path}: a binary file, not a text of motion data; fetch it again")
+    n_lines = data.count(b"\n") + data.count(b"\r")
+    if n_lines > max(FREE_LINES, len(data) // BYTES_PER_LINE):
+        raise BadMotionFile(f"{path}: {n_lines} lines, nearly all of them empty; fetch it again")
     text = data.decode("utf-8-sig", errors="replace")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 

@@ -235,3 +235,32 @@ def test_an_added_rest_pose_is_dropped_and_a_start_at_rest_is_not(tmp_path: Path
     assert read_bvh(path, drop_rest_frame=True).n_frames == 2
     turned = ["1 2 3 0 0.1 0 8 0", "1 2 3 5 1 2 30 9"]
     assert read_bvh(_with_rows(path, turned)).n_frames == 2
+
+
+def _chain(n_joints: int) -> str:
+    """A hierarchy as deep as it has joints."""
+    joint = "JOINT j{}\n{{\nOFFSET 0 1 0\nCHANNELS 1 Xrotation\n"
+    joints = "".join(joint.format(number) for number in range(n_joints))
+    return "HIERARCHY\n" + joints.replace("JOINT", "ROOT", 1) + "}\n" * n_joints
+
+
+def test_a_skeleton_of_any_depth_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "a.bvh").write_text(f"{_chain(100_000)}MOTION\nFrames: 2\nFrame Time: .01\n0\n0\n")
+    with pytest.raises(BadMotionFile, match=r"a\.bvh:[0-9]+: more than 1000 joints"):
+        read_bvh(tmp_path / "a.bvh")
+
+
+def test_matrices_of_joints_without_channels_count(tmp_path: Path) -> None:
+    """900 joints x 90,000 frames are 5.8 GB, of which the file has but one column."""
+    head, _, rest = _chain(900).partition("CHANNELS 1 Xrotation\n")
+    text = f"{head}CHANNELS 1 Xrotation\n{rest.replace('CHANNELS 1 Xrotation', '')}"
+    rows = "0\n" * 90_000
+    (tmp_path / "a.bvh").write_text(f"{text}MOTION\nFrames: 90000\nFrame Time: .01\n{rows}")
+    with pytest.raises(BadMotionFile, match=r"a\.bvh: holds more numbers than a file of"):
+        read_bvh(tmp_path / "a.bvh")
+
+
+def test_empty_lines_without_end(tmp_path: Path) -> None:
+    (tmp_path / "a.bvh").write_bytes(GOOD.encode() + b"\n" * 1_100_000)
+    with pytest.raises(BadMotionFile, match=r"a\.bvh: 1100[0-9]* lines, nearly all of them empty"):
+        read_bvh(tmp_path / "a.bvh")

@@ -1,5 +1,7 @@
 """Image folders: order, and every way in which frames can be unusable."""
 
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -155,3 +157,46 @@ def test_gray_images_are_read_back_as_written(tmp_path: Path) -> None:
         read_gray(tmp_path / "m.png", (12, 17))
     with pytest.raises(BadFrames, match="missing or not an image"):
         read_gray(tmp_path / "other.png")
+
+
+def png_header(width: int, height: int) -> bytes:
+    """A PNG that claims a size, with its end and no pixels."""
+    header = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    chunks = [header, b"IDAT" + zlib.compress(bytes(1000)), b"IEND"]
+    sized = (struct.pack(">I", len(one) - 4) + one for one in chunks)
+    summed = zip(sized, (struct.pack(">I", zlib.crc32(one)) for one in chunks), strict=True)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(one + crc for one, crc in summed)
+
+
+@pytest.mark.parametrize("size_px", [(30_000, 30_000), (2**31 - 1, 2**31 - 1), (2**31 - 1, 1)])
+def test_a_header_that_claims_any_size_takes_no_memory(
+    size_px: tuple[int, int], tmp_path: Path
+) -> None:
+    whole = png_header(*size_px)
+    for name, content in (("0.png", whole), ("1.png", whole[:60])):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(BadFrames, match=rf"{name}: [0-9]+x[0-9]+ px, more than 200000000"):
+            read_gray(tmp_path / name)
+    with pytest.raises(BadFrames, match=r"0\.png: .* make the image smaller"):
+        check_images([tmp_path / "0.png"])
+
+
+def test_pictures_of_other_kinds_are_not_decoded(tmp_path: Path) -> None:
+    """OpenCV tells them by their content; what a header of theirs claims is not known here."""
+    put(tmp_path, "0.bmp")
+    (tmp_path / "0.bmp").rename(tmp_path / "0.png")
+    with pytest.raises(BadFrames, match=r"0\.png: missing or not an image"):
+        read_gray(tmp_path / "0.png")
+
+
+@pytest.mark.parametrize("name", ["1" * 12, "9" * 200])
+def test_numbers_of_many_digits(name: str, tmp_path: Path) -> None:
+    put(tmp_path, "1.png", f"{name}.png")
+    with pytest.raises(BadFrames, match="more than 9 digits; name frames like"):
+        list_images(tmp_path)
+
+
+def test_a_gap_of_a_billion_numbers_is_said_at_once(tmp_path: Path) -> None:
+    put(tmp_path, "1.png", "000000999999999.png")
+    with pytest.raises(BadFrames, match="frame 4 to 999999998 missing between 1 and 999999999"):
+        list_images(tmp_path, left_out={2, 3, 7})
