@@ -81,6 +81,7 @@ class ResultPerson:
     has_camera_path: bool = False
     rest_pelvis_m: np.ndarray | None = None
     """(3,) J0 of the file's own body, rest frame [m]; None where `betas` tell it."""
+    has_own_rate: bool = False  # whether rows are of the file's own frame rate, not of a video
 
 
 @dataclass(frozen=True, eq=False)
@@ -444,6 +445,7 @@ def _amass(path: Path, arrays: Mapping[str, np.ndarray]) -> WorldResult:
         betas=None if is_smplx or "betas" not in arrays else _amass_betas(arrays, len(poses), path),
         z_up_from_file=_turned(np.eye(3), len(poses)),
         betas_body=f"smpl-{_amass_gender(arrays)}",
+        has_own_rate=True,
     )
     return WorldResult("amass", (path,), (person,), _amass_rate_hz(arrays, path))
 

@@ -8,7 +8,7 @@ folder's own folders may hold a set of results by the same rules: a system, or a
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,6 +39,8 @@ class ClipName:
 
     id: str
     sequence: str
+    person: str = ""  # which person of the sequence it is; the same for parts of one take
+    n_people: int = 1  # how many people of the sequence the manifest has
 
     def names(self) -> tuple[str, ...]:
         """Names of files and folders: never a path, whatever a manifest calls a sequence."""
@@ -53,6 +55,7 @@ class ResultSet:
     name: str
     system: str
     results: Mapping[str, WorldResult]  # by the clip's id
+    by_id: frozenset[str]  # clips whose id, not only their sequence, the file or folder is named by
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -78,6 +81,7 @@ def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | 
     read: dict[Path, WorldResult] = {}
     sequences: dict[Path, str] = {}
     found: dict[tuple[Path, str], dict[str, WorldResult]] = defaultdict(dict)
+    by_id: set[tuple[Path, str]] = set()
     for root, clip, file in _candidates(path, clips):
         result = read[file] if file in read else read_world_result(file)
         read[file] = result
@@ -93,13 +97,15 @@ def find_result_sets(path: Path, clips: Sequence[ClipName]) -> list[ResultSet | 
                 f"{path}: {both} are both {result.system}'s of clip {clip.id}. Keep one"
             )
         of_system[clip.id] = result
+        if clip.id in (file.stem, *file.relative_to(root.parent).parts):
+            by_id.add((root, clip.id))
     own = _clip_folders(path, clips)
     if not found and not own:
         named = ", ".join(clips[0].names()) if clips else "no clip"
         raise MissingInput(
             f"{path}: no result named after a clip or its sequence ({named}); {RULES}"
         )
-    return _distinct(path, [*_named(path, found), *own])
+    return _distinct(path, [*_named(path, found, by_id), *own])
 
 
 def _clip_folders(path: Path, clips: Sequence[ClipName]) -> list[ClipFiles]:
@@ -127,7 +133,9 @@ def _distinct(path: Path, sets: Sequence[ResultSet | ClipFiles]) -> list[ResultS
 
 
 def _named(
-    path: Path, found: Mapping[tuple[Path, str], Mapping[str, WorldResult]]
+    path: Path,
+    found: Mapping[tuple[Path, str], Mapping[str, WorldResult]],
+    by_id: Set[tuple[Path, str]],
 ) -> list[ResultSet]:
     """Sets named after their system, or after their folder where that says more."""
     sets = []
@@ -135,7 +143,8 @@ def _named(
         several = sum(other == root for other, _ in found) > 1
         own = root == path or root.name in (system, "smpl") or path.is_file()
         name = system if own else f"{root.name}-{system}" if several else root.name
-        sets.append(ResultSet(name, system, results))
+        named = frozenset(id for id in results if (root, id) in by_id)
+        sets.append(ResultSet(name, system, results, named))
     return sets
 
 

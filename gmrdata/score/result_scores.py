@@ -29,7 +29,7 @@ from gmrdata.score.results import (
     frames_of_rows,
     has_rows,
     matched_clip,
-    pick_person,
+    people_of_clips,
     timed_clip,
 )
 from gmrdata.score.score import (
@@ -43,7 +43,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.bodies import body_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.errors import BadMotionFile, BadRecipe
 from gmrdata.values.files import resolve_inside
 
 
@@ -116,9 +116,9 @@ def score_results(
     given = _Given(
         manifest_path, body_path, predictions_body_path, floor_path, joint_regressor_path, run
     )
-    entries, _, _ = usable_files(manifest_path)
-    names = [ClipName(one.entry.id, one.entry.source.sequence) for one in entries]
+    names = _clip_names(manifest_path)
     sets = find_result_sets(path, names)
+    _check_people(config, names, sets)
     scores = []
     for one in sets:
         folder = out_dir if len(sets) == 1 else out_dir / one.name
@@ -126,12 +126,39 @@ def score_results(
             scores.append(_score_clip_files(one, given, folder, config))
         else:
             others = [other for other in sets if isinstance(other, ResultSet)]
-            scores.append(_score_set(path, one, others, given, folder, config))
+            scores.append(_score_set(path, one, others, names, given, folder, config))
     if len(sets) == 1:
         return ScoredSets(tuple(scores), None)
     compared = CompareConfig(names=tuple(one.name for one in sets), seed=config.seed)
     comparison = compare_scores(scores, out_dir / COMPARISON, compared, run=run)
     return ScoredSets(tuple(scores), comparison)
+
+
+def _clip_names(manifest_path: Path) -> list[ClipName]:
+    """The clips that can be scored; people of rejected clips count among those of a sequence."""
+    files, _, manifest = usable_files(manifest_path)
+    people: dict[str, set[str]] = {}
+    for entry in manifest.clips:
+        people.setdefault(entry.source.sequence, set()).add(entry.source.person or "")
+    return [
+        ClipName(entry.id, source.sequence, source.person or "", len(people[source.sequence]))
+        for entry in (file.entry for file in files)
+        for source in (entry.source,)
+    ]
+
+
+def _check_people(
+    config: ResultsConfig, names: Sequence[ClipName], sets: Sequence[ResultSet | ClipFiles]
+) -> None:
+    """Refuse a --person for a clip or a set that is not there."""
+    ids = [clip.id for clip in names]
+    known = {"", *ids, *(f"{one.name}/{id}" for one in sets for id in ids)}
+    if unknown := sorted(config.person.keys() - known):
+        of_sets = ", ".join(one.name for one in sets)
+        raise BadRecipe(
+            f"--person {unknown[0]}={config.person[unknown[0]]}: no such clip, or set and clip. "
+            f"Sets are {of_sets}; clips are {', '.join(ids[:20])}"
+        )
 
 
 def _score_clip_files(
@@ -155,11 +182,13 @@ def _score_set(
     path: Path,
     found: ResultSet,
     sets: Sequence[ResultSet],
+    names: Sequence[ClipName],
     given: _Given,
     out_dir: Path,
     config: ResultsConfig,
 ) -> Path:
     beside = sets if config.missing == "drop" else [found]
+    people = {one.name: people_of_clips(one, names, config.person) for one in beside}
 
     def predictor() -> Predictor:
         usable = usable_clips(given.manifest_path)
@@ -167,10 +196,10 @@ def _score_set(
         bodies = bodies_for(given.body_path, given.predictions_body_path)
         matched = {
             one.clip.id: _matched(
-                found, beside, one, entries[one.clip.id], bodies.of_predictions, given, config
+                found, people, one, entries[one.clip.id], bodies.of_predictions, given, config
             )
             for one in usable.clips
-            if one.clip.id in found.results
+            if one.clip.id in people[found.name]
         }
         predict = partial(_predicted, found, matched, config)
         records = {id: one.matched for id, one in matched.items()}
@@ -195,7 +224,7 @@ def _model(
 
 def _matched(
     found: ResultSet,
-    beside: Sequence[ResultSet],
+    people: Mapping[str, Mapping[str, ResultPerson]],
     one: UsableClip,
     entry: ClipEntry,
     bodies: Sequence[BodyModel],
@@ -204,17 +233,16 @@ def _matched(
 ) -> MatchedClip:
     """A clip's prediction, on the frames that all results of the clip have where some may lack."""
     id, result = one.clip.id, found.results[one.clip.id]
-    person = pick_person(result, id, found.name, config.person)
+    person = people[found.name][id]
     body = _body_of(person, one.clip, bodies)
     if result.system == "amass":
         return timed_clip(result, person, one.clip, body)
     images = _image_numbers(entry, given.manifest_path)
     frames = frames_of_rows(one.clip, images, config.first_image)
     common = np.ones(len(frames), dtype=bool)
-    for other in beside:
-        if id in other.results and other.system != "amass":
-            its_person = pick_person(other.results[id], id, other.name, config.person)
-            common &= has_rows(its_person, one.clip, frames, config.camera)
+    for of_set in people.values():
+        if id in of_set and not of_set[id].has_own_rate:
+            common &= has_rows(of_set[id], one.clip, frames, config.camera)
     return matched_clip(result, person, one.clip, frames, body, config.camera, common)
 
 
@@ -241,6 +269,8 @@ def _predicted(
     drop, protocol = config.missing == "drop", config.its_protocol()
     if one.clip.id not in matched:
         reason = f"no result of {found.name}"
+        if one.clip.id in found.results:
+            reason = f"nobody is left for it in {found.results[one.clip.id].files[0].name}"
         if drop:
             return reason
         raise BadMotionFile(

@@ -8,6 +8,7 @@ import numpy as np
 
 from gmrdata.read.world_results import Z_UP_FROM_Y_DOWN, ResultPerson, WorldResult
 from gmrdata.score.records import MatchedResult
+from gmrdata.score.result_files import ClipName, ResultSet
 from gmrdata.values.body import BodyModel, gender_of
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
@@ -29,30 +30,82 @@ class MatchedClip:
     matched: MatchedResult
 
 
-def pick_person(
-    result: WorldResult, clip_id: str, set_name: str, wanted: Mapping[str, str]
-) -> ResultPerson:
-    """The person of a result that is a clip's: the one that was named, else the only one.
+def people_of_clips(
+    found: ResultSet, clips: Sequence[ClipName], wanted: Mapping[str, str]
+) -> dict[str, ResultPerson]:
+    """The person of a set's results that each clip is, by its id; nobody is guessed.
 
-    `wanted` has a person by `<set>/<clip id>`, `<clip id>` or "", in this order.  BadMotionFile
-    lists the people where none is named of several, or one that is not there.
+    That is the person that is named; else the only one of a result that is named by the clip's id,
+    or by a sequence of one person; else the one that is left when all others of the sequence are
+    named.  A clip whose result has nobody left is not in the table.
+
+    Args:
+        wanted: A person by `<set>/<clip id>`, `<clip id>` or "", in this order.
+
+    BadMotionFile lists the people where it is not said which one a clip is, where a named one is
+    not there, and where one is named for two people.
     """
-    keys = (f"{set_name}/{clip_id}", clip_id, "")
-    name = next((wanted[key] for key in keys if key in wanted), None)
-    people = result.people
-    if name is not None:
-        found = [one for one in people if one.name in (name, f"person_{name}")]
-        if found:
-            return found[0]
-        what = f"has no person {name!r} for clip {clip_id}"
-    elif len(people) == 1:
-        return people[0]
-    else:
-        what = f"has {len(people)} people, and which one is clip {clip_id} is not said"
-    raise BadMotionFile(
-        f"{result.files[0]}: {what}. It has {_listed(people)}. Name one with "
-        f"--person {clip_id}=NAME"
-    )
+    taken: dict[tuple[int, str], ClipName] = {}
+    people: dict[str, ResultPerson] = {}
+    with_result = [clip for clip in clips if clip.id in found.results]
+    for clip in with_result:
+        keys = (f"{found.name}/{clip.id}", clip.id, "")
+        name = next((wanted[key] for key in keys if key in wanted), None)
+        if name is not None:
+            result = found.results[clip.id]
+            person = _named_person(result, clip, name)
+            other = taken.setdefault((id(result), person.name), clip)
+            if _is_other(other, clip):
+                both = f"clips {other.id} and {clip.id}"
+                raise BadMotionFile(f"{result.files[0]}: {person.name} is named for {both}")
+            people[clip.id] = person
+    for clip in with_result:
+        if clip.id not in people:
+            left = _person_left(found, clip, taken)
+            people |= {} if left is None else {clip.id: left}
+    return people
+
+
+def _is_other(one: ClipName, other: ClipName) -> bool:
+    return (one.sequence, one.person) != (other.sequence, other.person)
+
+
+def _named_person(result: WorldResult, clip: ClipName, name: str) -> ResultPerson:
+    for one in result.people:
+        if one.name in (name, f"person_{name}"):
+            return one
+    raise _unclear(result, clip, f"has no person {name!r} for clip {clip.id}")
+
+
+def _person_left(
+    found: ResultSet, clip: ClipName, taken: Mapping[tuple[int, str], ClipName]
+) -> ResultPerson | None:
+    """Who a clip is without a name; None where all people are others."""
+    result = found.results[clip.id]
+    owners = {name: owner for (of_result, name), owner in taken.items() if of_result == id(result)}
+    free = [
+        one
+        for one in result.people
+        if one.name not in owners or not _is_other(owners[one.name], clip)
+    ]
+    if not free:
+        return None
+    own = [one for one in free if one.name in owners]
+    n_others = len({(owner.sequence, owner.person) for owner in owners.values()})
+    alone = clip.id in found.by_id or clip.n_people - n_others <= 1
+    if own or (alone and len(free) == 1):
+        return (own or free)[0]
+    n = len(result.people)
+    people = f"{n} people" if n > 1 else "one person"
+    shared = f" of the {clip.n_people} of {clip.sequence}" if clip.n_people > 1 else ""
+    what = f"has {people}, and which one{shared} is clip {clip.id} is not said"
+    raise _unclear(result, clip, what)
+
+
+def _unclear(result: WorldResult, clip: ClipName, what: str) -> BadMotionFile:
+    listed = f"It has {_listed(result.people)}"
+    remedy = f"Name one with --person {clip.id}=NAME, or name the file by the clip's id"
+    return BadMotionFile(f"{result.files[0]}: {what}. {listed}. {remedy}")
 
 
 def _listed(people: Sequence[ResultPerson]) -> str:
@@ -101,10 +154,10 @@ def matched_clip(
     has = has_rows(person, true, frames, seen_as)
     if not (has & true.valid).any():
         valid = frames[true.valid & (frames >= 0)]
-        wanted = f"{valid.min()}-{valid.max()}" if valid.size else "none"
+        span = f"{valid.min()}-{valid.max()}" if valid.size else "none"
         raise BadMotionFile(
             f"{result.files[0]}: {person.name} has frames {person.frame_numbers[0]}-"
-            f"{person.frame_numbers[-1]}, and clip {true.id} is of frames {wanted} of the video. "
+            f"{person.frame_numbers[-1]}, and clip {true.id} is of frames {span} of the video. "
             "Give the clip's own result, or say with --first-image which image is frame 0"
         )
     shape, notes = _shape_on(person, body)

@@ -19,14 +19,15 @@ from gmrdata.read.safe_pickle import load_object_npy
 from gmrdata.read.world_results import read_world_result
 from gmrdata.score.compare import Comparison
 from gmrdata.score.records import ScoredResults, Scores
-from gmrdata.score.result_files import ClipName, find_result_sets
+from gmrdata.score.result_files import ClipName, ResultSet, find_result_sets
 from gmrdata.score.result_scores import ResultsConfig, ScoredSets, score_results
-from gmrdata.score.results import frames_of_rows
+from gmrdata.score.results import frames_of_rows, people_of_clips
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import (
     BadMotionFile,
+    BadRecipe,
     GmrdataError,
     MissingInput,
 )
@@ -243,12 +244,44 @@ def test_several_people_need_a_name(
         score(data, path, tmp_path / "out")
     with pytest.raises(BadMotionFile, match=r"no person '2' .*person_4"):
         score(data, path, tmp_path / "out", person={true.id: "2"})
+    with pytest.raises(BadRecipe, match=r"--person run=4: no such clip.*Sets are wham; clips are"):
+        score(data, path, tmp_path / "out", person={"run": "4"})
     for number, key in enumerate(("", true.id, f"wham/{true.id}")):
         scores = only(score(data, path, tmp_path / f"out_{number}", person={key: "4"}))
         assert scores.clips[0].predicted.tme_mm < 1e-3
     assert isinstance(scores.model, ScoredResults)
     found = scores.model.clips[true.id]
     assert (found.person, found.people, found.used_frames) == ("person_4", 2, N)
+
+
+def test_people_of_one_sequence_are_told_by_names_alone(
+    tmp_path: Path, body: BodyModel, true: Clip
+) -> None:
+    """A result of one person may be of either; the last of several is who is left."""
+    first, second = (ClipName(f"walk.p{n}", "walk", str(n), 2) for n in range(2))
+    later = replace(first, id="walk.p0.later")  # another part of the take
+    clips = [first, later, second]
+
+    def people(n: int, wanted: dict[str, str]) -> dict[str, str]:
+        made = dict.fromkeys(range(n), (true.motion, FRAMES))
+        files.write_wham(tmp_path / str(n) / "walk.pkl", made, rest(body, true))
+        (found,) = find_result_sets(tmp_path / str(n), clips)
+        assert isinstance(found, ResultSet)
+        return {id: one.name for id, one in people_of_clips(found, clips, wanted).items()}
+
+    with pytest.raises(BadMotionFile, match=r"one person, and which one of the 2 of walk is"):
+        people(1, {})
+    both_parts = {"walk.p0": "person_0", "walk.p0.later": "person_0"}
+    assert people(1, {"walk.p0": "0"}) == both_parts
+    assert people(2, {"wham/walk.p0": "0"}) == both_parts | {"walk.p1": "person_1"}
+    with pytest.raises(BadMotionFile, match=r"person_0 is named for clips walk\.p0 and walk\.p1"):
+        people(2, {"": "0"})
+    with pytest.raises(BadMotionFile, match=r"3 people, and which one of the 2 .*walk\.p1"):
+        people(3, {"walk.p0": "0"})
+    files.write_wham(tmp_path / "id" / "walk.p1.pkl", {5: (true.motion, FRAMES)}, rest(body, true))
+    (found,) = find_result_sets(tmp_path / "id", clips)
+    assert isinstance(found, ResultSet)
+    assert people_of_clips(found, clips, {})["walk.p1"].name == "person_5"
 
 
 def test_frames_are_matched_by_number_and_the_missing_are_said(
