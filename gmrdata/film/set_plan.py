@@ -21,9 +21,10 @@ from gmrdata.film.scene import SceneConfig
 from gmrdata.film.shots import Film, film_motion, plan_clip
 from gmrdata.manifest.current import CameraMotion, ListManifest
 from gmrdata.manifest.read import read_manifest
-from gmrdata.motion.files import find_motions, input_files, read_motion
+from gmrdata.motion.files import find_motions, input_files, read_file
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.bodies import read_body
+from gmrdata.read.source_motion import ReadConfig
 from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -47,6 +48,8 @@ class SyntheticClip(Config):
     """Name of a motion file, without suffix."""
     gait: str | None = None
     """Or kind of embedded gait."""
+    read: ReadConfig | None = None
+    """What the motion file doesn't show of itself; the set's when left out."""
     programme: Programme
     duration_s: float | None = Field(default=None, gt=0)
     """Length to film, from the motion's start [s]; the set's when left out."""
@@ -93,6 +96,8 @@ class SyntheticRecipe(Config):
     people: PeopleConfig = PeopleConfig()
     scenes: tuple[SceneConfig, ...] = ()
     """Of these each clip draws one, and a seed if it has none; empty: that of `render`."""
+    read: ReadConfig = ReadConfig()
+    """What the motion files don't show of themselves: joint names, zero pose, unit, rate."""
     film: Film = Film()
     render: RenderConfig = RenderConfig()
 
@@ -128,6 +133,7 @@ def _scene(recipe: SyntheticRecipe, clip_id: str) -> SceneConfig:
 class PlanConfig(Config):
     seed: int
     clip: SyntheticClip
+    read: ReadConfig
     film: Film
     people: PeopleConfig
 
@@ -153,9 +159,17 @@ def make_plan(
         save_clip(partial_dir / PLANNED_FILE, planned, body.rest_pelvis_m(planned.motion.shape))
 
     # The place doesn't matter to the plan: another one must not make it stale.
-    anywhere, film = clip.model_copy(update={"scene": None}), _film(clip, recipe)
-    config = PlanConfig(seed=recipe.seed, clip=anywhere, film=film, people=recipe.people)
+    anywhere = clip.model_copy(update={"scene": None, "read": None})
+    read = ReadConfig() if motion_path is None else clip.read or recipe.read
+    config = PlanConfig(
+        seed=recipe.seed,
+        clip=anywhere,
+        read=read.recorded,
+        film=_film(clip, recipe),
+        people=recipe.people,
+    )
     inputs = {"body": body_path} | ({} if motion_path is None else input_files(motion_path))
+    inputs |= read.inputs
     return run_stage("plan", out_dir, config, inputs, work, run=run) / PLANNED_FILE
 
 
@@ -187,7 +201,7 @@ def planned_clip(
         shape = sample_person(body, person_rng, recipe.people.spread)
     rng = clip_rng(recipe.seed, clip.id, "motion")
     if motion_path is not None:
-        motion = read_motion(motion_path, body, shape=shape)
+        motion = read_file(motion_path, body, clip.read or recipe.read, shape=shape).motion
     else:
         motion = make_gait(clip.gait or "", film.duration_s, 30.0, body, rng, shape=shape)
     return plan_clip(clip.id, film_motion(motion, film), clip.programme, film, rng)

@@ -44,7 +44,8 @@ def film_motion(motion: Motion, film: Film) -> Motion:
     rate_hz = min(frame_rate_hz(duration_s, film), motion.fps_hz)
     cut = resample(slice_motion(motion, 0, round(duration_s * motion.fps_hz)), rate_hz)
     if cut.n_frames < MIN_FRAMES:
-        what = f"{duration_s:.2f} s are too short to film"
+        enough = f"it takes {MIN_FRAMES / rate_hz:.2f} s, {MIN_FRAMES} frames at {rate_hz:g} Hz"
+        what = f"{duration_s:.2f} s are too short to film; {enough}"
         raise BadMotionFile(f"{motion.source}: {what}. Take a longer trial")
     low, high = cut.pelvis_m.min(axis=0), cut.pelvis_m.max(axis=0)
     middle_m = np.array([*(low + high)[:2] / 2, 0.0])

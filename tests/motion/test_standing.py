@@ -8,13 +8,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gmrdata.film.set_plan import SyntheticRecipe, planned_clip
+from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import read_motion
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.library import READING_FILE, ReadingRecord, make_library, motion_table
 from gmrdata.motion.retarget import retarget
+from gmrdata.read.bodies import save_body
 from gmrdata.read.bvh import read_bvh
-from gmrdata.read.source_motion import SourceMotion
+from gmrdata.read.source_motion import ReadConfig, SourceMotion
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import MIXAMO, find_joints, joints_by_name
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats
@@ -42,16 +48,26 @@ def write(
     """A walk of the small body as a BVH that is told from the pose `zero` (24, 3, 3)."""
     walk = make_gait("walk", 2.0, 30.0, small_body, np.random.default_rng(0))
 
-    def write(name: str, zero: np.ndarray, *, t_pose: bool = False, per_unit: float = 0.01) -> Path:
+    def write(
+        name: str,
+        zero: np.ndarray,
+        *,
+        t_pose: bool = False,
+        per_unit: float = 0.01,
+        lies: bool = False,
+    ) -> Path:
         local = np.concatenate([walk.root_rotmats[:, None], walk.local_rotmats], axis=1)
         from_rest = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # z up -> y up
         local[:, 0] = from_rest @ local[:, 0]
         pelvis_m = walk.pelvis_m @ from_rest.T
+        if lies:
+            local[:, 0] = from_rest @ local[:, 0]
         if t_pose:
             local[0], pelvis_m[0] = np.eye(3), [0, 1, 0]
         above = np.concatenate([np.eye(3)[None], zero])[np.array(PARENTS) + 1]
         rest_m = small_body.rest_joints_m(np.zeros(10))
         offsets_m = rest_m - np.where(np.array(PARENTS)[:, None] < 0, rest_m, rest_m[list(PARENTS)])
+        offsets_m[JOINT["head"]] *= 1.2  # that of no body in any shape
         offsets_m = np.einsum("jkl,jl->jk", above, offsets_m)
         told = (above @ local @ zero.swapaxes(1, 2))[:, ORDER]
         angles_deg = Rotation.from_matrix(told.reshape(-1, 3, 3)).as_euler("ZXY", degrees=True)
@@ -115,8 +131,12 @@ def test_a_t_pose_in_frame_0_says_what_rotations_mean(
 ) -> None:
     zero = _turned(shoulder=-90.0) if raised else _along_bones(small_body)
     t_pose = np.tile(np.eye(3), (24, 1, 1))
-    motion = read_motion(write("t", t_pose, t_pose=True), small_body, drop_rest_frame=False)
-    other = read_motion(write("bones", zero, t_pose=True), small_body, drop_rest_frame=False)
+    motion = read_motion(
+        write("t", t_pose, t_pose=True), small_body, drop_rest_frame=False, ground=True
+    )
+    other = read_motion(
+        write("bones", zero, t_pose=True), small_body, drop_rest_frame=False, ground=True
+    )
     assert "turns told from frame 0, a T-pose" in other.source
     # Toe bones that were drawn along x may show how flat a foot is to a hair.
     assert _apart_deg(motion, other).max() < 0.01
@@ -133,6 +153,94 @@ def test_without_a_t_pose_it_is_the_mean_pose(
     # Nobody knows how far a walker's palms are turned and the trunk leans in the mean.
     assert apart_deg[JOINT["pelvis"]] < 6 and apart_deg.max() < 30, apart_deg.round(1)
     assert "limbs 0.0 (0.0)" in other.source
+
+
+def test_the_zero_pose_may_be_given(write: Callable[..., Path], small_body: BodyModel) -> None:
+    up, t_pose = _turned(shoulder=-90.0), np.tile(np.eye(3), (24, 1, 1))
+    motion = read_motion(write("t", t_pose), small_body, ground=False)
+    path = write("up", up)
+    assert "turns told from the mean pose" in read_motion(path, small_body).source
+    given = read_motion(path, small_body, rest_pose="arms_up", ground=False)
+    assert _apart_deg(motion, given).max() < 4.5 and "zero pose given as arms_up" in given.source
+    rest = write("rest", up, t_pose=True)
+    told = read_motion(path, small_body, rest_pose=rest, ground=False)
+    assert "told from the first frame of rest_pose's file" in told.source
+    assert np.delete(_apart_deg(motion, told), [7, 8, 10, 11]).max() < 0.01
+    for wrong, words in (
+        ("t", r"up.bvh: the arms of the zero pose point \+\d\d degrees above the level, so"),
+        (write("other", t_pose), "up.bvh: the offset of .* is another in the file of rest_pose"),
+        (Path("tpose"), "tpose: no such file. A rest_pose is a BVH file, or t, a, arms_down"),
+    ):
+        with pytest.raises((BadMotionFile, MissingInput), match=words):
+            read_motion(path, small_body, rest_pose=wrong)
+
+
+def test_a_recipe_says_how_files_are_read(
+    write: Callable[..., Path], small_body: BodyModel
+) -> None:
+    path = write("odd", _turned(shoulder=-90.0))
+    path.write_text(path.read_text().replace("LeftLeg", "Bone7"))
+    clip = {"id": "odd", "trial": "odd", "programme": {"kind": "static"}}
+    recipe = {"recipe": "synthetic", "name": "set", "film": {"duration_s": 0.5}, "clips": [clip]}
+    names = {NAME[joint]: joint for joint in JOINT_NAMES} | {"Bone7": "left_knee"}
+    del names["LeftLeg"]
+    with pytest.raises(BadMotionFile, match="no joint is known to be left_knee"):
+        _plan(recipe, path, small_body)
+    planned = _plan(
+        recipe | {"read": {"joint_map": names, "rest_pose": "arms_up"}}, path, small_body
+    )
+    assert "zero pose given as arms_up" in planned.motion.source
+    own = [clip | {"read": {"joint_map": names}}]
+    assert (
+        "told from the mean pose" in _plan(recipe | {"clips": own}, path, small_body).motion.source
+    )
+
+
+def _plan(recipe: dict[str, object], path: Path, body: BodyModel) -> Clip:
+    read = SyntheticRecipe.model_validate(recipe)
+    return planned_clip(read.clips[0], read, path, body)
+
+
+def test_hands_that_the_zero_pose_bends(write: Callable[..., Path], small_body: BodyModel) -> None:
+    motion = read_motion(write("t", np.tile(np.eye(3), (24, 1, 1))), small_body, ground=False)
+    other = read_motion(write("bent", _turned(wrist=40.0)), small_body, ground=False)
+    assert _apart_deg(motion, other)[[JOINT["left_wrist"], JOINT["right_hand"]]].max() < 0.01
+
+
+def test_joints_that_move_as_well_as_turn(
+    write: Callable[..., Path], small_body: BodyModel
+) -> None:
+    # Axis Neuron's files have places for each joint, which give in as flesh does.
+    source = read_bvh(write("t", np.tile(np.eye(3), (24, 1, 1))))
+    joints = find_joints(source.names, source.parents, None, Path("a"))
+    moved_m = source.translations_m.copy()
+    moved_m[:, 1:] += 0.02 * np.random.default_rng(0).normal(size=moved_m[:, 1:].shape)
+    _, residual = retarget(replace(source, translations_m=moved_m), joints, small_body)
+    assert residual.worst_deg["limbs"] < 1e-3 and 0.1 < residual.mean_deg["hip line"] < 20
+
+
+def test_what_was_read_stands_in_table_and_manifest(
+    write: Callable[..., Path], small_body: BodyModel, tmp_path: Path
+) -> None:
+    write("walk", _turned(shoulder=60.0))
+    fallen = write("fallen", _turned(shoulder=60.0), lies=True)
+    save_body(tmp_path / "small.npz", small_body)
+    table = motion_table((tmp_path,), str(tmp_path / "small.npz"), ReadConfig(fps_hz=50))
+    assert [row[:4] for row in table.rows] == [
+        ("fallen.bvh", "60", "50", "given"),
+        ("walk.bvh", "60", "50", "given"),
+    ]
+    assert table.rows[1][-4:] == ("0.0 (0.0)",) * 4
+    (warning,) = table.warnings
+    assert warning.startswith("fallen.bvh: the person lies or leans throughout")
+    made = make_library((fallen,), str(tmp_path / "small.npz"), tmp_path / "out")
+    (clip,) = read_manifest(made).clips
+    assert isinstance(clip, ClipEntry) and clip.quality is not None
+    assert clip.quality.figures["limbs_residual_deg_worst"] == 0.0
+    record = ReadingRecord.read(tmp_path / "out" / "clips" / "fallen" / READING_FILE)
+    assert (record.rate_from, record.upright) == ("header", False)
+    with pytest.raises(BadMotionFile, match=r"config\.rest_pose"):
+        make_library((fallen,), str(tmp_path / "small.npz"), tmp_path / "out", rest_pose="a")
 
 
 @pytest.mark.parametrize("per_unit", [1.0, 0.0254, 0.001, 0.04, 0.01])
@@ -186,7 +294,9 @@ def test_hips_that_turn_beside_their_joint(
     assert "turns told from the mean pose" in other.source
     assert _apart_deg(motion, other)[JOINT["pelvis"]] < 6
     swinging = _with_pivots(source, np.where(np.arange(source.n_frames) % 2, 90.0, -90.0))
-    with pytest.raises(BadMotionFile, match=r"the hip line would be \d+\.\d degrees off.*joint_map"):
+    with pytest.raises(
+        BadMotionFile, match=r"the hip line would be \d+\.\d degrees off.*joint_map"
+    ):
         retarget(swinging, joints, small_body)
 
 
@@ -228,6 +338,13 @@ NAMINGS = {
     "{}Shoulder {}Arm {}ForeArm {}Hand",
     "xsens": "Pelvis|{}UpperLeg {}LowerLeg {}Foot {}Toe|L5 L3 T12 T8|Neck Head|"
     "{}Shoulder {}UpperArm {}ForeArm {}Hand",
+    "second life": "mPelvis|mHip{} mKnee{} mAnkle{} mToe{}|mTorso mChest|mNeck mHead|"
+    "mCollar{} mShoulder{} mElbow{} mWrist{}",
+    "biovision": "Hips|{}UpLeg {}LowLeg {}Foot {}Toe|Chest|Neck Head|"
+    "{}Collar {}UpArm {}LowArm {}Hand",
+    "humanik": "Character1_Hips|Character1_{}UpLeg Character1_{}Leg Character1_{}Foot "
+    "Character1_{}ToeBase|Character1_Spine|Character1_Neck Character1_Head|"
+    "Character1_{}Shoulder Character1_{}Arm Character1_{}ForeArm Character1_{}Hand",
     "vrm": "Hips|{}UpperLeg {}LowerLeg {}Foot {}Toes|Spine Chest UpperChest|Neck Head|"
     "{}Shoulder {}UpperArm {}LowerArm {}Hand",
 }
@@ -237,6 +354,11 @@ SHORT_NAMINGS = {
     "3ds max": "Bip01 Pelvis|Bip01 {} Thigh,Bip01 {} Calf,Bip01 {} Foot,Bip01 {} Toe0|"
     "Bip01 Spine,Bip01 Spine1,Bip01 Spine2|Bip01 Neck,Bip01 Head|"
     "Bip01 {} Clavicle,Bip01 {} UpperArm,Bip01 {} Forearm,Bip01 {} Hand",
+    "makehuman": "Root|UpLeg_{} LoLeg_{} Foot_{} Toe_{}|Spine1 Spine2 Spine3|Neck Head|"
+    "Clavicle_{} UpArm_{} LoArm_{} Hand_{}",
+    "reallusion": "CC_Base_Hip|CC_Base_{}_Thigh CC_Base_{}_Calf CC_Base_{}_Foot CC_Base_{}_ToeBase|"
+    "CC_Base_Waist CC_Base_Spine01|CC_Base_Neck CC_Base_Head|"
+    "CC_Base_{}_Clavicle CC_Base_{}_Upperarm CC_Base_{}_Forearm CC_Base_{}_Hand",
     "smpl": "Pelvis|{}_Hip {}_Knee {}_Ankle {}_Foot|Spine1 Spine2 Spine3|Neck Head|"
     "{}_Collar {}_Shoulder {}_Elbow {}_Wrist",
 }
@@ -245,6 +367,17 @@ ALL_NAMINGS = [
     *((title, naming, ("Left", "Right")) for title, naming in NAMINGS.items()),
     *((title, naming, ("L", "R")) for title, naming in SHORT_NAMINGS.items()),
     ("poser", POSER, ("l", "r")),
+    (
+        "lower case",
+        "hip|{}hip {}knee {}foot {}toe|abdomen|neck head|{}collar {}shoulder {}elbow {}hand",
+        ("l", "r"),
+    ),
+    (
+        "mocopi",
+        "root|{}_up_leg {}_low_leg {}_foot {}_toes|torso_1 torso_2|neck_1 head|"
+        "{}_shoulder {}_up_arm {}_low_arm {}_hand",
+        ("l", "r"),
+    ),
     ("unity", NAMINGS["lafan1"].lower(), ("left_", "right_")),
 ]
 
