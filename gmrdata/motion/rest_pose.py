@@ -90,7 +90,7 @@ def minimal_rotation(from_vector: np.ndarray, to_vector: np.ndarray) -> np.ndarr
 
 
 def limb_corrections(
-    source_rest_m: np.ndarray, body_rest_m: np.ndarray, source_hands_m: np.ndarray
+    source_rest_m: np.ndarray, body_rest_m: np.ndarray, source_hands_m: np.ndarray | None = None
 ) -> dict[int, np.ndarray]:
     """C (3, 3) of hips, knees, shoulders and elbows: turns the body's rest bone into the source's.
 
@@ -101,7 +101,8 @@ def limb_corrections(
     poses_m = (body_rest_m, source_rest_m)
     limbs = {a: minimal_rotation(*(rest_m[b] - rest_m[a] for rest_m in poses_m)) for a, b in LIMBS}
     hands, shortest_m = {}, SHORTEST_HAND * leg_length_m(source_rest_m)
-    for side, hand_m in zip(("left", "right"), source_hands_m, strict=True):
+    hands_m = np.full((2, 3), np.nan) if source_hands_m is None else source_hands_m
+    for side, hand_m in zip(("left", "right"), hands_m, strict=True):
         elbow, wrist, hand = (JOINT[f"{side}_{part}"] for part in ("elbow", "wrist", "hand"))
         straight_m = limbs[elbow] @ (body_rest_m[hand] - body_rest_m[wrist])
         bent = np.linalg.norm(hand_m) > shortest_m  # False for NaN
