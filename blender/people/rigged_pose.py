@@ -24,12 +24,11 @@ from gmrdata.motion.rest_pose import (
     LIMBS,
     LONGEST_LEG_M,
     SHORTEST_LEG_M,
-    leg_length_m,
     limb_corrections,
     source_from_rest_axes,
     stands,
 )
-from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
+from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel, leg_length_m
 from gmrdata.values.errors import BadCharacter
 from gmrdata.values.motion import Motion
 from gmrdata.values.skinning import global_rotmats
