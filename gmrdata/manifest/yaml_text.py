@@ -7,8 +7,9 @@ import yaml
 
 from gmrdata.values import limits, plain_yaml
 from gmrdata.values.errors import BadManifest, MissingInput
-from gmrdata.values.plain_yaml import FieldPath
+from gmrdata.values.plain_yaml import NotPlain
 
+FieldPath = plain_yaml.FieldPath
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
@@ -23,14 +24,14 @@ def load(path: Path) -> tuple[Any, dict[FieldPath, int]]:
     return parse(path, path.read_bytes())
 
 
-def require_size(path: Path, most: int) -> None:
-    """MissingInput where there is no file, BadManifest where it is larger [bytes]."""
+def require_size(path: Path, max_bytes: int) -> None:
+    """MissingInput where there is no file, BadManifest where it is larger."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such manifest")
     size_bytes = path.stat().st_size
-    if size_bytes > most:
+    if size_bytes > max_bytes:
         raise BadManifest(
-            f"{path}: {size_bytes} bytes, more than a manifest's {most}; split the data set"
+            f"{path}: {size_bytes} bytes, more than a manifest's {max_bytes}; split the data set"
         )
 
 
@@ -41,6 +42,6 @@ def parse(path: Path, content: bytes) -> tuple[Any, dict[FieldPath, int]]:
     except UnicodeDecodeError as error:
         where = f"{error.reason} at byte {error.start}"
         raise BadManifest(f"{path}: not UTF-8 text ({where})") from None
-    except plain_yaml.NotPlain as error:
+    except NotPlain as error:
         where = str(path) if error.line is None else f"{path}:{error.line}"
         raise BadManifest(f"{where}: {error.problem}") from None
