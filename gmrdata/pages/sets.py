@@ -83,6 +83,7 @@ def _clip_section(clip: ClipEntry, warning: str | None) -> dict[str, object]:
         ("place", place),
         ("licence", clip.licence),
     ]
+    rows += _character_rows(clip)
     rows += [("warning", Cell(warning, kind="bad"))] if warning else []
     captions = (
         (frames.CONTACT_FILE, f"Frames of {clip.id}",
@@ -92,6 +93,19 @@ def _clip_section(clip: ClipEntry, warning: str | None) -> dict[str, object]:
     )  # fmt: skip
     section = {"id": clip.id, "title": clip.id, "folder": f"sheets/{clip.id}"}
     return {**section, "rows": rows, "captions": captions}
+
+
+def _character_rows(clip: ClipEntry) -> list[tuple[str, Cell | str]]:
+    """How far a character's joints and limbs are from those of the body that drives it."""
+    figures = (clip.quality or Quality()).figures
+    if "character_residual_mm_mean" not in figures:
+        return []
+    mean_mm, max_mm, mean_deg = (
+        figures[f"character_{name}"]
+        for name in ("residual_mm_mean", "residual_mm_max", "bone_direction_deg_mean")
+    )
+    joints = f"joints {mean_mm:.0f} mm in the mean and {max_mm:.0f} mm at most"
+    return [("character beside body", f"{joints}; directions of limbs {mean_deg:.2f} degrees")]
 
 
 def make_sheet(rendered_dir: Path, out_dir: Path) -> Path:

@@ -31,6 +31,7 @@ from gmrdata.film.set_plan import SyntheticRecipe
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
+from gmrdata.pages.sets import write_set_pages
 from gmrdata.read.bodies import save_body
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, BodyModel
 from gmrdata.values.camera import project
@@ -499,6 +500,9 @@ def test_a_set_has_a_character_in_one_clip_and_the_body_in_the_other(
     assert {key: someone.quality.figures[key] for key in expected} == expected
     assert someone.quality.figures["character_residual_mm_mean"] > 20
     assert not any("character" in key for key in body.quality.figures)
+    write_set_pages(recipe, folder / "set")
+    page = (folder / "set" / "index.html").read_text()
+    assert page.count("directions of limbs 0.00 degrees") == 1
     record_path = path.parent / someone.character.path
     save_character(record_path, replace(record, in_frame=record.in_frame[1:]))
     with pytest.raises(BadManifest, match="clip someone: character: .*: no array 'joints_w"):
