@@ -117,6 +117,8 @@ def evaluate(
         return
     if len(run_and_manifest) != 1:
         raise MissingInput("with --predictions, give the manifest alone")
+    if first_image is not None and first_image < 0:
+        raise BadRecipe(f"--first-image {first_image}: give 0 or more")
     chosen = {"person": _people(person), "camera": camera, "first_image": first_image}
     made = score_results(
         predictions, *run_and_manifest, clips_body, out,

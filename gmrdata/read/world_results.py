@@ -372,6 +372,13 @@ def _slahmr(path: Path, arrays: Mapping[str, np.ndarray]) -> WorldResult:
     return WorldResult("slahmr", (path, info_path), tuple(people))
 
 
+_NOT_INFO = (
+    ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, RecursionError,
+    OSError,
+)  # fmt: skip
+"""What a JSON file of another form raises when it is looked through."""
+
+
 @dataclass(frozen=True)
 class _Track:
     name: str
@@ -396,7 +403,7 @@ def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:
         ]
         if not all(len(track.seen) >= row_stop for track in tracks):
             raise ValueError("a vis_mask is shorter than its interval")
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError, OSError) as error:
+    except _NOT_INFO as error:
         fault = f"{type(error).__name__}: {str(error)[:200]}"
         raise BadMotionFile(f"{path}: not SLAHMR's {TRACK_INFO} ({fault}). {_AGAIN}") from None
     return tracks, (start, row_start), row_stop - row_start

@@ -365,9 +365,27 @@ def test_what_is_not_there_is_said(tmp_path: Path, data: Path, body: BodyModel, 
     (run / "track_info.json").unlink()
     with pytest.raises(MissingInput, match=r"no track_info\.json.*Keep SLAHMR's"):
         score(data, tmp_path, tmp_path / "out")
-    (run / "track_info.json").write_text('{"tracks": {}')
-    with pytest.raises(BadMotionFile, match=r"not SLAHMR's track_info\.json"):
-        score(data, tmp_path, tmp_path / "out")
+    for broken in ('{"tracks": {}', "[" * 100_000, '{"tracks": 3, "meta": []}', ""):
+        (run / "track_info.json").write_text(broken)
+        with pytest.raises(BadMotionFile, match=r"not SLAHMR's track_info\.json"):
+            score(data, tmp_path, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (("--person", "a=1", "a=2"), "--person a=2: give NAME, CLIP=NAME or SYSTEM/CLIP=NAME"),
+        (("--person", "a="), "--person a=: give NAME"),
+        (("--first-image", "-1"), "--first-image -1: give 0 or more"),
+    ],
+)
+def test_flags_that_say_nothing(
+    flags: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ("evaluate", "manifest.yaml", "--predictions", "x", "--out", str(tmp_path / "out"))
+    with pytest.raises(SystemExit):
+        main([*asked, *flags])
+    assert said in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_person_outside_of_trams_cameras_is_refused(
