@@ -51,8 +51,13 @@ def write_usd(path: Path, take: Take) -> None:
     stage.SetEndTimeCode(take.n_frames - 1)
     stage.GetRootLayer().documentation = f"gmrdata: {take.people[0].motion.source}"
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    used = {"camera"}
     for person in take.people:
-        _write_person(stage, f"/World/{Tf.MakeValidIdentifier(person.name)}", person)
+        name = Tf.MakeValidIdentifier(person.name)  # "a.b" and "a-b" are both a_b
+        while name in used:
+            name += "_"
+        used.add(name)
+        _write_person(stage, f"/World/{name}", person)
     if take.camera is not None:
         _write_camera(stage, "/World/camera", take.camera)
     with atomic_path(path) as temporary:

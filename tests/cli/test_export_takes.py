@@ -35,7 +35,7 @@ def clip(walk: Callable[..., Motion], small_body: BodyModel) -> Clip:
 
 @pytest.fixture
 def folder(clip: Clip, small_body: BodyModel, tmp_path: Path) -> Path:
-    """The clip with frames and masks as a rendered one has them, and its truth beside it.
+    """The clip with frames, masks and an extra as a rendered one has them; its truth beside it.
 
     The truth is of another world, begins two frames later and has no gap.
     """
@@ -53,6 +53,8 @@ def folder(clip: Clip, small_body: BodyModel, tmp_path: Path) -> Path:
     valid, numbers = clip.valid[2:], clip.image_numbers[2:]
     truth = Clip("walk", motion, valid, numbers, None)
     save_clip(tmp_path / "truth.npz", truth, rest_pelvis_m)
+    passer_by = replace(clip, id="walk_passer_by_1")
+    save_clip(folder / "extras" / "passer_by_1.npz", passer_by, rest_pelvis_m)
     return folder
 
 
@@ -78,6 +80,8 @@ def test_one_clip_in_all_of_these_formats(
     assert mesh.vertices.shape == small_body.template_m.shape
     stage = Usd.Stage.Open(str(out / "usd/walk.usdc"))
     centre_m = UsdGeom.XformCache(7).GetLocalToWorldTransform(stage.GetPrimAtPath("/World/camera"))
+    people = [str(prim.GetName()) for prim in stage.GetDefaultPrim().GetChildren()]
+    assert people == ["walk", "walk_passer_by_1", "camera"]
     assert clip.camera is not None
     np.testing.assert_allclose(
         centre_m.ExtractTranslation(), clip.camera.centres_world_m[7], atol=1e-9

@@ -103,6 +103,19 @@ def test_the_camera_sees_what_ours_sees(stage: Usd.Stage, take: Take) -> None:
     assert samples == [row for row in range(N_FRAMES) if row != HIDDEN[-1]]
 
 
+def test_people_whose_names_usd_makes_one_stay_two(take: Take, tmp_path: Path) -> None:
+    names = ("a.b", "a-b", "camera")
+    people = [take.people[0]._replace(name=name) for name in names]
+    write_usd(tmp_path / "three.usda", replace(take, people=tuple(people)))
+    stage = Usd.Stage.Open(str(tmp_path / "three.usda"))
+    found = {
+        str(prim.GetName()): str(prim.GetTypeName())
+        for prim in stage.GetDefaultPrim().GetChildren()
+    }
+    people_found = [name for name, kind in found.items() if kind == "SkelRoot"]
+    assert people_found == ["a_b", "a_b_", "camera_"] and found["camera"] == "Camera"
+
+
 def test_the_same_take_gives_the_same_bytes(take: Take, path: Path, tmp_path: Path) -> None:
     write_usd(tmp_path / "again.usdc", take)
     assert (tmp_path / "again.usdc").read_bytes() == path.read_bytes()
