@@ -86,11 +86,11 @@ def record_of_call(name: str, arguments: tuple[Any, ...], budget: Budget) -> Any
             return record_of_call(made, (), budget)
         case "set", (list() as members,):
             return set_of(members, budget)
-    made = _plain_value(kind, arguments)
-    made = _record(str(kind), arguments) if made is None else made
-    if made is None:
+    value = _plain_value(kind, arguments)
+    value = _record(str(kind), arguments) if value is None else value
+    if value is None:
         raise UnsafePickle(f"wants to call {name!r} with {_summary(arguments)}")
-    return made
+    return value
 
 
 def _plain_value(kind: str | None, arguments: tuple[Any, ...]) -> Any:

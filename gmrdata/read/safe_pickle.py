@@ -156,6 +156,10 @@ class Import:
     name: str
 
 
+_Unframer: Any = vars(pickle)["_Unframer"]  # of its interpreter, as `_Unpickler` is
+_Stop: Any = vars(pickle)["_Stop"]
+
+
 class Interpreter(pickle._Unpickler):
     """Python's own pickle interpreter, with every opcode that could reach an object replaced.
 
@@ -166,6 +170,8 @@ class Interpreter(pickle._Unpickler):
     dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(pickle._Unpickler.dispatch)
     stack: list[Any]
     memo: dict[int, Any]
+    _file_read: Callable[[int], bytes]
+    _file_readline: Callable[[], bytes]
     pop_mark: Callable[[], list[Any]]
     append: Callable[[Any], None]
     read: Callable[[int], bytes]
@@ -177,7 +183,7 @@ class Interpreter(pickle._Unpickler):
 
     def load(self) -> Any:
         """Python's own loop, with each step counted."""
-        self._unframer = pickle._Unframer(self._file_read, self._file_readline)
+        self._unframer = _Unframer(self._file_read, self._file_readline)
         self.read, self.readline = self._unframer.read, self._unframer.readline
         self.readinto = self._unframer.readinto
         self.metastack: list[Any] = []
@@ -191,7 +197,7 @@ class Interpreter(pickle._Unpickler):
                 if budget.nodes_left < 0:
                     raise budget.too_many_nodes()
                 self.dispatch[key[0]](self)
-        except pickle._Stop as stop:
+        except _Stop as stop:
             return stop.value
         raise EOFError("the program does not end")
 
