@@ -151,4 +151,6 @@ def test_frames_without_a_motion_are_left_out_or_refused(
         write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.ones_like(gap.rows))], None)
     with pytest.raises(BadMotionFile, match="no frame that may be used"):
         write_wham(tmp_path / "b.pkl", [replace(gap, rows=np.zeros_like(gap.rows))], None)
+    write_wham(tmp_path / "a.pkl", [None, gap], None)
+    assert list(pickle.loads((tmp_path / "a.pkl").read_bytes())) == [1]
     assert [one.name for one in tmp_path.iterdir()] == ["a.pkl"]
