@@ -22,6 +22,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingExtra, MissingInput, StageFailed
 from gmrdata.values.files import read_npz, write_npz
+from gmrdata.values.limits import Budget
 
 Segmenter = Callable[[np.ndarray], Mapping[str, np.ndarray]]
 
@@ -193,7 +194,7 @@ def _save(path: Path, instances: Instances) -> None:
 
 
 def _load(path: Path) -> Instances:
-    arrays = read_npz(path)
+    arrays = read_npz(path, Budget.ceiling())
     masks = np.unpackbits(arrays["masks"], axis=-1, count=int(arrays["width_px"]))
     found = Detections(arrays["boxes_px"], arrays["scores"], arrays["classes"])
     return Instances(found, masks.astype(bool))

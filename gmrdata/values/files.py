@@ -147,11 +147,11 @@ def read_json(path: Path) -> Any:
         raise BadRecord(f"{path}: not JSON ({error}); make it again") from None
 
 
-def read_npz(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of an .npz, without unpickling anything, and within the file's `Budget`."""
+def read_npz(path: Path, budget: Budget | None = None) -> dict[str, np.ndarray]:
+    """All arrays of an .npz, without unpickling anything; within the file's own budget for None."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
-    budget = Budget.of(path)
+    budget = budget or Budget.of(path)
     try:
         check_archive(path, budget)
         found = {}

@@ -62,6 +62,11 @@ class Budget:
             nodes_left=min(MOST_NODES, max(FREE_NODES, NODES_PER_BYTE * size_bytes)),
         )
 
+    @classmethod
+    def ceiling(cls) -> Self:
+        """That of a file of our own, which may be small beside what it holds, as masks are."""
+        return cls.of_size(MOST_BYTES)
+
     def take_bytes(self, count: int) -> None:
         self.bytes_left -= count
         if self.bytes_left < 0:

@@ -70,6 +70,11 @@ def test_npz_beyond_the_budget(write: Callable[[Path], None], said: str, tmp_pat
         read_npz(path)
 
 
+def test_our_own_masks_may_be_small_beside_what_they_hold(tmp_path: Path) -> None:
+    _small_numbers(tmp_path / "a.npz")
+    assert read_npz(tmp_path / "a.npz", Budget.ceiling())["poses"].size == 40 * MIB
+
+
 def laughs(part: Any, times: int = 9) -> Any:
     """Ten of ten of ten of ...: a few bytes that stand for ten billion."""
     for _ in range(times):
