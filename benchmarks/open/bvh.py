@@ -51,6 +51,7 @@ NAMES = {
 }
 """Whole names of the joints of a side by producer: ? stands for Left, # for L, * for l."""
 _PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|Bip\d+[ _]|[mf]_avg_|DEF-|Character\d_)")
+END_SITE = -2
 AXES = {axis: np.eye(3)[row] for row, axis in enumerate("XYZ")}
 
 
@@ -68,8 +69,11 @@ def forward(path: Path) -> Skeleton:
     """Places of all joints, word by word from the file."""
     head, _, motion = path.read_text(errors="replace").partition("MOTION")
     words = iter(head.replace("{", " { ").replace("}", " } ").split())
-    names, parents, offsets, channels, line = [], [], [], [], []
-    owner = None
+    names: list[str] = []
+    parents: list[int] = []
+    offsets: list[np.ndarray] = []
+    channels: list[list[str]] = []
+    line: list[int] = []  # open joints; END_SITE inside the end of a bone
     for word in words:
         if word.upper() in ("ROOT", "JOINT"):
             parents.append(line[-1] if line else -1)
@@ -77,33 +81,30 @@ def forward(path: Path) -> Skeleton:
             while (more := next(words)) != "{":
                 name.append(more)
             names.append(" ".join(name))
-            offsets.append(None)
             channels.append([])
-            owner = len(names) - 1
-            line.append(owner)
+            line.append(len(names) - 1)
         elif word.upper() == "END":
             while next(words) != "{":
                 pass
-            line.append(owner := None)
+            line.append(END_SITE)
         elif word == "}":
             line.pop()
         elif word.upper() == "OFFSET":
             offset = np.array([float(next(words)) for _ in range(3)])
-            if owner is not None:
-                offsets[owner] = offset
+            offsets += [offset] if line[-1] != END_SITE else []
         elif word.upper() == "CHANNELS":
-            channels[owner] = [next(words) for _ in range(int(next(words)))]
+            channels[line[-1]] = [next(words) for _ in range(int(next(words)))]
     after = motion.split()
     at = after.index("Time:")
     table = np.array(after[at + 2 :], dtype=float)
-    table = table.reshape(-1, sum(map(len, channels)))
+    table = table.reshape(-1, sum(len(found) for found in channels))
     return _posed(names, parents, offsets, channels, table, float(after[at + 1]))
 
 
 def _posed(
     names: list[str],
     parents: list[int],
-    offsets: list[Any],
+    offsets: list[np.ndarray],
     channels: list[list[str]],
     table: np.ndarray,
     frame_time_s: float,
