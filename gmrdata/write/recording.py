@@ -14,7 +14,7 @@ A take is what one source says, such as "result" or "truth".  Entities, by path:
     world/<take>/<person>/path       LineStrips3D: where the pelvis goes, in all frames
 
 Timelines are `frame`, the clip's row, and `time` from the first row on.  Frames and masks stand
-with the first take that has a camera.  Needs rerun-sdk: the extra `view`.
+with the first take.  Needs rerun-sdk: the extra `view`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ import numpy as np
 from gmrdata.read.frames import check_images, read_gray
 from gmrdata.values.body import PARENTS
 from gmrdata.values.camera import CameraPath
-from gmrdata.values.errors import BadFrames, MissingExtra
+from gmrdata.values.errors import BadFrames, BadMotionFile, MissingExtra
 from gmrdata.values.files import atomic_path
 from gmrdata.values.rows import text_runs
 from gmrdata.values.skinning import motion_joints_m, motion_vertices_m
@@ -51,12 +51,14 @@ def write_recording(
 
     Args:
         path: The .rrd file.
-        takes: With different names.
+        takes: One or more, with different names.
         shown_from_world: Where a take's world lies in the shown one, (4, 4) by the take's name; at
             its origin when left out.
         images: The frame's .jpg or .png of each row, T of them; None for none.
         masks: The mask of each row, 255 where something moves; None for none.
     """
+    if not takes or len({take.name for take in takes}) < len(takes):
+        raise BadMotionFile("a recording needs takes, each with a name of its own")
     for take in takes:
         check_take(take)
     _check_frames(takes, images, masks)
@@ -76,7 +78,7 @@ def _check_frames(
     if len(lengths) > 1 or len({take.fps_hz for take in takes}) > 1:
         raise BadFrames("takes, images and masks have other numbers or rates of frames")
     files = [image for image in images if image is not None]
-    camera = next((take.camera for take in takes if take.camera is not None), None)
+    camera = takes[0].camera
     if not files or camera is None:
         return
     size_px, expected_px = check_images(files), (camera.width_px, camera.height_px)
@@ -106,7 +108,6 @@ def _log_takes(
     import rerun
 
     recording.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    filmed = False
     for number, take in enumerate(takes):
         entity = f"world/{take.name}"
         placed = shown_from_world.get(take.name, np.eye(4))
@@ -117,10 +118,8 @@ def _log_takes(
         for person in take.people:
             colour = COLOURS[number % len(COLOURS)]
             _log_person(recording, f"{entity}/{person.name}", person, colour)
-        if take.camera is not None:
-            files = ((), ()) if filmed else (images, masks)
-            _log_camera(recording, f"{entity}/camera", take.camera, take.fps_hz, *files)
-            filmed = True
+        files = ((), ()) if number else (images, masks)
+        _log_camera(recording, f"{entity}/camera", take, *files)
 
 
 def _transform(a_from_b: np.ndarray) -> Any:
@@ -188,28 +187,27 @@ def _normals(vertices_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _log_camera(
     recording: Any,
     entity: str,
-    camera: CameraPath,
-    fps_hz: float,
+    take: Take,
     images: Sequence[Path | None],
     masks: Sequence[Path | None],
 ) -> None:
+    """Frames and masks are shown without a camera, too."""
     import rerun
 
-    pinhole = rerun.Pinhole(
-        image_from_camera=camera.intrinsics_px,
-        resolution=[camera.width_px, camera.height_px],
-        camera_xyz=rerun.ViewCoordinates.RDF,
-    )
-    size_px = (camera.width_px, camera.height_px)
-    for row in range(camera.n_frames):
-        _at(recording, row, fps_hz)
+    camera = take.camera
+    if camera is None and not images and not masks:
+        return
+    size_px = None if camera is None else (camera.width_px, camera.height_px)
+    for row in range(take.n_frames):
+        _at(recording, row, take.fps_hz)
         image, mask = images[row] if images else None, masks[row] if masks else None
-        if not camera.has_camera[row] or (images and not image) or (masks and not mask):
+        known = camera is not None and bool(camera.has_camera[row])
+        if not known or (images and not image) or (masks and not mask):
             seen = [f"{entity}/image", *([f"{entity}/image/mask"] if masks else [])]
             _clear(recording, entity, *seen)
-        if camera.has_camera[row]:
+        if camera is not None and known:
             recording.log(entity, _transform(camera.world_from_cam[row]))
-            recording.log(f"{entity}/image", pinhole)
+            recording.log(f"{entity}/image", _pinhole(camera))
         if image is not None:
             media_type = MEDIA_TYPES[image.suffix.lower()]
             frame = rerun.EncodedImage(contents=image.read_bytes(), media_type=media_type)
@@ -217,3 +215,13 @@ def _log_camera(
         if mask is not None:
             classes = (read_gray(mask, size_px) > 127).astype(np.uint8)
             recording.log(f"{entity}/image/mask", rerun.SegmentationImage(classes))
+
+
+def _pinhole(camera: CameraPath) -> Any:
+    import rerun
+
+    return rerun.Pinhole(
+        image_from_camera=camera.intrinsics_px,
+        resolution=[camera.width_px, camera.height_px],
+        camera_xyz=rerun.ViewCoordinates.RDF,
+    )

@@ -136,6 +136,18 @@ def test_times_are_the_frames_over_their_rate(recording: Recorded) -> None:
     np.testing.assert_allclose(list(times_s.values()), np.arange(N_FRAMES) / 29.97, atol=1e-6)
 
 
+def test_frames_without_a_camera_are_there(
+    take: Take, files: tuple[list[Path | None], list[Path | None]], tmp_path: Path
+) -> None:
+    write_recording(
+        tmp_path / "a.rrd", [replace(take, camera=None)], images=files[0], masks=files[1]
+    )
+    recorded, entity = Recorded(tmp_path / "a.rrd"), "world/truth/camera/image"
+    assert len(recorded.values(entity, "EncodedImage:blob")) == N_FRAMES - 1
+    assert len(recorded.values(f"{entity}/mask", "SegmentationImage:buffer")) == N_FRAMES - 1
+    assert not recorded.values(entity, "Pinhole:image_from_camera")
+
+
 def test_what_cannot_be_written_is_said(
     take: Take,
     files: tuple[list[Path | None], list[Path | None]],
@@ -146,6 +158,8 @@ def test_what_cannot_be_written_is_said(
     path = tmp_path / "bad.rrd"
     with pytest.raises(BadMotionFile, match="nobody"):
         write_recording(path, [replace(take, people=())])
+    with pytest.raises(BadMotionFile, match="a name of its own"):
+        write_recording(path, [take, take])
     with pytest.raises(BadFrames, match="other numbers"):
         write_recording(path, [take], images=images[:3])
     small = tmp_path / "small" / "00000.jpg"
