@@ -55,7 +55,7 @@ def test_a_t_pose_stands_on_the_floor_in_whatever_axes_and_names(
     path = write_person(
         tmp_path / "t.bvh", small_body, still, np.zeros((20, 3)), prefix=prefix, axes_from_rest=axes
     )
-    motion = read_motion(path, small_body)
+    motion = read_motion(path, small_body, ground=True)
     identities = np.broadcast_to(np.eye(3), (20, 23, 3, 3))
     np.testing.assert_allclose(motion.local_rotmats, identities, atol=1e-12)
     np.testing.assert_allclose(
