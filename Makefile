@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-scale bench-gmr bench-gmr-cmu clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-scale soak bench-gmr bench-gmr-cmu clean
 
 setup: $(READY)
 
@@ -47,6 +47,10 @@ bench-open: $(READY)
 # Many clips and many processes.  ARGS=--small only tries every part.
 bench-scale: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_scale.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# An hour of faults, whose runs must end with the bytes of undisturbed ones.  ARGS='--hours 8' takes longer, --small tries every part.
+soak: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_soak.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # GMR's training step.  ARGS=--small only tries every part.
 bench-gmr: $(READY)

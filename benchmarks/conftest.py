@@ -25,6 +25,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--clips", type=Path, help="a folder that real/layout.py made")
     parser.addoption("--bvh", type=Path, help="a folder of BVH files of others")
     parser.addoption("--released", type=Path, help="a folder of clones of others' evaluators")
+    parser.addoption("--hours", type=float, default=1.0, help="how long bench_soak.py takes")
     parser.addoption("--ours-alone", action="store_true", help="nothing beside it, no bars")
 
 

@@ -27,6 +27,7 @@ BEAT_S = 5.0
 """How often an owner shows that it lives [s]."""
 SILENT_S = 90.0
 """An owner on another machine that was silent for so long is dead [s]."""
+NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EXDEV)
 FIRST_LOOK_S, LONGEST_LOOK_S = 0.01, 1.0  # waits between two looks at a claim grow to this [s]
 
 
@@ -63,14 +64,20 @@ class Claim:
 
     def beat(self) -> None:
         """Show that the owner lives; nothing where the claim is another's by now."""
-        with self._written:
-            if _read(self.path, self.record.token):
-                self.record = self.record.model_copy(update={"beats": self.record.beats + 1})
-                write_text(self.path, _text(self.record))
+        later = self.record.model_copy(update={"beats": self.record.beats + 1})
+        # In the file that was opened: if another claim takes its place now, that one stays whole.
+        with self._written, suppress(FileNotFoundError), self.path.open("r+") as stream:
+            if f'"token": "{self.record.token}"' in stream.read():
+                stream.seek(0)
+                stream.write(_text(later))
+                stream.truncate()
+                self.record = later
 
     def require(self) -> None:
         """ClaimLost where somebody took over."""
-        if not _read(self.path, self.record.token):
+        with self._written:
+            found = _read(self.path, self.record.token)
+        if found is None:
             raise ClaimLost(
                 f"{self.path}: another process took over, since this one was silent for longer "
                 f"than {SILENT_S:g} s. What it makes counts; run again to go on"
@@ -229,18 +236,45 @@ def _link(path: Path, record: ClaimRecord) -> bool:
     """Write a claim unless there is one."""
     if path.exists():
         return False
+    try:
+        # Without a name until it is linked, so that a process that is killed leaves nothing.
+        nameless = os.open(path.parent, os.O_TMPFILE | os.O_WRONLY, 0o666)
+    except OSError:  # a file system, like NFS, that has no such files
+        return _link_named(path, record)
+    with os.fdopen(nameless, "w") as stream, _root() as root:
+        stream.write(_text(record))
+        stream.flush()
+        return _linked(f"/proc/self/fd/{nameless}", path, record, src_dir_fd=root)
+
+
+@contextmanager
+def _root() -> Iterator[int]:
+    """With a folder given `os.link` follows links in its first path, and not else."""
+    folder = os.open("/", os.O_RDONLY)
+    try:
+        yield folder
+    finally:
+        os.close(folder)
+
+
+def _link_named(path: Path, record: ClaimRecord) -> bool:
     temporary = path.with_name(temporary_name(path))
     temporary.write_text(_text(record))
     try:
-        os.link(temporary, path)
+        return _linked(str(temporary), path, record)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _linked(file: str, path: Path, record: ClaimRecord, **how: int) -> bool:
+    try:
+        os.link(file, path, **how)
     except FileExistsError:
         return False
     except OSError as error:
-        if error.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK):
+        if error.errno not in NO_LINKS:
             raise
-        return _create(path, record)  # a file system without links
-    finally:
-        temporary.unlink(missing_ok=True)
+        return _create(path, record)
     return True
 
 

@@ -181,8 +181,19 @@ def test_what_cannot_be_read_shows_no_life(tmp_path: Path, content: str) -> None
         assert claim.taken_over
 
 
+def test_a_file_system_without_nameless_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "O_TMPFILE", 0)  # as NFS: a folder can't be opened for writing
+    path = tmp_path / ".x.claim"
+    with claimed(path):
+        assert try_claim(path) is None
+        assert names(tmp_path) == [".x.claim"]
+    assert names(tmp_path) == []
+
+
 def test_without_links_a_file_is_created(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def no_link(*_: object) -> None:
+    def no_link(*_: object, **__: object) -> None:
         raise OSError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "link", no_link)

@@ -1,0 +1,153 @@
+"""Faults that meet a running command at a random moment."""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import psutil
+from soak.works import Work
+
+LONGEST_S = 600.0
+
+
+class Hit(NamedTuple):
+    """A fault that met a running command."""
+
+    work: str
+    fault: str
+    after_s: float
+
+
+Fault = Callable[[Work, float, np.random.Generator], list[Hit]]
+
+
+def end_well(processes: Sequence[subprocess.Popen[bytes]]) -> int:
+    """0 where all end with 0; a process that hangs is killed, and counts as 99."""
+    codes = []
+    for process in processes:
+        try:
+            codes.append(process.wait(LONGEST_S))
+        except subprocess.TimeoutExpired:
+            _kill_group(process)
+            codes.append(99)
+    return max(map(abs, codes))
+
+
+def kill_command(work: Work, whole_s: float, rng: np.random.Generator) -> list[Hit]:
+    """-9 for one of the command's processes, and for its children by its death."""
+    processes = work.start()
+    after_s = _wait(processes, whole_s, rng)
+    victim = processes[int(rng.integers(len(processes)))]
+    alive = victim.poll() is None
+    victim.kill()
+    end_well(processes)
+    _wait_for_orphans(victim)
+    return [Hit(work.name, "command killed", after_s)] if alive else []
+
+
+def kill_child(work: Work, whole_s: float, rng: np.random.Generator) -> list[Hit]:
+    """-9 for a worker, a Blender, whatever the command started."""
+    processes = work.start()
+    after_s = _wait(processes, whole_s, rng)
+    children: list[psutil.Process] = []
+    for process in processes:
+        with suppress(psutil.NoSuchProcess):
+            children += psutil.Process(process.pid).children(recursive=True)
+    hits = []
+    if children:
+        with suppress(psutil.NoSuchProcess):
+            children[int(rng.integers(len(children)))].kill()
+            hits.append(Hit(work.name, "child killed", after_s))
+    end_well(processes)
+    return hits
+
+
+def kill_all(work: Work, whole_s: float, rng: np.random.Generator) -> list[Hit]:
+    """As a power cut: -9 for all at once."""
+    processes = work.start()
+    after_s = _wait(processes, whole_s, rng)
+    alive = any(process.poll() is None for process in processes)
+    for process in processes:
+        _kill_group(process)
+    end_well(processes)
+    return [Hit(work.name, "all killed", after_s)] if alive else []
+
+
+def fill_disk(work: Work, whole_s: float, rng: np.random.Generator) -> list[Hit]:
+    """The output's disk, a small one, fills up in the middle, and is freed after the command ended.
+
+    Needs root; without, files can't grow beyond a limit instead.
+    """
+    work.out.mkdir(parents=True)
+    if os.geteuid() != 0:
+        return kill_all(work, whole_s, rng)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256m", "none", work.out], check=True)
+    try:
+        processes = work.start()
+        after_s = _wait(processes, whole_s, rng)
+        alive = any(process.poll() is None for process in processes)
+        ballast = work.out / ".ballast"
+        with suppress(OSError), ballast.open("wb") as stream:
+            while True:
+                stream.write(bytes(1 << 20))
+        end_well(processes)
+        ballast.unlink()
+        kept = work.out.with_name(f"{work.out.name}_kept")
+        subprocess.run(["cp", "-a", work.out, kept], check=True)
+    finally:
+        subprocess.run(["umount", "-l", work.out], check=True)
+    work.out.rmdir()
+    kept.rename(work.out)
+    return [Hit(work.name, "disk full", after_s)] if alive else []
+
+
+FAULTS: tuple[Fault, ...] = (kill_command, kill_child, kill_all, fill_disk)
+
+
+def in_turn(
+    works: Sequence[Work], faults: Sequence[Fault], rng: np.random.Generator
+) -> Iterator[tuple[Work, Fault]]:
+    """Each work with each fault once, in a random order."""
+    pairs = [(work, fault) for work in works for fault in faults]
+    for number in rng.permutation(len(pairs)):
+        yield pairs[number]
+
+
+def _wait(
+    processes: Sequence[subprocess.Popen[bytes]], whole_s: float, rng: np.random.Generator
+) -> float:
+    """Wait for a random part of what an undisturbed run takes, or until all have ended [s]."""
+    begin_s, after_s = time.monotonic(), float(rng.uniform(0.1, whole_s))
+    while time.monotonic() - begin_s < after_s and any(p.poll() is None for p in processes):
+        time.sleep(0.02)
+    return round(time.monotonic() - begin_s, 2)
+
+
+def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def _wait_for_orphans(process: subprocess.Popen[bytes], most_s: float = 30.0) -> None:
+    """Until all of a killed process's session have ended: they notice its death themselves."""
+    deadline_s = time.monotonic() + most_s
+    while time.monotonic() < deadline_s and _session(process.pid):
+        time.sleep(0.1)
+    assert not _session(process.pid), f"processes outlive {process.args}"
+
+
+def _session(sid: int) -> list[int]:
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError, IndexError, ValueError):
+            fields = stat.read_text().rpartition(")")[2].split()
+            if int(fields[3]) == sid and fields[0] not in "ZX":
+                found.append(int(stat.parent.name))
+    return found
