@@ -53,8 +53,8 @@ def test_manifests(record: Record, tmp_path: Path) -> None:
 def test_shards(record: Record, tmp_path: Path, cmu_dir: Path) -> None:
     n = 8 if record.small else 200
     motions = sharing.motion_files(cmu_dir / "bvh", tmp_path / "motions", n)
-    found = sharing.killed_and_taken_over(motions, tmp_path)
-    found |= sharing.speedups(motions, tmp_path)
+    killed = sharing.killed_and_taken_over(motions, tmp_path)
+    found = killed | sharing.speedups(motions, tmp_path)
     show(f"{n} motions in shards", [found])
     record.add(**found)
     record.hold(

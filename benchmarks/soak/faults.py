@@ -140,7 +140,7 @@ def _wait_for_orphans(process: subprocess.Popen[bytes], most_s: float = 30.0) ->
     deadline_s = time.monotonic() + most_s
     while time.monotonic() < deadline_s and _session(process.pid):
         time.sleep(0.1)
-    assert not _session(process.pid), f"processes outlive {process.args}"
+    assert not _session(process.pid), f"processes outlive {process.args!r}"
 
 
 def _session(sid: int) -> list[int]:

@@ -32,7 +32,7 @@ def check_manifest(path: Path, *, hashes: bool = True, files: bool = True) -> No
     if isinstance(manifest, ListManifest):
         return
     problems = []
-    with _advancing(manifest, path.name) if files else nullcontext(int) as advance:
+    with _advancing(manifest, path.name) if files else nullcontext(lambda: None) as advance:
         work = _Work(path.parent, hashes, advance)
         for clip in manifest.clips:
             lines = [*(_clip_problems(work, clip) if files else ()), *_recipe_problems(clip)]

@@ -244,7 +244,7 @@ def _link(path: Path, record: ClaimRecord) -> bool:
     with os.fdopen(nameless, "w") as stream, _root() as root:
         stream.write(_text(record))
         stream.flush()
-        return _linked(f"/proc/self/fd/{nameless}", path, record, src_dir_fd=root)
+        return _linked(f"/proc/self/fd/{nameless}", path, record, root)
 
 
 @contextmanager
@@ -266,9 +266,9 @@ def _link_named(path: Path, record: ClaimRecord) -> bool:
         temporary.unlink(missing_ok=True)
 
 
-def _linked(file: str, path: Path, record: ClaimRecord, **how: int) -> bool:
+def _linked(file: str, path: Path, record: ClaimRecord, root: int | None = None) -> bool:
     try:
-        os.link(file, path, **how)
+        os.link(file, path, src_dir_fd=root)
     except FileExistsError:
         return False
     except OSError as error:

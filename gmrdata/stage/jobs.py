@@ -108,7 +108,7 @@ def try_jobs(
         return _in_order(jobs, _run_left(description, jobs, pool, failures_dir, units))
     weights = {job.id: job.weight for job in jobs}
     marks = Marks(marks_folder(failures_dir, description), pool.shard, weights)
-    by_id, results = {job.id: job for job in jobs}, {}
+    by_id, results = {job.id: job for job in jobs}, dict[str, Any]()
     with marks.working() as shares:
         for ids in shares:
             share = [by_id[id] for id in ids]
