@@ -18,18 +18,20 @@ MAX_BYTES = 1 << 30
 CLIPS_KEY, BEGIN = b"clips:\n", b'- {"'
 HEAD_BYTES = 1 << 20  # before the clips at most
 
+PlainData = dict[str, Any]  # by key, as JSON has it
+
 _NOT_IN_YAML = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff]")
 """Characters that JSON has in texts as they are, and YAML reads as ends of lines or not at all."""
 _TEXT_OR_DOTLESS = re.compile(r'("(?:[^"\\]|\\.)*")|((?<![\d.])\d+e[-+]\d+)')
 
 
-def dump(head: dict[str, Any], clips: Iterable[dict[str, Any]]) -> str:
+def dump(head: PlainData, clips: Iterable[PlainData]) -> str:
     """The text of a manifest; `head` is all but its clips."""
     lines = [f"- {_line(clip)}\n" for clip in clips]
     return "".join([yaml_text.dump(head), CLIPS_KEY.decode(), *lines])
 
 
-def _line(clip: dict[str, Any]) -> str:
+def _line(clip: PlainData) -> str:
     text = json.dumps(clip, ensure_ascii=False, allow_nan=False)
     text = _TEXT_OR_DOTLESS.sub(lambda found: (found[1] or "") + _dotted(found[2] or ""), text)
     return _NOT_IN_YAML.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
@@ -63,7 +65,7 @@ class ClipLines(Sequence[Any]):
             raise BadManifest(f"{where}: not a line of plain JSON: {error}") from None
 
 
-def load(path: Path) -> tuple[dict[str, Any], dict[yaml_text.FieldPath, int], ClipLines] | None:
+def load(path: Path) -> tuple[PlainData, dict[yaml_text.FieldPath, int], ClipLines] | None:
     """Head, the line of each of its fields, and the clips; None where clips are not in lines.
 
     BadManifest where a line is no clip's.
@@ -94,7 +96,7 @@ def as_json(head_json: str, clips: ClipLines) -> bytes:
     return b"".join([head_json.encode()[:-1], b', "clips": [', b",".join(clips.texts), b"]}"])
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _once(pairs: list[tuple[str, Any]]) -> PlainData:
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
