@@ -1,10 +1,17 @@
 """Recipe of the non-sequential model.  Needs no torch."""
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from gmrdata.gmr.config import LossConfig, NetworkConfig, StepsConfig, WindowConfig
+from gmrdata.gmr.config import (
+    LossConfig,
+    NetworkConfig,
+    StepsConfig,
+    WindowConfig,
+    check_batch,
+)
+from gmrdata.values import limits
 
 
 class JointConfig(StepsConfig):
@@ -21,13 +28,18 @@ class JointConfig(StepsConfig):
     """Eq. 5 for the motion.  The vertex term poses the body by the true local pose."""
     local_pose: float = Field(default=1.0, ge=0.0)
     """Weight of the local pose's chordal loss (squared Frobenius norm, per joint)."""
-    frames: int = Field(default=64, ge=2)
+    frames: int = Field(default=64, ge=2, le=limits.MOST_FRAMES)
     """Frames of a window; the paper's 64.  Shorter runs are padded."""
-    fps_hz: float = Field(default=10.0, gt=0.0)
+    fps_hz: float = Field(default=10.0, ge=0.1, le=1000.0)
     """Frame rate of the network's input [Hz]; clips must have a whole multiple of it, since
     features can't be resampled."""
     reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)
     """Share of windows played backwards, as the paper's flip augmentation."""
+
+    @model_validator(mode="after")
+    def _batch_can_be_held(self) -> Self:
+        check_batch(self.batch_size, self.frames)
+        return self
 
     @property
     def windows(self) -> WindowConfig:

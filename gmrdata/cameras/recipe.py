@@ -2,13 +2,14 @@
 
 from pydantic import Field
 
+from gmrdata.values import limits
 from gmrdata.values.records import Config
 
 
 class SfmConfig(Config):
     """Cameras from frames: features, pairs, verification, choice of geometry, refinement."""
 
-    max_image_size_px: int = Field(default=1280, ge=64)
+    max_image_size_px: int = Field(default=1280, ge=64, le=limits.LARGEST_SIDE_PX)
     """Longer side above which frames are reduced before anything is sought in them; all pixels of
     this recipe and of the record are then those of the reduced frames [px]."""
     keyframe_step: float = Field(default=0.04, ge=0, le=0.5)
@@ -17,19 +18,19 @@ class SfmConfig(Config):
     keyframe_parallax: float = Field(default=0.015, ge=0, le=0.5)
     """How far the nearest fifth of the background moves beside what a turn of the camera explains,
     as a share of the same."""
-    keyframe_gap: int = Field(default=15, ge=1)
+    keyframe_gap: int = Field(default=15, ge=1, le=limits.MOST_FRAMES)
     """Frames from one keyframe to the next at most."""
-    min_keyframes: int = Field(default=12, ge=2)
+    min_keyframes: int = Field(default=12, ge=2, le=limits.MOST_FRAMES)
     """Keyframes at least, evenly spread where the motion asks for fewer: mappers need pairs."""
-    keyframe_image_size_px: int = Field(default=640, ge=64)
+    keyframe_image_size_px: int = Field(default=640, ge=64, le=limits.LARGEST_SIDE_PX)
     """Longer side of the reduced frames on which keyframes are chosen [px]."""
-    followed_points: int = Field(default=500, ge=20)
+    followed_points: int = Field(default=500, ge=20, le=100_000)
     """Points of a keyframe that are followed into the frames between, at most."""
-    max_features: int = Field(default=2000, ge=100)
+    max_features: int = Field(default=2000, ge=100, le=100_000)
     """SIFT features per frame at most; the largest are kept."""
     first_octave: int = Field(default=0, ge=-1, le=2)
     """First SIFT octave: -1 doubles the image (slower, more features), 0 takes it as it is."""
-    overlap: int = Field(default=8, ge=1)
+    overlap: int = Field(default=8, ge=1, le=1000)
     """Each frame is paired with those 1, 2, 4, ... later: so many pairs per frame."""
     min_pair_inliers: int = Field(default=15, ge=8)
     """Matches that a pair of frames must share after geometric verification."""
@@ -70,10 +71,10 @@ class SfmConfig(Config):
     than this, left-out images among them; 0: none is interpolated."""
     max_reprojection_px: float = Field(default=2.0, gt=0)
     """Observations with a larger error are dropped before the last bundle adjustment [px]."""
-    threads: int | None = Field(default=None, ge=1)
+    threads: int | None = Field(default=None, ge=1, le=limits.MOST_WORKERS)
     """Threads for finding features, whose number changes nothing in them; None for all cores, or a
     worker process's share of them.  All else of COLMAP uses one, so that results repeat."""
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, le=2**31 - 1)
     """Seed of every random choice."""
 
 

@@ -9,6 +9,7 @@ from gmrdata.film.programmes import Programme
 from gmrdata.film.render import RenderConfig
 from gmrdata.film.shots import Film
 from gmrdata.gmr.config import TrainConfig
+from gmrdata.values import limits
 from gmrdata.values.people import person_file
 from gmrdata.values.records import Config
 from gmrdata.world.sequence import SequenceConfig
@@ -23,10 +24,10 @@ class DemoClip(Config):
 
 
 class Training(Config):
-    gait_count: int = Field(default=60, ge=1)
-    gait_duration_s: float = Field(default=12.0, gt=0)
+    gait_count: int = Field(default=60, ge=1, le=limits.MOST_CLIPS)
+    gait_duration_s: float = Field(default=12.0, ge=1, le=limits.LONGEST_S)
     """Length of each [s]."""
-    fps_hz: float = 30.0
+    fps_hz: float = Field(default=30.0, ge=1, le=1000)
     """Frame rate of each [Hz]; all phases at the network's rate are used."""
     max_files: int = Field(default=60, ge=0)
     """At most this many of the motion files that are given, besides those filmed."""
@@ -36,12 +37,12 @@ class DemoRecipe(Config):
     """Three clips rendered, regenerated from their frames, and a GMR trained and scored."""
 
     recipe: Literal["demo"]
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, le=limits.LARGEST_SEED)
     body: str = "anny"
     """Body model: "anny", or the path of an SMPL model file."""
-    workers: int = Field(default=3, ge=1)
+    workers: int = Field(default=3, ge=1, le=limits.MOST_WORKERS)
     """Worker processes for the clips, one thread each for rendering."""
-    clips: tuple[DemoClip, ...] = Field(min_length=1)
+    clips: tuple[DemoClip, ...] = Field(min_length=1, max_length=limits.MOST_CLIPS)
     """In the order of the report."""
     film: Film = Film()
     training: Training = Training()

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
+from gmrdata.values import limits
 from gmrdata.values.body import PHENOTYPES, BodyModel
 from gmrdata.values.records import Config
 
@@ -25,7 +26,7 @@ class TextureConfig(Config):
 class PersonConfig(Config):
     """How the person looks."""
 
-    seed: int | None = Field(default=None, ge=0)
+    seed: int | None = Field(default=None, ge=0, le=limits.LARGEST_SEED)
     """Chooses skin, hair and clothes; None: the scene's seed does."""
     texture: TextureConfig | None = None
     """A picture instead of painted skin and clothes."""

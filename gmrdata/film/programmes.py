@@ -33,7 +33,7 @@ class View(Config):
     """Height of the optical centre above the ground [m]."""
     azimuth_deg: float | None = None
     """Direction from the subject to the camera, from x to y [degrees]; None: by the path."""
-    distance_m: float | None = Field(default=None, gt=0)
+    distance_m: float | None = Field(default=None, gt=0, le=10_000)
     """Distance to the middle of the path on the ground [m]; None: the nearest that frames all."""
     lag_s: float = Field(default=0.1, ge=0, le=2)
     """How late the camera follows the subject [s]."""
@@ -55,7 +55,7 @@ class Circular(Moving):
     rate_deg_per_s: float = Field(default=25.0, gt=0, le=180)
     direction: Literal["counterclockwise", "clockwise"] = "counterclockwise"
     """Seen from above."""
-    radius_m: float | None = Field(default=None, gt=0)
+    radius_m: float | None = Field(default=None, gt=0, le=10_000)
     """Radius of the circle [m]; None: `distance_m`, or the smallest that frames all."""
 
 
@@ -64,7 +64,7 @@ class Travelling(Moving):
 
     move: Literal["truck", "dolly"] = "truck"
     """Truck: sideways, beside the subject.  Dolly: along the line of sight, ahead of it."""
-    speed_m_per_s: float | None = None
+    speed_m_per_s: float | None = Field(default=None, ge=-100, le=100)
     """Speed, positive along the subject's walking direction [m/s]; None: that of the subject, and
     half of it for `linear_panning`."""
 

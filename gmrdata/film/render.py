@@ -19,6 +19,7 @@ from gmrdata.film.people import PersonConfig
 from gmrdata.film.scene import SceneConfig
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values import limits
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import EngineMissing, RenderFailed
 from gmrdata.values.files import write_text
@@ -147,7 +148,7 @@ class RenderJob(Config):
     out_dir: Path
     """Folder to fill; frames that are there already are kept."""
     config: RenderConfig
-    threads: int = Field(default=1, ge=1)
+    threads: int = Field(default=1, ge=1, le=limits.MOST_WORKERS)
     """Processor threads; the pictures don't depend on it."""
     layout_paths: tuple[Path, ...] = ()
     """Clips that share one place, which is laid out for the paths of all; none: for this clip."""

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from gmrdata.film.extras import Extras
+from gmrdata.values import limits
 from gmrdata.values.records import Config
 
 Light = Literal["sun", "overcast", "indoor"]
@@ -37,7 +38,7 @@ class SceneConfig(Config):
     """A paved yard with crates and pillars, a street with parked cars, a park with trees and
     hedges, or a furnished room: each with walls or hedges all round, as large as the clip needs.
     `blend`: what the file of `backdrop` shows."""
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, le=limits.LARGEST_SEED)
     """Chooses houses, things, pictures on them, and clothes."""
     light: Light | None = None
     """Sharp sun, an overcast sky without shadows, or a room's lamp; None: sun, or the lamp."""

@@ -8,7 +8,7 @@ import hashlib
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -28,6 +28,7 @@ from gmrdata.read.source_motion import ReadConfig
 from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values import limits
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, StageFailed
@@ -51,9 +52,9 @@ class SyntheticClip(Config):
     read: ReadConfig | None = None
     """What the motion file doesn't show of itself; the set's when left out."""
     programme: Programme
-    duration_s: float | None = Field(default=None, gt=0)
+    duration_s: float | None = Field(default=None, gt=0, le=limits.LONGEST_S)
     """Length to film, from the motion's start [s]; the set's when left out."""
-    shape: tuple[float, ...] | None = None
+    shape: Annotated[tuple[float, ...], Field(max_length=1000)] | None = None
     """Shape coefficients of the person, as many as the body has; `people` decides when left out."""
     scene: SceneConfig | None = None
     """Drawn from the set's `scenes`, or that of `render`, when left out."""
@@ -79,15 +80,15 @@ class SyntheticRecipe(Config):
     recipe: Literal["synthetic"]
     name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")
     version: str = "1.0.0"
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, le=limits.LARGEST_SEED)
     """Of every random choice."""
     body: str = "anny"
     """Or the path of an SMPL model file."""
-    workers: int = Field(default=2, ge=1)
+    workers: int = Field(default=2, ge=1, le=limits.MOST_WORKERS)
     """Processes, one thread each."""
     published_list: str | None = None
     """A published list whose trials are rendered, each under its programme."""
-    clips: tuple[SyntheticClip, ...] = ()
+    clips: tuple[SyntheticClip, ...] = Field(default=(), max_length=limits.MOST_CLIPS)
     """Further clips."""
     camera_off: bool = False
     """Render each clip that is not static a second time, as `<id>_off`, under a static camera."""
@@ -294,9 +295,12 @@ def plan_takes(
         except (BadMotionFile, BadRecipe, StageFailed) as error:
             reasons[take.id] = str(error)
     planned = [take for take in selection.takes if take.id in paths]
+    of_clip: dict[int, list[Path]] = {}
+    for take in planned:
+        of_clip.setdefault(id(take.clip), []).append(paths[take.id])
     jobs = {}
     for take in planned:
-        shared = tuple(paths[other.id] for other in planned if other.clip is take.clip)
+        shared = tuple(of_clip[id(take.clip)])
         jobs[take.id] = RenderJob(
             clip_path=paths[take.id],
             body_path=body_path,

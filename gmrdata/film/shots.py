@@ -7,6 +7,7 @@ from pydantic import Field
 
 from gmrdata.film.programmes import Programme, camera_path
 from gmrdata.motion.resample import resample, slice_motion
+from gmrdata.values import limits
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
@@ -20,14 +21,14 @@ MIN_FRAMES = 5
 class Film(Config):
     """What the clips of a set share."""
 
-    duration_s: float = Field(default=4.8, gt=0)
+    duration_s: float = Field(default=4.8, gt=0, le=limits.LONGEST_S)
     """Longest clip [s]; a longer motion is cut after it."""
     fps_hz: float | None = Field(default=None, ge=1, le=240)
     """Frame rate [Hz]; when left out 30, 20 or 10: the highest within `max_frames`."""
-    max_frames: int = Field(default=56, ge=10)
+    max_frames: int = Field(default=56, ge=10, le=limits.MOST_FRAMES)
     """Most frames of a clip whose rate is chosen; a long one gets 10 fps and more frames."""
-    width_px: int = Field(default=640, ge=64)
-    height_px: int = Field(default=360, ge=64)
+    width_px: int = Field(default=640, ge=64, le=limits.LARGEST_SIDE_PX)
+    height_px: int = Field(default=360, ge=64, le=limits.LARGEST_SIDE_PX)
     hfov_deg: float = Field(default=60.0, gt=10, lt=120)
     """Horizontal field of view [degrees]."""
 

@@ -1,9 +1,10 @@
 """Recipes of the network, its loss, its training windows and its training.  Needs no torch."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from gmrdata.values import limits
 from gmrdata.values.records import Config
 
 Representation = Literal["quaternion", "axis-angle", "6d"]  # of rotations in and out
@@ -17,20 +18,31 @@ Which = Literal["latest", "best"]  # a run's last step so far, or what scored be
 class NetworkConfig(Config):
     """Size of a network, and how it puts out a motion."""
 
-    layers: int = Field(default=4, ge=1)  # bidirectional GRU layers; the paper's 4
-    hidden: int = Field(default=2048, ge=1)  # units per direction; the paper's 2048
-    latent: int | None = Field(default=None, ge=1)
+    layers: int = Field(default=4, ge=1, le=limits.MOST_LAYERS)
+    """Bidirectional GRU layers; the paper's 4."""
+    hidden: int = Field(default=2048, ge=1, le=limits.MOST_UNITS)
+    """Units per direction; the paper's 2048."""
+    latent: int | None = Field(default=None, ge=1, le=limits.MOST_UNITS)
     """Numbers of the latent feature F_i that the linear projection makes; None for as many as
     `hidden`.  Fig. 4 has 2048; the paper doesn't say whether smaller GRUs (Table 9) have fewer."""
     output: Representation = "axis-angle"  # of dR; the paper's vector makes 6 outputs with dT
     dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
     """Share of features dropped between GRU layers and before the last; not the paper's."""
-    output_scale: float = Field(default=1.0, gt=0.0)
+    output_scale: float = Field(default=1.0, gt=0.0, le=1e6)
     """Factor on the last layer's output; the paper's 1.  Motions at 10 fps are about 0.1 rad, m."""
 
     @property
     def n_features(self) -> int:
         return self.hidden if self.latent is None else self.latent
+
+    @model_validator(mode="after")
+    def _can_be_held(self) -> Self:
+        """Three matrices of each GRU, in each direction; the last layers have fewer weights."""
+        inputs = self.n_features + 2 * self.hidden * (self.layers - 1)
+        if 6 * self.hidden * (inputs + self.layers * self.hidden) > limits.MOST_WEIGHTS:
+            what = f"hidden {self.hidden} in {self.layers} layers"
+            raise ValueError(f"{what} are more than {limits.MOST_WEIGHTS} weights; take fewer")
+        return self
 
 
 class ModelConfig(NetworkConfig):
@@ -69,17 +81,19 @@ class LossConfig(Config):
 class WindowConfig(Config):
     """How training windows are cut."""
 
-    frames: int = Field(default=64, ge=2)  # of a window; the paper's 64.  Shorter runs are padded
-    fps_hz: float = Field(default=10.0, gt=0.0)  # of the network's input [Hz]; the paper's 10
+    frames: int = Field(default=64, ge=2, le=limits.MOST_FRAMES)
+    """Of a window; the paper's 64.  Shorter runs are padded."""
+    fps_hz: float = Field(default=10.0, ge=0.1, le=1000.0)
+    """Of the network's input [Hz]; the paper's 10."""
     reverse_probability: float = Field(default=0.5, ge=0.0, le=1.0)
     """Share of windows played backwards: the paper's flip augmentation, which uses both kinds."""
     all_phases: bool = True
     """Whether a clip of k times the rate gives k sequences, each begun a frame later, or only the
     first.  The paper samples "each sequence at a rate of 10 fps", plainly read: once."""
     mirror_probability: float = Field(default=0.0, ge=0.0, le=1.0)  # of left and right; paper: 0
-    pose_noise_deg: float = Field(default=0.0, ge=0.0)
+    pose_noise_deg: float = Field(default=0.0, ge=0.0, le=180.0)
     """Root mean square angle of random turns of each joint, in the input alone [deg]; paper: 0."""
-    pose_noise_time_s: float = Field(default=0.0, ge=0.0)
+    pose_noise_time_s: float = Field(default=0.0, ge=0.0, le=limits.LONGEST_S)
     """Standard deviation of the Gaussian that smooths them in time [s]; 0: anew in each frame."""
 
 
@@ -101,13 +115,16 @@ class StepsConfig(Config):
     learning_rate: float = Field(default=5e-5, gt=0.0)  # Adam's step size; the paper's 5e-5
     gradient_norm: float | None = Field(default=None, gt=0.0)
     """Longest gradient, clipped beyond; None for no limit, of which the paper says nothing."""
-    batch_size: int = Field(default=32, ge=1)
+    batch_size: int = Field(default=32, ge=1, le=limits.MOST_BATCH)
     """Windows per step and process, so N processes have N times as many; the paper's 32."""
-    steps: int = Field(default=100_000, ge=1)  # the paper doesn't say how many
-    seed: int = Field(default=0, ge=0)  # of the initial weights, the windows and the dropout
+    steps: int = Field(default=100_000, ge=1, le=limits.MOST_STEPS)
+    """The paper doesn't say how many."""
+    seed: int = Field(default=0, ge=0, le=limits.LARGEST_SEED)
+    """Of the initial weights, the windows and the dropout."""
     log_every: int = Field(default=10, ge=1)  # steps between lines of metrics.jsonl
     checkpoint_every: int = Field(default=1000, ge=1)  # steps; a stopped run goes on from there
-    threads: int = Field(default=1, ge=1)  # on the CPU; another number rounds sums in another way
+    threads: int = Field(default=1, ge=1, le=limits.MOST_WORKERS)
+    """On the CPU; another number rounds sums in another way."""
     device: Literal["cpu", "cuda"] = "cpu"  # bitwise repetition is promised on the CPU
 
 
@@ -133,3 +150,15 @@ class TrainConfig(StepsConfig):
     """Numbers that the network computes with: `bf16` by autocast; the rest stays in float32."""
     compile: bool = False  # the network by `torch.compile`; the GRUs stay the library's own
     tensorboard: bool = False  # event files beside metrics.jsonl; needs the extra `tensorboard`
+
+    @model_validator(mode="after")
+    def _batch_can_be_held(self) -> Self:
+        check_batch(self.batch_size, self.windows.frames)
+        return self
+
+
+def check_batch(batch_size: int, n_frames: int) -> None:
+    """ValueError, for a validator, where a step's windows have too many frames in all."""
+    if batch_size * n_frames > limits.MOST_BATCH_FRAMES:
+        what = f"batch_size {batch_size} of windows of {n_frames} frames"
+        raise ValueError(f"{what} are more than {limits.MOST_BATCH_FRAMES} frames; take fewer")

@@ -35,7 +35,7 @@ from gmrdata.motion.rest_pose import minimal_rotation
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage
-from gmrdata.values import transforms
+from gmrdata.values import limits, transforms
 from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
@@ -176,8 +176,9 @@ class InferRecord(Record):
 class InferConfig(Config):
     """What is made of a file of poses."""
 
-    fps_hz: float | None = Field(default=None, gt=0.0)  # true rate of the poses; None: the file's
-    bridge_frames: int = Field(default=0, ge=0)
+    fps_hz: float | None = Field(default=None, gt=0.0, le=1000.0)
+    """True rate of the poses; None: the file's."""
+    bridge_frames: int = Field(default=0, ge=0, le=limits.MOST_FRAMES)
     """Longest gap of a person's track that is filled, by slerp of the joints [frames].  At longer
     ones a new motion begins, with a world of its own."""
     which: Which = "latest"

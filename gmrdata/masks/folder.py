@@ -20,7 +20,7 @@ class FolderMaskConfig(Config):
 
     masked_value: Literal[0, 255] = 255
     """Grey value of dynamic objects: 255, or 0 for COLMAP's sense."""
-    dilate_px: int = Field(default=0, ge=0)
+    dilate_px: int = Field(default=0, ge=0, le=1000)
     """Radius by which the masked part is widened."""
 
 

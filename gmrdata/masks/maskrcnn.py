@@ -37,7 +37,7 @@ class MaskRcnnConfig(DetectorConfig):
     weak_score: float = Field(default=0.2, gt=0, le=1)
     mask_threshold: float = Field(default=0.5, gt=0, lt=1)
     """A pixel belongs to an instance if the network's probability reaches this."""
-    dilate_px: int = Field(default=8, ge=0)
+    dilate_px: int = Field(default=8, ge=0, le=1000)
     """Radius by which the masked part is widened."""
     device: Literal["cpu", "cuda"] = "cpu"
 

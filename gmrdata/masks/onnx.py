@@ -21,6 +21,7 @@ from gmrdata.values.files import read_json, write_json
 from gmrdata.values.records import PART, Record
 
 DETECTIONS_FILE = "detections.json"
+LARGEST_INPUT_PX = 8192
 Detector = Callable[[np.ndarray], Detections]
 
 
@@ -36,15 +37,16 @@ class OnnxConfig(yolox.DetectorConfig):
     united, and twice the model's size finds smaller people.  The model's own size if none [px]."""
     grow_share: float = Field(default=0.05, ge=0)
     """Boxes are widened on each side by this share of their shorter side."""
-    dilate_px: int = Field(default=4, ge=0)
+    dilate_px: int = Field(default=4, ge=0, le=1000)
     """Boxes are widened on each side by this as well [px]."""
 
     @model_validator(mode="after")
     def _sizes_fit(self) -> Self:
         for size_px in self.input_sizes_px:
-            if min(size_px) <= 0 or any(side % yolox.STRIDES_PX[-1] for side in size_px):
-                size = f"{size_px[0]}x{size_px[1]}"
-                raise ValueError(f"input_sizes_px: {size}: sides must be multiples of 32")
+            fits = all(0 < side <= LARGEST_INPUT_PX for side in size_px)
+            if not fits or any(side % yolox.STRIDES_PX[-1] for side in size_px):
+                size, most = f"{size_px[0]}x{size_px[1]}", f"at most {LARGEST_INPUT_PX}"
+                raise ValueError(f"input_sizes_px: {size}: sides must be multiples of 32, {most}")
         return self
 
 

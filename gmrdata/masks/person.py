@@ -31,7 +31,7 @@ class PersonMaskConfig(Config):
     """Overlap of two boxes from which they are of one person."""
     min_filled: float = Field(default=0.3, ge=0, le=1)
     """A box of which outlines fill less is filled itself, if none of them has the same box."""
-    dilate_px: int = Field(default=8, ge=0)
+    dilate_px: int = Field(default=8, ge=0, le=1000)
     """Radius by which outlines and boxes are widened [px]."""
 
 

@@ -27,7 +27,7 @@ FRAMES_AT_ONCE = 64  # Frames whose bodies are posed together
 class SilhouetteConfig(Config):
     """How the projected bodies become a mask of what must not be used as background."""
 
-    dilate_px: int = Field(default=8, ge=0)
+    dilate_px: int = Field(default=8, ge=0, le=1000)
     """Radius by which the silhouettes are widened, for clothes, hair and fit errors [px]."""
     bridge_frames: int = Field(default=15, ge=0)
     """A person whose body is not valid in a frame may be anywhere that the next valid ones before

@@ -14,6 +14,7 @@ from gmrdata.score.records import ClipScore, Protocol, Scores, metrics_with, sam
 from gmrdata.score.table import METRIC_WORDS, Cell, figure_text
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values import limits
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.records import Config, Record
 
@@ -27,11 +28,11 @@ SAME_ZERO = 1e-6  # largest difference of two scores of zero motion on the same 
 class CompareConfig(Config):
     names: tuple[str, ...] = ()
     """What the runs are called, in their order; as in their scores when left out."""
-    resamples: int = Field(default=2000, ge=100)
+    resamples: int = Field(default=2000, ge=100, le=limits.MOST_DRAWS)
     """How often clips are drawn for a bootstrap interval."""
-    permutations: int = Field(default=9999, ge=99)
+    permutations: int = Field(default=9999, ge=99, le=limits.MOST_DRAWS)
     """At most."""
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, le=limits.LARGEST_SEED)
 
 
 class ComparedRun(Config):

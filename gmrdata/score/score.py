@@ -37,6 +37,7 @@ from gmrdata.stage import recipes
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values import limits
 from gmrdata.values.bodies import body_of, names_of
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe
@@ -59,7 +60,7 @@ class ScoreConfig(Config):
     """Rate of OME, TME and VME of predictions from files [Hz]; a network is scored at its own."""
     missing: Literal["error", "drop"] = "error"
     """Whether valid frames without a prediction are an error, or dropped and counted."""
-    resamples: int = Field(default=2000, ge=100)
+    resamples: int = Field(default=2000, ge=100, le=limits.MOST_DRAWS)
     """How often clips are drawn for a bootstrap interval."""
     seed: int = Field(default=0, ge=0)
 

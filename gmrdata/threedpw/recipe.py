@@ -8,6 +8,7 @@ from pydantic import Field
 
 from gmrdata.read.threedpw import ValidRule
 from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
+from gmrdata.values import limits
 from gmrdata.values.records import Config
 from gmrdata.world.sequence import SequenceConfig
 from gmrdata.world.verdict import Override
@@ -32,7 +33,7 @@ class ThreedpwRecipe(Config):
     """What a person decided of sequences, by name."""
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     """How the data set's intrinsics are checked against its 2D keypoints."""
-    workers: int = Field(default=2, ge=1)
+    workers: int = Field(default=2, ge=1, le=limits.MOST_WORKERS)
     """Worker processes; each uses its share of the cores for images and features, else one."""
     sequence: SequenceConfig = SequenceConfig()
     """Masks, cameras, scale, verdict."""

@@ -28,8 +28,24 @@ FREE_LINES, BYTES_PER_LINE = 1_000_000, 12  # free, and else this many bytes for
 MOST_JOINTS = 1000  # of a skeleton
 MOST_PIXELS = 200_000_000  # of an image
 MOST_DIGITS = 9  # of an image's number
+MOST_VIDEO_FRAMES, MOST_VIDEO_PIXELS = 200_000, 10**12
+"""Of a video: frames that are taken, and the pixels of all of them."""
+LOWEST_FPS_HZ, HIGHEST_FPS_HZ = 0.05, 2000.0  # of a video that a camera took
 
 MOST_RECIPE_BYTES = MIB
+# What a recipe, or a checkpoint's record, may say; configs name them as their fields' limits.
+MOST_CLIPS = 100_000
+MOST_FRAMES = 1_000_000  # of a clip or window
+LONGEST_S = 86_400.0  # of a clip, and of most other times
+LARGEST_SIDE_PX = 16_384  # of a rendered image
+MOST_WORKERS = 1024  # processes, or threads of one
+LARGEST_SEED = 2**63 - 1
+MOST_DRAWS = 1_000_000  # of a bootstrap
+MOST_LAYERS, MOST_UNITS = 64, 65_536  # of a network
+MOST_WEIGHTS = 2_000_000_000  # of a network's layers; the paper's has 0.26 billion
+MOST_BATCH = 65_536  # windows in a step
+MOST_BATCH_FRAMES = 4_000_000  # in all windows of a step
+MOST_STEPS = 1_000_000_000
 MOST_MANIFEST_BYTES = 64 * MIB
 DEEPEST_YAML = 32
 MOST_YAML_DIGITS = 20  # of a whole number, as those of 64 bits have

@@ -26,20 +26,20 @@ ArrayShapes = Mapping[str, tuple[str, tuple[str | int, ...]]]
 
 
 class Config(BaseModel):
-    """A frozen recipe: unknown keys are errors, so a typing mistake can't pass as a default."""
+    """A frozen recipe: unknown keys are errors, so a typing mistake can't pass as a default.
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    NaN and infinities are refused: a comparison with NaN is False, so a limit would let it pass.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Record(Config):
     """A JSON file of a stage.
 
     A subclass declares `format: Literal["gmrdata-<what>/<version>"] = "gmrdata-<what>/<version>"`
-    and its fields, all of them without defaults.  NaN and infinities are refused: a comparison
-    with NaN is False, so a threshold would let it pass.
+    and its fields, all of them without defaults.
     """
-
-    model_config = ConfigDict(allow_inf_nan=False)
 
     @classmethod
     def tag(cls) -> str:

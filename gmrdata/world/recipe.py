@@ -4,6 +4,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as part
 
 from gmrdata.cameras.recipe import CamerasVerdictConfig
+from gmrdata.values import limits
 from gmrdata.values.camera_motion import MotionClassConfig
 from gmrdata.values.records import PART, Config
 from gmrdata.world.verdict import Override
@@ -24,7 +25,7 @@ class ScaleConfig(Config):
     is 0.01 m/s relative to those cameras.  Where joints err slowly by 2 to 4 degrees, 69 % of 96
     scales lay within one and 96 % within two standard errors at 0.015, 58 % and 85 % at 0.01
     [m/s]."""
-    grid_steps: int = Field(default=600, ge=50)
+    grid_steps: int = Field(default=600, ge=50, le=100_000)
     """Scales that the search tries."""
     min_stances: int = Field(default=2, ge=1)
     """Planted feet that a scale needs at least."""
@@ -48,7 +49,7 @@ class ScaleConfig(Config):
     vague_share: float = Field(default=0.5, gt=0)
     """Standard error, as a share of the scale, beyond which the scale of such a camera is said to
     be unknown, and the camera to stay in place."""
-    window_s: float = Field(default=1.0, gt=0)
+    window_s: float = Field(default=1.0, gt=0, le=limits.LONGEST_S)
     """Time over which a data set's own camera path is compared [s]."""
     drift_m_per_s: float = Field(default=0.15, ge=0)
     """Speed at which such a path may drift along its own direction, which nothing shows: 0.8 m in
