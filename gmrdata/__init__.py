@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from gmrdata.world.sequence import SequenceConfig as SequenceConfig
     from gmrdata.world.sequence import regenerate_sequence as regenerate_sequence
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _NAMES = {
     "film.programmes": ("camera_path", "camera_programme"),
