@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-scale soak bench-gmr bench-gmr-cmu clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu release clean
 
 setup: $(READY)
 
@@ -52,6 +52,10 @@ bench-scale: $(READY)
 soak: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_soak.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
+# Ten minutes of changed files for every reader.  ARGS='--minutes 60' takes longer, '--target bvh' tries one reader alone.
+fuzz: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_fuzz.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
 # GMR's training step.  ARGS=--small only tries every part.
 bench-gmr: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_gmr.py -m bench -o python_files='bench_*.py' -s $(ARGS)
@@ -59,6 +63,10 @@ bench-gmr: $(READY)
 # GMR on CMU motions without subjects 02 and 08, scored on these.  ARGS=--small only tries every part.
 bench-gmr-cmu: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_gmr_cmu.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# Sdist and wheel of the last commit, each installed where nothing is, and every verb tried there.  ARGS='--keep FOLDER' leaves all in that folder.
+release: $(READY)
+	$(BIN)/python benchmarks/release.py $(ARGS)
 
 clean:
 	rm -rf out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -7,6 +7,7 @@ import tyro
 
 from gmrdata.cli.answers import explain, fail
 from gmrdata.cli.baselines import baseline
+from gmrdata.cli.doctor import doctor
 from gmrdata.cli.export import export
 from gmrdata.cli.gmr import compare, evaluate, infer, train
 from gmrdata.cli.manifests import manifest
@@ -20,8 +21,8 @@ from gmrdata.stage.shards import OthersLeft
 from gmrdata.values.errors import GmrdataError
 
 _VERBS: tuple[Callable[..., None], ...] = (
-    demo, fetch, motions, render, masks, sfm, manifest, threedpw, floor, train, infer, evaluate,
-    compare, export, baseline, tables, merge, report, run,
+    demo, doctor, fetch, motions, render, masks, sfm, manifest, threedpw, floor, train, infer,
+    evaluate, compare, export, baseline, tables, merge, report, run,
 )  # fmt: skip
 VERBS = {verb.__name__: verb for verb in _VERBS}
 

@@ -1,0 +1,85 @@
+"""Every verb once, on a gait that a program makes: the smallest recipes, and the commands."""
+
+_GMR = """
+  model: {layers: 1, hidden: 8}
+  loss: {n_vertices: 20}
+  windows: {frames: 10}
+  batch_size: 2
+  steps: 3
+"""
+RECIPES = {
+    "demo.yaml": f"""
+recipe: demo
+workers: 1
+film: {{duration_s: 1.0, max_frames: 10, width_px: 160, height_px: 90}}
+clips:
+  - {{id: panning, gait: walk, programme: {{kind: panning}}}}
+training: {{gait_count: 1, gait_duration_s: 2.0}}
+render: {{samples: 1}}
+gmr: {_GMR}""",
+    "set.yaml": """
+recipe: synthetic
+name: tiny
+workers: 1
+film: {duration_s: 1.5, fps_hz: 10, width_px: 96, height_px: 64}
+render: {samples: 1}
+clips:
+  - {id: walk, gait: walk, programme: {kind: circular}}
+  - {id: run, gait: run, programme: {kind: panning}}
+""",
+    "gmr.yaml": f"""
+recipe: gmr
+train: {_GMR}""",
+    "twin.yaml": """
+recipe: threedpw_twin
+set:
+  recipe: synthetic
+  name: tiny_twin
+  workers: 1
+  film: {duration_s: 0.8, fps_hz: 30, width_px: 180, height_px: 320, hfov_deg: 30.8}
+  render: {samples: 1}
+  clips:
+    - {id: walk_00, gait: walk, programme: {kind: panning, distance_m: 5.0}}
+twin:
+  faults: {invalid_runs: [1, 1], invalid_frames: [2, 4]}
+""",
+}
+_SEEN = "demo/regenerated/panning/sequence/clip.npz"
+_FRAMES = "demo/render/panning/frames"
+COMMANDS = (
+    "doctor",
+    "fetch models --dry-run",
+    "demo --recipe demo.yaml --out demo",
+    "report demo",
+    f"masks {_FRAMES} --sources silhouette --camera-body {_SEEN} --out masks",
+    f"sfm --frames {_FRAMES} --camera-body {_SEEN} --out sequence",
+    "render set.yaml --out set",
+    "render set.yaml --out set --print-slurm 2 --no-probe",
+    "manifest check set/synthetic.yaml",
+    "manifest show set/synthetic.yaml",
+    "manifest diff set/synthetic.yaml set/synthetic.yaml",
+    "motions set/render --out motions",
+    "motions set/render --out shared --shard 1/2",
+    "merge shared",
+    "motions set/render --out shared --shard 2/2",
+    "manifest diff motions/motions.yaml shared/motions.yaml",
+    "train set/synthetic.yaml --recipe gmr.yaml --out gmr",
+    "evaluate gmr set/synthetic.yaml --out scores",
+    "baseline zero set/synthetic.yaml --out zero",
+    "evaluate set/synthetic.yaml --predictions zero/predictions --out zero_scores",
+    "compare scores/scores.json zero_scores/scores.json --out compared",
+    "infer gmr set/render/walk/clip.npz --out world",
+    "export set --to tum glb colmap amass bvh mp4 --out exported",
+    "export gmr --to onnx --out network",
+    "tables 2 --manifest motions/motions.yaml --out table2 --dry-run",
+    "threedpw twin twin.yaml --out twin",
+    "threedpw list --root twin/3DPW",
+    "threedpw show walk_00 --root twin/3DPW",
+    "threedpw regenerate --root twin/3DPW --out regenerated",
+    "threedpw compare regenerated/pseudo_gt.yaml",
+    "floor --twins twin --out floor --dry-run",
+    "run set.yaml --out set --dry-run",
+)
+"""Arguments of `gmrdata`, in an order in which each finds what it needs."""
+REFUSED = {"merge shared": "shard 2/2"}
+"""Commands that must end with 1, and say so: there are shards that nobody has done."""

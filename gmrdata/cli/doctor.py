@@ -1,0 +1,257 @@
+"""The verb that says what is installed here, and what each missing part would enable."""
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import TypeAdapter
+from tyro.conf import arg
+
+from gmrdata import __version__
+from gmrdata.cli.answers import answer, fail, print_table
+from gmrdata.values.errors import BadBodyFile
+
+State = Literal["there", "missing", "broken"]
+
+
+class Part(NamedTuple):
+    """One row of what was found."""
+
+    subject: str
+    name: str
+    state: State
+    found: str
+    """Version, place or size."""
+    note: str = ""
+    """What a missing part would enable, and how to get it."""
+    required: bool = False
+
+
+class Extra(NamedTuple):
+    """An optional dependency of pyproject.toml."""
+
+    package: str
+    module: str
+    enables: str
+
+
+EXTRAS = {
+    "maskrcnn": Extra("torchvision", "torchvision", "masks by Mask R-CNN: --sources maskrcnn"),
+    "tensorboard": Extra("tensorboard", "tensorboard", "event files of trainings"),
+    "export": Extra("usd-core", "pxr.Usd", "USD scenes: export --to usd"),
+    "view": Extra("rerun-sdk", "rerun", "recordings for rerun's viewer: export --to rrd"),
+}
+LOADED = ("scipy.spatial", "cv2", "av", "pycolmap", "torch")
+"""Required modules with libraries of their own, which may be there and still not load."""
+LIBRARIES = """
+import importlib, json, sys
+def problem(name):
+    try:
+        importlib.import_module(name)
+    except Exception as error:
+        return str(error) or type(error).__name__
+said = {name: problem(name) for name in sys.argv[1:]}
+gpus = []
+if not said["torch"]:
+    import torch
+    if torch.cuda.is_available():
+        gpus = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
+print(json.dumps([said, gpus]))
+"""
+BLENDER = "import bpy; print(bpy.app.version_string)"
+LOAD_S = 120
+Loaded = tuple[dict[str, str | None], list[str]]
+_LOADED = TypeAdapter(Loaded)
+
+
+def doctor(
+    as_json: Annotated[bool, arg(name="json", help="Print one JSON object, not a table.")] = False,
+) -> None:
+    """Say what is installed here, what is missing, and what each missing part would enable.
+
+    Packages, extras, models, bodies, Blender, GPU, cores, memory and disk. The exit code is 1 if a
+    part is missing or broken that gmrdata can't do without.
+    """
+    parts = list(find_parts())
+    faults = [part for part in parts if part.required and part.state != "there"]
+    if as_json:
+        rows = [part._asdict() for part in parts]
+        answer(json.dumps({"gmrdata": __version__, "good": not faults, "parts": rows}))
+    else:
+        rows_of_text = [(p.subject, p.name, p.state, p.found, p.note) for p in parts]
+        print_table(("", "part", "state", "found", "note"), rows_of_text)
+    if faults:
+        fail("gmrdata can't work without: " + ", ".join(part.name for part in faults))
+    elif not as_json:
+        answer("All that gmrdata needs is there.")
+
+
+def find_parts() -> list[Part]:
+    """All parts, in the order of the table.  What takes long to load does so side by side."""
+    blender = _start("-c", BLENDER)
+    libraries = _start("-c", LIBRARIES, *LOADED, *_installed_extras())
+    quick = [*_packages()], [*_extras()], [*_models(), *_bodies()], [*_machine()]
+    packages, extras, files, machine = quick
+    loaded = _loaded(libraries)
+    return [
+        *packages,
+        *(Part("packages", name, "broken", why, "", True) for name, why in _unloadable(loaded)),
+        _blender(blender),
+        *(_extra_as_loaded(extra, loaded) for extra in extras),
+        *files,
+        _gpu(loaded),
+        *machine,
+    ]
+
+
+def _start(*arguments: str) -> subprocess.Popen[str]:
+    # -P: a file in the current folder is no module of ours.
+    command = [sys.executable, "-P", *arguments]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, errors="replace")
+
+
+def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
+    """The last line that a process said, and why it failed: empty if it did not."""
+    try:
+        said, errors = process.communicate(timeout=LOAD_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return "", f"did not load in {LOAD_S} s"
+    last = (said.strip().splitlines() or [""])[-1]
+    if process.returncode == 0 and last:
+        return last, ""
+    return "", (errors.strip().splitlines() or [f"ended with exit code {process.returncode}"])[-1]
+
+
+def _packages() -> Iterator[Part]:
+    """gmrdata, python and what pyproject.toml asks for, as this gmrdata was installed."""
+    # Not a dependency by name, but dask and matplotlib can't be without it.
+    from packaging.requirements import Requirement
+
+    yield Part("python", "gmrdata", "there", __version__, required=True)
+    yield Part("python", "python", "there", platform.python_version(), required=True)
+    for line in metadata.requires("gmrdata") or ():
+        wanted = Requirement(line)
+        if wanted.marker is not None and not wanted.marker.evaluate({"extra": ""}):
+            continue
+        found = _version(wanted.name)
+        good = found is not None and wanted.specifier.contains(found, prereleases=True)
+        state: State = "there" if good else "missing" if found is None else "broken"
+        note = "" if good else f"pip install '{wanted.name}{wanted.specifier}'"
+        yield Part("packages", wanted.name, state, found or "", note, required=True)
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _extras() -> Iterator[Part]:
+    for name, extra in EXTRAS.items():
+        found = _version(extra.package)
+        if found is None:
+            note = f"{extra.enables}. pip install 'gmrdata[{name}]'"
+            yield Part("extras", name, "missing", "", note)
+        else:
+            yield Part("extras", name, "there", f"{extra.package} {found}")
+
+
+def _installed_extras() -> list[str]:
+    return [extra.module for extra in EXTRAS.values() if _version(extra.package) is not None]
+
+
+def _extra_as_loaded(part: Part, loaded: Loaded) -> Part:
+    why_not = loaded[0].get(EXTRAS[part.name].module)
+    return part._replace(state="broken", note=why_not) if why_not else part
+
+
+def _loaded(process: subprocess.Popen[str]) -> Loaded:
+    """Why each library does not load, if it does not, and the names of the GPUs."""
+    said, why_not = _end(process)
+    return ({"torch": why_not}, []) if why_not else _LOADED.validate_json(said)
+
+
+def _unloadable(loaded: Loaded) -> list[tuple[str, str]]:
+    return [(name, why) for name in LOADED if (why := loaded[0].get(name))]
+
+
+def _blender(process: subprocess.Popen[str]) -> Part:
+    said, why_not = _end(process)
+    if why_not:
+        note = "render, threedpw twin, floor and demo. pip install bpy"
+        return Part("packages", "Blender", "broken", why_not, note, required=True)
+    return Part("packages", "Blender", "there", said, required=True)
+
+
+def _models() -> Iterator[Part]:
+    from gmrdata.read.models import MODELS, models_dir
+    from gmrdata.values.files import sha256_of_file
+
+    for model in MODELS:
+        path = models_dir() / model.name
+        if not path.is_file():
+            note = "masks --sources onnx person. `gmrdata fetch models` gets it"
+            yield Part("models", model.name, "missing", "", note)
+        elif sha256_of_file(path) != model.sha256:
+            note = "not the published file. `gmrdata fetch models --redo` gets it anew"
+            yield Part("models", model.name, "broken", str(path), note)
+        else:
+            yield Part("models", model.name, "there", f"{path}, as published")
+
+
+def _bodies() -> Iterator[Part]:
+    from gmrdata.read.bodies import cache_dir, read_body
+
+    why = "3DPW, AMASS and EMDB on their own people: --body FILE, from https://smpl.is.tue.mpg.de"
+    smpl = Part("bodies", "SMPL", "missing", "", f"never part of gmrdata. {why}")
+    if _version("anny") is None:
+        return iter([smpl])
+    from gmrdata.read.anny import file_name
+
+    path = cache_dir() / file_name()
+    if not path.is_file():
+        note = "made once, in half a minute, by the first command that needs a body"
+        return iter([Part("bodies", "anny", "missing", str(path), note), smpl])
+    try:
+        read_body(path)
+    except BadBodyFile as error:
+        note = f"{error}. Delete it, and it is made again"
+        return iter([Part("bodies", "anny", "broken", str(path), note, required=True), smpl])
+    return iter([Part("bodies", "anny", "there", str(path)), smpl])
+
+
+def _gpu(loaded: Loaded) -> Part:
+    if loaded[1]:
+        return Part("machine", "GPU", "there", ", ".join(loaded[1]))
+    note = "training and inference with device: cuda, a torch built for CUDA and its driver"
+    return Part("machine", "GPU", "missing", "", note)
+
+
+def _machine() -> Iterator[Part]:
+    from gmrdata.read.bodies import cache_dir
+
+    yield Part("machine", "cores", "there", str(len(os.sched_getaffinity(0))))
+    memory_bytes = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    yield Part("machine", "memory", "there", f"{memory_bytes / 2**30:.1f} GiB")
+    yield _disk("cache", cache_dir())
+    yield _disk("current folder", Path.cwd())
+
+
+def _disk(name: str, folder: Path) -> Part:
+    """Free space of a folder, or of where it would be made, and whether it may be written to."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.is_dir())
+    found = f"{shutil.disk_usage(there).free / 2**30:.1f} GiB free in {folder}"
+    if os.access(there, os.W_OK):
+        return Part("disk", name, "there", found)
+    return Part("disk", name, "broken", found, "may not be written to")
