@@ -26,8 +26,9 @@ from gmrdata.stage.progress import answers
 REPOSITORY = Path(__file__).resolve().parents[1]
 BUILD = """
 import sys, setuptools.build_meta as build
-build.build_sdist(sys.argv[1])
-build.build_wheel(sys.argv[1])
+dist = sys.argv[1]  # the build puts its own words there
+build.build_sdist(dist)
+build.build_wheel(dist)
 """
 LOG_LINES = 15
 

@@ -59,14 +59,14 @@ def problem(name):
         return str(error) or type(error).__name__
 said = {name: problem(name) for name in sys.argv[1:]}
 gpus = []
-if not said["torch"]:
+if said.get("torch", "not asked for") is None:
     import torch
     if torch.cuda.is_available():
         gpus = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
 print(json.dumps([said, gpus]))
 """
 BLENDER = "import bpy; print(bpy.app.version_string)"
-LOAD_S = 120
+LOAD_S = 600  # a busy machine takes long to load them
 Loaded = tuple[dict[str, str | None], list[str]]
 _LOADED = TypeAdapter(Loaded)
 
