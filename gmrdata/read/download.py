@@ -6,14 +6,17 @@ No library does this part: pooch starts anew, pypdl appends what comes to a rang
 
 import os
 import re
+import socket
 import ssl
+import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
-from http.client import HTTPException, HTTPResponse
+from contextlib import suppress
+from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, Self
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -34,7 +37,9 @@ class FetchConfig(Config):
     """Longest silence of the server [s]."""
     file_limit_s: float = Field(default=900.0, gt=0)
     """Longest time for one attempt at one file [s]."""
-    attempts: int = Field(default=5, ge=1)
+    total_limit_s: float = Field(default=3600.0, gt=0)
+    """Longest time for all attempts at one file [s]."""
+    attempts: int = Field(default=5, ge=1, le=1000)
     """At one file."""
     first_wait_s: float = Field(default=1.0, ge=0)
     """Mean wait before the second attempt; it doubles with each further one [s]."""
@@ -70,9 +75,18 @@ class PartNote(Record):
 
 def web_folder(base_url: str) -> str:
     """The address of a folder without the slash at its end; BadRecipe if it is not on the web."""
-    parts = urlsplit(base_url)
-    if parts.scheme not in _WEB or not parts.netloc or parts.query or parts.fragment:
-        raise BadRecipe(f"--base-url {base_url}: must be an http:// or https:// folder")
+    wrong = BadRecipe(
+        f"--base-url {base_url!r}: must be an http:// or https:// folder in ASCII: a host of "
+        "other letters as xn--..., a path's as %XX, an IPv6 address in brackets"
+    )
+    try:
+        parts = urlsplit(base_url)
+        plain = base_url.isascii() and base_url.isprintable() and " " not in base_url
+        usable = bool(parts.hostname) and (parts.port is None or parts.port > 0)
+    except ValueError:  # a port or an IPv6 address that is none
+        raise wrong from None
+    if parts.scheme not in _WEB or not (plain and usable) or parts.query or parts.fragment:
+        raise wrong
     return base_url.rstrip("/")
 
 
@@ -99,13 +113,13 @@ def download(
     Gives the `.part` file beside the final `path`, as long as the server said; what is in it was
     not looked at.  `rng` spreads the waits, so that many clients don't come back at the same time.
     """
-    wait_s = config.first_wait_s
+    wait_s, end_s = config.first_wait_s, time.monotonic() + config.total_limit_s
     for attempt in range(1, config.attempts + 1):
         try:
             _attempt(url, path, config)
             break
         except PassingFailure as error:
-            if attempt == config.attempts:
+            if attempt == config.attempts or time.monotonic() > end_s:
                 what = f"gave up after {attempt} attempts. The same command goes on"
                 raise FetchFailed(f"{error}; {what}") from None
             pause_s = min(wait_s, config.longest_wait_s) * float(rng.uniform(0.5, 1.5))
@@ -117,6 +131,19 @@ def download(
 
 
 def _attempt(url: str, path: Path, config: FetchConfig) -> None:
+    too_long = PassingFailure(f"{url}: not done after {config.file_limit_s:g} s")
+    with _Watch(config.file_limit_s) as watch:
+        try:
+            _try(url, path, config, watch)
+        except PassingFailure:
+            if watch.ended:
+                raise too_long from None
+            raise
+    if watch.ended:  # an answer without a length seems to be whole
+        raise too_long
+
+
+def _try(url: str, path: Path, config: FetchConfig, watch: "_Watch") -> None:
     part = part_of(path)
     note = _read_note(path, url)
     n_there = part.stat().st_size if part.is_file() and note else 0
@@ -126,7 +153,7 @@ def _attempt(url: str, path: Path, config: FetchConfig) -> None:
             return
         headers |= {"Range": f"bytes={n_there}-", "If-Range": note.validator}
     try:
-        answer = _open_url(url, headers, config.timeout_s)
+        answer = _open_url(url, headers, config.timeout_s, watch)
     except FetchFailed as error:
         if n_there and "answers 416" in str(error):
             drop_part(path)
@@ -154,7 +181,7 @@ def _append(answer: HTTPResponse, url: str, part: Path, start: int, config: Fetc
     """Write the body at the end of the `.part`; its length then."""
     n_bytes = start
     with part.open("ab") as stream:
-        for block in _blocks(answer, url, config.file_limit_s):
+        for block in _blocks(answer, url):
             n_bytes += len(block)
             if n_bytes > config.largest_bytes:
                 raise FetchFailed(f"{url}: more than {config.largest_bytes} bytes came")
@@ -215,14 +242,65 @@ class _WebOnly(urllib.request.HTTPRedirectHandler):
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
-def _open_url(url: str, headers: Mapping[str, str], timeout_s: float) -> HTTPResponse:
+class _Watch:
+    """Ends an attempt's connections after a time: a byte now and then keeps a timeout waiting."""
+
+    def __init__(self, limit_s: float) -> None:
+        self._timer = threading.Timer(min(limit_s, threading.TIMEOUT_MAX), self._end)
+        self._timer.daemon = True
+        self._sockets: list[socket.socket] = []
+        self.ended = False
+
+    def __enter__(self) -> Self:
+        self._timer.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._timer.cancel()
+
+    def _end(self) -> None:
+        self.ended = True
+        for one in self._sockets:
+            with suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+
+    def handlers(self) -> tuple[urllib.request.BaseHandler, urllib.request.BaseHandler]:
+        """What opens connections that are watched."""
+        watch = self
+
+        class Http(HTTPConnection):
+            def connect(self) -> None:
+                super().connect()
+                watch._sockets.append(self.sock)
+
+        class Https(HTTPSConnection):
+            def connect(self) -> None:
+                super().connect()
+                watch._sockets.append(self.sock)
+
+        class Plain(urllib.request.HTTPHandler):
+            def http_open(self, req: urllib.request.Request) -> Any:
+                return self.do_open(Http, req)
+
+        class Safe(urllib.request.HTTPSHandler):
+            def https_open(self, req: urllib.request.Request) -> Any:
+                return self.do_open(Https, req)
+
+        return Plain(), Safe()
+
+
+def _open_url(
+    url: str, headers: Mapping[str, str], timeout_s: float, watch: _Watch
+) -> HTTPResponse:
     """Ask for a file; errors are sorted into those worth another attempt and the others."""
     agent = {"User-Agent": f"gmrdata/{__version__}"}
     request = urllib.request.Request(url, headers={**agent, **headers})
     try:
         if request.type not in _WEB:
             raise urllib.error.URLError(f"unknown url type: {request.type}")
-        return urllib.request.build_opener(_WebOnly).open(request, timeout=timeout_s)
+        return urllib.request.build_opener(_WebOnly, *watch.handlers()).open(
+            request, timeout=timeout_s
+        )
     except urllib.error.HTTPError as error:
         error.close()
         raise _of_status(url, error) from None
@@ -232,14 +310,13 @@ def _open_url(url: str, headers: Mapping[str, str], timeout_s: float) -> HTTPRes
         raise PassingFailure(f"{url}: no connection ({error.reason})") from None
     except (OSError, HTTPException) as error:
         raise PassingFailure(f"{url}: no answer ({_say(error)})") from None
+    except (ValueError, OverflowError) as error:  # of an address that it redirects to, too
+        raise FetchFailed(f"{url}: leads to an address that can't be asked ({error})") from None
 
 
-def _blocks(answer: HTTPResponse, url: str, limit_s: float) -> Iterator[bytes]:
-    start_s = time.monotonic()
+def _blocks(answer: HTTPResponse, url: str) -> Iterator[bytes]:
     try:
         while block := answer.read1(BLOCK_BYTES):
-            if time.monotonic() - start_s > limit_s:
-                raise PassingFailure(f"{url}: not done after {limit_s:g} s")
             yield block
     except (OSError, HTTPException) as error:
         raise PassingFailure(f"{url}: the connection broke ({_say(error)})") from None
