@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.masks.folder import find_mask
-from gmrdata.read.frames import image_number, read_gray
+from gmrdata.read.frames import image_number, is_turned, read_gray
 from gmrdata.stage.jobs import in_threads
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
@@ -54,11 +54,14 @@ class Frames:
 
 
 def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
-    """The frames if none is longer than that; else smaller grey ones and masks, in `out_dir`."""
+    """The frames if none is longer than that; else smaller grey ones and masks, in `out_dir`.
+
+    Those that EXIF turns are written too, since COLMAP reads them as they are stored.
+    """
     import cv2
 
-    share = longest_px / max(frames.size_px)
-    if share >= 1:
+    share = min(1.0, longest_px / max(frames.size_px))
+    if share == 1 and not any(map(is_turned, frames.images)):
         return frames
     width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
     masks_dir = None if frames.masks_dir is None else out_dir / "masks"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
+from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
 from gmrdata.stage.shards import Shard
 from gmrdata.values.errors import BadRecipe, MissingInput
@@ -14,6 +15,7 @@ from gmrdata.values.people import PersonFiles
 if TYPE_CHECKING:
     from gmrdata.film.set_plan import SyntheticRecipe
     from gmrdata.read.source_motion import ReadConfig
+    from gmrdata.read.video import VideoConfig
     from gmrdata.values.records import Config
 
 AnyRecipe = TypeVar("AnyRecipe", bound="Config")
@@ -77,6 +79,21 @@ RestPoseOrFile = Annotated[
     ),
 ]
 Frames = Annotated[Path, arg(help="Folder of numbered images, or a video file.")]
+FromS = Annotated[
+    float,
+    arg(name="from", metavar="S", help="Of a video: leave out what is before this time [s]."),
+]
+ToS = Annotated[
+    float | None,
+    arg(name="to", metavar="S", help="Of a video: leave out what is after this time [s]."),
+]
+Every = Annotated[
+    int, arg(help="Of a video: take every n-th frame; an image's number is its frame's over n.")
+]
+TakeWhatDecodes = Annotated[
+    bool,
+    arg(help="Of a video: go on where frames are lost or damaged; the verdict rejects the result."),
+]
 MaskModel = Annotated[
     Path | None,
     arg(help="ONNX file of the detector, YOLOX on COCO; from `gmrdata fetch models` if left out."),
@@ -131,6 +148,33 @@ def need(values: tuple[Any, ...], what: str) -> None:
 def body_path(body: str) -> Path | None:
     """The file of `--body`; None for the default body."""
     return None if body == "anny" else Path(body)
+
+
+def video_part(
+    from_s: float, to_s: float | None, every: int, take_what_decodes: bool
+) -> "VideoConfig":
+    """What is taken of a video; BadRecipe if no frame can be."""
+    from pydantic import ValidationError
+
+    from gmrdata.read.video import VideoConfig
+
+    given = {"from_s": from_s, "to_s": to_s, "every": every, "take_what_decodes": take_what_decodes}
+    try:
+        return VideoConfig.model_validate(given)
+    except ValidationError as error:
+        found = error.errors()[0]
+        option = "".join(f"--{str(part).removesuffix('_s')}: " for part in found["loc"])
+        raise BadRecipe(f"{option}{found['msg']}") from None
+
+
+def say_lost(frames_dir: Path) -> None:
+    """Say how many frames of a video could not be decoded, if any."""
+    from gmrdata.read.video import video_record
+
+    video = video_record(frames_dir)
+    if video is not None and video.n_lost:
+        what = f"{video.n_lost} of {video.n_expected} frames could not be decoded"
+        console.print(f"{frames_dir}: {what}", markup=False, soft_wrap=True)
 
 
 def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:

@@ -20,6 +20,10 @@ def masks(
     classes: flags.MaskClasses = (),
     camera_body: Path | None = None,
     body: flags.Body = "anny",
+    from_s: flags.FromS = 0.0,
+    to_s: flags.ToS = None,
+    every: flags.Every = 1,
+    take_what_decodes: flags.TakeWhatDecodes = False,
     redo: flags.Redo = False,
 ) -> None:
     """Mask what moves in frames or a video: people, vehicles, animals, or a known body.
@@ -41,8 +45,11 @@ def masks(
         sources, model=model, landmarks=landmarks, weights=weights, classes=classes
     )
     people = () if camera_body is None else flags.one_person(camera_body, body)
-    for made in masks_of_frames(frames, out, config, people=people, run=Run(redo=redo)):
+    video = flags.video_part(from_s, to_s, every, take_what_decodes)
+    run = Run(redo=redo)
+    for made in masks_of_frames(frames, out, config, people=people, video=video, run=run):
         answer(made)
+    flags.say_lost(out / "frames")
 
 
 def sfm(
@@ -56,6 +63,10 @@ def sfm(
     classes: flags.MaskClasses = (),
     body: flags.Body = "anny",
     seed: int = 0,
+    from_s: flags.FromS = 0.0,
+    to_s: flags.ToS = None,
+    every: flags.Every = 1,
+    take_what_decodes: flags.TakeWhatDecodes = False,
     redo: flags.Redo = False,
 ) -> None:
     """World motion of one person from a moving-camera video and the person's camera-frame body.
@@ -76,6 +87,8 @@ def sfm(
     named = masks_named(masks, model=model, landmarks=landmarks, weights=weights, classes=classes)
     config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
     people = flags.one_person(camera_body, body)
-    answer(regenerate_sequence(frames, people, out, config, run=Run(redo=redo)))
+    video = flags.video_part(from_s, to_s, every, take_what_decodes)
+    answer(regenerate_sequence(frames, people, out, config, video=video, run=Run(redo=redo)))
+    flags.say_lost(out / "frames")
     for name, figure in load_quality(out / "sfm").lens_in_words:
         console.print(f"{name}: {figure}", markup=False, soft_wrap=True)

@@ -13,7 +13,7 @@ from gmrdata.masks.folder import find_mask
 from gmrdata.masks.sources import MasksConfig, make_masks
 from gmrdata.pages.report_data import ClipReport
 from gmrdata.read import frames as frame_files
-from gmrdata.read.video import extract_video, is_video
+from gmrdata.read.video import VideoConfig, as_frames
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import camera, transforms
@@ -74,11 +74,11 @@ def masks_of_frames(
     config: MasksConfig,
     *,
     people: tuple[PersonFiles, ...] = (),
+    video: VideoConfig | None = None,
     run: Run = DEFAULT_RUN,
 ) -> tuple[Path, Path]:
     """Make `masks`, `masks_by`, `sheet` and, of a video, `frames`; silhouettes need `people`."""
-    if is_video(frames):
-        frames = extract_video(frames, out_dir / "frames", run=run)
+    frames = as_frames(frames, out_dir / "frames", video, run=run)
     masks_dir = make_masks(frames, out_dir / "masks", config, people=people, run=run)
     return masks_dir, make_mask_sheet(frames, masks_dir, out_dir / "sheet")
 
@@ -123,6 +123,9 @@ def narrowed(image: np.ndarray, width_px: int) -> np.ndarray:
 
 def draw_mask_outline(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """A copy of a BGR image with the outline of a mask (H, W), non-zero = dynamic object."""
+    if mask.shape != image.shape[:2]:
+        sizes = "{1}x{0} px, its frame is {3}x{2} px".format(*mask.shape, *image.shape[:2])
+        raise BadFrames(f"a mask is {sizes}; make the masks again from these frames")
     inside = (mask > 0).astype(np.uint8)
     contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return cv2.polylines(image.copy(), contours, True, OVERLAY_BGR["outline"], LINE_PX, cv2.LINE_AA)
@@ -185,7 +188,7 @@ def _clip_tile(
     number = int(clip.pseudo.image_numbers[row])
     if number not in images:
         raise BadFrames(f"{clip.images_dir}: clip {clip.id} has no image of number {number}")
-    drawn = _read_enlarged(images[number], cv2.IMREAD_COLOR)
+    drawn = _enlarged(read_image(images[number], cv2.IMREAD_COLOR), cv2.INTER_CUBIC)
     person_px = np.array([0.0, 0.0, drawn.shape[1], drawn.shape[0]])
     path, has_camera = clip.pseudo.camera, bool(clip.has_camera[row])
     if path is not None and has_camera:
@@ -199,7 +202,9 @@ def _clip_tile(
         person_px = np.concatenate([np.nanmin(points_px, axis=0), np.nanmax(points_px, axis=0)])
     if clip.masks_dir is not None:
         mask_path = clip.masks_dir / f"{images[number].stem}.png"
-        drawn = draw_mask_outline(drawn, _read_enlarged(mask_path, cv2.IMREAD_GRAYSCALE))
+        frame_px = (drawn.shape[1] // DRAWING_SCALE, drawn.shape[0] // DRAWING_SCALE)
+        mask = _enlarged(frame_files.read_gray(mask_path, frame_px), cv2.INTER_NEAREST)
+        drawn = draw_mask_outline(drawn, mask)
     return ClipTile(drawn, person_px, number, row / clip.pseudo.motion.fps_hz, has_camera)
 
 
@@ -217,9 +222,7 @@ def read_image(path: Path, mode: int) -> np.ndarray:
     )
 
 
-def _read_enlarged(path: Path, mode: int) -> np.ndarray:
-    how = cv2.INTER_NEAREST if mode == cv2.IMREAD_GRAYSCALE else cv2.INTER_CUBIC
-    image = read_image(path, mode)
+def _enlarged(image: np.ndarray, how: int) -> np.ndarray:
     return np.asarray(
         cv2.resize(image, None, fx=DRAWING_SCALE, fy=DRAWING_SCALE, interpolation=how)
     )

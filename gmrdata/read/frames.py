@@ -1,4 +1,8 @@
-"""Image folders: which files are the frames, in which order, and whether they can be used."""
+"""Image folders: which files are the frames, in which order, and whether they can be used.
+
+An image is turned as its EXIF orientation says, everywhere: masks, cameras and pages see what a
+person sees.
+"""
 
 import re
 import struct
@@ -6,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection
 from itertools import pairwise
 from pathlib import Path, PurePosixPath
+from typing import Literal
 
 import numpy as np
 
@@ -51,7 +56,7 @@ def list_images(folder: Path, left_out: Collection[int] = ()) -> list[Path]:
 
 
 def check_images(paths: list[Path]) -> tuple[int, int]:
-    """(width_px, height_px) as stored, not turned by EXIF; for speed only file ends are read."""
+    """(width_px, height_px) as a person sees them, turned by EXIF; nothing is decoded."""
     if not paths:
         raise BadFrames("no images were given; at least 2 frames needed")
     sizes = [_image_size(path) for path in paths]
@@ -64,23 +69,26 @@ def check_images(paths: list[Path]) -> tuple[int, int]:
 
 
 def decoded(path: Path, flags: int, fault: str) -> np.ndarray:
-    """An image as cv2 reads it with some flags; BadFrames with the fault if it can't.
+    """An image as cv2 reads it with some flags, upright; BadFrames with the fault if it can't.
 
     The size in its header is looked at first, since that is what memory is taken for.
     """
     import cv2
 
-    size_px = _size_in_header(path.read_bytes()) if path.is_file() else None
+    content = path.read_bytes() if path.is_file() else b""
+    # The cameras' own smaller frames are BMPs, so named; others may not call one a PNG.
+    size_px = _bmp_size(content) if path.suffix == ".bmp" else _size_in_header(content)
     if size_px is None:
         raise BadFrames(f"{path}: {fault}")
     _require_small(path, size_px)
     try:
-        image = cv2.imread(str(path), flags)
+        # OpenCV turns by some flags and not by others, and a PNG by its version.
+        image = cv2.imread(str(path), flags | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error:
         image = None
     if image is None:
         raise BadFrames(f"{path}: {fault}")
-    return np.asarray(image)
+    return _upright(np.asarray(image), exif_orientation(content))
 
 
 def _require_small(path: Path, size_px: tuple[int, int]) -> None:
@@ -102,12 +110,12 @@ def read_gray(path: Path, size_px: tuple[int, int] | None = None) -> np.ndarray:
 
 
 def read_color(path: Path) -> np.ndarray:
-    """Read an image as (H, W, 3) uint8 BGR, as stored: an EXIF rotation is not applied."""
+    """Read an image as (H, W, 3) uint8 BGR, upright."""
     import cv2
 
     # Of 16 bits the upper 8 are kept; grey becomes three equal channels.
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    return decoded(path, flags, "missing or cannot be decoded; extract or copy this frame again")
+    fault = "missing or cannot be decoded; extract or copy this frame again"
+    return decoded(path, cv2.IMREAD_COLOR, fault)
 
 
 def write_gray(path: Path, image: np.ndarray) -> None:
@@ -143,7 +151,67 @@ def _image_size(path: Path) -> tuple[int, int]:
         fault = "truncated or not an image" if content else "empty file (0 bytes)"
         raise BadFrames(f"{path}: {fault}; extract or copy this frame again")
     _require_small(path, size)
-    return size
+    return size if exif_orientation(content) <= 4 else size[::-1]
+
+
+def is_turned(path: Path) -> bool:
+    """Whether a program that ignores EXIF would show an image otherwise than it is read here."""
+    return exif_orientation(path.read_bytes()) != 1
+
+
+def exif_orientation(content: bytes) -> int:
+    """EXIF's orientation of a JPEG or PNG, 1 (upright) to 8; 1 where there is none that counts."""
+    is_png = content.startswith(PNG_SIGNATURE)
+    tiff = _png_exif(content) if is_png else _jpeg_exif(content)
+    order: Literal["little", "big"] = "little" if tiff.startswith(b"II") else "big"
+    if tiff[:4] not in (b"II*\0", b"MM\0*"):
+        return 1
+    start = int.from_bytes(tiff[4:8], order)
+    for at in range(start + 2, start + 2 + 12 * int.from_bytes(tiff[start : start + 2], order), 12):
+        # Tag 0x112 is one SHORT (type 3) in place (EXIF 2.32, 4.6.4 A).
+        entry = tiff[at : at + 12]
+        if len(entry) < 12:
+            return 1
+        if int.from_bytes(entry[:2], order) == 0x112 and int.from_bytes(entry[2:4], order) == 3:
+            value = int.from_bytes(entry[8:10], order)
+            return value if 1 <= value <= 8 else 1
+    return 1
+
+
+def _upright(image: np.ndarray, orientation: int) -> np.ndarray:
+    """An image as its EXIF orientation says: 5 to 8 swap rows and columns, the rest mirrors."""
+    if orientation == 1:
+        return image
+    if orientation >= 5:
+        image = image.swapaxes(0, 1)
+    down = -1 if orientation in (3, 4, 7, 8) else 1
+    right = -1 if orientation in (2, 3, 6, 7) else 1
+    return np.ascontiguousarray(image[::down, ::right])
+
+
+def _jpeg_exif(content: bytes) -> bytes:
+    """The TIFF structure in a JPEG's APP1 segment; empty without."""
+    at = 2
+    while content[at : at + 1] == b"\xff" and content[at + 1 : at + 2] not in (b"\xda", b""):
+        if content[at + 1] == 0xFF:  # a fill byte
+            at += 1
+            continue
+        end = at + 2 + int.from_bytes(content[at + 2 : at + 4], "big")
+        if content[at + 1] == 0xE1 and content[at + 4 : at + 10] == b"Exif\0\0":
+            return content[at + 10 : end]
+        at = end
+    return b""
+
+
+def _png_exif(content: bytes) -> bytes:
+    """The TIFF structure in a PNG's eXIf chunk; empty without."""
+    at = len(PNG_SIGNATURE)
+    while at + 8 <= len(content):
+        end = at + 8 + int.from_bytes(content[at : at + 4], "big")
+        if content[at + 4 : at + 8] == b"eXIf":
+            return content[at + 8 : end]
+        at = end + 4
+    return b""
 
 
 def _size_in_header(content: bytes) -> tuple[int, int] | None:
@@ -156,6 +224,14 @@ def _is_whole(content: bytes) -> bool:
     if content.startswith(PNG_SIGNATURE):
         return b"IEND" in content[-64:]
     return b"\xff\xd9" in content[-1024:]
+
+
+def _bmp_size(content: bytes) -> tuple[int, int] | None:
+    """(width, height) of a BMP, of whose header every version since 3 begins alike, else None."""
+    if len(content) < 54 or not content.startswith(b"BM"):
+        return None
+    width, height = struct.unpack("<ii", content[18:26])
+    return (width, abs(height)) if width > 0 and height else None
 
 
 def _png_size(content: bytes) -> tuple[int, int] | None:

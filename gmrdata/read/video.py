@@ -1,49 +1,458 @@
-"""A video file as a folder of numbered frames."""
+"""A video file as a folder of numbered frames, upright and with the time of each.
 
+PyAV decodes, and OpenCV writes the JPEGs.  A frame is as a person sees it in a player: turned and
+mirrored as the file says, without lines of two times, and as wide as its pixels make it.
+"""
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.errors import BadFrames, MissingInput
+from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
 from gmrdata.values.files import atomic_path
-from gmrdata.values.records import Config
+from gmrdata.values.limits import (
+    HIGHEST_FPS_HZ,
+    LOWEST_FPS_HZ,
+    MOST_PIXELS,
+    MOST_VIDEO_FRAMES,
+    MOST_VIDEO_PIXELS,
+)
+from gmrdata.values.records import Config, Record
 
-VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".webm", ".m4v")
+if TYPE_CHECKING:
+    import av
+    from av.container import InputContainer
+    from av.filter import Graph
+
+VIDEO_FILE = "video.json"
+CONTAINERS = (
+    "mov,mp4,3gp,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,mxf,ogg,dv,ivf,gif,yuv4mpegpipe"
+)
+"""FFmpeg's names of formats that are read: none of them is a list of other files."""
+REMEDY = "convert it again (H.264 in .mp4)"
+LONGEST_PIXEL = 4.0  # the most that a pixel may be longer than wide, or wider than long
+MOST_REORDERED = 16  # frames that a decoder may hold back, as H.264 and HEVC have it
+FEWEST_LOST_S = 0.5  # a file without a count of frames may say so much more than they last [s]
 
 
 class VideoConfig(Config):
-    """How frames are written."""
+    """Which frames are taken, and how they are written."""
 
     jpeg_quality: int = Field(default=95, ge=1, le=100)
+    from_s: float = Field(default=0.0, ge=0, allow_inf_nan=False)
+    """Frames before this time are left out, counted from the first frame's [s]."""
+    to_s: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    """Frames after this time are left out; None for none [s]."""
+    every: int = Field(default=1, ge=1)
+    """Frames are taken whose number in the video is a multiple of this."""
+    take_what_decodes: bool = False
+    """Go on where frames are lost or damaged; the record says how many, and a verdict sees it."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "VideoConfig":
+        if self.to_s is not None and self.to_s <= self.from_s:
+            raise ValueError(f"to_s: {self.to_s:g} s is not after from_s, {self.from_s:g} s")
+        return self
+
+
+class VideoRecord(Record):
+    """`video.json` beside the frames: what the video is, and which frames were taken when."""
+
+    format: Literal["gmrdata-video/1"] = "gmrdata-video/1"
+    container: str
+    codec: str
+    pixel_format: str
+    stored_size_px: tuple[int, int]
+    """(width, height) in the file."""
+    size_px: tuple[int, int]
+    """(width, height) of the frames that were written."""
+    is_turned: bool
+    """The file says that its pictures are to be turned or mirrored, which was done."""
+    n_deinterlaced: int
+    """Frames whose two half pictures were of two times, of which the first was kept."""
+    n_expected: int
+    """Frames that the file holds by its own count, as far as it was read."""
+    n_decoded: int
+    """Those of them that could be decoded."""
+    every: int
+    """An image's number is its frame's divided by this."""
+    numbers: tuple[int, ...]
+    """By image: the frame's number among the decoded ones, from 0."""
+    times_s: tuple[float, ...]
+    """By image: its time, counted from the first frame's [s]."""
+
+    @property
+    def n_lost(self) -> int:
+        return self.n_expected - self.n_decoded
+
+    @property
+    def rate_hz(self) -> float:
+        """Images per second: one over the median time between two."""
+        return 1.0 / float(np.median(np.diff(self.times_s)))
+
+    def times_of(self, image_numbers: np.ndarray) -> np.ndarray:
+        """(T,) times of images by number [s]; NaN of a number that no image has."""
+        pairs = zip(self.numbers, self.times_s, strict=True)
+        known = {number // self.every: time_s for number, time_s in pairs}
+        return np.array([known.get(int(number), np.nan) for number in image_numbers])
 
 
 def is_video(path: Path) -> bool:
-    """Whether a path is a file with a video's suffix."""
-    return path.is_file() and path.suffix.lower() in VIDEO_SUFFIXES
+    """Whether a path is a file, whatever its suffix: what it is, its content says."""
+    return path.is_file()
+
+
+def video_record(frames_dir: Path) -> VideoRecord | None:
+    """What is known of the video that frames come from; None of frames from elsewhere."""
+    path = frames_dir / VIDEO_FILE
+    return VideoRecord.read(path) if path.is_file() else None
+
+
+def as_frames(
+    frames: Path, out_dir: Path, config: VideoConfig | None = None, *, run: Run = DEFAULT_RUN
+) -> Path:
+    """A folder of frames as it is, and of a video the folder `out_dir`, made by `extract_video`.
+
+    Raises:
+        BadRecipe: frames of a folder are to be trimmed.
+    """
+    if is_video(frames):
+        return extract_video(frames, out_dir, config, run=run)
+    if config not in (None, VideoConfig()):
+        what = "--from, --to, --every and --take-what-decodes are for a video file"
+        raise BadRecipe(f"{frames}: {what}; give the video, or a folder of those frames alone")
+    return frames
 
 
 def extract_video(
     path: Path, out_dir: Path, config: VideoConfig | None = None, *, run: Run = DEFAULT_RUN
 ) -> Path:
-    """Stage: write a video's frames as `00000.jpg`, ...; the number is the frame's in the video."""
+    """Stage: write a video's frames as `00000.jpg`, ..., and `video.json`.
+
+    An image's number is the frame's in the video; where only every n-th is taken, it is divided
+    by n.
+
+    Raises:
+        MissingInput: there is no such file.
+        BadFrames: no video, or one with frames that are lost, damaged, too many or too large, of
+            more than one size, or at impossible times.
+    """
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     config = config or VideoConfig()
 
     def work(partial_dir: Path) -> None:
-        import cv2
+        import av
 
-        quality = [cv2.IMWRITE_JPEG_QUALITY, config.jpeg_quality]
-        video, n_written = cv2.VideoCapture(str(path)), 0
-        while (image := video.read()[1]) is not None:
-            with atomic_path(partial_dir / f"{n_written:05d}.jpg") as temporary:
-                cv2.imwrite(str(temporary), image, quality)
-            n_written += 1
-        if n_written < 2:
-            what = f"{n_written} frames could be read, but a motion needs at least 2"
-            remedy = "Give a longer video, or one in a common format (H.264 in .mp4)"
-            raise BadFrames(f"{path}: {what}. {remedy}")
+        try:
+            record = _extract(path, partial_dir, config)
+        except av.FFmpegError as error:
+            said = error.strerror or type(error).__name__
+            why = "empty file (0 bytes)" if not path.stat().st_size else f"no video ({said})"
+            raise BadFrames(f"{path}: {why}; {REMEDY}") from None
+        record.write(partial_dir / VIDEO_FILE)
 
     return run_stage("frames", out_dir, config, {"video": path}, work, run=run)
+
+
+@dataclass(eq=False)
+class _Reading:
+    """What was met while a video was decoded."""
+
+    packet_times_s: list[float | None] = field(default_factory=list)
+    n_discarded: int = 0  # frames that an edit list leaves out
+    n_frames: int = 0
+    n_deinterlaced: int = 0
+    is_turned: bool = False
+    first_time_s: float | None = None
+    last_time_s: float = -1.0
+    stopped_at_s: float | None = None  # from the first frame on; None if read to the end
+
+
+def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
+    import av
+
+    # `file:` and the lists keep a file from having others opened.
+    only = {"protocol_whitelist": "file", "format_whitelist": CONTAINERS}
+    with av.open(
+        f"file:{path.absolute()}", container_options=only, metadata_errors="ignore"
+    ) as container:
+        stream = _video_stream(path, container)
+        reading = _Reading()
+        numbers: list[int] = []
+        times_s: list[float] = []
+        size_px = (0, 0)
+        for number, time_s, image in _pictures(path, container, stream, config, reading):
+            if times_s and size_px != image.shape[1::-1]:
+                sizes = "{}x{} px, the frames before it {}x{} px".format(
+                    *image.shape[1::-1], *size_px
+                )
+                raise BadFrames(f"{path}: frame {number} is {sizes}; cut the video there")
+            size_px = (image.shape[1], image.shape[0])
+            _require_in_budget(path, len(times_s) + 1, size_px)
+            _write_image(out_dir / f"{number // config.every:05d}.jpg", image, config.jpeg_quality)
+            numbers.append(number)
+            times_s.append(round(time_s, 6))
+        n_expected = _count_expected(container, stream, reading)
+        _require_whole(path, n_expected, reading, config)
+        _require_motion(path, times_s, reading)
+        return VideoRecord(
+            container=container.format.name,
+            codec=stream.codec_context.name,
+            pixel_format=str(stream.codec_context.pix_fmt),
+            stored_size_px=(stream.codec_context.width, stream.codec_context.height),
+            size_px=size_px,
+            is_turned=reading.is_turned,
+            n_deinterlaced=reading.n_deinterlaced,
+            n_expected=n_expected,
+            n_decoded=reading.n_frames,
+            every=config.every,
+            numbers=tuple(numbers),
+            times_s=tuple(times_s),
+        )
+
+
+def _video_stream(path: Path, container: "InputContainer") -> Any:
+    from av.stream import Disposition
+
+    moving = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
+    if not moving:
+        raise BadFrames(f"{path}: has no video stream; give a file with a picture")
+    best = container.streams.best("video")
+    stream = best if best in moving else moving[0]
+    if stream.codec_context is None:
+        raise BadFrames(f"{path}: its codec is not known; {REMEDY}")
+    _require_in_budget(path, 1, (stream.codec_context.width, stream.codec_context.height))
+    # A damaged frame is an error, not a guess at what it would have shown.
+    stream.codec_context.options = {"err_detect": "explode"}
+    return stream
+
+
+def _pictures(
+    path: Path, container: "InputContainer", stream: Any, config: VideoConfig, reading: _Reading
+) -> Iterator[tuple[int, float, np.ndarray]]:
+    """Number, time [s] and picture (H, W, 3) BGR of each frame that is asked for."""
+    stretch = _pixel_aspect(stream)
+    in_order = _in_order(_decoded(container, stream, reading))
+    for frame in _progressive(in_order, reading):
+        number, time_s = reading.n_frames, _time_s(path, frame, stream, reading)
+        if time_s <= reading.last_time_s:
+            if config.take_what_decodes:
+                continue
+            what = f"frame {number} is shown at {time_s:g} s, after one at {reading.last_time_s:g}"
+            raise BadFrames(f"{path}: {what} s; {REMEDY}")
+        if config.to_s is not None and time_s > config.to_s:
+            reading.stopped_at_s = time_s
+            return
+        reading.n_frames, reading.last_time_s = number + 1, time_s
+        if time_s >= config.from_s and number % config.every == 0:
+            _require_in_budget(path, 1, (frame.width, frame.height))
+            yield number, time_s, _upright(path, frame, stretch, reading)
+
+
+def _decoded(
+    container: "InputContainer", stream: Any, reading: _Reading
+) -> Iterator["av.VideoFrame"]:
+    """The frames that decode, in the order in which they are shown."""
+    import av
+
+    packets = container.demux(stream)
+    while True:
+        try:
+            packet = next(packets)
+        except (StopIteration, av.FFmpegError):
+            return  # what is cut off is missed in the count
+        if packet.size:
+            reading.n_discarded += packet.is_discard
+            if not packet.is_discard:
+                known = packet.pts is not None and packet.time_base is not None
+                time_s = float(packet.pts * packet.time_base) if known else None
+                reading.packet_times_s.append(time_s)
+        try:
+            frames = packet.decode()
+        except av.FFmpegError:
+            continue
+        yield from (frame for frame in frames if not frame.is_corrupt)
+
+
+def _in_order(frames: Iterator["av.VideoFrame"]) -> Iterator["av.VideoFrame"]:
+    """The frames by time: behind a damaged one decoders give some too early."""
+    held: list[tuple[int, int, av.VideoFrame]] = []
+    for place, frame in enumerate(frames):
+        if frame.pts is None:
+            yield frame
+            continue
+        heapq.heappush(held, (frame.pts, place, frame))
+        if len(held) > MOST_REORDERED:
+            yield heapq.heappop(held)[2]
+    yield from (heapq.heappop(held)[2] for _ in range(len(held)))
+
+
+def _progressive(frames: Iterator["av.VideoFrame"], reading: _Reading) -> Iterator["av.VideoFrame"]:
+    """The frames; from the first interlaced one on they go through a filter (bwdif)."""
+    graph: Graph | None = None
+    for frame in frames:
+        reading.n_deinterlaced += frame.interlaced_frame
+        if graph is None and frame.interlaced_frame:
+            graph = _deinterlacer(frame)
+        if graph is None:
+            yield frame
+            continue
+        graph.push(frame)
+        yield from _pulled(graph)
+    if graph is not None:
+        graph.push(None)
+        yield from _pulled(graph)
+
+
+def _deinterlacer(frame: "av.VideoFrame") -> "Graph":
+    import av.filter
+
+    graph = av.filter.Graph()
+    source = graph.add_buffer(
+        width=frame.width, height=frame.height, format=frame.format, time_base=frame.time_base
+    )
+    filters = (
+        source,
+        graph.add("bwdif", "mode=send_frame:deint=interlaced"),
+        graph.add("buffersink"),
+    )
+    graph.link_nodes(*filters).configure()
+    return graph
+
+
+def _pulled(graph: "Graph") -> Iterator["av.VideoFrame"]:
+    import av
+
+    while True:
+        try:
+            yield graph.vpull()
+        except (BlockingIOError, av.EOFError):
+            return
+
+
+def _time_s(path: Path, frame: "av.VideoFrame", stream: Any, reading: _Reading) -> float:
+    """A frame's time since the first [s]; of a file without times from its rate."""
+    if frame.pts is None or frame.time_base is None:
+        rate_hz = float(stream.average_rate or stream.guessed_rate or 0)
+        if not rate_hz:
+            raise BadFrames(f"{path}: has neither times nor a rate of its frames; {REMEDY}")
+        shown_s = reading.n_frames / rate_hz
+    else:
+        shown_s = float(frame.pts * frame.time_base)
+    if reading.first_time_s is None:
+        reading.first_time_s = shown_s
+    return shown_s - reading.first_time_s
+
+
+def _pixel_aspect(stream: Any) -> float:
+    """How much wider than long a pixel is; 1 where the file does not say, or says nonsense."""
+    aspect = float(stream.sample_aspect_ratio or 1)
+    return aspect if 1 / LONGEST_PIXEL <= aspect <= LONGEST_PIXEL else 1.0
+
+
+def _upright(path: Path, frame: "av.VideoFrame", stretch: float, reading: _Reading) -> np.ndarray:
+    """(H, W, 3) BGR as it is shown."""
+    import cv2
+
+    # The matrix of BT.601 for all, as OpenCV's own reader has it, which this one replaced.
+    image: np.ndarray = frame.to_ndarray(
+        format="bgr24", interpolation="BICUBIC", src_colorspace="ITU601", dst_colorspace="ITU601"
+    )
+    width = max(1, round(image.shape[1] * stretch))
+    if width != image.shape[1]:
+        image = np.asarray(cv2.resize(image, (width, image.shape[0])))
+    matrix = _display_matrix(frame)
+    if matrix is None or np.array_equal(matrix, [[1, 0], [0, 1]]):
+        return image
+    if sorted(np.abs(matrix).ravel().tolist()) != [0, 0, 1, 1] or not matrix.any(axis=0).all():
+        raise BadFrames(f"{path}: is to be shown at an angle that is no quarter turn; {REMEDY}")
+    reading.is_turned = True
+    return turned(image, matrix)
+
+
+def turned(image: np.ndarray, shown_from_stored: np.ndarray) -> np.ndarray:
+    """An image by quarter turns and mirrors: (2, 2) of 0, 1 and -1 maps (x, y), y down."""
+    if shown_from_stored[0, 0] == 0:
+        image = image.swapaxes(0, 1)
+    backward_x, backward_y = shown_from_stored.sum(axis=1) < 0
+    return np.ascontiguousarray(image[:: -1 if backward_y else 1, :: -1 if backward_x else 1])
+
+
+def _display_matrix(frame: "av.VideoFrame") -> np.ndarray | None:
+    """(2, 2) shown_from_stored, rounded to units, of ISO 14496-12's matrix (a b u c d v x y w)."""
+    sides: Any = frame.side_data
+    for side in sides:
+        if side.type.name == "DISPLAYMATRIX":
+            a, b, _, c, d = np.frombuffer(bytes(side), dtype=np.int32)[:5] / 65536.0
+            given = np.array([[a, c], [b, d]])
+            unit = given / max(np.abs(given).max(), 1e-9)
+            near = np.abs(unit - unit.round()).max() < 0.01
+            return unit.round().astype(int) if near else np.ones((2, 2), dtype=int)
+    return None
+
+
+def _write_image(path: Path, image: np.ndarray, quality: int) -> None:
+    import cv2
+
+    with atomic_path(path) as temporary:
+        cv2.imwrite(str(temporary), image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+
+
+def _require_in_budget(path: Path, n_frames: int, size_px: tuple[int, int]) -> None:
+    """Refuse a video of more than a camera takes; of what is trimmed away nothing counts."""
+    n_pixels = size_px[0] * size_px[1]
+    if n_pixels > MOST_PIXELS:
+        what = f"{size_px[0]}x{size_px[1]} px, more than {MOST_PIXELS} in all"
+        raise BadFrames(f"{path}: {what}; make the video smaller")
+    if n_frames > MOST_VIDEO_FRAMES or n_frames * n_pixels > MOST_VIDEO_PIXELS:
+        what = f"more than {n_frames - 1} frames of {size_px[0]}x{size_px[1]} px"
+        raise BadFrames(f"{path}: {what}; take a part of it (--from, --to, --every)")
+
+
+def _count_expected(container: "InputContainer", stream: Any, reading: _Reading) -> int:
+    """Frames that the file holds by its own count, as far as it was read."""
+    times_s, stopped_at_s = reading.packet_times_s, reading.stopped_at_s
+    if stopped_at_s is not None:
+        end_s = stopped_at_s + (reading.first_time_s or 0.0) - 1e-6
+        before = sum(time_s is not None and time_s < end_s for time_s in times_s)
+        return max(before, reading.n_frames)
+    expected = max(len(times_s), stream.frames - reading.n_discarded, reading.n_frames)
+    if stream.frames or len(container.streams) > 1 or not container.duration:
+        return int(expected)
+    return max(int(expected), _count_by_length(container.duration / 1e6, reading))
+
+
+def _count_by_length(length_s: float, reading: _Reading) -> int:
+    """The same of a format without a count: a file that was cut off still says how long it is."""
+    rate_hz = (reading.n_frames - 1) / max(reading.last_time_s, 1e-9)
+    lacking_s = length_s - reading.last_time_s
+    n_lacking = round(lacking_s * rate_hz) - 1 if lacking_s > FEWEST_LOST_S else 0
+    return reading.n_frames + max(0, n_lacking)
+
+
+def _require_whole(path: Path, n_expected: int, reading: _Reading, config: VideoConfig) -> None:
+    if n_expected > reading.n_frames and not config.take_what_decodes:
+        what = f"{n_expected} frames by the file's own count, but {reading.n_frames} can be decoded"
+        remedy = "get the whole file again, or use what there is (--take-what-decodes)"
+        raise BadFrames(f"{path}: {what}; {remedy}")
+
+
+def _require_motion(path: Path, times_s: list[float], reading: _Reading) -> None:
+    """Refuse fewer than two frames, and a rate that no camera has."""
+    if len(times_s) < 2:
+        what = f"{len(times_s)} frames could be read, but a motion needs at least 2"
+        if reading.n_frames > len(times_s):
+            what += f"; the video has {reading.n_frames}, up to {reading.last_time_s:g} s"
+        raise BadFrames(f"{path}: {what}. Give a longer video, or other times of it")
+    rate_hz = 1.0 / float(np.median(np.diff(times_s)))
+    if not LOWEST_FPS_HZ <= rate_hz <= HIGHEST_FPS_HZ:
+        what = f"{rate_hz:g} frames per second, not {LOWEST_FPS_HZ:g} to {HIGHEST_FPS_HZ:g}"
+        raise BadFrames(f"{path}: {what}; {REMEDY}")

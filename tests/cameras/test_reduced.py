@@ -14,6 +14,7 @@ from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.cameras.tracks import errors_px, load_tracks, mean_over_points
 from gmrdata.read.frames import list_images, read_gray
 from gmrdata.values.errors import BadFrames, NoReconstruction
+from tests.read.test_frames import with_exif
 
 K_PX = np.array([[300.0, 0, 100], [0, 300, 60], [0, 0, 1]])
 
@@ -51,6 +52,20 @@ def test_small_frames_are_taken_as_they_are(tmp_path: Path) -> None:
     frames = a_frame(tmp_path)
     assert reduced(frames, 200, tmp_path / "small") is frames
     assert not (tmp_path / "small").exists()
+
+
+def test_turned_frames_are_written_upright_for_colmap(tmp_path: Path) -> None:
+    """COLMAP reads pictures as they are stored; the mask is of the upright picture."""
+    frames = a_frame(tmp_path)
+    (image,) = frames.images
+    stored = np.rot90(cv2.imread(str(image)))
+    cv2.imwrite(str(image), stored)
+    with_exif(image, 6)
+    upright = reduced(frames, 200, tmp_path / "small")
+    assert upright.size_px == (200, 120) and np.array_equal(upright.intrinsics_px, K_PX)
+    written = cv2.imread(str(upright.images[0]), cv2.IMREAD_GRAYSCALE)
+    assert (written[:, 100:] == 255).all() and (written[:, :100] == 0).all()
+    assert np.array_equal(upright.mask(upright.images[0]), frames.mask(image))
 
 
 def test_a_mask_of_another_size_is_an_error(tmp_path: Path) -> None:

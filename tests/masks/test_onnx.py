@@ -230,17 +230,6 @@ def test_a_broken_frame_is_named(
         onnx_masks(model, noise_dir, tmp_path / "out", OnnxConfig())
 
 
-def test_an_exif_rotation_is_not_applied(tmp_path: Path) -> None:
-    """Cameras are for the picture as stored: a mask of the turned picture would miss everything."""
-    plain = cv2.imencode(".jpg", np.zeros((20, 50, 3), np.uint8))[1].tobytes()
-    turned = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
-    segment = b"\xff\xe1" + (len(turned) + 2).to_bytes(2, "big") + turned
-    path = tmp_path / "0.jpg"
-    path.write_bytes(plain[:2] + segment + plain[2:])
-    assert cv2.imread(str(path)).shape == (50, 20, 3)  # OpenCV would turn it
-    assert read_color(path).shape == (20, 50, 3)
-
-
 @pytest.mark.parametrize(
     ("bad", "said"),
     [

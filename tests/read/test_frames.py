@@ -10,7 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmrdata.read.frames import check_images, image_number, list_images, read_gray, write_gray
+from gmrdata.read.frames import (
+    check_images,
+    decoded,
+    exif_orientation,
+    image_number,
+    is_turned,
+    list_images,
+    read_color,
+    read_gray,
+    write_gray,
+)
 from gmrdata.values.errors import BadFrames, MissingInput
 
 
@@ -52,6 +62,54 @@ def test_a_jpeg_with_metadata_before_the_header_is_read(tmp_path: Path) -> None:
     thumbnail = b"\xff\xe1" + (1000).to_bytes(2, "big") + b"\xff\xc0" * 499
     path.write_bytes(plain[:2] + thumbnail + plain[2:])
     assert check_images([path]) == (40, 30)
+
+
+def with_exif(path: Path, orientation: int, order: str = "MM") -> Path:
+    """Put an EXIF orientation into a JPEG or PNG."""
+    mark = ">" if order == "MM" else "<"
+    entry = struct.pack(mark + "HHIHH", 0x112, 3, 1, orientation, 0)
+    tiff = order.encode() + struct.pack(mark + "HIH", 42, 8, 1) + entry + bytes(4)
+    content = path.read_bytes()
+    if path.suffix == ".png":
+        body = b"eXIf" + tiff
+        segment = struct.pack(">I", len(tiff)) + body + struct.pack(">I", zlib.crc32(body))
+        path.write_bytes(content[:33] + segment + content[33:])
+    else:
+        segment = b"\xff\xe1" + struct.pack(">H", len(tiff) + 8) + b"Exif\0\0" + tiff
+        path.write_bytes(content[:2] + segment + content[2:])
+    return path
+
+
+@pytest.mark.parametrize("order", ["MM", "II"])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_each_reader_turns_by_exif_as_viewers_do(
+    tmp_path: Path, orientation: int, order: str
+) -> None:
+    """OpenCV's and Pillow's own turning are the oracles; PNG and JPEG have one rule."""
+    from PIL import Image, ImageOps
+
+    (jpeg, png) = put(tmp_path, "0.jpg", "1.png")
+    stored = cv2.imread(str(png))
+    shown = np.asarray(ImageOps.exif_transpose(Image.open(with_exif(png, orientation, order))))
+    assert np.array_equal(read_color(png), shown[..., ::-1])
+    with_exif(jpeg, orientation, order)
+    assert np.array_equal(read_color(jpeg), cv2.imread(str(jpeg), cv2.IMREAD_COLOR))
+    assert np.array_equal(read_gray(jpeg), cv2.imread(str(jpeg), cv2.IMREAD_GRAYSCALE))
+    size_px = (40, 30) if orientation <= 4 else (30, 40)
+    assert check_images([jpeg, png]) == size_px
+    assert read_gray(jpeg, size_px).shape == size_px[::-1]
+    unchanged = decoded(png, cv2.IMREAD_UNCHANGED, "fault")
+    assert np.array_equal(unchanged, read_color(png)) and stored.shape == (30, 40, 3)
+    assert is_turned(jpeg) == is_turned(png) == (orientation != 1)
+
+
+@given(st.binary(max_size=60))
+def test_exif_that_is_nonsense_is_upright_or_turned(tail: bytes) -> None:
+    for tiff in (b"MM\0*" + tail, b"II*\0" + tail, tail):
+        length = (len(tiff) + 8).to_bytes(2, "big")
+        jpeg = b"\xff\xd8\xff\xe1" + length + b"Exif\0\0" + tiff
+        assert 1 <= exif_orientation(jpeg) <= 8
+        assert 1 <= exif_orientation(jpeg[: len(jpeg) // 2]) <= 8
 
 
 def test_a_missing_folder(tmp_path: Path) -> None:

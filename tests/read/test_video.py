@@ -1,54 +1,339 @@
-"""Videos as frames, and videos that aren't."""
+"""Videos as frames a person would see, and videos that aren't, or not wholly."""
 
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
 
-from gmrdata.read.video import extract_video, is_video
-from gmrdata.values.errors import BadFrames, MissingInput
+from gmrdata.read import video as video_module
+from gmrdata.read.video import (
+    VIDEO_FILE,
+    VideoConfig,
+    VideoRecord,
+    as_frames,
+    extract_video,
+    is_video,
+    turned,
+    video_record,
+)
+from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
+from tests.read.videos import make_video, picture, textured, with_hole
+from tests.record_keys import assert_each_key_is_needed
 
 
-def write_video(path: Path, n_frames: int) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10, (64, 48))
-    for i in range(n_frames):
-        writer.write(np.full((48, 64, 3), 20 * i, dtype=np.uint8))
-    writer.release()
-    return path
+def extracted(video: Path, **config: object) -> tuple[list[Path], VideoRecord]:
+    """The images and the record of a video, in a folder beside it."""
+    frames = extract_video(video, video.with_suffix(""), VideoConfig.model_validate(config))
+    record = video_record(frames)
+    assert record is not None
+    return sorted(frames.glob("*.jpg")), record
+
+
+def red_quarter(image: Path) -> tuple[int, int]:
+    """Which quarter of a picture is red: (row, column) of 0 and 1."""
+    pixels = cv2.imread(str(image), cv2.IMREAD_COLOR).astype(int)
+    rows, columns = np.nonzero(pixels[..., 2] - pixels[..., 0] > 90)
+    height, width = pixels.shape[:2]
+    return int(rows.mean() > height / 2), int(columns.mean() > width / 2)
 
 
 def test_every_frame_is_written_under_its_number(tmp_path: Path) -> None:
-    video = write_video(tmp_path / "a.mp4", 7)
+    video = make_video(
+        tmp_path / "a.mp4", [np.full((48, 64, 3), 20 * i, np.uint8) for i in range(7)]
+    )
     assert is_video(video) and not is_video(tmp_path)
-    frames = extract_video(video, tmp_path / "frames")
-    assert sorted(p.name for p in frames.glob("*.jpg")) == [f"{i:05d}.jpg" for i in range(7)]
-    for i in range(7):
-        assert abs(float(cv2.imread(str(frames / f"{i:05d}.jpg")).mean()) - 20 * i) < 4
+    images, record = extracted(video)
+    assert [image.name for image in images] == [f"{i:05d}.jpg" for i in range(7)]
+    for i, image in enumerate(images):
+        assert abs(float(cv2.imread(str(image)).mean()) - 20 * i) < 4
+    assert (record.n_expected, record.n_decoded, record.is_turned) == (7, 7, False)
+    assert record.times_s == pytest.approx([0.04 * i for i in range(7)])
+    assert record.rate_hz == pytest.approx(25)
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "pixel_format", "codec_read"),
+    [
+        ("a.mp4", "libx264", "yuv420p", "h264"),
+        ("a.mp4", "libx264", "yuv420p10le", "h264"),
+        ("a.mov", "libx265", "yuv420p10le", "hevc"),
+        ("a.mkv", "libsvtav1", "yuv420p", "libdav1d"),
+        ("a.MOV", "prores_ks", "yuv422p10le", "prores"),
+        ("a.3gp", "mpeg4", "yuv420p", "mpeg4"),
+        ("a.ts", "libx264", "yuv420p", "h264"),
+        ("a.mpg", "mpeg2video", "yuv420p", "mpeg2video"),
+        ("a.webm", "libvpx-vp9", "yuv420p", "vp9"),
+        ("a.avi", "mjpeg", "yuvj420p", "mjpeg"),
+    ],
+)
+def test_codecs_and_containers(
+    tmp_path: Path, name: str, codec: str, pixel_format: str, codec_read: str
+) -> None:
+    try:
+        av.codec.Codec(codec, "w")
+    except av.codec.codec.UnknownCodecError:
+        pytest.skip(f"this build of PyAV has no {codec}")
+    quiet = {"x265-params": "log-level=none"} if codec == "libx265" else {}
+    images, record = extracted(make_video(tmp_path / name, None, codec, pixel_format, **quiet))
+    assert (len(images), record.n_expected, record.codec) == (8, 8, codec_read)
+    assert record.pixel_format == pixel_format
+    assert record.rate_hz == pytest.approx(25, rel=1e-3)
+    for number in (0, 7):
+        seen = cv2.imread(str(images[number]))[..., ::-1].astype(int)
+        assert np.abs(seen - picture(number)).mean() < 12
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.mkv"])
+@pytest.mark.parametrize("colorspace", [None, 1])
+def test_frames_are_those_of_opencv(tmp_path: Path, name: str, colorspace: int | None) -> None:
+    """Plain videos give the same bytes as with the reader of before, OpenCV's."""
+    tagged = {} if colorspace is None else {"colorspace": "bt709"}
+    video = make_video(tmp_path / name, [textured(i) for i in range(6)], **tagged)
+    images, _ = extracted(video)
+    capture = cv2.VideoCapture(str(video))
+    for image in images:
+        _, encoded = cv2.imencode(".jpg", capture.read()[1], [cv2.IMWRITE_JPEG_QUALITY, 95])
+        assert image.read_bytes() == encoded.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("rotation_deg", "quarter"), [(0, (0, 0)), (90, (1, 0)), (180, (1, 1)), (-90, (0, 1))]
+)
+def test_a_turned_video_is_upright(
+    tmp_path: Path, rotation_deg: int, quarter: tuple[int, int]
+) -> None:
+    """Angles of the file are counter-clockwise, as FFmpeg has them."""
+    images, record = extracted(make_video(tmp_path / "a.mp4", rotation_deg=rotation_deg))
+    assert red_quarter(images[0]) == quarter
+    size_px = (64, 48) if rotation_deg % 180 == 0 else (48, 64)
+    assert record.size_px == size_px and record.stored_size_px == (64, 48)
+    assert record.is_turned == (rotation_deg != 0)
+    assert cv2.imread(str(images[0])).shape[1::-1] == size_px
+
+
+def test_a_video_at_another_angle_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadFrames, match="no quarter turn"):
+        extracted(make_video(tmp_path / "a.mp4", rotation_deg=45))
+
+
+@pytest.mark.parametrize("matrix", [[[a, 0], [0, d]] for a in (1, -1) for d in (1, -1)])
+@pytest.mark.parametrize("is_swapped", [False, True])
+def test_turning_follows_the_matrix(matrix: list[list[int]], is_swapped: bool) -> None:
+    """A corner (x, y) from the middle goes where the matrix maps it; mirrored ones too."""
+    shown_from_stored = np.array(matrix)[:, :: -1 if is_swapped else 1]
+    image = np.zeros((4, 6), np.uint8)
+    image[0, 5] = 1  # right, up
+    expected = shown_from_stored @ [1, -1]
+    row, column = np.argwhere(turned(image, shown_from_stored))[0]
+    assert (column > 0, row > 0) == (expected[0] > 0, expected[1] > 0)
+
+
+def test_odd_sizes_and_long_pixels(tmp_path: Path) -> None:
+    images = [picture(i, (65, 49)) for i in range(3)]
+    _, record = extracted(make_video(tmp_path / "a.mkv", images, "ffv1", "yuv444p"))
+    assert record.size_px == (65, 49)
+    wide = make_video(tmp_path / "b.mp4", pixel_aspect=Fraction(3, 2))
+    images_px, record = extracted(wide)
+    assert record.size_px == (96, 48) and record.stored_size_px == (64, 48)
+    assert red_quarter(images_px[0]) == (0, 0)
+
+
+def test_interlaced_frames_lose_their_combs(tmp_path: Path) -> None:
+    """Rows of two times: even ones of a bar that stands here, odd ones of one that stands there."""
+    images = []
+    for number in range(6):
+        image = np.zeros((96, 128, 3), np.uint8)
+        image[0::2, 8 * number + 10 : 8 * number + 40] = 200
+        image[1::2, 8 * number + 14 : 8 * number + 44] = 200
+        images.append(image)
+    flags = {"flags": "+ildct+ilme", "x264-params": "tff=1", "crf": "5"}
+    video = make_video(tmp_path / "a.mp4", images, **flags)
+    written, record = extracted(video)
+    assert (len(written), record.n_deinterlaced) == (6, 6)
+    assert record.times_s == pytest.approx([0.04 * i for i in range(6)])
+    seen = cv2.imread(str(written[3]), cv2.IMREAD_GRAYSCALE).astype(int)
+    combed = images[3][..., 0].astype(int)
+    assert np.abs(np.diff(seen, axis=0)).mean() < 0.25 * np.abs(np.diff(combed, axis=0)).mean()
+    early, n_early = extracted(make_video(tmp_path / "b.mp4", images, **flags), to_s=0.1)
+    assert len(early) == n_early.n_expected == 3
+
+
+def test_each_frame_keeps_its_own_time(tmp_path: Path) -> None:
+    ticks = [0, 1, 2, 5, 6, 9]
+    images = [picture(i) for i in range(6)]
+    _, record = extracted(make_video(tmp_path / "a.mp4", images, ticks=ticks))
+    assert record.times_s == pytest.approx([tick / 25 for tick in ticks])
+    assert record.times_of(np.array([3, 0, 7, -1])) == pytest.approx(
+        [0.2, 0, np.nan, np.nan], nan_ok=True
+    )
+
+
+@pytest.mark.parametrize(
+    ("config", "numbers", "names"),
+    [
+        ({"from_s": 0.1}, [3, 4, 5, 6, 7], ["00003", "00007"]),
+        ({"to_s": 0.12}, [0, 1, 2, 3], ["00000", "00003"]),
+        ({"every": 3}, [0, 3, 6], ["00000", "00002"]),
+        ({"from_s": 0.08, "to_s": 0.2, "every": 2}, [2, 4], ["00001", "00002"]),
+    ],
+)
+def test_a_part_of_a_video(
+    tmp_path: Path, config: dict[str, object], numbers: list[int], names: list[str]
+) -> None:
+    images, record = extracted(make_video(tmp_path / "a.mp4"), **config)
+    assert list(record.numbers) == numbers and record.n_lost == 0
+    assert record.times_s == pytest.approx([number / 25 for number in numbers])
+    assert [images[0].stem, images[-1].stem] == names and len(images) == len(numbers)
+
+
+def test_a_part_of_nothing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadFrames, match="0 frames could be read.*the video has 8, up to 0.28 s"):
+        extracted(make_video(tmp_path / "a.mp4"), from_s=3)
+    with pytest.raises(ValueError, match="not after from_s"):
+        VideoConfig(from_s=2, to_s=1)
+
+
+def test_a_folder_is_taken_whole(tmp_path: Path) -> None:
+    assert as_frames(tmp_path, tmp_path / "frames", VideoConfig()) == tmp_path
+    with pytest.raises(BadRecipe, match="--every.*for a video"):
+        as_frames(tmp_path, tmp_path / "frames", VideoConfig(every=2))
+
+
+def long_video(path: Path, **options: str) -> Path:
+    """48 frames with a key frame every 12."""
+    images = [textured(i) for i in range(48)]
+    return make_video(path, images, **({"g": "12", "crf": "10"} | options))
+
+
+def test_a_hole_in_the_middle_is_counted(tmp_path: Path) -> None:
+    """OpenCV's reader stopped there without a word."""
+    video = long_video(tmp_path / "a.mp4", bf="2")
+    with_hole(video, video.stat().st_size // 3, 3000)
+    with pytest.raises(BadFrames, match=r"48 frames by .* but (\d+) can be.*--take-what-decodes"):
+        extracted(video)
+    images, record = extracted(video, take_what_decodes=True)
+    assert record.n_expected == 48 and 20 < record.n_decoded == len(images) < 48
+    assert record.times_s[-1] == pytest.approx(47 / 25)
+    assert max(np.diff(record.times_s)) > 0.1 and min(np.diff(record.times_s)) > 0.03
+    _, before = extracted(long_video(tmp_path / "b.mp4", bf="2"), to_s=0.3)
+    assert before.n_lost == 0
+
+
+@pytest.mark.parametrize("name", ["a.mkv", "a.mp4"])
+def test_a_file_that_was_cut_off(tmp_path: Path, name: str) -> None:
+    """Matroska has no count of frames but says how long it is."""
+    images = [textured(i) for i in range(48)]
+    faststart = "faststart" if name == "a.mp4" else ""
+    video = make_video(tmp_path / name, images, g="12", crf="10", movflags=faststart)
+    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
+    with pytest.raises(BadFrames, match="48 frames by the file's own count, but 2[0-9] can be"):
+        extracted(video)
+    _, record = extracted(video, take_what_decodes=True)
+    assert record.n_expected == 48 and record.n_lost == 48 - record.n_decoded
+
+
+def test_a_transport_stream_with_lost_packets(tmp_path: Path) -> None:
+    video = long_video(tmp_path / "a.ts")
+    content = video.read_bytes()
+    at = len(content) // 188 // 3 * 188
+    video.write_bytes(content[:at] + content[at + 50 * 188 :])
+    with pytest.raises(BadFrames, match="can be decoded"):
+        extracted(video)
 
 
 @pytest.mark.parametrize("n_frames", [0, 1])
 def test_fewer_than_two_frames_are_refused_and_leave_no_folder(
     tmp_path: Path, n_frames: int
 ) -> None:
-    video = write_video(tmp_path / "a.mp4", n_frames)
-    video.touch()
+    video = make_video(tmp_path / "a.mkv", [picture(i) for i in range(max(1, n_frames))])
+    config = VideoConfig(from_s=0.0 if n_frames else 9.0)
     with pytest.raises(BadFrames, match=f"{n_frames} frames could be read"):
-        extract_video(video, tmp_path / "frames")
+        extract_video(video, tmp_path / "frames", config)
     assert not (tmp_path / "frames").exists()
 
 
 def test_what_is_no_video_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.mp4").write_bytes(b"not a video at all")
-    with pytest.raises(BadFrames, match="a.mp4"):
-        extract_video(tmp_path / "a.mp4", tmp_path / "frames")
-    with pytest.raises(MissingInput, match="no.mp4"):
+    with pytest.raises(MissingInput, match=r"no\.mp4"):
         extract_video(tmp_path / "no.mp4", tmp_path / "frames")
+    playlist = f"#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n{make_video(tmp_path / 'b.ts')}\n"
+    contents = {
+        "empty.mp4": (b"", "empty file"),
+        "text.mp4": (b"not a video at all", "no video"),
+        "playlist.mp4": (playlist.encode(), "no video"),
+        "concat.mp4": (f"ffconcat version 1.0\nfile {tmp_path}/b.ts\n".encode(), "no video"),
+        "image.png": (cv2.imencode(".png", picture(0))[1].tobytes(), "no video"),
+        "head.mp4": (make_video(tmp_path / "c.mp4").read_bytes()[:900], "no video"),
+    }
+    for name, (content, said) in contents.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(BadFrames, match=f"{name}: {said}"):
+            extract_video(tmp_path / name, tmp_path / "frames")
+
+
+def test_a_file_of_sound_has_no_video(tmp_path: Path) -> None:
+    with av.open(str(tmp_path / "a.mp4"), "w") as container:
+        stream = container.add_stream("aac", rate=16000)
+        sound = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
+        sound.sample_rate = 16000
+        container.mux(stream.encode(sound))
+        container.mux(stream.encode())
+    with pytest.raises(BadFrames, match="has no video stream"):
+        extracted(tmp_path / "a.mp4")
+
+
+def test_a_wrong_suffix_does_not_matter(tmp_path: Path) -> None:
+    video = make_video(tmp_path / "a.mkv").rename(tmp_path / "a.jpeg.mp4")
+    assert len(extracted(video)[0]) == 8
+
+
+def test_absurd_rates_and_sizes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fast = make_video(tmp_path / "fast.mp4", rate_hz=9000)
+    with pytest.raises(BadFrames, match=r"90\d\d(\.\d+)? frames per second"):
+        extracted(fast)
+    slow = make_video(tmp_path / "slow.mp4", rate_hz=1, ticks=[90 * i for i in range(8)])
+    with pytest.raises(BadFrames, match=r"0\.0111\d* frames per second"):
+        extracted(slow)
+    plain = make_video(tmp_path / "plain.mp4")
+    for name, most, said in (
+        ("MOST_PIXELS", 1000, "64x48 px, more than 1000"),
+        ("MOST_VIDEO_FRAMES", 4, "more than 4 frames of 64x48 px.*--every"),
+        ("MOST_VIDEO_PIXELS", 10_000, "more than 3 frames"),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(video_module, name, most)
+            with pytest.raises(BadFrames, match=said):
+                extracted(plain)
+
+
+def test_a_header_that_lies_about_the_size(tmp_path: Path) -> None:
+    """The pictures' own size counts, not the container's."""
+    video = make_video(tmp_path / "a.mp4")
+    entry = video.read_bytes().index(b"avc1", video.read_bytes().index(b"stsd"))
+    content = bytearray(video.read_bytes())
+    content[entry + 28 : entry + 32] = (7680).to_bytes(2, "big") + (4320).to_bytes(2, "big")
+    track = content.index(b"tkhd")
+    end = track - 4 + int.from_bytes(content[track - 4 : track], "big")
+    content[end - 8 : end] = (7680 << 16).to_bytes(4, "big") + (4320 << 16).to_bytes(4, "big")
+    video.write_bytes(content)
+    images, record = extracted(video)
+    assert record.size_px == (64, 48) and len(images) == 8
+
+
+def test_the_record_needs_each_key(tmp_path: Path) -> None:
+    _, record = extracted(make_video(tmp_path / "a.mp4"))
+    assert_each_key_is_needed(record, tmp_path / VIDEO_FILE)
 
 
 def test_a_real_video(shared_path: Callable[[str], Path], tmp_path: Path) -> None:
-    frames = extract_video(shared_path("video/dog.mp4"), tmp_path / "frames")
+    config = VideoConfig(from_s=1.0, to_s=1.2)
+    frames = extract_video(shared_path("video/dog.mp4"), tmp_path / "frames", config)
     images = sorted(frames.glob("*.jpg"))
-    assert [p.stem for p in images] == [f"{i:05d}" for i in range(122)]
-    assert cv2.imread(str(images[0])).shape == (720, 1280, 3)
+    assert [p.stem for p in images] == [f"{i:05d}" for i in range(30, 36)]
+    capture = cv2.VideoCapture(str(shared_path("video/dog.mp4")))
+    pictures = [capture.read()[1] for _ in range(36)]
+    _, encoded = cv2.imencode(".jpg", pictures[35], [cv2.IMWRITE_JPEG_QUALITY, 95])
+    assert images[-1].read_bytes() == encoded.tobytes()
