@@ -91,6 +91,8 @@ def motions(
     from gmrdata.motion.library import make_library, motion_table
 
     config = flags.reading(fps_hz, unit_m, joint_map, rest_pose)
+    if (run.shard or array) and (out is None or layout != "files"):
+        raise BadRecipe("--shard: only motion files with --out are shared. Leave it out")
     if array is not None:
         print_script(array)
     elif layout != "files":

@@ -131,6 +131,8 @@ def run(
             )
     if dry_run and kind in ("masks", "gmr", "joint"):
         raise BadRecipe(f"{path}: there is no dry run of a recipe of kind {kind}")
+    if run.shard is not None and kind in ("masks", "gmr", "joint"):
+        raise BadRecipe(f"{path}: --shard: a recipe of kind {kind} is not shared. Leave it out")
     if lacking := [name for name in NEEDS.get(kind, ()) if not getattr(inputs, name)]:
         raise MissingInput(f"{path}: this recipe needs {_flag(lacking[0])}")
     _run_kind(path, kind, out, inputs, run, dry_run)

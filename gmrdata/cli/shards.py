@@ -2,16 +2,17 @@
 
 import sys
 from collections.abc import Sequence
-from contextlib import chdir
+from contextlib import chdir, suppress
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
+from gmrdata.cli.answers import fail
 from gmrdata.stage.cluster_scripts import Array, Need, array_script
 from gmrdata.stage.progress import answers, console
 from gmrdata.stage.shards import COMMAND_FILE, SHARDS_FOLDER, CommandRecord, OthersLeft
-from gmrdata.values.errors import BadRecord, MissingInput
+from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput
 
 SHARD_FLAG, OUT_FLAG = "--shard", "--out"
 SHARED_VERBS = ("motions", "render", "threedpw", "floor", "tables", "run")
@@ -19,10 +20,20 @@ NOT_MEASURED = Need(None, None)
 
 
 def end_of_share(left: OthersLeft, arguments: Sequence[str]) -> None:
-    """Say what other shards have left, and keep the command for `gmrdata merge`."""
-    record = CommandRecord(arguments=tuple(arguments), folder=str(Path.cwd()))
-    if left.folder.is_dir():  # who finished meanwhile took it away
-        record.write(left.folder / COMMAND_FILE)
+    """Say what other shards have left, and keep the command for `gmrdata merge`.
+
+    That verb itself ends with 1 then: it was asked for the whole.
+    """
+    if left.merging:
+        fail(str(left))
+    record, path = CommandRecord(arguments=tuple(arguments), folder=str(Path.cwd())), left.folder
+    if path.is_dir():
+        record.write(path / COMMAND_FILE)
+        if not any(path.glob("*.done")):  # who finished meanwhile took all marks away
+            (path / COMMAND_FILE).unlink(missing_ok=True)
+            with suppress(OSError):
+                path.rmdir()
+                path.parent.rmdir()
     console.print(str(left), markup=False, soft_wrap=True)
 
 
@@ -44,10 +55,23 @@ ArrayFlags = Annotated[Array | None, OmitArgPrefixes, arg(constructor=_array)]
 
 def print_script(array: Array, need: Need = NOT_MEASURED) -> None:
     """Print the command that was typed as a script for a cluster."""
-    typed = [part for argument in sys.argv[1:] for part in argument.split("=", 1)]
+    typed = parted(sys.argv[1:])
+    if SHARD_FLAG in typed:
+        raise BadRecipe(
+            f"--print-{array.system}: the script gives each task its --shard; leave it out"
+        )
     at = typed.index(f"--print-{array.system}")
     command = ["gmrdata", *typed[:at], *typed[at + 2 :]]
     answers.out(array_script(array, command, Path.cwd(), need), end="", highlight=False)
+
+
+def parted(arguments: Sequence[str]) -> list[str]:
+    """Arguments with flags and values apart, and hyphens in flags: --a_b=c as --a-b c."""
+    found = []
+    for argument in arguments:
+        flag, *value = argument.split("=", 1) if argument.startswith("--") else (argument,)
+        found += [flag.replace("_", "-") if argument.startswith("--") else flag, *value]
+    return found
 
 
 def merge(out: Positional[Path]) -> None:
@@ -75,7 +99,7 @@ def merging(path: Path, record: CommandRecord, out: Path) -> list[str]:
 
     BadRecord where it is not a command of shards, or writes another folder than `out`.
     """
-    typed = [part for argument in record.arguments for part in argument.split("=", 1)]
+    typed = parted(record.arguments)
     flags = [part for part in typed[:-1] if part in (SHARD_FLAG, OUT_FLAG)]
     values = {flag: typed[typed.index(flag) + 1] for flag in flags}
     fits = typed[:1] and typed[0] in SHARED_VERBS and {SHARD_FLAG, OUT_FLAG} == values.keys()

@@ -139,7 +139,7 @@ def try_claim(path: Path) -> Claim | None:
 
 def is_dead(path: Path, record: ClaimRecord) -> bool:
     """Whether a claim's owner is known to be dead by now."""
-    if record.host == host_word():
+    if record.host == host_word() and not _is_hidden(record.pid):
         return _started(record.pid) != record.started
     with _WATCH:
         seen = _SEEN.get(path)
@@ -190,8 +190,8 @@ class _Heart:
             with self._lock:
                 claims = list(self._claims)
             for claim in claims:
-                # A disk that is full or away for a moment kills nobody.
-                with suppress(OSError):
+                # A disk that is full or away for a moment, or rubbish in a claim, kills nobody.
+                with suppress(OSError, ValueError):
                     claim.beat()
 
 
@@ -221,10 +221,14 @@ def _read(path: Path, token: str | None = None) -> ClaimRecord | None:
     """A claim; None where there is none, or another than that of the token."""
     try:
         found = ClaimRecord.read(path)
-    except (MissingInput, FileNotFoundError):  # it may go while it is read
+    except MissingInput:
         return None
     except BadRecord:
         found = UNREADABLE
+    except OSError as error:  # it may go while it is read
+        if error.errno not in (errno.ENOENT, errno.ESTALE):
+            raise
+        return None
     return found if token in (None, found.token) else None
 
 
@@ -258,9 +262,10 @@ def _root() -> Iterator[int]:
 
 
 def _link_named(path: Path, record: ClaimRecord) -> bool:
+    path.parent.mkdir(parents=True, exist_ok=True)  # who ended a batch may have taken it away
     temporary = path.with_name(temporary_name(path))
-    temporary.write_text(_text(record))
     try:
+        temporary.write_text(_text(record))
         return _linked(str(temporary), path, record)
     finally:
         temporary.unlink(missing_ok=True)
@@ -270,7 +275,8 @@ def _linked(file: str, path: Path, record: ClaimRecord, root: int | None = None)
     try:
         os.link(file, path, src_dir_fd=root)
     except FileExistsError:
-        return False
+        # NFS asks again where an answer was lost, and then finds the link that it made itself.
+        return _read(path, record.token) is not None
     except OSError as error:
         if error.errno not in NO_LINKS:
             raise
@@ -295,3 +301,14 @@ def _started(pid: int) -> str:
     except OSError:
         return ""
     return "" if fields[0] in "ZX" else fields[19]
+
+
+def _is_hidden(pid: int) -> bool:
+    """Whether it is a process of somebody else, on a machine whose `/proc` shows only one's own."""
+    try:
+        os.kill(pid, 0)
+    except PermissionError:
+        return not Path(f"/proc/{pid}").exists()
+    except OSError:
+        return False
+    return False

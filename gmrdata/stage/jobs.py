@@ -6,7 +6,7 @@ import platform
 import socket
 import traceback
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -21,7 +21,7 @@ from gmrdata.stage.progress import console, progress_bar, track
 from gmrdata.stage.run import Run
 from gmrdata.stage.shards import Marks, OthersLeft, Shard, marks_folder
 from gmrdata.stage.store import NotMade, package_versions
-from gmrdata.values.errors import GmrdataError, StageFailed
+from gmrdata.values.errors import ClaimLost, GmrdataError, StageFailed
 from gmrdata.values.files import write_text
 
 Item = TypeVar("Item")
@@ -124,7 +124,10 @@ def try_jobs(
             f"{description}: {len(left)} of {len(jobs)} are left. Who finishes last writes the "
             f"result, or `gmrdata merge` does.\n{marks.said(left)}",
             marks.folder,
+            merging=pool.shard.index == 0,
         )
+    # A process that fell silent and woke up may have written why it lost what is made now.
+    record_failures(failures_dir, {}, results)
     marks.remove()
     return _in_order(jobs, Outcome(results, reasons))
 
@@ -262,6 +265,8 @@ def _one_by_one(
                 continue
             try:
                 outcome.results[job.id] = _attempt(job)
+            except ClaimLost:  # who took it over makes it
+                continue
             except Exception as error:
                 outcome.reasons[job.id] = _reason(error, error.__traceback__)
                 # Kept now: this process may not live to the end of its share.
@@ -309,13 +314,15 @@ def _submit_and_wait(
 
 
 def record_failures(
-    failures_dir: Path, reasons: Mapping[str, str], finished: Iterable[str]
+    failures_dir: Path, reasons: Mapping[str, str], finished: Collection[str]
 ) -> None:
     """Write one text file for each job that failed, and remove those of jobs that now finished."""
     for id, reason in reasons.items():
         write_text(failures_dir / f"{id}.txt", reason)
-    for id in finished:
-        (failures_dir / f"{id}.txt").unlink(missing_ok=True)
+    # Looked up in one listing: most folders are empty, and a shared disk is asked once.
+    there = set(failures_dir.iterdir()) if finished and failures_dir.is_dir() else set()
+    for path in there.intersection(failures_dir / f"{id}.txt" for id in finished):
+        path.unlink(missing_ok=True)
 
 
 def raise_failures(
@@ -351,7 +358,8 @@ def _client(run: Run, workers: int) -> Iterator[Any]:
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             client = Client(run.scheduler, timeout=CONNECT_S)
-        except (OSError, ValueError) as error:
+        # The last two: tls:// without certificates, tcp:// where Dask's settings want encryption.
+        except (OSError, ValueError, TypeError, RuntimeError) as error:
             what = f"no Dask scheduler at {run.scheduler} ({error})"
             raise StageFailed(f"{what}. Start one, or leave --scheduler out") from error
         with client:

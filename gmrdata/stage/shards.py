@@ -12,13 +12,13 @@ import re
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Self
 
-from gmrdata.stage.claims import Claim, held, owner, try_claim
-from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput, StageFailed
+from gmrdata.stage.claims import Claim, ClaimRecord, held, is_dead, owner, try_claim
+from gmrdata.values.errors import BadRecipe, BadRecord, ClaimLost, MissingInput, StageFailed
 from gmrdata.values.files import host_word
 from gmrdata.values.records import Record
 
@@ -46,9 +46,10 @@ class Shard:
 class OthersLeft(Exception):
     """This shard is done, and others are not: no error, but no result of the whole batch yet."""
 
-    def __init__(self, message: str, folder: Path) -> None:
+    def __init__(self, message: str, folder: Path, *, merging: bool = False) -> None:
         super().__init__(message)
         self.folder = folder  # of the marks
+        self.merging = merging  # share 0, which was asked for the whole
 
 
 class DoneRecord(Record):
@@ -56,8 +57,7 @@ class DoneRecord(Record):
 
     format: Literal["gmrdata-shard/1"] = "gmrdata-shard/1"
     jobs_sha256: str
-    """Of the ids of the whole batch and the number of shards: marks of another batch don't count.
-    """
+    """Of all ids and weights and the number of shards: marks of other shares don't count."""
 
 
 COMMAND_FILE = "command.json"
@@ -78,7 +78,7 @@ class Marks:
     def __init__(self, folder: Path, shard: Shard, weights: Mapping[str, float]) -> None:
         self.folder, self._shard = folder, shard
         self._shares = shares(weights, shard.count)
-        listed = "\n".join([str(shard.count), *sorted(weights)])
+        listed = "\n".join([str(shard.count), *(f"{weights[id]!r} {id}" for id in sorted(weights))])
         self._done = DoneRecord(jobs_sha256=hashlib.sha256(listed.encode()).hexdigest())
 
     @contextmanager
@@ -101,36 +101,32 @@ class Marks:
                 f"process{who}. Give each process a shard of its own"
             )
         with held(claim):
-            yield self._to_do()
+            yield self._to_do(claim)
 
-    def _to_do(self) -> Iterator[list[str]]:
-        yield self._shares[self._shard.index]
-        self._mark_done(self._shard.index)
+    def _to_do(self, claim: Claim) -> Iterator[list[str]]:
+        index = self._shard.index
+        # What an earlier run of this shard ended with, and why its jobs failed, is past.
+        self._mark(index).unlink(missing_ok=True)
+        yield self._shares[index]
+        self._mark_done(index, claim)
         adopted = True
         while adopted:
             adopted = False
-            for index in self._others():
-                claim = None if self.is_done(index) else self._adopt(index)
-                if claim is not None:
-                    adopted = True
-                    with held(claim):
+            paths = {index: self._claim(index) for index in self._others()}
+            for index, claim in left_by_the_dead(paths):
+                with held(claim):
+                    # Else it ended in this moment, or gave up, and who begins again does it.
+                    if claim.taken_over and not self.is_done(index):
+                        adopted = True
                         yield self._shares[index]
-                        self._mark_done(index)
+                        self._mark_done(index, claim)
 
     def _others(self) -> list[int]:
-        """From the next one on, so that several who are done begin with different ones."""
+        """Those that are not done, from the next one on: several who are done begin with different
+        ones."""
         own, count = self._shard.index, self._shard.count
-        return [(own - 1 + step) % count + 1 for step in range(1, count)]
-
-    def _adopt(self, index: int) -> Claim | None:
-        path = self._claim(index)
-        if owner(path) is None:  # not begun, and who begins late does it himself
-            return None
-        claim = settled(path)
-        if claim is not None and (not claim.taken_over or self.is_done(index)):
-            claim.release()  # it ended in this moment
-            return None
-        return claim
+        others = ((own - 1 + step) % count + 1 for step in range(1, count))
+        return [index for index in others if not self.is_done(index)]
 
     def ended(self) -> set[str]:
         """Ids of the jobs whose shard is done: those that are not made have failed."""
@@ -148,19 +144,29 @@ class Marks:
         left, lines = set(left), []
         for index, share in self._shares.items():
             if count := len(left.intersection(share)):
-                has = owner(self._claim(index))
-                where = "not begun" if has is None else f"process {has.pid} on {has.machine}"
-                lines.append(f"  shard {index}/{self._shard.count}: {count} left, {where}")
+                lines.append(
+                    f"  shard {index}/{self._shard.count}: {count} left, {self._state(index)}"
+                )
         return "\n".join(lines)
+
+    def _state(self, index: int) -> str:
+        if has := owner(self._claim(index)):
+            return f"process {has.pid} on {has.machine}"
+        if self.is_done(index):
+            return "made with other settings or inputs, or gone since. Run this shard again"
+        return "not begun, or ended by an error. Run this shard"
 
     def remove(self) -> None:
         """Take the marks away, the folder too when no other batch has some."""
         shutil.rmtree(self.folder, ignore_errors=True)
-        if self.folder.parent.is_dir() and not any(self.folder.parent.glob("*/")):
-            shutil.rmtree(self.folder.parent, ignore_errors=True)
+        with suppress(OSError):
+            self.folder.parent.rmdir()
 
-    def _mark_done(self, index: int) -> None:
-        self._done.write(self._mark(index))
+    def _mark_done(self, index: int, claim: Claim) -> None:
+        """Unless another process took the share over: it makes the mark then."""
+        with suppress(ClaimLost):
+            claim.require()
+            self._done.write(self._mark(index))
 
     def _claim(self, index: int) -> Path:
         return self.folder / f".{index}-of-{self._shard.count}.claim"
@@ -179,10 +185,38 @@ def settled(path: Path) -> Claim | None:
         found = owner(path)
         if first is None or found is None or found.token != first.token:
             first = found
-        elif found.host == host_word() or found.beats != first.beats:
+        elif _lives(path, found, first):
             return None
         time.sleep(LOOK_S)
     return claim
+
+
+def left_by_the_dead(paths: Mapping[int, Path]) -> Iterator[tuple[int, Claim]]:
+    """Claims of dead owners, one by one; not beating yet.
+
+    All are watched at once, so that a hundred owners on other machines take no longer than one.
+    Claims that nobody has are left alone: who begins late does his share himself.
+    """
+    first = {index: found for index, path in paths.items() if (found := owner(path))}
+    while first:
+        for index, path in paths.items():
+            if index not in first:
+                continue
+            found = owner(path)
+            if found is None or _lives(path, found, first[index]):
+                del first[index]
+            elif claim := try_claim(path):
+                del first[index]
+                yield index, claim
+        if first:
+            time.sleep(LOOK_S)
+
+
+def _lives(path: Path, found: ClaimRecord, first: ClaimRecord) -> bool:
+    """Whether an owner was seen to live since the first look."""
+    if found.host == host_word():
+        return not is_dead(path, found)
+    return (found.token, found.beats) != (first.token, first.beats)
 
 
 def shares(weights: Mapping[str, float], count: int) -> dict[int, list[str]]:

@@ -44,7 +44,7 @@ def test_shards_leave_the_bytes_of_one_process(
         assert "shard 3/3: " in answer.stderr and "not begun" in answer.stderr
         assert not (shared / "motions.yaml").exists()
     answer = gmrdata("merge", shared)
-    assert answer.returncode == 0 and "shard 3/3: " in answer.stderr
+    assert answer.returncode == 1 and "shard 3/3: " in answer.stderr
     last = gmrdata(*command, "--out", shared, "--shard", "3/3")
     assert last.returncode == 1 and "1 of 5 files could not be read" in last.stderr
     assert contents(shared) == contents(alone)
@@ -101,3 +101,27 @@ def test_the_recorded_command_works_on_nothing(tmp_path: Path) -> None:
     assert merging(tmp_path / "command.json", record, tmp_path / "out") == [
         "render", "set.yaml", "--out", "out", "--shard", "0/40", "--redo",
     ]  # fmt: skip
+
+
+def test_an_equals_sign_in_a_path_stays_one(tmp_path: Path) -> None:
+    typed = ("motions", "a=1/walk.bvh", "--out=b=2", "--shard=1/2", "--fps_hz=30")
+    record = CommandRecord(arguments=typed, folder=str(tmp_path))
+    assert merging(tmp_path / "command.json", record, tmp_path / "b=2") == [
+        "motions", "a=1/walk.bvh", "--out", "b=2", "--shard", "0/2", "--fps-hz", "30",
+    ]  # fmt: skip
+
+
+def test_what_is_not_shared_says_so(gmrdata: Gmrdata, tmp_path: Path) -> None:
+    """Each shard would do the whole work."""
+    recipe = tmp_path / "gmr.yaml"
+    recipe.write_text("recipe: gmr\n")
+    commands = (
+        ("run", recipe, "--out", tmp_path / "out", "--shard", "1/2"),
+        ("motions", tmp_path, "--shard", "1/2"),
+        ("motions", tmp_path, "--layout", "emdb", "--out", tmp_path / "out", "--shard", "1/2"),
+        ("motions", tmp_path, "--out", "o", "--shard", "1/2", "--print-slurm", "2"),
+    )
+    for command in commands:
+        answer = gmrdata(*command)
+        assert answer.returncode == 1 and "eave " in answer.stderr, answer.stderr
+    assert not (tmp_path / "out").exists()

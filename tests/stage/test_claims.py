@@ -1,5 +1,6 @@
 """Claims on a shared disk: one owner at a time, taken over from the dead, given to nobody twice."""
 
+import errno
 import multiprocessing
 import os
 import signal
@@ -9,6 +10,7 @@ import threading
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -232,3 +234,44 @@ def test_a_stage_that_was_taken_over_leaves_no_result(tmp_path: Path) -> None:
     with pytest.raises(ClaimLost):
         run_stage("test", tmp_path / "out", Config(), {}, work)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_link_whose_answer_was_lost_is_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """NFS asks a second time then, and the second answer is that the file is there."""
+    link = os.link
+
+    def twice(*args: Any, **how: Any) -> None:
+        link(*args, **how)
+        link(*args, **how)
+
+    monkeypatch.setattr(os, "link", twice)
+    with claimed(tmp_path / ".x.claim") as claim:
+        claim.require()
+    assert names(tmp_path) == []
+
+
+def test_a_handle_that_went_stale_is_nobodys_claim(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stale(path: Path) -> ClaimRecord:
+        raise OSError(errno.ESTALE, "Stale file handle", str(path))
+
+    monkeypatch.setattr(ClaimRecord, "read", stale)
+    assert owner(tmp_path / ".x.claim") is None
+
+
+def test_a_process_that_proc_hides_is_watched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of another user's processes some machines show nothing: that is no sign of death."""
+    path = tmp_path / ".x.claim"
+    record = of_another_machine(path, host=host_word(), pid=2**22 + 1)
+    assert is_dead(path, record)
+
+    def forbidden(*_: int) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "kill", forbidden)
+    assert not is_dead(path, record)

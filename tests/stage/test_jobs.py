@@ -151,11 +151,14 @@ def test_a_running_scheduler_is_used(tmp_path: Path) -> None:
     assert set(results) == {"a"}
 
 
-def test_no_scheduler_at_the_address_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])  # without a certificate
+def test_no_scheduler_at_the_address_is_a_clear_error(
+    monkeypatch: pytest.MonkeyPatch, protocol: str
+) -> None:
     monkeypatch.setattr(stage_jobs, "CONNECT_S", 0.5)
     with (
-        pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"),
-        worker_pool(Run(scheduler="tcp://127.0.0.1:9")) as pool,
+        pytest.raises(StageFailed, match=f"no Dask scheduler at {protocol}://127.0.0.1:9"),
+        worker_pool(Run(scheduler=f"{protocol}://127.0.0.1:9")) as pool,
     ):
         pool.client()
 

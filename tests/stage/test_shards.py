@@ -1,6 +1,7 @@
 """Shards: processes that share a folder do a batch together, once, whoever dies on the way."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.stage import claims
-from gmrdata.stage.claims import ClaimRecord
+from gmrdata.stage.claims import ClaimRecord, owner
 from gmrdata.stage.jobs import Job, Outcome, try_jobs, worker_pool
 from gmrdata.stage.run import Run
-from gmrdata.stage.shards import OthersLeft, Shard, shares
+from gmrdata.stage.shards import Marks, OthersLeft, Shard, shares
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, BadRecipe, StageFailed
 from gmrdata.values.records import Config
@@ -182,3 +183,123 @@ def test_nothing_is_shared_by_nobody(tmp_path: Path) -> None:
         batch(tmp_path, "0/2")
     batch(tmp_path, "2/2")
     assert len(batch(tmp_path, "0/2").results) == 6
+
+
+def of_node(number: int, path: Path) -> ClaimRecord:
+    """A claim of a process on another machine that shows no life."""
+    record = ClaimRecord(
+        token=f"{number:032x}", host=f"{number:012x}", machine=f"node{number}", pid=1, started="1",
+        beats=3, deaths=0,
+    )  # fmt: skip
+    path.parent.mkdir(parents=True, exist_ok=True)
+    record.write(path)
+    return record
+
+
+def test_many_silent_machines_are_waited_for_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(claims, "SILENT_S", 1.0)
+    for number in range(1, 6):
+        of_node(number, tmp_path / "shards" / "making-things" / f".{number}-of-6.claim")
+    begin_s = time.monotonic()
+    assert len(batch(tmp_path, "6/6").results) == 6
+    assert time.monotonic() - begin_s < 4.0
+
+
+def redone(root: Path, shard: str, wanted: str, *, redo: bool = True) -> Outcome:
+    run = Run(shard=Shard.parse(shard), redo=redo)
+    jobs = [
+        Job(f"c{n}", remake, {"out_dir": root / f"c{n}", "wanted": wanted, "run": run})
+        for n in range(6)
+    ]
+    with worker_pool(run) as pool:
+        return try_jobs("making things", jobs, pool, root / "failed")
+
+
+class Wanted(Config):
+    text: str
+
+
+def remake(out_dir: Path, wanted: str, run: Run) -> Path:
+    def work(partial_dir: Path) -> None:
+        (partial_dir / "a.txt").write_text(wanted)
+        with (out_dir.parent / "log").open("a") as stream:
+            stream.write(f"{wanted} {out_dir.name}\n")
+
+    return run_stage("test", out_dir, Wanted(text=wanted), {}, work, run=run)
+
+
+def test_a_shard_that_redoes_does_its_own_share_alone(tmp_path: Path) -> None:
+    """What others made by the old recipe does not count as done."""
+    for shard in ("1/2", "2/2"):
+        try:
+            redone(tmp_path, shard, "old")
+        except OthersLeft:
+            continue
+    with pytest.raises(OthersLeft, match="shard 1/2: 3 left, not begun"):
+        redone(tmp_path, "2/2", "new")
+    outcome = redone(tmp_path, "1/2", "new")
+    assert len(outcome.results) == 6 and not outcome.reasons
+    assert {(tmp_path / f"c{n}" / "a.txt").read_text() for n in range(6)} == {"new"}
+    lines = (tmp_path / "log").read_text().split("\n")
+    assert sorted(line for line in lines if line[:3] == "new") == [f"new c{n}" for n in range(6)]
+
+
+def test_shards_of_two_recipes_make_no_whole(tmp_path: Path) -> None:
+    """One restarted with another recipe, without --redo: the last says which shard to run again."""
+    with pytest.raises(OthersLeft):
+        redone(tmp_path, "1/2", "old", redo=False)
+    with pytest.raises(OthersLeft, match=r"shard 1/2: 3 left, made with other settings"):
+        redone(tmp_path, "2/2", "new", redo=False)
+
+
+def test_a_failure_of_an_earlier_run_is_past_once_its_shard_runs_again(tmp_path: Path) -> None:
+    with pytest.raises(OthersLeft):
+        batch(tmp_path, "1/2", poison={f"c{n}": "fails" for n in range(6)})
+    again = child(tmp_path, "1/2", 6, 60.0)
+    deadline_s = time.monotonic() + 30
+    while (tmp_path / "log").read_text().count("\n") < 4:
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+    with pytest.raises(OthersLeft, match=f"shard 1/2: 3 left, process {again.pid} on"):
+        batch(tmp_path, "2/2")
+    again.kill()
+    again.wait()
+    assert len(batch(tmp_path, "2/2").results) == 6
+    assert not list((tmp_path / "failed").iterdir())
+
+
+def test_shares_by_other_weights_are_other_shares(tmp_path: Path) -> None:
+    """Else a job is in nobody's share when files change their length between two starts."""
+    sides = [
+        Marks(tmp_path / "shards" / "x", Shard(1, 2), dict.fromkeys("abcd", 1.0) | {"a": weight})
+        for weight in (1.0, 9.0)
+    ]
+    with sides[0].working() as shares_:
+        list(shares_)
+    assert sides[0].is_done(1) and not sides[1].is_done(1)
+
+
+def test_a_shard_that_lost_its_share_leaves_the_mark_to_who_has_it(tmp_path: Path) -> None:
+    marks = Marks(tmp_path / "shards" / "x", Shard(1, 2), dict.fromkeys("abcd", 1.0))
+    path = tmp_path / "shards" / "x" / ".1-of-2.claim"
+    with marks.working() as found:
+        next(found)
+        other = of_node(7, path)  # as a process does that saw this one silent
+        with pytest.raises(StopIteration):
+            next(found)
+    assert not marks.is_done(1) and owner(path) == other
+
+
+def test_a_batch_that_was_ended_by_another_process_can_still_be_worked_on(tmp_path: Path) -> None:
+    """Its marks are gone then; a process that was taken for dead goes on without an error."""
+    run = Run(shard=Shard(1, 1))
+    jobs = [Job(f"c{n}", taking_away, {"root": tmp_path}) for n in range(3)]
+    with worker_pool(run) as pool:
+        outcome = try_jobs("making things", jobs, pool, tmp_path / "failed")
+    assert len(outcome.results) == 3 and not (tmp_path / "shards").exists()
+
+
+def taking_away(root: Path) -> None:
+    shutil.rmtree(root / "shards")
