@@ -1,9 +1,9 @@
 """The demo's figures: summary.json, the report, and the last lines on the terminal."""
 
-import json
 from pathlib import Path
 
 import numpy as np
+from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from gmrdata.cli.demo_motions import MotionsConfig
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
@@ -21,16 +21,26 @@ from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadRecord
+from gmrdata.values.files import read_json_lines
 from gmrdata.world.quality import load_record
 
 FPS_HZ = 10.0  # rate at which all errors are measured [Hz]: the paper's
 
 
+def _curve(path: Path) -> tuple[tuple[int, float], ...]:
+    """Steps and losses of a run."""
+    points = [(row.get("step"), row["loss"]) for row in read_json_lines(path) if "loss" in row]
+    try:
+        return TypeAdapter(tuple[tuple[int, FiniteFloat], ...]).validate_python(points)
+    except ValidationError as error:
+        why = error.errors()[0]["msg"]
+        raise BadRecord(f"{path}: `step` or `loss` is wrong ({why}); train again") from None
+
+
 def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     """Write summary.json, overview.png and report.html, whose path it gives; print the figures."""
     body, gmr = read_body(paths.body), load_gmr(paths.gmr_dir)
-    metrics = (paths.gmr_dir / "metrics.jsonl").read_text().splitlines()
-    rows = [json.loads(line) for line in metrics]
+    rows = _curve(paths.gmr_dir / "metrics.jsonl")
     record = StageRecord.of(paths.gmr_dir)
     report = report_data.ReportData(
         run=report_data.RunReport(
@@ -42,7 +52,7 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
         ),
         clips=tuple(_clip_report(paths, clip, body, gmr) for clip in recipe.clips),
         scores={name: _manifest_score(paths, name) for name in ("synthetic", "pseudo_gt")},
-        learning_curve=tuple((row["step"], row["loss"]) for row in rows if "loss" in row),
+        learning_curve=rows,
     )
     figures = report_data.summary(report)
     figures.write(paths.summary)

@@ -41,6 +41,7 @@ plots follow the reader's light or dark scheme; no two roles may share a colour.
 
 _RC: Any = {
     "svg.fonttype": "none",
+    "text.parse_math": False,  # names of clips and runs may have a $
     "font.size": 9.5,
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],

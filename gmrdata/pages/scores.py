@@ -97,7 +97,9 @@ def plot_over_time(plot: Figure, names: Sequence[str], records: Sequence[Scores]
         dashes = "-" if number < len(ROLES) else "--"
         if curve.interval95_mm is not None:
             axes.fill_between(times_s, *curve.interval95_mm, color=colour, alpha=0.16, linewidth=0)
-        axes.plot(times_s, curve.vertex_mm, dashes, color=colour, linewidth=1.6, label=name)
+        # matplotlib leaves names that begin with _ out of the legend.
+        label = f" {name}" if name.startswith("_") else name
+        axes.plot(times_s, curve.vertex_mm, dashes, color=colour, linewidth=1.6, label=label)
     axes.set(xlabel="time [s]", ylabel="vertex error [mm]")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)

@@ -135,6 +135,15 @@ class OverTime(ByMethod[Curve]):
     clips: tuple[str, ...]
     """Ids of the clips that last so long."""
 
+    @model_validator(mode="after")
+    def _has_every_time(self) -> Self:
+        for name, curve in (("predicted", self.predicted), ("zero", self.zero)):
+            for values in (curve.vertex_mm, *(curve.interval95_mm or ())):
+                if len(values) != len(self.times_s):
+                    n = f"{len(values)} values for {len(self.times_s)} times_s"
+                    raise ValueError(f"`over_time.{name}` has {n}")
+        return self
+
 
 class Protocol(Config):
     """What is measured beside OME, TME and VME, and how."""

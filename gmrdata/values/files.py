@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -142,9 +143,37 @@ def read_json(path: Path) -> Any:
     if not path.is_file():
         raise MissingInput(f"{path}: no such file")
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_json(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         raise BadRecord(f"{path}: not JSON ({error}); make it again") from None
+
+
+def parse_json(text: str) -> Any:
+    """The value of a JSON text; ValueError for half a character too, which no file can hold."""
+    value = json.loads(text)
+    if "\\ud" in text.lower():
+        try:
+            json.dumps(value, ensure_ascii=False).encode()
+        except UnicodeEncodeError:
+            raise ValueError("a text has half of a surrogate pair (\\ud800 and the like)") from None
+    return value
+
+
+def read_json_lines(path: Path) -> list[dict[str, Any]]:
+    """The objects of a file with one in each line; BadRecord names the line that is none."""
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    rows: list[dict[str, Any]] = []
+    try:
+        for line in path.read_text(encoding="utf-8").splitlines():
+            row = parse_json(line)
+            if not isinstance(row, dict):
+                raise ValueError("it is no object")
+            rows.append(row)
+    except (ValueError, RecursionError) as error:
+        where = f"{path}:{len(rows) + 1}"
+        raise BadRecord(f"{where}: not a line of JSON ({error}); make it again") from None
+    return rows
 
 
 def read_npz(path: Path, budget: Budget | None = None) -> dict[str, np.ndarray]:
@@ -177,6 +206,7 @@ def check_archive(path: Path, budget: Budget) -> None:
 _NPZ_ERRORS = (
     zipfile.BadZipFile, zlib.error, ValueError, TypeError, OSError, EOFError, MemoryError,
     RuntimeError,  # an encrypted or strangely compressed member
+    SyntaxError, TokenError,  # an array's header, which is Python's text
 )  # fmt: skip
 """What numpy and zipfile raise for files that are not what they say."""
 

@@ -1,12 +1,12 @@
 """Which joint of a file stands for which joint of the SMPL tree."""
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gmrdata.values.body import JOINT
 from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.files import parse_json
 from gmrdata.values.limits import MOST_RECIPE_BYTES
 from gmrdata.values.plain_yaml import parse
 
@@ -217,7 +217,7 @@ def _load_map(map_path: Path) -> Mapping[str, str]:
         raise BadMotionFile(f"{map_path}: larger than {MOST_RECIPE_BYTES} bytes; no joint map is")
     text = map_path.read_text(encoding="utf-8", errors="replace")
     try:
-        loaded = json.loads(text) if map_path.suffix == ".json" else parse(text)[0]
+        loaded = parse_json(text) if map_path.suffix == ".json" else parse(text)[0]
     except (ValueError, RecursionError) as error:
         raise BadMotionFile(f"{map_path}: not a readable joint map ({error})") from None
     if not isinstance(loaded, Mapping):
