@@ -9,6 +9,7 @@ that step: it is part of the state that a killed run goes on from, and comes and
 
 import math
 import os
+import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from gmrdata.values.files import read_json, write_json, write_text
 from gmrdata.values.records import Config, Record
 
 STATE_FILE = "state.json"
+_FOLDER_NAME = re.compile(r"step_[0-9]{8,12}")
 _REMEDY = "Give a run made by gmrdata, or train again"
 Weights = Literal["model", "average", "best"]  # what training goes on from, its average, the best
 _MOMENTS = ("exp_avg", "exp_avg_sq")
@@ -87,13 +89,21 @@ def latest_checkpoint(run_dir: Path) -> Path | None:
     """The checkpoint that the pointer names; None where there is none yet."""
     pointer = run_dir / "checkpoints" / "latest"
     seen = None
-    while pointer.is_file() and (name := pointer.read_text(encoding="utf-8").strip()) != seen:
-        if name and (folder := pointer.parent / name).is_dir():
+    while pointer.is_file() and (name := _pointed(pointer)) != seen:
+        if (folder := pointer.parent / name).is_dir():
             return folder
         seen = name  # A training that goes on may have moved the pointer and dropped the folder.
     if seen is None:
         return None
     raise BadCheckpoint(f"{pointer}: names {seen!r}, which is not there. Train again")
+
+
+def _pointed(pointer: Path) -> str:
+    """The name in a pointer, which is never of another place."""
+    name = pointer.read_bytes()[:100].decode("utf-8", "replace").strip()
+    if not _FOLDER_NAME.fullmatch(name):
+        raise BadCheckpoint(f"{pointer}: names {name[:40]!r}, which is not there. Train again")
+    return name
 
 
 def trained_checkpoint(run_dir: Path) -> Path:
@@ -196,14 +206,19 @@ def read_step_state(folder: Path, kind: type[State]) -> State:
 def read_model(folder: Path, which: Which = "latest") -> Gmr:
     """The network of a checkpoint, with averaged weights where the run keeps such."""
     state = read_state(folder)
-    model = Gmr(state.model)
     if which == "best" and state.best is None:
         raise BadCheckpoint(
             f"{folder}: no best weights, since none were scored while training. Use the latest,"
             " or train with held-out manifests"
         )
     latest: Weights = "average" if state.averaged else "model"
-    load_weights(folder, model, "best" if which == "best" else latest)
+    kind: Weights = "best" if which == "best" else latest
+    # The network is made once the file is known to have its weights: a record may ask for any size.
+    with torch.device("meta"):
+        shapes = _shapes(Gmr(state.model))
+    tensors = _read_tensors(folder, kind, shapes)
+    model = Gmr(state.model)
+    model.load_state_dict(tensors)
     return model
 
 
@@ -215,8 +230,11 @@ def read_best(folder: Path) -> Best | None:
 
 def load_weights(folder: Path, model: nn.Module, kind: Weights = "model") -> None:
     """Fill a network with a checkpoint's weights; BadCheckpoint where they are of another one."""
-    shapes = {name: tensor.shape for name, tensor in model.state_dict().items()}
-    model.load_state_dict(_read_tensors(folder, kind, shapes))
+    model.load_state_dict(_read_tensors(folder, kind, _shapes(model)))
+
+
+def _shapes(model: nn.Module) -> dict[str, torch.Size]:
+    return {name: tensor.shape for name, tensor in model.state_dict().items()}
 
 
 def load_optimizer(folder: Path, model: nn.Module, optimizer: torch.optim.Optimizer) -> None:
@@ -255,6 +273,9 @@ def _read_tensors(
         raise BadCheckpoint(
             f"{path}: truncated, missing or not safetensors ({error}). Train again"
         ) from None
+    for key, tensor in tensors.items():
+        if not tensor.isfinite().all():
+            raise BadCheckpoint(f"{path}: {key} holds NaN or infinite numbers. Train again")
     found = {name: tensor.shape for name, tensor in tensors.items()}
     if shapes is None or found == shapes:
         return tensors

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 
 from gmrdata.gmr.checkpoint import (
     BestScore,
@@ -243,3 +244,34 @@ def test_no_checkpoint_and_a_pointer_to_nowhere(tmp_path: Path) -> None:
         (tmp_path / "checkpoints" / "latest").write_text(text)
         with pytest.raises(BadCheckpoint, match="which is not there"):
             load_gmr(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "pointed", [b"\xff\xfe\x00\x80" * 40, b"../../etc", b"step_00000040\0", b""]
+)
+def test_a_pointer_that_is_no_name_is_told(pointed: bytes, run_dir: Path) -> None:
+    (run_dir / "checkpoints" / "latest").write_bytes(pointed)
+    with pytest.raises(BadCheckpoint, match=r"latest: names .* which is not there"):
+        latest_checkpoint(run_dir)
+
+
+def test_weights_that_are_no_numbers_are_told(run_dir: Path) -> None:
+    path = checkpoint_dir(run_dir, 40) / "model.safetensors"
+    tensors = load_file(path)
+    tensors["projection.bias"][2] = torch.nan
+    save_file(tensors, path)
+    with pytest.raises(BadCheckpoint, match=r"model\.safetensors: projection\.bias holds NaN"):
+        load_gmr(run_dir)
+
+
+def test_a_record_that_asks_for_a_huge_network_is_told_before_it_is_made(run_dir: Path) -> None:
+    path = checkpoint_dir(run_dir, 40) / "state.json"
+    state = json.loads(path.read_text())
+    state["model"] |= {"hidden": 10_000, "layers": 1}  # 2.4 GB of weights
+    path.write_text(json.dumps(state))
+    with pytest.raises(BadCheckpoint, match="of another model"):
+        load_gmr(run_dir)
+    state["model"]["layers"] = 10**7
+    path.write_text(json.dumps(state))
+    with pytest.raises(BadCheckpoint, match="`model.layers` is wrong: .* 64"):
+        load_gmr(run_dir)
