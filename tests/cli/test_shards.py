@@ -111,7 +111,9 @@ def test_an_equals_sign_in_a_path_stays_one(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_what_is_not_shared_says_so(gmrdata: Gmrdata, tmp_path: Path) -> None:
+def test_what_is_not_shared_says_so(
+    gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Each shard would do the whole work."""
     recipe = tmp_path / "gmr.yaml"
     recipe.write_text("recipe: gmr\n")
@@ -122,6 +124,7 @@ def test_what_is_not_shared_says_so(gmrdata: Gmrdata, tmp_path: Path) -> None:
         ("motions", tmp_path, "--out", "o", "--shard", "1/2", "--print-slurm", "2"),
     )
     for command in commands:
+        monkeypatch.setattr("sys.argv", ["gmrdata", *map(str, command)])
         answer = gmrdata(*command)
         assert answer.returncode == 1 and "eave " in answer.stderr, answer.stderr
     assert not (tmp_path / "out").exists()
