@@ -9,7 +9,6 @@ by joint places.  Directions of limbs show the error of the motion itself, which
 Layout of .glb and .gltf: the glTF 2.0 specification, sections 3 and 4.4 (binary glTF).
 """
 
-import json
 import struct
 from collections import Counter
 from collections.abc import Container, Iterator, Mapping, Sequence
@@ -25,7 +24,7 @@ from gmrdata.film.render_outputs import T, TruthShapes, read_truth
 from gmrdata.motion.rest_pose import LIMBS
 from gmrdata.values.body import JOINT, JOINT_NAMES, N_JOINTS, PARENTS
 from gmrdata.values.errors import BadCharacter, MissingInput
-from gmrdata.values.files import write_npz
+from gmrdata.values.files import parse_json, write_npz
 from gmrdata.values.joint_names import REQUIRED, joints_by_name
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import angles_deg
@@ -51,7 +50,7 @@ def linked_files(path: Path) -> dict[str, Path]:
             if not file.read(64).startswith(_FBX_STARTS):
                 raise BadCharacter(f"{path}: not an FBX file; export the character again")
         return {}
-    names = (name for name in _uris(_gltf_of(path)) if not name.startswith("data:"))
+    names = (name for name in _uris(_gltf_of(path)) if not _holds_data(name))
     return {name: _inside(path, name) for name in dict.fromkeys(names)}
 
 
@@ -61,7 +60,7 @@ def _gltf_of(path: Path) -> Any:
     if path.suffix.lower() == ".glb":
         data = _json_chunk(path, data)
     try:
-        scene = json.loads(data.decode("utf-8"))
+        scene = parse_json(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         said = f"its JSON part can't be read ({error}); export it again"
         raise BadCharacter(f"{path}: {said}") from None
@@ -95,6 +94,11 @@ def _uris(value: Any) -> Iterator[str]:
             yield from _uris(item)
 
 
+def _holds_data(uri: str) -> bool:
+    """Whether a URI is its own data.  Blender takes other texts after `data:` for a file's name."""
+    return uri.startswith("data:") and ";base64," in uri
+
+
 def _inside(path: Path, name: str) -> Path:
     """The file that a URI names, links followed."""
     plain = unquote(name)
@@ -108,12 +112,15 @@ def _inside(path: Path, name: str) -> Path:
     folder = path.resolve().parent
     try:
         target = (folder / plain).resolve()
-    except (OSError, RuntimeError):  # links that point at each other
+        target.exists()
+    except (OSError, RuntimeError):  # links that point at each other, a name that is too long
         raise outside from None
     if not target.is_relative_to(folder):
         raise outside
-    if not target.is_file():
+    if not target.exists():
         raise MissingInput(f"{path}: names the file {name!r}, which is not there")
+    if not target.is_file():
+        raise BadCharacter(f"{path}: names {name!r}, which is no file but a folder or a device")
     return target
 
 

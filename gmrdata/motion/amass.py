@@ -197,7 +197,10 @@ def _subject(
         leg_m, rest_pelvis_m = SMPL_LEG_M, np.array(SMPL_REST_PELVIS_M)
     if "rest_pelvis_m" in arrays:
         rest_pelvis_m = finite_numbers(arrays["rest_pelvis_m"], "rest_pelvis_m", path)
-    return leg_m, np.broadcast_to(rest_pelvis_m, 3)
+        if rest_pelvis_m.shape != (3,):
+            what = f"rest_pelvis_m is {rest_pelvis_m.shape}, not (3,)"
+            raise BadMotionFile(f"{path}: {what}; fetch it again")
+    return leg_m, rest_pelvis_m
 
 
 def _leg_and_pelvis(body: BodyModel, shape: np.ndarray) -> tuple[float, np.ndarray]:

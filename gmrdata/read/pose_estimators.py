@@ -102,8 +102,10 @@ def _phalp(content: Mapping[Any, Any], path: Path) -> list[PersonPoses]:
 def _check_frame(frame: Any, name: str, path: Path) -> int:
     """The number of a frame whose lists are of one length."""
     _require(frame, PHALP_KEYS, f"frame {name}", path)
-    lists = [frame[key] for key in ("tid", "smpl", "tracked_time") if frame.get(key) is not None]
-    if not all(isinstance(one, list) and len(one) == len(frame["tid"]) for one in lists):
+    lists = [frame["tid"], frame["smpl"]]
+    lists += [] if frame.get("tracked_time") is None else [frame["tracked_time"]]
+    whole = all(isinstance(one, list) for one in lists)
+    if not whole or any(len(one) != len(lists[0]) for one in lists):
         what = f"the lists of frame {name} are of different lengths"
         raise BadMotionFile(f"{path}: {what}; make the file again")
     time = tracked_people.whole_number(frame["time"])

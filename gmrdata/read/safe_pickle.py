@@ -27,6 +27,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, Any, ClassVar
 
 import numpy as np
@@ -90,7 +91,7 @@ def _lzma_chunks(data: bytes) -> Iterator[bytes]:
 BROKEN = (
     pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError,
     OverflowError, MemoryError, RecursionError, AssertionError, struct.error, zlib.error,
-    lzma.LZMAError, OSError,
+    lzma.LZMAError, OSError, SyntaxError, TokenError,
 )  # fmt: skip
 
 

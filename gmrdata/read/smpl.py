@@ -42,11 +42,16 @@ def read_smpl(path: Path) -> BodyModel:
     if n_joints not in ((N_JOINTS,), (SMPLH_JOINTS,)):
         what = f"has {n_joints} joints, SMPL has {N_JOINTS} and SMPL+H {SMPLH_JOINTS}"
         raise BadBodyFile(f"{path}: {what}; SMPL-X and MANO are other models")
-    template_m, shape_dirs_m = arrays["v_template"], arrays["shapedirs"][..., :N_SHAPE]
-    if arrays["J_regressor"].shape != (*n_joints, len(template_m)) or shape_dirs_m.ndim != 3:
+    template_m, shape_dirs_m = arrays["v_template"], arrays["shapedirs"]
+    fits = (
+        template_m.ndim == 2 and shape_dirs_m.ndim == 3
+        and shape_dirs_m.shape[:2] == template_m.shape
+    )  # fmt: skip
+    if arrays["J_regressor"].shape != (*n_joints, len(template_m)) or not fits:
         shapes = f"J_regressor {arrays['J_regressor'].shape}, shapedirs {shape_dirs_m.shape} and"
         what = f"{shapes} v_template {template_m.shape} do not fit together"
         raise BadBodyFile(f"{path}: {what}; get the file again")
+    shape_dirs_m = shape_dirs_m[..., :N_SHAPE]
     if has_fingers := n_joints == (SMPLH_JOINTS,):
         arrays = _without_fingers(path, arrays)
     regressor = arrays["J_regressor"]

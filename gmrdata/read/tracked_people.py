@@ -75,7 +75,7 @@ def rotmats_of_rotvecs(rotvecs: np.ndarray, n_joints: int, what: str, path: Path
 def orthonormal(rotmats: np.ndarray, what: str, path: Path) -> np.ndarray:
     """The rotations nearest to float32 matrices (..., 3, 3)."""
     skew = np.abs(rotmats @ np.swapaxes(rotmats, -1, -2) - np.eye(3)).max()
-    if skew > LARGEST_SKEW or (np.linalg.det(rotmats) < 0).any():
+    if not skew <= LARGEST_SKEW or (np.linalg.det(rotmats) < 0).any():
         raise BadMotionFile(f"{path}: {what} holds matrices that are no rotations; make it again")
     flat = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_matrix()
     return np.asarray(flat.reshape(rotmats.shape))

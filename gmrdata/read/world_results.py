@@ -28,7 +28,6 @@ AMASS     any `.npz` with AMASS's keys: `poses` (T, 72, 156 or 165), `trans` (T,
 Frames are counted from 0, in the order of the video or of the folder's images.
 """
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -45,7 +44,7 @@ from gmrdata.read.safe_pickle import load_object_npy, load_plain
 from gmrdata.read.torch_files import load_tensors
 from gmrdata.values.body import HANDS, N_JOINTS
 from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.files import read_npz
+from gmrdata.values.files import parse_json, read_npz
 from gmrdata.values.transforms import invert, rigid
 
 System = Literal["wham", "gvhmr", "tram", "slahmr", "vibe", "amass"]
@@ -220,7 +219,9 @@ def _gvhmr_person(path: Path) -> ResultPerson:
     if not isinstance(content.get(GVHMR_KEYS[0]), Mapping):
         has = ", ".join(map(str, content))[:200]
         raise BadMotionFile(f"{path}: no {GVHMR_KEYS[0]} (it has {has}). {_AGAIN}")
-    values, seen = (dict(content.get(name) or {}) for name in GVHMR_KEYS)
+    values, seen = (content.get(name) for name in GVHMR_KEYS)
+    if not isinstance(seen, Mapping | None):
+        raise BadMotionFile(f"{path}: {GVHMR_KEYS[1]} is no dict. {_AGAIN}")
     rows = _usable_rows(content, path)
     poses = _array(values, "body_pose", (None, 3 * N_SMPLX_BODY), "the person", path)
     n_frames = len(poses)
@@ -231,7 +232,8 @@ def _gvhmr_person(path: Path) -> ResultPerson:
         raise BadMotionFile(f"{path}: `valid` names no frames of its {n_frames}. {_AGAIN}")
     root_rotmats, z_up, camera = _rotmats(orient[rows]), _turned(Z_UP_FROM_Y_UP, len(rows)), None
     if seen:
-        shown = {"global_orient": np.asarray(seen.get("global_orient"))}
+        what = f"global_orient in {GVHMR_KEYS[1]}"
+        shown = {"global_orient": finite_numbers(seen.get("global_orient"), what, path)}
         if shown["global_orient"].shape == (n_frames, 3):
             shown["global_orient"] = shown["global_orient"][rows]
         found = _array(shown, "global_orient", (len(rows), 3), "the person in camera", path)
@@ -255,8 +257,8 @@ def _usable_rows(content: Mapping[str, Any], path: Path) -> np.ndarray | None:
     """Rows that may be used, by a key that gmrdata's own export has besides; None without it."""
     if "valid" not in content:
         return None
-    valid = np.asarray(content["valid"])
-    if valid.dtype != bool or valid.ndim != 1:
+    valid = content["valid"]
+    if not isinstance(valid, np.ndarray) or valid.dtype != bool or valid.ndim != 1:
         raise BadMotionFile(f"{path}: `valid` is not (T,) bool. {_AGAIN}")
     return np.flatnonzero(valid)
 
@@ -389,7 +391,7 @@ def _track_info(path: Path) -> tuple[list[_Track], tuple[int, int], int]:
     """The people in the order of the arrays; where the images' interval and the rows in it begin;
     and the number of rows."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_text(encoding="utf-8"))
         meta = content["meta"]
         start, (row_start, row_stop) = int(meta["data_interval"][0]), map(int, meta["seq_interval"])
         found = sorted(content["tracks"].items(), key=lambda item: int(item[1]["index"]))

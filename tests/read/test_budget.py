@@ -237,3 +237,13 @@ def test_archives_that_torch_does_not_write(
             archive.writestr(name, content)
     with pytest.raises(BadMotionFile, match=rf"some\.pt: .*{said}"):
         load_tensors(tmp_path / "some.pt")
+
+
+def test_an_array_whose_header_is_no_text_of_python(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", poses=np.zeros(3))
+    data = (tmp_path / "a.npz").read_bytes()
+    with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:
+        content = zipfile.ZipFile(io.BytesIO(data)).read("poses.npy")
+        archive.writestr("poses.npy", content.replace(b"(3,), }", b"((((\0\n "))
+    with pytest.raises(BadMotionFile, match=r"b\.npz: not a readable \.npz"):
+        read_npz(tmp_path / "b.npz")

@@ -13,9 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.read.bodies import load_body
 from gmrdata.read.smpl import read_smpl
-from gmrdata.values.body import PARENTS
+from gmrdata.values.body import PARENTS, BodyModel
 from gmrdata.values.errors import BadBodyFile, UnsafePickle
 from gmrdata.values.skinning_torch import place, posed_vertices
+from tests.smpl_models import smpl_arrays
 from tests.torch_joints import posed_joints
 
 N_VERTICES = 6890
@@ -259,3 +260,13 @@ def test_hostile_pickle_is_refused_by_name(tmp_path: Path) -> None:
     path.write_bytes(b"cos\nsystem\n(S'true'\ntR.")
     with pytest.raises(UnsafePickle, match=r"SMPL_MALE\.pkl: wants to import 'os\.system'"):
         load_body(str(path))
+
+
+@pytest.mark.parametrize("shape", [(448, 3, 10), (224, 10), (224, 2, 10), ()])
+def test_directions_that_do_not_fit_the_template(
+    shape: tuple[int, ...], small_body: BodyModel, tmp_path: Path
+) -> None:
+    arrays = smpl_arrays(small_body, 1.0, 10) | {"shapedirs": np.zeros(shape)}
+    path = write_pickle(tmp_path / "SMPL_MALE.pkl", arrays)
+    with pytest.raises(BadBodyFile, match=r"SMPL_MALE\.pkl: .* do not fit together"):
+        read_smpl(path)
