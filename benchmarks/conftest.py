@@ -26,6 +26,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--bvh", type=Path, help="a folder of BVH files of others")
     parser.addoption("--released", type=Path, help="a folder of clones of others' evaluators")
     parser.addoption("--hours", type=float, default=1.0, help="how long bench_soak.py takes")
+    parser.addoption("--minutes", type=float, default=10.0, help="how long bench_fuzz.py takes")
+    parser.addoption("--target", help="the one reader that bench_fuzz.py tries")
     parser.addoption("--ours-alone", action="store_true", help="nothing beside it, no bars")
 
 
