@@ -50,6 +50,13 @@ def test_a_video_and_a_folder_of_masks(tmp_path: Path, capsys: pytest.CaptureFix
     assert frames == [f"{i:05d}.jpg" for i in range(3)]
     said = " ".join(capsys.readouterr().err.split())
     assert "more than 90% of the picture is masked in frame 00000, 00001, 00002. Look" in said
+    part = (*common, tmp_path / "made", "--redo", "--from", "0.05", "--to", "0.2")
+    main([str(argument) for argument in part])
+    frames = sorted(p.name for p in (tmp_path / "out" / "frames").glob("*.jpg"))
+    assert frames == ["00001.jpg", "00002.jpg"]
+    assert "to_s: 0.01 s is not after from_s, 0.05 s" in fails(capsys, *part[:-1], "0.01")
+    of_folder = ("masks", tmp_path / "out" / "frames", *common[2:], tmp_path / "made")
+    assert "are for a video file" in fails(capsys, *of_folder, "--every", "2")
     (tmp_path / "made" / "00001.png").unlink()
     assert "no mask for 00001.jpg" in fails(capsys, *common, tmp_path / "made", "--redo")
 
