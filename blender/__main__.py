@@ -21,6 +21,7 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, GmrdataError, MissingInput
+from gmrdata.values.limits import blender_bytes
 from gmrdata.values.records import Config
 
 PR_SET_PDEATHSIG = 1
@@ -56,7 +57,21 @@ def run(work: Callable[[], None]) -> int:
     except (GmrdataError, OSError) as error:
         sys.stderr.write(f"error: {error}\n")
         return 1
+    except MemoryError as error:
+        sys.stderr.write(f"error: MemoryError: {error}\n")
+        return 1
     return 0
+
+
+def limit_memory() -> None:
+    """Let the kernel refuse memory beyond the limit; only what can be written to is counted, since
+    drivers of GPUs reserve far more addresses than they use."""
+    if sys.platform == "linux":
+        import resource
+
+        hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        limit = blender_bytes() if hard == resource.RLIM_INFINITY else min(blender_bytes(), hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
 
 
 def parse(arguments: list[str]) -> Path:
@@ -99,11 +114,12 @@ def camera_of(job: RenderJob, clip: Clip, body: BodyModel) -> CameraPath:
 
 
 def import_bpy(threads: int) -> None:
-    """Import bpy with as many processors in sight as it may use.
+    """Import bpy with as much memory, and as many processors in sight, as it may use.
 
     Its thread library counts them once, at import; with more than Cycles is told to use, an idle
     thread spins at full load beside each working one (seen in Blender 5.0.1).
     """
+    limit_memory()
     if not hasattr(os, "sched_setaffinity"):
         return
     everything = os.sched_getaffinity(0)

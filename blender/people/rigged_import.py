@@ -16,6 +16,7 @@ import numpy as np
 
 from blender.light import Light
 from blender.objects import repaint
+from gmrdata.film.character import linked_files
 from gmrdata.values.errors import BadCharacter
 
 _SCENE_SETTINGS = ("camera", "world", "frame_start", "frame_end", "frame_current")
@@ -87,6 +88,7 @@ def imported(path: Path) -> Iterator[Imported]:
 
 
 def _open(path: Path) -> None:
+    linked_files(path)  # raises where it names a file outside its folder
     try:
         if path.suffix.lower() == ".fbx":
             bpy.ops.wm.fbx_import(filepath=str(path), use_anim=False)

@@ -10,6 +10,9 @@ import numpy as np
 
 from gmrdata.film.scene import BackdropConfig
 from gmrdata.values.errors import BadBackdrop
+from gmrdata.values.limits import MOST_PIXELS
+
+_FILE_NODES = ("ShaderNodeTexIES", "ShaderNodeScript")
 
 
 def add_backdrop(scene: Any, config: BackdropConfig) -> None:
@@ -26,6 +29,7 @@ def add_backdrop(scene: Any, config: BackdropConfig) -> None:
     """
     theirs = _load(config)
     _require_all_inside(config.path)
+    _require_sizes(config.path)
     _freeze()
     for thing in [thing for thing in theirs.objects if thing.type == "CAMERA"]:
         bpy.data.objects.remove(thing)
@@ -91,11 +95,48 @@ def _require_all_inside(path: Path) -> None:
         if image.source in ("FILE", "SEQUENCE", "MOVIE", "TILED") and not len(image.packed_files)
     ]
     outside += [each.name for each in bpy.data.libraries if Path(each.filepath).name != path.name]
+    outside += [*_other_files(), *_reading_nodes()]
     if outside:
         raise BadBackdrop(
             f"{path}: needs other files ({', '.join(sorted(outside))}). In Blender: File, External "
             "Data, Pack Resources (and Pack Linked Libraries), then save"
         )
+
+
+def _other_files() -> list[str]:
+    """What is in files of its own beside pictures: letters, volumes, animated meshes."""
+    data = bpy.data
+    return [
+        each.name
+        for kind in (data.fonts, data.volumes, data.cache_files)
+        for each in kind
+        if each.filepath != "<builtin>" and getattr(each, "packed_file", None) is None
+    ]
+
+
+def _reading_nodes() -> list[str]:
+    """Nodes that read a file when they are evaluated."""
+    data = bpy.data
+    owners = (*data.materials, *data.lights, *data.worlds)
+    trees = [*data.node_groups, *(each.node_tree for each in owners if each.node_tree)]
+    nodes = [node for tree in trees for node in tree.nodes]
+    return [
+        node.name
+        for node in nodes
+        if node.bl_idname.startswith("GeometryNodeImport")
+        or (node.bl_idname in _FILE_NODES and node.mode == "EXTERNAL")
+    ]
+
+
+def _require_sizes(path: Path) -> None:
+    """Refuse pictures that Blender would make by itself, and without a word go without them."""
+    for image in bpy.data.images:
+        n_pixels = image.generated_width * image.generated_height
+        if image.source == "GENERATED" and n_pixels > MOST_PIXELS:
+            raise BadBackdrop(
+                f"{path}: its picture {image.name!r} has {n_pixels} pixels, and {MOST_PIXELS} are "
+                "the most; make it smaller"
+            )
 
 
 def _freeze() -> None:

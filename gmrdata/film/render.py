@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -21,7 +22,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import limits
 from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import EngineMissing, RenderFailed
+from gmrdata.values.errors import EngineMissing, RenderFailed, RenderOverLimit
 from gmrdata.values.files import write_text
 from gmrdata.values.records import Config
 from gmrdata.write.video import write_video_of
@@ -37,6 +38,9 @@ FOLDERS = ("depth", "normals", "flow", "instances")
 """Folders that a recipe can ask for, with one file for each frame."""
 EXTRAS_FOLDER = "extras"
 LOG_LINES = 12
+OUT_OF_MEMORY = ("returns null: len=", "std::bad_alloc", "MemoryError")
+"""What Blender, its C++ and its Python say then.  Blender may go on, without a picture of its."""
+TICK_S = 1.0
 KEEP_MEMORY = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(1 << 32)}
 """What tells glibc to keep freed memory for the next array: it gives large ones back to the kernel
 at once, and pages that come anew cost 0.3 s of the time in which a place is painted.  Dask sets the
@@ -222,6 +226,7 @@ def render_clip(
         BadCharacter: the character's file is broken, or names files outside its folder.
         EngineMissing: the engine or device of the recipe can't run here.
         RenderFailed: Blender ended without its result, or can't use the character.
+        RenderOverLimit: it took more time or memory than `values.limits` grants.
     """
     job = RenderJob(
         clip_path=clip_path,
@@ -265,10 +270,17 @@ def run_blender(
     job_path, log_path = partial_dir / "job.json", partial_dir / "blender.log"
     write_text(job_path, full_json(job))
     command = [sys.executable, "-m", module, str(job_path), "--parent", str(os.getpid())]
+    frame_s = _frame_s(job.render if isinstance(job, PreviewJob) else job)
     with log_path.open("w", encoding="utf-8") as log:
-        exit_code = _run_and_listen(command, log, on_frame)
+        exit_code = _run_and_listen(command, log, on_frame, frame_s)
+    lines = log_path.read_text(encoding="utf-8").splitlines()
+    if any(phrase in line for line in lines for phrase in OUT_OF_MEMORY):
+        most_mib = limits.blender_bytes() / limits.MIB
+        raise RenderOverLimit(
+            f"Blender asked for more memory than the {most_mib:.0f} MiB that it may have; take "
+            f"smaller files or pictures, or set {limits.BLENDER_GIB_NAME} in the environment"
+        )
     if exit_code:
-        lines = log_path.read_text(encoding="utf-8").splitlines()
         error, end = _error_and_end(lines, exit_code)
         tail = "\n".join(lines[-LOG_LINES:]) or "(it said nothing)"
         raise RenderFailed(
@@ -278,20 +290,64 @@ def run_blender(
     log_path.unlink()
 
 
-def _run_and_listen(command: list[str], log: TextIO, on_frame: Callable[[int], None]) -> int:
+def _frame_s(job: RenderJob) -> float:
+    """How long Blender may take for a frame of a job [s]."""
+    camera = load_clip(job.clip_path).camera
+    size_px = 0 if camera is None else camera.width_px * camera.height_px
+    return limits.blender_frame_s(size_px * job.config.samples)
+
+
+class _FrameClock:
+    """Ends a process that brings no frame for too long.
+
+    It counts the seconds in which it ran itself: whoever is put to sleep with it loses nothing."""
+
+    def __init__(self, process: subprocess.Popen[str], frame_s: float) -> None:
+        self._process, self._frame_s, self._left_s = process, frame_s, frame_s
+        self._stopped = threading.Event()
+        self.ran_out = False
+        threading.Thread(target=self._tick, daemon=True).start()
+
+    def restart(self) -> None:
+        self._left_s = self._frame_s
+
+    def stop(self) -> None:
+        self._stopped.set()
+
+    def _tick(self) -> None:
+        while not self._stopped.wait(TICK_S):
+            self._left_s -= TICK_S
+            if self._left_s <= 0:
+                self.ran_out = True
+                self._process.kill()
+                return
+
+
+def _run_and_listen(
+    command: list[str], log: TextIO, on_frame: Callable[[int], None], frame_s: float
+) -> int:
     """Run the process to its end, or end it with this one; its chatter goes to the log."""
     env, pipe = os.environ | KEEP_MEMORY, subprocess.PIPE
     process = subprocess.Popen(
         command, env=env, cwd=PACKAGES_DIR, stdout=pipe, stderr=subprocess.STDOUT, errors="replace"
     )
+    clock = _FrameClock(process, frame_s)
     try:
         assert process.stdout is not None
         for line in process.stdout:
             if line.startswith(FRAME_LINE):
+                clock.restart()
                 on_frame(int(line.split()[1]))
             else:
                 log.write(line)
-        return process.wait()
+        exit_code = process.wait()
     finally:
+        clock.stop()
         process.kill()
         process.wait()
+    if clock.ran_out:
+        raise RenderOverLimit(
+            f"Blender took more than {frame_s:.0f} s for a frame, and was ended; take smaller "
+            f"files or pictures, or set {limits.BLENDER_FRAME_NAME} in the environment"
+        )
+    return exit_code

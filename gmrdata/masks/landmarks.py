@@ -78,7 +78,7 @@ def _open(model_path: Path) -> Any:
     content = np.frombuffer(require_model(model_path).read_bytes(), dtype=np.uint8)
     try:
         net = cv2.dnn.readNetFromTFLite(content)
-    except cv2.error:
+    except (cv2.error, MemoryError, ValueError):
         fault = "truncated, or not a TFLite file that OpenCV can open"
         raise BadDetector(f"{model_path}: {fault}; {REMEDY} anew with --redo") from None
     net.setPreferableBackend(cv2.dnn.DNN_BACKEND_OPENCV)
@@ -92,7 +92,7 @@ def _run(net: Any, square: np.ndarray, model_path: Path) -> dict[str, np.ndarray
     try:
         net.setInput(cv2.dnn.blobFromImage(square, 1 / 255, swapRB=True))
         answer = net.forward(net.getUnconnectedOutLayersNames())
-    except cv2.error:
+    except (cv2.error, MemoryError, ValueError):
         answer = ()
     by_size = {output.size: output.ravel() for output in answer}
     if set(OUTPUT_SIZES.values()) - set(by_size):

@@ -11,6 +11,7 @@ from pydantic.dataclasses import dataclass as part
 
 from gmrdata.masks import boxes, yolox
 from gmrdata.masks.boxes import Detection, Detections
+from gmrdata.masks.onnx_sizes import check_sizes
 from gmrdata.read.frames import check_images, list_images, read_color, write_gray
 from gmrdata.read.models import require_model
 from gmrdata.stage.progress import track as with_bar
@@ -18,6 +19,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadDetector
 from gmrdata.values.files import read_json, write_json
+from gmrdata.values.limits import MOST_INPUT_SIDE_PX
 from gmrdata.values.records import PART, Record
 
 DETECTIONS_FILE = "detections.json"
@@ -107,6 +109,7 @@ def onnx_masks(
 def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
     """A function from a BGR picture (H, W, 3) to what it shows, weak boxes too."""
     own_size_px = _input_size_px(model_path)
+    check_sizes(model_path)
     net = _open(model_path)
     sizes_px = config.input_sizes_px or ((own_size_px,) if own_size_px else ())
     if not sizes_px:
@@ -184,7 +187,13 @@ def _input_size_px(model_path: Path) -> tuple[int, int] | None:
         named = ", ".join(f"{known.name} {known.shape}" for known in inputs) or "none"
         wanted = "one input of the shape (1, 3, height, width)"
         raise BadDetector(f"{model_path}: not YOLOX: it should have {wanted}, but has {named}")
-    return None if shape[2] is None or shape[3] is None else (shape[3], shape[2])
+    if shape[2] is None or shape[3] is None:
+        return None
+    if max(shape[2:]) > MOST_INPUT_SIDE_PX:
+        size = f"{shape[3]}x{shape[2]} px"
+        most = f"{MOST_INPUT_SIDE_PX} px a side are the most"
+        raise BadDetector(f"{model_path}: wants pictures of {size}, and {most}; export it anew")
+    return (shape[3], shape[2])
 
 
 def _open(model_path: Path) -> Any:

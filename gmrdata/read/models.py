@@ -14,6 +14,7 @@ from gmrdata.stage.claims import claimed
 from gmrdata.stage.progress import track as with_bar
 from gmrdata.values.errors import BadDetector, FetchFailed, MissingInput
 from gmrdata.values.files import sha256_of_file
+from gmrdata.values.limits import MIB, MOST_NETWORK_BYTES
 
 REMEDY = "`gmrdata fetch models` gets it"
 
@@ -56,9 +57,13 @@ def find_model(model: Model, given: Path | None = None) -> Path:
 
 
 def require_model(path: Path) -> Path:
-    """A network's file; MissingInput with the command that gets it if it is not there."""
+    """A network's file; MissingInput with the command that gets it if it is not there, BadDetector
+    if it is larger than any that we run."""
     if not path.is_file():
         raise MissingInput(f"{path}: no such model file; {REMEDY}")
+    if (size_bytes := path.stat().st_size) > MOST_NETWORK_BYTES:
+        most = f"{MOST_NETWORK_BYTES // MIB} MiB are the most"
+        raise BadDetector(f"{path}: has {size_bytes // MIB} MiB, and {most}; {REMEDY}")
     return path
 
 

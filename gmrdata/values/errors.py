@@ -93,6 +93,10 @@ class RenderFailed(StageFailed):
     """The Blender process ended without its result."""
 
 
+class RenderOverLimit(GmrdataError):
+    """Blender's process took more time or memory than it may; it would do so again."""
+
+
 class BadBackdrop(GmrdataError):
     """A .blend file can't be the place of a clip."""
 

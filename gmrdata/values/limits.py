@@ -5,9 +5,12 @@ What a file may ask for grows with its size, so that a small file can't fill the
 ceiling; what every small file may ask for is free of that.
 """
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
+
+from gmrdata.values.errors import BadRecipe
 
 MIB = 1 << 20
 
@@ -32,6 +35,16 @@ MOST_VIDEO_FRAMES, MOST_VIDEO_PIXELS = 200_000, 10**12
 """Of a video: frames that are taken, and the pixels of all of them."""
 LOWEST_FPS_HZ, HIGHEST_FPS_HZ = 0.05, 2000.0  # of a video that a camera took
 
+MOST_NETWORK_BYTES = 512 * MIB  # of a network's file
+MOST_INPUT_SIDE_PX = 4096  # of the pictures that a network wants
+MOST_NETWORK_NUMBERS = 256 * MIB  # in one array that a network makes
+
+BLENDER_GIB, BLENDER_GIB_NAME = 8.0, "GMRDATA_BLENDER_GIB"
+"""Memory that Blender's process may have, and what in the environment says another."""
+BLENDER_FRAME_S, BLENDER_RAY_S, BLENDER_FRAME_NAME = 600.0, 1e-4, "GMRDATA_BLENDER_FRAME_S"
+"""How long a frame may take, with the start for the first: free, for each ray of it, and what in
+the environment says another time for the whole.  A ray takes 1 to 10 µs of one slow core."""
+
 MOST_RECIPE_BYTES = MIB
 # What a recipe, or a checkpoint's record, may say; configs name them as their fields' limits.
 MOST_CLIPS = 100_000
@@ -53,6 +66,28 @@ MOST_YAML_DIGITS = 20  # of a whole number, as those of 64 bits have
 
 class OverBudget(ValueError):
     """A file asks for more than its budget; the text names neither the file nor a remedy."""
+
+
+def blender_bytes() -> int:
+    """Memory that Blender's process may have, no more than this machine has."""
+    asked = int(_from_environment(BLENDER_GIB_NAME, BLENDER_GIB) * 1024 * MIB)
+    return min(asked, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+
+
+def blender_frame_s(n_rays: int) -> float:
+    """How long Blender may take for a frame of so many rays [s]."""
+    return _from_environment(BLENDER_FRAME_NAME, BLENDER_FRAME_S + BLENDER_RAY_S * n_rays)
+
+
+def _from_environment(name: str, default: float) -> float:
+    said = os.environ.get(name)
+    try:
+        value = default if said is None else float(said)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1e9:
+        raise BadRecipe(f"{name}={said}: in the environment; give a positive number, or unset it")
+    return value
 
 
 @dataclass

@@ -1,6 +1,7 @@
 """What is said of a rigged character before Blender opens it: its file, its bones, its record."""
 
 import json
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -156,7 +157,8 @@ def test_a_files_own_files_are_inputs(tmp_path: Path, monkeypatch: pytest.Monkey
 @pytest.mark.parametrize(
     "uri",
     ["../secret.png", "%2e%2e/secret.png", "/etc/passwd", "file:///etc/passwd", "a/../../b.png",
-     "http://example.org/a.png", "c:\\\\a.png", "..\\\\secret.png", "link/secret.png", "a\\nb", ""],
+     "http://example.org/a.png", "c:\\\\a.png", "..\\\\secret.png", "link/secret.png", "a\\nb", "",
+     "data:/../../secret.png"],
 )  # fmt: skip
 def test_files_outside_the_folder_are_refused(tmp_path: Path, uri: str) -> None:
     (tmp_path / "secret.png").write_bytes(b"secret")
@@ -166,6 +168,16 @@ def test_files_outside_the_folder_are_refused(tmp_path: Path, uri: str) -> None:
     path.write_bytes(glb({**SCENE, "images": [{"extras": [{"uri": uri}]}]}))
     with pytest.raises(BadCharacter, match=r"which is not in its folder; nothing was read"):
         linked_files(path)
+
+
+def test_devices_and_pipes_are_not_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.bin")
+    (tmp_path / "folder.bin").mkdir()
+    path = tmp_path / "someone.glb"
+    for name in ("pipe.bin", "folder.bin"):
+        path.write_bytes(glb({**SCENE, "buffers": [{"uri": name}]}))
+        with pytest.raises(BadCharacter, match=f"names '{name}', which is no file"):
+            linked_files(path)
 
 
 @pytest.mark.parametrize(

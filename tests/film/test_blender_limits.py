@@ -1,0 +1,62 @@
+"""The limits of Blender's process, on a process that stands in for it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.film.render import RenderConfig, RenderJob, run_blender
+from gmrdata.stage.jobs import Job, _attempt
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, save_clip
+from gmrdata.values.errors import BadRecipe, RenderOverLimit
+from gmrdata.values.limits import MIB, blender_bytes, blender_frame_s
+from gmrdata.values.motion import Motion
+
+
+@pytest.fixture
+def job(small_body: BodyModel, tmp_path: Path) -> RenderJob:
+    turns, root = np.tile(np.eye(3), (1, 23, 1, 1)), np.eye(3)[None]
+    shape, name = np.zeros(small_body.n_shape), small_body.name
+    motion = Motion(turns, root, np.ones((1, 3)), shape, 10.0, name, "neutral", "world", "stands")
+    clip = Clip("one", motion, np.ones(1, dtype=bool), np.array([-1]), None)
+    save_clip(tmp_path / "clip.npz", clip, small_body.rest_pelvis_m(shape))
+    paths = {"clip_path": tmp_path / "clip.npz", "body_path": tmp_path, "out_dir": tmp_path}
+    return RenderJob(config=RenderConfig(), **paths)
+
+
+def start(job: RenderJob) -> None:
+    with (job.out_dir / "started").open("a") as file:
+        file.write("x")
+    run_blender(job, job.out_dir, print, module="tests.film.hungry_process")
+
+
+@pytest.mark.parametrize(
+    ("environment", "said"),
+    [
+        ({"GMRDATA_BLENDER_GIB": "0.5"}, "more memory than the 512 MiB that it may have"),
+        ({"GMRDATA_BLENDER_FRAME_S": "3"}, "more than 3 s for a frame"),
+    ],
+)
+def test_a_limit_that_was_hit_is_said_and_not_tried_again(
+    environment: dict[str, str], said: str, job: RenderJob, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(RenderOverLimit, match=said) as caught:
+        _attempt(Job("one", start, {"job": job}, retries=1))
+    assert f"{next(iter(environment))} in the environment" in str(caught.value)
+    assert (job.out_dir / "started").read_text() == "x"
+
+
+def test_limits_grow_with_the_recipe_and_are_the_environments_where_it_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert 600 == blender_frame_s(0) < blender_frame_s(1920 * 1080 * 7) < 2100
+    assert 256 * MIB < blender_bytes() <= 8 * 1024 * MIB
+    monkeypatch.setenv("GMRDATA_BLENDER_FRAME_S", "7.5")
+    assert blender_frame_s(10**9) == 7.5
+    for wrong in ("much", "-1", "nan", "inf", "0"):
+        monkeypatch.setenv("GMRDATA_BLENDER_GIB", wrong)
+        with pytest.raises(BadRecipe, match=f"GMRDATA_BLENDER_GIB={wrong}: in the environment"):
+            blender_bytes()
