@@ -78,7 +78,9 @@ def test_codecs_and_containers(
     except av.codec.codec.UnknownCodecError:
         pytest.skip(f"this build of PyAV has no {codec}")
     quiet = {"x265-params": "log-level=none"} if codec == "libx265" else {}
-    images, record = extracted(make_video(tmp_path / name, None, codec, pixel_format, **quiet))
+    images, record = extracted(
+        make_video(tmp_path / name, None, codec, pixel_format, options=quiet)
+    )
     assert (len(images), record.n_expected, record.codec) == (8, 8, codec_read)
     assert record.pixel_format == pixel_format
     assert record.rate_hz == pytest.approx(25, rel=1e-3)
@@ -92,7 +94,7 @@ def test_codecs_and_containers(
 def test_frames_are_those_of_opencv(tmp_path: Path, name: str, colorspace: int | None) -> None:
     """Plain videos give the same bytes as with the reader of before, OpenCV's."""
     tagged = {} if colorspace is None else {"colorspace": "bt709"}
-    video = make_video(tmp_path / name, [textured(i) for i in range(6)], **tagged)
+    video = make_video(tmp_path / name, [textured(i) for i in range(6)], options=tagged)
     images, _ = extracted(video)
     capture = cv2.VideoCapture(str(video))
     for image in images:
@@ -151,14 +153,14 @@ def test_interlaced_frames_lose_their_combs(tmp_path: Path) -> None:
         image[1::2, 8 * number + 14 : 8 * number + 44] = 200
         images.append(image)
     flags = {"flags": "+ildct+ilme", "x264-params": "tff=1", "crf": "5"}
-    video = make_video(tmp_path / "a.mp4", images, **flags)
+    video = make_video(tmp_path / "a.mp4", images, options=flags)
     written, record = extracted(video)
     assert (len(written), record.n_deinterlaced) == (6, 6)
     assert record.times_s == pytest.approx([0.04 * i for i in range(6)])
     seen = cv2.imread(str(written[3]), cv2.IMREAD_GRAYSCALE).astype(int)
     combed = images[3][..., 0].astype(int)
     assert np.abs(np.diff(seen, axis=0)).mean() < 0.25 * np.abs(np.diff(combed, axis=0)).mean()
-    early, n_early = extracted(make_video(tmp_path / "b.mp4", images, **flags), to_s=0.1)
+    early, n_early = extracted(make_video(tmp_path / "b.mp4", images, options=flags), to_s=0.1)
     assert len(early) == n_early.n_expected == 3
 
 
@@ -206,7 +208,7 @@ def test_a_folder_is_taken_whole(tmp_path: Path) -> None:
 def long_video(path: Path, **options: str) -> Path:
     """48 frames with a key frame every 12."""
     images = [textured(i) for i in range(48)]
-    return make_video(path, images, **({"g": "12", "crf": "10"} | options))
+    return make_video(path, images, options={"g": "12", "crf": "10"} | options)
 
 
 def test_a_hole_in_the_middle_is_counted(tmp_path: Path) -> None:
@@ -228,7 +230,9 @@ def test_a_file_that_was_cut_off(tmp_path: Path, name: str) -> None:
     """Matroska has no count of frames but says how long it is."""
     images = [textured(i) for i in range(48)]
     faststart = "faststart" if name == "a.mp4" else ""
-    video = make_video(tmp_path / name, images, g="12", crf="10", movflags=faststart)
+    video = make_video(
+        tmp_path / name, images, options={"g": "12", "crf": "10"}, movflags=faststart
+    )
     video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
     with pytest.raises(BadFrames, match="48 frames by the file's own count, but 2[0-9] can be"):
         extracted(video)
