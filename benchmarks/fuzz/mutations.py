@@ -114,7 +114,7 @@ def changed_value(value: Any, rng: np.random.Generator) -> Any:
 def _changed_leaf(value: Any, rng: np.random.Generator) -> Any:
     if isinstance(value, np.ndarray) and rng.random() < 0.8:
         return _changed_array(value, rng)
-    others = (
+    others: tuple[Any, ...] = (
         None, True, [], {}, [[]], {"a": 1}, [value], {"a": value}, _deep(60),
         *ODD_NUMBERS, *ODD_TEXTS,
     )  # fmt: skip

@@ -126,7 +126,7 @@ def _motions(made: _Made, body: BodyModel, write_person: Any) -> list[Target]:
     pelvis_m = np.linspace([0.0, 0.9, 0.0], [0.5, 0.9, 0.1], 6)
     bvh = write_person(made.place("a.bvh"), body, angles_deg, pelvis_m).read_bytes()
     poses = written_files.some_poses(6)
-    amass = {
+    amass: dict[str, Any] = {
         "poses": poses, "trans": pelvis_m, "betas": np.zeros(16), "gender": "male",
         "mocap_framerate": 120.0,
     }  # fmt: skip

@@ -187,6 +187,8 @@ def read_npz(path: Path, budget: Budget | None = None) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as arrays:
             for key in arrays.files:
                 found[key] = arrays[key]
+                if not isinstance(found[key], np.ndarray):  # numpy gives other files as bytes
+                    raise ValueError(f"{key!r} is no array")
                 budget.take_numbers(np.size(found[key]))
         return found
     except OverBudget as error:

@@ -247,3 +247,10 @@ def test_an_array_whose_header_is_no_text_of_python(tmp_path: Path) -> None:
         archive.writestr("poses.npy", content.replace(b"(3,), }", b"((((\0\n "))
     with pytest.raises(BadMotionFile, match=r"b\.npz: not a readable \.npz"):
         read_npz(tmp_path / "b.npz")
+
+
+def test_a_file_in_an_archive_that_is_no_array(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("poses.npy", b"no array")
+    with pytest.raises(BadMotionFile, match=r"a\.npz: not a readable \.npz .*'poses' is no array"):
+        read_npz(tmp_path / "a.npz")
