@@ -58,6 +58,9 @@ def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
 
 def check_body(path: Path, body: BodyModel) -> None:
     """Refuse a body whose arrays do not fit together."""
+    for name, value in vars(body).items():
+        if name not in ("name", "licence") and isinstance(value, str):
+            raise BadBodyFile(f"{path}: {name} is a text, not an array of numbers")
     n_vertices, n_shape = len(body.template_m), body.shape_dirs_m.shape[-1]
     n_adults = 0 if body.adult_shapes is None else len(body.adult_shapes)
     expected = {
