@@ -20,6 +20,8 @@ def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
     # Without this "[s]" in a heading is the sign for crossed-out text, and is not shown.
     table = Table(*map(escape, headings), box=None)
+    if rows:
+        table.columns[0].no_wrap = len(rows[0]) > 1  # names are whole, whatever else is cut
     for row in rows:
         table.add_row(*map(escape, row))
     answers.print(table)

@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from gmrdata.cli.demo_motions import MotionFiles, choose_files, make_motions
 from gmrdata.cli.demo_recipe import DemoClip, DemoPaths, DemoRecipe
@@ -22,6 +21,7 @@ from gmrdata.stage.jobs import Job, Pool, run_jobs, worker_pool
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values import plain_yaml
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.files import write_text
 from gmrdata.values.people import PersonFiles
@@ -62,7 +62,7 @@ def run_demo(
     write_manifests(paths, recipe, files)
     _train_and_score(paths, recipe, run)
     _step(8, "report")
-    write_text(paths.recipe, yaml.safe_dump(recipe.model_dump(mode="json"), sort_keys=False))
+    write_text(paths.recipe, plain_yaml.dump(recipe.model_dump(mode="json")))
     from gmrdata.cli.demo_figures import show
 
     return show(paths, recipe)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gmrdata.manifest import yaml_text
+from gmrdata.values import plain_yaml
 from gmrdata.values.errors import BadManifest
 
 LINES_FROM = 1000  # clips; shorter manifests are for people to read
@@ -28,7 +29,7 @@ _TEXT_OR_DOTLESS = re.compile(r'("(?:[^"\\]|\\.)*")|((?<![\d.])\d+e[-+]\d+)')
 def dump(head: PlainData, clips: Iterable[PlainData]) -> str:
     """The text of a manifest; `head` is all but its clips."""
     lines = [f"- {_line(clip)}\n" for clip in clips]
-    return "".join([yaml_text.dump(head), CLIPS_KEY.decode(), *lines])
+    return "".join([plain_yaml.dump(head), CLIPS_KEY.decode(), *lines])
 
 
 def _line(clip: PlainData) -> str:

@@ -5,10 +5,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from gmrdata.manifest import clip_lines, yaml_text
+from gmrdata.manifest import clip_lines
 from gmrdata.manifest.current import FORMAT, Clip, CreatedBy, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.entry import created_by as made_now
 from gmrdata.manifest.read import ADAPTER, read_manifest
+from gmrdata.values import plain_yaml
 from gmrdata.values.errors import BadManifest
 from gmrdata.values.files import write_text
 
@@ -61,7 +62,7 @@ def manifest_text(manifest: Manifest | ListManifest) -> str:
     A long one has a line of JSON for each clip.
     """
     if len(manifest.clips) < clip_lines.LINES_FROM:
-        return yaml_text.dump(manifest.model_dump(mode="json", exclude_defaults=True))
+        return plain_yaml.dump(manifest.model_dump(mode="json", exclude_defaults=True))
     head = manifest.model_dump(mode="json", exclude_defaults=True, exclude={"clips"})
     clips = (clip.model_dump(mode="json", exclude_defaults=True) for clip in manifest.clips)
     return clip_lines.dump(head, clips)

@@ -3,19 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from gmrdata.values import limits, plain_yaml
 from gmrdata.values.errors import BadManifest, MissingInput
 from gmrdata.values.plain_yaml import NotPlain
 
 FieldPath = plain_yaml.FieldPath
-_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-
-
-def dump(value: Any) -> str:
-    """YAML text of plain data, keys in the order given, so that equal values give equal bytes."""
-    return str(yaml.dump(value, Dumper=_DUMPER, sort_keys=False, allow_unicode=True, width=100))
 
 
 def load(path: Path) -> tuple[Any, dict[FieldPath, int]]:

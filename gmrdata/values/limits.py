@@ -61,7 +61,7 @@ MOST_BATCH_FRAMES = 4_000_000  # in all windows of a step
 MOST_STEPS = 1_000_000_000
 MOST_MANIFEST_BYTES = 64 * MIB
 DEEPEST_YAML = 32
-MOST_YAML_DIGITS = 20  # of a whole number, as those of 64 bits have
+MOST_YAML_DIGITS = 100  # of a whole number
 
 
 class OverBudget(ValueError):

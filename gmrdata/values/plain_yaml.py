@@ -56,11 +56,20 @@ def parse(text: str) -> tuple[Any, dict[FieldPath, int]]:
         raise NotPlain(None, f"not plain YAML: {error}") from None
 
 
+def dump(value: Any) -> str:
+    """YAML of plain data that `parse` reads back: keys in the order given, the same bytes again."""
+    return str(yaml.dump(value, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
+
+
 class _Loader(_BASE):  # type: ignore[misc,valid-type]
     """PyYAML's, which resolves less."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
     yaml_constructors: dict[str | None, Any] = {}  # noqa: RUF012
+
+
+class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
+    """PyYAML's, which quotes what is no text in YAML 1.1; this one what is none here too."""
 
 
 def _scalar(loader: Any, node: yaml.Node) -> str:
@@ -109,13 +118,16 @@ def _unknown(loader: Any, node: yaml.Node) -> None:
     raise _wrong(node, node.tag, "a tag of no plain data")
 
 
-for _name, _pattern, _first in (
-    ("bool", re.compile(f"(?:{'|'.join(_TRUTH)})$"), "tTfF"),
-    ("int", re.compile(f"(?:{_WHOLE.pattern})$"), "-+0123456789"),
-    ("float", re.compile(f"(?:{_REAL.pattern})$"), "-+.0123456789"),
-    ("null", re.compile("(?:~|null|Null|NULL|)$"), ["~", "n", "N", ""]),
-):
-    _Loader.add_implicit_resolver(f"{_TAG}{_name}", _pattern, list(_first))
+_NOT_TEXT = (
+    (f"{_TAG}bool", re.compile(f"(?:{'|'.join(_TRUTH)})$"), [*"tTfF"]),
+    (f"{_TAG}int", re.compile(f"(?:{_WHOLE.pattern})$"), [*"-+0123456789"]),
+    (f"{_TAG}float", re.compile(f"(?:{_REAL.pattern})$"), [*"-+.0123456789"]),
+    (f"{_TAG}null", re.compile("(?:~|null|Null|NULL|)$"), ["~", "n", "N", ""]),
+)
+"""Tag, pattern and first letters of what is no text without quotes."""
+for _resolver in _NOT_TEXT:
+    _Loader.add_implicit_resolver(*_resolver)
+    _Dumper.add_implicit_resolver(*_resolver)
 for _name, _make in (
     ("str", _scalar),
     ("int", _whole),

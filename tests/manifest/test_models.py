@@ -26,6 +26,7 @@ from gmrdata.manifest.current import (
 from gmrdata.manifest.read import json_schema, read_manifest
 from gmrdata.manifest.write import manifest_text
 from gmrdata.stage.recipes import schema_v1
+from gmrdata.values import plain_yaml
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 ids = st.from_regex(r"\A[A-Za-z0-9_][A-Za-z0-9_.-]{0,8}\Z")
@@ -149,7 +150,7 @@ def test_what_is_written_is_read(
 @given(value=st.dictionaries(texts, plain, max_size=4))
 def test_yaml_keeps_every_value(value: dict, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.getbasetemp() / "plain.yaml"
-    path.write_bytes(yaml_text.dump(value).encode())
+    path.write_bytes(plain_yaml.dump(value).encode())
     assert yaml_text.load(path)[0] == value
 
 

@@ -13,6 +13,7 @@ from distributed import LocalCluster
 
 from gmrdata.stage import jobs as stage_jobs
 from gmrdata.stage.jobs import Job, Pool, count_files, run_jobs, try_jobs, worker_pool
+from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadFrames, RenderFailed, StageFailed
 
@@ -179,16 +180,17 @@ def test_workers_that_do_not_see_the_folder_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They run in this process here, so that a disk can be taken away from them."""
+    monkeypatch.setattr(console, "quiet", False)  # which a worker makes it
     jobs = [Job("a", write_process_id, {"path": tmp_path / "a"})]
     with LocalCluster(
         n_workers=1, threads_per_worker=1, dashboard_address=None, processes=False, protocol="tcp"
     ) as cluster:
         run = Run(scheduler=cluster.scheduler_address)
         with worker_pool(run) as pool:
-            monkeypatch.setattr(Path, "read_text", see_nothing)
-            with pytest.raises(StageFailed, match=f"does not see {tmp_path}. Put it on a disk"):
-                run_jobs("writing", jobs, pool, tmp_path / "failed")
-            monkeypatch.undo()
+            with monkeypatch.context() as patch:
+                patch.setattr(Path, "read_text", see_nothing)
+                with pytest.raises(StageFailed, match=f"does not see {tmp_path}. Put it on a disk"):
+                    run_jobs("writing", jobs, pool, tmp_path / "failed")
             assert list(run_jobs("writing", jobs, pool, tmp_path / "failed")) == ["a"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a"]
 
