@@ -36,17 +36,19 @@ NumpyArrayWrapper.__module__ = "joblib.numpy_pickle"
 
 
 class _Pickler(pickle._Pickler):
+    """Python's own, whose inner parts its types don't list."""
+
     def __init__(self, stream: io.BytesIO, protocol: int, aligned: bool) -> None:
         super().__init__(stream, protocol)
         self.stream, self.aligned = stream, aligned
 
     def save(self, obj: Any, save_persistent_id: bool = True) -> None:
         if type(obj) is not np.ndarray:
-            super().save(obj, save_persistent_id)
+            super().save(obj, save_persistent_id)  # type: ignore[misc]
             return
-        super().save(NumpyArrayWrapper(obj, self.aligned))
-        if self.proto >= 4:
-            self.framer.commit_frame(force=True)
+        super().save(NumpyArrayWrapper(obj, self.aligned))  # type: ignore[misc]
+        if self.proto >= 4:  # type: ignore[attr-defined]
+            self.framer.commit_frame(force=True)  # type: ignore[attr-defined]
         if obj.dtype.hasobject:
             pickle.dump(obj, self.stream, protocol=2)
             return

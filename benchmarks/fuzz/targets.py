@@ -3,6 +3,7 @@
 import json
 import pickle  # noqa: TID251  The measurement writes the pickles that are to be read.
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -164,11 +165,15 @@ def _clips(made: _Made, body: BodyModel, walkers: Sequence[Clip]) -> list[Target
     ]  # fmt: skip
 
 
+def _load_recipe(kind: type[Config], path: Path) -> Config:
+    return load_recipe(path, kind)
+
+
 def _recipes(made: _Made) -> list[Target]:
     return [
         _one(
             f"recipe_{name}", "a.yaml", recipe_path(name).read_bytes(), change.YAML,
-            lambda path, kind=kind: load_recipe(path, kind),
+            partial(_load_recipe, kind),
         )
         for name, kind in RECIPES.items()
     ]  # fmt: skip

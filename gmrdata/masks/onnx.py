@@ -23,7 +23,6 @@ from gmrdata.values.limits import MOST_INPUT_SIDE_PX
 from gmrdata.values.records import PART, Record
 
 DETECTIONS_FILE = "detections.json"
-LARGEST_INPUT_PX = 8192
 Detector = Callable[[np.ndarray], Detections]
 
 
@@ -45,9 +44,9 @@ class OnnxConfig(yolox.DetectorConfig):
     @model_validator(mode="after")
     def _sizes_fit(self) -> Self:
         for size_px in self.input_sizes_px:
-            fits = all(0 < side <= LARGEST_INPUT_PX for side in size_px)
+            fits = all(0 < side <= MOST_INPUT_SIDE_PX for side in size_px)
             if not fits or any(side % yolox.STRIDES_PX[-1] for side in size_px):
-                size, most = f"{size_px[0]}x{size_px[1]}", f"at most {LARGEST_INPUT_PX}"
+                size, most = f"{size_px[0]}x{size_px[1]}", f"at most {MOST_INPUT_SIDE_PX}"
                 raise ValueError(f"input_sizes_px: {size}: sides must be multiples of 32, {most}")
         return self
 
@@ -189,7 +188,7 @@ def _input_size_px(model_path: Path) -> tuple[int, int] | None:
         raise BadDetector(f"{model_path}: not YOLOX: it should have {wanted}, but has {named}")
     if shape[2] is None or shape[3] is None:
         return None
-    if max(shape[2:]) > MOST_INPUT_SIDE_PX:
+    if max(shape[2], shape[3]) > MOST_INPUT_SIDE_PX:
         size = f"{shape[3]}x{shape[2]} px"
         most = f"{MOST_INPUT_SIDE_PX} px a side are the most"
         raise BadDetector(f"{model_path}: wants pictures of {size}, and {most}; export it anew")

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.check import check_manifest
+from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.emdb import make_emdb
@@ -95,6 +96,7 @@ def test_manifests_of_all_of_emdb1_and_of_emdb2(
         ids.append([clip.id for clip in manifest.clips])
     assert ids == [["P0_09_outdoor_walk", second], [second], ["P0_09_outdoor_walk"]]
     (entry,) = manifest.clips
+    assert isinstance(entry, ClipEntry)
     assert (entry.body, entry.fps_hz, entry.source.sequence) == (
         "smpl-male",
         30.0,

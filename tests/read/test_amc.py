@@ -209,7 +209,7 @@ def test_the_skeleton_beside_it(tmp_path: Path) -> None:
     max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
-def test_damage_never_raises_anything_else(data, tmp_path: Path) -> None:
+def test_damage_never_raises_anything_else(data: st.DataObject, tmp_path: Path) -> None:
     path = _write(tmp_path)
     damaged = data.draw(st.sampled_from([path, tmp_path / "07.asf"]))
     raw = damaged.read_bytes()
