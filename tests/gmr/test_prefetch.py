@@ -38,10 +38,13 @@ def test_the_next_is_made_while_one_is_used() -> None:
         time.sleep(0.01)
         return step
 
-    start_s = time.perf_counter()
-    for _ in prefetched(make, range(30)):
-        time.sleep(0.01)
-    assert time.perf_counter() - start_s < 0.8 * 2 * 30 * 0.01
+    took_s = []
+    for _ in range(3):  # a busy machine may keep one of them waiting
+        start_s = time.perf_counter()
+        for _ in prefetched(make, range(30)):
+            time.sleep(0.01)
+        took_s.append(time.perf_counter() - start_s)
+    assert min(took_s) < 0.8 * 2 * 30 * 0.01
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
