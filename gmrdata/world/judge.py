@@ -69,6 +69,12 @@ def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[s
     # No scale: the camera stays in place.  Where it moves and no cue tells, nothing is judged.
     if estimate.scale is None or estimate.sigma is None:
         return
+    if not estimate.scale > 0 or not estimate.sigma >= 0:
+        yield (
+            f"the metric scale is {estimate.scale:.3g} ± {estimate.sigma:.2g} m per unit of the "
+            "cameras, which no camera has: body and cameras do not belong together"
+        )
+        return
     share, most = estimate.sigma / estimate.scale, config.max_scale_sigma_share
     if estimate.matters and share > most:
         yield f"the metric scale is uncertain by {share:.1%}, more than {most:.1%}"

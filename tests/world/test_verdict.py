@@ -130,6 +130,14 @@ def test_an_uncertain_scale_and_cues_that_disagree_reject(clip: Clip) -> None:
     assert judge(clip, GOOD, ROWS, ScaleEstimate(None, None, ()), CONFIG).accepted
 
 
+@pytest.mark.parametrize("scale", [-2.0, 0.0, float("nan")])
+def test_a_scale_that_no_camera_has_rejects(clip: Clip, scale: float) -> None:
+    for matters in (True, False):
+        estimate = ScaleEstimate(scale, 0.02, (), matters=matters)
+        (reason,) = judge(clip, GOOD, ROWS, estimate, CONFIG).reasons
+        assert f"the metric scale is {scale:.3g} ± 0.02 m per unit" in reason
+
+
 def test_frames_without_a_camera_are_dropped(clip: Clip) -> None:
     verdict = judge(changed(clip, slice(40, 52), np.nan), GOOD, ROWS, SCALE, CONFIG)
     assert verdict.accepted and verdict.kept.mean() == pytest.approx(78 / 90)
