@@ -6,6 +6,7 @@ mirrored as the file says, without lines of two times, and as wide as its pixels
 
 import heapq
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -115,6 +116,24 @@ def video_record(frames_dir: Path) -> VideoRecord | None:
     return VideoRecord.read(path) if path.is_file() else None
 
 
+def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]:
+    """About how many images `extract_video` would write, and their (width, height), by the file's
+    own word: nothing is decoded.  Errors as there."""
+    import av
+
+    if not path.is_file():
+        raise MissingInput(f"{path}: no such file")
+    with _explained(path), _opened(path) as container:
+        stream = _video_stream(path, container)
+        codec = stream.codec_context
+        length_s = float(container.duration or 0) / av.time_base
+        n_frames = stream.frames or round(length_s * float(stream.average_rate or 0))
+        rate_hz = n_frames / length_s if length_s else 0.0
+        to_s = length_s if config.to_s is None else min(config.to_s, length_s)
+        n_taken = round(max(0.0, to_s - config.from_s) * rate_hz) if rate_hz else n_frames
+        return max(1, n_taken // config.every), (codec.width, codec.height)
+
+
 def as_frames(
     frames: Path, out_dir: Path, config: VideoConfig | None = None, *, run: Run = DEFAULT_RUN
 ) -> Path:
@@ -149,17 +168,24 @@ def extract_video(
     config = config or VideoConfig()
 
     def work(partial_dir: Path) -> None:
-        import av
-
-        try:
+        with _explained(path):
             record = _extract(path, partial_dir, config)
-        except av.FFmpegError as error:
-            said = error.strerror or type(error).__name__
-            why = "empty file (0 bytes)" if not path.stat().st_size else f"no video ({said})"
-            raise BadFrames(f"{path}: {why}; {REMEDY}") from None
         record.write(partial_dir / VIDEO_FILE)
 
     return run_stage("frames", out_dir, config, {"video": path}, work, run=run)
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """What the decoder says of a file, as BadFrames."""
+    import av
+
+    try:
+        yield
+    except av.FFmpegError as error:
+        said = error.strerror or type(error).__name__
+        why = "empty file (0 bytes)" if not path.stat().st_size else f"no video ({said})"
+        raise BadFrames(f"{path}: {why}; {REMEDY}") from None
 
 
 @dataclass(eq=False)
@@ -176,14 +202,17 @@ class _Reading:
     stopped_at_s: float | None = None  # from the first frame on; None if read to the end
 
 
-def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
+def _opened(path: Path) -> "InputContainer":
     import av
 
     # `file:` and the lists keep a file from having others opened.
     only = {"protocol_whitelist": "file", "format_whitelist": CONTAINERS}
-    with av.open(
-        f"file:{path.absolute()}", container_options=only, metadata_errors="ignore"
-    ) as container:
+    where = f"file:{path.absolute()}"
+    return av.open(where, container_options=only, metadata_errors="ignore")
+
+
+def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
+    with _opened(path) as container:
         stream = _video_stream(path, container)
         reading = _Reading()
         numbers: list[int] = []

@@ -131,7 +131,9 @@ def _pickled(path: Path) -> WorldResult:
     )
 
 
-def _array(values: Any, key: str, shape: Sequence[int | None], name: str, path: Path) -> np.ndarray:
+def person_array(
+    values: Any, key: str, shape: Sequence[int | None], name: str, path: Path
+) -> np.ndarray:
     """One finite array of a person; None in the shape stands for any size."""
     if not isinstance(values, Mapping) or key not in values:
         raise BadMotionFile(f"{path}: {name} has no {key!r}. {_AGAIN}")
@@ -158,8 +160,8 @@ def _tracked(
 ) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
     """Name, pose (T, 72) [rad], frames (T,) and betas (T, 10) of a person of WHAM or VIBE."""
     name = tracked_people.person_name(key, path)
-    pose = _array(values, pose_key, (None, 3 * N_JOINTS), name, path)
-    betas = _array(values, "betas", (len(pose), None), name, path)
+    pose = person_array(values, pose_key, (None, 3 * N_JOINTS), name, path)
+    betas = person_array(values, "betas", (len(pose), None), name, path)
     if "frame_ids" not in values:
         raise BadMotionFile(f"{path}: {name} has no 'frame_ids'. {_AGAIN}")
     ids = f"frame_ids of {name}"
@@ -180,7 +182,7 @@ def _wham_person(key: Any, values: Any, path: Path) -> ResultPerson:
     root_rotmats, z_up = _rotmats(pose[:, :3]), _turned(Z_UP_FROM_Y_UP, len(pose))
     camera = None
     if "pose" in values:
-        seen = _array(values, "pose", (len(pose), 3 * N_JOINTS), name, path)
+        seen = person_array(values, "pose", (len(pose), 3 * N_JOINTS), name, path)
         camera = _implied_camera(z_up, root_rotmats, _rotmats(seen[:, :3]))
     body = values.get("body", "smpl-neutral")  # a key that gmrdata's own export has besides
     return ResultPerson(
@@ -188,7 +190,7 @@ def _wham_person(key: Any, values: Any, path: Path) -> ResultPerson:
         frame_numbers=numbers,
         local_rotmats=tracked_people.rotmats_of_rotvecs(pose, N_JOINTS, "pose_world", path),
         root_rotmats=root_rotmats,
-        transl_m=_array(values, "trans_world", (len(pose), 3), name, path),
+        transl_m=person_array(values, "trans_world", (len(pose), 3), name, path),
         betas=betas,
         z_up_from_file=z_up,
         z_up_from_cam=camera,
@@ -198,7 +200,7 @@ def _wham_person(key: Any, values: Any, path: Path) -> ResultPerson:
 
 def _vibe_person(key: Any, values: Any, path: Path) -> ResultPerson:
     name, pose, numbers, betas = _tracked(key, values, "pose", path)
-    weak_cameras = _array(values, "orig_cam", (len(pose), 4), name, path)
+    weak_cameras = person_array(values, "orig_cam", (len(pose), 4), name, path)
     if not (weak_cameras[:, :2] > 0).all():
         at = int(np.argmin(weak_cameras[:, :2].min(axis=1)))
         raise BadMotionFile(f"{path}: orig_cam of {name} has no scale at row {at}. {_AGAIN}")
@@ -223,11 +225,11 @@ def _gvhmr_person(path: Path) -> ResultPerson:
     if not isinstance(seen, Mapping | None):
         raise BadMotionFile(f"{path}: {GVHMR_KEYS[1]} is no dict. {_AGAIN}")
     rows = _usable_rows(content, path)
-    poses = _array(values, "body_pose", (None, 3 * N_SMPLX_BODY), "the person", path)
+    poses = person_array(values, "body_pose", (None, 3 * N_SMPLX_BODY), "the person", path)
     n_frames = len(poses)
     rows = np.arange(n_frames) if rows is None else rows
-    orient = _array(values, "global_orient", (n_frames, 3), "the person", path)
-    transl_m = _array(values, "transl", (n_frames, 3), "the person", path)
+    orient = person_array(values, "global_orient", (n_frames, 3), "the person", path)
+    transl_m = person_array(values, "transl", (n_frames, 3), "the person", path)
     if not rows.size or rows[-1] >= n_frames:
         raise BadMotionFile(f"{path}: `valid` names no frames of its {n_frames}. {_AGAIN}")
     root_rotmats, z_up, camera = _rotmats(orient[rows]), _turned(Z_UP_FROM_Y_UP, len(rows)), None
@@ -236,7 +238,7 @@ def _gvhmr_person(path: Path) -> ResultPerson:
         shown = {"global_orient": finite_numbers(seen.get("global_orient"), what, path)}
         if shown["global_orient"].shape == (n_frames, 3):
             shown["global_orient"] = shown["global_orient"][rows]
-        found = _array(shown, "global_orient", (len(rows), 3), "the person in camera", path)
+        found = person_array(shown, "global_orient", (len(rows), 3), "the person in camera", path)
         camera = _implied_camera(z_up, root_rotmats, _rotmats(found))
     return ResultPerson(
         name="person_0",
@@ -289,16 +291,21 @@ def is_tram_folder(folder: Path) -> bool:
     return (folder / CAMERA_FILE).is_file() and (folder / HPS_FOLDER).is_dir()
 
 
-def _tram_folder(folder: Path) -> WorldResult:
-    camera_path = folder / CAMERA_FILE
+def tram_tracks(folder: Path) -> dict[int, Path]:
+    """The tracks' files of TRAM's folder by number; MissingInput where it is none."""
     tracks = {
         int(found[1]): path
         for path in (folder / HPS_FOLDER).glob("hps_track_*.npy")
         if (found := _TRACK.fullmatch(path.name))
     }
-    if not camera_path.is_file() or not tracks:
+    if not (folder / CAMERA_FILE).is_file() or not tracks:
         what = f"no {CAMERA_FILE} and {HPS_FOLDER}/hps_track_<k>.npy"
         raise MissingInput(f"{folder}: {what}, as TRAM writes them. {_AGAIN}")
+    return tracks
+
+
+def _tram_folder(folder: Path) -> WorldResult:
+    camera_path, tracks = folder / CAMERA_FILE, tram_tracks(folder)
     camera = load_object_npy(camera_path)
     people = [
         _tram_person(f"person_{number}", load_object_npy(path), camera, path, camera_path)
@@ -310,10 +317,10 @@ def _tram_folder(folder: Path) -> WorldResult:
 def _tram_person(
     name: str, values: Any, camera: Any, path: Path, camera_path: Path
 ) -> ResultPerson:
-    rotmats = _array(values, "pred_rotmat", (None, N_JOINTS, 3, 3), name, path)
+    rotmats = person_array(values, "pred_rotmat", (None, N_JOINTS, 3, 3), name, path)
     rotmats = tracked_people.orthonormal(rotmats, f"pred_rotmat of {name}", path)
     n_rows = len(rotmats)
-    betas = _array(values, "pred_shape", (n_rows, None), name, path).mean(axis=0)
+    betas = person_array(values, "pred_shape", (n_rows, None), name, path).mean(axis=0)
     transl_m = finite_numbers(values.get("pred_trans"), f"pred_trans of {name}", path)
     if transl_m.shape not in ((n_rows, 3), (n_rows, 1, 3)):
         what = f"pred_trans of {name} is {transl_m.shape}, not ({n_rows}, 1, 3)"
@@ -322,9 +329,9 @@ def _tram_person(
     if "frame" in values:
         what = f"frame of {name}"
         numbers = tracked_people.frame_numbers(values["frame"], n_rows, what, path)
-    turns = _array(camera, "world_cam_R", (None, 3, 3), "the camera", camera_path)
+    turns = person_array(camera, "world_cam_R", (None, 3, 3), "the camera", camera_path)
     turns = tracked_people.orthonormal(turns, "world_cam_R", camera_path)
-    centres_m = _array(camera, "world_cam_T", (len(turns), 3), "the camera", camera_path)
+    centres_m = person_array(camera, "world_cam_T", (len(turns), 3), "the camera", camera_path)
     if numbers[0] < 0 or numbers[-1] >= len(turns):
         what = f"frames to {numbers[-1]}, but {camera_path.name} has {len(turns)} cameras"
         raise BadMotionFile(f"{path}: {what}. Give the camera of the same video")
@@ -359,14 +366,16 @@ def _slahmr(path: Path, arrays: Mapping[str, np.ndarray]) -> WorldResult:
     tracks, first, n_rows = _track_info(info_path)
     sizes = len(tracks), n_rows
     values = {
-        "trans": _array(arrays, "trans", (*sizes, 3), "the result", path),
-        "root_orient": _array(arrays, "root_orient", (*sizes, 3), "the result", path),
-        "pose_body": _array(arrays, "pose_body", (*sizes, 3 * N_SMPLX_BODY), "the result", path),
-        "betas": _array(arrays, "betas", (len(tracks), None), "the result", path),
+        "trans": person_array(arrays, "trans", (*sizes, 3), "the result", path),
+        "root_orient": person_array(arrays, "root_orient", (*sizes, 3), "the result", path),
+        "pose_body": person_array(
+            arrays, "pose_body", (*sizes, 3 * N_SMPLX_BODY), "the result", path
+        ),
+        "betas": person_array(arrays, "betas", (len(tracks), None), "the result", path),
     }
     if {"cam_R", "cam_t"} <= arrays.keys():
-        values["cam_R"] = _array(arrays, "cam_R", (*sizes, 3, 3), "the camera", path)
-        values["cam_t"] = _array(arrays, "cam_t", (*sizes, 3), "the camera", path)
+        values["cam_R"] = person_array(arrays, "cam_R", (*sizes, 3, 3), "the camera", path)
+        values["cam_t"] = person_array(arrays, "cam_t", (*sizes, 3), "the camera", path)
     people = [
         _slahmr_person({key: one[index] for key, one in values.items()}, track, first, path)
         for index, track in enumerate(tracks)
@@ -438,7 +447,7 @@ def _slahmr_person(
 
 
 def _amass(path: Path, arrays: Mapping[str, np.ndarray]) -> WorldResult:
-    poses = _array(arrays, "poses", (None, None), "the motion", path)
+    poses = person_array(arrays, "poses", (None, None), "the motion", path)
     if poses.shape[1] not in HANDS:
         what = f"poses are {poses.shape}; known are (T, 72), (T, 156) and (T, 165)"
         raise BadMotionFile(f"{path}: {what}. {_AGAIN}")
@@ -450,7 +459,7 @@ def _amass(path: Path, arrays: Mapping[str, np.ndarray]) -> WorldResult:
         frame_numbers=np.arange(len(poses)),
         local_rotmats=rotmats[:, 1:],
         root_rotmats=rotmats[:, 0],
-        transl_m=_array(arrays, "trans", (len(poses), 3), "the motion", path),
+        transl_m=person_array(arrays, "trans", (len(poses), 3), "the motion", path),
         betas=None if is_smplx or "betas" not in arrays else _amass_betas(arrays, len(poses), path),
         z_up_from_file=_turned(np.eye(3), len(poses)),
         betas_body=f"smpl-{_amass_gender(arrays)}",

@@ -1,6 +1,6 @@
 """One sequence through the COLMAP stage: from frames and camera-frame bodies to world motions."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -86,10 +86,9 @@ def _doubts_of_video(frames: Path, clips: list[Clip], out_dir: Path) -> Path | N
 
 def video_doubts(video: VideoRecord, clips: list[Clip]) -> Doubts:
     """What speaks against bodies on a video's frames: lost frames, and times that are others."""
-    sequence = []
-    if video.n_lost:
-        lost = f"{video.n_lost} of the video's {video.n_expected} frames could not be decoded"
-        sequence.append(f"{lost}, so that body and image may not belong together")
+    sequence = [
+        f"{lost}, so that body and image may not belong together" for lost in lost_frames(video)
+    ]
     steps_s = [np.diff(video.times_of(clip.image_numbers), prepend=np.nan) for clip in clips]
     # Speeds are computed from the body's rate, so they are wrong by as much as it is.
     for clip, step_s in zip(clips, steps_s, strict=True):
@@ -105,6 +104,12 @@ def video_doubts(video: VideoRecord, clips: list[Clip]) -> Doubts:
         for clip, of_clip in zip(clips, steps_s, strict=True)
     )
     return Doubts(frames=frames, sequence=tuple(sequence))
+
+
+def lost_frames(video: VideoRecord) -> Iterator[str]:
+    """What a video lost, in words; nothing for a whole one."""
+    if video.n_lost:
+        yield f"{video.n_lost} of the video's {video.n_expected} frames could not be decoded"
 
 
 def _no_doubts(clips: list[Clip]) -> tuple[tuple[str, ...], ...]:

@@ -1,0 +1,228 @@
+"""The verb for any video: cameras, people's world motion of given bodies, a page, and files."""
+
+import shutil
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from tyro.conf import Positional, arg
+
+from gmrdata.cli import options as flags
+from gmrdata.cli.answers import answer, fail, print_table
+from gmrdata.stage.progress import console
+from gmrdata.stage.run import Run
+from gmrdata.values.clip import load_clip
+from gmrdata.values.errors import BadRecipe, StageFailed
+
+if TYPE_CHECKING:
+    from gmrdata.cli.export import FormatName
+    from gmrdata.masks.sources import MasksConfig
+    from gmrdata.read.video import VideoConfig
+    from gmrdata.world.video import GivenBodies, GivenLens, VideoSolveConfig
+    from gmrdata.world.video_verdict import VideoVerdict
+
+FILES = "files"
+LARGEST_FOCAL_PX, WIDEST_DEG = 1e6, 175.0
+FRAME_S, MASK_S, SFM_S, BODY_S = 0.02, 0.12, 0.25, 0.005
+SFM_START_S, BODIES_S = 10.0, 15.0
+"""For a dry run: seconds that one image of 1280x720 px takes on two cores, and that all need."""
+TAKEN_ALONG: "tuple[FormatName, ...]" = ("colmap", "tum", "bvh", "glb", "amass")
+"""Formats that are written of people; of cameras alone the first two."""
+NO_MASKS = ("none",)
+
+
+def video(
+    source: Positional[Path],
+    out: Path,
+    poses: Path | None = None,
+    body: flags.Body = "anny",
+    masks: tuple[str, ...] = ("person",),
+    model: flags.MaskModel = None,
+    landmarks: flags.MaskLandmarks = None,
+    weights: flags.MaskWeights = None,
+    classes: flags.MaskClasses = (),
+    focal: Annotated[
+        float | None, arg(help="Focal length of the images [px]; one of these three at most.")
+    ] = None,
+    fov: Annotated[float | None, arg(help="Horizontal field of view of the images [deg].")] = None,
+    fps: Annotated[float | None, arg(help="Images per second of a folder of images [Hz].")] = None,
+    poses_every: int = 1,
+    seed: int = 0,
+    from_s: flags.FromS = 0.0,
+    to_s: flags.ToS = None,
+    every: flags.Every = 1,
+    take_what_decodes: flags.TakeWhatDecodes = False,
+    strict: bool = False,
+    dry_run: flags.DryRun = False,
+    redo: flags.Redo = False,
+) -> None:
+    """Cameras of any video and, with another system's bodies, people's motion in a metric world.
+
+    Args:
+        source: A video file, or a folder of numbered images.
+        out: Output folder: frames/ of a video, masks/, intrinsics/, sfm/ and verdict.json; bodies/
+            and pseudo_gt/ of people; files/ to take along; page/. A run that was stopped goes on
+            where it was.
+        poses: People before the camera: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, GVHMR's
+            hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl.
+        masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them; none
+            where nothing moves.
+        poses_every: The poses were made from every n-th frame of the video.
+        seed: Seed of the reconstruction.
+        strict: End with exit code 1 for a rejected video.
+    """
+    from gmrdata.cameras.recipe import SfmConfig
+    from gmrdata.read.video import is_video
+    from gmrdata.world.bodies import BodiesConfig
+    from gmrdata.world.video import FRAMES, VideoSolveConfig, solve_video
+    from gmrdata.world.video_verdict import VideoVerdict
+
+    config = VideoSolveConfig(
+        masks=_masks(masks, model, landmarks, weights, classes),
+        sfm=SfmConfig(seed=seed),
+        bodies=BodiesConfig(frames_per_row=poses_every),
+    )
+    part = flags.video_part(from_s, to_s, every, take_what_decodes)
+    if dry_run:
+        _show_plan(source, config, part, poses)
+        return
+    run = Run(redo=redo)
+    given = None if poses is None else _given(poses, body, out, run)
+    lens = _lens(focal, fov)
+    path = solve_video(source, out, config, lens, bodies=given, part=part, fps_hz=fps, run=run)
+    if is_video(source):
+        flags.say_lost(out / FRAMES)
+    verdict = VideoVerdict.read(path)
+    _write_files(out, verdict)
+    _say(path, verdict)
+    if strict and not verdict.accepted:
+        fail(f"{source}: rejected")
+
+
+def _masks(
+    names: tuple[str, ...],
+    model: Path | None,
+    landmarks: Path | None,
+    weights: Path | None,
+    classes: tuple[str, ...],
+) -> "MasksConfig | None":
+    from gmrdata.masks.sources import masks_named
+
+    flags.need(names, "a source of masks: --masks person, or none")
+    if names == NO_MASKS:
+        return None
+    if "silhouette" in names:
+        what = "silhouette needs a body before any camera is known. Use person"
+        raise BadRecipe(f"--masks: {what}")
+    return masks_named(names, model=model, landmarks=landmarks, weights=weights, classes=classes)
+
+
+def _lens(focal_px: float | None, fov_deg: float | None) -> "GivenLens":
+    from gmrdata.world.video import GivenLens
+
+    if (focal_px is None) == (fov_deg is None):
+        raise BadRecipe("give --focal or --fov, one of them")
+    if focal_px is not None and not 0 < focal_px < LARGEST_FOCAL_PX:
+        raise BadRecipe(f"--focal {focal_px:g}: not a focal length in pixels")
+    if fov_deg is not None and not 0 < fov_deg < WIDEST_DEG:
+        raise BadRecipe(f"--fov {fov_deg:g}: not between 0 and {WIDEST_DEG:g} degrees")
+    return GivenLens(focal_px, fov_deg)
+
+
+def _given(poses: Path, body: str, out: Path, run: Run) -> "GivenBodies":
+    """The poses' file, and the body to put them on, which is kept beside the result."""
+    from gmrdata.read.bodies import body_file, keep_body
+    from gmrdata.world.video import GivenBodies
+
+    # The estimators' shapes are of SMPL's neutral body.
+    chosen = str(body_file(body, "smpl-neutral")) if Path(body).expanduser().is_dir() else body
+    return GivenBodies(poses, keep_body(chosen, out / "body", run=run))
+
+
+def _write_files(out: Path, verdict: "VideoVerdict") -> None:
+    """Files for other programs, of what was accepted."""
+    from gmrdata.cli.export_files import Given, write_exports
+    from gmrdata.cli.export_formats import ExportOptions
+    from gmrdata.values.people import person_file
+
+    if not verdict.accepted:
+        shutil.rmtree(out / FILES, ignore_errors=True)
+        return
+    images = _images_dir(out, verdict)
+    if not verdict.people:
+        _write_cameras(out / FILES, out / "sfm", images, verdict.fps_hz)
+        return
+    accepted = [n for n, person in enumerate(verdict.people) if person.accepted]
+    ids = tuple(load_clip(out / "pseudo_gt" / person_file(n)).id for n in accepted)
+    given = Given(out, ids, None, images, None)
+    with suppress(StageFailed):  # which formats could not be written, and why, was said
+        write_exports(given, TAKEN_ALONG, out / FILES, ExportOptions(), redo=True)
+
+
+def _images_dir(out: Path, verdict: "VideoVerdict") -> Path:
+    return out / verdict.images_dir  # an absolute path stays as it is
+
+
+def _write_cameras(folder: Path, sfm_dir: Path, images: Path, fps_hz: float) -> None:
+    """The cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world."""
+    from gmrdata.read.video import video_record
+    from gmrdata.world.background import load_background, load_background_tracks
+    from gmrdata.write.colmap import ColmapPoints, write_colmap
+    from gmrdata.write.trajectories import write_tum
+
+    found = load_background(sfm_dir, None)
+    tracks = load_background_tracks(sfm_dir, found)
+    seen = tracks.of_adjusted()
+    points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
+    radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
+    shutil.rmtree(folder, ignore_errors=True)
+    colmap, known = folder / "colmap", found.camera.has_camera
+    colmap.mkdir(parents=True)
+    write_colmap(colmap, found.camera, tracks.image_names, points, radial=radial, images_dir=images)
+    video = video_record(images)
+    times_s = np.arange(len(known)) / fps_hz
+    if video is not None:
+        times_s = video.times_of(found.image_numbers)
+    write_tum(folder / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s[known])
+
+
+def _say(path: Path, verdict: "VideoVerdict") -> None:
+    """The verdict in words, and where everything is."""
+    answer("accepted" if verdict.accepted else "rejected")
+    for reason in verdict.reasons:
+        answer(f"  {reason}")
+    kept = f"{verdict.camera.kept_frames} of {verdict.camera.frames} frames have a camera to use"
+    lines = [kept, *verdict.notes]
+    for person in verdict.people:
+        state = "accepted" if person.accepted else f"rejected: {'; '.join(person.reasons)}"
+        lines.append(f"{person.id}: {person.kept_frames} of {person.frames} frames, {state}")
+    for line in lines:
+        console.print(line, markup=False, soft_wrap=True)
+    if (path.parent / FILES).is_dir():
+        answer(path.parent / FILES)
+    answer(path)
+
+
+def _show_plan(
+    source: Path, config: "VideoSolveConfig", part: "VideoConfig", poses: Path | None
+) -> None:
+    """What would be done with so many images, and about how long it takes."""
+    from gmrdata.read.frames import check_images, list_images
+    from gmrdata.read.video import count_images, is_video
+
+    if is_video(source):
+        n_images, (width_px, height_px) = count_images(source, part)
+    else:
+        images = list_images(source)
+        n_images, (width_px, height_px) = len(images), check_images(images)
+    share = width_px * height_px / (1280 * 720)
+    seconds = {
+        "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
+        "masks": n_images * MASK_S * max(1.0, share) if config.masks is not None else 0.0,
+        "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
+        "bodies": 0.0 if poses is None else BODIES_S + n_images * BODY_S,
+    }
+    rows = [(name, f"{s:.0f}") for name, s in seconds.items() if s]
+    print_table(("stage", "about [s]"), [*rows, ("all", f"{sum(seconds.values()):.0f}")])
+    answer(f"{source}: {n_images} images of {width_px}x{height_px} px")

@@ -1,0 +1,288 @@
+"""Stage: the people of another system's file, placed before a video's camera, as clips."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, PositiveInt
+from pydantic.dataclasses import dataclass as part
+
+from gmrdata.read.bodies import load_body
+from gmrdata.read.camera_bodies import (
+    AGAIN,
+    Estimator,
+    SeenPeople,
+    SeenPerson,
+    read_camera_bodies,
+)
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
+from gmrdata.values.bodies import SMPL
+from gmrdata.values.body import BodyModel, gender_of
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip, rows_of_numbers, save_clip
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.motion import Motion
+from gmrdata.values.people import PersonFiles, person_file
+from gmrdata.values.records import PART, Config, Figure, Record
+from gmrdata.values.transforms import slerp
+from gmrdata.world.placement import TrueCamera, place_body
+
+BODIES_FILE = "bodies.json"
+NOT_SEEN = "the file of bodies has nobody there"
+NEAREST_M, FURTHEST_M = 0.1, 1000.0
+"""Distances of a pelvis along the camera's axis that a picture can be of [m]."""
+ODD_FRAMES = 2
+"""Frames by which the counts of two decoders may differ, at a video's end."""
+
+
+class BodiesConfig(Config):
+    """How the rows of a file belong to the frames of a video."""
+
+    frames_per_row: int = Field(default=1, ge=1, le=1000)
+    """The file was made from every n-th frame of the video."""
+    min_images: int = Field(default=10, ge=2)
+    """Who is seen in fewer images is left out; the one seen in most of them never is."""
+
+
+@dataclass(frozen=True, eq=False)
+class VideoFrames:
+    """The T images of a video, and which of its frames they are."""
+
+    image_numbers: np.ndarray  # (T,) int, as in the images' names
+    frame_numbers: np.ndarray  # (T,) int, counted from 0
+    n_frames: int | None  # of the whole video; None where only a part of it was looked at
+    size_px: tuple[int, int]  # (width, height) of the images
+    fps_hz: float  # images per second
+
+
+@part(frozen=True, config=PART)
+class BodyFacts:
+    """One person of the file."""
+
+    name: str
+    """As the file counts: "person_<number>"."""
+    images: PositiveInt
+    """In which the person has a pose."""
+    first_image: int
+    last_image: int
+    median_depth_m: Figure
+    """Distance of the pelvis along the camera's axis."""
+    median_depth_in_file_m: Figure
+    """The same before the camera that the file assumes."""
+
+
+class BodiesRecord(Record):
+    """`bodies.json`: who was read from which file, and on what body."""
+
+    format: Literal["gmrdata-bodies/1"] = "gmrdata-bodies/1"
+    estimator: Estimator
+    file: str
+    body: str
+    people: tuple[BodyFacts, ...]
+    """In the order of `person_<n>.npz`."""
+    left_out: tuple[str, ...]
+    """Who is seen in too few images."""
+    notes: tuple[str, ...]
+    """What one should know of the bodies' sizes, and of odd counts."""
+
+
+class _BodiesRecipe(Config):
+    bodies: BodiesConfig
+    intrinsics_px: tuple[tuple[float, float, float], ...]
+    radial: tuple[float, float]
+    size_px: tuple[int, int]
+    fps_hz: float
+    image_numbers: tuple[int, ...]
+    frame_numbers: tuple[int, ...]
+
+
+def make_bodies(
+    poses_path: Path,
+    frames: VideoFrames,
+    camera: TrueCamera,
+    body_path: Path,
+    out_dir: Path,
+    config: BodiesConfig,
+    *,
+    run: Run = DEFAULT_RUN,
+) -> tuple[PersonFiles, ...]:
+    """Write `person_<n>.npz`, clips in the camera's frame with a row for every image.
+
+    Rows without a pose are filled between their neighbours, and are not valid.
+
+    Raises:
+        MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: as `read_camera_bodies`; or the
+            file is of another video, by its frames.
+    """
+    found = read_camera_bodies(poses_path, frames.size_px)
+    recipe = _BodiesRecipe(
+        bodies=config,
+        intrinsics_px=tuple(tuple(row) for row in camera.intrinsics_px.tolist()),
+        radial=camera.radial,
+        size_px=frames.size_px,
+        fps_hz=frames.fps_hz,
+        image_numbers=tuple(frames.image_numbers.tolist()),
+        frame_numbers=tuple(frames.frame_numbers.tolist()),
+    )
+
+    def work(partial: Path) -> None:
+        _write(found, poses_path, frames, camera, load_body(str(body_path)), config, partial)
+
+    inputs = {"body": body_path} | {f"poses_{n}": path for n, path in enumerate(found.files)}
+    run_stage("bodies", out_dir, recipe, inputs, work, run=run)
+    people = BodiesRecord.read(out_dir / BODIES_FILE).people
+    return tuple(PersonFiles(out_dir / person_file(n), body_path) for n in range(len(people)))
+
+
+def _write(
+    found: SeenPeople,
+    poses_path: Path,
+    frames: VideoFrames,
+    camera: TrueCamera,
+    body: BodyModel,
+    config: BodiesConfig,
+    folder: Path,
+) -> None:
+    notes = [*_check_frames(found, poses_path, frames, config), *_size_notes(found, body)]
+    people, left_out = _seen_enough(found, poses_path, frames, config)
+    facts = []
+    for number, (person, rows) in enumerate(people):
+        clip = _clip(person, rows, body, frames, camera, f"{poses_path.name} ({found.estimator})")
+        save_clip(folder / person_file(number), clip, body.rest_pelvis_m(clip.motion.shape))
+        facts.append(_facts(person, rows, clip))
+    BodiesRecord(
+        estimator=found.estimator,
+        file=poses_path.name,
+        body=body.name,
+        people=tuple(facts),
+        left_out=tuple(left_out),
+        notes=tuple(notes),
+    ).write(folder / BODIES_FILE)
+
+
+def _check_frames(
+    found: SeenPeople, path: Path, frames: VideoFrames, config: BodiesConfig
+) -> list[str]:
+    """Refuse a file of another video or rate, as far as its frames tell; small differences."""
+    n_video, step = frames.n_frames, config.frames_per_row
+    last = max(int(person.frame_numbers[-1]) for person in found.people)
+    if min(int(person.frame_numbers[0]) for person in found.people) < 0:
+        raise BadMotionFile(f"{path}: frame numbers below 0. {AGAIN}")
+    if n_video is None:
+        return []
+    n_file = found.n_frames or last + 1
+    says = f"{path}: is of {n_file} frames" + ("" if found.n_frames else " or more")
+    remedy = "If it was made of every n-th frame, say --poses-every n; else give the video's own"
+    for_it = -(-n_video // step)
+    if n_file > for_it + ODD_FRAMES or (found.n_frames and n_file < for_it - ODD_FRAMES):
+        like = f", about every {n_video / n_file:.2g}th" if n_file < n_video else ""
+        taken = f"the video has {n_video}" + (f", every {step}th of them {for_it}" * (step > 1))
+        raise BadMotionFile(f"{says}, and {taken}{like}: another video's, or rate. {remedy}")
+    if found.n_frames and n_file != for_it:
+        return [f"the file of bodies is of {n_file} frames, the video has {for_it}"]
+    return []
+
+
+def _size_notes(found: SeenPeople, body: BodyModel) -> list[str]:
+    if body.name == f"{SMPL}neutral" and any(one.betas is not None for one in found.people):
+        return []
+    size = f"people have the size of the mean {body.name} body, not their own"
+    return [f"{size}: scale and places carry that error (give SMPL's neutral model with --body)"]
+
+
+def _seen_enough(
+    found: SeenPeople, path: Path, frames: VideoFrames, config: BodiesConfig
+) -> tuple[list[tuple[SeenPerson, np.ndarray]], list[str]]:
+    """People and the file's row of each image, -1 for none; and who was left out, in words."""
+    step = config.frames_per_row
+    rows = [rows_of_numbers(one.frame_numbers * step, frames.frame_numbers) for one in found.people]
+    counts = [int((one >= 0).sum()) for one in rows]
+    if max(counts) < 2:
+        spans = ", ".join(
+            f"{one.name}: {one.frame_numbers[0] * step}-{one.frame_numbers[-1] * step}"
+            for one in found.people[:5]
+        )
+        mine = f"{frames.frame_numbers[0]}-{frames.frame_numbers[-1]}"
+        what = f"no person has a pose in two of the video's frames {mine} (the file has {spans})"
+        raise BadMotionFile(f"{path}: {what}. Give the video's own file")
+    kept, left_out = [], []
+    for person, of_images, count in zip(found.people, rows, counts, strict=True):
+        if count >= config.min_images or count == max(counts):
+            kept.append((person, of_images))
+        else:
+            left_out.append(f"{person.name} is seen in {count} images alone")
+    return kept, left_out
+
+
+def _clip(
+    person: SeenPerson,
+    rows: np.ndarray,
+    body: BodyModel,
+    frames: VideoFrames,
+    camera: TrueCamera,
+    source: str,
+) -> Clip:
+    placed, seen = place_body(person, body, camera), rows >= 0
+    known = np.flatnonzero(seen)
+    at = rows[known]
+    depths_m = placed.pelvis_m[at, 2]
+    before = (depths_m > NEAREST_M) & (depths_m < FURTHEST_M)
+    if before.sum() < 2:
+        raise BadMotionFile(f"{source}: {person.name} does not stand before the camera. {AGAIN}")
+    known, at = known[before], at[before]
+    rotmats = np.concatenate([placed.root_rotmats[:, None], person.local_rotmats], axis=1)[at]
+    filled, pelvis_m = _filled(rotmats, placed.pelvis_m[at], known, len(rows))
+    motion = Motion(
+        local_rotmats=filled[:, 1:],
+        root_rotmats=filled[:, 0],
+        pelvis_m=pelvis_m,
+        shape=placed.shape,
+        fps_hz=frames.fps_hz,
+        body=body.name,
+        gender=gender_of(body),
+        frame="camera",
+        source=f"{source}, {person.name}",
+    )
+    n = len(rows)
+    width_px, height_px = frames.size_px
+    unknown = CameraPath(
+        camera.intrinsics_px, width_px, height_px, np.full((n, 4, 4), np.nan), np.zeros(n, bool)
+    )
+    valid = np.isin(np.arange(n), known)
+    return Clip(person.name, motion, valid, frames.image_numbers, unknown)
+
+
+def _filled(
+    rotmats: np.ndarray, pelvis_m: np.ndarray, known: np.ndarray, n_rows: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (T, 24, 3, 3) and places (T, 3) of all rows, from those at rows `known`."""
+    rows = np.clip(np.arange(n_rows), known[0], known[-1])
+    before = np.searchsorted(known, rows, side="right") - 1
+    after = np.minimum(before + 1, len(known) - 1)
+    shares = (rows - known[before]) / np.maximum(known[after] - known[before], 1)
+    places = [np.interp(rows, known, pelvis_m[:, axis]) for axis in range(3)]
+    filled = rotmats[before]
+    gaps = shares > 0
+    if gaps.any():
+        filled[gaps] = slerp(filled[gaps], rotmats[after[gaps]], shares[gaps])
+    return filled, np.stack(places, axis=1)
+
+
+def _facts(person: SeenPerson, rows: np.ndarray, clip: Clip) -> BodyFacts:
+    seen = clip.image_numbers[clip.valid]
+    return BodyFacts(
+        name=person.name,
+        images=len(seen),
+        first_image=int(seen[0]),
+        last_image=int(seen[-1]),
+        median_depth_m=float(np.median(clip.motion.pelvis_m[clip.valid, 2])),
+        median_depth_in_file_m=float(np.median(person.transl_m[rows[rows >= 0], 2])),
+    )
+
+
+def unseen_reasons(clips: Sequence[Clip]) -> tuple[tuple[str, ...], ...]:
+    """For each person T texts: why a frame can't be used for want of a pose; else empty."""
+    return tuple(tuple("" if known else NOT_SEEN for known in clip.valid) for clip in clips)

@@ -1,0 +1,213 @@
+"""Any video: cameras, and where somebody's bodies are given, people in a metric world."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.cameras.files import load_quality
+from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.masks.sources import MasksConfig, PersonSource, make_masks
+from gmrdata.read.frames import check_images, image_number, list_images
+from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, is_video, video_record
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.values.camera import intrinsics_from_fov
+from gmrdata.values.clip import load_clip
+from gmrdata.values.errors import BadRecipe, NoReconstruction
+from gmrdata.values.people import PersonFiles
+from gmrdata.values.records import Config
+from gmrdata.world.bodies import (
+    BODIES_FILE,
+    BodiesConfig,
+    BodiesRecord,
+    VideoFrames,
+    make_bodies,
+    unseen_reasons,
+)
+from gmrdata.world.placement import TrueCamera
+from gmrdata.world.pseudo_gt import make_pseudo_gt
+from gmrdata.world.quality import load_record
+from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.sequence import DOUBTS_FILE, lost_frames, video_doubts
+from gmrdata.world.verdict import Doubts, Verdict
+from gmrdata.world.video_verdict import (
+    VERDICT_FILE,
+    VideoVerdict,
+    judge_cameras,
+    reasons_of,
+    unsolved,
+)
+
+FRAMES, MASKS, SFM, BODIES, PSEUDO_GT = "frames", "masks", "sfm", "bodies", "pseudo_gt"
+"""The folders of a video, in the order in which they are made."""
+
+
+class VideoSolveConfig(Config):
+    """The stages of one video."""
+
+    masks: MasksConfig | None = MasksConfig(sources=(PersonSource(),))
+    """Masks of what moves; None for a video in which nothing does."""
+    sfm: SfmConfig = SfmConfig()
+    bodies: BodiesConfig = BodiesConfig()
+    pseudo_gt: PseudoGtConfig = PseudoGtConfig()
+
+
+@dataclass(frozen=True)
+class GivenBodies:
+    """People before the camera, by another system."""
+
+    poses_path: Path  # its file or folder, as `read_camera_bodies` takes it
+    body_path: Path
+
+
+@dataclass(frozen=True)
+class GivenLens:
+    """What is known of the lens: one of the two."""
+
+    focal_px: float | None = None
+    hfov_deg: float | None = None
+
+    def matrix_px(self, size_px: tuple[int, int]) -> np.ndarray:
+        """(3, 3) calibration matrix [px] with the principal point in the middle."""
+        width_px, height_px = size_px
+        if self.hfov_deg is not None:
+            return intrinsics_from_fov(self.hfov_deg, width_px, height_px)
+        f = self.focal_px
+        return np.array([[f, 0.0, width_px / 2], [0.0, f, height_px / 2], [0.0, 0.0, 1.0]])
+
+
+def solve_video(
+    source: Path,
+    out_dir: Path,
+    config: VideoSolveConfig,
+    lens: GivenLens,
+    *,
+    bodies: GivenBodies | None = None,
+    part: VideoConfig | None = None,
+    fps_hz: float | None = None,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Make `masks`, `sfm` and, of given bodies, `bodies` and `pseudo_gt`; gives `verdict.json`.
+
+    A video without a camera path is no error: it is rejected, and the verdict says why.
+
+    Args:
+        source: A video file, of which `part` says what is taken, or a folder of numbered images.
+        lens: What is known of the images' lens.
+        fps_hz: Images per second of a folder; None for a video, which has times.
+
+    Raises:
+        BadRecipe: a folder without a rate, or a video with one.
+        BadFrames, MissingInput, BadMotionFile and what else the stages raise.
+    """
+    images_dir = as_frames(source, out_dir / FRAMES, part, run=run)
+    frames = video_frames(images_dir, part, fps_hz)
+    intrinsics_px = lens.matrix_px(frames.size_px)
+    masks_dir = None
+    if config.masks is not None:
+        masks_dir = make_masks(images_dir, out_dir / MASKS, config.masks, run=run)
+    video = video_record(images_dir)
+    doubts = () if video is None else tuple(lost_frames(video))
+    notes: tuple[str, ...] = ()
+    people: tuple[Verdict, ...] = ()
+    try:
+        sfm_dir = reconstruct(
+            images_dir, masks_dir, intrinsics_px, out_dir / SFM, config.sfm, run=run
+        )
+        camera = judge_cameras(sfm_dir, frames.fps_hz, config.pseudo_gt.verdict, doubts)
+    except NoReconstruction as error:
+        camera = unsolved(str(error), len(frames.image_numbers))
+    else:
+        if bodies is not None:
+            true_camera = _true_camera(intrinsics_px, sfm_dir)
+            people, notes = _solve_people(bodies, frames, true_camera, video, out_dir, config, run)
+    reasons = reasons_of(camera, people)
+    path = out_dir / VERDICT_FILE
+    VideoVerdict(
+        images_dir=FRAMES if is_video(source) else str(images_dir.absolute()),
+        fps_hz=frames.fps_hz,
+        accepted=not reasons,
+        reasons=reasons,
+        camera=camera,
+        people=people,
+        notes=notes,
+    ).write(path)
+    return path
+
+
+def _true_camera(intrinsics_px: np.ndarray, sfm_dir: Path) -> TrueCamera:
+    """The camera of the images, with the distortion that was taken out of their points."""
+    lens = load_quality(sfm_dir).lens
+    return TrueCamera(intrinsics_px, (0.0, 0.0) if lens is None else (lens.k1, lens.k2))
+
+
+def _solve_people(
+    bodies: GivenBodies,
+    frames: VideoFrames,
+    camera: TrueCamera,
+    video: VideoRecord | None,
+    out_dir: Path,
+    config: VideoSolveConfig,
+    run: Run,
+) -> tuple[tuple[Verdict, ...], tuple[str, ...]]:
+    """Each person's verdict, and what one should know of the bodies."""
+    bodies_dir = out_dir / BODIES
+    people = make_bodies(
+        bodies.poses_path, frames, camera, bodies.body_path, bodies_dir, config.bodies, run=run
+    )
+    record = BodiesRecord.read(bodies_dir / BODIES_FILE)
+    notes = (*record.notes, *record.left_out)
+    try:
+        made = make_pseudo_gt(
+            out_dir / SFM,
+            people,
+            out_dir / PSEUDO_GT,
+            config.pseudo_gt,
+            doubts_path=_write_doubts(people, video, out_dir),
+            run=run,
+        )
+    except NoReconstruction as error:
+        n = len(frames.image_numbers)
+        return tuple(unsolved(str(error), n, person.name) for person in record.people), notes
+    return load_record(made).people, notes
+
+
+def _write_doubts(
+    people: tuple[PersonFiles, ...], video: VideoRecord | None, out_dir: Path
+) -> Path:
+    """`doubts.json`: frames without a pose, and what the video's times and losses say."""
+    clips = [load_clip(person.clip_path) for person in people]
+    unseen = unseen_reasons(clips)
+    found = Doubts(frames=unseen, sequence=())
+    if video is not None:
+        of_video = video_doubts(video, clips)
+        frames = tuple(
+            tuple(one or other for one, other in zip(mine, its, strict=True))
+            for mine, its in zip(unseen, of_video.frames, strict=True)
+        )
+        found = Doubts(frames=frames, sequence=of_video.sequence)
+    path = out_dir / DOUBTS_FILE
+    found.write(path)
+    return path
+
+
+def video_frames(
+    images_dir: Path, part: VideoConfig | None = None, fps_hz: float | None = None
+) -> VideoFrames:
+    """Which frames of a video a folder of images holds; of a folder by itself, all in order."""
+    images = list_images(images_dir)
+    numbers = np.array([image_number(image) for image in images], dtype=np.int64)
+    size_px, video = check_images(images), video_record(images_dir)
+    if video is None:
+        if fps_hz is None:
+            what = "a folder of images has no frame rate"
+            raise BadRecipe(f"{images_dir}: {what}. Give it with --fps")
+        return VideoFrames(numbers, np.arange(len(numbers)), len(numbers), size_px, fps_hz)
+    if fps_hz is not None:
+        raise BadRecipe(f"{images_dir}: a video has its own times. Leave --fps out")
+    whole = part is None or part.to_s is None
+    frame_of = {number // video.every: number for number in video.numbers}
+    frame_numbers = np.array([frame_of[int(number)] for number in numbers], dtype=np.int64)
+    n_frames = video.n_decoded if whole else None
+    return VideoFrames(numbers, frame_numbers, n_frames, size_px, video.rate_hz)
