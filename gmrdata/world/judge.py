@@ -12,6 +12,7 @@ from gmrdata.cameras.verdict import (
     angles_deg,
     camera_reasons,
     frame_tests,
+    jump_cause,
     relative_moves,
     turns_too_fast,
 )
@@ -50,16 +51,24 @@ def judge(
     failed = [
         *doubts,
         *camera_reasons(quality, config),
-        *_body_reasons(jump_share, kept_share, config),
+        *_body_reasons(clip, quality, jump_share, kept_share, config),
         *_scale_reasons(estimate, config),
     ]
     return verdict_of(clip.id, not failed, failed, reasons)
 
 
-def _body_reasons(jump_share: float, kept_share: float, config: VerdictConfig) -> Iterator[str]:
+def _body_reasons(
+    clip: Clip,
+    quality: CamerasQuality,
+    jump_share: float,
+    kept_share: float,
+    config: VerdictConfig,
+) -> Iterator[str]:
     if jump_share > config.max_cuts_share:
         at = f"at {jump_share:.0%} of the steps between images"
-        yield f"the camera jumps {at}: images out of order, or missing"
+        yield (
+            f"the camera jumps {at}: {jump_cause(camera_of(clip).world_from_cam, quality, config)}"
+        )
     if kept_share < config.min_kept_share:
         can = f"{kept_share:.0%} of the data set's valid frames can be used"
         yield f"{can}, fewer than {config.min_kept_share:.0%}"

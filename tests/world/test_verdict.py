@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.files import WeakestStep
+from gmrdata.cameras.verdict import is_out_of_order
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.motion import Motion
@@ -241,10 +242,34 @@ def test_interpolated_frames_have_no_inliers_of_their_own(clip: Clip) -> None:
 
 def test_images_out_of_order_say_so(clip: Clip) -> None:
     order = np.random.default_rng(0).permutation(N)
-    shuffled = clip_of(circling()[order])
-    verdict = judge(shuffled, GOOD, ROWS, SCALE, VerdictConfig(max_speed_m_per_s=3.0))
+    slow = VerdictConfig(max_speed_m_per_s=3.0)
+    for cameras in (circling(), circling() * [1.0, 1.0, 1.0, 0.0]):
+        assert not is_out_of_order(cameras) and is_out_of_order(cameras[order])
+    verdict = judge(clip_of(circling()[order]), GOOD, ROWS, SCALE, slow)
     assert not verdict.accepted
     assert any("images out of order" in reason for reason in verdict.reasons)
+
+
+def test_cameras_that_jump_in_order_are_not_called_out_of_order(clip: Clip) -> None:
+    jumping = camera_of(clip).world_from_cam.copy()
+    jumping[::9, :3, 3] += [0.0, 0.0, 0.5]
+    (reason,) = judge(clip_of(jumping), GOOD, ROWS, SCALE, VerdictConfig()).reasons
+    assert reason.endswith("images are missing, or the cameras are wrong")
+    wrong_focal = good_quality(N, focal_factor=0.7, focal_sigma=0.02)
+    focal, jumps = judge(clip_of(jumping), wrong_focal, ROWS, SCALE, VerdictConfig()).reasons
+    assert "0.70 times the given one" in focal and "the focal length is wrong" in jumps
+
+
+def test_a_background_that_moves_is_named(clip: Clip) -> None:
+    """A sea's and a crowd's figures, and those of a large person."""
+    for step, is_named in (
+        (WeakestStep(36, 45, 0.0032, 0.56, 1.03), True),
+        (WeakestStep(70, 73, 0.00131, 0.75, 14.0), True),
+        (WeakestStep(7, 20, 0.0018, 0.24, 1.3), False),
+    ):
+        reasons = judge(clip, good_quality(N, weakest_step=step), ROWS, SCALE, CONFIG).reasons
+        named = [reason for reason in reasons if "water, a crowd or leaves" in reason]
+        assert reasons and len(named) == is_named
 
 
 def test_black_images_are_named(clip: Clip) -> None:
