@@ -25,11 +25,18 @@ PARALLAX_GROWTH = 2.5
 Measured: 1.2 for a still camera, 1.5-1.7 for pans, 3.4 for a hand-held one that moves by 3 cm."""
 PARALLAX_PX = 0.5  # residuals of the worst tenth of pairs below which parallax does no harm
 CLEARLY_BETTER = 0.7  # share of the median residual that makes six degrees of freedom worth it
+FEW_KEYFRAMES = 5  # mappers want more frames than the three that a model needs
+NEARLY_TURNS = 0.6  # share of the matches that make a pure rotation the likeliest
 VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by little parallax
 
 
 def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, CamerasQuality]:
     """Choose keyframes, solve, fill short gaps; a cut is named where nothing can be solved."""
+    if (n := len(frames.images)) < config.min_frames_registered:
+        raise NoReconstruction(
+            f"{frames.images[0].parent}: {n} frames, but a camera path needs "
+            f"{config.min_frames_registered} at least; take more of the video"
+        )
     keys = choose_keyframes(frames, config)
     # Neither the prior nor the filling reaches over what looks like a cut, matched or not.
     timeline = Timeline(frames.numbers, keys.cuts)
@@ -75,8 +82,7 @@ def _solve_keyframes(
     if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
             f"{frames.images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
-            "could build a model; the parallax may be too small, the intrinsics wrong or the "
-            "background moving"
+            f"could build a model; {_why_unsolved(len(key_rows), evidence)}"
         )
     matches, straight = (of.without(mapped.lens, intrinsics_px) for of in (matches, everything))
     step = weakest_step(mapped, matches, key_rows, intrinsics_px, config.max_reprojection_px)
@@ -84,6 +90,19 @@ def _solve_keyframes(
     placed = place_between(mapped, key_rows, straight, intrinsics_px)
     solution = refine_mapped(placed, straight, intrinsics_px, timeline, config)
     return _with_tracks(solution, everything, frames), evidence, bent
+
+
+def _why_unsolved(n_keyframes: int, evidence: Evidence) -> str:
+    """What may keep matched frames from becoming a model, the likeliest alone where it is clear."""
+    if n_keyframes < FEW_KEYFRAMES:
+        return f"{n_keyframes} frames are too few for one, take more of the video"
+    if evidence.rotation_only_share >= NEARLY_TURNS:
+        share = f"{evidence.rotation_only_share:.0%} of the matches"
+        return f"the camera hardly travels, a turn explains {share}, but not all of them"
+    return (
+        "the background may move itself (water, a crowd, leaves), the intrinsics be wrong, or the "
+        "parallax too small"
+    )
 
 
 def _with_tracks(solution: Solution, matches: Matches, frames: Frames) -> Solution:

@@ -100,6 +100,9 @@ class CamerasVerdictConfig(Config):
     max_cuts_share: float = Field(default=0.05, ge=0)
     """Share of the steps between images at which the picture changes to another place, or the
     camera jumps."""
+    min_frames_in_place: int = Field(default=10, ge=0)
+    """Frames that a camera needs that is said to stay in its place: over fewer it hardly leaves it
+    anyway."""
     min_inliers: int = Field(default=25, ge=0)
     """Background points or matches that hold a frame's camera."""
     max_turn_deg_per_s: float = Field(default=500.0, gt=0)

@@ -34,6 +34,11 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
         known += [f"the picture changes to another place {cuts} times"] if cuts else []
         few = f"{registered:.0%} of the images have a camera, fewer than {fewest:.0%}"
         yield "; ".join([few, ", ".join(known)] if known else [few])
+    if quality.geometry != "full" and quality.frames < config.min_frames_in_place:
+        yield (
+            f"{quality.frames} frames, fewer than {config.min_frames_in_place}, do not tell a "
+            "camera that stays in its place from one that travels"
+        )
     error_px, most_px = quality.mean_reprojection_px, config.max_reprojection_px
     if error_px > most_px:
         yield f"the mean reprojection error is {error_px:.2f} px, more than {most_px:g} px"

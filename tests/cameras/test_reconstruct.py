@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,23 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.cameras.files import SfmCameras, load_cameras, load_points, load_quality
-from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.files import (
+    Evidence,
+    SfmCameras,
+    load_cameras,
+    load_points,
+    load_quality,
+)
+from gmrdata.cameras.geometry import _why_unsolved
+from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.cameras.tracks import errors_px, load_tracks, mean_over_points
+from gmrdata.cameras.verdict import camera_reasons
 from gmrdata.read.frames import list_images
 from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput, NoReconstruction
 from gmrdata.values.transforms import fit_similarity
+from tests.filming import film_cameras, look_at
 
 SMALL = SfmConfig(max_features=600)
 FINE = SfmConfig(max_features=400, first_octave=-1)  # takes thrice as long
@@ -197,6 +207,37 @@ def test_textureless_frames_have_no_reconstruction(tmp_path: Path) -> None:
     with pytest.raises(NoReconstruction, match="features per frame in the frames.*textureless"):
         reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
     assert not (tmp_path / "out").exists()
+
+
+def test_two_frames_are_too_few_and_not_textureless(dolly: Any, tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    for image in list_images(dolly.images_dir)[:2]:
+        shutil.copy(image, tmp_path / "frames" / image.name)
+    with pytest.raises(NoReconstruction, match="frames: 2 frames, but a camera path needs 3"):
+        reconstruct(tmp_path / "frames", None, dolly.intrinsics_px, tmp_path / "out", SMALL)
+
+
+def test_three_frames_of_a_moving_camera_are_not_accepted_as_static(tmp_path: Path) -> None:
+    ahead = np.array([0.6, 1.0, -0.05])
+    places_m = [np.array([-2.0, -2.0, 1.5]) + way_m * ahead for way_m in (0.0, 0.01, 0.02)]
+    cameras = np.array([look_at(place_m, place_m + ahead) for place_m in places_m])
+    filmed = film_cameras(tmp_path / "film", cameras, None)
+    out = reconstruct(filmed.images_dir, None, filmed.intrinsics_px, tmp_path / "out", SMALL)
+    quality = load_quality(out)
+    (reason,) = camera_reasons(quality, CamerasVerdictConfig())
+    assert quality.geometry != "full"
+    assert reason.startswith(
+        "3 frames, fewer than 10, do not tell a camera that stays in its place"
+    )
+
+
+def test_why_no_model_could_be_built_is_said_by_what_is_known() -> None:
+    evidence = Evidence("full", "", 8.0, 9.0, 4.0, 0.2, 0.0, 57, 60.0)
+    assert "12 frames are too few" not in _why_unsolved(12, evidence)
+    assert "water, a crowd, leaves" in _why_unsolved(12, evidence)
+    assert "3 frames are too few" in _why_unsolved(3, evidence)
+    nearly = replace(evidence, rotation_only_share=0.7)
+    assert "hardly travels, a turn explains 70% of the matches" in _why_unsolved(12, nearly)
 
 
 def test_masks_that_cover_everything_leave_no_reconstruction(dolly: Any, tmp_path: Path) -> None:
