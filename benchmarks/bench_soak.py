@@ -1,28 +1,36 @@
 """Kill, fill and unplug, again and again, and compare the bytes with those of undisturbed runs.
 
-`make soak` takes an hour, `ARGS='--hours 8'` longer.  In turn it runs motions in shards, render,
-threedpw, train, and evaluate at small sizes, and as root motions on three hosts too.  Each run is
-hit by a fault at a random moment and started again until it ends well.  Then all of its files must
-be those of the undisturbed run.  Writes out/bench/soak.json; the seed is new each time and in it.
+`make soak` takes an hour, `ARGS='--hours 8'` longer.  In turn it runs motions in shards, motions,
+render, threedpw, sfm of a video, train, and evaluate at small sizes.  Each run is hit by up to
+three faults at random moments: its processes are killed, its disk is full, and as root a host of
+its cluster is unplugged.  It is started again until it ends well.  Then all of its files must be
+those of the undisturbed run.  Writes out/bench/soak.json; the seed is new each time and in it.
 """
 
 import os
 import secrets
 import shutil
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 from film.set_kills import write_recipe
 from record import Record, at_least, at_most
-from scale import hosts, sharing
-from soak.faults import FAULTS, Hit, end_well, in_turn
+from scale import sharing
+from soak.faults import Hit, end_well, hit, in_turn
 from soak.works import Work, contents_of
 
 from gmrdata.manifest.read import read_manifest
 from gmrdata.stage.progress import answers
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import camera_of, save_clip
+from gmrdata.world.compose import motion_in_camera
+from gmrdata.write.video import write_video_of
 
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/soak.json")
@@ -37,14 +45,14 @@ GMR = {
 def works(
     tmp_path_factory: pytest.TempPathFactory,
     cmu_dir: Path,
-    filmed_set: object,
-    small_body: object,
+    filmed_set: Any,
+    small_body: BodyModel,
 ) -> list[Work]:
     """The verbs, each with its input made."""
     root = tmp_path_factory.mktemp("input")
     motions = sharing.motion_files(cmu_dir / "bvh", root / "motions", 12)
     write_recipe(root / "set.yaml", n_clips=2, n_frames=5)
-    recipe = filmed_set.recipe(recipe="threedpw", workers=2)  # type: ignore[attr-defined]
+    recipe = filmed_set.recipe(recipe="threedpw", workers=2)
     (root / "threedpw.yaml").write_text(yaml.safe_dump(recipe.model_dump(mode="json")))
     (root / "gmr.yaml").write_text(yaml.safe_dump({"recipe": "gmr", "train": GMR}))
     library = Work("motions", ("motions", str(motions)), root / "library")
@@ -55,20 +63,43 @@ def works(
         "train", ("train", str(manifest), "--recipe", str(root / "gmr.yaml")), root / "run"
     )
     assert end_well(trained.start()) == 0
-    data = filmed_set.root  # type: ignore[attr-defined]
+    data = filmed_set.root
+    seen = seen_in_video(filmed_set, small_body, root)
     return [
         Work("shards", ("motions", str(motions)), shards=2),
-        Work("render", ("render", str(root / "set.yaml"))),
+        Work("motions", ("motions", str(motions)), on_hosts=True),
+        Work("render", ("render", str(root / "set.yaml")), on_hosts=True),
         Work("threedpw", ("threedpw", "regenerate", "--root", str(data),
-                          "--recipe", str(root / "threedpw.yaml"))),
+                          "--recipe", str(root / "threedpw.yaml")), on_hosts=True),
+        Work("sfm", ("sfm", *seen)),
         Work("train", trained.command),
         Work("evaluate", ("evaluate", str(root / "run"), str(manifest))),
     ]  # fmt: skip
 
 
-def test_soak(
-    request: pytest.FixtureRequest, works: list[Work], tmp_path: Path, cmu_dir: Path
-) -> None:
+def seen_in_video(filmed_set: Any, body: BodyModel, root: Path) -> list[str]:
+    """Arguments of `gmrdata sfm` for a video of a sequence, and its person as the camera saw it."""
+    images = sorted((filmed_set.root / "imageFiles" / "pan_00").iterdir())
+    write_video_of(images, root / "pan.mp4", 30.0)
+    true = filmed_set.truth["pan_00"][0]
+    camera = camera_of(true)
+    unknown = replace(
+        camera,
+        world_from_cam=np.full_like(camera.world_from_cam, np.nan),
+        has_camera=np.zeros_like(camera.has_camera),
+    )
+    motion = motion_in_camera(true.motion, camera.world_from_cam)
+    save_clip(
+        root / "seen.npz",
+        replace(true, motion=motion, camera=unknown),
+        body.rest_pelvis_m(motion.shape),
+    )
+    given = {"frames": root / "pan.mp4", "camera-body": root / "seen.npz"}
+    given["body"] = filmed_set.body_path
+    return [word for name, path in given.items() for word in (f"--{name}", str(path))]
+
+
+def test_soak(request: pytest.FixtureRequest, works: list[Work], tmp_path: Path) -> None:
     small = request.config.getoption("--small")
     hours = 0.01 if small else float(request.config.getoption("--hours"))
     seed = int(os.environ.get("GMRDATA_SEED", secrets.randbits(32)))
@@ -81,32 +112,32 @@ def test_soak(
         assert end_well(whole.start()) == 0, whole.said()
         expected[work.name] = contents_of(whole.out), time.monotonic() - started_s
     hits: list[Hit] = []
-    lost, different, loops, begin_s = 0, 0, 0, time.monotonic()
+    survived, lost, different, loops, begin_s = 0, 0, 0, 0, time.monotonic()
     while time.monotonic() - begin_s < 3600 * hours:
-        for work, fault in in_turn(works, FAULTS, rng):
+        for work, faults in in_turn(works, rng):
             if time.monotonic() - begin_s > 3600 * hours:
                 break
             wanted, whole_s = expected[work.name]
             mine = work.into(tmp_path / "now" / "out")  # the name of a folder is in manifests
-            hits += fault(mine, whole_s, rng)
+            mine_hits = hit(mine, faults, whole_s, rng)
+            hits += mine_hits
             ended = any(end_well(mine.start()) == 0 for _ in range(3))
             found = contents_of(mine.out)
             lost += not ended or bool(wanted.keys() - found.keys())
             different += found != wanted
-            if found != wanted:
-                shutil.move(mine.out, tmp_path / f"different_{len(hits)}")
-                answers.print(f"{work.name}: files differ after {hits[-1]}")
+            survived += len(mine_hits) * (ended and found == wanted)
+            if not ended or found != wanted:
+                keep(mine, tmp_path / f"different_{len(hits)}", wanted, mine_hits)
             mine.clear()
             record.add(
-                faults=len(hits), survived=len(hits) - different, lost=lost, different=different,
-                loops=loops, hits=[hit._asdict() for hit in hits],
+                faults=len(hits), survived=survived, lost=lost, different=different, loops=loops,
+                minutes=round((time.monotonic() - begin_s) / 60, 1),
+                hits=[met._asdict() for met in hits],
             )  # fmt: skip
         loops += 1
-    if os.geteuid() == 0 and not small:
-        hits_of_hosts(tmp_path, cmu_dir, record)
     answers.print(
         f"{len(hits)} faults in {(time.monotonic() - begin_s) / 3600:.2f} h: "
-        f"{len(hits) - different} survived, {lost} lost, {different} with different bytes"
+        f"{survived} survived, {lost} runs lost, {different} with different bytes"
     )
     record.hold(
         [
@@ -117,15 +148,10 @@ def test_soak(
     )
 
 
-def hits_of_hosts(tmp_path: Path, cmu_dir: Path, record: Record) -> None:
-    """The faults of three hosts, once."""
-    motions = sharing.motion_files(cmu_dir / "bvh", tmp_path / "of_hosts", 40)
-    with hosts.network():
-        expected = hosts.undisturbed(motions, tmp_path / "hosts")
-        rows = [
-            hosts.survived(name, motions, expected, tmp_path / f"hosts{number}")
-            for number, name in enumerate(hosts.FAULTS)
-        ]
-    record.add(hosts=rows)
-    record.hold([at_least("faults of hosts survived", sum(bool(row["survived"]) for row in rows),
-                          len(rows))])  # fmt: skip
+def keep(work: Work, folder: Path, wanted: Mapping[str, str], hits: Sequence[Hit]) -> None:
+    """Keep a run that ended otherwise, with all that it said, and say what differs."""
+    found = contents_of(work.out)
+    names = sorted(name for name in wanted | found if wanted.get(name) != found.get(name))
+    answers.print(f"{work.name}: {len(names)} files differ after {hits}: {names[:10]}; {folder}")
+    shutil.copytree(work.out, folder)
+    shutil.copy(work.log, folder.with_suffix(".log"))

@@ -1,6 +1,7 @@
 """Faults that meet a running command at a random moment."""
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -11,9 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 import psutil
+from scale import hosts
 from soak.works import Work
 
 LONGEST_S = 600.0
+MOST_FAULTS = 3  # that meet one run, one after the other
+LONGEST_CUT_S = 10.0
+FOR_GOOD_SHARE = 0.3  # of the cut cables, that are not plugged in again
 
 
 class Hit(NamedTuple):
@@ -84,11 +89,16 @@ def fill_disk(work: Work, whole_s: float, rng: np.random.Generator) -> list[Hit]
 
     Needs root; without, files can't grow beyond a limit instead.
     """
-    work.out.mkdir(parents=True)
     if os.geteuid() != 0:
         return kill_all(work, whole_s, rng)
+    kept = work.out.with_name(f"{work.out.name}_kept")
+    work.out.mkdir(parents=True, exist_ok=True)
+    work.out.rename(kept)
+    work.out.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256m", "none", work.out], check=True)
     try:
+        subprocess.run(["cp", "-a", f"{kept}/.", work.out], check=True)
+        shutil.rmtree(kept)
         processes = work.start()
         after_s = _wait(processes, whole_s, rng)
         alive = any(process.poll() is None for process in processes)
@@ -98,7 +108,6 @@ def fill_disk(work: Work, whole_s: float, rng: np.random.Generator) -> list[Hit]
                 stream.write(bytes(1 << 20))
         end_well(processes)
         ballast.unlink()
-        kept = work.out.with_name(f"{work.out.name}_kept")
         subprocess.run(["cp", "-a", work.out, kept], check=True)
     finally:
         subprocess.run(["umount", "-l", work.out], check=True)
@@ -107,16 +116,60 @@ def fill_disk(work: Work, whole_s: float, rng: np.random.Generator) -> list[Hit]
     return [Hit(work.name, "disk full", after_s)] if alive else []
 
 
-FAULTS: tuple[Fault, ...] = (kill_command, kill_child, kill_all, fill_disk)
+def cut_cable(work: Work, whole_s: float, rng: np.random.Generator) -> list[Hit]:
+    """On three hosts, one with a worker is unplugged: for some seconds, or for good.
+
+    Needs root, for the hosts.
+    """
+    if os.geteuid() != 0:
+        return kill_all(work, whole_s, rng)
+    root = work.out.with_name("hosts")
+    root.mkdir(parents=True)
+    with hosts.network(), hosts.cluster(root):
+        line = [*work.line(), "--scheduler", hosts.SCHEDULER]
+        process = hosts.start(hosts.HOSTS[0], line, work.log)
+        after_s = _wait([process], whole_s, rng)
+        alive = process.poll() is None
+        hosts.plug(hosts.HOSTS[1], "down")
+        for_good = rng.random() < FOR_GOOD_SHARE
+        if not for_good:
+            time.sleep(rng.uniform(0.1, LONGEST_CUT_S))
+            hosts.plug(hosts.HOSTS[1], "up")
+        end_well([process])
+    shutil.rmtree(root)
+    name = f"host cut off {'for good' if for_good else 'for a while'}"
+    return [Hit(work.name, name, after_s)] if alive else []
+
+
+AGAIN: tuple[Fault, ...] = (kill_command, kill_child, kill_all, fill_disk)
+FAULTS: tuple[Fault, ...] = (*AGAIN, cut_cable)
 
 
 def in_turn(
-    works: Sequence[Work], faults: Sequence[Fault], rng: np.random.Generator
-) -> Iterator[tuple[Work, Fault]]:
-    """Each work with each fault once, in a random order."""
-    pairs = [(work, fault) for work in works for fault in faults]
+    works: Sequence[Work], rng: np.random.Generator
+) -> Iterator[tuple[Work, Sequence[Fault]]]:
+    """Each work with each fault that can meet it, in a random order; up to two others follow."""
+    pairs = [
+        (work, fault)
+        for work in works
+        for fault in FAULTS
+        if work.on_hosts or fault is not cut_cable
+    ]
     for number in rng.permutation(len(pairs)):
-        yield pairs[number]
+        work, first = pairs[number]
+        more = rng.integers(len(AGAIN), size=rng.integers(MOST_FAULTS))
+        yield work, (first, *(AGAIN[index] for index in more))
+
+
+def hit(work: Work, faults: Sequence[Fault], whole_s: float, rng: np.random.Generator) -> list[Hit]:
+    """One fault after the other meets the work, each time it goes on, until it ended before one."""
+    hits: list[Hit] = []
+    for fault in faults:
+        found = fault(work, whole_s, rng)
+        if not found:
+            break
+        hits += found
+    return hits
 
 
 def _wait(

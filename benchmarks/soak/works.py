@@ -9,8 +9,8 @@ from pathlib import Path
 
 from film.set_kills import contents
 
-UNLIKE = {"metrics.jsonl", ".shown"}
-"""What hangs on times: a training's log, and a page's mark of the records that it shows."""
+UNLIKE = {".shown"}
+"""What hangs on times of files: a mark of what the pages of 3DPW show."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class Work:
     out: Path = Path()
     shards: int = 1
     """Processes that share the work, with --shard."""
+    on_hosts: bool = False
+    """Whether it takes --scheduler, and can be met by a cut cable."""
 
     def into(self, out: Path) -> "Work":
         """The same to another folder."""
@@ -30,25 +32,30 @@ class Work:
     def start(self) -> list[subprocess.Popen[bytes]]:
         """All of its processes; what they say is appended to `<out>.log`."""
         self.out.parent.mkdir(parents=True, exist_ok=True)
-        line = [sys.executable, "-m", "gmrdata", *self.command, "--out", str(self.out)]
+        line = self.line()
         each = [["--shard", f"{n + 1}/{self.shards}"] if self.shards > 1 else []
                 for n in range(self.shards)]  # fmt: skip
-        with self._log.open("ab") as log:
+        with self.log.open("ab") as log:
             return [
                 subprocess.Popen([*line, *more], stdout=log, stderr=log, start_new_session=True)
                 for more in each
             ]
 
+    def line(self) -> list[str]:
+        """The whole command, without --shard."""
+        return [sys.executable, "-m", "gmrdata", *self.command, "--out", str(self.out)]
+
     @property
-    def _log(self) -> Path:
+    def log(self) -> Path:
+        """What the processes said."""
         return self.out.with_name(f"{self.out.name}.log")
 
     def said(self) -> str:
-        return self._log.read_text()
+        return self.log.read_text()
 
     def clear(self) -> None:
         shutil.rmtree(self.out, ignore_errors=True)
-        self._log.unlink(missing_ok=True)
+        self.log.unlink(missing_ok=True)
 
 
 def contents_of(out: Path) -> Mapping[str, str]:
