@@ -16,25 +16,32 @@ from gmrdata.cli.paper_tables import tables
 from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.sequence import masks, sfm
-from gmrdata.cli.shards import end_of_share, merge
+from gmrdata.cli.shards import end_of_share, merge, once
+from gmrdata.cli.video import video
 from gmrdata.stage.shards import OthersLeft
 from gmrdata.values.errors import GmrdataError
 
 _VERBS: tuple[Callable[..., None], ...] = (
-    demo, doctor, fetch, motions, render, masks, sfm, manifest, threedpw, floor, train, infer,
-    evaluate, compare, export, baseline, tables, merge, report, run,
+    demo, doctor, fetch, motions, render, masks, sfm, video, manifest, threedpw, floor, train,
+    infer, evaluate, compare, export, baseline, tables, merge, report, run,
 )  # fmt: skip
 VERBS = {verb.__name__: verb for verb in _VERBS}
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
+    arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        tyro.extras.subcommand_cli_from_dict(
-            VERBS, prog="gmrdata", description="World-frame human motion data.", args=arguments
-        )
+        with once(arguments) as to_do:
+            if to_do:
+                tyro.extras.subcommand_cli_from_dict(
+                    VERBS,
+                    prog="gmrdata",
+                    description="World-frame human motion data.",
+                    args=arguments,
+                )
     except OthersLeft as left:
-        end_of_share(left, sys.argv[1:] if arguments is None else arguments)
+        end_of_share(left, arguments)
     except GmrdataError as error:
         fail(str(error))
     except OSError as error:

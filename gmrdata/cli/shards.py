@@ -1,8 +1,9 @@
 """Work in shards: the verb merge, the end of a share, scripts for clusters."""
 
 import sys
-from collections.abc import Sequence
-from contextlib import chdir, suppress
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import chdir, contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -10,13 +11,53 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli.answers import fail
 from gmrdata.stage.cluster_scripts import Array, Need, array_script
+from gmrdata.stage.finished import Batch, forget
 from gmrdata.stage.progress import answers, console
-from gmrdata.stage.shards import COMMAND_FILE, SHARDS_FOLDER, CommandRecord, OthersLeft
+from gmrdata.stage.shards import COMMAND_FILE, SHARDS_FOLDER, CommandRecord, OthersLeft, Shard
 from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput
 
 SHARD_FLAG, OUT_FLAG = "--shard", "--out"
 SHARED_VERBS = ("motions", "render", "threedpw", "floor", "tables", "run")
 NOT_MEASURED = Need(None, None)
+NOT_ONCE = ("--redo", "--dry-run", "--preview", "--workers", "--scheduler", "--help", "-h")
+"""With these a command does something else, or in processes whose inputs nobody here knows."""
+
+
+@contextmanager
+def once(arguments: Sequence[str]) -> Iterator[bool]:
+    """Whether there is something to do.  A shard of a batch that is made says so and does nothing.
+
+    Where the block ends well, all shards have: a record is left for the next time.
+    """
+    batch = shared_batch(arguments)
+    if batch is None:
+        yield True
+    elif (found := batch.finished()) is not None:
+        for line in (f"{batch.out_dir}: made, and no file of it or its inputs has changed since",
+                     *found.remarks):  # fmt: skip
+            console.print(line, markup=False, soft_wrap=True)
+        answers.out(found.answers, end="", highlight=False)
+        yield False
+    else:
+        began_ns = time.time_ns()
+        forget()
+        yield True
+        batch.remember(began_ns)
+
+
+def shared_batch(arguments: Sequence[str]) -> Batch | None:
+    """The batch that a command is one shard of; None for other commands.
+
+    BadRecipe for a share that is none.
+    """
+    typed = parted(arguments)
+    values = _flag_values(typed)
+    asked = {part for part in typed if part in NOT_ONCE or part.startswith("--print-")}
+    if typed[:1] == [] or typed[0] not in SHARED_VERBS or len(values) < 2 or asked:
+        return None
+    Shard.parse(values[SHARD_FLAG])
+    at = typed.index(SHARD_FLAG)
+    return Batch((*typed[:at], *typed[at + 2 :]), Path.cwd() / values[OUT_FLAG])
 
 
 def end_of_share(left: OthersLeft, arguments: Sequence[str]) -> None:
@@ -74,6 +115,12 @@ def parted(arguments: Sequence[str]) -> list[str]:
     return found
 
 
+def _flag_values(typed: Sequence[str]) -> dict[str, str]:
+    """The values of --shard and --out, as far as they are there."""
+    flags = [part for part in typed[:-1] if part in (SHARD_FLAG, OUT_FLAG)]
+    return {flag: typed[typed.index(flag) + 1] for flag in flags}
+
+
 def merge(out: Positional[Path]) -> None:
     """Write manifest, pages and verdicts of a folder whose shards have all ended.
 
@@ -100,9 +147,8 @@ def merging(path: Path, record: CommandRecord, out: Path) -> list[str]:
     BadRecord where it is not a command of shards, or writes another folder than `out`.
     """
     typed = parted(record.arguments)
-    flags = [part for part in typed[:-1] if part in (SHARD_FLAG, OUT_FLAG)]
-    values = {flag: typed[typed.index(flag) + 1] for flag in flags}
-    fits = typed[:1] and typed[0] in SHARED_VERBS and {SHARD_FLAG, OUT_FLAG} == values.keys()
+    values = _flag_values(typed)
+    fits = typed[:1] and typed[0] in SHARED_VERBS and len(values) == 2
     if not fits or Path(record.folder, values[OUT_FLAG]).resolve() != out.resolve():
         said = " ".join(record.arguments)
         raise BadRecord(f"{path}: {said}: not a command of shards of {out}")

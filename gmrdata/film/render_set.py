@@ -15,7 +15,7 @@ from gmrdata.motion.cmu import fetch_command
 from gmrdata.motion.library import file_source, gait_source, licence_of
 from gmrdata.read.bodies import keep_body, read_body
 from gmrdata.stage import jobs as stage_jobs
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import load_clip
@@ -107,7 +107,7 @@ def require_takes(selection: Selection, motions_dir: Path | None) -> None:
         raise MissingInput(f"{what}. Give their folder with --motions{how}")
     if selection.missing:
         missing = ", ".join(selection.missing)
-        console.print(f"no motion file for {missing}: left out{how}", markup=False, soft_wrap=True)
+        remark(f"no motion file for {missing}: left out{how}")
 
 
 def render_dir(out_dir: Path, clip_id: str = "") -> Path:
@@ -140,7 +140,7 @@ def _write_listing(
     warnings_path.unlink(missing_ok=True)
     if warnings := frame_warnings(entries, recipe.min_in_frame_share).values():
         for line in warnings:
-            console.print(f"warning: {line}", style="yellow", markup=False)
+            remark(f"warning: {line}", style="yellow")
         write_text(warnings_path, "".join(f"{line}\n" for line in warnings))
 
 

@@ -24,7 +24,7 @@ from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG, LIES
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body
 from gmrdata.read.source_motion import ReadConfig, RestPose, is_trial
 from gmrdata.stage.jobs import Job, Outcome, record_failures, try_jobs, worker_pool
-from gmrdata.stage.progress import console, track
+from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
@@ -231,7 +231,7 @@ def make_library(
         write_motions(out_dir, *head, list(outcome.results.values()), config.recorded, run=run)
     for id in outcome.results:
         if ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).upright is False:
-            console.print(f"clip {id}: {LIES}", markup=False, soft_wrap=True)
+            remark(f"clip {id}: {LIES}")
     if outcome.reasons:
         others = "there is no manifest"
         if outcome.results:

@@ -11,10 +11,19 @@ from rich.console import Console
 console = Console(stderr=True, highlight=False)  # progress and errors, for the person who waits
 
 _KNOWN_WIDTH = sys.stdout.isatty() or "COLUMNS" in os.environ
-answers = Console(highlight=False, width=None if _KNOWN_WIDTH else 160)
+answers = Console(highlight=False, record=True, width=None if _KNOWN_WIDTH else 160)
 """What was asked for, on standard output; wide where it is piped, so that no cell is cut."""
 
+remarks: list[str] = []
+"""What else the person should know of a result; said again where the result is there already."""
+
 Item = TypeVar("Item")
+
+
+def remark(text: str, style: str | None = None) -> None:
+    """Say on standard error what does not stop a command."""
+    remarks.append(text)
+    console.print(text, style=style, markup=False, soft_wrap=True)
 
 
 def progress_bar(*, shown: bool = True) -> progress.Progress:

@@ -189,7 +189,7 @@ def _make(
         **recipe.model_dump(exclude={"format"}),
         facts=facts,
         gmrdata=__version__,
-        git_commit=_git_commit(),
+        git_commit=git_commit(),
         python=platform.python_version(),
         packages=package_versions(),
         seconds=round(time.monotonic() - start_s, 2),
@@ -255,7 +255,7 @@ def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
 
 
 @cache
-def _git_commit() -> str | None:
+def git_commit() -> str | None:
     """Commit of the checkout that gmrdata runs from, or None for an installed wheel."""
     here, git = Path(__file__).parents[2], shutil.which("git")
     if git is None or not (here / ".git").exists():
@@ -290,6 +290,8 @@ class InputsRecord(Record):
     """By role, with the path below an input that is a folder."""
 
 
+INPUTS_READ: set[Path] = set()
+"""Files and folders that this process took for inputs of stages, and recipes that it read."""
 _HASHED: dict[tuple[int, FileState], str] = {}
 """What this process has hashed, by device and state: stages that read the same frames share it."""
 
@@ -311,6 +313,7 @@ class _InputHashes:
 
     def of(self, inputs: Mapping[str, Path]) -> dict[str, str]:
         """Hex SHA-256 of each input, by role."""
+        INPUTS_READ.update(inputs.values())
         return {role: self._of_input(role, path) for role, path in sorted(inputs.items())}
 
     def remember(self) -> None:

@@ -45,11 +45,16 @@ def sha256_of_path(path: Path, hash_file: Callable[[Path], str] = sha256_of_file
     digest = hashlib.sha256()
     # Folders that are links are not entered.
     for file in sorted(Path(root, name) for root, _, names in os.walk(path) for name in names):
-        kept_beside = file.name in (STAGE_FILE, RECIPE_FILE) or _BESIDE_A_STAGE.fullmatch(file.name)
-        if kept_beside or not file.is_file():
+        kept = file.name in (STAGE_FILE, RECIPE_FILE) or is_beside_a_stage(file.name)
+        if kept or not file.is_file():
             continue
         digest.update(f"{file.relative_to(path).as_posix()}\0{hash_file(file)}\n".encode())
     return digest.hexdigest()
+
+
+def is_beside_a_stage(name: str) -> bool:
+    """Whether a file is one that stages keep beside their folders: claims, hashes of inputs."""
+    return _BESIDE_A_STAGE.fullmatch(name) is not None
 
 
 @contextmanager

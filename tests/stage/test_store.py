@@ -349,9 +349,9 @@ def test_sha256_is_the_known_one(tmp_path: Path) -> None:
 
 def test_commit_without_git(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    store._git_commit.cache_clear()
+    store.git_commit.cache_clear()
     made(tmp_path / "out", Counter())
-    store._git_commit.cache_clear()
+    store.git_commit.cache_clear()
     assert read_json(tmp_path / "out" / "stage.json")["git_commit"] is None
     assert store.STAGE_FILE == "stage.json"
 
