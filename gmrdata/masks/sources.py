@@ -172,6 +172,15 @@ def _require_used(names: Sequence[str], options: dict[str, object]) -> None:
             raise BadRecipe(f"{option} is for {' and '.join(USED_BY[option])}, which is not named")
 
 
+def require_models(config: MasksConfig) -> None:
+    """Raise what `make_masks` would raise for networks that are not there, before any work."""
+    for source in config.sources:
+        if isinstance(source, OnnxSource | PersonSource):
+            find_model(YOLOX_NANO, source.model)
+        if isinstance(source, PersonSource):
+            find_model(POSE_LANDMARKS, source.landmarks)
+
+
 def sources_dir(masks_dir: Path) -> Path:
     """The folder with each source's own masks."""
     return masks_dir.with_name(f"{masks_dir.name}_by")

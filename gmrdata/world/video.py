@@ -1,5 +1,6 @@
 """Any video: cameras, and where somebody's bodies are given, people in a metric world."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,8 @@ from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, is_video, vi
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.camera import intrinsics_from_fov
 from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import BadRecipe, NoReconstruction
+from gmrdata.values.errors import BadRecipe, NoReconstruction, StaleOutput
+from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import (
@@ -101,6 +103,8 @@ def solve_video(
         BadRecipe: a folder without a rate, or a video with one.
         BadFrames, MissingInput, BadMotionFile and what else the stages raise.
     """
+    if bodies is None:
+        _drop_people(out_dir, run)
     images_dir = as_frames(source, out_dir / FRAMES, part, run=run)
     frames = video_frames(images_dir, part, fps_hz)
     intrinsics_px = lens.matrix_px(frames.size_px)
@@ -134,6 +138,17 @@ def solve_video(
         notes=notes,
     ).write(path)
     return path
+
+
+def _drop_people(out_dir: Path, run: Run) -> None:
+    """Refuse, or with --redo remove, the people of an earlier run where none are asked for."""
+    for folder in (out_dir / PSEUDO_GT, out_dir / BODIES):
+        if not folder.exists():
+            continue
+        if not run.redo or not (folder / STAGE_FILE).is_file():
+            what = "holds people, and now no --poses are given"
+            raise StaleOutput(f"{folder}: {what}. Pass another --out, or --redo to do without them")
+        shutil.rmtree(folder)
 
 
 def _true_camera(intrinsics_px: np.ndarray, sfm_dir: Path) -> TrueCamera:

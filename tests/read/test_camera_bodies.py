@@ -1,0 +1,279 @@
+"""People before the camera, of files as VIBE, WHAM, GVHMR, TRAM and PHALP would have made them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gmrdata.film.programmes import Circular, camera_path
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.camera_bodies import SeenPeople, read_camera_bodies
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import BadMotionFile, GmrdataError, MissingInput
+from gmrdata.world.placement import TrueCamera, place_body
+from tests.joblib_layout import joblib_bytes
+from tests.read import camera_files
+from tests.read.camera_files import Seen, write_gvhmr, write_joblib, write_tram
+
+SIZE_PX = (640, 360)
+K1 = -0.15
+SYSTEMS = ("vibe", "wham", "gvhmr", "tram", "phalp")
+
+
+@pytest.fixture(scope="module")
+def neutral(small_body: BodyModel) -> BodyModel:
+    return replace(small_body, name="smpl-neutral")
+
+
+@pytest.fixture(scope="module")
+def walk(neutral: BodyModel) -> Clip:
+    """Somebody at the side of the picture, 3 m away."""
+    motion = make_gait("walk", 1.2, 10.0, neutral, np.random.default_rng(2))
+    motion = replace(motion, body=neutral.name)
+    rng = np.random.default_rng(0)
+    path = camera_path(Circular(radius_m=3.0), motion.pelvis_m, 10.0, *SIZE_PX, 60.0, rng)
+    turned = Rotation.from_euler("y", -14, degrees=True).as_matrix()
+    world_from_cam = path.world_from_cam.copy()
+    world_from_cam[:, :3, :3] = world_from_cam[:, :3, :3] @ turned
+    n = motion.n_frames
+    path = replace(path, world_from_cam=world_from_cam)
+    return Clip("walk", motion, np.ones(n, dtype=bool), np.arange(n), path)
+
+
+@dataclass(frozen=True)
+class Files:
+    folder: Path
+    seen: Seen
+
+    def of(self, system: str) -> Path:
+        n = int(self.seen.frames[-1]) + 1
+        match system:
+            case "vibe":
+                people = camera_files.vibe_people([self.seen], np.random.default_rng(0))
+                return write_joblib(self.folder / "vibe_output.pkl", people)
+            case "wham":
+                people = camera_files.wham_people([self.seen])
+                return write_joblib(self.folder / "wham_output.pkl", people)
+            case "gvhmr":
+                result = camera_files.gvhmr_result(self.seen)
+                return write_gvhmr(self.folder / "hmr4d_results.pt", result)
+            case "tram":
+                return write_tram(self.folder / "tram", [self.seen], n)
+        frames = camera_files.phalp_frames([self.seen], n, np.random.default_rng(0))
+        return write_joblib(self.folder / "demo_walk.pkl", frames)
+
+
+@pytest.fixture(scope="module")
+def files(
+    walk: Clip, neutral: BodyModel, tmp_path_factory: pytest.TempPathFactory
+) -> dict[float, dict[str, Path]]:
+    """By distortion and system."""
+    assert walk.camera is not None
+    made = {}
+    for k1 in (0.0, K1):
+        seen = camera_files.seen_person(walk.motion, walk.camera, neutral, radial_k1=k1)
+        folder = Files(tmp_path_factory.mktemp("files"), seen)
+        made[k1] = {system: folder.of(system) for system in SYSTEMS}
+    return made
+
+
+@pytest.mark.parametrize("k1", [0.0, K1])
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_a_person_stands_where_the_picture_shows_it(
+    system: str,
+    k1: float,
+    files: dict[float, dict[str, Path]],
+    walk: Clip,
+    neutral: BodyModel,
+) -> None:
+    found = read_camera_bodies(files[k1][system], SIZE_PX)
+    assert found.estimator == system
+    assert walk.camera is not None
+    true = camera_files.seen_person(walk.motion, walk.camera, neutral).motion
+    person = found.people[0]
+    placed = place_body(person, neutral, TrueCamera(walk.camera.intrinsics_px, (k1, 0.0)))
+    far_m = np.linalg.norm(true.pelvis_m, axis=1)
+    off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1) / far_m
+    # The file's own distance is another one: f is 554 px, and each assumed another.
+    assert np.abs(person.transl_m[:, 2] / true.pelvis_m[:, 2] - 1.0).min() > 0.05
+    assert off.max() < 0.005, off.max()
+    np.testing.assert_allclose(placed.root_rotmats, true.root_rotmats, atol=2e-3)
+    np.testing.assert_allclose(person.local_rotmats[:, :21], true.local_rotmats[:, :21], atol=1e-5)
+
+
+def test_a_lens_that_is_left_out_moves_people_by_more_than_a_hundredth(
+    files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel
+) -> None:
+    assert walk.camera is not None
+    true = camera_files.seen_person(walk.motion, walk.camera, neutral).motion
+    person = read_camera_bodies(files[K1]["wham"], SIZE_PX).people[0]
+    placed = place_body(person, neutral, TrueCamera(walk.camera.intrinsics_px))
+    off = np.linalg.norm(placed.pelvis_m - true.pelvis_m, axis=1)
+    assert off.max() > 0.01 * np.linalg.norm(true.pelvis_m, axis=1).min()
+
+
+def test_a_file_of_vibe_with_its_drawing_camera_alone_gives_nearly_the_same(
+    files: dict[float, dict[str, Path]], walk: Clip, neutral: BodyModel, tmp_path: Path
+) -> None:
+    """`orig_cam` is a tenth too small, and says nothing of the crop's middle."""
+    assert walk.camera is not None
+    seen = camera_files.seen_person(walk.motion, walk.camera, neutral)
+    people = camera_files.vibe_people([seen])
+    for person in people.values():
+        del person["pred_cam"], person["bboxes"]
+    path = write_joblib(tmp_path / "vibe_output.pkl", people)
+    person = read_camera_bodies(path, SIZE_PX).people[0]
+    placed = place_body(person, neutral, TrueCamera(walk.camera.intrinsics_px))
+    far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
+    assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.02
+
+
+def test_phalp_of_the_whole_picture_is_the_same_person(
+    walk: Clip, neutral: BodyModel, tmp_path: Path
+) -> None:
+    """Where the crop is not in the file, `camera` tells the same."""
+    assert walk.camera is not None
+    seen = camera_files.seen_person(walk.motion, walk.camera, neutral)
+    frames = camera_files.phalp_frames([seen], len(seen.frames))
+    for frame in frames.values():
+        del frame["camera_bbox"], frame["center"], frame["scale"]
+    path = write_joblib(tmp_path / "demo.pkl", frames)
+    person = read_camera_bodies(path, SIZE_PX).people[0]
+    placed = place_body(person, neutral, TrueCamera(walk.camera.intrinsics_px))
+    far_m = np.linalg.norm(seen.motion.pelvis_m, axis=1)
+    assert (np.linalg.norm(placed.pelvis_m - seen.motion.pelvis_m, axis=1) / far_m).max() < 0.01
+
+
+def test_the_size_comes_from_the_file_on_smpls_neutral_body_alone(
+    files: dict[float, dict[str, Path]], neutral: BodyModel, small_body: BodyModel
+) -> None:
+    person = read_camera_bodies(files[0.0]["wham"], SIZE_PX).people[0]
+    person = replace(person, betas=np.tile(np.eye(10)[0] * 2, (len(person.transl_m), 1)))
+    camera = TrueCamera(np.array([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]]))
+    assert place_body(person, neutral, camera).shape[0] == 2.0
+    assert not place_body(person, small_body, camera).shape.any()
+
+
+def test_a_copy_of_another_size_is_the_same_video_and_another_shape_is_not(
+    files: dict[float, dict[str, Path]],
+) -> None:
+    """TRAM, GVHMR and PHALP say how large their images are."""
+    for system in ("tram", "gvhmr", "phalp"):
+        own = read_camera_bodies(files[0.0][system], SIZE_PX).people[0]
+        twice = read_camera_bodies(files[0.0][system], (1280, 720)).people[0]
+        assert own.assumed is not None and twice.assumed is not None
+        np.testing.assert_allclose(twice.assumed.focal_px, 2 * own.assumed.focal_px)
+        np.testing.assert_allclose(twice.assumed.centre_px, 2 * own.assumed.centre_px)
+        with pytest.raises(BadMotionFile, match="another video's, or a turned one's"):
+            read_camera_bodies(files[0.0][system], (360, 640))
+
+
+def vibe(**changes: Any) -> dict[Any, Any]:
+    person = {
+        "pred_cam": np.ones((3, 3)),
+        "orig_cam": np.ones((3, 4)),
+        "pose": np.zeros((3, 72)),
+        "betas": np.zeros((3, 10)),
+        "bboxes": np.full((3, 4), 100.0),
+        "frame_ids": np.arange(3),
+    }
+    return {1: {key: value for key, value in (person | changes).items() if value is not None}}
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({}, "holds nobody"),
+        (vibe(pose=np.zeros((3, 69))), r"pose of person_1 is \(3, 69\)"),
+        (vibe(pred_cam=np.zeros((3, 3))), "is not above 0 at row 0"),
+        (vibe(bboxes=np.full((3, 4), -1.0)), "is not above 0 at row 0"),
+        (vibe(pred_cam=np.full((3, 3), np.nan)), "pred_cam of person_1 is not finite"),
+        (vibe(pred_cam=None, orig_cam=np.zeros((3, 4))), "scale of orig_cam"),
+        (vibe(frame_ids=np.array([0, 2, 1])), "not rising"),
+        (vibe(frame_ids=None), "no 'frame_ids'"),
+        (vibe(betas=None), "no 'betas'"),
+        (vibe(pred_cam=None, orig_cam=None), "holds no people before a camera"),
+        ({1: {"pose_world": np.zeros((3, 72)), "trans_world": 0}}, "a motion in the world"),
+        ({"a": 3}, "first entry has no dict"),
+        ([1, 2], "holds no dict"),
+    ],
+)
+def test_a_broken_file_is_named_with_the_fault(content: Any, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "vibe_output.pkl"
+    path.write_bytes(joblib_bytes(content))
+    with pytest.raises(BadMotionFile, match=said) as error:
+        read_camera_bodies(path, SIZE_PX)
+    assert str(path) in str(error.value)
+
+
+def test_what_a_result_lacks_is_named(
+    files: dict[float, dict[str, Path]], tmp_path: Path, walk: Clip, neutral: BodyModel
+) -> None:
+    assert walk.camera is not None
+    seen = camera_files.seen_person(walk.motion, walk.camera, neutral)
+    whole = camera_files.gvhmr_result(seen)
+    for broken, said in (
+        ({"smpl_params_global": {}}, "no smpl_params_incam"),
+        (whole | {"K_fullimg": whole["K_fullimg"][:3]}, "K_fullimg has 3 rows"),
+        (whole | {"K_fullimg": 0 * whole["K_fullimg"]}, "focal length in K_fullimg"),
+        (whole | {"smpl_params_incam": {"body_pose": whole["K_fullimg"]}}, "is not"),
+    ):
+        path = write_gvhmr(tmp_path / "hmr4d_results.pt", broken)
+        with pytest.raises(BadMotionFile, match=said):
+            read_camera_bodies(path, SIZE_PX)
+    with pytest.raises(MissingInput, match=r"no camera\.npy"):
+        read_camera_bodies(tmp_path, SIZE_PX)
+    with pytest.raises(MissingInput, match="no such file"):
+        read_camera_bodies(tmp_path / "gone.pkl", SIZE_PX)
+    np.savez(tmp_path / "a.npz", poses=np.zeros((3, 72)))
+    with pytest.raises(BadMotionFile, match="not TRAM's"):
+        read_camera_bodies(tmp_path / "a.npz", SIZE_PX)
+
+
+@given(data=st.data())
+def test_any_cut_or_changed_file_is_read_or_refused(
+    data: st.DataObject, files: dict[float, dict[str, Path]], tmp_path_factory: Any
+) -> None:
+    system = data.draw(st.sampled_from(["vibe", "wham", "gvhmr", "phalp"]))
+    content = bytearray(files[0.0][system].read_bytes())
+    at = data.draw(st.integers(0, len(content) - 1))
+    if data.draw(st.booleans()):
+        content = content[:at]
+    else:
+        content[at] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.mktemp("changed") / files[0.0][system].name
+    path.write_bytes(bytes(content))
+    try:
+        read_camera_bodies(path, SIZE_PX)
+    except GmrdataError as error:
+        assert path.name in str(error)
+
+
+def test_several_people_with_gaps_keep_their_frames(
+    walk: Clip, neutral: BodyModel, tmp_path: Path
+) -> None:
+    assert walk.camera is not None
+    camera, n = walk.camera, walk.motion.n_frames
+    some = np.array([0, 1, 2, 5, 6, 9])
+    seen = [
+        camera_files.seen_person(walk.motion, camera, neutral),
+        camera_files.seen_person(walk.motion.take(some), camera.at_rows(some), neutral, some),
+    ]
+    ways: dict[str, Callable[[], Path]] = {
+        "vibe": lambda: write_joblib(tmp_path / "v.pkl", camera_files.vibe_people(seen)),
+        "wham": lambda: write_joblib(tmp_path / "w.pkl", camera_files.wham_people(seen)),
+        "tram": lambda: write_tram(tmp_path / "t", seen, n),
+        "phalp": lambda: write_joblib(tmp_path / "p.pkl", camera_files.phalp_frames(seen, n)),
+    }
+    for system, write in ways.items():
+        found: SeenPeople = read_camera_bodies(write(), SIZE_PX)
+        assert [len(one.frame_numbers) for one in found.people] == [n, 6], system
+        np.testing.assert_array_equal(found.people[1].frame_numbers, some)
+        assert found.n_frames == {"tram": n, "phalp": n}.get(system)
