@@ -42,7 +42,7 @@ class BodiesConfig(Config):
     """How the rows of a file belong to the frames of a video."""
 
     frames_per_row: int = Field(default=1, ge=1, le=1000)
-    """The file was made from every n-th frame of the video."""
+    """The file was made from every n-th frame of the video; poses between are interpolated."""
     min_images: int = Field(default=10, ge=2)
     """Who is seen in fewer images is left out; the one seen in most of them never is."""
 
@@ -111,7 +111,8 @@ def make_bodies(
 ) -> tuple[PersonFiles, ...]:
     """Write `person_<n>.npz`, clips in the camera's frame with a row for every image.
 
-    Rows without a pose are filled between their neighbours, and are not valid.
+    Rows without a pose are filled between their neighbours; they are not valid, but for those
+    between two rows of a file of every n-th frame.
 
     Raises:
         MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: as `read_camera_bodies`; or the
@@ -150,7 +151,8 @@ def _write(
     people, left_out = _seen_enough(found, poses_path, frames, config)
     facts = []
     for number, (person, rows) in enumerate(people):
-        clip = _clip(person, rows, body, frames, camera, f"{poses_path.name} ({found.estimator})")
+        source = f"{poses_path.name} ({found.estimator})"
+        clip = _clip(person, rows, body, frames, camera, config.frames_per_row, source)
         save_clip(folder / person_file(number), clip, body.rest_pelvis_m(clip.motion.shape))
         facts.append(_facts(person, rows, clip))
     BodiesRecord(
@@ -223,6 +225,7 @@ def _clip(
     body: BodyModel,
     frames: VideoFrames,
     camera: TrueCamera,
+    frames_per_row: int,
     source: str,
 ) -> Clip:
     placed, seen = place_body(person, body, camera), rows >= 0
@@ -251,8 +254,17 @@ def _clip(
     unknown = CameraPath(
         camera.intrinsics_px, width_px, height_px, np.full((n, 4, 4), np.nan), np.zeros(n, bool)
     )
-    valid = np.isin(np.arange(n), known)
+    valid = _within(frames.frame_numbers, frames.frame_numbers[known], frames_per_row)
     return Clip(person.name, motion, valid, frames.image_numbers, unknown)
+
+
+def _within(frames: np.ndarray, known: np.ndarray, step: int) -> np.ndarray:
+    """(T,) bool: frames (T,) that are known, or between two known ones a step apart at most."""
+    before = np.searchsorted(known, frames, side="right") - 1
+    after = np.searchsorted(known, frames, side="left")
+    between = (before >= 0) & (after < len(known))
+    gaps = known[np.minimum(after, len(known) - 1)] - known[np.maximum(before, 0)]
+    return np.asarray(between & (gaps <= step))
 
 
 def _filled(
