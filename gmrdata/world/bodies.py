@@ -189,10 +189,13 @@ def _check_frames(
 
 
 def _size_notes(found: SeenPeople, body: BodyModel) -> list[str]:
-    if body.name == f"{SMPL}neutral" and any(one.betas is not None for one in found.people):
+    """Whose size people have, where it is not their own."""
+    has_sizes = any(one.betas is not None for one in found.people)
+    if has_sizes and body.name == f"{SMPL}neutral":
         return []
     size = f"people have the size of the mean {body.name} body, not their own"
-    return [f"{size}: scale and places carry that error (give SMPL's neutral model with --body)"]
+    remedy = " (give SMPL's neutral model with --body)" if has_sizes else ""
+    return [f"{size}: scale and places carry that error{remedy}"]
 
 
 def _seen_enough(
