@@ -41,6 +41,7 @@ def good_quality(n_frames: int, **figures: Any) -> CamerasQuality:
         "radial_k1_sigma": None,
         "lens": None,
         "weakest_step": None,
+        "agreement": None,
         "smoothing": NOT_SMOOTHED,
         "points": 900,
         "median_track_length": 4.0,

@@ -79,6 +79,19 @@ class WeakestStep:
 
 
 @part(frozen=True, config=PART)
+class Agreement:
+    """How far two solutions of the same frames agree, after the best similarity between them."""
+
+    cameras: NonNegativeInt
+    """Frames of which both have a camera."""
+    turn_deg: Figure
+    """Root mean square of the angles between their orientations."""
+    place_share: Figure
+    """That of the distances between their places, as a share of the way; 0 for those that only
+    turn.  A way of less than a tenth of the background's distance counts as so long."""
+
+
+@part(frozen=True, config=PART)
 class SmoothTurn:
     """What the prior assumed of the camera's turn, and what came of it."""
 
@@ -168,6 +181,9 @@ class CamerasQuality(records.Record):
     taken as they are.  Frames and intrinsics stay as they are in either case."""
     weakest_step: WeakestStep | None
     """Null but for six degrees of freedom."""
+    agreement: Agreement | None
+    """With a second solution, of every second keyframe and by another seed; null where these are
+    too few, or have none."""
     smoothing: Smoothing
     points: NonNegativeInt | None
     """Of the background; null for a pure rotation, which has none."""

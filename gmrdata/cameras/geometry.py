@@ -5,17 +5,19 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.cameras.files import CamerasQuality, Evidence
+from gmrdata.cameras.agreement import agreement, least_extent
+from gmrdata.cameras.files import Agreement, CamerasQuality, Evidence
 from gmrdata.cameras.focal import turning_focal
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words
 from gmrdata.cameras.keyframes import choose_keyframes, with_frames_between
-from gmrdata.cameras.mapping import map_frames, place_between, refine_mapped
+from gmrdata.cameras.mapping import map_again, map_frames, place_between, refine_mapped
 from gmrdata.cameras.matches import Matches, match_frames
 from gmrdata.cameras.one_scale import weakest_step
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import RotationOnly, refine_turning, solve_rotation_only
 from gmrdata.cameras.solution import Solution, fill_short_gaps, quality_of, turning_solution
 from gmrdata.cameras.tracks import errors_px, mean_over_points, tracks_of
+from gmrdata.values import transforms
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.records import figure
 
@@ -27,6 +29,7 @@ PARALLAX_PX = 0.5  # residuals of the worst tenth of pairs below which parallax 
 CLEARLY_BETTER = 0.7  # share of the median residual that makes six degrees of freedom worth it
 FEW_KEYFRAMES = 5  # mappers want more frames than the three that a model needs
 NEARLY_TURNS = 0.6  # share of the matches that make a pure rotation the likeliest
+AGREEING_SHARE = 0.03  # of the way, to which two solutions of one path agree
 VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by little parallax
 
 
@@ -72,13 +75,17 @@ def _solve_keyframes(
     evidence = weigh(turning, matches, config)
     turns, unsure = evidence.verdict == "rotation_only", evidence.verdict == "either"
     mapped = None if turns else map_frames(keys, matches, work_dir, config)
+    if mapped is not None:
+        mapped = replace(mapped, agreement=_mapped_again(mapped, keys, work_dir, config))
     bent = mapped is not None and is_bent(mapped, turning, config)
     everything = with_frames_between(matches, key_rows, frames, config)
     if turns or bent or (unsure and not explains_better(mapped, turning, config)):
         focal = turning_focal(turning, matches, intrinsics_px)
         refined, smoothing = refine_turning(turn(everything), timeline, config)
         focal_px = float(intrinsics_px[0, 0])
-        return turning_solution(refined, smoothing, focal, focal_px, config), evidence, bent
+        solution = turning_solution(refined, smoothing, focal, focal_px, config)
+        again = _turned_again(turning, matches, intrinsics_px, config)
+        return replace(solution, agreement=again), evidence, bent
     if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
             f"{frames.images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
@@ -90,6 +97,49 @@ def _solve_keyframes(
     placed = place_between(mapped, key_rows, straight, intrinsics_px)
     solution = refine_mapped(placed, straight, intrinsics_px, timeline, config)
     return _with_tracks(solution, everything, frames), evidence, bent
+
+
+def _mapped_again(
+    mapped: Solution, keys: Frames, work_dir: Path, config: SfmConfig
+) -> Agreement | None:
+    """How a model agrees with one of every second keyframe."""
+    if (rows := _every_second(len(keys.images))) is None:
+        return None
+    second = map_again(mapped, rows, keys, work_dir, _reseeded(config))
+    least = least_extent(mapped.world_from_cam, mapped.points, config.small_travel_share)
+    return agreement(mapped.world_from_cam, second, least)
+
+
+def _turned_again(
+    turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray, config: SfmConfig
+) -> Agreement | None:
+    """The same of a camera that only turns."""
+    if (rows := _every_second(len(matches.keypoints_px))) is None:
+        return None
+    among = [pair for pair in matches.pairs if {pair.first, pair.second} <= set(rows.tolist())]
+    if not among:
+        return None
+    rng = np.random.default_rng(_reseeded(config).seed)
+    some = replace(matches, pairs=among)
+    second = solve_rotation_only(some, intrinsics_px, config.rotation_only_inlier_px, rng)
+    return agreement(_turning_cameras(turning), _turning_cameras(second), 0.0)
+
+
+def _turning_cameras(turning: RotationOnly) -> np.ndarray:
+    """(T, 4, 4) cameras at the origin; NaN where there is none."""
+    cameras = transforms.rigid(turning.world_from_cam_rotmats, np.zeros(3))
+    cameras[~turning.has_camera] = np.nan
+    return cameras
+
+
+def _every_second(n_keyframes: int) -> np.ndarray | None:
+    """Rows of every second keyframe; None where these are too few to be solved."""
+    rows = np.arange(0, n_keyframes, 2)
+    return rows if len(rows) >= FEW_KEYFRAMES else None
+
+
+def _reseeded(config: SfmConfig) -> SfmConfig:
+    return config.model_copy(update={"seed": (config.seed + 1) % 2**31})
 
 
 def _why_unsolved(n_keyframes: int, evidence: Evidence) -> str:
@@ -166,7 +216,8 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     Over a way that is short beside the distance of the background, turning and travelling look
     alike, and a mapper may trade one for the other: on a hand-held pan of 39 degrees it found
     0.25 m of travel for 0.05 m, and rotations that were off by 7 %, at 0.35 px.  Such a model asks
-    for another focal length than the true one, or can't tell which it needs.
+    for another focal length than the true one, or can't tell which it needs, or every second
+    keyframe gives another path: on a pan among people in a street it was 20 % of its way off.
     """
     if not mapped.has_camera.any() or not len(mapped.points):
         return False
@@ -176,5 +227,7 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     turns_px = np.median(turning.residuals_px)
     if extent >= config.small_travel_share * distance or turns_px > config.small_travel_median_px:
         return False
-    focal = mapped.focal
+    focal, again = mapped.focal, mapped.agreement
+    if again is not None and again.place_share > AGREEING_SHARE:
+        return True
     return focal is None or focal.sigma > VAGUE_FOCAL or abs(focal.factor - 1.0) > 3 * focal.sigma

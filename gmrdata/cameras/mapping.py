@@ -1,6 +1,6 @@
 """Cameras with six degrees of freedom: COLMAP's mappers, then a robust bundle adjustment."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,23 @@ def map_frames(
     return max(found, key=lambda m: (m.has_camera.sum(), m.inliers.sum()), default=None)
 
 
+def map_again(
+    first: Solution, rows: np.ndarray, frames: Frames, work_dir: Path, config: SfmConfig
+) -> np.ndarray:
+    """Cameras (T, 4, 4) of a second solution by the same mapper, of some rows (N,) of the frames
+    alone and by another seed; NaN for the others, and where there is none."""
+    world_from_cam = np.full((len(frames.images), 4, 4), np.nan)
+    names = [frames.images[row].name for row in rows]
+    models = _run(first.mapper, frames, work_dir, config, names)
+    if models:
+        model, _ = join_models(models, config.seed)
+        bundle_adjuster(model).solve()
+        model, _ = with_lens(model)
+        for row, cam_from_world, _ in _views(model, frames):
+            world_from_cam[row] = transforms.invert(cam_from_world)
+    return world_from_cam
+
+
 def place_between(
     keys: Solution, key_rows: np.ndarray, matches: Matches, intrinsics_px: np.ndarray
 ) -> Solution:
@@ -87,13 +104,16 @@ def refine_mapped(
     return replace(mapped, world_from_cam=refined, smoothing=smoothing)
 
 
-def _run(mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig) -> list[Any]:
-    """The models that a mapper finds."""
-    out_dir = work_dir / mapper
+def _run(
+    mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig, names: Sequence[str] = ()
+) -> list[Any]:
+    """The models that a mapper finds, of all frames or of those that are named."""
+    out_dir = work_dir / (f"{mapper}_again" if names else mapper)
     out_dir.mkdir()
     files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
     if mapper == "global":
-        global_options = _global_options(len(frames.images), config)
+        global_options = _global_options(len(names or frames.images), config)
+        global_options.image_names = list(names)
         return list(pycolmap.global_mapping(*files, global_options).values())
     options = _common(pycolmap.IncrementalPipelineOptions(), config)
     options.min_model_size = config.min_frames_registered
@@ -101,6 +121,7 @@ def _run(mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig) -> l
     options.mapper.abs_pose_refine_focal_length = False
     options.mapper.abs_pose_refine_extra_params = False
     options.extract_colors = False
+    options.image_names = list(names)
     if mapper == "small_parallax":
         options.mapper.init_min_tri_angle = SMALL_START_DEG
         options.mapper.filter_min_tri_angle = options.triangulation.min_angle = MIN_PARALLAX_DEG

@@ -97,6 +97,11 @@ class CamerasVerdictConfig(Config):
     """By how much the background's median distance changes from one keyframe to the next.
     Measured: up to 1.9 on right real clips, 2.6 with their frames shuffled; from 14 where pieces of
     another scale were joined."""
+    max_again_deg: float = Field(default=1.0, gt=0)
+    """Root mean square of the angles between the cameras and those of a second solution, of every
+    second keyframe and by another seed [degrees]."""
+    max_again_share: float = Field(default=0.03, gt=0)
+    """The same of the distances between their places, as a share of the path's extent."""
     max_cuts_share: float = Field(default=0.05, ge=0)
     """Share of the steps between images at which the picture changes to another place, or the
     camera jumps."""

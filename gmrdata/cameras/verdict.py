@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.files import CamerasQuality, WeakestStep
+from gmrdata.cameras.files import Agreement, CamerasQuality, WeakestStep
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.values import transforms
 
@@ -49,6 +49,22 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
         )
     yield from _step_reasons(quality, config)
     yield from _focal_reasons(quality, config)
+    if (again := quality.agreement) is not None:
+        yield from agreement_reasons("every second keyframe, solved alone,", again, config)
+
+
+def agreement_reasons(what: str, again: Agreement, config: CamerasVerdictConfig) -> Iterator[str]:
+    """Why cameras can't be used of which a second solution, named by `what`, says otherwise."""
+    if again.turn_deg > config.max_again_deg:
+        yield (
+            f"{what} gives another path: the camera turns {again.turn_deg:.1f} degrees otherwise, "
+            f"more than {config.max_again_deg:g}"
+        )
+    if again.place_share > config.max_again_share:
+        yield (
+            f"{what} gives another path: the camera is {again.place_share:.1%} of its way off, "
+            f"more than {config.max_again_share:.1%}"
+        )
 
 
 def _step_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Iterator[str]:

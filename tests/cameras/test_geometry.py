@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from gmrdata.cameras.files import Agreement
 from gmrdata.cameras.focal import FreedFocal
 from gmrdata.cameras.geometry import is_bent
 from gmrdata.cameras.recipe import SfmConfig
@@ -61,6 +62,13 @@ def test_a_short_way_is_bent_if_its_focal_length_is_off_or_vague(
     focal: FreedFocal | None, bent: bool
 ) -> None:
     assert is_bent(mapped(0.5, focal), turning(0.9), CONFIG) is bent
+
+
+def test_a_short_way_is_bent_if_every_second_keyframe_goes_another() -> None:
+    firm = mapped(0.5, FreedFocal(1.002, 0.003))
+    for share, bent in ((0.02, False), (0.197, True)):
+        again = replace(firm, agreement=Agreement(6, 0.2, share))
+        assert is_bent(again, turning(0.9), CONFIG) is bent
 
 
 def test_a_long_way_is_never_called_bent() -> None:

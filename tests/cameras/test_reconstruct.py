@@ -69,6 +69,8 @@ def test_a_pan_is_recognised_and_solved_as_a_pure_rotation(pan: Any, pan_dir: Pa
     assert rotation_errors_deg(found, pan.world_from_cam[:, :3, :3]).max() < 0.05
     assert quality.median_reprojection_px < 0.5
     assert quality.evidence.reason.startswith("a pure rotation explains")
+    again = quality.agreement
+    assert again is not None and again.turn_deg < 0.1 and again.place_share == 0
 
 
 def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(
@@ -84,6 +86,9 @@ def test_a_dolly_is_recognised_and_mapped_with_six_degrees_of_freedom(
     assert centre_errors_m(cameras, dolly.world_from_cam).max() < 0.015
     assert quality.mean_reprojection_px < 1.0
     assert quality.lens is None
+    again = quality.agreement
+    assert again is not None and again.cameras == 6
+    assert again.turn_deg < 0.2 and again.place_share < 0.02
     points = np.load(dolly_dir / "points.npz")
     assert len(points["xyz"]) == len(points["track_lengths"]) == quality.points > 100
     assert points["track_lengths"].min() >= 2

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.files import WeakestStep
+from gmrdata.cameras.files import Agreement, WeakestStep
 from gmrdata.cameras.verdict import is_out_of_order
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
@@ -83,6 +83,12 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
             "0.16% of their way is open, and up to 25% of what two frames share moves otherwise "
             "than they say, which together is 0.040%, more than 0.025%; they may follow what moves",
         ),
+        (
+            {"agreement": Agreement(9, 2.14, 0.004)},
+            "every second keyframe, solved alone, gives another path: the camera turns 2.1 degrees "
+            "otherwise, more than 1",
+        ),
+        ({"agreement": Agreement(9, 0.3, 0.08)}, "8.0% of its way off, more than 3.0%"),
         (
             {"focal_factor": 0.95, "focal_sigma": 0.015},
             "0.95 times the given one (standard error 0.01; 1% and 2 of these may be off)",
