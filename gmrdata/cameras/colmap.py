@@ -22,7 +22,7 @@ def matrix_of(rigid: Any) -> np.ndarray:
     return transforms.rigid(matrix[:, :3], matrix[:, 3])
 
 
-FreeIntrinsic = Literal["focal", "radial"]
+FreeIntrinsic = Literal["focal", "radial", "both"]
 
 
 def bundle_adjuster(
@@ -33,10 +33,11 @@ def bundle_adjuster(
     tolerance: float = 1e-6,
 ) -> Any:
     """Adjusts a model with a loss that forgives wrong matches; two cameras hold the gauge.
-    On one thread, so that results repeat; of the intrinsics at most one is free."""
+    On one thread, so that results repeat; of the intrinsics the focal length, distortion or both
+    may be free."""
     options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = free == "focal"
-    options.refine_extra_params = free == "radial"
+    options.refine_focal_length = free in ("focal", "both")
+    options.refine_extra_params = free in ("radial", "both")
     options.refine_principal_point = False
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY

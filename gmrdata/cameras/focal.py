@@ -25,6 +25,7 @@ from gmrdata.cameras.files import Lens
 from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.rotation_only import RotationOnly, slopes_by_turns
 from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX
+from gmrdata.values.camera import bent, straightened
 
 NOISE_FLOOR_PX = 0.05  # features are not placed better
 FREED_NOT_INDEPENDENT = 2.5
@@ -169,6 +170,8 @@ def _adjusted(thin: Any, images: list[int], free: FreeIntrinsic, start: float) -
 MATCHES_PER_PAIR = 100
 MAX_ITERATIONS = 30
 MAX_LOG_FACTOR = 1.5  # beyond this the fit has run away
+MAX_RADIAL = 1.0  # likewise
+LENS_STEP = 1e-6  # of log f and k1, for their slopes
 MAX_SIGMA = 0.5  # a factor that is less certain than this says nothing
 NOT_INDEPENDENT = 5.0
 """The error by covariance is too small by this: a camera in the hand also moves a little, and what
@@ -176,17 +179,41 @@ parallax it leaves leans on the focal length.  Measured on drawn points 4 to 15 
 from 2 to 40 degrees: the factor is off by up to 5 such errors where the hand drifts by 3 cm."""
 
 
+class TurningFit(NamedTuple):
+    """Orientations and lens that make a camera's matches those of one that only turns."""
+
+    log_factor: float  # Logarithm of the focal length over the given one
+    radial_k1: float
+    covariance: np.ndarray  # (2, 2) of both at the noise that is left; k1's is 0 where it is fixed
+    cost: float  # Mean of the loss over the matches, which are the same for every start
+    noise_px: float
+
+
 def turning_focal(
     turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray
 ) -> FreedFocal | None:
     """Refine orientations and focal length together; None where the matches don't hold it."""
+    fit = fit_turning(turning, matches, intrinsics_px, radial=False)
+    if fit is None:
+        return None
+    sigma = float(np.hypot(NOT_INDEPENDENT * np.sqrt(fit.covariance[0, 0]), SYSTEMATIC_FOCAL))
+    if sigma > MAX_SIGMA:
+        return None
+    return FreedFocal(float(np.exp(fit.log_factor)), sigma)
+
+
+def fit_turning(
+    turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray, *, radial: bool
+) -> TurningFit | None:
+    """Orientations and focal length together, and one term of distortion if it is asked for; None
+    where the matches don't hold them."""
     sampled = _gather(turning, matches, intrinsics_px)
     if not len(sampled[0]):
         return None
-    rotmats, log_factor = turning.world_from_cam_rotmats, 0.0
-    focal_px = np.diag(intrinsics_px)[:2]
+    rotmats, lens = turning.world_from_cam_rotmats, np.zeros(2)
+    focal_px, n_lens = np.diag(intrinsics_px)[:2], 2 if radial else 1
     for _ in range(MAX_ITERATIONS):
-        residuals_px, jacobian = _linearised(rotmats, log_factor, sampled, focal_px)
+        residuals_px, jacobian = _linearised(rotmats, lens, sampled, focal_px, n_lens)
         error2_px = (residuals_px**2).sum(axis=1)
         weights = np.repeat(1.0 / (1.0 + error2_px / CAUCHY_SCALE_PX**2), 2)
         hessian = csc_array(jacobian.T @ (jacobian * weights[:, None]))
@@ -194,18 +221,20 @@ def turning_focal(
         damping = 1e-9 * hessian.trace() / hessian.shape[0]
         solver = splu(csc_array(hessian + damping * eye_array(hessian.shape[0])))
         step = -solver.solve(jacobian.T @ (weights * residuals_px.ravel()))
-        rotmats = rotmats @ Rotation.from_rotvec(step[:-1].reshape(-1, 3)).as_matrix()
-        log_factor += float(step[-1])
-        if not abs(log_factor) < MAX_LOG_FACTOR:
+        rotmats = rotmats @ Rotation.from_rotvec(step[:-n_lens].reshape(-1, 3)).as_matrix()
+        lens[:n_lens] += step[-n_lens:]
+        if not abs(lens[0]) < MAX_LOG_FACTOR or not abs(lens[1]) < MAX_RADIAL:
             return None
-        if abs(step[-1]) < 1e-7:
+        if np.abs(step[-n_lens:]).max() < 1e-7:
             break
-    variance = float(solver.solve(np.eye(1, len(step), len(step) - 1)[0])[-1])
-    noise_px = max(NOISE_FLOOR_PX, float(np.sqrt(np.median(error2_px))) / 1.177)
-    sigma = float(np.hypot(NOT_INDEPENDENT * noise_px * np.sqrt(variance), SYSTEMATIC_FOCAL))
-    if variance * damping > 0.01 or sigma > MAX_SIGMA:  # nothing but the damping holds it
+    unit = np.eye(len(step))[:, -n_lens:]
+    covariance = np.zeros((2, 2))
+    covariance[:n_lens, :n_lens] = solver.solve(unit)[-n_lens:]
+    if covariance.diagonal().max() * damping > 0.01:  # nothing but the damping holds it
         return None
-    return FreedFocal(float(np.exp(log_factor)), sigma)
+    noise_px = max(NOISE_FLOOR_PX, float(np.sqrt(np.median(error2_px))) / 1.177)
+    cost = float(np.log1p(error2_px / CAUCHY_SCALE_PX**2).mean())
+    return TurningFit(float(lens[0]), float(lens[1]), noise_px**2 * covariance, cost, noise_px)
 
 
 _Sampled = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -227,23 +256,41 @@ def _gather(turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray) 
 
 
 def _linearised(
-    rotmats: np.ndarray, log_factor: float, sampled: _Sampled, focal_px: np.ndarray
+    rotmats: np.ndarray, lens: np.ndarray, sampled: _Sampled, focal_px: np.ndarray, n_lens: int
 ) -> tuple[np.ndarray, csc_array]:
-    """Residuals (M, 2) [px] and their slopes (2 M, 3 T + 1) by turns R <- R exp(w) and log f."""
+    """Residuals (M, 2) [px] and their slopes (2 M, 3 T + n_lens) by turns R <- R exp(w), and by the
+    lens: log f, and k1 where it is free."""
     frames, first, second = sampled
-    factor = np.exp(log_factor)
-    rays = np.c_[first / factor, np.ones(len(first))]
     second_from_first = np.swapaxes(rotmats[frames[:, 1]], 1, 2) @ rotmats[frames[:, 0]]
-    seen = np.einsum("mij,mj->mi", second_from_first, rays)
-    image_px = factor * focal_px * seen[:, :2] / np.maximum(seen[:, 2:], 1e-3)
-    projection, by_turns = slopes_by_turns(rays, seen, second_from_first, factor * focal_px)
-    narrower = np.c_[-rays[:, :2], np.zeros(len(rays))]
-    by_log = image_px + np.einsum("mki,mij,mj->mk", projection, second_from_first, narrower)
-    values = np.concatenate([by_turns, by_log[:, :, None]], axis=2)
-    n_unknowns = 3 * len(rotmats) + 1
+
+    def predicted_px(of: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rays (M, 3) in the first and the second frames, and image points (M, 2)."""
+        factor, k1 = np.exp(of[0]), of[1]
+        rays = np.c_[straightened(first / factor, k1), np.ones(len(first))]
+        seen = np.einsum("mij,mj->mi", second_from_first, rays)
+        flat = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3)
+        return rays, seen, factor * focal_px * bent(flat, k1)
+
+    rays, seen, image_px = predicted_px(lens)
+    flat = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3)
+    _, by_turns = slopes_by_turns(rays, seen, second_from_first, np.ones(2))
+    by_flat = _slopes_of_bent(flat, lens[1]) * (np.exp(lens[0]) * focal_px)[:, None]
+    values = np.concatenate([by_flat @ by_turns, np.zeros((len(seen), 2, n_lens))], axis=2)
+    for column in range(n_lens):
+        moved = lens + LENS_STEP * (np.arange(2) == column)
+        values[:, :, 6 + column] = (predicted_px(moved)[2] - image_px) / LENS_STEP
+    n_unknowns = 3 * len(rotmats) + n_lens
     turns = (3 * frames[:, :, None] + np.arange(3)).reshape(-1, 6)
-    columns = np.c_[turns, np.full(len(turns), n_unknowns - 1)]
+    last = np.tile(np.arange(n_unknowns - n_lens, n_unknowns), (len(turns), 1))
+    columns = np.c_[turns, last]
     rows = np.arange(2 * len(seen)).reshape(-1, 2, 1)
     where = [np.broadcast_to(at, values.shape).ravel() for at in (rows, columns[:, None])]
     entries, shape = (values.ravel(), tuple(where)), (2 * len(seen), n_unknowns)
     return image_px - focal_px * second, csc_array(coo_array(entries, shape))
+
+
+def _slopes_of_bent(straight: np.ndarray, radial_k1: float) -> np.ndarray:
+    """(M, 2, 2) slopes of `bent` by its points (M, 2)."""
+    r2 = (straight**2).sum(axis=1)[:, None, None]
+    outer = straight[:, :, None] * straight[:, None]
+    return np.asarray((1 + radial_k1 * r2) * np.eye(2) + 2 * radial_k1 * outer)

@@ -61,11 +61,17 @@ class Matches:
         return replace(self, keypoints_px=straight)
 
 
-def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:
-    """Find and match features; COLMAP's `database.db` stays in `work_dir` for the mappers."""
+def match_frames(
+    frames: Frames, work_dir: Path, config: SfmConfig, *, calibrated: bool = True
+) -> Matches:
+    """Find and match features; COLMAP's `database.db` stays in `work_dir` for the mappers.
+
+    Where the intrinsics are but a guess (not `calibrated`), pairs are verified without them, by a
+    fundamental matrix, so that the matches favour no focal length.
+    """
     pycolmap.set_random_seed(config.seed)
     database_path = work_dir / DATABASE_FILE
-    _extract(frames, work_dir, config)
+    _extract(frames, work_dir, config, calibrated)
     n_free, descriptors = _set_masked_aside(database_path, frames)
     _match(database_path, config)
     _sort_pairs(database_path)
@@ -76,10 +82,11 @@ def match_frames(frames: Frames, work_dir: Path, config: SfmConfig) -> Matches:
     return matches
 
 
-def _extract(frames: Frames, work_dir: Path, config: SfmConfig) -> None:
+def _extract(frames: Frames, work_dir: Path, config: SfmConfig, calibrated: bool) -> None:
     reader = pycolmap.ImageReaderOptions()
-    reader.camera_model = "PINHOLE"
-    reader.camera_params = ",".join(map(repr, pinhole_params(frames.intrinsics_px)))
+    reader.camera_model = "PINHOLE" if calibrated else "SIMPLE_RADIAL"
+    if calibrated:
+        reader.camera_params = ",".join(map(repr, pinhole_params(frames.intrinsics_px)))
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = config.threads or own_cores()
     options.max_image_size = max(frames.size_px)

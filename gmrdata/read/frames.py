@@ -7,7 +7,7 @@ person sees.
 import re
 import struct
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Literal
@@ -82,8 +82,10 @@ def decoded(path: Path, flags: int, fault: str) -> np.ndarray:
         raise BadFrames(f"{path}: {fault}")
     _require_small(path, size_px)
     try:
-        # OpenCV turns by some flags and not by others, and a PNG by its version.
-        image = cv2.imread(str(path), flags | cv2.IMREAD_IGNORE_ORIENTATION)
+        # OpenCV turns by some flags and not by others, and a PNG by its version.  It is not given
+        # the path, since it crashes on names whose bytes are no UTF-8.
+        pixels = np.frombuffer(content, np.uint8)
+        image = cv2.imdecode(pixels, flags | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error:
         image = None
     if image is None:
@@ -120,10 +122,21 @@ def read_color(path: Path) -> np.ndarray:
 
 def write_gray(path: Path, image: np.ndarray) -> None:
     """Write (H, W) uint8 as PNG, as a whole or not at all."""
+    write_image(path, image)
+
+
+def write_image(path: Path, image: np.ndarray, params: Sequence[int] = ()) -> None:
+    """Write an image as its path's suffix says, with cv2's `params`, as a whole or not at all."""
+    write_bytes(path, image_bytes(path.suffix, image, params))
+
+
+def image_bytes(suffix: str, image: np.ndarray, params: Sequence[int] = ()) -> bytes:
+    """An image as a file of that kind holds it."""
     import cv2
 
-    _, encoded = cv2.imencode(".png", image)
-    write_bytes(path, encoded.tobytes())
+    # cv2.imwrite crashes on names whose bytes are no UTF-8, and does not say that a disk is full.
+    _, encoded = cv2.imencode(suffix, image, list(params))
+    return encoded.tobytes()
 
 
 def _require_one_each(folder: Path, numbers: list[int], left_out: Collection[int]) -> None:
@@ -161,8 +174,7 @@ def is_turned(path: Path) -> bool:
 
 def exif_orientation(content: bytes) -> int:
     """EXIF's orientation of a JPEG or PNG, 1 (upright) to 8; 1 where there is none that counts."""
-    is_png = content.startswith(PNG_SIGNATURE)
-    tiff = _png_exif(content) if is_png else _jpeg_exif(content)
+    tiff = exif_block(content)
     order: Literal["little", "big"] = "little" if tiff.startswith(b"II") else "big"
     if tiff[:4] not in (b"II*\0", b"MM\0*"):
         return 1
@@ -176,6 +188,12 @@ def exif_orientation(content: bytes) -> int:
             value = int.from_bytes(entry[8:10], order)
             return value if 1 <= value <= 8 else 1
     return 1
+
+
+def exif_block(content: bytes) -> bytes:
+    """The TIFF structure that is the EXIF of a JPEG or PNG; empty without."""
+    is_png = content.startswith(PNG_SIGNATURE)
+    return _png_exif(content) if is_png else _jpeg_exif(content)
 
 
 def _upright(image: np.ndarray, orientation: int) -> np.ndarray:

@@ -82,6 +82,32 @@ def project(
     )
 
 
+def bent(straight: np.ndarray, radial_k1: float) -> np.ndarray:
+    """Where a lens shows image points (..., 2) of a pinhole: r (1 + k1 r^2).
+
+    Points are from the principal point, in units of the focal length.
+    """
+    return straight * (1 + radial_k1 * (straight**2).sum(axis=-1, keepdims=True))
+
+
+def straightened(seen: np.ndarray, radial_k1: float) -> np.ndarray:
+    """Where a pinhole shows image points (..., 2) that a lens shows there: the reverse of `bent`.
+
+    Beyond the largest radius that a lens with k1 < 0 shows, points go to that of its edge.
+    """
+    if radial_k1 == 0:
+        return seen
+    size = np.sqrt((seen**2).sum(axis=-1, keepdims=True))
+    # Newton's method on r + k1 r^3, below the turning point of a lens that folds.
+    most = np.inf if radial_k1 > 0 else float(np.sqrt(-1 / (3 * radial_k1))) * (1 - 1e-6)
+    r = np.minimum(size, most)
+    for _ in range(STRAIGHTEN_STEPS):
+        step = (r + radial_k1 * r**3 - size) / (1 + 3 * radial_k1 * r**2)
+        r = np.clip(r - step, 0, most)
+    return seen * np.where(size > 0, r / np.where(size > 0, size, 1.0), 1.0)
+
+
+STRAIGHTEN_STEPS = 12
 HEAD_ABOVE_PELVIS_M = 0.85
 FEET_BELOW_PELVIS_M = 1.05
 REACH_M = 0.4  # a standing adult of 1.9 m fits this box round the pelvis

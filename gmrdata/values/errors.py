@@ -37,6 +37,10 @@ class BadFrames(GmrdataError):
     """Images or masks are missing, of different sizes, or not images."""
 
 
+class BadIntrinsics(GmrdataError):
+    """A calibration can't be read, or is not one of these frames."""
+
+
 class BadSequence(GmrdataError):
     """A sequence of a dataset (3DPW) is broken, or not laid out as that dataset is."""
 
