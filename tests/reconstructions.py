@@ -9,6 +9,7 @@ import numpy as np
 from gmrdata.cameras.files import NOT_SMOOTHED, CamerasQuality, Evidence
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.camera_motion import MotionFigures
+from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.world.recipe import CueEstimate
 from gmrdata.world.verdict import verdict_of
@@ -71,6 +72,7 @@ def pseudo_gt_quality(cameras: CamerasQuality, scale: float | None) -> PseudoGtQ
         camera_motion="circular",
         camera_motion_figures=MotionFigures(9.0, 10.0, 37.0, 0.6, 0.001, 93.0, True, 5.0),
         people=(verdict_of("walk", True, (), [""] * cameras.frames),),
+        picture_fits=(PictureFit(40, 1, 0.82, 0, 0.82),),
     )
 
 

@@ -113,7 +113,7 @@ def make_masks(
         FetchFailed: torchvision could not fetch its weights.
     """
     made: dict[str, Path] = {}
-    for name, source in zip(_names(config.sources), config.sources, strict=True):
+    for name, source in zip(source_names(config.sources), config.sources, strict=True):
         made[name] = _make(source, images_dir, sources_dir(out_dir) / name, people, left_out, run)
     union = _settings(config, UnionConfig)
     return unite_masks(made, images_dir, out_dir, union, left_out=left_out, run=run)
@@ -192,7 +192,7 @@ def masks_seconds(masks_dir: Path) -> float:
     return sum(stage_seconds(folder) for folder in (masks_dir, *stages))
 
 
-def _names(sources: Sequence[MaskSource]) -> list[str]:
+def source_names(sources: Sequence[MaskSource]) -> list[str]:
     """The kinds, numbered where one occurs more than once."""
     kinds = [source.kind for source in sources]
     return [

@@ -19,6 +19,7 @@ from gmrdata.cameras.verdict import (
 from gmrdata.values import transforms
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.rows import first_reasons, text_runs
+from gmrdata.world.picture_fit import OFF_OVERLAP, PictureFit
 from gmrdata.world.recipe import VerdictConfig
 from gmrdata.world.scale import ScaleEstimate
 from gmrdata.world.verdict import Verdict, verdict_of
@@ -34,6 +35,7 @@ def judge(
     unusable: Sequence[str] | None = None,
     doubts: Sequence[str] = (),
     dataset_camera: np.ndarray | None = None,
+    fit: PictureFit | None = None,
 ) -> Verdict:
     """Judge a pseudo ground truth, a clip of T frames in the world, by its own figures.
 
@@ -42,6 +44,7 @@ def judge(
         unusable: T texts: why the data set itself doesn't vouch for a frame; empty where it does.
         doubts: Why the data set's sequence can't be used at all.
         dataset_camera: (T, 4, 4) metric world_from_cam of the data set; NaN where unknown.
+        fit: How the body lies on the person in the pictures; None where nothing could tell.
     """
     own = [""] * len(clip.valid) if unusable is None else unusable
     reasons = frame_reasons(clip, quality, sfm_rows, config, own, dataset_camera)
@@ -53,6 +56,8 @@ def judge(
         *camera_reasons(quality, config),
         *_body_reasons(clip, quality, jump_share, kept_share, config),
         *_scale_reasons(estimate, config),
+        *_stiff_reasons(clip, config),
+        *([] if fit is None else _fit_reasons(fit, config)),
     ]
     return verdict_of(clip.id, not failed, failed, reasons)
 
@@ -90,6 +95,39 @@ def _scale_reasons(estimate: ScaleEstimate, config: VerdictConfig) -> Iterator[s
     apart, furthest = estimate.disagreement or 0.0, config.max_cue_disagreement
     if apart > furthest:
         yield f"two cues of the scale are {apart:.1f} standard errors apart, more than {furthest:g}"
+
+
+def _fit_reasons(fit: PictureFit, config: VerdictConfig) -> Iterator[str]:
+    late, gain = fit.late_frames, fit.late_overlap - fit.overlap
+    if gain > config.max_late_gain and fit.late_overlap >= OFF_OVERLAP:
+        yield (
+            f"the body is {abs(late)} frames {'late' if late > 0 else 'early'}: it lies on the "
+            f"person in the picture by {fit.late_overlap:.0%} then, and by {fit.overlap:.0%} now"
+        )
+    elif fit.off_frames > config.max_off_share * fit.frames:
+        yield (
+            "the body does not lie on the person in the picture in "
+            f"{fit.off_frames} of {fit.frames} frames"
+        )
+
+
+def _stiff_reasons(clip: Clip, config: VerdictConfig) -> Iterator[str]:
+    """Reasons of a body that is moved about like a statue."""
+    if not clip.valid.any():
+        return
+    motion = clip.motion
+    travel_m = float(np.linalg.norm(np.ptp(motion.pelvis_m[clip.valid], axis=0)))
+    if travel_m < config.stiff_travel_m:
+        return
+    rotmats = motion.local_rotmats[clip.valid]
+    # Chord instead of angle: |R - mean| = sqrt(8) sin(angle / 2), nearly, for small angles.
+    chord = np.linalg.norm(rotmats - rotmats.mean(axis=0), axis=(-2, -1))
+    turn_deg = float(np.rad2deg(np.percentile(chord, 95) / np.sqrt(2)))
+    if turn_deg < config.min_joint_deg:
+        yield (
+            f"the body is stiff: its joints turn by {turn_deg:.1f} degrees, less than "
+            f"{config.min_joint_deg:g}, while it travels {travel_m:.1f} m"
+        )
 
 
 def frame_reasons(

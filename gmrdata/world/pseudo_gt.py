@@ -15,14 +15,22 @@ from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, clip_on_body, load_clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecord, NoReconstruction
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
-from gmrdata.values.records import MAKE_AGAIN
+from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.compose import level_from_world, metric_cameras, motion_in_world
 from gmrdata.world.judge import judge
+from gmrdata.world.picture_fit import PeopleMasks, picture_fits
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m, standing
 from gmrdata.world.quality import quality_of
 from gmrdata.world.recipe import PseudoGtConfig
-from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale
+from gmrdata.world.scale import ScaleEstimate, SeenPerson, estimate_scale, with_focal_error
 from gmrdata.world.verdict import Doubts, Verdict, load_dataset_camera, overridden
+
+
+class _WithFocal(Config):
+    """What the stage's record holds where the focal length is uncertain."""
+
+    pseudo_gt: PseudoGtConfig
+    focal_sigma: float
 
 
 def make_pseudo_gt(
@@ -33,6 +41,8 @@ def make_pseudo_gt(
     *,
     dataset_camera_path: Path | None = None,
     doubts_path: Path | None = None,
+    seen: PeopleMasks | None = None,
+    focal_sigma: float = 0.0,
     run: Run = DEFAULT_RUN,
 ) -> Path:
     """Compose camera-frame poses with recovered cameras (eqs. 6-8) into a metric, level world.
@@ -46,6 +56,9 @@ def make_pseudo_gt(
         out_dir: Folder to make: `person_<n>.npz` for each person, and `quality.json`.
         dataset_camera_path: Of the data set, by `save_dataset_camera`; right over short times.
         doubts_path: A `Doubts` record: why the data set itself does not vouch for frames.
+        seen: Masks of the people that were made without the bodies, which must lie on them; None
+            where there are none, and nothing is said of it.
+        focal_sigma: Standard error of the focal length, as a share of it; part of the scale's.
 
     Raises:
         BadMotionFile: a clip is not in the camera frame, or has other rows than the first.
@@ -72,9 +85,11 @@ def make_pseudo_gt(
             )
         except NoReconstruction as error:
             raise NoReconstruction(f"{error}{cuts_in_words(quality.cuts_after_frames)}") from None
+        estimate = with_focal_error(estimate, focal_sigma)
         doubts = _doubts(doubts_path, len(people), len(rows))
+        fits = [None] * len(people) if seen is None else picture_fits(clips, bodies, seen)
         verdicts: list[Verdict] = []
-        for clip, body, unusable in zip(world_clips, bodies, doubts.frames, strict=True):
+        for clip, body, unusable, fit in zip(world_clips, bodies, doubts.frames, fits, strict=True):
             verdict = judge(
                 clip,
                 quality,
@@ -84,6 +99,7 @@ def make_pseudo_gt(
                 unusable=unusable,
                 doubts=doubts.sequence,
                 dataset_camera=dataset_camera,
+                fit=fit,
             )
             if config.override is not None:
                 verdict = overridden(verdict, config.override, ~clip.valid)
@@ -91,13 +107,19 @@ def make_pseudo_gt(
             file = partial / person_file(len(verdicts))
             save_clip(file, kept, body.rest_pelvis_m(clip.motion.shape))
             verdicts.append(verdict)
-        record = quality_of(world_clips, verdicts, estimate, quality, config)
+        record = quality_of(world_clips, verdicts, estimate, quality, config, fits)
         record.write(partial / files.QUALITY_FILE)
 
     inputs = {"sfm": sfm_dir} | stage_inputs(people)
-    optional = {"dataset_camera": dataset_camera_path, "doubts": doubts_path}
+    people_masks = None if seen is None else seen.masks_dir
+    optional = {
+        "dataset_camera": dataset_camera_path,
+        "doubts": doubts_path,
+        "people_masks": people_masks,
+    }
     inputs |= {name: path for name, path in optional.items() if path is not None}
-    return run_stage("pseudo_gt", out_dir, config, inputs, work, run=run)
+    recipe = config if focal_sigma == 0 else _WithFocal(pseudo_gt=config, focal_sigma=focal_sigma)
+    return run_stage("pseudo_gt", out_dir, recipe, inputs, work, run=run)
 
 
 def _dataset_camera(path: Path | None, n_frames: int) -> np.ndarray | None:

@@ -13,6 +13,7 @@ from gmrdata.manifest.current import Quality
 from gmrdata.values.camera_motion import MotionClass, MotionFigures, classify
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.records import Figure, Record, figure
+from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig
 from gmrdata.world.scale import NO_SCALE, ScaleEstimate
 from gmrdata.world.verdict import Verdict
@@ -35,12 +36,17 @@ class PseudoGtQuality(Record):
     """Class of the camera's motion; "none" without a reconstruction."""
     camera_motion_figures: MotionFigures | None
     people: tuple[Verdict, ...]
+    picture_fits: tuple[PictureFit | None, ...]
+    """By person, how the body lies on the people in the pictures; null where it was not checked,
+    for want of masks that were made without it."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         if (self.scale is None) != (self.scale_sigma is None):
             raise ValueError("of scale and scale_sigma only one is null")
         class_unknown = self.camera_motion == "none", self.camera_motion_figures is None
+        if len(self.picture_fits) != len(self.people):
+            raise ValueError("picture_fits and people are not of the same people")
         if set(class_unknown) != {self.cameras is None}:
             raise ValueError("cameras and camera_motion do not say alike whether there is a camera")
         return self
@@ -52,6 +58,7 @@ def quality_of(
     estimate: ScaleEstimate,
     cameras: CamerasQuality,
     config: PseudoGtConfig,
+    fits: Sequence[PictureFit | None],
 ) -> PseudoGtQuality:
     """The record of a pseudo ground truth; of clips in the world, before frames were dropped."""
     # The class of the one camera is told round the person who is known in most frames.
@@ -59,12 +66,12 @@ def quality_of(
     valid, motion = clip.valid, clip.motion
     cameras_m, pelvis_m = camera_of(clip).world_from_cam[valid], motion.pelvis_m[valid]
     camera_motion, figures = classify(cameras_m, pelvis_m, motion.fps_hz, config.motion_class)
-    return _record(cameras, estimate, camera_motion, _rounded(figures), verdicts)
+    return _record(cameras, estimate, camera_motion, _rounded(figures), verdicts, fits)
 
 
 def unsolved_quality(verdicts: Sequence[Verdict]) -> PseudoGtQuality:
     """The record of a sequence without a reconstruction."""
-    return _record(None, NO_SCALE, "none", None, verdicts)
+    return _record(None, NO_SCALE, "none", None, verdicts, [None] * len(verdicts))
 
 
 def _record(
@@ -73,6 +80,7 @@ def _record(
     camera_motion: MotionClass | Literal["none"],
     figures: MotionFigures | None,
     verdicts: Sequence[Verdict],
+    fits: Sequence[PictureFit | None],
 ) -> PseudoGtQuality:
     return PseudoGtQuality(
         cameras=cameras,
@@ -84,10 +92,11 @@ def _record(
         camera_motion=camera_motion,
         camera_motion_figures=figures,
         people=tuple(verdicts),
+        picture_fits=tuple(None if fit is None else _rounded(fit) for fit in fits),
     )
 
 
-Part = TypeVar("Part", CueEstimate, MotionFigures)
+Part = TypeVar("Part", CueEstimate, MotionFigures, PictureFit)
 
 
 def _rounded(part: Part) -> Part:
@@ -113,13 +122,17 @@ def quality_record(record: PseudoGtQuality, person: int) -> Quality:
         registered_share=None if cameras is None else cameras.registered_share,
         reprojection_error_px=None if cameras is None else cameras.mean_reprojection_px,
         inliers=None if cameras is None else float(np.mean(cameras.inliers_per_frame)),
-        figures=dict(_figures(record, judged)),
+        figures=dict(_figures(record, judged, record.picture_fits[person])),
     )
 
 
-def _figures(record: PseudoGtQuality, judged: Verdict) -> Iterator[tuple[str, float]]:
+def _figures(
+    record: PseudoGtQuality, judged: Verdict, fit: PictureFit | None
+) -> Iterator[tuple[str, float]]:
     """The class's figures and the scale's cues by name, as far as they are known."""
     yield "kept_share", judged.kept_share
+    if fit is not None:
+        yield "body_overlap", fit.overlap
     if record.camera_motion_figures is not None:
         for name, value in asdict(record.camera_motion_figures).items():
             if value is not None and not isinstance(value, bool):

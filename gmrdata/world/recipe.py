@@ -91,6 +91,18 @@ class VerdictConfig(CamerasVerdictConfig):
     """Difference between two cues of the scale, in its standard errors."""
     min_kept_share: float = Field(default=0.5, ge=0, le=1)
     """Share of the frames for which the data set vouches that must be left."""
+    max_off_share: float = Field(default=0.5, gt=0)
+    """Share of the frames in which the body does not lie on a person in the picture."""
+    max_late_gain: float = Field(default=0.08, gt=0)
+    """By how much the body may lie better on the people of other frames than on those of its own.
+    Measured: 0 for right bodies, also with 8 degrees of error at each joint; 0.15 and more where
+    they are five frames off at 10 frames/s, 0.3 and more for twenty."""
+    min_joint_deg: float = Field(default=1.0, ge=0)
+    """Turn of the joints from their mean pose, in the most a person shows of it (95 % of joints and
+    frames turn less), that a body needs that travels by `stiff_travel_m`: less is no person
+    [degrees]."""
+    stiff_travel_m: float = Field(default=1.0, gt=0)
+    """Way from which a body must move its joints [m]."""
     max_speed_m_per_s: float = Field(default=8.0, gt=0)
     """Speed of the camera from one frame to the next [m/s]."""
     window_s: float = Field(default=0.5, gt=0)

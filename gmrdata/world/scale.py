@@ -132,6 +132,16 @@ def estimate_scale(
     return replace(NO_SCALE, cues=estimate.cues) if vague else replace(estimate, matters=matters)
 
 
+def with_focal_error(estimate: ScaleEstimate, focal_sigma: float) -> ScaleEstimate:
+    """The estimate with what a focal length's standard error, as a share of it, adds to its own.
+
+    A person seen at another focal length is as much further away, and with them the whole path.
+    """
+    if estimate.scale is None or estimate.sigma is None or focal_sigma == 0:
+        return estimate
+    return replace(estimate, sigma=float(np.hypot(estimate.sigma, focal_sigma * estimate.scale)))
+
+
 def _of_person(
     person: SeenPerson, points: np.ndarray | None, config: ScaleConfig
 ) -> list[CueEstimate]:

@@ -7,12 +7,21 @@ import numpy as np
 
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
-from gmrdata.masks.sources import MasksConfig, make_masks
+from gmrdata.masks.sources import (
+    MaskRcnnSource,
+    MasksConfig,
+    OnnxSource,
+    PersonSource,
+    make_masks,
+    source_names,
+    sources_dir,
+)
 from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, video_record
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
+from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.verdict import Doubts
@@ -68,8 +77,24 @@ def regenerate_sequence(
         config.pseudo_gt,
         dataset_camera_path=dataset_camera_path,
         doubts_path=doubts_path,
+        seen=people_masks(masks_dir, config.masks),
         run=run,
     )
+
+
+def people_masks(masks_dir: Path, config: MasksConfig) -> PeopleMasks | None:
+    """Masks of people among a sequence's that were made without its bodies; outlines before boxes.
+
+    None where there are none: silhouettes lie on the bodies by themselves, and nobody knows what is
+    in a folder.
+    """
+    found: dict[bool, PeopleMasks] = {}
+    for name, source in zip(source_names(config.sources), config.sources, strict=True):
+        if isinstance(source, PersonSource | MaskRcnnSource | OnnxSource):
+            boxed = isinstance(source, OnnxSource)
+            masks = PeopleMasks(sources_dir(masks_dir) / name, source.dilate_px, boxed)
+            found.setdefault(boxed, masks)
+    return found.get(False, found.get(True))
 
 
 def _doubts_of_video(frames: Path, clips: list[Clip], out_dir: Path) -> Path | None:

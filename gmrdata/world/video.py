@@ -31,7 +31,7 @@ from gmrdata.world.placement import TrueCamera
 from gmrdata.world.pseudo_gt import make_pseudo_gt
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig
-from gmrdata.world.sequence import DOUBTS_FILE, lost_frames, video_doubts
+from gmrdata.world.sequence import DOUBTS_FILE, lost_frames, people_masks, video_doubts
 from gmrdata.world.verdict import Doubts, Verdict
 from gmrdata.world.video_verdict import (
     VERDICT_FILE,
@@ -180,6 +180,7 @@ def _solve_people(
             out_dir / PSEUDO_GT,
             config.pseudo_gt,
             doubts_path=_write_doubts(people, video, out_dir),
+            seen=None if config.masks is None else people_masks(out_dir / MASKS, config.masks),
             run=run,
         )
     except NoReconstruction as error:

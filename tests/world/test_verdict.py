@@ -14,6 +14,7 @@ from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import rigid
 from gmrdata.world.judge import judge
+from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
 from gmrdata.world.scale import ScaleEstimate, fuse
 from gmrdata.world.verdict import Dropped, verdict_of
@@ -143,6 +144,40 @@ def test_a_scale_that_no_camera_has_rejects(clip: Clip, scale: float) -> None:
         estimate = ScaleEstimate(scale, 0.02, (), matters=matters)
         (reason,) = judge(clip, GOOD, ROWS, estimate, CONFIG).reasons
         assert f"the metric scale is {scale:.3g} ± 0.02 m per unit" in reason
+
+
+@pytest.mark.parametrize(
+    ("fit", "reason"),
+    [
+        (PictureFit(40, 37, 0.18, 24, 0.2), "not lie on the person in the picture in 37 of 40"),
+        (PictureFit(40, 1, 0.57, -20, 0.93), "the body is 20 frames early: it lies on the person "
+         "in the picture by 93% then, and by 57% now"),
+        (PictureFit(40, 20, 0.5, 4, 0.6), "the body is 4 frames late"),
+    ],
+)  # fmt: skip
+def test_a_body_that_lies_on_nobody_or_on_people_of_other_frames_rejects(
+    clip: Clip, fit: PictureFit, reason: str
+) -> None:
+    verdict = judge(clip, GOOD, ROWS, SCALE, CONFIG, fit=fit)
+    assert len(verdict.reasons) == 1 and reason in verdict.reasons[0]
+
+
+def test_a_body_that_lies_on_the_person_is_accepted(clip: Clip) -> None:
+    for fit in (PictureFit(40, 2, 0.71, 0, 0.71), PictureFit(9, 4, 0.55, 1, 0.58), None):
+        assert judge(clip, GOOD, ROWS, SCALE, CONFIG, fit=fit).accepted
+
+
+def test_a_statue_that_travels_rejects_and_one_that_stands_does_not(clip: Clip) -> None:
+    way_m = 3.0 * np.linspace(0, 1, N)[:, None] * [1.0, 0.0, 0.0]
+    statue = replace(clip, motion=replace(clip.motion, pelvis_m=way_m))
+    (reason,) = judge(statue, GOOD, ROWS, SCALE, CONFIG).reasons
+    assert reason.startswith("the body is stiff: its joints turn by 0.0 degrees")
+    swing = np.deg2rad(20) * np.sin(np.arange(N) / 4)
+    local = statue.motion.local_rotmats.copy()
+    local[:, [0, 1, 3, 4]] = Rotation.from_rotvec(swing[:, None] * [1.0, 0, 0]).as_matrix()[:, None]
+    walker = replace(statue, motion=replace(statue.motion, local_rotmats=local))
+    assert judge(walker, GOOD, ROWS, SCALE, CONFIG).accepted
+    assert judge(clip, GOOD, ROWS, SCALE, CONFIG).accepted
 
 
 def test_frames_without_a_camera_are_dropped(clip: Clip) -> None:

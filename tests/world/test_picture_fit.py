@@ -1,0 +1,158 @@
+"""How bodies lie on people in pictures: the right ones, late ones, others', and with several."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.film.programmes import Panning, camera_path
+from gmrdata.masks.silhouette import silhouette
+from gmrdata.masks.sources import (
+    FolderSource,
+    MasksConfig,
+    OnnxSource,
+    PersonSource,
+    SilhouetteSource,
+)
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.frames import write_gray
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.world.compose import motion_in_camera
+from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
+from gmrdata.world.sequence import people_masks
+
+SIZE_PX = (320, 180)
+
+
+@pytest.fixture(scope="module")
+def walker(small_body: BodyModel) -> Clip:
+    """Four seconds of a walk before a camera that follows it, in the camera frame."""
+    motion = make_gait("walk", 4.0, 10.0, small_body, np.random.default_rng(2))
+    rng = np.random.default_rng(0)
+    path = camera_path(Panning(), motion.pelvis_m, 10.0, *SIZE_PX, 60.0, rng)
+    seen, n = motion_in_camera(motion, path.world_from_cam), motion.n_frames
+    return Clip("walk", seen, np.ones(n, dtype=bool), np.arange(n) + 7, path)
+
+
+def beside(clip: Clip, side_m: float) -> Clip:
+    """The same person further to the right."""
+    pelvis_m = clip.motion.pelvis_m + np.array([side_m, 0.0, 0.0])
+    return replace(clip, motion=replace(clip.motion, pelvis_m=pelvis_m))
+
+
+def later(clip: Clip, rows: int) -> Clip:
+    """The body of `rows` frames later under each number."""
+    motion, n = clip.motion, clip.motion.n_frames
+    at = np.clip(np.arange(n) + rows, 0, n - 1)
+    moved = replace(
+        motion,
+        local_rotmats=motion.local_rotmats[at],
+        root_rotmats=motion.root_rotmats[at],
+        pelvis_m=motion.pelvis_m[at],
+    )
+    return replace(clip, motion=moved)
+
+
+def draw_masks(folder: Path, clips: Sequence[Clip], body: BodyModel, empty: int = 0) -> PeopleMasks:
+    """The people's outlines, 4 px wider; the last `empty` frames show nobody."""
+    folder.mkdir()
+    posed_m = [motion_vertices_m(body, clip.motion) for clip in clips]
+    for row, number in enumerate(clips[0].image_numbers.tolist()):
+        mask = np.zeros(SIZE_PX[::-1], np.uint8)
+        for vertices_m in posed_m if row < len(posed_m[0]) - empty else ():
+            k_px = camera_of(clips[0]).intrinsics_px
+            mask |= silhouette(vertices_m[row], body.faces, k_px, SIZE_PX, 4)
+        write_gray(folder / f"{number:05d}.png", mask)
+    return PeopleMasks(folder, 4, boxed=False)
+
+
+@pytest.fixture(scope="module")
+def masks(
+    walker: Clip, small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory
+) -> PeopleMasks:
+    return draw_masks(tmp_path_factory.mktemp("masks") / "person", [walker], small_body)
+
+
+@pytest.fixture
+def fit(small_body: BodyModel, masks: PeopleMasks) -> Callable[[Clip], PictureFit]:
+    def fit_one(clip: Clip) -> PictureFit:
+        (found,) = picture_fits([clip], [small_body], masks)
+        assert found is not None
+        return found
+
+    return fit_one
+
+
+def test_the_right_body_lies_on_the_person(walker: Clip, fit: Callable[[Clip], PictureFit]) -> None:
+    found = fit(walker)
+    assert found.overlap > 0.97 and (found.off_frames, found.late_frames) == (0, 0)
+    assert found.frames == 40 == walker.motion.n_frames
+
+
+def test_a_body_elsewhere_and_one_out_of_the_picture_lie_on_nobody(
+    walker: Clip, fit: Callable[[Clip], PictureFit]
+) -> None:
+    for side_m in (0.6, 2.0, 50.0):
+        found = fit(beside(walker, side_m))
+        assert found.off_frames == found.frames and found.overlap < 0.4
+
+
+@pytest.mark.parametrize("rows", [8, -8])
+def test_a_body_of_other_frames_says_by_how_many(
+    walker: Clip, fit: Callable[[Clip], PictureFit], rows: int
+) -> None:
+    found = fit(later(walker, rows))
+    assert found.late_frames == -rows
+    assert found.late_overlap > 0.97 and found.late_overlap - found.overlap > 0.08
+
+
+def test_two_people_are_each_held_against_their_own(
+    walker: Clip, small_body: BodyModel, tmp_path: Path
+) -> None:
+    both = [walker, beside(walker, 0.5)]
+    seen = draw_masks(tmp_path / "person", both, small_body)
+    for found in picture_fits(both, [small_body] * 2, seen):
+        assert found is not None and found.overlap > 0.9 and found.off_frames == 0
+    wrong = [walker, beside(walker, 2.5)]
+    right, beside_all = picture_fits(wrong, [small_body] * 2, seen)
+    assert right is not None and right.overlap > 0.5
+    assert beside_all is not None and beside_all.off_frames == beside_all.frames
+
+
+def test_boxes_are_compared_with_boxes(
+    walker: Clip, small_body: BodyModel, masks: PeopleMasks, tmp_path: Path
+) -> None:
+    import cv2
+
+    for path in masks.masks_dir.iterdir():
+        mask = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        x, y, width, height = cv2.boundingRect(mask)
+        mask[y : y + height, x : x + width] = 255
+        write_gray(tmp_path / path.name, mask)
+    for clip, low, high in ((walker, 0.9, 1.0), (beside(walker, 1.5), 0.0, 0.3)):
+        (found,) = picture_fits([clip], [small_body], PeopleMasks(tmp_path, 4, boxed=True))
+        assert found is not None and low <= found.overlap <= high
+
+
+def test_where_hardly_anybody_is_seen_nothing_is_said(
+    walker: Clip, small_body: BodyModel, tmp_path: Path
+) -> None:
+    n = walker.motion.n_frames
+    seen = draw_masks(tmp_path / "person", [walker], small_body, empty=n - 4)
+    assert picture_fits([walker], [small_body], seen) == [None]
+    nobody = replace(walker, valid=np.zeros(n, dtype=bool))
+    assert picture_fits([nobody], [small_body], seen) == [None]
+
+
+def test_only_masks_that_were_made_without_the_body_count(tmp_path: Path) -> None:
+    body, folder = SilhouetteSource(), FolderSource(path=tmp_path)
+    person, boxes = PersonSource(dilate_px=5), OnnxSource()
+    assert people_masks(tmp_path / "masks", MasksConfig(sources=(body, folder))) is None
+    found = people_masks(tmp_path / "masks", MasksConfig(sources=(body, boxes, person)))
+    assert found == PeopleMasks(tmp_path / "masks_by" / "person", 5, boxed=False)
+    found = people_masks(tmp_path / "masks", MasksConfig(sources=(boxes,)))
+    assert found is not None and found.boxed and found.masks_dir.name == "onnx"
