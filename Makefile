@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu release clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu docs release clean
 
 setup: $(READY)
 
@@ -63,6 +63,12 @@ bench-gmr: $(READY)
 # GMR on CMU motions without subjects 02 and 08, scored on these.  ARGS=--small only tries every part.
 bench-gmr-cmu: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_gmr_cmu.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# The pages of docs/ as a site, out/site/index.html; no broken link is let through.
+docs: $(READY)
+	$(BIN)/python -c 'import mkdocs, material, mkdocstrings_handlers.python' 2>/dev/null || \
+		$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 # Sdist and wheel of the last commit, each installed where nothing is, and every verb tried there.  ARGS='--keep FOLDER' leaves all in that folder.
 release: $(READY)

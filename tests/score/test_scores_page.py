@@ -1,4 +1,4 @@
-"""docs/scores.md says of each protocol what it has and what switches its deviations."""
+"""docs/metrics.md says of each protocol what it has and what switches its deviations."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pytest
 
 from gmrdata.score.protocols import ORIGINAL, PROTOCOLS
 
-PAGE = (Path(__file__).parents[2] / "docs" / "scores.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs" / "metrics.md").read_text()
 ROWS = {
     "PA-MPJPE": ("pa_mpjpe_mm",),
     "MPJPE": ("mpjpe_mm",),
