@@ -1,0 +1,147 @@
+"""Stage: the same frames solved again, backward, every second one and by other seeds."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic.dataclasses import dataclass as part
+
+from gmrdata.cameras.agreement import agreement, least_extent
+from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
+from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
+from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.cameras.verdict import agreement_reasons
+from gmrdata.masks.folder import find_mask
+from gmrdata.read.frames import list_images
+from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.stage.store import run_stage
+from gmrdata.values.errors import NoReconstruction
+from gmrdata.values.records import PART, Record
+
+AGAIN_FILE = "again.json"
+
+
+@dataclass(frozen=True)
+class _Way:
+    """One more way to solve a video's frames."""
+
+    name: str
+    step: int = 1  # from frame to frame; backward where it is negative
+    seed: int = 0  # what is added to the recipe's
+
+    def rows(self, n_frames: int) -> np.ndarray:
+        """The rows of the frames in their order."""
+        return np.arange(n_frames)[:: self.step]
+
+
+WAYS = (
+    _Way("backward, the video", step=-1),
+    _Way("every second frame, solved alone,", step=2),
+    _Way("with another seed, the video", seed=1),
+    _Way("with a third seed, the video", seed=2),
+)
+
+
+@part(frozen=True, config=PART)
+class SolvedAgain:
+    """What one more solution says."""
+
+    name: str
+    geometry: Geometry | None
+    """Null where no camera path was found."""
+    agreement: Agreement | None
+    """With the first solution; null where they have too few cameras in common."""
+    failure: str
+    """Why no camera path was found; empty where one was."""
+
+
+class AgainRecord(Record):
+    """`again.json`: how other solutions of the same frames agree with the first."""
+
+    format: Literal["gmrdata-again/1"] = "gmrdata-again/1"
+    solutions: tuple[SolvedAgain, ...]
+
+    def reasons(self, config: CamerasVerdictConfig) -> Iterator[str]:
+        """Why the first solution can't be used."""
+        for solved in self.solutions:
+            if solved.agreement is not None:
+                yield from agreement_reasons(solved.name, solved.agreement, config)
+            else:
+                yield f"{solved.name} gives no path to compare: {solved.failure or 'few cameras'}"
+
+
+def solve_again(
+    sfm_dir: Path,
+    images_dir: Path,
+    masks_dir: Path | None,
+    out_dir: Path,
+    config: SfmConfig,
+    *,
+    run: Run = DEFAULT_RUN,
+) -> Path:
+    """Solve frames four more times and leave `again.json`.
+
+    `sfm_dir` is the first solution, by `config` of the same frames and masks, whose intrinsics are
+    kept.  BadFrames, MissingInput: as of `reconstruct`.
+    """
+
+    def work(partial: Path) -> None:
+        solutions = []
+        for way in WAYS:
+            folder = partial / "again"
+            solutions.append(_solved(way, sfm_dir, images_dir, masks_dir, folder, config))
+            shutil.rmtree(folder)
+        AgainRecord(solutions=tuple(solutions)).write(partial / AGAIN_FILE)
+
+    masks = {} if masks_dir is None else {"masks": masks_dir}
+    inputs = {"sfm": sfm_dir, "images": images_dir} | masks
+    return run_stage("sfm_again", out_dir, config, inputs, work, run=run)
+
+
+def _solved(
+    way: _Way,
+    sfm_dir: Path,
+    images_dir: Path,
+    masks_dir: Path | None,
+    folder: Path,
+    config: SfmConfig,
+) -> SolvedAgain:
+    first, points = load_cameras(sfm_dir).path, load_points(sfm_dir)
+    images = list_images(images_dir)
+    rows = way.rows(len(images))
+    given = _linked(folder / "frames", [images[row] for row in rows])
+    masks = None
+    if masks_dir is not None:
+        masks = _linked(folder / "masks", [find_mask(masks_dir, images[row]) for row in rows])
+    seeded = config.model_copy(update={"seed": (config.seed + way.seed) % 2**31})
+    try:
+        solved = reconstruct(given, masks, first.intrinsics_px, folder / "sfm", seeded)
+    except NoReconstruction as error:
+        return SolvedAgain(way.name, None, None, str(error).replace(f"{given}: ", ""))
+    found, other = load_cameras(solved), np.full_like(first.world_from_cam, np.nan)
+    other[rows] = found.path.world_from_cam
+    share = config.small_travel_share
+    # Of a camera that is said to stay in its place, the other path says how far it goes.
+    if len(points) or not len(load_points(solved)):
+        least = least_extent(first.world_from_cam, points, share)
+        agree = agreement(first.world_from_cam, other, least)
+    else:
+        least = least_extent(other, load_points(solved), share)
+        agree = agreement(other, first.world_from_cam, least)
+    return SolvedAgain(way.name, found.geometry, agree, "")
+
+
+def _linked(folder: Path, files: list[Path]) -> Path:
+    """A folder of files under new numbers, without copying them where the disk allows it."""
+    folder.mkdir(parents=True)
+    for number, path in enumerate(files):
+        to = folder / f"{number:05d}{path.suffix}"
+        try:
+            os.link(path, to)
+        except OSError:
+            shutil.copyfile(path, to)
+    return folder
