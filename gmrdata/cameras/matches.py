@@ -1,4 +1,4 @@
-"""Features outside the masks, verified matches between frames, and features inside the masks."""
+"""Verified matches between frames, and the features of each, those inside its mask last."""
 
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.features import find_features
 from gmrdata.cameras.files import Lens
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.read.frames import read_gray
-from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
 DATABASE_FILE = "database.db"
@@ -71,71 +71,13 @@ def match_frames(
     """
     pycolmap.set_random_seed(config.seed)
     database_path = work_dir / DATABASE_FILE
-    _extract(frames, work_dir, config, calibrated)
-    n_free, descriptors = _set_masked_aside(database_path, frames)
+    found = find_features(frames, database_path, config, calibrated=calibrated)
     _match(database_path, config)
     _sort_pairs(database_path)
     matches = _read(database_path, frames.images)
-    n_free = n_free or [len(points_px) for points_px in matches.keypoints_px]
-    matches = replace(matches, n_free=n_free, descriptors=descriptors)
+    matches = replace(matches, n_free=found.n_free, descriptors=found.descriptors)
     _require_usable(matches, frames)
     return matches
-
-
-def _extract(frames: Frames, work_dir: Path, config: SfmConfig, calibrated: bool) -> None:
-    reader = pycolmap.ImageReaderOptions()
-    reader.camera_model = "PINHOLE" if calibrated else "SIMPLE_RADIAL"
-    if calibrated:
-        reader.camera_params = ",".join(map(repr, pinhole_params(frames.intrinsics_px)))
-    options = pycolmap.FeatureExtractionOptions()
-    options.num_threads = config.threads or own_cores()
-    options.max_image_size = max(frames.size_px)
-    options.sift.max_num_features = config.max_features
-    options.sift.first_octave = config.first_octave
-    database_path, folder = work_dir / DATABASE_FILE, frames.images[0].parent
-    names, single = [image.name for image in frames.images], pycolmap.CameraMode.SINGLE
-    # Images get their ids here, in order; threads of the extraction would give them in any.
-    pycolmap.Database.open(database_path).close()
-    pycolmap.import_images(database_path, folder, single, names, reader)
-    pycolmap.extract_features(
-        database_path=database_path,
-        image_path=folder,
-        image_names=names,
-        camera_mode=single,
-        reader_options=reader,
-        extraction_options=options,
-        device=pycolmap.Device.cpu,
-    )
-
-
-def _set_masked_aside(database_path: Path, frames: Frames) -> tuple[list[int], list[np.ndarray]]:
-    """Put features inside masks last, and leave them no descriptors, so that they aren't matched.
-    Returns how many are free in each frame, and all descriptors; nothing where nothing is masked.
-    """
-    if frames.masks_dir is None:
-        return [], []
-    n_free, descriptors, free = [], [], {}
-    with closing(pycolmap.Database.open(database_path)) as database:
-        id_of_name = {image.name: image.image_id for image in database.read_all_images()}
-        for image in frames.images:
-            # What can't be decoded has no number, which begin at 1; who reads the matches says so.
-            image_id = id_of_name.get(image.name, 0)
-            found = database.exists_keypoints(image_id)
-            keypoints = database.read_keypoints(image_id) if found else np.zeros((0, 2))
-            column, row = keypoints[:, :2].astype(int).T
-            masked = frames.mask(image)[row, column] > 127
-            order = np.argsort(masked, kind="stable")
-            n_free.append(int((~masked).sum()))
-            descriptors.append(np.zeros((0, 128), np.uint8))
-            if found:
-                free[image_id] = kept = database.read_descriptors(image_id)
-                descriptors[-1] = np.asarray(kept.data)[order]
-                kept.data = descriptors[-1][: n_free[-1]]
-                database.update_keypoints(image_id, keypoints[order])
-        database.clear_descriptors()
-        for image_id, kept in free.items():
-            database.write_descriptors(image_id, kept)
-    return n_free, descriptors
 
 
 def _match(database_path: Path, config: SfmConfig) -> None:
@@ -168,11 +110,6 @@ def _sort_pairs(database_path: Path) -> None:
         for i in np.argsort(np.asarray(pair_ids, dtype=np.uint64)):
             image_pair = pycolmap.pair_id_to_image_pair(pair_ids[i])
             database.write_two_view_geometry(*image_pair, geometries[i])
-
-
-def pinhole_params(intrinsics_px: np.ndarray) -> list[float]:
-    """fx, fy, cx, cy of a calibration matrix [px]."""
-    return [float(intrinsics_px[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))]
 
 
 def _read(database_path: Path, images: list[Path]) -> Matches:

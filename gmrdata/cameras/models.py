@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.colmap import matrix_of, pycolmap
+from gmrdata.cameras.features import pinhole_params
 from gmrdata.cameras.files import ModelRecord
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.matches import Matches, pinhole_params
+from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.solution import SeenPoints
 from gmrdata.values import transforms
 from gmrdata.values.camera import project_cam
