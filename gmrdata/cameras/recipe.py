@@ -116,5 +116,8 @@ class CamerasVerdictConfig(Config):
     """Difference of the focal length that the background asks for from the given one, as a share of
     it, that is still right.  Measured: up to 2.8 % at 1.4 % of standard error on real clips with
     the right one; 5 to 11 % where the given one is 10 % off, as matches that fit it were kept."""
+    max_focal_turn_deg: float = Field(default=1.5, gt=0)
+    """What the standard error of the focal length leaves open of the turns of a camera that stays
+    in its place, or whose focal length is a guess [degrees]."""
     focal_sigmas: float = Field(default=2.0, ge=0)
     """By how many standard errors it must be larger to be called wrong."""

@@ -5,13 +5,17 @@ recipe, and what fails says both.
 """
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.files import Agreement, CamerasQuality, WeakestStep
+from gmrdata.cameras.files import Agreement, CamerasQuality, SfmCameras, WeakestStep
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.values import transforms
+
+if TYPE_CHECKING:
+    from gmrdata.cameras.intrinsics import Intrinsics
 
 OUT_OF_ORDER_ROWS = 5
 """Rows from a camera to the one that is nearest to it in place and turn, in the median: beside it
@@ -111,6 +115,46 @@ def _focal_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
             f"(standard error {sigma:.2f}; {config.max_focal_deviation:.0%} and "
             f"{config.focal_sigmas:g} of these may be off)"
         )
+
+
+def lens_reasons(
+    cameras: SfmCameras, lens: "Intrinsics", config: CamerasVerdictConfig
+) -> Iterator[str]:
+    """Why cameras can't be used for want of a known lens."""
+    yield from lens.objections
+    # Points at known places hold the turns of a camera that travels, unless its lens is a guess.
+    if cameras.geometry == "full" and not lens.is_guess:
+        return
+    spread_deg = turn_spread_deg(cameras.path.world_from_cam)
+    off_deg, most_deg = lens.focal_sigma * spread_deg, config.max_focal_turn_deg
+    if off_deg > most_deg:
+        yield (
+            f"the focal length is known to ±{lens.focal_sigma:.0%} only, so the camera's turns, "
+            f"{spread_deg:.1f} degrees about their mean, are to ±{off_deg:.1f} degrees, more than "
+            f"{most_deg:g}; give it (--focal, --fov, --intrinsics)"
+        )
+
+
+def lens_notes(cameras: SfmCameras, lens: "Intrinsics") -> list[str]:
+    """What the lens leaves uncertain where nobody knows it and the frames don't tell."""
+    if not lens.is_guess:
+        return []
+    off_deg = lens.focal_sigma * turn_spread_deg(cameras.path.world_from_cam)
+    return [
+        f"the focal length, {lens.focal_px:.0f} px, is a guess to ±{lens.focal_sigma:.0%}: the "
+        f"camera's turns are to ±{off_deg:.1f} degrees, distances from the camera and the metric "
+        f"scale to ±{lens.focal_sigma:.0%}"
+    ]
+
+
+def turn_spread_deg(world_from_cam: np.ndarray) -> float:
+    """Root mean square of the angles of cameras (T, 4, 4) to their mean orientation; 0 for none."""
+    known = world_from_cam[np.isfinite(world_from_cam[:, 0, 0])]
+    if not len(known):
+        return 0.0
+    turns = Rotation.from_matrix(known[:, :3, :3])
+    off_rad = (turns.mean().inv() * turns).magnitude()
+    return float(np.rad2deg(np.sqrt((off_rad**2).mean())))
 
 
 def frame_tests(
