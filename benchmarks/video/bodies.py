@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, MASKS_FOLDER, VideoFacts
 
+from gmrdata.cameras.intrinsics import GivenIntrinsics
 from gmrdata.masks.sources import FolderSource, MasksConfig
 from gmrdata.read.bodies import load_body, save_body
 from gmrdata.read.camera_bodies import SeenPerson, read_camera_bodies
@@ -21,7 +22,7 @@ from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.world.placement import TrueCamera, place_body
-from gmrdata.world.video import GivenBodies, GivenLens, VideoSolveConfig, solve_video
+from gmrdata.world.video import GivenBodies, VideoSolveConfig, solve_video
 from gmrdata.world.video_verdict import VideoVerdict
 from tests.read import camera_files
 from tests.read.camera_files import Seen
@@ -149,7 +150,7 @@ def _in_world(
         clip_dir / FRAMES_FOLDER,
         folder / "solved",
         VideoSolveConfig(masks=masks),
-        GivenLens(focal_px=facts.focal_px),
+        intrinsics=GivenIntrinsics(focal_px=facts.focal_px),
         bodies=GivenBodies(path, body),
         fps_hz=facts.fps_hz,
         run=Run(redo=True),

@@ -1,7 +1,6 @@
 """The verb for any video: cameras, people's world motion of given bodies, a page, and files."""
 
 import shutil
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,20 +11,19 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, fail, print_table
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
-from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import BadRecipe, StageFailed
+from gmrdata.values.errors import BadRecipe, MissingInput
 
 if TYPE_CHECKING:
+    from gmrdata.cameras.intrinsics import GivenIntrinsics
     from gmrdata.cli.export import FormatName
     from gmrdata.masks.sources import MasksConfig
     from gmrdata.read.video import VideoConfig
-    from gmrdata.world.video import GivenBodies, GivenLens, VideoSolveConfig
+    from gmrdata.world.video import GivenBodies, VideoSolveConfig
     from gmrdata.world.video_verdict import VideoVerdict
 
 FILES = "files"
-LARGEST_FOCAL_PX, WIDEST_DEG = 1e6, 175.0
 FRAME_S, MASK_S, SFM_S, BODY_S = 0.02, 0.12, 0.25, 0.005
-SFM_START_S, BODIES_S = 10.0, 15.0
+SFM_START_S, BODIES_S, INTRINSICS_S = 10.0, 15.0, 25.0
 """For a dry run: seconds that one image of 1280x720 px takes on two cores, and that all need."""
 TAKEN_ALONG: "tuple[FormatName, ...]" = ("colmap", "tum", "bvh", "glb", "amass")
 """Formats that are written of people; of cameras alone the first two."""
@@ -46,6 +44,9 @@ def video(
         float | None, arg(help="Focal length of the images [px]; one of these three at most.")
     ] = None,
     fov: Annotated[float | None, arg(help="Horizontal field of view of the images [deg].")] = None,
+    intrinsics: Annotated[
+        Path | None, arg(help="Calibration of the images: a file, as docs/video.md lists them.")
+    ] = None,
     fps: Annotated[float | None, arg(help="Images per second of a folder of images [Hz].")] = None,
     poses_every: int = 1,
     seed: int = 0,
@@ -73,6 +74,7 @@ def video(
         strict: End with exit code 1 for a rejected video.
     """
     from gmrdata.cameras.recipe import SfmConfig
+    from gmrdata.cli.video_page import write_page
     from gmrdata.read.video import is_video
     from gmrdata.world.bodies import BodiesConfig
     from gmrdata.world.video import FRAMES, VideoSolveConfig, solve_video
@@ -83,19 +85,32 @@ def video(
         sfm=SfmConfig(seed=seed),
         bodies=BodiesConfig(frames_per_row=poses_every),
     )
+    lens = _lens(focal, fov, intrinsics)
     part = flags.video_part(from_s, to_s, every, take_what_decodes)
     if dry_run:
         _show_plan(source, config, part, poses)
         return
     run = Run(redo=redo)
     given = None if poses is None else _given(poses, body, out, run)
-    lens = _lens(focal, fov)
-    path = solve_video(source, out, config, lens, bodies=given, part=part, fps_hz=fps, run=run)
+    path = solve_video(
+        source,
+        out,
+        config,
+        intrinsics=lens,
+        bodies=given,
+        part=part,
+        fps_hz=fps,
+        run=run,
+    )
     if is_video(source):
         flags.say_lost(out / FRAMES)
     verdict = VideoVerdict.read(path)
-    _write_files(out, verdict)
-    _say(path, verdict)
+    images = out / verdict.images_dir  # an absolute path stays as it is
+    if not verdict.people:
+        _write_cameras(out, images, verdict)
+    page = write_page(out, images=images)
+    _say(verdict)
+    answer(page)
     if strict and not verdict.accepted:
         fail(f"{source}: rejected")
 
@@ -107,7 +122,7 @@ def _masks(
     weights: Path | None,
     classes: tuple[str, ...],
 ) -> "MasksConfig | None":
-    from gmrdata.masks.sources import masks_named
+    from gmrdata.masks.sources import masks_named, require_models
 
     flags.need(names, "a source of masks: --masks person, or none")
     if names == NO_MASKS:
@@ -115,19 +130,31 @@ def _masks(
     if "silhouette" in names:
         what = "silhouette needs a body before any camera is known. Use person"
         raise BadRecipe(f"--masks: {what}")
-    return masks_named(names, model=model, landmarks=landmarks, weights=weights, classes=classes)
+    config = masks_named(names, model=model, landmarks=landmarks, weights=weights, classes=classes)
+    try:
+        require_models(config)
+    except MissingInput as error:
+        raise MissingInput(f"{error}; --masks none goes without") from None
+    return config
 
 
-def _lens(focal_px: float | None, fov_deg: float | None) -> "GivenLens":
-    from gmrdata.world.video import GivenLens
+def _lens(
+    focal_px: float | None, fov_deg: float | None, file: Path | None
+) -> "GivenIntrinsics | None":
+    from pydantic import ValidationError
 
-    if (focal_px is None) == (fov_deg is None):
-        raise BadRecipe("give --focal or --fov, one of them")
-    if focal_px is not None and not 0 < focal_px < LARGEST_FOCAL_PX:
-        raise BadRecipe(f"--focal {focal_px:g}: not a focal length in pixels")
-    if fov_deg is not None and not 0 < fov_deg < WIDEST_DEG:
-        raise BadRecipe(f"--fov {fov_deg:g}: not between 0 and {WIDEST_DEG:g} degrees")
-    return GivenLens(focal_px, fov_deg)
+    from gmrdata.cameras.intrinsics import GivenIntrinsics
+
+    given = {"focal_px": focal_px, "fov_deg": fov_deg, "file": file}
+    named = {key: value for key, value in given.items() if value is not None}
+    if len(named) > 1:
+        raise BadRecipe("give one of --focal, --fov and --intrinsics, or none of them")
+    try:
+        return GivenIntrinsics.model_validate(named) if named else None
+    except ValidationError as error:
+        found = error.errors()[0]
+        flag = str(found["loc"][0]).split("_")[0]
+        raise BadRecipe(f"--{flag} {found['input']}: {found['msg']}") from None
 
 
 def _given(poses: Path, body: str, out: Path, run: Run) -> "GivenBodies":
@@ -140,55 +167,38 @@ def _given(poses: Path, body: str, out: Path, run: Run) -> "GivenBodies":
     return GivenBodies(poses, keep_body(chosen, out / "body", run=run))
 
 
-def _write_files(out: Path, verdict: "VideoVerdict") -> None:
-    """Files for other programs, of what was accepted."""
-    from gmrdata.cli.export_files import Given, write_exports
-    from gmrdata.cli.export_formats import ExportOptions
-    from gmrdata.values.people import person_file
-
-    if not verdict.accepted:
-        shutil.rmtree(out / FILES, ignore_errors=True)
-        return
-    images = _images_dir(out, verdict)
-    if not verdict.people:
-        _write_cameras(out / FILES, out / "sfm", images, verdict.fps_hz)
-        return
-    accepted = [n for n, person in enumerate(verdict.people) if person.accepted]
-    ids = tuple(load_clip(out / "pseudo_gt" / person_file(n)).id for n in accepted)
-    given = Given(out, ids, None, images, None)
-    with suppress(StageFailed):  # which formats could not be written, and why, was said
-        write_exports(given, TAKEN_ALONG, out / FILES, ExportOptions(), redo=True)
-
-
-def _images_dir(out: Path, verdict: "VideoVerdict") -> Path:
-    return out / verdict.images_dir  # an absolute path stays as it is
-
-
-def _write_cameras(folder: Path, sfm_dir: Path, images: Path, fps_hz: float) -> None:
-    """The cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world."""
+def _write_cameras(out: Path, images: Path, verdict: "VideoVerdict") -> None:
+    """Cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world; none of
+    a rejected video, and nothing of what an earlier run had accepted."""
     from gmrdata.read.video import video_record
     from gmrdata.world.background import load_background, load_background_tracks
     from gmrdata.write.colmap import ColmapPoints, write_colmap
     from gmrdata.write.trajectories import write_tum
 
+    for name in TAKEN_ALONG:
+        shutil.rmtree(out / FILES / name, ignore_errors=True)
+    if not verdict.accepted:
+        return
+    sfm_dir, colmap = out / "sfm", out / FILES / "colmap"
     found = load_background(sfm_dir, None)
     tracks = load_background_tracks(sfm_dir, found)
     seen = tracks.of_adjusted()
     points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
     radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
-    shutil.rmtree(folder, ignore_errors=True)
-    colmap, known = folder / "colmap", found.camera.has_camera
+    known = found.camera.has_camera
     colmap.mkdir(parents=True)
     write_colmap(colmap, found.camera, tracks.image_names, points, radial=radial, images_dir=images)
     video = video_record(images)
-    times_s = np.arange(len(known)) / fps_hz
+    times_s = np.arange(len(known)) / verdict.fps_hz
     if video is not None:
         times_s = video.times_of(found.image_numbers)
-    write_tum(folder / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s[known])
+    write_tum(
+        out / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s[known]
+    )
 
 
-def _say(path: Path, verdict: "VideoVerdict") -> None:
-    """The verdict in words, and where everything is."""
+def _say(verdict: "VideoVerdict") -> None:
+    """The verdict in words."""
     answer("accepted" if verdict.accepted else "rejected")
     for reason in verdict.reasons:
         answer(f"  {reason}")
@@ -199,9 +209,6 @@ def _say(path: Path, verdict: "VideoVerdict") -> None:
         lines.append(f"{person.id}: {person.kept_frames} of {person.frames} frames, {state}")
     for line in lines:
         console.print(line, markup=False, soft_wrap=True)
-    if (path.parent / FILES).is_dir():
-        answer(path.parent / FILES)
-    answer(path)
 
 
 def _show_plan(
@@ -220,6 +227,7 @@ def _show_plan(
     seconds = {
         "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
         "masks": n_images * MASK_S * max(1.0, share) if config.masks is not None else 0.0,
+        "intrinsics": INTRINSICS_S * min(1.0, n_images / 60),
         "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
         "bodies": 0.0 if poses is None else BODIES_S + n_images * BODY_S,
     }

@@ -7,13 +7,19 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.files import load_quality
+from gmrdata.cameras.intrinsics import (
+    GivenIntrinsics,
+    Intrinsics,
+    IntrinsicsConfig,
+    find_intrinsics,
+    load_intrinsics,
+)
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.masks.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.frames import check_images, image_number, list_images
 from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, is_video, video_record
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.values.camera import intrinsics_from_fov
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadRecipe, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
@@ -41,7 +47,8 @@ from gmrdata.world.video_verdict import (
     unsolved,
 )
 
-FRAMES, MASKS, SFM, BODIES, PSEUDO_GT = "frames", "masks", "sfm", "bodies", "pseudo_gt"
+FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
+BODIES, PSEUDO_GT = "bodies", "pseudo_gt"
 """The folders of a video, in the order in which they are made."""
 
 
@@ -50,6 +57,7 @@ class VideoSolveConfig(Config):
 
     masks: MasksConfig | None = MasksConfig(sources=(PersonSource(),))
     """Masks of what moves; None for a video in which nothing does."""
+    intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     sfm: SfmConfig = SfmConfig()
     bodies: BodiesConfig = BodiesConfig()
     pseudo_gt: PseudoGtConfig = PseudoGtConfig()
@@ -63,40 +71,24 @@ class GivenBodies:
     body_path: Path
 
 
-@dataclass(frozen=True)
-class GivenLens:
-    """What is known of the lens: one of the two."""
-
-    focal_px: float | None = None
-    hfov_deg: float | None = None
-
-    def matrix_px(self, size_px: tuple[int, int]) -> np.ndarray:
-        """(3, 3) calibration matrix [px] with the principal point in the middle."""
-        width_px, height_px = size_px
-        if self.hfov_deg is not None:
-            return intrinsics_from_fov(self.hfov_deg, width_px, height_px)
-        f = self.focal_px
-        return np.array([[f, 0.0, width_px / 2], [0.0, f, height_px / 2], [0.0, 0.0, 1.0]])
-
-
 def solve_video(
     source: Path,
     out_dir: Path,
     config: VideoSolveConfig,
-    lens: GivenLens,
     *,
+    intrinsics: GivenIntrinsics | None = None,
     bodies: GivenBodies | None = None,
     part: VideoConfig | None = None,
     fps_hz: float | None = None,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Make `masks`, `sfm` and, of given bodies, `bodies` and `pseudo_gt`; gives `verdict.json`.
+    """Make `masks`, `intrinsics`, `sfm`, of given bodies `bodies` and `pseudo_gt`, `verdict.json`.
 
     A video without a camera path is no error: it is rejected, and the verdict says why.
 
     Args:
         source: A video file, of which `part` says what is taken, or a folder of numbered images.
-        lens: What is known of the images' lens.
+        intrinsics: What is known of the images' lens; None for nothing.
         fps_hz: Images per second of a folder; None for a video, which has times.
 
     Raises:
@@ -107,25 +99,34 @@ def solve_video(
         _drop_people(out_dir, run)
     images_dir = as_frames(source, out_dir / FRAMES, part, run=run)
     frames = video_frames(images_dir, part, fps_hz)
-    intrinsics_px = lens.matrix_px(frames.size_px)
     masks_dir = None
     if config.masks is not None:
         masks_dir = make_masks(images_dir, out_dir / MASKS, config.masks, run=run)
+    lens = load_intrinsics(
+        find_intrinsics(
+            images_dir,
+            masks_dir,
+            out_dir / INTRINSICS,
+            config.intrinsics,
+            given=intrinsics,
+            video=source if is_video(source) else None,
+            run=run,
+        )
+    )
     video = video_record(images_dir)
-    doubts = () if video is None else tuple(lost_frames(video))
+    doubts = (*(() if video is None else lost_frames(video)), *lens.objections)
     notes: tuple[str, ...] = ()
     people: tuple[Verdict, ...] = ()
     try:
         sfm_dir = reconstruct(
-            images_dir, masks_dir, intrinsics_px, out_dir / SFM, config.sfm, run=run
+            images_dir, masks_dir, lens.matrix_px, out_dir / SFM, config.sfm, run=run
         )
         camera = judge_cameras(sfm_dir, frames.fps_hz, config.pseudo_gt.verdict, doubts)
     except NoReconstruction as error:
         camera = unsolved(str(error), len(frames.image_numbers))
     else:
         if bodies is not None:
-            true_camera = _true_camera(intrinsics_px, sfm_dir)
-            people, notes = _solve_people(bodies, frames, true_camera, video, out_dir, config, run)
+            people, notes = _solve_people(bodies, frames, lens, video, out_dir, config, run)
     reasons = reasons_of(camera, people)
     path = out_dir / VERDICT_FILE
     VideoVerdict(
@@ -135,7 +136,7 @@ def solve_video(
         reasons=reasons,
         camera=camera,
         people=people,
-        notes=notes,
+        notes=(*lens.notes, *notes),
     ).write(path)
     return path
 
@@ -151,23 +152,24 @@ def _drop_people(out_dir: Path, run: Run) -> None:
         shutil.rmtree(folder)
 
 
-def _true_camera(intrinsics_px: np.ndarray, sfm_dir: Path) -> TrueCamera:
+def _true_camera(lens: Intrinsics, sfm_dir: Path) -> TrueCamera:
     """The camera of the images, with the distortion that was taken out of their points."""
-    lens = load_quality(sfm_dir).lens
-    return TrueCamera(intrinsics_px, (0.0, 0.0) if lens is None else (lens.k1, lens.k2))
+    found = load_quality(sfm_dir).lens
+    radial = (lens.radial_k1, 0.0) if found is None else (found.k1, found.k2)
+    return TrueCamera(lens.matrix_px, radial)
 
 
 def _solve_people(
     bodies: GivenBodies,
     frames: VideoFrames,
-    camera: TrueCamera,
+    lens: Intrinsics,
     video: VideoRecord | None,
     out_dir: Path,
     config: VideoSolveConfig,
     run: Run,
 ) -> tuple[tuple[Verdict, ...], tuple[str, ...]]:
     """Each person's verdict, and what one should know of the bodies."""
-    bodies_dir = out_dir / BODIES
+    bodies_dir, camera = out_dir / BODIES, _true_camera(lens, out_dir / SFM)
     people = make_bodies(
         bodies.poses_path, frames, camera, bodies.body_path, bodies_dir, config.bodies, run=run
     )
@@ -179,7 +181,8 @@ def _solve_people(
             people,
             out_dir / PSEUDO_GT,
             config.pseudo_gt,
-            doubts_path=_write_doubts(people, video, out_dir),
+            doubts_path=_write_doubts(people, video, lens, out_dir),
+            focal_sigma=lens.focal_sigma,
             seen=None if config.masks is None else people_masks(out_dir / MASKS, config.masks),
             run=run,
         )
@@ -190,19 +193,19 @@ def _solve_people(
 
 
 def _write_doubts(
-    people: tuple[PersonFiles, ...], video: VideoRecord | None, out_dir: Path
+    people: tuple[PersonFiles, ...], video: VideoRecord | None, lens: Intrinsics, out_dir: Path
 ) -> Path:
-    """`doubts.json`: frames without a pose, and what the video's times and losses say."""
+    """`doubts.json`: frames without a pose; what the video's times and losses, and the lens say."""
     clips = [load_clip(person.clip_path) for person in people]
     unseen = unseen_reasons(clips)
-    found = Doubts(frames=unseen, sequence=())
+    found = Doubts(frames=unseen, sequence=lens.objections)
     if video is not None:
         of_video = video_doubts(video, clips)
         frames = tuple(
             tuple(one or other for one, other in zip(mine, its, strict=True))
             for mine, its in zip(unseen, of_video.frames, strict=True)
         )
-        found = Doubts(frames=frames, sequence=of_video.sequence)
+        found = Doubts(frames=frames, sequence=(*of_video.sequence, *lens.objections))
     path = out_dir / DOUBTS_FILE
     found.write(path)
     return path
