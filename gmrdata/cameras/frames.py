@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.masks.folder import find_mask
-from gmrdata.read.frames import image_number, is_turned, read_gray
+from gmrdata.read.frames import image_bytes, image_number, is_turned, read_gray
 from gmrdata.stage.jobs import in_threads
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
@@ -74,13 +74,14 @@ def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
         path = out_dir / "frames" / f"{image.stem}.bmp"
         gray = read_gray(image, frames.size_px)
         small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
-        cv2.imwrite(str(path), small)
+        path.write_bytes(image_bytes(".bmp", small))
         if masks_dir is not None:
             # A pixel is dynamic if any part of it is.
             mask = frames.mask(image)
             covered = cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_AREA) > 0
             fast = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
-            cv2.imwrite(str(masks_dir / f"{image.stem}.png"), 255 * covered.astype(np.uint8), fast)
+            encoded = image_bytes(".png", 255 * covered.astype(np.uint8), fast)
+            (masks_dir / f"{image.stem}.png").write_bytes(encoded)
         return path
 
     images = in_threads(reduce_one, frames.images)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from gmrdata.read.frames import write_image
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput
-from gmrdata.values.files import atomic_path
 from gmrdata.values.limits import (
     HIGHEST_FPS_HZ,
     LOWEST_FPS_HZ,
@@ -431,8 +431,7 @@ def _display_matrix(frame: "av.VideoFrame") -> np.ndarray | None:
 def _write_image(path: Path, image: np.ndarray, quality: int) -> None:
     import cv2
 
-    with atomic_path(path) as temporary:
-        cv2.imwrite(str(temporary), image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    write_image(path, image, [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def _require_in_budget(path: Path, n_frames: int, size_px: tuple[int, int]) -> None:

@@ -20,6 +20,7 @@ from gmrdata.read.frames import (
     read_color,
     read_gray,
     write_gray,
+    write_image,
 )
 from gmrdata.values.errors import BadFrames, MissingInput
 
@@ -258,3 +259,13 @@ def test_a_gap_of_a_billion_numbers_is_said_at_once(tmp_path: Path) -> None:
     put(tmp_path, "1.png", "000000999999999.png")
     with pytest.raises(BadFrames, match="frame 4 to 999999998 missing between 1 and 999999999"):
         list_images(tmp_path, left_out={2, 3, 7})
+
+
+def test_a_path_whose_bytes_are_no_text_is_read_and_written(tmp_path: Path) -> None:
+    folder = tmp_path / "caf\udce9"
+    folder.mkdir()
+    image = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
+    write_image(folder / "00001.png", image)
+    np.testing.assert_array_equal(read_color(folder / "00001.png"), image)
+    (plain := tmp_path / "plain.png").write_bytes((folder / "00001.png").read_bytes())
+    np.testing.assert_array_equal(cv2.imread(str(plain)), image)
