@@ -144,13 +144,17 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
         cv2.fillConvexPoly(layer, triangle, (grey,), cv2.LINE_8, 4)
     # What the body leaves free stays as it is.
     left, top, wide, high = cv2.boundingRect(layer)
+    if not wide:
+        return image.copy()
     rows, columns = (
         slice(first // _SUPERSAMPLE, -(-(first + count) // _SUPERSAMPLE))
         for first, count in ((top, high), (left, wide))
     )
-    squares = layer.reshape(height, _SUPERSAMPLE, width, _SUPERSAMPLE)[rows, :, columns]
+    cut = layer[_twice(rows), _twice(columns)].astype(np.float32)
+    size_px = (columns.stop - columns.start, rows.stop - rows.start)
     cover, shade = (
-        part.mean(axis=(1, 3), dtype=np.float32)[..., None] for part in (squares > 0, squares)
+        cv2.resize(part, size_px, interpolation=cv2.INTER_AREA)[..., None]
+        for part in ((cut > 0).astype(np.float32), cut)
     )
     # `shade` is 0 outside the body, so at its edge it is already shade x cover.
     body = shade / 255.0 * np.array(OVERLAY_BGR["body"])
@@ -158,3 +162,8 @@ def _paint(image: np.ndarray, triangles_px: np.ndarray, shades: np.ndarray) -> n
     out = image.copy()
     out[rows, columns] = np.clip(np.round(blend), 0, 255).astype(np.uint8)
     return out
+
+
+def _twice(pixels: slice) -> slice:
+    """The same stretch in the layer of twice the size."""
+    return slice(pixels.start * _SUPERSAMPLE, pixels.stop * _SUPERSAMPLE)
