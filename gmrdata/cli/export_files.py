@@ -44,6 +44,19 @@ def write_exports(
         StaleOutput: something is there already, and `redo` is not set; nothing was written.
         StageFailed: some could not be written; the others are, and the reasons were printed.
     """
+    _say(exported(given, formats, out, options, redo=redo, dry_run=dry_run), out, dry_run)
+
+
+def exported(
+    given: Given,
+    formats: Sequence[FormatName],
+    out: Path,
+    options: ExportOptions,
+    *,
+    redo: bool = False,
+    dry_run: bool = False,
+) -> "list[Result]":
+    """The same without a word: what became of each file or folder."""
     wanted = list_clips(given.source, given.ids)
     truths = _truths(given.truth, wanted)
     sequences = _by_sequence(wanted)
@@ -58,7 +71,7 @@ def write_exports(
             }
             for unit in _units(people, formats, out):
                 results.append(Result(unit, _write(unit, loaded, options, dry_run)))
-    _say(results, out, dry_run)
+    return results
 
 
 class Unit(NamedTuple):

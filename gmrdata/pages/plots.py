@@ -288,16 +288,22 @@ def _covered(label: Annotation, angle_rad: float, taken: Sequence[Bbox]) -> tupl
     return box.count_overlaps(list(taken)), leaves, int(inside.sum())
 
 
-def finish_view(axes: Axes) -> float:
+def finish_view(axes: Axes, unit: str = "m", names: tuple[str, str] = ("x", "y")) -> float:
     """Equal axes in metres, with room for the labels, on a square grid; gives its spacing [m]."""
     axes.margins(0.2)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     span_m = max(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
-    spacing_m = next((s for s in (0.2, 0.5, 1.0, 2.0) if span_m < 10 * s), 5.0)
+    spacing_m = grid_spacing(span_m)
     axes.xaxis.set_major_locator(MultipleLocator(spacing_m))
     axes.yaxis.set_major_locator(MultipleLocator(spacing_m))
-    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set(xlabel=f"{names[0]} [{unit}]", ylabel=f"{names[1]} [{unit}]")
     quiet(axes)
     axes.spines[:].set_visible(False)
     return spacing_m
+
+
+def grid_spacing(span: float) -> float:
+    """The least of 1, 2 and 5 times a power of ten that a span holds less than ten times."""
+    power = 10.0 ** np.floor(np.log10(max(span, 1e-6) / 10))
+    return next((m * power for m in (1.0, 2.0, 5.0) if span < 10 * m * power), 10 * power)

@@ -1,32 +1,25 @@
 """Pages of a regenerated set: what was decided of each sequence, and the index of all."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from gmrdata import __version__
-from gmrdata.cameras.files import CamerasQuality
-from gmrdata.pages import qa_data, qa_plots, qa_thresholds
+from gmrdata.pages import qa_data, thresholds
+from gmrdata.pages import solved_sections as sections
 from gmrdata.pages.frames import jpeg_image, narrowed, spaced
 from gmrdata.pages.html import Cell, Table, render
-from gmrdata.pages.plots import svg
-from gmrdata.pages.qa_data import Found, counts_of
-from gmrdata.pages.report import GEOMETRY_WORDS
+from gmrdata.pages.qa_data import Found
 from gmrdata.pages.report_data import NO_FIGURE
+from gmrdata.pages.solved import Kind, counts_of, example_frames
 from gmrdata.read.threedpw_layout import SEQUENCE_NAME, SequenceFiles
 from gmrdata.stage.progress import track
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts, choose
-from gmrdata.values.camera_motion import MotionClassConfig
-from gmrdata.values.errors import GmrdataError
 from gmrdata.values.files import remove_orphans, write_text
-from gmrdata.values.rows import text_runs
-from gmrdata.world.quality import PseudoGtQuality
-from gmrdata.world.recipe import VerdictConfig
 
 HEADINGS = ("sequence", "split", "camera", "frames", "kept", "scale", "first reason")
 STAGE_FILES = {
@@ -36,7 +29,6 @@ STAGE_FILES = {
     "pseudo_gt": ("quality.json",),
 }
 """What the stages leave for people to read, beside their records."""
-OPEN_RANGES = 12  # a longer list of dropped ranges is folded
 N_TILES = 6
 THUMBNAIL_WIDTH_PX = 88
 
@@ -153,7 +145,7 @@ def _note(found: Found) -> str:
     return f"{sum(counts.values())} frames dropped, {n} of them: {kind.words}"
 
 
-Strips = list[list[tuple[qa_data.Kind | None, qa_data.Tile]]]
+Strips = list[list[tuple[Kind | None, qa_data.Tile]]]
 """Two rows of frames, the second with the kinds of reason for which they are dropped."""
 
 
@@ -164,7 +156,7 @@ def _read_frames(found: Found, paths: SetPaths) -> Strips:
         return [[], []]
     numbers = range(found.n_frames) or qa_data.image_numbers(files)
     masks_dir = paths.sequence_dir(files.name) / "masks"
-    examples = qa_data.example_frames(found.reasons) if found.is_solved else {}
+    examples = example_frames(found.reasons) if found.is_solved else {}
     wanted = [(None, numbers[row]) for row in spaced(len(numbers), N_TILES)]
     return [
         [(kind, qa_data.read_tile(files, masks_dir, number)) for kind, number in strip]
@@ -185,23 +177,18 @@ def _sequence_page(found: Found, strips: Strips, recipe: ThreedpwRecipe, paths: 
     config = recipe.of_sequence(found.name).pseudo_gt
     makers: dict[str, Callable[[], object]] = {"verdict": lambda: _judged_by(found, recipe)}
     if found.reasons:
-        makers["over_time"] = lambda: _over_time(found, config.verdict)
+        makers["over_time"] = lambda: sections.over_time(found, config.verdict)
     record, cameras = found.record, found.cameras
     if record is not None and cameras is not None:
         makers |= {
-            "from_above": lambda: _from_above(found),
-            "scale": lambda: _scale(record),
-            "camera_class": lambda: _camera_class(record, config.motion_class),
-            "reconstruction": lambda: _reconstruction(cameras),
+            "paths": lambda: sections.paths(found),
+            "scale": lambda: sections.scale_cues(record),
+            "camera_class": lambda: sections.camera_class(record, config.motion_class),
+            "reconstruction": lambda: sections.reconstruction_rows(cameras),
         }
     makers |= {"frames": lambda: strips, "files": lambda: _files(found, paths)}
-    sections: list[tuple[str, object, str]] = []
-    for kind, make in makers.items():
-        try:
-            sections.append((kind, make(), ""))
-        except (GmrdataError, OSError) as error:  # What is missing must not cost the others.
-            sections.append((kind, None, str(error)))
-    return render("qa_sequence", found=found, lead=_lead(found), sections=sections)
+    shown = sections.made(makers)
+    return render("qa_sequence", found=found, lead=_lead(found), sections=shown)
 
 
 def _lead(found: Found) -> str:
@@ -220,110 +207,15 @@ def _lead(found: Found) -> str:
 def _judged_by(found: Found, recipe: ThreedpwRecipe) -> list[Table]:
     if not found.is_solved:
         return []
-    frames = qa_thresholds.frame_rows(found, recipe.of_sequence(found.name).pseudo_gt.verdict)
+    pseudo_gt = recipe.of_sequence(found.name).pseudo_gt
+    focal = None if found.people is None else found.people.focal
+    rows = thresholds.verdict_rows(found, pseudo_gt, found.doubts)
+    rows.append(thresholds.focal_row(focal, recipe.intrinsics))
+    frames = thresholds.frame_rows(found, pseudo_gt.verdict)
     whole = "What the sequence as a whole was judged by."
     worst = "The worst of all frames or steps between them; those beyond a threshold are dropped."
-    tables = ((qa_thresholds.verdict_rows(found, recipe), whole), (frames, worst))
-    return [qa_thresholds.threshold_table(rows, "threshold", caption) for rows, caption in tables]
-
-
-def _over_time(found: Found, config: VerdictConfig) -> dict[str, object]:
-    headings = ("person", "frames", "number", "reason")
-    ranges, height_in = list(_ranges(found)), qa_plots.height_in(found)
-    return {
-        "plot": svg(lambda plot: qa_plots.plot_time(plot, found, config), 11.0, height_in, "time"),
-        "legend": list(_legend(found)),
-        "ranges": Table(headings, ranges, "Dropped ranges, as counted from 0 in the sequence."),
-        "open": len(ranges) <= OPEN_RANGES,
-    }
-
-
-def _legend(found: Found) -> Iterator[tuple[str, str]]:
-    accepted = [person.accepted for person in found.judged]
-    with_kept = [i for i, reasons in enumerate(found.reasons) if "" in reasons]
-    if not found.is_solved and with_kept:
-        yield "var(--rule)", "the data set vouches for it"
-    if found.is_solved and any(accepted[i] for i in with_kept):
-        yield "var(--good)", "kept"
-    if found.is_solved and not all(accepted[i] for i in with_kept):
-        yield "var(--rule)", "within the thresholds, but rejected"
-    for kind, n in counts_of(found.reasons).items():
-        yield kind.colour, f"{kind.words} ({n})"
-
-
-def _ranges(found: Found) -> Iterator[tuple[Cell | str, ...]]:
-    for person, reasons in enumerate(found.reasons):
-        for start, stop, reason in text_runs(reasons):
-            if reason:
-                span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
-                words = Cell(reason, kind="words-cell")
-                yield f"person {person}", span, str(stop - start), words
-
-
-def _from_above(found: Found) -> dict[str, object]:
-    world_from_cam = found.world_from_cam
-    if world_from_cam is None:
-        return {"plot": None}
-    aligned = None
-    if found.dataset_camera is not None:
-        aligned = qa_data.align_dataset_camera(world_from_cam, found.dataset_camera, found.kept)
-    return {
-        "plot": svg(lambda plot: qa_plots.plot_paths(plot, found, aligned), 7.4, 6.2, "paths"),
-        "people": [(qa_plots.person_role(n), f"person {n}") for n in found.clips],
-        "aligned": aligned,
-    }
-
-
-def _scale(record: PseudoGtQuality) -> dict[str, object]:
-    scale, sigma, cues = record.scale, record.scale_sigma, record.scale_cues
-    if scale is None or sigma is None or not cues:
-        return {"plot": None}
-    rows = [
-        (qa_plots.cue_words(cue), f"{cue.scale:.5g}", f"{100 * cue.sigma / cue.scale:.2f}",
-         f"{100 * (cue.scale / scale - 1):+.2f}", str(cue.support), f"{1000 * cue.residual_m:.1f}")
-        for cue in cues
-    ]  # fmt: skip
-    foot = ("fused", f"{scale:.5g}", f"{100 * sigma / scale:.2f}", "", "", "")
-    headings = (
-        "cue", "scale [m per unit]", "standard error [%]", "from the fused [%]",
-        "stances, points or windows", "residual [mm]",
-    )  # fmt: skip
-
-    def draw(plot: Figure) -> None:
-        qa_plots.plot_scale_cues(plot, scale, sigma, cues)
-
-    return {
-        "plot": svg(draw, 7.4, 1.0 + 0.32 * (len(cues) + 1), "scale"),
-        "table": Table(headings, rows, "The metric scale, cue by cue.", foot),
-    }
-
-
-def _camera_class(record: PseudoGtQuality, config: MotionClassConfig) -> Table:
-    figures = record.camera_motion_figures
-    rows = [] if figures is None else qa_thresholds.class_rows(figures, config)
-    caption = Markup(
-        "Of the recovered camera in the frames that have one and a body; see "
-        "<code>gmrdata.values.camera_motion</code>."
-    )
-    return qa_thresholds.threshold_table(rows, "borders of the classes", caption)
-
-
-def _reconstruction(cameras: CamerasQuality) -> list[tuple[str, object]]:
-    rows = [
-        ("Geometry", GEOMETRY_WORDS[cameras.geometry]),
-        ("Mapper", cameras.mapper),
-        ("Models", len(cameras.models)),
-        ("Frames with a camera", f"{cameras.frames_with_camera} of {cameras.frames}"),
-        ("Keyframes", len(cameras.keyframes)),
-        ("Frames placed against the finished map", cameras.resected_frames),
-        ("Interpolated frames", len(cameras.interpolated)),
-        ("Cuts", len(cameras.cuts_after_frames)),
-        ("Points", cameras.points),
-        ("Median frames per point", cameras.median_track_length),
-        ("Median reprojection error [px]", cameras.median_reprojection_px),
-        *cameras.lens_in_words,
-    ]
-    return [(name, value) for name, value in rows if value is not None]
+    tables = ((rows, whole), (frames, worst))
+    return [thresholds.threshold_table(rows, "threshold", caption) for rows, caption in tables]
 
 
 def _files(found: Found, paths: SetPaths) -> dict[str, object]:

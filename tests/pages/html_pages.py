@@ -24,7 +24,9 @@ class Page(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
         self.attributes |= {name for name, _ in attrs}
-        self.links += [value for name, value in attrs if name in ("href", "src") and value]
+        self.links += [
+            value for name, value in attrs if name in ("href", "src", "poster") and value
+        ]
         if tag not in VOID:
             self.open.append(tag)
 
@@ -42,4 +44,7 @@ class Page(HTMLParser):
     def files(self) -> list[Path]:
         """The files that the page points to; pictures that it carries itself are none."""
         outside = [link for link in self.links if not link.startswith(("data:", "#"))]
-        return [(self.path.parent / unquote(link)).resolve() for link in outside]
+        return [
+            (self.path.parent / unquote(link, errors="surrogateescape")).resolve()
+            for link in outside
+        ]

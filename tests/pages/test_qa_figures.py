@@ -7,8 +7,7 @@ import pytest
 
 from gmrdata.cameras.files import WeakestStep
 from gmrdata.pages.qa_data import Found
-from gmrdata.pages.qa_thresholds import Row, verdict_rows
-from gmrdata.threedpw.recipe import ThreedpwRecipe
+from gmrdata.pages.thresholds import Row, verdict_rows
 from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.world.judge import judge
 from gmrdata.world.quality import quality_of
@@ -19,7 +18,10 @@ from tests.reconstructions import good_quality
 from tests.world.test_verdict import CONFIG, GOOD, ROWS, circling, clip_of
 
 UNREAD = SequenceVerdict("a", "", False, (), "none", 0.0, None, None)
-NOTHING = Found(UNREAD, "", None, None, None, (), (), {}, None, None, ())
+NOTHING = Found(
+    verdict=UNREAD, message="", files=None, people=None, doubts=(),
+    record=None, reasons=(), clips={}, reconstruction=None, missing=(),
+)  # fmt: skip
 
 APART = (
     CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),
@@ -28,7 +30,7 @@ APART = (
 
 
 def scale_rows(found: Found) -> list[Row]:
-    rows = verdict_rows(found, ThreedpwRecipe(recipe="threedpw"))
+    rows = verdict_rows(found, PseudoGtConfig())
     return [row for row in rows if "scale" in row.name or "two cues" in row.name]
 
 
@@ -60,7 +62,7 @@ def test_the_weakest_step_stands_beside_its_thresholds() -> None:
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict, no_scale = verdict_of("c", True, (), [""] * 90), ScaleEstimate(None, None, (), False)
     record = quality_of([still], [verdict], no_scale, cameras, PseudoGtConfig())
-    rows = verdict_rows(replace(NOTHING, record=record), ThreedpwRecipe(recipe="threedpw"))
+    rows = verdict_rows(replace(NOTHING, record=record), PseudoGtConfig())
     open_, moving = [row for row in rows if "weakest step" in row.name or "moves" in row.name]
     assert (open_.value, open_.threshold, open_.met) == ("0.5", "≤ 0.6", True)
     assert (moving.value, moving.threshold, moving.met) == ("0.05", "≤ 0.025", False)

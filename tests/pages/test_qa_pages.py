@@ -45,7 +45,7 @@ def test_the_index_leads_to_every_page_and_they_to_the_records(made_set: Path) -
         stages = {file.parent.name for file in page.files if file.name == "stage.json"}
         assert stages == {"people", "masks", "sfm", "pseudo_gt"}
         assert page.files[0] == made_set / "index.html"
-        assert page.tags.count("img") == 6 and page.tags.count("svg") == (3 if "arc" in name else 2)
+        assert page.tags.count("img") == 6 and page.tags.count("svg") == (4 if "arc" in name else 3)
         assert "can’t be" not in page.words
 
 
@@ -128,7 +128,7 @@ def test_what_was_lost_since_costs_a_picture_and_is_named(
     assert "a link out of" in page.words
     assert page.tags.count("img") == 4
     # The other person's world motion is still drawn, and the inliers are said to be unknown.
-    assert page.tags.count("svg") == 3 and "person 1" in page.words and "not known" in page.words
+    assert page.tags.count("svg") == 4 and "person 1" in page.words and "not known" in page.words
     assert "quality.json: no such file" in Page(copied_out / "qa" / "pan_00.html").words
 
 

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from gmrdata.pages.qa import page_name, write_pages
-from gmrdata.pages.qa_data import (
+from gmrdata.pages.solved import (
     KIND_COLOURS,
     OTHER_COLOUR,
     align_dataset_camera,
@@ -158,7 +158,7 @@ def _across(world_from_cam: np.ndarray) -> np.ndarray:
 
 
 def test_the_focal_row_follows_the_check() -> None:
-    from gmrdata.pages.qa_thresholds import focal_row
+    from gmrdata.pages.thresholds import focal_row
     from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig, intrinsics_reason
 
     config = IntrinsicsConfig()

@@ -1,16 +1,17 @@
 """The figures behind a verdict, each against its threshold, and those behind the camera's class."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from gmrdata.cameras.files import CamerasQuality
+from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.cameras.verdict import angles_deg, relative_moves
 from gmrdata.pages.html import Cell, Table
-from gmrdata.pages.qa_data import Found
 from gmrdata.pages.report_data import NO_FIGURE
+from gmrdata.pages.solved import Solved
 from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
-from gmrdata.threedpw.recipe import ThreedpwRecipe
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
 from gmrdata.world.quality import PseudoGtQuality
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
@@ -31,14 +32,24 @@ def threshold_table(rows: Iterable[Row], heading: str, caption: str) -> Table:
     return Table(("figure", "value", heading), cells, caption)
 
 
-def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
-    pseudo_gt, record = recipe.of_sequence(found.name).pseudo_gt, found.record
-    config = pseudo_gt.verdict
-    cuts_share = registered = error_px = step = None
-    if (cameras := found.cameras) is not None:
+def verdict_rows(
+    found: Solved, pseudo_gt: PseudoGtConfig, doubts: Sequence[Sequence[str]] = ()
+) -> list[Row]:
+    """What a sequence as a whole was judged by; `doubts` (P, T) are those of its data set."""
+    return [
+        *camera_rows(found.cameras, pseudo_gt.verdict),
+        *_scale_rows(found.record, pseudo_gt),
+        *_kept_rows(found, pseudo_gt.verdict, doubts),
+    ]
+
+
+def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -> list[Row]:
+    """What cameras were judged by, which needs nobody."""
+    cuts_share = registered = error_px = step = factor = sigma = None
+    if cameras is not None:
         cuts_share = len(cameras.cuts_after_frames) / max(1, cameras.frames - 1)
         registered, error_px = cameras.registered_share, cameras.mean_reprojection_px
-        step = cameras.weakest_step
+        step, factor, sigma = cameras.weakest_step, cameras.focal_factor, cameras.focal_sigma
     loose = moving = ratio = None
     if step is not None:
         loose, moving, ratio = step.loose_share, step.loose_moving_share, step.distance_ratio
@@ -49,9 +60,9 @@ def verdict_rows(found: Found, recipe: ThreedpwRecipe) -> list[Row]:
         _row("way that the weakest step leaves open [%]", loose, config.max_loose_share, unit=100),
         _row("the same times what moves [%]", moving, config.max_loose_moving_share, unit=100),
         _row("ratio of distances at successive keyframes", ratio, config.max_distance_ratio),
-        *_scale_rows(record, pseudo_gt),
-        *_kept_rows(found, config),
-        focal_row(None if found.people is None else found.people.focal, recipe.intrinsics),
+        _focal_row(
+            "the background", factor, sigma, config.max_focal_deviation, config.focal_sigmas
+        ),
     ]
 
 
@@ -69,7 +80,7 @@ def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[
     return [row, _row(name, apart, config.verdict.max_cue_disagreement)]
 
 
-def frame_rows(found: Found, config: VerdictConfig) -> list[Row]:
+def frame_rows(found: Solved, config: VerdictConfig) -> list[Row]:
     """What single frames were judged by: the worst of all frames, and how many are beyond."""
     world_from_cam = found.world_from_cam
     if world_from_cam is None:
@@ -112,26 +123,33 @@ def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Row]:
     ]  # fmt: skip
 
 
-def _kept_rows(found: Found, config: VerdictConfig) -> list[Row]:
+def _kept_rows(found: Solved, config: VerdictConfig, doubts: Sequence[Sequence[str]]) -> list[Row]:
     rows = []
     for person, reasons in enumerate(found.reasons if found.is_solved else ()):
         vouched = len(reasons)
-        if person < len(found.doubts):
-            vouched = sum(not doubt for doubt in found.doubts[person])
+        if person < len(doubts):
+            vouched = sum(not doubt for doubt in doubts[person])
         share = sum(not reason for reason in reasons) / max(1, vouched)
-        name = f"the data set’s {vouched} valid frames of person {person} that are left"
+        name = f"the {vouched} valid frames of person {person} that are left"
         rows.append(_share(name, share, config.min_kept_share))
     return rows
 
 
 def focal_row(focal: FocalEstimate | None, config: IntrinsicsConfig) -> Row:
-    said = f"1 ± {config.max_focal_deviation:g}, beyond it by {config.sigmas:g} standard errors"
-    name = "focal length that the 2D keypoints ask for, over the given one"
-    if focal is None:
+    """What the 2D keypoints of 3DPW ask for."""
+    factor, sigma = (None, None) if focal is None else (focal.factor, focal.sigma)
+    return _focal_row("the 2D keypoints", factor, sigma, config.max_focal_deviation, config.sigmas)
+
+
+def _focal_row(
+    who: str, factor: float | None, sigma: float | None, deviation: float, sigmas: float
+) -> Row:
+    said = f"1 ± {deviation:g}, beyond it by {sigmas:g} standard errors"
+    name = f"focal length that {who} ask{'' if who.endswith('s') else 's'} for, over the given one"
+    if factor is None or sigma is None:
         return Row(name, NO_FIGURE, said, None)
-    factor, sigma = focal.factor, focal.sigma
-    beyond = abs(factor - 1.0) - config.max_focal_deviation
-    return Row(name, f"{factor:.3f} ± {sigma:.3f}", said, not beyond > config.sigmas * sigma)
+    beyond = abs(factor - 1.0) - deviation
+    return Row(name, f"{factor:.3f} ± {sigma:.3f}", said, not beyond > sigmas * sigma)
 
 
 def _row(

@@ -1,4 +1,4 @@
-"""Plots of a sequence: its frames over time, the cues of its scale, and its paths from above."""
+"""Plots of a sequence: its frames over time, the cues of its scale, its paths from two sides."""
 
 from functools import partial
 
@@ -9,7 +9,8 @@ from matplotlib.ticker import MaxNLocator
 
 from gmrdata.pages import plots
 from gmrdata.pages.plots import COLOURS
-from gmrdata.pages.qa_data import Aligned, Found, kinds_of
+from gmrdata.pages.solved import Aligned, Solved, kinds_of
+from gmrdata.values import transforms
 from gmrdata.values.rows import text_runs
 from gmrdata.world.recipe import CueEstimate, VerdictConfig
 
@@ -17,30 +18,38 @@ PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
 """Heights of a person's row, of a plot, and of what is under the lowest [inch]."""
 
 
-def height_in(found: Found) -> float:
+def height_in(found: Solved) -> float:
     """Height of the figure that `plot_time` wants [inch]."""
     return AXIS_IN + PERSON_IN * len(found.reasons) + PANEL_IN * n_panels(found)
 
 
-def n_panels(found: Found) -> int:
+def n_panels(found: Solved) -> int:
     """How many plots are below the time line."""
     if found.world_from_cam is None:
         return 0
-    return 1 if found.dataset_camera is None else 3
+    return 1 + _has_errors(found) + (0 if found.dataset_camera is None else 2)
 
 
-def plot_time(plot: Figure, found: Found, config: VerdictConfig) -> None:
+def _has_errors(found: Solved) -> bool:
+    """Whether the reprojection error is known by frame, as it is of six degrees of freedom."""
+    return found.reconstruction is not None and found.reconstruction.has_errors
+
+
+def plot_time(plot: Figure, found: Solved, config: VerdictConfig) -> None:
     """The time line over the plots, on one axis of frames."""
     n = n_panels(found)
     heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * n]
-    column = plot.subplots(1 + n, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
-    _plot_kept(column[0], found)
+    column = list(plot.subplots(1 + n, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
+    rest = iter(column)
+    _plot_kept(next(rest), found)
     if found.world_from_cam is not None:
-        _plot_inliers(column[1], found, config.min_inliers)
+        _plot_inliers(next(rest), found, config.min_inliers)
+    if _has_errors(found) and found.world_from_cam is not None:
+        _plot_errors(next(rest), found, config.max_reprojection_px)
     if (apart := found.window_differences(config)) is not None:
         span = f"over {config.window_s:g} s from the data set’s own camera"
-        _plot_beside(column[2], apart[0], config.max_window_deg, f"Turn: difference {span} [°]")
-        _plot_beside(column[3], apart[1], config.max_window_m, f"Way: difference {span} [m]")
+        _plot_beside(next(rest), apart[0], config.max_window_deg, f"Turn: difference {span} [°]")
+        _plot_beside(next(rest), apart[1], config.max_window_m, f"Way: difference {span} [m]")
     cuts = () if found.cameras is None else found.cameras.cuts_after_frames
     for axes in column:
         for cut in found.frames_of(cuts):
@@ -49,31 +58,35 @@ def plot_time(plot: Figure, found: Found, config: VerdictConfig) -> None:
     column[-1].set_xlim(-0.5, max(1, found.n_frames) - 0.5)
 
 
-def _plot_kept(axes: Axes, found: Found) -> None:
-    kinds, accepted = kinds_of(found.reasons), [person.accepted for person in found.judged]
+def _plot_kept(axes: Axes, found: Solved) -> None:
+    kinds, accepted = kinds_of(found.reasons), found.accepted
     for person, reasons in enumerate(found.reasons):
         for start, stop, reason in text_runs(reasons):
             good = not reason and person < len(accepted) and accepted[person]
             colour = kinds[reason].colour if reason else COLOURS["good" if good else "rule"]
             axes.broken_barh([(start - 0.5, stop - start)], (person - 0.4, 0.8), color=colour)
     axes.set_ylim(len(found.reasons) - 0.5, -0.5)
-    axes.set_yticks(range(len(found.reasons)), [f"person {i}" for i in range(len(found.reasons))])
+    axes.set_yticks(range(len(found.reasons)), found.row_names)
     axes.grid(visible=False)
     axes.spines[["left", "bottom"]].set_visible(False)
     plots.quiet(axes)
 
 
-def _plot_inliers(axes: Axes, found: Found, fewest: int) -> None:
-    counts = np.full(found.n_frames, np.nan)
+def _plot_inliers(axes: Axes, found: Solved, fewest: int) -> None:
     if found.cameras is None:
         return
-    if found.sfm_rows is not None:
-        known = found.sfm_rows >= 0
-        counts[known] = np.array(found.cameras.inliers_per_frame)[found.sfm_rows[known]]
+    counts = found.per_frame(found.cameras.inliers_per_frame)
     _plot_beside(axes, counts, fewest, "Inliers per frame", at_least=True)
     between = found.frames_of(found.cameras.interpolated)
     axes.plot(between, 0.0 * between, "d", color=COLOURS["bad"], markersize=4, zorder=4)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+
+
+def _plot_errors(axes: Axes, found: Solved, most_px: float) -> None:
+    assert found.reconstruction is not None
+    errors_px = found.per_frame(found.reconstruction.errors_px)
+    # The threshold is one for the mean of the sequence: a frame beyond it is marked, not dropped.
+    _plot_beside(axes, errors_px, most_px, "Mean reprojection error per frame [px]")
 
 
 def _plot_beside(
@@ -123,29 +136,82 @@ def person_role(person: int) -> str:
     return ("person", "gmr", "good", "ink")[person % 4]
 
 
-def plot_paths(plot: Figure, found: Found, aligned: Aligned | None) -> None:
-    """Paths in the levelled world [m], z up: the data set's camera as a pale band under ours."""
+FROM_ABOVE = np.eye(4)
+
+
+def plot_side_view(plot: Figure, found: Solved) -> None:
+    """The same from the side, across the longest horizontal way of all paths, with the floor."""
+    if found.world_from_cam is None:
+        return
+    along = _longest_way(np.concatenate([path_m[:, :2] for path_m in _paths_m(found)]))
+    axes_in_world = np.array([[*along, 0.0], [0.0, 0.0, 1.0], [along[1], -along[0], 0.0]])
+    plot_paths(plot, found, None, transforms.rigid(axes_in_world, np.zeros(3)))
+
+
+def _longest_way(places_m: np.ndarray) -> np.ndarray:
+    """The direction (2,) in which places (N, 2) spread most; x where they don't spread."""
+    known = places_m[np.isfinite(places_m).all(axis=1)]
+    if len(known) < 2 or not np.ptp(known, axis=0).any():
+        return np.array([1.0, 0.0])
+    along = np.linalg.svd(known - known.mean(axis=0), full_matrices=False)[2][0]
+    return np.asarray(along if along[np.abs(along).argmax()] > 0 else -along)
+
+
+def _paths_m(found: Solved) -> list[np.ndarray]:
+    """The paths (T, 3) of the camera and of everybody."""
+    assert found.world_from_cam is not None
+    return [found.world_from_cam[:, :3, 3], *(c.motion.pelvis_m for c in found.clips.values())]
+
+
+def plot_paths(
+    plot: Figure, found: Solved, aligned: Aligned | None, view_from_world: np.ndarray = FROM_ABOVE
+) -> None:
+    """Paths in the levelled world, z up: the data set's camera as a pale band under ours.  The
+    first two axes of `view_from_world` (4, 4) are those of the plot."""
     axes, world_from_cam = plot.subplots(), found.world_from_cam
     if world_from_cam is None or found.cameras is None:
         return
-    paths_m = [world_from_cam[:, :3, 3], *(c.motion.pelvis_m for c in found.clips.values())]
+    view_from_cam = view_from_world @ world_from_cam
+    paths_m = [transforms.apply(view_from_world, path_m) for path_m in _paths_m(found)]
     tick_m = plots.tick_length_m(paths_m)
     if aligned is not None:
-        plots.plot_camera(axes, aligned.world_from_cam, "camera-pale", plots.TRUE_WIDTH, tick_m)
-    plots.plot_camera(axes, world_from_cam, "camera", plots.RECOVERED_WIDTH, tick_m)
-    people_m = np.nanmean([clip.motion.pelvis_m for clip in found.clips.values()], axis=0)
-    plots.mark_start(axes, world_from_cam[:, :3, 3], "camera", "camera", people_m)
-    for person, clip in found.clips.items():
+        theirs = view_from_world @ aligned.world_from_cam
+        plots.plot_camera(axes, theirs, "camera-pale", plots.TRUE_WIDTH, tick_m)
+    plots.plot_camera(axes, view_from_cam, "camera", plots.RECOVERED_WIDTH, tick_m)
+    away_m = np.concatenate(paths_m[1:] or [paths_m[0]])
+    plots.mark_start(axes, paths_m[0], "camera", "camera", away_m)
+    _plot_error_bar(axes, paths_m[0], paths_m[0], found.scale_share, "camera")
+    for person, pelvis_m in zip(found.clips, paths_m[1:], strict=True):
         role = person_role(person)
         kept = np.array([not reason for reason in found.reasons[person]])[:, None]
-        pelvis_m = clip.motion.pelvis_m
         plots.plot_path(axes, pelvis_m, role, 1.0, ":")
         plots.plot_path(axes, np.where(kept, pelvis_m, np.nan), role, plots.RECOVERED_WIDTH)
         plots.mark_start(axes, pelvis_m, role, f"person {person}", None)
+        _plot_error_bar(axes, pelvis_m, paths_m[0], found.scale_share, role)
     for marker, role, sfm_rows in (
         ("X", "ink", found.cameras.cuts_after_frames),
         ("d", "bad", found.cameras.interpolated),
     ):
-        places_m = world_from_cam[found.frames_of(sfm_rows), :2, 3]
+        places_m = paths_m[0][found.frames_of(sfm_rows), :2]
         axes.plot(*places_m.T, marker, color=COLOURS[role], markersize=5, zorder=6)
-    plots.finish_view(axes)
+    if view_from_world is FROM_ABOVE:
+        plots.finish_view(axes, found.unit)
+    else:
+        if found.clips:
+            axes.axhline(0.0, color=COLOURS["muted"], linewidth=1)
+        plots.finish_view(axes, found.unit, ("along", "height"))
+
+
+def _plot_error_bar(
+    axes: Axes, path_m: np.ndarray, centres_m: np.ndarray, share: float | None, role: str
+) -> None:
+    """Two standard errors of the scale either way, where a path has got furthest by the camera's
+    own way: what the scale moves is the camera, and with it whoever it films."""
+    both = np.isfinite(path_m).all(axis=1) & np.isfinite(centres_m).all(axis=1)
+    if share is None or not both.any():
+        return
+    ways_m = centres_m - centres_m[both.argmax()]
+    furthest = int(np.nanargmax(np.where(both, np.linalg.norm(ways_m[:, :2], axis=1), -1.0)))
+    reach_m = 2 * share * ways_m[furthest, :2]
+    ends_m = path_m[furthest, :2] + np.array([[-1.0], [1.0]]) * reach_m
+    axes.plot(*ends_m.T, color=COLOURS[role], linewidth=1.2, marker="o", markersize=2.5, zorder=5)

@@ -1,0 +1,202 @@
+"""The frames of a solved sequence with what was found drawn over them, as a small video.
+
+Bodies are drawn where their poses put them, and fit whatever the camera is.  Paths on the floor and
+marks stand still in the world: only a right camera keeps them in their places in the picture.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gmrdata.cameras.files import Lens
+from gmrdata.pages.frames import draw_mask_outline
+from gmrdata.read.frames import read_color, read_gray
+from gmrdata.stage.progress import track
+from gmrdata.values import transforms
+from gmrdata.values.camera import CameraPath, project_cam
+from gmrdata.values.errors import BadFrames
+from gmrdata.values.skinning import motion_vertices_m
+from gmrdata.write.overlay import OVERLAY_BGR, draw_body, draw_floor_path
+from gmrdata.write.take import Performer
+from gmrdata.write.video import write_video
+
+LARGEST_SIDE_PX = 960
+MOST_PICTURES = 900
+"""A longer video is shown at every second, third, ... frame, at its own speed."""
+CRF = 23
+MARK_PX = 2
+BAR_PX = 6
+BAR_BGR = {"kept": (75, 196, 95), "dropped": (130, 130, 140), "now": (255, 255, 255)}
+GRID_DEG = 10.0
+CAMERA_ITSELF = np.eye(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """Points that stand still in the world, and which of T frames shows which."""
+
+    world_m: np.ndarray  # (N, 3)
+    rows: np.ndarray  # (M,) frame of each sight
+    points: np.ndarray  # (M,) row in `world_m` of each
+
+
+NO_MARKS = Marks(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class Footage:
+    """T frames, and all that is drawn over them."""
+
+    images: Sequence[Path | None]  # (T,) None for none
+    masks: Sequence[Path | None]  # (T,) 255 = dynamic
+    times_s: np.ndarray  # (T,) ascending
+    camera: CameraPath  # of the T frames
+    lens: Lens | None  # bends what is drawn as it bent the frames
+    people: tuple[Performer, ...]
+    marks: Marks
+    dropped: np.ndarray  # (T,) bool
+
+    @property
+    def fps_hz(self) -> float:
+        """One over the median time between two frames."""
+        steps_s = np.diff(self.times_s)
+        return 1.0 / float(np.median(steps_s)) if len(steps_s) else 1.0
+
+
+def shown_rows(times_s: np.ndarray, fps_hz: float) -> tuple[np.ndarray, float]:
+    """Rows of T ascending times to show one after the other, and at which rate, so that they are
+    shown for as long as they last; at most `MOST_PICTURES`."""
+    n_frames = round((times_s[-1] - times_s[0]) * fps_hz) + 1
+    step = -(-n_frames // MOST_PICTURES)
+    wanted_s = times_s[0] + np.arange(0, n_frames, step) / fps_hz
+    # Half a frame of slack: clocks of videos are rounded.
+    rows = np.searchsorted(times_s, wanted_s + 0.5 / fps_hz, side="right") - 1
+    rows[0] = 0  # also where the second frame comes at once
+    return np.clip(rows, 0, len(times_s) - 1), fps_hz / step
+
+
+def write_footage(path: Path, footage: Footage) -> int:
+    """Write the mp4; gives the number of its pictures.  One frame at a time is in memory."""
+    if not any(footage.images):
+        raise BadFrames("there is no frame to draw over")
+    rows, rate_hz = shown_rows(footage.times_s, footage.fps_hz)
+    pictures = (footage_picture(footage, row)[..., ::-1] for row in rows.tolist())
+    shown = track(pictures, "drawing over frames", len(rows))
+    return write_video(shown, path, rate_hz, crf=CRF, quick=True)
+
+
+def footage_picture(footage: Footage, row: int) -> np.ndarray:
+    """One frame (H, W, 3) BGR, reduced to `LARGEST_SIDE_PX`, over a bar that says where it is in
+    the video and which frames are dropped."""
+    camera = reduced_camera(footage.camera)
+    drawn = _frame(footage.images[row], footage.camera, camera)
+    if (mask_path := footage.masks[row]) is not None and footage.images[row] is not None:
+        mask = read_gray(mask_path, (footage.camera.width_px, footage.camera.height_px))
+        size_px = (camera.width_px, camera.height_px)
+        drawn = draw_mask_outline(drawn, cv2.resize(mask, size_px, interpolation=cv2.INTER_NEAREST))
+    if camera.has_camera[row]:
+        drawn = _with_world(drawn, footage, camera, row)
+    return np.concatenate([drawn, _bar(footage.dropped, row, camera.width_px)])
+
+
+def reduced_camera(camera: CameraPath) -> CameraPath:
+    """The camera of frames that are no longer than `LARGEST_SIDE_PX`."""
+    share = min(1.0, LARGEST_SIDE_PX / max(camera.width_px, camera.height_px))
+    width_px, height_px = (max(1, round(share * n)) for n in (camera.width_px, camera.height_px))
+    # Pixel (0, 0) is an outer corner, so the intrinsics scale with the frame.
+    smaller = np.diag([width_px / camera.width_px, height_px / camera.height_px, 1.0])
+    matrix = smaller @ camera.intrinsics_px
+    return replace(camera, intrinsics_px=matrix, width_px=width_px, height_px=height_px)
+
+
+def _frame(image: Path | None, camera: CameraPath, smaller: CameraPath) -> np.ndarray:
+    """A frame in the smaller size; black where there is none."""
+    if image is None:
+        return np.zeros((smaller.height_px, smaller.width_px, 3), np.uint8)
+    frame = read_color(image)
+    if frame.shape[:2] != (camera.height_px, camera.width_px):
+        sizes = "{1}x{0} px, but its camera has {3}x{2} px".format(
+            *frame.shape[:2], camera.height_px, camera.width_px
+        )
+        raise BadFrames(f"{image}: {sizes}")
+    size_px = (smaller.width_px, smaller.height_px)
+    return np.asarray(cv2.resize(frame, size_px, interpolation=cv2.INTER_AREA))
+
+
+def _with_world(drawn: np.ndarray, footage: Footage, camera: CameraPath, row: int) -> np.ndarray:
+    """A frame with everybody and what stands still in the world."""
+    cam_from_world, matrix = transforms.invert(camera.world_from_cam[row]), camera.intrinsics_px
+    seen = footage.marks.points[footage.marks.rows == row]
+    marks_m = transforms.apply(cam_from_world, footage.marks.world_m[seen])
+    drawn = _draw_marks(drawn, project_cam(bent_points(marks_m, footage.lens), matrix))
+    every = max(1, round(footage.fps_hz))
+    for person in footage.people:
+        floor_m = transforms.apply(cam_from_world, floor_path_m(person))
+        bent_m = bent_points(floor_m, footage.lens)
+        drawn = draw_floor_path(drawn, CAMERA_ITSELF, matrix, bent_m, every)
+    there = [person for person in footage.people if person.shown[row]]
+    far_first = camera.world_from_cam[row, :3, 2]
+    for person in sorted(there, key=lambda one: -float(one.motion.pelvis_m[row] @ far_first)):
+        now = person.motion.take(slice(row, row + 1))
+        vertices_m = transforms.apply(cam_from_world, motion_vertices_m(person.body, now)[0])
+        bent_m = bent_points(vertices_m, footage.lens)
+        drawn = draw_body(drawn, CAMERA_ITSELF, matrix, bent_m, person.body)
+    return drawn
+
+
+def floor_path_m(person: Performer) -> np.ndarray:
+    """(T, 3) pelvis path on the floor z = 0; NaN in frames without a pose."""
+    path_m = np.where(person.shown[:, None], person.motion.pelvis_m, np.nan)
+    path_m[:, 2] = 0.0
+    return path_m
+
+
+def bent_points(points_cam: np.ndarray, lens: Lens | None) -> np.ndarray:
+    """Points (N, 3) in the camera that a pinhole shows where a lens shows the given ones; NaN for
+    those that lie so far out that the lens's terms do not hold."""
+    if lens is None:
+        return points_cam
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r2 = ((points_cam[:, :2] / points_cam[:, 2:]) ** 2).sum(axis=1, keepdims=True)
+    factor = 1 + lens.k1 * r2 + lens.k2 * r2**2
+    grows = 1 + 3 * lens.k1 * r2 + 5 * lens.k2 * r2**2 > 0
+    there = np.where(grows, factor, np.nan)
+    return np.concatenate([points_cam[:, :2] * there, points_cam[:, 2:]], axis=1)
+
+
+def _draw_marks(image: np.ndarray, marks_px: np.ndarray) -> np.ndarray:
+    """A copy of a BGR image with dots; those beyond its border are left out."""
+    out, (height, width) = image.copy(), image.shape[:2]
+    inside = ((marks_px >= 0) & (marks_px <= [width, height])).all(axis=1)
+    # OpenCV's pixel centres are whole numbers, and the drawing takes 4 fractional bits.
+    for x, y in np.rint((marks_px[inside] - 0.5) * 16).astype(int).tolist():
+        cv2.circle(out, (x, y), MARK_PX << 4, (30, 30, 30), -1, cv2.LINE_AA, 4)
+        cv2.circle(out, (x, y), (MARK_PX << 4) - 10, OVERLAY_BGR["path"], -1, cv2.LINE_AA, 4)
+    return out
+
+
+def _bar(dropped: np.ndarray, row: int, width_px: int) -> np.ndarray:
+    """(BAR_PX, width, 3) BGR: all frames in a row, and a light stroke at this one."""
+    n = len(dropped)
+    rows = np.minimum((np.arange(width_px) + 0.5) / width_px * n, n - 1).astype(int)
+    colours = np.where(dropped[rows, None], BAR_BGR["dropped"], BAR_BGR["kept"])
+    bar = np.broadcast_to(colours.astype(np.uint8), (BAR_PX, width_px, 3)).copy()
+    at = int((row + 0.5) / n * width_px)
+    bar[:, max(0, at - 1) : at + 2] = BAR_BGR["now"]
+    return bar
+
+
+def direction_marks(camera: CameraPath) -> Marks:
+    """For a camera that only turns: a grid of directions that stand still, far away round it."""
+    known = np.flatnonzero(camera.has_camera)
+    middle = camera.world_from_cam[known[len(known) // 2]]
+    steps = np.deg2rad(np.arange(-180.0, 180.0, GRID_DEG))
+    turns, rises = (grid.ravel() for grid in np.meshgrid(steps, steps[np.abs(steps) < 1.4]))
+    flat = np.cos(rises)
+    rays = np.stack([flat * np.sin(turns), -np.sin(rises), flat * np.cos(turns)], axis=1)
+    world_m = middle[:3, 3] + rays @ middle[:3, :3].T
+    points = np.tile(np.arange(len(rays)), len(known))
+    return Marks(world_m, np.repeat(known, len(rays)), points)

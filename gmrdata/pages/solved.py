@@ -1,0 +1,283 @@
+"""What the COLMAP stage left of one sequence, as far as it can be read, for the pages to show."""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, repeat
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from gmrdata.cameras.files import (
+    CamerasQuality,
+    SfmCameras,
+    load_cameras,
+    load_points,
+    load_quality,
+)
+from gmrdata.cameras.tracks import Tracks, errors_px, load_tracks
+from gmrdata.values import transforms
+from gmrdata.values.clip import Clip, load_clip, rows_of_numbers
+from gmrdata.values.errors import GmrdataError
+from gmrdata.values.motion_metrics import angles_rad
+from gmrdata.values.people import person_file
+from gmrdata.values.records import MAKE_AGAIN
+from gmrdata.world.judge import window_differences
+from gmrdata.world.quality import PseudoGtQuality
+from gmrdata.world.recipe import VerdictConfig
+from gmrdata.world.verdict import Verdict
+
+Read = TypeVar("Read")
+
+
+class Reader:
+    """Reads files, and notes what can't be read: what is lost must not cost all else."""
+
+    def __init__(self) -> None:
+        self.missing: list[str] = []
+
+    def read(self, call: Callable[[Path], Read], path: Path) -> Read | None:
+        try:
+            return call(path)
+        except (GmrdataError, OSError) as error:
+            self.missing.append(str(error))
+            return None
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """What structure from motion found: M images, in a unit and a world of its own."""
+
+    cameras: SfmCameras
+    quality: CamerasQuality | None  # None of what can't be read, or is of other frames
+    points: np.ndarray  # (N, 3) of the background
+    tracks: Tracks | None  # of the same frames and points; None likewise
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether it has observations, as six degrees of freedom have."""
+        return self.quality is not None and self.tracks is not None and len(self.tracks.rows) > 0
+
+    @property
+    def errors_px(self) -> np.ndarray:
+        """(M,) mean reprojection error of what each image sees [px]; NaN where nothing is known."""
+        path, tracks = self.cameras.path, self.tracks
+        found = np.full(path.n_frames, np.nan)
+        if tracks is None or self.quality is None:
+            return found
+        lens, matrix = self.quality.lens, path.intrinsics_px
+        each_px = errors_px(tracks, self.points, path.world_from_cam, matrix, lens)
+        known = np.isfinite(each_px)
+        n, rows = path.n_frames, tracks.rows[known]
+        counts, sums = np.bincount(rows, minlength=n), np.bincount(rows, each_px[known], n)
+        found[counts > 0] = sums[counts > 0] / counts[counts > 0]
+        return found
+
+
+def read_reconstruction(reader: Reader, sfm_dir: Path) -> Reconstruction | None:
+    """What is there of it; None without cameras."""
+    if (cameras := reader.read(load_cameras, sfm_dir)) is None:
+        return None
+    n_frames = cameras.path.n_frames
+    quality, points = reader.read(load_quality, sfm_dir), reader.read(load_points, sfm_dir)
+    tracks = None if points is None else reader.read(load_tracks, sfm_dir)
+    # Files that were mixed together must not make a plot.
+    quality_fits = quality is None or quality.frames == n_frames
+    tracks_fit = (
+        tracks is None
+        or points is None
+        or (
+            len(tracks.adjusted) == n_frames > tracks.rows.max(initial=-1)
+            and tracks.points.max(initial=-1) < len(points)
+        )
+    )
+    if not (quality_fits and tracks_fit):
+        reader.missing.append(f"{sfm_dir}: its files are of different frames; {MAKE_AGAIN}")
+    return Reconstruction(
+        cameras,
+        quality if quality_fits else None,
+        np.zeros((0, 3)) if points is None else points,
+        tracks if tracks_fit else None,
+    )
+
+
+def read_people(reader: Reader, pseudo_gt_dir: Path, n_people: int) -> dict[int, Clip]:
+    """World motions by person, of those that can be read."""
+    paths = (pseudo_gt_dir / person_file(person) for person in range(n_people))
+    clips = {person: reader.read(load_clip, path) for person, path in enumerate(paths)}
+    return {person: clip for person, clip in clips.items() if clip is not None}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solved:
+    """A sequence of T frames and P people.  What is empty or None was not made, or is gone."""
+
+    record: PseudoGtQuality | None
+    reasons: tuple[tuple[str, ...], ...]
+    """(P, T) why a frame is dropped; else empty.  Of cameras alone, one row for the camera."""
+    clips: Mapping[int, Clip]  # world motions by person; none without a reconstruction
+    reconstruction: Reconstruction | None
+    dataset_camera: np.ndarray | None = None  # (T, 4, 4) world_from_cam; NaN where unknown
+    missing: tuple[str, ...]  # what should be there and can't be read
+
+    @property
+    def n_frames(self) -> int:
+        """T, or 0 if nothing of the sequence could be read."""
+        return len(self.reasons[0]) if self.reasons else 0
+
+    @property
+    def row_names(self) -> list[str]:
+        """Who each row of `reasons` is about."""
+        return [f"person {person}" for person in range(len(self.reasons))]
+
+    @property
+    def accepted(self) -> list[bool]:
+        """The verdict on each row of `reasons`, as far as there is one."""
+        return [person.accepted for person in self.judged]
+
+    @property
+    def unit(self) -> str:
+        """Of lengths."""
+        return "m"
+
+    @property
+    def cameras(self) -> CamerasQuality | None:
+        return None if self.record is None else self.record.cameras
+
+    @property
+    def judged(self) -> tuple[Verdict, ...]:
+        return () if self.record is None else self.record.people
+
+    @property
+    def is_solved(self) -> bool:
+        return self.cameras is not None
+
+    @property
+    def world_from_cam(self) -> np.ndarray | None:
+        """(T, 4, 4) the recovered cameras in the made world [m]; NaN where there is none."""
+        cameras = [clip.camera for clip in self.clips.values() if clip.camera is not None]
+        return cameras[0].world_from_cam if cameras else None
+
+    @property
+    def sfm_rows(self) -> np.ndarray | None:
+        """(T,) the reconstruction's row for each frame, -1 if it has none."""
+        if self.reconstruction is None or not self.clips:
+            return None
+        numbers = next(iter(self.clips.values())).image_numbers
+        return rows_of_numbers(self.reconstruction.cameras.image_numbers, numbers)
+
+    @property
+    def kept(self) -> np.ndarray:
+        """(T,) bool: frames that are kept for somebody."""
+        return np.any([[not reason for reason in person] for person in self.reasons], axis=0)
+
+    @property
+    def fps_hz(self) -> float:
+        return next(iter(self.clips.values())).motion.fps_hz
+
+    @property
+    def scale_share(self) -> float | None:
+        """Standard error of the metric scale, as a share of it; None where none is known."""
+        record = self.record
+        if record is None or record.scale is None or record.scale_sigma is None:
+            return None
+        return abs(record.scale_sigma / record.scale)
+
+    def window_differences(self, config: VerdictConfig) -> tuple[np.ndarray, np.ndarray] | None:
+        """Differences in turn [deg] and way [m] from the data set's camera; None without one."""
+        if self.world_from_cam is None or self.dataset_camera is None:
+            return None
+        step = max(1, round(config.window_s * self.fps_hz))
+        return window_differences(self.world_from_cam, self.dataset_camera, step)
+
+    def frames_of(self, sfm_rows: Sequence[int]) -> np.ndarray:
+        """Frames of some rows of the reconstruction, in order."""
+        if self.sfm_rows is None:
+            return np.zeros(0, dtype=int)
+        return np.flatnonzero(np.isin(self.sfm_rows, sfm_rows) & (self.sfm_rows >= 0))
+
+    def per_frame(self, of_sfm_rows: Sequence[float] | np.ndarray) -> np.ndarray:
+        """(T,) figures of the rows of the reconstruction, by frame; NaN where there is none."""
+        values = np.full(self.n_frames, np.nan)
+        if self.sfm_rows is not None:
+            known = self.sfm_rows >= 0
+            values[known] = np.array(of_sfm_rows, dtype=float)[self.sfm_rows[known]]
+        return values
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """The data set's cameras, moved rigidly, and the root mean squares that are left."""
+
+    world_from_cam: np.ndarray  # (T, 4, 4) in the made world [m]; NaN where unknown
+    n_frames: int
+    rms_m: float
+    rms_deg: float
+
+
+def align_dataset_camera(
+    world_from_cam: np.ndarray, dataset_camera: np.ndarray, kept: np.ndarray
+) -> Aligned | None:
+    """Lay the data set's path over ours (T, 4, 4) [m], NaN where unknown; None without a frame.
+
+    The rotation is the mean difference in orientation over the `kept` frames (T,), so it is fixed
+    for a camera that stays in place too; then the paths' middles are laid on each other.  Both are
+    metric, so nothing is scaled.
+    """
+    known = (np.isfinite(path).all(axis=(1, 2)) for path in (world_from_cam, dataset_camera))
+    both = np.logical_and.reduce([kept, *known])
+    if not both.any():
+        return None
+    ours, theirs = world_from_cam[both], dataset_camera[both]
+    turns = ours[:, :3, :3] @ theirs[:, :3, :3].swapaxes(1, 2)
+    rotmat = transforms.mean_rotation(turns)
+    shift_m = (ours[:, :3, 3] - theirs[:, :3, 3] @ rotmat.T).mean(axis=0)
+    moved = transforms.rigid(rotmat, shift_m) @ dataset_camera
+    apart_m = np.linalg.norm(moved[both, :3, 3] - ours[:, :3, 3], axis=1)
+    apart_rad = angles_rad(rotmat.T @ turns)
+    rms_m, rms_rad = (float(np.sqrt(np.mean(apart**2))) for apart in (apart_m, apart_rad))
+    return Aligned(moved, int(both.sum()), rms_m, float(np.rad2deg(rms_rad)))
+
+
+KIND_COLOURS = ("#e69f00", "#56b4e9", "#cc79a7", "#d55e00", "#0072b2", "#c9b800", "#8a6d3b")
+"""Colour-blind readers tell these apart (Okabe and Ito 2008), on white and on black."""
+OTHER_COLOUR = "#8f979e"  # the colour of all further kinds
+
+
+@dataclass(frozen=True)
+class Kind:
+    words: str  # the reason; "…" for the number in which several differ
+    colour: str
+
+
+def kinds_of(reasons: Sequence[Sequence[str]]) -> dict[str, Kind]:
+    """The kind of each reason of (P, T) frames, in their order; empty where one is kept."""
+    groups: dict[str, list[str]] = {}
+    for reason in dict.fromkeys(reason for person in reasons for reason in person if reason):
+        groups.setdefault(re.sub(r"[0-9]+", "…", reason), []).append(reason)
+    kinds: dict[str, Kind] = {}
+    colours = chain(KIND_COLOURS, repeat(OTHER_COLOUR))
+    for (pattern, members), colour in zip(groups.items(), colours, strict=False):
+        kind = Kind(members[0] if len(members) == 1 else pattern, colour)
+        kinds |= dict.fromkeys(members, kind)
+    return kinds
+
+
+def counts_of(reasons: Sequence[Sequence[str]]) -> dict[Kind, int]:
+    """How many frames of all people are dropped for each kind, the most frequent first."""
+    kinds = kinds_of(reasons)
+    counts = Counter(kinds[reason] for person in reasons for reason in person if reason)
+    return dict(counts.most_common())
+
+
+def example_frames(reasons: Sequence[Sequence[str]]) -> dict[Kind, int]:
+    """For each kind the middle frame of those dropped for it, of whoever comes first."""
+    kinds, frames = kinds_of(reasons), dict[Kind, list[int]]()
+    for person in reasons:
+        earlier = set(frames)
+        for frame, reason in enumerate(person):
+            if reason and kinds[reason] not in earlier:
+                frames.setdefault(kinds[reason], []).append(frame)
+    return {kind: of_kind[len(of_kind) // 2] for kind, of_kind in frames.items()}

@@ -1,0 +1,300 @@
+"""What the stages of one video left in its folder, as far as it can be read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gmrdata.cameras.files import CamerasQuality, SfmCameras
+from gmrdata.manifest.exported import PSEUDO_GT, SFM, ExportedClip, list_clips, load_exported
+from gmrdata.masks.folder import find_mask
+from gmrdata.pages.footage import NO_MARKS, Footage, Marks, direction_marks
+from gmrdata.pages.solved import (
+    Reader,
+    Reconstruction,
+    Solved,
+    read_people,
+    read_reconstruction,
+)
+from gmrdata.read.frames import list_images, number_in_name
+from gmrdata.read.video import VIDEO_FILE, VideoRecord
+from gmrdata.stage.store import StageRecord
+from gmrdata.values import transforms
+from gmrdata.values.camera import CameraPath
+from gmrdata.values.clip import Clip
+from gmrdata.values.errors import GmrdataError, MissingInput
+from gmrdata.values.files import STAGE_FILE
+from gmrdata.world.quality import load_record
+from gmrdata.world.recipe import PseudoGtConfig
+from gmrdata.world.verdict import Verdict
+from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict, judge_cameras
+from gmrdata.write.take import Performer
+
+FRAMES, MASKS = "frames", "masks"
+UNKNOWN_FPS_HZ = 30.0  # of a folder of images without a video's record and without a body
+MARKS_PER_FRAME = 150
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SolvedVideo(Solved):
+    """A video with its T frames; of cameras alone, without people and in a unit of their own."""
+
+    folder: Path
+    images: tuple[Path | None, ...]  # (T,)
+    masks: tuple[Path | None, ...]  # (T,)
+    times_s: np.ndarray  # (T,)
+    video: VideoRecord | None  # None of images that came from no video
+    people: tuple[ExportedClip, ...]  # with what it takes to draw and to export them
+    camera: CameraPath | None  # of the T frames, in the shown world
+    camera_verdict: Verdict | None  # on the cameras by themselves; None where nothing tells
+    notes: tuple[str, ...]  # what one should know besides
+    config: PseudoGtConfig  # the thresholds that were asked for
+
+    @property
+    def name(self) -> str:
+        return self.folder.name
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether cameras were sought, and nobody's motion."""
+        return not self.judged
+
+    @property
+    def row_names(self) -> list[str]:
+        return ["camera"] if self.is_alone else super().row_names
+
+    @property
+    def accepted(self) -> list[bool]:
+        if not self.is_alone:
+            return super().accepted
+        return [self.camera_verdict is not None and self.camera_verdict.accepted]
+
+    @property
+    def unit(self) -> str:
+        return "units of the reconstruction" if self.is_alone else "m"
+
+    @property
+    def cameras(self) -> CamerasQuality | None:
+        if self.is_alone:
+            return None if self.reconstruction is None else self.reconstruction.quality
+        return super().cameras
+
+    @property
+    def world_from_cam(self) -> np.ndarray | None:
+        return None if self.camera is None else self.camera.world_from_cam
+
+    @property
+    def sfm_rows(self) -> np.ndarray | None:
+        if self.is_alone and self.reconstruction is not None:
+            return np.arange(self.n_frames)
+        return super().sfm_rows
+
+
+def gather_video(folder: Path, images_dir: Path | None, body: str | None) -> SolvedVideo:
+    """Read what there is of a video; what can't be read is named in `missing`.
+
+    Args:
+        images_dir: Its frames, where they are not in the folder's own `frames`.
+        body: The people's body, as `load_exported` takes it.
+
+    Raises:
+        MissingInput: the folder holds neither cameras nor people.
+    """
+    reader = Reader()
+    there = [name for name in (SFM, PSEUDO_GT, VERDICT_FILE) if (folder / name).exists()]
+    if not there:
+        what = "holds no sfm and no pseudo_gt, so nothing of a video was solved there"
+        raise MissingInput(f"{folder}: {what}. Give the folder of `gmrdata video` or `gmrdata sfm`")
+    said = reader.read(VideoVerdict.read, folder / VERDICT_FILE) if VERDICT_FILE in there else None
+    record = reader.read(load_record, folder / PSEUDO_GT) if PSEUDO_GT in there else None
+    judged = () if record is None else record.people
+    clips = read_people(reader, folder / PSEUDO_GT, len(judged))
+    solved = read_reconstruction(reader, folder / SFM) if SFM in there else None
+    numbers, camera = _camera_of(clips, solved)
+    config = reader.read(_config, folder / PSEUDO_GT) if PSEUDO_GT in there else None
+    config = config or PseudoGtConfig()
+    reasons = tuple(tuple(person.frame_reasons) for person in judged)
+    verdict = None if said is None else said.camera
+    if PSEUDO_GT in there and record is None:
+        verdict = None  # The cameras' verdict must not stand for that on the people.
+    elif verdict is None and solved is not None:
+        verdict = reader.read(lambda sfm_dir: _judge(sfm_dir, clips, config), folder / SFM)
+    if not judged and verdict is not None:
+        reasons = (tuple(verdict.frame_reasons),)
+    frames_dir = folder / FRAMES if images_dir is None else images_dir
+    video = (
+        reader.read(VideoRecord.read, frames_dir / VIDEO_FILE) if _has_video(frames_dir) else None
+    )
+    images = _images(reader, frames_dir, numbers)
+    return SolvedVideo(
+        record=record,
+        reasons=reasons,
+        clips=clips,
+        reconstruction=solved,
+        folder=folder,
+        images=images,
+        masks=_masks(reader, folder / MASKS, images),
+        times_s=_times_s(video, numbers, clips),
+        video=video,
+        people=_people(reader, folder, images_dir, body) if clips else (),
+        camera=camera,
+        camera_verdict=verdict,
+        notes=() if said is None else said.notes,
+        config=config,
+        missing=tuple(dict.fromkeys(reader.missing)),
+    )
+
+
+def _config(pseudo_gt_dir: Path) -> PseudoGtConfig:
+    """The recipe of a pseudo ground truth, as its stage noted it."""
+    return PseudoGtConfig.model_validate(StageRecord.read(pseudo_gt_dir / STAGE_FILE).config)
+
+
+def _camera_of(
+    clips: dict[int, Clip], solved: Reconstruction | None
+) -> tuple[np.ndarray, CameraPath | None]:
+    """Image numbers (T,), and the camera of the T frames, level as far as that can be told."""
+    if clips:
+        clip = next(iter(clips.values()))
+        return clip.image_numbers, clip.camera
+    if solved is None:
+        return np.zeros(0, np.int64), None
+    return solved.cameras.image_numbers, _levelled(solved.cameras)
+
+
+def _levelled(cameras: SfmCameras) -> CameraPath:
+    """Cameras alone, turned so that their own upright is z in the mean, from the first place on."""
+    known = cameras.path.world_from_cam[cameras.path.has_camera]
+    if not len(known):
+        return cameras.path
+    up = -known[:, :3, 1].mean(axis=0)
+    forward = known[0, :3, 2]
+    axes = [np.cross(forward, up), forward, up]
+    across, _, up = (axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in axes)
+    rotmat = np.stack([across, np.cross(up, across), up])
+    level = transforms.rigid(rotmat, -rotmat @ known[0, :3, 3])
+    return replace(cameras.path, world_from_cam=level @ cameras.path.world_from_cam)
+
+
+def _judge(sfm_dir: Path, clips: dict[int, Clip], config: PseudoGtConfig) -> Verdict:
+    """The verdict on cameras of which no record has one."""
+    rates_hz = [clip.motion.fps_hz for clip in clips.values()]
+    return judge_cameras(sfm_dir, rates_hz[0] if rates_hz else UNKNOWN_FPS_HZ, config.verdict)
+
+
+def _has_video(frames_dir: Path) -> bool:
+    return (frames_dir / VIDEO_FILE).is_file()
+
+
+def _images(reader: Reader, frames_dir: Path, numbers: np.ndarray) -> tuple[Path | None, ...]:
+    """The image of each of T frames; a link out of the folder is none."""
+    found = reader.read(list_images, frames_dir) or []
+    root = frames_dir.resolve()
+    by_number = {
+        number_in_name(path.name): path for path in found if path.resolve().is_relative_to(root)
+    }
+    if len(by_number) < len(found):
+        reader.missing.append(
+            f"{frames_dir}: {len(found) - len(by_number)} images are links out of it"
+        )
+    return tuple(by_number.get(int(number)) for number in numbers)
+
+
+def _masks(
+    reader: Reader, masks_dir: Path, images: Sequence[Path | None]
+) -> tuple[Path | None, ...]:
+    """The mask of each frame; none of any without a folder of masks."""
+    if not masks_dir.is_dir():
+        return (None,) * len(images)
+    return tuple(None if image is None else _mask(reader, masks_dir, image) for image in images)
+
+
+def _mask(reader: Reader, masks_dir: Path, image: Path) -> Path | None:
+    def find(folder: Path) -> Path:
+        path = find_mask(folder, image)
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise MissingInput(f"{path}: a link out of the folder; copy the file in its place")
+        return path
+
+    return reader.read(find, masks_dir)
+
+
+def _times_s(video: VideoRecord | None, numbers: np.ndarray, clips: dict[int, Clip]) -> np.ndarray:
+    """(T,) times of the frames [s]: the video's own as far as it knows them all."""
+    if video is not None and len(numbers):
+        times_s = video.times_of(numbers)
+        if np.isfinite(times_s).all() and (np.diff(times_s) > 0).all():
+            return times_s
+    rates_hz = [clip.motion.fps_hz for clip in clips.values()]
+    return np.arange(len(numbers)) / (rates_hz[0] if rates_hz else UNKNOWN_FPS_HZ)
+
+
+def _people(
+    reader: Reader, folder: Path, images_dir: Path | None, body: str | None
+) -> tuple[ExportedClip, ...]:
+    """Everybody with the body at hand; those without are named and not drawn."""
+
+    def load(folder: Path) -> list[ExportedClip]:
+        return [
+            load_exported(one, body=body, images=images_dir)
+            for one in list_clips(folder / PSEUDO_GT)
+        ]
+
+    there = []
+    for person in reader.read(load, folder) or []:
+        try:
+            there.append((person, person.body)[0])
+        except GmrdataError as error:
+            reader.missing.append(str(error))
+    return tuple(there)
+
+
+def footage_of(found: SolvedVideo) -> Footage:
+    """What is drawn over the frames; MissingInput where there is nothing to draw or draw over."""
+    if found.camera is None:
+        raise MissingInput("no camera was found, so nothing has a place in the frames")
+    if not any(found.images):
+        raise MissingInput("the frames are not here: give their folder with --images")
+    people = tuple(
+        Performer(one.id, one.clip.motion, one.body, one.clip.valid & found.camera.has_camera)
+        for one in found.people
+    )
+    lens = None if found.cameras is None else found.cameras.lens
+    dropped = np.ones(found.n_frames, dtype=bool) if not found.reasons else ~found.kept
+    return Footage(
+        images=found.images,
+        masks=found.masks,
+        times_s=found.times_s,
+        camera=found.camera,
+        lens=lens,
+        people=people,
+        marks=_marks(found) if found.is_alone else NO_MARKS,
+        dropped=dropped,
+    )
+
+
+def _marks(found: SolvedVideo) -> Marks:
+    """What stands still behind cameras alone: background points in the frames that show them, of a
+    camera that turns a grid of directions."""
+    solved, camera = found.reconstruction, found.camera
+    if solved is None or camera is None or not camera.has_camera.any():
+        return NO_MARKS
+    if solved.cameras.geometry != "full":
+        return direction_marks(camera)
+    if solved.tracks is None:
+        return NO_MARKS
+    row = int(camera.has_camera.argmax())
+    level = camera.world_from_cam[row] @ transforms.invert(solved.cameras.path.world_from_cam[row])
+    world_m = transforms.apply(level, solved.points)
+    keep = _longest_seen(solved.tracks.rows, solved.tracks.points, len(world_m))
+    return Marks(world_m, solved.tracks.rows[keep], solved.tracks.points[keep])
+
+
+def _longest_seen(rows: np.ndarray, points: np.ndarray, n_points: int) -> np.ndarray:
+    """Which observations (M,) to show: in each frame those of the points that most frames see."""
+    lengths = np.bincount(points, minlength=n_points)
+    order = np.lexsort((points, -lengths[points], rows))
+    first = np.searchsorted(rows[order], rows[order])
+    place = np.arange(len(order)) - first
+    return np.sort(order[place < MARKS_PER_FRAME])

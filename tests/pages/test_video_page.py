@@ -1,0 +1,214 @@
+"""The page of a solved video says what was decided and found, and leads to files that are there."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import pytest
+
+from gmrdata.pages.footage import BAR_PX
+from gmrdata.pages.video import make_video_page
+from gmrdata.values.body import BodyModel
+from gmrdata.values.errors import MissingInput
+from gmrdata.values.files import read_json
+from gmrdata.world.quality import load_record
+from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
+from gmrdata.world.verdict import verdict_of
+from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict, unsolved
+from tests.browser import Visit
+from tests.pages.html_pages import Page
+from tests.pages.solved_video import N_ROWS, OFF_PX, solved_video
+from tests.sharing import made_once
+
+HOSTILE = "<img src=x onerror='alert(1)'> \"#?%20&amp; caf\udce9"
+
+
+@pytest.fixture(scope="session")
+def finished(small_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A solved video with its page; nobody changes it."""
+
+    def make(folder: Path) -> None:
+        solved_video(folder, small_body)
+        make_video_page(folder)
+
+    return made_once(tmp_path_factory, "finished_video", make)
+
+
+@pytest.fixture
+def copied(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "walk"))
+
+
+def leads_to_files(page: Page) -> None:
+    """Every link is relative, stays in the folder and leads to a file."""
+    assert "script" not in page.tags
+    outside = [link for link in page.links if not link.startswith(("data:", "#"))]
+    assert not [link for link in outside if ":" in link or link.startswith("/")]
+    for file in page.files:
+        assert file.is_file() and file.is_relative_to(page.path.parent), file
+
+
+def test_the_page_has_all_parts_and_leads_to_files(finished: Path) -> None:
+    page = Page(finished / "index.html")
+    leads_to_files(page)
+    assert "can’t be" not in page.words and "Can’t be" not in page.words
+    assert page.tags.count("video") == 1 and page.tags.count("svg") == 4
+    assert f"Person 0: accepted, {N_ROWS} of {N_ROWS} frames (100.0%)" in page.words
+    assert f"640×360 px, {N_ROWS} frames, 2.3 s, one person, circular camera" in page.words
+    record = load_record(finished / "pseudo_gt")
+    assert record.scale is not None and record.scale_sigma is not None
+    assert f"fused{record.scale:.5g}" in page.words
+    assert (
+        f"two standard errors of the metric scale ({200 * record.scale_sigma / record.scale:.1f}"
+        in page.words
+    )
+    assert "Focal length554.3 px" in page.words and "60.0° by 36.0°" in page.words
+    assert "Mean reprojection error per frame [px]" in page.words
+    for name in ("overlay.mp4", "poster.jpg", "person_0.npz", "quality.json", "stage.json"):
+        assert name in {file.name for file in page.files}
+
+
+def test_the_overlay_has_every_frame(finished: Path) -> None:
+    with av.open(str(finished / "overlay" / "overlay.mp4")) as container:
+        frames = list(container.decode(video=0))
+        assert container.streams.video[0].average_rate == 10
+    assert len(frames) == N_ROWS
+    assert (frames[0].width, frames[0].height) == (640, 360 + BAR_PX)
+
+
+def test_the_errors_are_those_of_the_observations(finished: Path) -> None:
+    from gmrdata.pages.solved import Reader, read_reconstruction
+
+    found = read_reconstruction(Reader(), finished / "sfm")
+    assert found is not None and found.errors_px.shape == (N_ROWS,)
+    assert found.errors_px == pytest.approx(OFF_PX, abs=0.01)
+
+
+def test_a_folder_that_was_moved_still_has_its_page(copied: Path, tmp_path: Path) -> None:
+    moved = tmp_path / "elsewhere"
+    copied.rename(moved)
+    leads_to_files(Page(moved / "index.html"))
+
+
+def test_what_is_there_is_kept_and_what_changed_is_drawn_again(copied: Path) -> None:
+    overlay = copied / "overlay" / "overlay.mp4"
+    before, page = overlay.stat().st_mtime_ns, (copied / "index.html").read_bytes()
+    make_video_page(copied)
+    assert overlay.stat().st_mtime_ns == before
+    # Only the folder's name, which is the title, differs.
+    assert (copied / "index.html").read_bytes() == page.replace(b"finished_video", b"walk")
+    shutil.copy(copied / "masks" / "00100.png", copied / "masks" / "00101.png")
+    make_video_page(copied)
+    assert overlay.stat().st_mtime_ns > before
+
+
+def test_hostile_names_and_reasons_stay_texts(copied: Path) -> None:
+    folder = copied.rename(copied.with_name(HOSTILE))
+    said = HOSTILE.encode("utf-8", "replace").decode()  # records hold whole characters alone
+    person = verdict_of(said, False, (f"because {said}",), [said] * N_ROWS)
+    path = folder / "pseudo_gt" / "quality.json"
+    load_record(folder / "pseudo_gt").model_copy(update={"people": (person,)}).write(path)
+    (folder / "files" / "bvh").mkdir(parents=True)
+    (folder / "files" / "bvh" / f"{HOSTILE}.bvh").write_text("HIERARCHY")
+    page = Page(make_video_page(folder))
+    leads_to_files(page)
+    assert {"img", "b", "i"}.isdisjoint(page.tags) and "onerror" not in page.attributes
+    shown = HOSTILE.encode("utf-8", "backslashreplace").decode()
+    assert page.words.startswith(shown) and f"because {said}" in page.words
+    assert f"{HOSTILE}.bvh" in {file.name for file in page.files}
+
+
+def test_a_rejected_video_says_so_first_and_warns_of_its_files(
+    small_body: BodyModel, tmp_path: Path
+) -> None:
+    config = PseudoGtConfig(verdict=VerdictConfig(min_inliers=101))
+    solved_video(tmp_path / "walk", small_body, lost=[9, 10], config=config)
+    page = Page(make_video_page(tmp_path / "walk"))
+    leads_to_files(page)
+    verdict = page.words.index(f"Person 0: rejected, 0 of {N_ROWS} frames")
+    assert verdict < page.words.index("Over the frames", page.words.index("Verdict"))
+    assert "✗≥ 50" in page.words
+    assert "fewer than 101 inliers" in page.words and "no camera was found" in page.words
+    assert "these files are for looking, not for use" in page.words
+
+
+def test_cameras_alone(small_body: BodyModel, tmp_path: Path) -> None:
+    solved_video(tmp_path / "walk", small_body, person=False, lost=[5, 6, 7])
+    page = Page(make_video_page(tmp_path / "walk"))
+    leads_to_files(page)
+    assert f"Cameras: accepted, 21 of {N_ROWS} frames (87.5%)" in page.words
+    assert "cameras alone" in page.words and "background points" in page.words
+    assert "[units of the reconstruction]" in page.words and "Metric scale" not in page.words
+    assert "camera5 to 73no camera was found" in page.words
+    assert page.tags.count("svg") == 3 and page.tags.count("video") == 1
+
+
+def test_a_camera_that_turns_alone(small_body: BodyModel, tmp_path: Path) -> None:
+    solved_video(tmp_path / "walk", small_body, "rotation_only", person=False)
+    page = Page(make_video_page(tmp_path / "walk"))
+    assert "a grid of directions, 10° apart" in page.words
+    assert "Mean reprojection error per frame" not in page.words
+
+
+def test_the_verdict_of_a_video_without_cameras(tmp_path: Path) -> None:
+    camera = unsolved("no two frames show the same place", 30)
+    VideoVerdict(
+        images_dir="frames", fps_hz=30.0, accepted=False, reasons=camera.reasons, camera=camera,
+        people=(), notes=("the poses are of every second frame",),
+    ).write(tmp_path / VERDICT_FILE)  # fmt: skip
+    page = Page(make_video_page(tmp_path))
+    leads_to_files(page)
+    assert "Cameras: rejected, 0 of 30 frames" in page.words
+    assert "no two frames show the same place" in page.words
+    assert "the poses are of every second frame" in page.words
+    assert "no camera was found, so nothing has a place in the frames" in page.words
+
+
+def test_what_is_missing_is_named_and_costs_its_part_alone(copied: Path, tmp_path: Path) -> None:
+    shutil.rmtree(copied / "frames")
+    (copied / "sfm" / "tracks.npz").unlink()
+    page = Page(make_video_page(copied))
+    leads_to_files(page)
+    assert "can’t be shown: the frames are not here: give their folder with --images" in page.words
+    assert "tracks.npz: an older gmrdata kept no tracks" in page.words
+    assert "Person 0: accepted" in page.words and page.tags.count("svg") == 4
+    shutil.rmtree(copied / "body")
+    (copied / "pseudo_gt" / "quality.json").write_text("{")
+    page = Page(make_video_page(copied))
+    assert "quality.json" in page.words.split("Can’t be read")[1]
+    assert "No verdict" in page.words and "accepted" not in page.words
+    with pytest.raises(MissingInput, match="nothing of a video was solved there"):
+        make_video_page(tmp_path)
+
+
+def test_without_the_body_the_path_is_not_drawn_and_it_is_said(copied: Path) -> None:
+    shutil.rmtree(copied / "body")
+    page = Page(make_video_page(copied))
+    assert "needs the body small" in page.words.split("Can’t be read")[1]
+    assert page.tags.count("video") == 1 and "the body in the frames" not in page.words
+
+
+def test_links_out_of_the_folder_are_not_followed(copied: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.jpg"
+    shutil.move(copied / "frames" / "00110.jpg", secret)
+    (copied / "frames" / "00110.jpg").symlink_to(secret)
+    (copied / "files" / "bvh").mkdir(parents=True)
+    (copied / "files" / "bvh" / "a.bvh").symlink_to(secret)
+    page = Page(make_video_page(copied))
+    assert "1 images are links out of it" in page.words.split("Can’t be read")[1]
+    assert not [file for file in page.files if file.name in ("a.bvh", "secret.jpg")]
+
+
+def test_frames_may_lie_elsewhere(copied: Path, tmp_path: Path) -> None:
+    frames = (copied / "frames").rename(tmp_path / "images")
+    page = Page(make_video_page(copied, images_dir=frames))
+    assert page.tags.count("video") == 1
+    assert "images" in read_json(copied / "overlay" / "stage.json")["inputs"]
+
+
+def test_a_browser_shows_it_without_the_net(
+    finished: Path, browse: Callable[[Path], Visit]
+) -> None:
+    seen = browse(finished / "index.html")
+    assert (seen.complaints, seen.requests) == ([], [])
