@@ -54,6 +54,7 @@ def video(
     to_s: flags.ToS = None,
     every: flags.Every = 1,
     take_what_decodes: flags.TakeWhatDecodes = False,
+    check_again: bool = False,
     strict: bool = False,
     dry_run: flags.DryRun = False,
     redo: flags.Redo = False,
@@ -71,6 +72,8 @@ def video(
             where nothing moves.
         poses_every: The poses were made from every n-th frame of the video.
         seed: Seed of the reconstruction.
+        check_again: Solve the cameras four more times, backward, by every second frame and by
+            other seeds, and reject a path that these don't give.
         strict: End with exit code 1 for a rejected video.
     """
     from gmrdata.cameras.recipe import SfmConfig
@@ -83,6 +86,7 @@ def video(
     config = VideoSolveConfig(
         masks=_masks(masks, model, landmarks, weights, classes),
         sfm=SfmConfig(seed=seed),
+        check_again=check_again,
         bodies=BodiesConfig(frames_per_row=poses_every),
     )
     lens = _lens(focal, fov, intrinsics)

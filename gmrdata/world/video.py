@@ -1,12 +1,14 @@
 """Any video: cameras, and where somebody's bodies are given, people in a metric world."""
 
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gmrdata.cameras.files import load_quality
+from gmrdata.cameras.again import AGAIN_FILE, AgainRecord, solve_again
+from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.intrinsics import (
     GivenIntrinsics,
     Intrinsics,
@@ -16,6 +18,7 @@ from gmrdata.cameras.intrinsics import (
 )
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.cameras.verdict import lens_notes, lens_reasons
 from gmrdata.masks.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.read.frames import check_images, image_number, list_images
 from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, is_video, video_record
@@ -48,7 +51,7 @@ from gmrdata.world.video_verdict import (
 )
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
-BODIES, PSEUDO_GT = "bodies", "pseudo_gt"
+AGAIN, BODIES, PSEUDO_GT = "again", "bodies", "pseudo_gt"
 """The folders of a video, in the order in which they are made."""
 
 
@@ -59,6 +62,9 @@ class VideoSolveConfig(Config):
     """Masks of what moves; None for a video in which nothing does."""
     intrinsics: IntrinsicsConfig = IntrinsicsConfig()
     sfm: SfmConfig = SfmConfig()
+    check_again: bool = False
+    """Solve the cameras four more times, backward, by every second frame and by other seeds, and
+    reject a path that these don't give."""
     bodies: BodiesConfig = BodiesConfig()
     pseudo_gt: PseudoGtConfig = PseudoGtConfig()
 
@@ -114,19 +120,26 @@ def solve_video(
         )
     )
     video = video_record(images_dir)
-    doubts = (*(() if video is None else lost_frames(video)), *lens.objections)
+    doubts = () if video is None else tuple(lost_frames(video))
     notes: tuple[str, ...] = ()
     people: tuple[Verdict, ...] = ()
     try:
         sfm_dir = reconstruct(
             images_dir, masks_dir, lens.matrix_px, out_dir / SFM, config.sfm, run=run
         )
-        camera = judge_cameras(sfm_dir, frames.fps_hz, config.pseudo_gt.verdict, doubts)
     except NoReconstruction as error:
-        camera = unsolved(str(error), len(frames.image_numbers))
+        why = "; ".join([str(error), *lens.objections])
+        camera = unsolved(why, len(frames.image_numbers))
     else:
+        thresholds, found = config.pseudo_gt.verdict, load_cameras(sfm_dir)
+        of_lens = lens_reasons(found, lens, thresholds)
+        again = _reasons_again(images_dir, masks_dir, out_dir, config, run)
+        doubts = (*doubts, *of_lens, *again)
+        camera = judge_cameras(sfm_dir, frames.fps_hz, thresholds, doubts)
+        notes = tuple(lens_notes(found, lens))
         if bodies is not None:
-            people, notes = _solve_people(bodies, frames, lens, video, out_dir, config, run)
+            people, said = _solve_people(bodies, frames, lens, video, out_dir, config, run)
+            notes = (*notes, *said)
     reasons = reasons_of(camera, people)
     path = out_dir / VERDICT_FILE
     VideoVerdict(
@@ -139,6 +152,17 @@ def solve_video(
         notes=(*lens.notes, *notes),
     ).write(path)
     return path
+
+
+def _reasons_again(
+    images_dir: Path, masks_dir: Path | None, out_dir: Path, config: VideoSolveConfig, run: Run
+) -> Iterator[str]:
+    """Why a path can't be used that other solutions of the frames don't give, where it is asked."""
+    if config.check_again:
+        folder = solve_again(
+            out_dir / SFM, images_dir, masks_dir, out_dir / AGAIN, config.sfm, run=run
+        )
+        yield from AgainRecord.read(folder / AGAIN_FILE).reasons(config.pseudo_gt.verdict)
 
 
 def _drop_people(out_dir: Path, run: Run) -> None:

@@ -1,6 +1,6 @@
 """Whether what was made of a video can be used: its camera path, and each person in it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, Self
 
@@ -9,7 +9,7 @@ from pydantic import NonNegativeFloat, model_validator
 
 from gmrdata.cameras.files import load_cameras, load_quality
 from gmrdata.cameras.recipe import CamerasVerdictConfig
-from gmrdata.cameras.verdict import camera_reasons, frame_tests, turns_too_fast
+from gmrdata.cameras.verdict import camera_reasons, frame_tests, jump_cause, turns_too_fast
 from gmrdata.values.records import Record
 from gmrdata.values.rows import first_reasons
 from gmrdata.world.verdict import Verdict, verdict_of
@@ -60,13 +60,14 @@ def judge_cameras(
     beside[:-1], beside[1:] = fast, beside[1:] | fast
     tests = frame_tests(quality, np.arange(n), known, config)
     reasons = first_reasons([""] * n, [*tests, (~beside, "the camera jumps")])
-    failed = [*doubts, *camera_reasons(quality, config), *_jump_reasons(fast, config)]
-    return verdict_of(CAMERA, not failed, failed, reasons)
-
-
-def _jump_reasons(fast: np.ndarray, config: CamerasVerdictConfig) -> Iterator[str]:
+    failed = [
+        *doubts,
+        *camera_reasons(quality, config),
+    ]
     if len(fast) and (share := float(fast.mean())) > config.max_cuts_share:
-        yield f"the camera jumps at {share:.0%} of the steps: images out of order, or missing"
+        cause = jump_cause(world_from_cam, quality, config)
+        failed.append(f"the camera jumps at {share:.0%} of the steps: {cause}")
+    return verdict_of(CAMERA, not failed, failed, reasons)
 
 
 def unsolved(why: str, n_frames: int, name: str = CAMERA) -> Verdict:
