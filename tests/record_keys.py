@@ -1,4 +1,4 @@
-"""Takes away each key of a record in turn."""
+"""Takes away each key of a record in turn, and puts texts for its numbers."""
 
 import json
 from collections.abc import Iterator
@@ -32,6 +32,23 @@ def assert_each_key_is_needed(record: Record, path: Path, free: tuple[str, ...] 
         with pytest.raises(BadRecord) as raised:
             type(record).read(path)
         assert str(path) in str(raised.value) and key in str(raised.value), place
+    assert_numbers_are_numbers(type(record), whole, path)
+
+
+def assert_numbers_are_numbers(kind: type[Record], whole: Any, path: Path) -> None:
+    """A text or `true` for a number is an error that names file and key; where it may be anything,
+    it is read as what it is."""
+    for place in _places(whole, ""):
+        number = _at(whole, place)
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            continue
+        for other in (str(number), True):
+            path.write_text(json.dumps(_with(whole, place, other)))
+            try:
+                assert _at(kind.read(path).model_dump(mode="json"), place) == other
+            except BadRecord as error:
+                key = place.rpartition(".")[2]
+                assert str(path) in str(error) and f"{key}` is wrong" in str(error), place
 
 
 def _places(value: Any, at: str) -> Iterator[str]:
@@ -46,9 +63,19 @@ def _places(value: Any, at: str) -> Iterator[str]:
 
 def _without(whole: Any, place: str) -> Any:
     copy = json.loads(json.dumps(whole))
-    *way, last = place.split(".")
-    inner = copy
-    for key in way:
-        inner = inner[int(key)] if isinstance(inner, list) else inner[key]
-    del inner[last]
+    way, _, last = place.rpartition(".")
+    del _at(copy, way)[last]
     return copy
+
+
+def _with(whole: Any, place: str, value: Any) -> Any:
+    copy = json.loads(json.dumps(whole))
+    way, _, last = place.rpartition(".")
+    _at(copy, way)[last] = value
+    return copy
+
+
+def _at(value: Any, place: str) -> Any:
+    for key in place.split(".") if place else ():
+        value = value[int(key)] if isinstance(value, list) else value[key]
+    return value

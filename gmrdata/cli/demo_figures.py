@@ -65,7 +65,7 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
 
 def _data_source(paths: DemoPaths) -> str:
     record = StageRecord.of(paths.motions_dir)
-    filmed = MotionsConfig.model_validate(record.config).filmed
+    filmed = MotionsConfig.of_plain(record.config).filmed
     if not filmed:
         return "Embedded gait generator: made by a program, not motion capture."
     n_files = sum(key.startswith("file ") and not key.endswith(".asf") for key in record.inputs)

@@ -75,7 +75,7 @@ def _clip_section(clip: ClipEntry, warning: str | None) -> dict[str, object]:
     """What the page shows of a clip; (file, alternative text, caption) of each picture."""
     place = "unknown"
     if clip.recipe is not None:
-        scene = SceneConfig.model_validate(clip.recipe.config["scene"])
+        scene = SceneConfig.of_plain(clip.recipe.config["scene"])
         place = f"{scene.kind}, {scene.lit_by}, seed {scene.seed}"
     rows: list[tuple[str, Cell | str]] = [
         ("motion", f"{clip.source.dataset} {clip.source.sequence}"),

@@ -56,11 +56,15 @@ def read_plain_npz(path: Path) -> dict[str, np.ndarray]:
         raise BadBodyFile(str(error)) from None
 
 
+_DIMENSIONS = {
+    "template_m": 2, "shape_dirs_m": 3, "joints_template_m": 2, "joint_shape_dirs_m": 3,
+    "skin_weights": 2, "faces": 2, "pose_dirs_m": 3, "adult_shapes": 2, "adult_phenotypes": 2,
+}  # fmt: skip
+
+
 def check_body(path: Path, body: BodyModel) -> None:
     """Refuse a body whose arrays do not fit together."""
-    for name, value in vars(body).items():
-        if name not in ("name", "licence") and isinstance(value, str):
-            raise BadBodyFile(f"{path}: {name} is a text, not an array of numbers")
+    _check_dimensions(path, body)
     n_vertices, n_shape = len(body.template_m), body.shape_dirs_m.shape[-1]
     n_adults = 0 if body.adult_shapes is None else len(body.adult_shapes)
     expected = {
@@ -88,6 +92,15 @@ def check_body(path: Path, body: BodyModel) -> None:
         raise BadBodyFile(f"{path}: faces must name vertices 0 to {n_vertices - 1}")
     if np.abs(body.skin_weights.sum(axis=1) - 1).max() > 1e-4 or body.skin_weights.min() < -1e-4:
         raise BadBodyFile(f"{path}: skin_weights of each vertex must be shares that sum to 1")
+
+
+def _check_dimensions(path: Path, body: BodyModel) -> None:
+    for name, n_dims in _DIMENSIONS.items():
+        value = getattr(body, name)
+        if isinstance(value, str):
+            raise BadBodyFile(f"{path}: {name} is a text, not an array of numbers")
+        if value is not None and value.ndim != n_dims:
+            raise BadBodyFile(f"{path}: {name} has {value.ndim} dimensions, expected {n_dims}")
 
 
 def _in_memory(array: np.ndarray | None) -> Any:

@@ -47,7 +47,7 @@ def read_smpl(path: Path) -> BodyModel:
         template_m.ndim == 2 and shape_dirs_m.ndim == 3
         and shape_dirs_m.shape[:2] == template_m.shape
     )  # fmt: skip
-    if arrays["J_regressor"].shape != (*n_joints, len(template_m)) or not fits:
+    if not fits or arrays["J_regressor"].shape != (*n_joints, len(template_m)):
         shapes = f"J_regressor {arrays['J_regressor'].shape}, shapedirs {shape_dirs_m.shape} and"
         what = f"{shapes} v_template {template_m.shape} do not fit together"
         raise BadBodyFile(f"{path}: {what}; get the file again")

@@ -63,10 +63,13 @@ class Job:
     """How much work it is beside the others, for sharing them out."""
 
 
+Results = dict[str, Any]  # what the calls of jobs gave, by job id
+
+
 class Outcome(NamedTuple):
     """What became of jobs, by job id."""
 
-    results: dict[str, Any]  # of those that finished
+    results: Results  # of those that finished
     reasons: dict[str, str]  # why each other job failed
 
 
@@ -88,7 +91,7 @@ class Pool:
 
 def run_jobs(
     description: str, jobs: Sequence[Job], pool: Pool, failures_dir: Path, units: Units = None
-) -> dict[str, Any]:
+) -> Results:
     """Results of `try_jobs` for callers that need them all; StageFailed lists what failed."""
     outcome = try_jobs(description, jobs, pool, failures_dir, units)
     raise_failures(description, outcome.reasons, len(jobs), failures_dir)
@@ -108,7 +111,7 @@ def try_jobs(
         return _in_order(jobs, _run_left(description, jobs, pool, failures_dir, units))
     weights = {job.id: job.weight for job in jobs}
     marks = Marks(marks_folder(failures_dir, description), pool.shard, weights)
-    by_id, results = {job.id: job for job in jobs}, dict[str, Any]()
+    by_id, results = {job.id: job for job in jobs}, Results()
     with marks.working() as shares:
         for ids in shares:
             share = [by_id[id] for id in ids]
@@ -274,13 +277,13 @@ def _one_by_one(
     return outcome
 
 
-def _look_first(jobs: Sequence[Job]) -> dict[str, Any]:
+def _look_first(jobs: Sequence[Job]) -> Results:
     """Results of the jobs that take a `Run` as `run` and have nothing left to make.
 
     A job that fails is left, so that its worker says why.
     """
 
-    def look(job: Job) -> dict[str, Any]:
+    def look(job: Job) -> Results:
         if "run" not in job.arguments:
             return {}
         run = replace(job.arguments["run"], only_look=True)
@@ -294,7 +297,7 @@ def _look_first(jobs: Sequence[Job]) -> dict[str, Any]:
 
 def _submit_and_wait(
     description: str, jobs: Sequence[Job], client: Any, units: Units, house: House | None
-) -> dict[str, Any]:
+) -> Results:
     """Futures that are done, by job id."""
     from dask.distributed import wait
 

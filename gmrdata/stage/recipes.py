@@ -43,7 +43,7 @@ def recipe_kind(path: Path) -> str:
 def load_recipe(path: Path, model: type[Recipe]) -> Recipe:
     """Read a recipe; BadRecipe lists all keys and values that the model refuses."""
     try:
-        return model.model_validate(_read(path))
+        return model.of_plain(_read(path))
     except ValidationError as error:
         problems = "\n".join(
             f"  {'.'.join(str(part) for part in found['loc']) or 'recipe'}: {found['msg']}"

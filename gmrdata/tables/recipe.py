@@ -121,13 +121,13 @@ def train_config(
     settings = merged(merged(recipe.scales[scale].train, own), {"seed": seed})
     if held_out:
         settings = merged(settings, {"data": {"held_out_subjects": held_out}})
-    return TrainConfig.model_validate(settings)
+    return TrainConfig.of_plain(settings)
 
 
 def joint_config(recipe: TableRecipe, row: Row, scale: ScaleName, seed: int) -> JointConfig:
     """The training of the non-sequential model; errors as there."""
     own = _settings_of(row, scale) if row.method == "joint" else {}
-    return JointConfig.model_validate(merged(recipe.scales[scale].joint, own) | {"seed": seed})
+    return JointConfig.of_plain(merged(recipe.scales[scale].joint, own) | {"seed": seed})
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Settings:

@@ -5,6 +5,7 @@ missing, unknown or wrong key is an error that names file and key, so that no de
 sequence pass.  A figure that does not exist is written as null.
 """
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self, get_args
@@ -33,6 +34,15 @@ class Config(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    @classmethod
+    def of_plain(cls, value: Any) -> Self:
+        """The model that plain data of a JSON or YAML file stands for.
+
+        A text, or `true`, is no number, and 2.0 no whole one; ValidationError for these too.
+        """
+        # Only from JSON does pydantic's strict mode take lists for tuples and texts for paths.
+        return cls.model_validate_json(json.dumps(value), strict=True)
+
 
 class Record(Config):
     """A JSON file of a stage.
@@ -57,7 +67,7 @@ class Record(Config):
         found = value.get("format") if isinstance(value, dict) else None
         require_tag(path, found, cls.tag())
         try:
-            record = cls.model_validate(value)
+            record = cls.of_plain(value)
         except ValidationError as error:
             raise BadRecord(f"{path}: {_first_problem(error)}; {MAKE_AGAIN}") from None
         if lacking := _lacking(value, record.model_dump(mode="json")):

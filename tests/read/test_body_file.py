@@ -90,3 +90,5 @@ def test_arrays_that_do_not_fit_are_named(small_body: BodyModel) -> None:
     for name, array in changes.items():
         with pytest.raises(BadBodyFile, match=rf"here\.npz: {name}"):
             check_body(Path("here.npz"), dataclasses.replace(small_body, **{name: array}))
+        with pytest.raises(BadBodyFile, match=rf"here\.npz: {name} has 0 dimensions"):
+            check_body(Path("here.npz"), dataclasses.replace(small_body, **{name: np.array(1.0)}))

@@ -272,6 +272,13 @@ def test_directions_that_do_not_fit_the_template(
         read_smpl(path)
 
 
+@pytest.mark.parametrize("key", ["v_template", "f", "weights", "J_regressor", "kintree_table"])
+def test_a_number_in_place_of_an_array(key: str, small_body: BodyModel, tmp_path: Path) -> None:
+    path = write_npz(tmp_path / "SMPL_MALE.npz", smpl_arrays(small_body, 1.0, 10) | {key: 2.0})
+    with pytest.raises(BadBodyFile, match=r"SMPL_MALE\.npz: "):
+        read_smpl(path)
+
+
 @pytest.mark.parametrize("key", ["template_m", "shape_dirs_m", "faces"])
 def test_a_text_in_place_of_an_array(key: str, small_body: BodyModel, tmp_path: Path) -> None:
     save_body(tmp_path / "a.npz", small_body)

@@ -45,6 +45,9 @@ def test_the_demo_has_the_three_cameras() -> None:
     [
         ("recipe: demo\nclips: []\nsede: 1\n", "sede: Extra inputs are not permitted"),
         ("recipe: demo\nclips: []\n", "clips: Tuple should have at least 1 item"),
+        ("recipe: demo\nclips: []\nseed: '1'\n", "seed: Input should be a valid integer"),
+        ("recipe: demo\nclips: []\nseed: true\n", "seed: Input should be a valid integer"),
+        ("recipe: demo\nclips: []\nworkers: 2.0\n", "workers: Input should be a valid integer"),
         ("- a\n- b\n", "a recipe is a mapping"),
         ("recipe: [demo\n", "not plain YAML"),
         ("\x00\xff", "not plain YAML"),

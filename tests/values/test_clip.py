@@ -256,6 +256,20 @@ def test_header_that_claims_more_than_any_memory(tmp_path: Path) -> None:
         read_npz(path)
 
 
+@pytest.mark.parametrize("code", [0xD800, 0x110000, 0xFFFFFFFF])
+def test_texts_of_no_letters(code: int, tmp_path: Path) -> None:
+    """Python's own texts can't hold these: to look at one ends in a SystemError."""
+    letters = np.array("abc")
+    for name, dtype in (("little", "<u4"), ("big", ">u4")):
+        codes = np.array([97, code, 99], dtype)
+        path = tmp_path / f"{name}.npz"
+        np.savez(path, gender=codes.view(dtype.replace("u4", "U3"))[0], other=letters)
+        with pytest.raises(BadMotionFile, match="'gender' is a text of no letters"):
+            read_npz(path)
+        np.savez(path, gender=letters.astype(dtype.replace("u4", "U3")), empty=np.array([""]))
+        assert str(read_npz(path)["gender"]) == "abc"
+
+
 def test_npz_bomb_is_refused_unopened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "c.npz"
     np.savez_compressed(path, a=np.zeros(200_000))
