@@ -455,7 +455,11 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
     expected = max(len(times_s), stream.frames - reading.n_discarded, reading.n_frames)
     if stream.frames or len(container.streams) > 1 or not container.duration:
         return int(expected)
-    return max(int(expected), _count_by_length(container.duration / 1e6, reading))
+    length_s = container.duration / 1e6
+    if "matroska" in container.format.name:
+        # Its length counts from 0, also where the first frame comes later.
+        length_s -= max(0.0, reading.first_time_s or 0.0)
+    return max(int(expected), _count_by_length(length_s, reading))
 
 
 def _count_by_length(length_s: float, reading: _Reading) -> int:
