@@ -1,8 +1,8 @@
 """Kill, fill and unplug, again and again, and compare the bytes with those of undisturbed runs.
 
 `make soak` takes an hour, `ARGS='--hours 8'` longer.  In turn it runs motions in shards, motions,
-render, threedpw, sfm of a video, train, and evaluate at small sizes.  Each run is hit by up to
-three faults at random moments: its processes are killed, its disk is full, and as root a host of
+render, threedpw, sfm and video, train, and evaluate at small sizes.  Each run is hit by up to
+six faults at random moments: its processes are killed, its disk is full, and as root a host of
 its cluster is unplugged.  It is started again until it ends well.  Then all of its files must be
 those of the undisturbed run.  Writes out/bench/soak.json; the seed is new each time and in it.
 """
@@ -65,6 +65,7 @@ def works(
     assert end_well(trained.start()) == 0
     data = filmed_set.root
     seen = seen_in_video(filmed_set, small_body, root)
+    focal_px = str(camera_of(filmed_set.truth["pan_00"][0]).intrinsics_px[0, 0])
     return [
         Work("shards", ("motions", str(motions)), shards=2),
         Work("motions", ("motions", str(motions)), on_hosts=True),
@@ -72,6 +73,7 @@ def works(
         Work("threedpw", ("threedpw", "regenerate", "--root", str(data),
                           "--recipe", str(root / "threedpw.yaml")), on_hosts=True),
         Work("sfm", ("sfm", *seen)),
+        Work("video", ("video", str(root / "pan.mp4"), "--masks", "none", "--focal", focal_px)),
         Work("train", trained.command),
         Work("evaluate", ("evaluate", str(root / "run"), str(manifest))),
     ]  # fmt: skip

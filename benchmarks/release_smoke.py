@@ -53,16 +53,17 @@ COMMANDS = (
     "report demo",
     f"masks {_FRAMES} --sources silhouette --camera-body {_SEEN} --out masks",
     f"sfm --frames {_FRAMES} --camera-body {_SEEN} --out sequence",
+    f"video {_FRAMES} --masks none --fov 60 --fps 10 --out video",
     "render set.yaml --out set",
     "render set.yaml --out set --print-slurm 2 --no-probe",
     "manifest check set/synthetic.yaml",
     "manifest show set/synthetic.yaml",
     "manifest diff set/synthetic.yaml set/synthetic.yaml",
     "motions set/render --out motions",
-    "motions set/render --out shared --shard 1/2",
-    "merge shared",
-    "motions set/render --out shared --shard 2/2",
-    "manifest diff motions/motions.yaml shared/motions.yaml",
+    "motions set/render --out shared/motions --shard 1/2",
+    "merge shared/motions",
+    "motions set/render --out shared/motions --shard 2/2",
+    "manifest diff motions/motions.yaml shared/motions/motions.yaml",
     "train set/synthetic.yaml --recipe gmr.yaml --out gmr",
     "evaluate gmr set/synthetic.yaml --out scores",
     "baseline zero set/synthetic.yaml --out zero",
@@ -81,5 +82,5 @@ COMMANDS = (
     "run set.yaml --out set --dry-run",
 )
 """Arguments of `gmrdata`, in an order in which each finds what it needs."""
-REFUSED = {"merge shared": "shard 2/2"}
+REFUSED = {"merge shared/motions": "shard 2/2"}
 """Commands that must end with 1, and say so: there are shards that nobody has done."""

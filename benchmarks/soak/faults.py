@@ -16,7 +16,7 @@ from scale import hosts
 from soak.works import Work
 
 LONGEST_S = 600.0
-MOST_FAULTS = 3  # that meet one run, one after the other
+MOST_FAULTS = 6  # that meet one run, one after the other
 LONGEST_CUT_S = 10.0
 FOR_GOOD_SHARE = 0.3  # of the cut cables, that are not plugged in again
 
@@ -148,7 +148,7 @@ FAULTS: tuple[Fault, ...] = (*AGAIN, cut_cable)
 def in_turn(
     works: Sequence[Work], rng: np.random.Generator
 ) -> Iterator[tuple[Work, Sequence[Fault]]]:
-    """Each work with each fault that can meet it, in a random order; up to two others follow."""
+    """Each work with each fault that can meet it, in a random order; up to five others follow."""
     pairs = [
         (work, fault)
         for work in works
