@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, MASKS_FOLDER, VideoFacts
 
-from gmrdata.cameras.intrinsics import GivenIntrinsics
+from gmrdata.cameras.intrinsics import GivenIntrinsics, IntrinsicsConfig
 from gmrdata.masks.sources import FolderSource, MasksConfig
 from gmrdata.read.bodies import load_body, save_body
 from gmrdata.read.camera_bodies import SeenPerson, read_camera_bodies
@@ -149,7 +149,7 @@ def _in_world(
     verdict_path = solve_video(
         clip_dir / FRAMES_FOLDER,
         folder / "solved",
-        VideoSolveConfig(masks=masks),
+        VideoSolveConfig(masks=masks, intrinsics=IntrinsicsConfig(look_in_frames=False)),
         intrinsics=GivenIntrinsics(focal_px=facts.focal_px),
         bodies=GivenBodies(path, body),
         fps_hz=facts.fps_hz,

@@ -47,6 +47,7 @@ def video(
     intrinsics: Annotated[
         Path | None, arg(help="Calibration of the images: a file, as docs/video.md lists them.")
     ] = None,
+    check_lens: bool = True,
     fps: Annotated[float | None, arg(help="Images per second of a folder of images [Hz].")] = None,
     poses_every: int = 1,
     seed: int = 0,
@@ -70,12 +71,15 @@ def video(
             hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl.
         masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them; none
             where nothing moves.
+        check_lens: Seek the lens in the frames too. Without, a given lens is taken as it is, and
+            one that nobody knows is guessed.
         poses_every: The poses were made from every n-th frame of the video.
         seed: Seed of the reconstruction.
         check_again: Solve the cameras four more times, backward, by every second frame and by
             other seeds, and reject a path that these don't give.
         strict: End with exit code 1 for a rejected video.
     """
+    from gmrdata.cameras.intrinsics import IntrinsicsConfig
     from gmrdata.cameras.recipe import SfmConfig
     from gmrdata.cli.video_page import write_page
     from gmrdata.read.video import is_video
@@ -85,6 +89,7 @@ def video(
 
     config = VideoSolveConfig(
         masks=_masks(masks, model, landmarks, weights, classes),
+        intrinsics=IntrinsicsConfig(look_in_frames=check_lens),
         sfm=SfmConfig(seed=seed),
         check_again=check_again,
         bodies=BodiesConfig(frames_per_row=poses_every),
@@ -231,7 +236,7 @@ def _show_plan(
     seconds = {
         "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
         "masks": n_images * MASK_S * max(1.0, share) if config.masks is not None else 0.0,
-        "intrinsics": INTRINSICS_S * min(1.0, n_images / 60),
+        "intrinsics": INTRINSICS_S * config.intrinsics.look_in_frames,
         "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
         "bodies": 0.0 if poses is None else BODIES_S + n_images * BODY_S,
     }
