@@ -58,15 +58,17 @@ def quality_of(
     estimate: ScaleEstimate,
     cameras: CamerasQuality,
     config: PseudoGtConfig,
-    fits: Sequence[PictureFit | None],
+    fits: Sequence[PictureFit | None] | None = None,
 ) -> PseudoGtQuality:
-    """The record of a pseudo ground truth; of clips in the world, before frames were dropped."""
+    """The record of a pseudo ground truth; of clips in the world, before frames were dropped.
+    How bodies lie in the pictures was not checked where `fits` is left out."""
+    unchecked = [None] * len(verdicts)
     # The class of the one camera is told round the person who is known in most frames.
     clip = max(clips, key=lambda clip: clip.valid.sum())
     valid, motion = clip.valid, clip.motion
     cameras_m, pelvis_m = camera_of(clip).world_from_cam[valid], motion.pelvis_m[valid]
     camera_motion, figures = classify(cameras_m, pelvis_m, motion.fps_hz, config.motion_class)
-    return _record(cameras, estimate, camera_motion, _rounded(figures), verdicts, fits)
+    return _record(cameras, estimate, camera_motion, _rounded(figures), verdicts, fits or unchecked)
 
 
 def unsolved_quality(verdicts: Sequence[Verdict]) -> PseudoGtQuality:

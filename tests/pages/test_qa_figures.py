@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gmrdata.cameras.files import WeakestStep
+from gmrdata.cameras.files import Agreement, WeakestStep
 from gmrdata.pages.qa_data import Found
-from gmrdata.pages.thresholds import Row, verdict_rows
+from gmrdata.pages.thresholds import Row, camera_rows, verdict_rows
 from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.world.judge import judge
 from gmrdata.world.quality import quality_of
@@ -55,6 +55,14 @@ def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
     assert record.scale_disagreement is not None and record.scale_disagreement > 5
     found = replace(NOTHING, record=record, clips={0: still})
     assert [row.met for row in scale_rows(found)] == [None, None]
+
+
+def test_a_second_solution_stands_beside_its_thresholds() -> None:
+    cameras = good_quality(90, agreement=Agreement(12, 0.31, 0.052))
+    turn, place = [row for row in camera_rows(cameras, PseudoGtConfig().verdict)
+                   if "second" in row.name or "places" in row.name]  # fmt: skip
+    assert (turn.value, turn.threshold, turn.met) == ("0.31", "≤ 1", True)
+    assert (place.value, place.threshold, place.met) == ("5.2", "≤ 3", False)
 
 
 def test_the_weakest_step_stands_beside_its_thresholds() -> None:
