@@ -5,15 +5,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
 from gmrdata.cameras import files
 from gmrdata.cameras.frames import cuts_in_words
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, fill_gaps
 from gmrdata.values.clip import Clip, clip_on_body, load_clip, rows_of_numbers, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecord, NoReconstruction
+from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.people import PersonFiles, person_file, stage_inputs
 from gmrdata.values.records import MAKE_AGAIN, Config
 from gmrdata.world.compose import level_from_world, metric_cameras, motion_in_world
@@ -120,6 +122,18 @@ def make_pseudo_gt(
     inputs |= {name: path for name, path in optional.items() if path is not None}
     recipe = config if focal_sigma == 0 else _WithFocal(pseudo_gt=config, focal_sigma=focal_sigma)
     return run_stage("pseudo_gt", out_dir, recipe, inputs, work, run=run)
+
+
+def config_of(pseudo_gt_dir: Path) -> PseudoGtConfig:
+    """The recipe of a pseudo ground truth, as its stage's record has it; BadRecord for another."""
+    said = StageRecord.of(pseudo_gt_dir).config
+    try:
+        if "focal_sigma" in said:
+            return _WithFocal.model_validate(said).pseudo_gt
+        return PseudoGtConfig.model_validate(said)
+    except ValidationError:
+        what = "its recipe is none of a pseudo ground truth"
+        raise BadRecord(f"{pseudo_gt_dir / STAGE_FILE}: {what}; {MAKE_AGAIN}") from None
 
 
 def _dataset_camera(path: Path | None, n_frames: int) -> np.ndarray | None:
