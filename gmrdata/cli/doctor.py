@@ -6,7 +6,7 @@ import platform
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -50,6 +50,8 @@ EXTRAS = {
 }
 LOADED = ("scipy.spatial", "cv2", "av", "pycolmap", "torch")
 """Required modules with libraries of their own, which may be there and still not load."""
+ON_TORCH = ("torch", "torchvision")
+"""These take as long as all others together, so they are loaded beside them."""
 LIBRARIES = """
 import importlib, json, sys
 def problem(name):
@@ -96,10 +98,13 @@ def doctor(
 def find_parts() -> list[Part]:
     """All parts, in the order of the table.  What takes long to load does so side by side."""
     blender = _start("-c", BLENDER)
-    libraries = _start("-c", LIBRARIES, *LOADED, *_installed_extras())
+    names = (*LOADED, *_installed_extras())
+    halves = [[name for name in names if (name in ON_TORCH) == on_torch] for on_torch in (1, 0)]
+    libraries = [_start("-c", LIBRARIES, *half) for half in halves]
     quick = [*_packages()], [*_extras()], [*_models(), *_bodies()], [*_machine()]
     packages, extras, files, machine = quick
-    loaded = _loaded(libraries)
+    (torch, gpus), (others, _) = map(_loaded, libraries, halves)
+    loaded = (torch | others, gpus)
     return [
         *packages,
         *(Part("packages", name, "broken", why, "", True) for name, why in _unloadable(loaded)),
@@ -176,10 +181,10 @@ def _extra_as_loaded(part: Part, loaded: Loaded) -> Part:
     return part._replace(state="broken", note=why_not) if why_not else part
 
 
-def _loaded(process: subprocess.Popen[str]) -> Loaded:
+def _loaded(process: subprocess.Popen[str], names: Sequence[str]) -> Loaded:
     """Why each library does not load, if it does not, and the names of the GPUs."""
     said, why_not = _end(process)
-    return ({"torch": why_not}, []) if why_not else _LOADED.validate_json(said)
+    return (dict.fromkeys(names, why_not), []) if why_not else _LOADED.validate_json(said)
 
 
 def _unloadable(loaded: Loaded) -> list[tuple[str, str]]:

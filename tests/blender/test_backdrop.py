@@ -1,5 +1,6 @@
 """A .blend file as the place: seen as it was saved, placed where the recipe says, and never run."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -175,3 +176,30 @@ def test_files_that_cannot_be_a_place(blend: Path, small_body: BodyModel, tmp_pa
 def test_recipes_that_do_not_fit_together(said: dict[str, Any]) -> None:
     with pytest.raises(ValidationError, match="backdrop: "):
         SceneConfig.model_validate(said)
+
+
+def test_what_a_file_would_take_from_elsewhere_is_refused_by_name(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    said = subprocess.run(
+        [sys.executable, Path(__file__).with_name("odd_backdrops_by_blender.py"), tmp_path],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=root,
+        env={"PYTHONPATH": str(root)},
+    )
+    found = json.loads(said.stdout.split("\nANSWER ")[1])
+    assert found.pop("plain") == found.pop("small_generated_picture") == ""
+    endless = found.pop("generated_picture")
+    assert "its picture 'endless' has 3600000000 pixels" in endless
+    parts = {
+        "picture_beside": "beside",
+        "device_as_picture": "zeros",
+        "font": "DejaVu Sans Book",
+        "volume": "fog",
+        "linked_library": "library.blend",
+        "light_profile": "profile",
+    }
+    assert found.keys() == parts.keys()
+    for name, part in parts.items():
+        assert f"{name}.blend: needs other files ({part})." in found[name]

@@ -67,8 +67,11 @@ def test_a_missing_required_part_ends_with_1(
 
 
 def test_a_library_that_does_not_load_is_said() -> None:
-    loaded = doctor._loaded(doctor._start("-c", doctor.LIBRARIES, "json", "no_such_module"))
+    names = ("json", "no_such_module")
+    loaded = doctor._loaded(doctor._start("-c", doctor.LIBRARIES, *names), names)
     assert loaded == ({"json": None, "no_such_module": "No module named 'no_such_module'"}, [])
+    died = doctor._loaded(doctor._start("-c", "raise SystemExit(3)"), names)
+    assert died == (dict.fromkeys(names, "ended with exit code 3"), [])
     ended = doctor._blender(doctor._start("-c", "raise ImportError('libX.so: not there')"))
     assert ended.state == "broken" and ended.required
     assert ended.found == "ImportError: libX.so: not there"
