@@ -26,7 +26,10 @@ def test_jobs(record: Record, tmp_path: Path) -> None:
     n = 200 if record.small else 10_000
     found = jobs.milliseconds(n, tmp_path)
     show(f"{n} empty jobs", [found])
-    record.add(**found)
+    sizes = (20, 200) if record.small else (500, 5000)
+    rows = [{"stages": k} | jobs.stage_milliseconds(k, tmp_path / f"{k}") for k in sizes]
+    show("Empty stages in one folder", rows)
+    record.add(**found, stages=rows)
     record.hold(
         [
             at_most("an empty job by shards [ms]", found["job_ms_shards"], 2.0),
@@ -55,6 +58,7 @@ def test_shards(record: Record, tmp_path: Path, cmu_dir: Path) -> None:
     motions = sharing.motion_files(cmu_dir / "bvh", tmp_path / "motions", n)
     killed = sharing.killed_and_taken_over(motions, tmp_path)
     found = killed | sharing.speedups(motions, tmp_path)
+    found |= sharing.rendered_repeat(2 if record.small else 20, tmp_path / "rendered")
     show(f"{n} motions in shards", [found])
     record.add(**found)
     record.hold(
@@ -63,6 +67,7 @@ def test_shards(record: Record, tmp_path: Path, cmu_dir: Path) -> None:
                      float(found["shard_bytes_equal"]), 1.0),
             at_least("two processes beside one", found["two_process_speedup"], 1.7),
             at_most("a finished shard run again, of the first", found["repeat_share"], 0.05),
+            at_most("the same of rendered clips", found["repeat_share_rendered"], 0.05),
         ]
     )  # fmt: skip
 

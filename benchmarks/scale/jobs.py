@@ -29,16 +29,23 @@ def milliseconds(n: int, root: Path) -> dict[str, float]:
     for job in empty:
         job.call(**job.arguments)
     plain_ms = _each_ms(begin_s, n)
+    return {
+        "job_ms_plain": plain_ms,
+        "job_ms_shards": _run_ms(empty, ALONE, root / "shards"),
+        "job_ms_dask": _run_ms(empty, Run(workers=2), root / "dask"),
+        **stage_milliseconds(n, root / "stages"),
+    }
+
+
+def stage_milliseconds(n: int, root: Path) -> dict[str, float]:
+    """Wall time for each of n empty stages in one folder [ms]: made, and found there."""
     stages = [
         Job(f"c{number:06d}", empty_stage, {"out_dir": root / f"c{number:06d}", "run": ALONE})
         for number in range(n)
     ]
     return {
-        "job_ms_plain": plain_ms,
-        "job_ms_shards": _run_ms(empty, ALONE, root / "shards"),
-        "job_ms_dask": _run_ms(empty, Run(workers=2), root / "dask"),
-        "stage_ms_shards": _run_ms(stages, ALONE, root / "stages"),
-        "made_stage_ms_shards": _run_ms(stages, ALONE, root / "stages"),
+        "stage_ms_shards": _run_ms(stages, ALONE, root),
+        "made_stage_ms_shards": _run_ms(stages, ALONE, root),
     }
 
 

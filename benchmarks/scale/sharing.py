@@ -1,15 +1,18 @@
 """Shards beside one process: the same bytes whoever is killed, twice as fast, and no work twice."""
 
+import json
 import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from film.set_kills import contents
 
-SHARDS = 4
+HALVES = ("1/2", "2/2")
+SETTLED_S = 3  # after which a file that was written counts as old
 
 
 def motion_files(source: Path, folder: Path, n: int) -> Path:
@@ -44,8 +47,8 @@ def killed_and_taken_over(motions: Path, root: Path) -> dict[str, bool | int]:
 def speedups(motions: Path, root: Path) -> dict[str, float]:
     """Two shards at once beside one; two processes that share nothing; a run of what is made."""
     one_s = _seconds(motions, root / "one", ["1/1"])
-    two_s = _seconds(motions, root / "two", ["1/2", "2/2"])
-    again_s = _seconds(motions, root / "two", ["1/2", "2/2"])
+    two_s = _seconds(motions, root / "two", HALVES)
+    again_s = _seconds(motions, root / "two", HALVES)
     halves = [root / "half" / side for side in ("a", "b")]
     for number, path in enumerate(sorted(motions.iterdir())):
         half = halves[number % 2]
@@ -63,7 +66,34 @@ def speedups(motions: Path, root: Path) -> dict[str, float]:
     }
 
 
-def _seconds(motions: Path, out: Path, shards: list[str]) -> float:
+def rendered_repeat(n: int, root: Path) -> dict[str, float]:
+    """The same of n rendered clips of five small frames, for which Blender starts each time."""
+    root.mkdir(parents=True)
+    clip = {"gait": "walk", "programme": {"kind": "static"}}
+    recipe = {
+        "recipe": "synthetic",
+        "name": "small",
+        "film": {"duration_s": 0.5, "fps_hz": 10, "width_px": 96, "height_px": 64},
+        "render": {"samples": 1, "scene": {"kind": "room"}},
+        "clips": [clip | {"id": f"clip_{number:03d}"} for number in range(n)],
+    }
+    (root / "small.yaml").write_text(json.dumps(recipe))
+    time.sleep(SETTLED_S)
+
+    def seconds() -> float:
+        begin_s = time.perf_counter()
+        shards = [_gmrdata("render", root / "small.yaml", root / "out", one) for one in HALVES]
+        assert [process.wait() for process in shards] == [0, 0]
+        return time.perf_counter() - begin_s
+
+    first_s, again_s = seconds(), seconds()
+    return {
+        "rendered_s": round(first_s, 1),
+        "repeat_share_rendered": round(again_s / first_s, 4),
+    }
+
+
+def _seconds(motions: Path, out: Path, shards: Sequence[str]) -> float:
     begin_s = time.perf_counter()
     for process in [start(motions, out, shard) for shard in shards]:
         assert process.wait() == 0
@@ -72,5 +102,9 @@ def _seconds(motions: Path, out: Path, shards: list[str]) -> float:
 
 def start(motions: Path, out: Path, shard: str = "1/1") -> subprocess.Popen[bytes]:
     """The verb `motions` as one shard, in a process of its own."""
-    command = [sys.executable, "-m", "gmrdata", "motions", str(motions), "--out", str(out)]
+    return _gmrdata("motions", motions, out, shard)
+
+
+def _gmrdata(verb: str, source: Path, out: Path, shard: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "gmrdata", verb, str(source), "--out", str(out)]
     return subprocess.Popen([*command, "--shard", shard], stderr=subprocess.DEVNULL)
