@@ -19,7 +19,7 @@ from gmrdata.read.bodies import load_body, save_body
 from gmrdata.read.camera_bodies import SeenPerson, read_camera_bodies
 from gmrdata.stage.run import Run
 from gmrdata.twins.pseudo_gt_error import compare_clips
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.world.placement import TrueCamera, place_body
 from gmrdata.world.video import GivenBodies, VideoSolveConfig, solve_video
@@ -69,13 +69,15 @@ def bodies_rows(clip_dirs: Sequence[Path], work_dir: Path) -> Iterator[BodiesRow
 
 
 def own_body(body: BodyModel, clip: Clip) -> BodyModel:
-    """The person's own size as the mean of a body in SMPL's name, which files have shapes of."""
+    """The person's own size as the mean of a body in SMPL's name, whose rest pelvis is SMPL's."""
     shape = clip.motion.shape
+    joints_m = body.rest_joints_m(shape)
+    moved_m = np.array(SMPL_REST_PELVIS_M) - joints_m[0]
     return replace(
         body,
         name="smpl-neutral",
-        template_m=body.rest_vertices_m(shape),
-        joints_template_m=body.rest_joints_m(shape),
+        template_m=body.rest_vertices_m(shape) + moved_m,
+        joints_template_m=joints_m + moved_m,
         shape_dirs_m=0 * body.shape_dirs_m[..., :10],
         joint_shape_dirs_m=0 * body.joint_shape_dirs_m[..., :10],
         adult_shapes=None,

@@ -1,0 +1,237 @@
+"""The verb video: pictures and another system's people to a world motion, and cameras alone."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pycolmap
+import pytest
+
+from gmrdata.cli import main
+from gmrdata.read.bodies import save_body
+from gmrdata.twins.pseudo_gt_error import compare_clips
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.world.video_verdict import VideoVerdict
+from tests.filming import INTRINSICS_PX, Filmed
+from tests.fixtures.filmed_sets import HEIGHT_PX, N_FRAMES, WIDTH_PX, Made
+from tests.read import camera_files
+from tests.read.videos import make_video
+from tests.sharing import made_once
+
+FOCAL_PX = str(float(INTRINSICS_PX[0, 0]))
+
+
+@pytest.fixture(scope="module")
+def neutral(small_body: BodyModel) -> BodyModel:
+    return replace(small_body, name="smpl-neutral")
+
+
+@pytest.fixture(scope="module")
+def vibe_file(
+    filmed_set: Made, neutral: BodyModel, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """VIBE's people of the arc: one in all frames, the other not in the middle ones."""
+    truths = filmed_set.truth["arc_00"]
+    some = np.r_[0:14, 20:N_FRAMES]
+    seen = []
+    for clip, rows in zip(truths, (np.arange(N_FRAMES), some), strict=True):
+        motion = replace(clip.motion.take(rows), body=neutral.name)
+        seen.append(camera_files.seen_person(motion, camera_of(clip).at_rows(rows), neutral, rows))
+    people = camera_files.vibe_people(seen, np.random.default_rng(1))
+    return camera_files.write_joblib(tmp_path_factory.mktemp("vibe") / "vibe_output.pkl", people)
+
+
+@pytest.fixture(scope="module")
+def solved(
+    filmed_set: Made, vibe_file: Path, neutral: BodyModel, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """The folder that the verb leaves of the arc."""
+
+    def make(out: Path) -> None:
+        body_path = vibe_file.with_name("body.npz")
+        save_body(body_path, neutral)
+        frames = filmed_set.root / "imageFiles" / "arc_00"
+        main(arguments(frames, out, "--fps", "30", "--poses", vibe_file, "--body", body_path))
+
+    return made_once(tmp_path_factory, "solved_video", make)
+
+
+def arguments(source: Path, out: Path, *more: Any) -> list[str]:
+    given = ("video", source, "--out", out, "--masks", "none", "--focal", FOCAL_PX)
+    return [*map(str, given), "--no-check-lens", *map(str, more)]
+
+
+def test_people_of_vibe_move_in_the_world_as_they_did(solved: Path, filmed_set: Made) -> None:
+    verdict = VideoVerdict.read(solved / "verdict.json")
+    assert verdict.accepted and verdict.camera.accepted and len(verdict.notes) >= 1
+    assert [person.id for person in verdict.people] == ["person_1", "person_2"]
+    for number, true in enumerate(filmed_set.truth["arc_00"]):
+        found = load_clip(solved / "pseudo_gt" / f"person_{number}.npz")
+        error = compare_clips(found, true)
+        assert error.ome_deg < 0.3 and error.tme_mm < 15, (error.ome_deg, error.tme_mm)
+    gap = np.flatnonzero(~found.valid)
+    np.testing.assert_array_equal(gap, np.arange(14, 20))
+    assert np.isfinite(found.motion.pelvis_m).all()
+    assert "nobody there" in verdict.people[1].dropped[0].reason
+
+
+def test_files_and_a_page_lie_beside_the_motion(solved: Path) -> None:
+    formats = {path.name for path in (solved / "files").iterdir()}
+    assert formats == {"colmap", "tum", "bvh", "glb", "amass"}
+    page = (solved / "index.html").read_text()
+    assert "files/bvh/" in page and "person_1" in page
+    (model,) = (solved / "files" / "colmap").glob("*/sparse/0")
+    assert pycolmap.Reconstruction(str(model)).num_reg_images() == N_FRAMES
+
+
+def test_the_same_again_does_nothing_and_other_poses_need_redo(
+    solved: Path, filmed_set: Made, vibe_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frames, before = filmed_set.root / "imageFiles" / "arc_00", _times(solved)
+    given = ("--fps", "30", "--body", vibe_file.with_name("body.npz"))
+    main(arguments(frames, solved, *given, "--poses", vibe_file))
+    assert _times(solved) == before
+    assert capsys.readouterr().out.startswith("accepted\n")
+    refused(capsys, "holds people, and now no --poses", arguments(frames, solved, "--fps", "30"))
+    assert _times(solved) == before
+
+
+def _times(folder: Path) -> dict[str, int]:
+    stages = ("sfm", "bodies", "pseudo_gt")
+    return {name: (folder / name / "stage.json").stat().st_mtime_ns for name in stages}
+
+
+def refused(capsys: pytest.CaptureFixture[str], said: str, given: list[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(given)
+    printed = capsys.readouterr()
+    assert ended.value.code == 1 and said in " ".join(printed.err.split()), printed.err
+
+
+def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
+    dolly: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    images = [cv2.imread(str(path))[..., ::-1] for path in sorted(dolly.images_dir.iterdir())]
+    source = make_video(tmp_path / "walk.mp4", list(map(np.ascontiguousarray, images)),
+                        rate_hz=10, options={"crf": "4"})  # fmt: skip
+    out = tmp_path / "out"
+    main(arguments(source, out, "--strict"))
+    printed = capsys.readouterr()
+    assert printed.out.splitlines()[0] == "accepted" and "12 of 12 frames" in printed.err
+    assert printed.out.splitlines()[-1] == str(out / "index.html")
+    verdict = VideoVerdict.read(out / "verdict.json")
+    assert verdict.fps_hz == pytest.approx(10.0) and not verdict.people
+    model = pycolmap.Reconstruction(str(out / "files" / "colmap" / "sparse" / "0"))
+    assert model.num_reg_images() == 12 and model.num_points3D() > 50
+    rows = np.loadtxt(out / "files" / "tum" / "camera.txt")
+    np.testing.assert_allclose(rows[:, 0], np.arange(12) / 10, atol=1e-6)
+    path = rows[:, 1:4]
+    true = dolly.world_from_cam[:, :3, 3]
+    scale = np.linalg.norm(true[-1] - true[0]) / np.linalg.norm(path[-1] - path[0])
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1) * scale
+    np.testing.assert_allclose(steps, np.linalg.norm(np.diff(true, axis=0), axis=1), rtol=0.1)
+
+
+def test_a_video_without_a_camera_path_is_rejected_with_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for number in range(6):
+        cv2.imwrite(str(folder / f"{number:05d}.png"), np.full((90, 160, 3), 9 * number, np.uint8))
+    given = arguments(folder, tmp_path / "out", "--fps", "10")
+    main(given)
+    printed = capsys.readouterr()
+    assert printed.out.startswith("rejected\n  ")
+    assert "Traceback" not in printed.err
+    verdict = VideoVerdict.read(tmp_path / "out" / "verdict.json")
+    assert not verdict.accepted and not verdict.camera.accepted and verdict.reasons
+    assert not (tmp_path / "out" / "files").exists() and (tmp_path / "out" / "index.html").is_file()
+    refused(capsys, "rejected", [*given, "--strict"])
+
+
+def test_poses_of_another_video_are_refused(
+    filmed_set: Made,
+    neutral: BodyModel,
+    solved: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """By their frames, or by the size of their images."""
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "sfm").symlink_to(solved / "sfm")  # which need not be made again
+    frames, clip = filmed_set.root / "imageFiles" / "arc_00", filmed_set.truth["arc_00"][0]
+    given = arguments(frames, out, "--fps", "30", "--body", solved / "body" / "body.npz")
+    for content, said in (
+        (_shifted(clip, neutral, 20), "is of 56 frames or more, and the video has 36"),
+        (_shifted(clip, neutral, 400), "another video's, or rate. If it was made of every n-th"),
+    ):
+        path = camera_files.write_joblib(tmp_path / "wham_output.pkl", content)
+        refused(capsys, said, [*given, "--poses", str(path)])
+    seen = camera_files.seen_person(clip.motion, camera_of(clip), neutral)
+    half = camera_files.write_gvhmr(tmp_path / "a.pt", camera_files.gvhmr_result(seen, 18))
+    refused(capsys, "is of 18 frames, and the video has 36, about every 2th",
+            [*given, "--poses", str(half)])  # fmt: skip
+    large = replace(seen, size_px=(HEIGHT_PX, WIDTH_PX))
+    turned = camera_files.write_gvhmr(tmp_path / "b.pt", camera_files.gvhmr_result(large))
+    refused(capsys, "a turned one's", [*given, "--poses", str(turned)])
+
+
+def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
+    frames = np.arange(N_FRAMES) + by
+    return camera_files.wham_people(
+        [camera_files.seen_person(clip.motion, camera_of(clip), body, frames)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (("--focal", "0"), "--focal 0.0: Input should be greater than 0"),
+        (("--fov", "60"), "give one of --focal, --fov and --intrinsics"),
+        (("--masks", "silhouette"), "Use person"),
+        (("--every", "2", "--fps", "30"), "are for a video file"),
+        ((), "has no frame rate. Give it with --fps"),
+        (("--masks", "person", "--model", "gone.onnx"), "--masks none goes without"),
+    ],
+)
+def test_wrong_flags_name_the_remedy(
+    flags: tuple[str, ...],
+    said: str,
+    dolly: Filmed,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    refused(capsys, said, [*arguments(dolly.images_dir, tmp_path / "out"), *flags])
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "empty file (0 bytes)"),
+        (b"#EXTM3U\n/etc/passwd\n", "no video"),
+        (b"\x00\x00\x00\x18ftypmp42" + bytes(4000), "no video"),
+    ],
+)
+def test_what_is_no_video_is_refused_by_name_and_leaves_nothing(
+    content: bytes, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, out = tmp_path / "walk.mp4", tmp_path / "out"
+    source.write_bytes(content)
+    refused(capsys, f"{source}: {said}", arguments(source, out))
+    assert not (out / "frames").exists() and not (out / "verdict.json").exists()
+
+
+def test_a_dry_run_says_how_much_there_is_to_do(
+    dolly: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = make_video(tmp_path / "a.mp4", rate_hz=10)
+    for given, said in ((dolly.images_dir, "12 images of 320x180"), (source, "8 images of 64x48")):
+        main([*arguments(given, tmp_path / "out"), "--dry-run"])
+        printed = capsys.readouterr().out
+        assert said in printed and "sfm" in printed
+    assert not (tmp_path / "out").exists()
