@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gmrdata.cli import VERBS, baselines, manifests, pseudo_gt
+from gmrdata.cli import VERBS
 from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
+from tests.docs.page_commands import FUNCTIONS
 
 Answer = subprocess.CompletedProcess[str]
 Gmrdata = Callable[..., Answer]
@@ -37,32 +38,14 @@ def in_a_process(*arguments: object, **options: object) -> Answer:
     return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
 
-SUBVERBS = {
-    "manifest check": manifests.manifest_check,
-    "manifest show": manifests.manifest_show,
-    "manifest diff": manifests.manifest_diff,
-    "threedpw regenerate": pseudo_gt.threedpw_regenerate,
-    "threedpw list": pseudo_gt.threedpw_list,
-    "threedpw show": pseudo_gt.threedpw_show,
-    "threedpw compare": pseudo_gt.threedpw_compare,
-    "threedpw twin": pseudo_gt.threedpw_twin,
-    "baseline zero": baselines.baseline_zero,
-    "baseline mean": baselines.baseline_mean,
-    "baseline camera_as_world": baselines.baseline_camera_as_world,
-    "baseline vibe_cam": baselines.baseline_vibe_cam,
-    "baseline joint_train": baselines.baseline_joint_train,
-    "baseline joint": baselines.baseline_joint,
-}
-
-
-@pytest.mark.parametrize("verb", [*VERBS, *SUBVERBS])
+@pytest.mark.parametrize("verb", list(FUNCTIONS))
 def test_help_of_each_verb_says_what_it_does(
     verb: str, gmrdata: Gmrdata, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     answer = gmrdata(*verb.split(), "--help")
     assert answer.returncode == 0, answer.stderr
-    first_line = ((VERBS | SUBVERBS)[verb].__doc__ or "").splitlines()[0]
+    first_line = (FUNCTIONS[verb].__doc__ or "").splitlines()[0]
     said = " ".join(answer.stdout.split())
     assert " ".join(first_line.split())[:40] in said
 
