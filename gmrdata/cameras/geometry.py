@@ -29,6 +29,7 @@ PARALLAX_PX = 0.5  # residuals of the worst tenth of pairs below which parallax 
 CLEARLY_BETTER = 0.7  # share of the median residual that makes six degrees of freedom worth it
 FEW_KEYFRAMES = 5  # mappers want more frames than the three that a model needs
 NEARLY_TURNS = 0.6  # share of the matches that make a pure rotation the likeliest
+MOST_OF_THEM = 0.6  # share of the keyframes that a second solution needs: a rest is none
 AGREEING_SHARE = 0.03  # of the way, to which two solutions of one path agree
 VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by little parallax
 
@@ -106,6 +107,8 @@ def _mapped_again(
     if (rows := _every_second(len(keys.images))) is None:
         return None
     second = map_again(mapped, rows, keys, work_dir, _reseeded(config))
+    if np.isfinite(second[:, 0, 0]).sum() < MOST_OF_THEM * len(rows):
+        return None
     least = least_extent(mapped.world_from_cam, mapped.points, config.small_travel_share)
     return agreement(mapped.world_from_cam, second, least)
 
