@@ -54,6 +54,11 @@ FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
 AGAIN, BODIES, PSEUDO_GT = "again", "bodies", "pseudo_gt"
 """The folders of a video, in the order in which they are made."""
 
+UNCHECKED = (
+    "Whether the bodies lie on the people in the pictures was not checked: no masks, or too few, "
+    "were made without them. Use --masks person"
+)
+
 
 class VideoSolveConfig(Config):
     """The stages of one video."""
@@ -213,7 +218,10 @@ def _solve_people(
     except NoReconstruction as error:
         n = len(frames.image_numbers)
         return tuple(unsolved(str(error), n, person.name) for person in record.people), notes
-    return load_record(made).people, notes
+    found = load_record(made)
+    if None in found.picture_fits:
+        notes = (*notes, UNCHECKED)
+    return found.people, notes
 
 
 def _write_doubts(

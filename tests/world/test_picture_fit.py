@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmrdata.film.programmes import Panning, camera_path
+from gmrdata.film.programmes import Circular, Panning, camera_path
 from gmrdata.masks.silhouette import silhouette
 from gmrdata.masks.sources import (
     FolderSource,
@@ -17,13 +17,19 @@ from gmrdata.masks.sources import (
     SilhouetteSource,
 )
 from gmrdata.motion.gait import make_gait
+from gmrdata.read.bodies import save_body
 from gmrdata.read.frames import write_gray
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of
+from gmrdata.values.clip import Clip, camera_of, save_clip
+from gmrdata.values.people import PersonFiles
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.picture_fit import PeopleMasks, PictureFit, picture_fits
+from gmrdata.world.pseudo_gt import make_pseudo_gt
+from gmrdata.world.quality import load_record
+from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.sequence import people_masks
+from tests.world.test_make import as_input, reconstruction, true_clip
 
 SIZE_PX = (320, 180)
 
@@ -57,15 +63,21 @@ def later(clip: Clip, rows: int) -> Clip:
     return replace(clip, motion=moved)
 
 
-def draw_masks(folder: Path, clips: Sequence[Clip], body: BodyModel, empty: int = 0) -> PeopleMasks:
+def draw_masks(
+    folder: Path,
+    clips: Sequence[Clip],
+    body: BodyModel,
+    empty: int = 0,
+    size_px: tuple[int, int] = SIZE_PX,
+) -> PeopleMasks:
     """The people's outlines, 4 px wider; the last `empty` frames show nobody."""
     folder.mkdir()
     posed_m = [motion_vertices_m(body, clip.motion) for clip in clips]
     for row, number in enumerate(clips[0].image_numbers.tolist()):
-        mask = np.zeros(SIZE_PX[::-1], np.uint8)
+        mask = np.zeros(size_px[::-1], np.uint8)
         for vertices_m in posed_m if row < len(posed_m[0]) - empty else ():
             k_px = camera_of(clips[0]).intrinsics_px
-            mask |= silhouette(vertices_m[row], body.faces, k_px, SIZE_PX, 4)
+            mask |= silhouette(vertices_m[row], body.faces, k_px, size_px, 4)
         write_gray(folder / f"{number:05d}.png", mask)
     return PeopleMasks(folder, 4, boxed=False)
 
@@ -156,3 +168,29 @@ def test_only_masks_that_were_made_without_the_body_count(tmp_path: Path) -> Non
     assert found == PeopleMasks(tmp_path / "masks_by" / "person", 5, boxed=False)
     found = people_masks(tmp_path / "masks", MasksConfig(sources=(boxes,)))
     assert found is not None and found.boxed and found.masks_dir.name == "onnx"
+
+
+def test_the_verdict_and_the_record_of_a_late_body_say_so(
+    small_body: BodyModel, tmp_path: Path
+) -> None:
+    true = true_clip(small_body, Circular())
+    seen = as_input(true)
+    camera = camera_of(seen)
+    masks = draw_masks(
+        tmp_path / "person", [seen], small_body, size_px=(camera.width_px, camera.height_px)
+    )
+    sfm_dir = reconstruction(tmp_path / "sfm", true, "full", [])
+    save_body(tmp_path / "body.npz", small_body)
+    for name, clip, given, rejected in (
+        ("right", seen, masks, False),
+        ("unchecked", seen, None, False),
+        ("late", later(seen, -8), masks, True),
+    ):
+        save_clip(tmp_path / f"{name}.npz", clip, small_body.rest_pelvis_m(clip.motion.shape))
+        people = (PersonFiles(tmp_path / f"{name}.npz", tmp_path / "body.npz"),)
+        out = make_pseudo_gt(sfm_dir, people, tmp_path / name, PseudoGtConfig(), seen=given)
+        record = load_record(out)
+        (fit,) = record.picture_fits
+        assert (fit is None) == (given is None)
+        late = [reason for reason in record.people[0].reasons if "8 frames late" in reason]
+        assert bool(late) == rejected
