@@ -18,11 +18,12 @@ from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.sequence import masks, sfm
 from gmrdata.cli.shards import end_of_share, merge, once
 from gmrdata.cli.video import video
+from gmrdata.cli.video_page import page
 from gmrdata.stage.shards import OthersLeft
 from gmrdata.values.errors import GmrdataError
 
 _VERBS: tuple[Callable[..., None], ...] = (
-    demo, doctor, fetch, motions, render, masks, sfm, video, manifest, threedpw, floor, train,
+    demo, doctor, fetch, motions, render, masks, sfm, video, page, manifest, threedpw, floor, train,
     infer, evaluate, compare, export, baseline, tables, merge, report, run,
 )  # fmt: skip
 VERBS = {verb.__name__: verb for verb in _VERBS}

@@ -94,6 +94,9 @@ TakeWhatDecodes = Annotated[
     bool,
     arg(help="Of a video: go on where frames are lost or damaged; the verdict rejects the result."),
 ]
+Page = Annotated[
+    bool, arg(help="Write index.html: verdict, overlay, paths, figures, files to take along.")
+]
 MaskModel = Annotated[
     Path | None,
     arg(help="ONNX file of the detector, YOLOX on COCO; from `gmrdata fetch models` if left out."),

@@ -67,6 +67,7 @@ def sfm(
     to_s: flags.ToS = None,
     every: flags.Every = 1,
     take_what_decodes: flags.TakeWhatDecodes = False,
+    page: flags.Page = True,
     redo: flags.Redo = False,
 ) -> None:
     """World motion of one person from a moving-camera video and the person's camera-frame body.
@@ -74,12 +75,13 @@ def sfm(
     Args:
         camera_body: Clip file (.npz) whose motion is in the camera's frame; its intrinsics are
             used as they are.
-        out: Output folder: masks/, masks_by/, sfm/, pseudo_gt/.
+        out: Output folder: masks/, masks_by/, sfm/, pseudo_gt/; index.html, overlay/ and files/.
         masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them.
         seed: Seed of the reconstruction.
     """
     from gmrdata.cameras.files import load_quality
     from gmrdata.cameras.recipe import SfmConfig
+    from gmrdata.cli.video_page import write_page
     from gmrdata.masks.sources import masks_named
     from gmrdata.world.sequence import SequenceConfig, regenerate_sequence
 
@@ -92,3 +94,5 @@ def sfm(
     flags.say_lost(out / "frames")
     for name, figure in load_quality(out / "sfm").lens_in_words:
         console.print(f"{name}: {figure}", markup=False, soft_wrap=True)
+    if page:
+        answer(write_page(out, images=frames if frames.is_dir() else None, body=body))

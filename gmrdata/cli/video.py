@@ -56,6 +56,7 @@ def video(
     every: flags.Every = 1,
     take_what_decodes: flags.TakeWhatDecodes = False,
     check_again: bool = False,
+    page: flags.Page = True,
     strict: bool = False,
     dry_run: flags.DryRun = False,
     redo: flags.Redo = False,
@@ -65,8 +66,8 @@ def video(
     Args:
         source: A video file, or a folder of numbered images.
         out: Output folder: frames/ of a video, masks/, intrinsics/, sfm/ and verdict.json; bodies/
-            and pseudo_gt/ of people; files/ to take along; page/. A run that was stopped goes on
-            where it was.
+            and pseudo_gt/ of people; files/ to take along; index.html and overlay/ to look at. A
+            run that was stopped goes on where it was.
         poses: People before the camera: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, GVHMR's
             hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl.
         masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them; none
@@ -81,7 +82,7 @@ def video(
     """
     from gmrdata.cameras.intrinsics import IntrinsicsConfig
     from gmrdata.cameras.recipe import SfmConfig
-    from gmrdata.cli.video_page import write_page
+    from gmrdata.cli.video_page import write_files, write_page
     from gmrdata.read.video import is_video
     from gmrdata.world.bodies import BodiesConfig
     from gmrdata.world.video import FRAMES, VideoSolveConfig, solve_video
@@ -117,9 +118,11 @@ def video(
     images = out / verdict.images_dir  # an absolute path stays as it is
     if not verdict.people:
         _write_cameras(out, images, verdict)
-    page = write_page(out, images=images)
     _say(verdict)
-    answer(page)
+    if page:
+        answer(write_page(out, images=images))
+    else:
+        write_files(out, images=images)
     if strict and not verdict.accepted:
         fail(f"{source}: rejected")
 

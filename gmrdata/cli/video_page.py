@@ -49,11 +49,13 @@ def write_page(
     """The page of one solved video, and its files; errors as of `make_video_page`."""
     from gmrdata.pages.video import make_video_page
 
-    left_out = _write_files(out_dir, images, body) if files else ()
+    left_out = write_files(out_dir, images=images, body=body) if files else ()
     return make_video_page(out_dir, images_dir=images, body=body, left_out=left_out)
 
 
-def _write_files(out_dir: Path, images: Path | None, body: str | None) -> Sequence[tuple[str, str]]:
+def write_files(
+    out_dir: Path, *, images: Path | None = None, body: str | None = None
+) -> Sequence[tuple[str, str]]:
     """Files for other programs of the people who were accepted; what could not be written, and
     why.  Of cameras alone they are there, or were not wanted."""
     from gmrdata.cli.export_files import Given, exported

@@ -27,7 +27,7 @@ LARGEST_SIDE_PX = 960
 MOST_PICTURES = 900
 """A longer video is shown at every second, third, ... frame, at its own speed."""
 CRF = 23
-MARK_PX = 2
+MARK_PX = 3
 BAR_PX = 6
 BAR_BGR = {"kept": (75, 196, 95), "dropped": (130, 130, 140), "now": (255, 255, 255)}
 GRID_DEG = 10.0

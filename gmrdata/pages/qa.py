@@ -15,13 +15,14 @@ from gmrdata.pages.html import Cell, Table, render
 from gmrdata.pages.qa_data import Found
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Kind, counts_of, example_frames
+from gmrdata.pages.video import PAGE_FILE
 from gmrdata.read.threedpw_layout import SEQUENCE_NAME, SequenceFiles
 from gmrdata.stage.progress import track
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts, choose
 from gmrdata.values.files import remove_orphans, write_text
 
-HEADINGS = ("sequence", "split", "camera", "frames", "kept", "scale", "first reason")
+HEADINGS = ("sequence", "split", "camera", "frames", "kept", "scale", "overlay", "first reason")
 STAGE_FILES = {
     "people": ("people.json", "doubts.json"),
     "masks": ("masks.json",),
@@ -130,8 +131,17 @@ def _write_page(found: Found, recipe: ThreedpwRecipe, paths: SetPaths) -> tuple[
         str(found.n_frames or NO_FIGURE),
         Cell(f"{verdict.kept_share:.1%}", sort=verdict.kept_share),
         Cell(scale, sort=sort),
+        Cell("video", href=quote(overlay)) if (overlay := _overlay_page(found, paths)) else "",
         Cell(_note(found), kind="words-cell"),
     )
+
+
+def _overlay_page(found: Found, paths: SetPaths) -> str:
+    """The page of a sequence that `gmrdata page` wrote, from the set's folder; empty without."""
+    if found.files is None:
+        return ""
+    page = paths.sequence_dir(found.files.name) / PAGE_FILE
+    return page.relative_to(paths.root).as_posix() if page.is_file() else ""
 
 
 def _note(found: Found) -> str:
@@ -188,7 +198,10 @@ def _sequence_page(found: Found, strips: Strips, recipe: ThreedpwRecipe, paths: 
         }
     makers |= {"frames": lambda: strips, "files": lambda: _files(found, paths)}
     shown = sections.made(makers)
-    return render("qa_sequence", found=found, lead=_lead(found), sections=shown)
+    links = [("../index.html", "All sequences")]
+    if overlay := _overlay_page(found, paths):
+        links.append((quote(f"../{overlay}"), "Overlay and files"))
+    return render("qa_sequence", found=found, lead=_lead(found), sections=shown, links=links)
 
 
 def _lead(found: Found) -> str:

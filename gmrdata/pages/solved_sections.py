@@ -119,7 +119,9 @@ def camera_class(record: PseudoGtQuality, config: MotionClassConfig) -> Table:
     return thresholds.threshold_table(rows, "borders of the classes", caption)
 
 
-def reconstruction_rows(cameras: CamerasQuality) -> list[tuple[str, object]]:
+def reconstruction_rows(
+    cameras: CamerasQuality, *, with_lens: bool = True
+) -> list[tuple[str, object]]:
     rows = [
         ("Geometry", GEOMETRY_WORDS[cameras.geometry]),
         ("Mapper", cameras.mapper),
@@ -132,6 +134,6 @@ def reconstruction_rows(cameras: CamerasQuality) -> list[tuple[str, object]]:
         ("Points", cameras.points),
         ("Median frames per point", cameras.median_track_length),
         ("Median reprojection error [px]", cameras.median_reprojection_px),
-        *cameras.lens_in_words,
+        *(cameras.lens_in_words if with_lens else ()),
     ]
     return [(name, value) for name, value in rows if value is not None]

@@ -40,6 +40,7 @@ def verdict_rows(
         *camera_rows(found.cameras, pseudo_gt.verdict),
         *_scale_rows(found.record, pseudo_gt),
         *_kept_rows(found, pseudo_gt.verdict, doubts),
+        *_fit_rows(found, pseudo_gt.verdict),
     ]
 
 
@@ -144,6 +145,19 @@ def _kept_rows(found: Solved, config: VerdictConfig, doubts: Sequence[Sequence[s
         share = sum(not reason for reason in reasons) / max(1, vouched)
         name = f"the {vouched} valid frames of person {person} that are left"
         rows.append(_share(name, share, config.min_kept_share))
+    return rows
+
+
+def _fit_rows(found: Solved, config: VerdictConfig) -> list[Row]:
+    """How the bodies lie on the people in the pictures."""
+    rows = []
+    for person, fit in enumerate(() if found.record is None else found.record.picture_fits):
+        off = None if fit is None else fit.off_frames / max(1, fit.frames)
+        gain = None if fit is None else fit.late_overlap - fit.overlap
+        name = f"compared frames in which the body of person {person} lies on nobody [%]"
+        rows.append(_row(name, off, config.max_off_share, unit=100))
+        name = f"overlap that the body of person {person} gains on other frames"
+        rows.append(_row(name, gain, config.max_late_gain))
     return rows
 
 

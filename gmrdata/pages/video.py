@@ -7,6 +7,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from gmrdata.manifest.exported import PSEUDO_GT
 from gmrdata.pages import solved_sections as sections
 from gmrdata.pages import thresholds
 from gmrdata.pages.footage import (
@@ -23,6 +24,7 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.files import STAGE_FILE, remove_orphans, write_bytes, write_text
+from gmrdata.values.people import person_file
 from gmrdata.values.records import Config
 from gmrdata.write.overlay import OVERLAY_BGR
 
@@ -60,6 +62,13 @@ DOWNLOADS = (
              "binary and text"),
     Download("tum", "TUM", "the camera's path as text: time, place, quaternion; for evo"),
 )  # fmt: skip
+GIVEN_WITH_BODY = "given with the body, and kept as it is"
+SOURCES = {
+    "given": "given",
+    "metadata": "the camera’s own note in the file",
+    "self_calibrated": "found in the frames",
+    "prior": "a guess by what is usual: nothing says",
+}
 CLIP_USE = (
     "the world motion and the camera as gmrdata keeps them: AMASS's keys, a row for each frame"
 )
@@ -97,31 +106,38 @@ def make_video_page(
     out_dir = out_dir.resolve()
     found = gather_video(out_dir, images_dir, body)
     remove_orphans(out_dir)
+    page = render(
+        "video", found=found, title=_text(found.name), lead=_lead(found),
+        sections=sections.made(_makers(found, left_out)), colours=_colours(),
+    )  # fmt: skip
+    write_text(out_dir / PAGE_FILE, _text(page))
+    return out_dir / PAGE_FILE
+
+
+def _makers(
+    found: SolvedVideo, left_out: Sequence[tuple[str, str]]
+) -> dict[str, Callable[[], object]]:
+    """What makes each section that there is something for, in their order."""
     makers: dict[str, Callable[[], object]] = {
         "verdict": lambda: _judged_by(found),
         "overlay": lambda: _overlay(found),
     }
-    if found.world_from_cam is not None and found.cameras is not None:
+    record, cameras = found.record, found.cameras
+    if found.world_from_cam is not None and cameras is not None:
         makers["paths"] = lambda: sections.paths(found)
     if found.reasons:
         makers["over_time"] = lambda: sections.over_time(found, found.config.verdict)
-    record, cameras = found.record, found.cameras
     if record is not None and record.cameras is not None:
         makers["scale"] = lambda: sections.scale_cues(record)
     if found.camera is not None:
-        makers["lens"] = lambda: _lens_rows(found)
+        makers["lens"] = lambda: _lens(found)
     makers["downloads"] = lambda: _downloads(found, left_out)
     if record is not None and record.cameras is not None:
         makers["camera_class"] = lambda: sections.camera_class(record, found.config.motion_class)
     if cameras is not None:
-        makers["reconstruction"] = lambda: sections.reconstruction_rows(cameras)
-    makers["files"] = lambda: _files(found)
-    page = render(
-        "video", found=found, title=_text(found.name), lead=_lead(found),
-        sections=sections.made(makers), colours=_colours(),
-    )  # fmt: skip
-    write_text(out_dir / PAGE_FILE, _text(page))
-    return out_dir / PAGE_FILE
+        rows = sections.reconstruction_rows(cameras, with_lens=False)
+        makers["reconstruction"] = lambda: rows
+    return makers | {"files": lambda: _files(found)}
 
 
 def _text(text: str) -> str:
@@ -137,11 +153,10 @@ def _lead(found: SolvedVideo) -> str:
         parts.append(f"{found.n_frames} frames")
     if len(found.times_s) > 1:
         parts.append(f"{found.times_s[-1] - found.times_s[0]:.1f} s")
-    n_people = len(found.judged)
-    people = (
-        "cameras alone" if not n_people else "one person" if n_people == 1 else f"{n_people} people"
-    )
-    parts.append(people)
+    if n_people := len(found.judged):
+        parts.append(f"{n_people} people" if n_people > 1 else "one person")
+    elif found.camera_verdict is not None:
+        parts.append("cameras alone")
     if found.record is not None and found.is_solved:
         parts.append(f"{found.record.camera_motion.replace('_', ' + ')} camera")
     return ", ".join(parts)
@@ -214,23 +229,27 @@ def _colours() -> dict[str, str]:
     return {name: css(bgr) for name, bgr in (OVERLAY_BGR | BAR_BGR).items()}
 
 
-def _lens_rows(found: SolvedVideo) -> list[tuple[str, object]]:
+def _lens(found: SolvedVideo) -> dict[str, object]:
     """The intrinsics, where they came from, and how well they are known."""
-    camera = found.camera
+    camera, lens = found.camera, found.intrinsics
     assert camera is not None
-    fx, fy = camera.intrinsics_px[[0, 1], [0, 1]]
-    cx, cy = camera.intrinsics_px[:2, 2]
-    focal = f"{fx:.1f} px" if abs(fx - fy) < 0.05 else f"{fx:.1f} and {fy:.1f} px"
+    focal_px, centre_px = np.diag(camera.intrinsics_px)[:2], camera.intrinsics_px[:2, 2]
+    numbers = dict.fromkeys(f"{one:.1f}" for one in focal_px.tolist())
+    error = "" if lens is None else f" ± {100 * lens.focal_sigma:.2g} %"
     rows: list[tuple[str, object]] = [
-        ("Focal length", focal),
+        ("Focal length", f"{' and '.join(numbers)} px{error}"),
         ("Field of view", _field_of_view(camera)),
-        ("Principal point", f"{cx:.1f}, {cy:.1f} px"),
+        ("Principal point", "{:.1f}, {:.1f} px".format(*centre_px.tolist())),
         ("Picture", f"{camera.width_px}×{camera.height_px} px"),
-        ("Where it comes from", "given with the body or on the command line, and kept fixed"),
+        ("Where it comes from", GIVEN_WITH_BODY if lens is None else SOURCES[lens.source]),
     ]
+    if lens is not None and (lens.radial_k1 or lens.radial_k1_sigma is not None):
+        spread = "" if lens.radial_k1_sigma is None else f" ± {lens.radial_k1_sigma:.2g}"
+        rows.append(("Radial distortion k1", f"{lens.radial_k1:.4g}{spread}"))
     if found.cameras is not None:
         rows += found.cameras.lens_in_words
-    return rows
+    objections, notes = ((), ()) if lens is None else (lens.objections, lens.notes)
+    return {"rows": rows, "objections": objections, "notes": notes}
 
 
 def _field_of_view(camera: CameraPath) -> str:
@@ -245,26 +264,27 @@ def _downloads(found: SolvedVideo, left_out: Sequence[tuple[str, str]]) -> dict[
     """What lies in `files`, by format, and what could not be written."""
     offers = []
     people = range(len(found.judged))
-    clips = [found.folder / "pseudo_gt" / f"person_{person}.npz" for person in people]
-    if links := list(_links(found.folder, clips)):
+    clips = [found.folder / PSEUDO_GT / person_file(person) for person in people]
+    if links := list(_links(found.folder, clips, found.folder / PSEUDO_GT)):
         offers.append(("gmrdata npz", CLIP_USE, links))
     for download in DOWNLOADS:
         folder = found.folder / FILES / download.format
         files = sorted(path for path in folder.rglob("*") if path.is_file())
-        if links := list(_links(found.folder, files)):
+        if links := list(_links(found.folder, files, folder)):
             offers.append((download.name, download.use, links))
-    return {"offers": offers, "left_out": left_out, "most": MOST_LINKS}
+    exported = bool(offers) and offers[-1][1] != CLIP_USE
+    return {"offers": offers, "exported": exported, "left_out": left_out, "most": MOST_LINKS}
 
 
-def _links(root: Path, files: Sequence[Path]) -> Iterator[tuple[str, str, str]]:
-    """Address, name and size of each file that lies in the folder itself."""
+def _links(root: Path, files: Sequence[Path], below: Path) -> Iterator[tuple[str, str, str]]:
+    """Address, path below a folder, and size of each file that does lie in the root."""
     for path in files:
         if path.is_file() and path.resolve().is_relative_to(root):
             size = path.stat().st_size
             said = f"{size / 1e6:.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
             # Names whose bytes are no text are addressed by their bytes.
             href = quote(path.relative_to(root).as_posix(), errors="surrogateescape")
-            yield href, _text(path.name), said
+            yield href, _text(path.relative_to(below).as_posix()), said
 
 
 def _files(found: SolvedVideo) -> list[tuple[str, list[tuple[str, str]]]]:

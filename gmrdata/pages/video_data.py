@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.cameras.files import CamerasQuality, SfmCameras
+from gmrdata.cameras.files import CamerasQuality, Lens, SfmCameras
+from gmrdata.cameras.intrinsics import Intrinsics, load_intrinsics
 from gmrdata.manifest.exported import PSEUDO_GT, SFM, ExportedClip, list_clips, load_exported
 from gmrdata.masks.folder import find_mask
 from gmrdata.pages.footage import NO_MARKS, Footage, Marks, direction_marks
@@ -19,19 +20,18 @@ from gmrdata.pages.solved import (
 )
 from gmrdata.read.frames import list_images, number_in_name
 from gmrdata.read.video import VIDEO_FILE, VideoRecord
-from gmrdata.stage.store import StageRecord
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import GmrdataError, MissingInput
-from gmrdata.values.files import STAGE_FILE
+from gmrdata.world.pseudo_gt import config_of
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.verdict import Verdict
 from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict, judge_cameras
 from gmrdata.write.take import Performer
 
-FRAMES, MASKS = "frames", "masks"
+FRAMES, MASKS, INTRINSICS = "frames", "masks", "intrinsics"
 UNKNOWN_FPS_HZ = 30.0  # of a folder of images without a video's record and without a body
 MARKS_PER_FRAME = 150
 
@@ -49,7 +49,20 @@ class SolvedVideo(Solved):
     camera: CameraPath | None  # of the T frames, in the shown world
     camera_verdict: Verdict | None  # on the cameras by themselves; None where nothing tells
     notes: tuple[str, ...]  # what one should know besides
+    intrinsics: Intrinsics | None  # where the lens comes from; None where nothing says
     config: PseudoGtConfig  # the thresholds that were asked for
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.times_s) or super().n_frames
+
+    @property
+    def lens(self) -> Lens | None:
+        """The distortion of the frames; None for hardly any."""
+        if self.cameras is not None and self.cameras.lens is not None:
+            return self.cameras.lens
+        k1 = 0.0 if self.intrinsics is None else self.intrinsics.radial_k1
+        return Lens(k1, 0.0, 0.0) if k1 else None
 
     @property
     def name(self) -> str:
@@ -112,7 +125,7 @@ def gather_video(folder: Path, images_dir: Path | None, body: str | None) -> Sol
     clips = read_people(reader, folder / PSEUDO_GT, len(judged))
     solved = read_reconstruction(reader, folder / SFM) if SFM in there else None
     numbers, camera = _camera_of(clips, solved)
-    config = reader.read(_config, folder / PSEUDO_GT) if PSEUDO_GT in there else None
+    config = reader.read(config_of, folder / PSEUDO_GT) if PSEUDO_GT in there else None
     config = config or PseudoGtConfig()
     reasons = tuple(tuple(person.frame_reasons) for person in judged)
     verdict = None if said is None else said.camera
@@ -122,6 +135,7 @@ def gather_video(folder: Path, images_dir: Path | None, body: str | None) -> Sol
         verdict = reader.read(lambda sfm_dir: _judge(sfm_dir, clips, config), folder / SFM)
     if not judged and verdict is not None:
         reasons = (tuple(verdict.frame_reasons),)
+    has_lens = (folder / INTRINSICS).is_dir()
     frames_dir = folder / FRAMES if images_dir is None else images_dir
     video = (
         reader.read(VideoRecord.read, frames_dir / VIDEO_FILE) if _has_video(frames_dir) else None
@@ -139,16 +153,13 @@ def gather_video(folder: Path, images_dir: Path | None, body: str | None) -> Sol
         video=video,
         people=_people(reader, folder, images_dir, body) if clips else (),
         camera=camera,
+        intrinsics=reader.read(load_intrinsics, folder / INTRINSICS) if has_lens else None,
         camera_verdict=verdict,
         notes=() if said is None else said.notes,
         config=config,
-        missing=tuple(dict.fromkeys(reader.missing)),
+        # Pages go to others, whom the place of the folder is nothing to.
+        missing=tuple(dict.fromkeys(one.replace(f"{folder}/", "") for one in reader.missing)),
     )
-
-
-def _config(pseudo_gt_dir: Path) -> PseudoGtConfig:
-    """The recipe of a pseudo ground truth, as its stage noted it."""
-    return PseudoGtConfig.model_validate(StageRecord.read(pseudo_gt_dir / STAGE_FILE).config)
 
 
 def _camera_of(
@@ -260,14 +271,13 @@ def footage_of(found: SolvedVideo) -> Footage:
         Performer(one.id, one.clip.motion, one.body, one.clip.valid & found.camera.has_camera)
         for one in found.people
     )
-    lens = None if found.cameras is None else found.cameras.lens
     dropped = np.ones(found.n_frames, dtype=bool) if not found.reasons else ~found.kept
     return Footage(
         images=found.images,
         masks=found.masks,
         times_s=found.times_s,
         camera=found.camera,
-        lens=lens,
+        lens=found.lens,
         people=people,
         marks=_marks(found) if found.is_alone else NO_MARKS,
         dropped=dropped,

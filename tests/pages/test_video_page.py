@@ -7,11 +7,11 @@ from pathlib import Path
 import av
 import pytest
 
+from gmrdata.cameras.intrinsics import Intrinsics
 from gmrdata.pages.footage import BAR_PX
 from gmrdata.pages.video import make_video_page
 from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import MissingInput
-from gmrdata.values.files import read_json
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 from gmrdata.world.verdict import verdict_of
@@ -133,6 +133,21 @@ def test_a_rejected_video_says_so_first_and_warns_of_its_files(
     assert "these files are for looking, not for use" in page.words
 
 
+def test_the_lens_comes_with_its_source_and_its_error(copied: Path) -> None:
+    Intrinsics(
+        source="prior", width_px=640, height_px=360, focal_px=554.3, focal_y_px=554.3,
+        focal_sigma=0.3, centre_px=(320.0, 180.0), radial_k1=-0.1, radial_k1_sigma=0.02,
+        focal_observable=False, asked=None, starts=(),
+        objections=("the <b>lens</b> is not of these frames",), notes=("a guess",),
+    ).write(copied / "intrinsics" / "intrinsics.json")  # fmt: skip
+    page = Page(make_video_page(copied))
+    leads_to_files(page)
+    assert "Focal length554.3 px ± 30 %" in page.words and "a guess by what is usual" in page.words
+    assert "Radial distortion k1-0.1 ± 0.02" in page.words
+    assert "the <b>lens</b> is not of these frames" in page.words and "b" not in page.tags
+    assert "intrinsics: intrinsics.json" in page.words
+
+
 def test_cameras_alone(small_body: BodyModel, tmp_path: Path) -> None:
     solved_video(tmp_path / "walk", small_body, person=False, lost=[5, 6, 7])
     page = Page(make_video_page(tmp_path / "walk"))
@@ -177,7 +192,7 @@ def test_what_is_missing_is_named_and_costs_its_part_alone(copied: Path, tmp_pat
     (copied / "pseudo_gt" / "quality.json").write_text("{")
     page = Page(make_video_page(copied))
     assert "quality.json" in page.words.split("Can’t be read")[1]
-    assert "No verdict" in page.words and "accepted" not in page.words
+    assert "No verdict" in page.words and ": accepted" not in page.words
     with pytest.raises(MissingInput, match="nothing of a video was solved there"):
         make_video_page(tmp_path)
 
@@ -198,13 +213,6 @@ def test_links_out_of_the_folder_are_not_followed(copied: Path, tmp_path: Path) 
     page = Page(make_video_page(copied))
     assert "1 images are links out of it" in page.words.split("Can’t be read")[1]
     assert not [file for file in page.files if file.name in ("a.bvh", "secret.jpg")]
-
-
-def test_frames_may_lie_elsewhere(copied: Path, tmp_path: Path) -> None:
-    frames = (copied / "frames").rename(tmp_path / "images")
-    page = Page(make_video_page(copied, images_dir=frames))
-    assert page.tags.count("video") == 1
-    assert "images" in read_json(copied / "overlay" / "stage.json")["inputs"]
 
 
 def test_a_browser_shows_it_without_the_net(

@@ -1,0 +1,58 @@
+"""`gmrdata page`: the page of a solved video, and files that other programs open."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import trimesh
+
+from gmrdata.values.body import BodyModel
+from gmrdata.world.quality import load_record
+from gmrdata.world.verdict import verdict_of
+from tests.pages.html_pages import Page
+from tests.pages.solved_video import N_ROWS, solved_video
+
+Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected(
+    small_body: BodyModel, gmrdata: Gmrdata, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out" / "sequences" / "walk"
+    solved_video(folder, small_body)
+    images = (folder / "frames").rename(tmp_path / "walk")
+    kept = folder / "files" / "notes.txt"
+    kept.parent.mkdir()
+    kept.write_text("mine")
+    said = gmrdata("page", folder, "--images", tmp_path)
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.strip() == str((folder / "index.html").resolve())
+    page = Page(folder / "index.html")
+    assert all(file.is_file() for file in page.files) and page.tags.count("video") == 1
+    names = [str(file.relative_to(folder)) for file in page.files]
+    run = f"walk_00000-{N_ROWS - 1:05d}"
+    for name in (f"bvh/walk/{run}.bvh", f"amass/walk/{run}.npz", "glb/walk.glb", "tum/walk.txt"):
+        assert f"files/{name}" in names
+    assert kept.read_text() == "mine"
+    model = pycolmap.Reconstruction(str(folder / "files/colmap/walk/sparse/0"))
+    assert model.num_images() == N_ROWS and model.num_points3D() > 20
+    scene = trimesh.load(folder / "files/glb/walk.glb", process=False)
+    assert len(next(iter(scene.geometry.values())).vertices) == len(small_body.template_m)
+    assert np.loadtxt(folder / "files/tum/walk.txt").shape == (N_ROWS, 8)
+    record = load_record(folder / "pseudo_gt")
+    rejected = verdict_of("walk", False, ("it floats",), [""] * N_ROWS)
+    record = record.model_copy(update={"people": (rejected,)})
+    record.write(folder / "pseudo_gt" / "quality.json")
+    assert gmrdata("page", folder, "--images", images).returncode == 0
+    words = Page(folder / "index.html").words
+    assert "it floats" in words and "files are written of what is accepted" in words
+    assert [path.name for path in kept.parent.iterdir()] == [kept.name]
+
+
+def test_several_and_none(gmrdata: Gmrdata, tmp_path: Path) -> None:
+    said = gmrdata("page", tmp_path)
+    assert said.returncode == 1 and "nothing of a video was solved there" in said.stderr
+    said = gmrdata("page")
+    assert said.returncode == 1 and "a folder of a solved video" in said.stderr
