@@ -135,7 +135,8 @@ class Lens:
     k1: Figure
     k2: Figure
     explains: Figure
-    """Share of the cost of the bundle adjustment without it that it takes away."""
+    """Share of the cost of the bundle adjustment without it that it takes away; 0 where it was
+    known, of what was found beside it."""
 
 
 class CamerasQuality(records.Record):
@@ -177,8 +178,8 @@ class CamerasQuality(records.Record):
     radial_k1_sigma: Figure | None
     """Its standard error."""
     lens: Lens | None
-    """Null for a pure rotation, and where image points fit hardly better with it; they are then
-    taken as they are.  Frames and intrinsics stay as they are in either case."""
+    """Null where none was known, for a pure rotation, and where image points fit hardly better with
+    it; they are then taken as they are.  Frames and intrinsics stay as they are in either case."""
     weakest_step: WeakestStep | None
     """Null but for six degrees of freedom."""
     agreement: Agreement | None

@@ -13,6 +13,7 @@ import numpy as np
 from gmrdata.masks.folder import find_mask
 from gmrdata.read.frames import image_bytes, image_number, is_turned, read_gray
 from gmrdata.stage.jobs import in_threads
+from gmrdata.values.camera import bent
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
 FAST_PNG = 1  # zlib's level of compression
@@ -53,41 +54,68 @@ class Frames:
         return gray, cv2.dilate((masked > 0).astype(np.uint8), around) == 0
 
 
-def reduced(frames: Frames, longest_px: int, out_dir: Path) -> Frames:
+def reduced(frames: Frames, longest_px: int, out_dir: Path, radial_k1: float = 0.0) -> Frames:
     """The frames if none is longer than that; else smaller grey ones and masks, in `out_dir`.
 
-    Those that EXIF turns are written too, since COLMAP reads them as they are stored.
+    Those that EXIF turns are written too, since COLMAP reads them as they are stored, and those of
+    a lens with distortion, as a pinhole would show them.
     """
     import cv2
 
     share = min(1.0, longest_px / max(frames.size_px))
-    if share == 1 and not any(map(is_turned, frames.images)):
+    if share == 1 and not radial_k1 and not any(map(is_turned, frames.images)):
         return frames
     width_px, height_px = (max(1, round(share * side_px)) for side_px in frames.size_px)
     masks_dir = None if frames.masks_dir is None else out_dir / "masks"
     (out_dir / "frames").mkdir(parents=True)
     if masks_dir is not None:
         masks_dir.mkdir()
+    # Pixel (0, 0) is an outer corner, so pixels scale as lengths do.
+    scaling = np.diag([width_px / frames.size_px[0], height_px / frames.size_px[1], 1.0])
+    intrinsics_px = scaling @ frames.intrinsics_px
+    seen_at = _seen_at(intrinsics_px, (width_px, height_px), radial_k1) if radial_k1 else None
 
     def reduce_one(image: Path) -> Path:
         # As PNG it would take 40 times as long to write, and 14 times to read.
         path = out_dir / "frames" / f"{image.stem}.bmp"
         gray = read_gray(image, frames.size_px)
         small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
+        if seen_at is not None:
+            small = cv2.remap(small, *seen_at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         path.write_bytes(image_bytes(".bmp", small))
         if masks_dir is not None:
             # A pixel is dynamic if any part of it is.
             mask = frames.mask(image)
             covered = cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_AREA) > 0
+            if seen_at is not None:  # what the lens does not show counts as dynamic
+                covered = (
+                    cv2.remap(
+                        255 * covered.astype(np.uint8),
+                        *seen_at,
+                        cv2.INTER_LINEAR,
+                        borderMode=cv2.BORDER_CONSTANT,
+                        borderValue=(255,),
+                    )
+                    > 0
+                )
             fast = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
             encoded = image_bytes(".png", 255 * covered.astype(np.uint8), fast)
             (masks_dir / f"{image.stem}.png").write_bytes(encoded)
         return path
 
     images = in_threads(reduce_one, frames.images)
-    # Pixel (0, 0) is an outer corner, so pixels scale as lengths do.
-    scaling = np.diag([width_px / frames.size_px[0], height_px / frames.size_px[1], 1.0])
-    return Frames(images, masks_dir, scaling @ frames.intrinsics_px, (width_px, height_px))
+    return Frames(images, masks_dir, intrinsics_px, (width_px, height_px))
+
+
+def _seen_at(
+    intrinsics_px: np.ndarray, size_px: tuple[int, int], radial_k1: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where a lens shows each pixel of a pinhole's picture, x and y (h, w), as cv2.remap counts."""
+    x, y = np.meshgrid(*(np.arange(side_px) + 0.5 for side_px in size_px))
+    focal_px, centre_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
+    flat = (np.stack([x, y], axis=-1) - centre_px) / focal_px
+    seen_px = (bent(flat, radial_k1) * focal_px + centre_px - 0.5).astype(np.float32)
+    return np.ascontiguousarray(seen_px[..., 0]), np.ascontiguousarray(seen_px[..., 1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,7 @@ def match_frames(
     found = find_features(frames, database_path, config, calibrated=calibrated)
     _match(database_path, config)
     _sort_pairs(database_path)
-    matches = _read(database_path, frames.images)
+    matches = read_matches(database_path, frames.images)
     matches = replace(matches, n_free=found.n_free, descriptors=found.descriptors)
     _require_usable(matches, frames)
     return matches
@@ -112,7 +112,8 @@ def _sort_pairs(database_path: Path) -> None:
             database.write_two_view_geometry(*image_pair, geometries[i])
 
 
-def _read(database_path: Path, images: list[Path]) -> Matches:
+def read_matches(database_path: Path, images: list[Path]) -> Matches:
+    """The image points and verified matches of a database, by the rows of its images."""
     with closing(pycolmap.Database.open(database_path)) as database:
         row_of_name = {image.name: row for row, image in enumerate(images)}
         row_of_id: dict[int, int] = {}

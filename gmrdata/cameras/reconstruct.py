@@ -14,7 +14,7 @@ from gmrdata.cameras.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.read.frames import check_images, list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
-from gmrdata.values.camera import CameraPath
+from gmrdata.values.camera import CameraPath, bent
 from gmrdata.values.errors import BadRecipe, NoReconstruction
 from gmrdata.values.records import Config
 
@@ -24,6 +24,7 @@ class _SfmRecipe(Config):
 
     sfm: SfmConfig
     intrinsics_px: tuple[tuple[float, float, float], ...]
+    radial_k1: float
 
 
 def reconstruct(
@@ -33,6 +34,7 @@ def reconstruct(
     out_dir: Path,
     config: SfmConfig,
     *,
+    radial_k1: float = 0.0,
     left_out: Collection[int] = (),
     run: Run = DEFAULT_RUN,
 ) -> Path:
@@ -44,6 +46,8 @@ def reconstruct(
             only points count that other frames show outside of theirs.
         intrinsics_px: (3, 3) calibration matrix, without skew, kept fixed [px].
         out_dir: Folder to make: `cameras.npz`, `points.npz`, `tracks.npz`, `quality.json`.
+        radial_k1: Known distortion: a point at r, in units of the focal length, is seen at
+            r + k1 r^3.  Cameras are sought in frames as a pinhole would show them.
         left_out: Numbers of images that are known to be unusable and get no camera and no row.
 
     Raises:
@@ -51,7 +55,8 @@ def reconstruct(
         NoReconstruction: no camera path can be had from these frames; the message says why.
     """
     matrix = _checked(intrinsics_px)
-    recipe = _SfmRecipe(sfm=config, intrinsics_px=tuple(tuple(row) for row in matrix.tolist()))
+    rows = tuple(tuple(row) for row in matrix.tolist())
+    recipe = _SfmRecipe(sfm=config, intrinsics_px=rows, radial_k1=radial_k1)
 
     def work(partial: Path) -> None:
         from gmrdata.cameras.geometry import solve
@@ -62,7 +67,7 @@ def reconstruct(
         work_dir = partial / "colmap"
         work_dir.mkdir()
         given = Frames(images, masks_dir, matrix, size_px)
-        frames = reduced(given, config.max_image_size_px, work_dir / "reduced")
+        frames = reduced(given, config.max_image_size_px, work_dir / "reduced", radial_k1)
         try:
             solution, quality = solve(frames, work_dir, config)
         except NoReconstruction as error:
@@ -75,11 +80,29 @@ def reconstruct(
         cameras = files.SfmCameras(path, solution.geometry, given.numbers, filled)
         files.save_cameras(partial / files.CAMERAS_FILE, cameras)
         files.save_points(partial / files.POINTS_FILE, solution.points, solution.track_lengths)
-        save_tracks(partial / TRACKS_FILE, _tracks_in(solution.tracks, given, frames))
+        tracks = _tracks_in(solution.tracks, given, frames)
+        if radial_k1:
+            tracks = replace(tracks, image_px=_seen_px(tracks.image_px, matrix, radial_k1))
+            quality = quality.model_copy(update={"lens": _whole_lens(radial_k1, quality.lens)})
+        save_tracks(partial / TRACKS_FILE, tracks)
         quality.write(partial / files.QUALITY_FILE)
 
     inputs = {"images": images_dir} | ({} if masks_dir is None else {"masks": masks_dir})
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
+
+
+def _seen_px(pinhole_px: np.ndarray, intrinsics_px: np.ndarray, radial_k1: float) -> np.ndarray:
+    """Where the given frames show what was found in those without distortion, (M, 2) [px]."""
+    focal_px, centre_px = np.diag(intrinsics_px)[:2], intrinsics_px[:2, 2]
+    return np.asarray(bent((pinhole_px - centre_px) / focal_px, radial_k1) * focal_px + centre_px)
+
+
+def _whole_lens(radial_k1: float, left: files.Lens | None) -> files.Lens:
+    """The known distortion, and what was found beside it, as one: to the fifth power of r."""
+    if left is None:
+        return files.Lens(radial_k1, 0.0, 0.0)
+    k2 = left.k2 + 3 * radial_k1 * left.k1
+    return files.Lens(radial_k1 + left.k1, k2, left.explains)
 
 
 def _tracks_in(tracks: Tracks | None, given: Frames, worked_on: Frames) -> Tracks:

@@ -1,0 +1,176 @@
+"""Calibrations that others wrote, and the focal length in a picture's EXIF."""
+
+import json
+import struct
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gmrdata.cameras.colmap import pycolmap
+from gmrdata.read.intrinsics import exif_focal_px, read_intrinsics, video_focal_px
+from gmrdata.values.errors import BadIntrinsics, MissingInput
+
+SIZE_PX = (640, 480)
+PINHOLE = "# Camera list\n1 PINHOLE 640 480 600 605 322 239\n"
+
+
+def text_file(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("line", "focal_px", "k1"),
+    [
+        ("1 SIMPLE_PINHOLE 640 480 600 320 240", (600, 600), 0.0),
+        ("1 PINHOLE 640 480 600 605 320 240", (600, 605), 0.0),
+        ("7 SIMPLE_RADIAL 640 480 600 320 240 -0.15", (600, 600), -0.15),
+        ("1 RADIAL 640 480 600 320 240 0.1 0", (600, 600), 0.1),
+        ("1 OPENCV 640 480 600 605 320 240 0.1 0 0 0", (600, 605), 0.1),
+        ("1 SIMPLE_RADIAL 1280 960 1200 640 480 -0.15", (600, 600), -0.15),
+    ],
+)
+def test_colmaps_cameras_are_read_at_the_size_of_the_frames(
+    tmp_path: Path, line: str, focal_px: tuple[float, float], k1: float
+) -> None:
+    found = read_intrinsics(text_file(tmp_path, "cameras.txt", line), SIZE_PX)
+    assert found.focal_px == focal_px
+    assert found.centre_px == (320, 240)
+    assert found.radial_k1 == k1
+
+
+@pytest.mark.parametrize("model", ["PINHOLE", "SIMPLE_RADIAL"])
+def test_what_colmap_writes_is_read_from_its_folder(tmp_path: Path, model: str) -> None:
+    params = {"PINHOLE": [600.0, 605, 322, 239], "SIMPLE_RADIAL": [600.0, 322, 239, -0.1]}[model]
+    written = pycolmap.Reconstruction()
+    written.add_camera_with_trivial_rig(
+        pycolmap.Camera(model=model, width=640, height=480, params=params, camera_id=3)
+    )
+    written.write_binary(tmp_path)
+    from_binary = read_intrinsics(tmp_path, SIZE_PX)
+    written.write_text(tmp_path)
+    assert read_intrinsics(tmp_path / "cameras.txt", SIZE_PX) == from_binary
+    assert from_binary.focal_px == (600, params[1] if model == "PINHOLE" else 600)
+    assert from_binary.centre_px == (322, 239)
+    assert from_binary.radial_k1 == (0 if model == "PINHOLE" else -0.1)
+
+
+def test_opencvs_own_file_is_read_by_its_count_of_pixels(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 640)
+    storage.write("image_height", 480)
+    storage.write("camera_matrix", np.array([[600.0, 0, 319.5], [0, 605, 239.5], [0, 0, 1]]))
+    storage.write("distortion_coefficients", np.array([[-0.12, 0.0, 0, 0, 0]]))
+    storage.release()
+    found = read_intrinsics(path, SIZE_PX)
+    assert found.focal_px == (600, 605)
+    assert found.centre_px == (320, 240)
+    assert found.radial_k1 == -0.12
+
+
+def test_ros_record3d_nerf_and_plain_numbers_are_read(tmp_path: Path) -> None:
+    ros = (
+        "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+        "  data: [600, 0, 319.5, 0, 605, 239.5, 0, 0, 1]\n"
+        "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0, 0, 0, 0, 0]\n"
+    )
+    record3d = {"K": [600.0, 0, 0, 0, 605, 0, 320, 240, 1], "w": 640, "h": 480, "fps": 30}
+    nerf = {"fl_x": 1200, "fl_y": 1210, "cx": 640, "cy": 480, "w": 1280, "h": 960, "k1": 0.0}
+    files = {
+        "ros.yaml": ros,
+        "metadata": json.dumps(record3d),
+        "transforms.json": json.dumps(nerf),
+        "k.txt": "600 0 320\n0 605 240\n0 0 1\n",
+    }
+    for name, text in files.items():
+        found = read_intrinsics(text_file(tmp_path, name, text), SIZE_PX)
+        assert found.focal_px == (600, 605), name
+        assert found.centre_px == (320, 240), name
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "can't be read"),
+        ("1 2 3", "can't be read"),
+        ("nan 0 320 0 600 240 0 0 1", "can't be read"),
+        ("600 0 320 0 -600 240 0 0 1", "focal length"),
+        ("600 5 320 0 600 240 0 0 1", "no matrix"),
+        ("600 0 900 0 600 240 0 0 1", "outside of the picture"),
+        ("1 FISHEYE 640 480 600 320 240 0 0", "can't be read"),
+        ("1 OPENCV_FISHEYE 640 480 600 600 320 240 0 0 0 0", "can't be read"),
+        ("1 PINHOLE 640 480 600 320 240", "3 parameters"),
+        ("1 PINHOLE 640 640 600 600 320 320", "for a picture of 640x640 px"),
+        ("1 PINHOLE 640 480 600 600 320 240\n2 PINHOLE 640 480 9 9 320 240", "2 cameras"),
+        ("1 RADIAL 640 480 600 320 240 0.1 0.3", "beyond k1"),
+        ('{"w": 640, "h": 480}', "can't be read"),
+        ("[1, 2", "can't be read"),
+        ("%YAML:1.0\n---\ncamera_matrix: 3\n", "can't be read"),
+    ],
+)
+def test_what_is_no_calibration_of_these_frames_is_refused(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    path = text_file(tmp_path, "cameras.txt", text)
+    with pytest.raises(BadIntrinsics, match=r"cameras\.txt.*; ") as error:
+        read_intrinsics(path, SIZE_PX)
+    assert said in str(error.value)
+
+
+def test_a_cut_off_file_and_none_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cameras.bin"
+    for content in (b"", b"\x01", struct.pack("<QIiQQ", 1, 1, 1, 640, 480) + b"\0" * 9):
+        path.write_bytes(content)
+        with pytest.raises(BadIntrinsics, match="can't be read"):
+            read_intrinsics(path, SIZE_PX)
+    with pytest.raises(MissingInput, match="no such file"):
+        read_intrinsics(tmp_path / "none.txt", SIZE_PX)
+
+
+def jpeg_with(folder: Path, tags: dict[int, object]) -> Path:
+    from PIL import Image
+
+    image, path = Image.new("RGB", SIZE_PX), folder / "00000.jpg"
+    exif = image.getexif()
+    exif.get_ifd(0x8769).update(tags)
+    image.save(path, exif=exif)
+    return path
+
+
+def test_exif_gives_the_focal_length_on_film_or_on_the_sensor(tmp_path: Path) -> None:
+    from PIL.TiffImagePlugin import IFDRational
+
+    film = exif_focal_px(jpeg_with(tmp_path, {0xA405: 26}), SIZE_PX)
+    assert film == pytest.approx(26 / 43.267 * 800, rel=1e-4)
+    sensor = {0x920A: IFDRational(17, 4), 0xA20E: IFDRational(5000, 1), 0xA210: 3, 0xA002: 1280}
+    # 4.25 mm at 500 px/mm are 2125 px of a picture that is twice as wide as the frames.
+    assert exif_focal_px(jpeg_with(tmp_path, sensor), SIZE_PX) == pytest.approx(1062.5, rel=1e-3)
+    assert exif_focal_px(jpeg_with(tmp_path, {0x920A: IFDRational(17, 4)}), SIZE_PX) is None
+    assert exif_focal_px(jpeg_with(tmp_path, {0xA405: 0}), SIZE_PX) is None
+    path = jpeg_with(tmp_path, {0xA405: 26})
+    content = path.read_bytes()
+    at = content.index(b"Exif\0\0")
+    for cut in range(6, 60, 3):
+        path.write_bytes(content[: at + cut] + b"\xff" * 40)
+        assert exif_focal_px(path, SIZE_PX) in (None, film)
+
+
+def test_a_phones_video_gives_it_too(tmp_path: Path) -> None:
+    import av
+
+    path = tmp_path / "phone.mov"
+    with av.open(str(path), "w", options={"movflags": "use_metadata_tags"}) as file:
+        file.metadata["com.apple.quicktime.camera.focal_length.35mm_equivalent"] = "26"
+        stream = file.add_stream("mpeg4", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for packet in stream.encode(av.VideoFrame(64, 48, "yuv420p")):
+            file.mux(packet)
+        for packet in stream.encode():
+            file.mux(packet)
+    assert video_focal_px(path, (64, 48)) == pytest.approx(26 / 43.267 * 80, rel=1e-4)
+    path.write_bytes(b"no video")
+    assert video_focal_px(path, (64, 48)) is None
