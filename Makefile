@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu docs release clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu docs release clean
 
 setup: $(READY)
 
@@ -39,6 +39,10 @@ bench-sfm: $(READY)
 # The COLMAP stage on real clips.  ARGS='--clips FOLDER' says where they are, --small only tries every part, -k picks cases.
 bench-real: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_real.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# Any video: lens, people of other systems, real videos.  ARGS='--clips FOLDER --videos FOLDER' says where real ones are, --small tries every part.
+bench-video: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_video.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # Other people's files in and out.  ARGS='--bvh FOLDER' reads their BVH files.
 bench-open: $(READY)

@@ -23,6 +23,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--small", action="store_true", help="small sizes, and no bars")
     parser.addoption("--twins", type=Path, help="a folder that `gmrdata threedpw twin` made")
     parser.addoption("--clips", type=Path, help="a folder that real/layout.py made")
+    parser.addoption("--videos", type=Path, help="a folder of the videos of video/real.py")
     parser.addoption("--bvh", type=Path, help="a folder of BVH files of others")
     parser.addoption("--released", type=Path, help="a folder of clones of others' evaluators")
     parser.addoption("--hours", type=float, default=1.0, help="how long bench_soak.py takes")

@@ -62,6 +62,7 @@ CLIPS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "room_static": ("usual", "circle", {"kind": "static"}),
 }
 """Lens, gait and camera programme of each clip; its place is the first word of its name."""
+SMALL = ("courtyard_circular", "park_beside")
 
 
 class VideoFacts(Record):
@@ -77,17 +78,18 @@ class VideoFacts(Record):
     radial_k1: float
 
 
-def make_video_clips(folder: Path) -> list[Path]:
-    """Render and bend what is not there yet; the clips' folders."""
+def make_video_clips(folder: Path, *, small: bool = False) -> list[Path]:
+    """Render and bend what is not there yet; the clips' folders, of two clips if it is `small`."""
+    clips = {name: CLIPS[name] for name in SMALL} if small else CLIPS
     for lens in LENSES:
-        wanted = {name: clip for name, clip in CLIPS.items() if clip[0] == lens}
-        rendered = folder / "rendered" / lens
+        wanted = {name: clip for name, clip in clips.items() if clip[0] == lens}
+        rendered = folder / ("rendered_small" if small else "rendered") / lens
         if all((folder / name / FACTS_FILE).is_file() for name in wanted):
             continue
         render_set(_recipe(lens, wanted), rendered)
         for name in wanted:
             _lay_out(render_dir(rendered, name), name, LENSES[lens], folder / name)
-    return [folder / name for name in CLIPS]
+    return [folder / name for name in clips]
 
 
 def _recipe(lens: str, clips: dict[str, tuple[str, str, dict[str, Any]]]) -> SyntheticRecipe:
