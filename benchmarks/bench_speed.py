@@ -39,6 +39,7 @@ PARTS: dict[str, list[tuple[Any, str]]] = {
     "adjusting": [(mapping, "_finish")],
     "frames between": [(geometry, "with_frames_between"), (mapping, "place_frames")],
     "checks": [(mapping, "freed_focal"), (geometry, "weakest_step")],
+    "second solution": [(geometry, "map_again")],
     "refinement": [(geometry, "refine_mapped")],
 }
 

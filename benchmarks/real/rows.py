@@ -34,6 +34,7 @@ def _figures(given: RealSequence, solved: Solved) -> dict[str, Any]:
     error = None if given.still else errors(found, true, _of_one_take(every, given.takes))
     quality = solved.quality
     step = quality.weakest_step if quality else None
+    again = quality.agreement if quality else None
     return {
         "accepted": solved.accepted,
         "right": _right(given, solved),
@@ -50,6 +51,8 @@ def _figures(given: RealSequence, solved: Solved) -> dict[str, Any]:
         "radial_k1": [quality.radial_k1, quality.radial_k1_sigma] if quality else None,
         "loose_share": step.loose_share if step else None,
         "moving_share": step.moving_share if step else None,
+        "again_deg": again.turn_deg if again else None,
+        "again_share": again.place_share if again else None,
         "keyframes": len(quality.keyframes) if quality else None,
         "cuts": len(quality.cuts_after_frames) if quality else None,
         "reasons": list(solved.reasons),
