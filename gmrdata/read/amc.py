@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.read.numbers import bad_line, parse_floats, plain_rows, read_text
+from gmrdata.read.numbers import LARGEST_IN_TEXT, bad_line, parse_floats, plain_rows, read_text
 from gmrdata.read.source_motion import SourceMotion, check_rate_hz, cmu_rate_hz, recorded_rows
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.joint_names import is_cmu
@@ -101,7 +101,7 @@ def _read_units(units: Entries, unit_m: float | None, path: Path) -> tuple[bool,
     if unit_m is None:
         line, lengths = units.get("length", (0, []))
         values = parse_floats(lengths, path, line)
-        if len(values) != 1 or values[0] <= 0.0:
+        if len(values) != 1 or values[0] * LARGEST_IN_TEXT < 1.0:
             raise bad_line(path, line, ":units must give one positive 'length'; or pass unit_m")
         unit_m = INCH_M / values[0]
     return words[0].lower() == "deg", unit_m

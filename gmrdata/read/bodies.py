@@ -43,7 +43,7 @@ def read_body(path: Path) -> BodyModel:
     missing = [name for name in names if name not in arrays and name not in _OPTIONAL]
     if missing:
         raise BadBodyFile(f"{path}: the array {missing[0]} is missing")
-    body = BodyModel(**{name: _in_memory(arrays.get(name)) for name in names})
+    body = BodyModel(**{name: _in_memory(path, name, arrays.get(name)) for name in names})
     check_body(path, body)
     return body
 
@@ -103,9 +103,11 @@ def _check_dimensions(path: Path, body: BodyModel) -> None:
             raise BadBodyFile(f"{path}: {name} has {value.ndim} dimensions, expected {n_dims}")
 
 
-def _in_memory(array: np.ndarray | None) -> Any:
+def _in_memory(path: Path, name: str, array: np.ndarray | None) -> Any:
     if array is None or array.dtype.kind == "U":
         return None if array is None else str(array)
+    if array.dtype.kind not in "biuf":
+        raise BadBodyFile(f"{path}: {name} is of {array.dtype}, which are no numbers")
     return array.astype(np.int64 if array.dtype.kind in "iu" else np.float64)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.values.errors import UnsafePickle
+from gmrdata.values.files import require_texts
 from gmrdata.values.limits import Budget, OverBudget
 
 JOBLIB_ARRAY = "joblib array"
@@ -292,7 +293,10 @@ def _array(
         return np.zeros(shape, dtype)
     if dtype.itemsize == 0:
         raise ValueError(f"an array of shape {shape} has numbers of no bytes")
-    return np.frombuffer(data, dtype).reshape(shape, order=order).copy(order="K")
+    found = np.frombuffer(data, dtype).reshape(shape, order=order).copy(order="K")
+    if dtype.kind == "U":
+        require_texts("an array", found)
+    return found
 
 
 def storage_of(name: str, raw: bytes) -> np.ndarray:

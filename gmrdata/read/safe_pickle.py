@@ -253,6 +253,12 @@ class Interpreter(pickle._Unpickler):
         # Python's own allocates the length first, which a broken file may claim to be anything.
         self.append(bytearray(self.read(length)))
 
+    def _text(self, opcode: bytes) -> None:
+        pickle._Unpickler.dispatch[opcode[0]](self)
+        text = self.stack[-1]
+        if not text.isascii() and any("\ud800" <= letter < "\ue000" for letter in text):
+            raise ValueError("a text has half of a surrogate pair")
+
     def _set_item(self) -> None:
         value, key = self.stack.pop(), self.stack.pop()
         self._fill_dict([key, value])
@@ -316,6 +322,10 @@ _REPLACED: dict[bytes, Callable[[Interpreter], None]] = {
     pickle.ADDITEMS: Interpreter._add_items,
     pickle.FROZENSET: Interpreter._frozenset,
     pickle.PUT: Interpreter._remember,
+    pickle.UNICODE: partial(Interpreter._text, opcode=pickle.UNICODE),
+    pickle.BINUNICODE: partial(Interpreter._text, opcode=pickle.BINUNICODE),
+    pickle.SHORT_BINUNICODE: partial(Interpreter._text, opcode=pickle.SHORT_BINUNICODE),
+    pickle.BINUNICODE8: partial(Interpreter._text, opcode=pickle.BINUNICODE8),
     pickle.NEXT_BUFFER: Interpreter._out_of_band,
     pickle.READONLY_BUFFER: Interpreter._out_of_band,
 }

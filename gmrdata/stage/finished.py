@@ -21,22 +21,28 @@ from gmrdata.stage.progress import answers, remarks
 from gmrdata.stage.store import FRESH_NS, INPUTS_READ, git_commit, package_versions
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import is_beside_a_stage, sha256_of_file
-from gmrdata.values.records import Record
+from gmrdata.values.records import Config, Record
 
 FINISHED_FILE = ".run.inputs"
 DECIDES = ("HOME", "XDG_CACHE_HOME")  # of the environment: where models and bodies lie
 
 
-class FinishedRecord(Record):
-    """`.run.inputs` in an output folder: a run that ended well, and all that it read and wrote."""
+class Asked(Config):
+    """What was asked for, and what decides the answer beside files."""
 
-    format: Literal["gmrdata-finished/1"] = "gmrdata-finished/1"
     command: tuple[str, ...]
     """What was typed, without the shard: the result is the same for each."""
     folder: str
     """The working folder, in which relative paths hold."""
     environment: dict[str, str]
     versions: dict[str, str]
+
+
+class FinishedRecord(Record):
+    """`.run.inputs` in an output folder: a run that ended well, and all that it read and wrote."""
+
+    format: Literal["gmrdata-finished/1"] = "gmrdata-finished/1"
+    asked: Asked
     inputs: tuple[str, ...]
     """Files and folders that were read, besides those that the command names."""
     looked_ns: int
@@ -58,9 +64,11 @@ class Batch:
         """What the same command left, if since then no file changed that it read or wrote."""
         try:
             found = FinishedRecord.read(self.out_dir / FINISHED_FILE)
-            same = self._about() == found.model_dump(include=set(self._about()))
             roots = [*self._named(), *found.inputs]
-            if same and found.files_sha256 == self._look(roots, found.looked_ns).sha256:
+            if (
+                found.asked == self._asked()
+                and found.files_sha256 == self._look(roots, found.looked_ns).sha256
+            ):
                 return found
         except (MissingInput, BadRecord, OSError):
             pass
@@ -79,7 +87,7 @@ class Batch:
             seen = self._look([*self._named(), *inputs], looked_ns)
             if seen.newest_input_ns < began_ns - FRESH_NS:
                 FinishedRecord(
-                    **self._about(),
+                    asked=self._asked(),
                     inputs=inputs,
                     looked_ns=looked_ns,
                     files_sha256=seen.sha256,
@@ -87,15 +95,15 @@ class Batch:
                     answers=answers.export_text(clear=False),
                 ).write(self.out_dir / FINISHED_FILE)
 
-    def _about(self) -> dict[str, object]:
+    def _asked(self) -> Asked:
         kept = {key for key in os.environ if key.startswith("GMRDATA_") or key in DECIDES}
         versions = {"gmrdata": __version__, "python": platform.python_version()}
-        return {
-            "command": self.command,
-            "folder": str(Path.cwd()),
-            "environment": {key: os.environ[key] for key in sorted(kept)},
-            "versions": package_versions() | versions | {"commit": git_commit() or ""},
-        }
+        return Asked(
+            command=self.command,
+            folder=str(Path.cwd()),
+            environment={key: os.environ[key] for key in sorted(kept)},
+            versions=package_versions() | versions | {"commit": git_commit() or ""},
+        )
 
     def _named(self) -> list[str]:
         """What the command names that is there: files, and folders with all in them."""

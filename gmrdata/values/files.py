@@ -197,7 +197,7 @@ def read_npz(path: Path, budget: Budget | None = None) -> dict[str, np.ndarray]:
                     raise ValueError(f"{key!r} is no array")
                 budget.take_numbers(np.size(found[key]))
                 if found[key].dtype.kind == "U":
-                    _require_texts(key, found[key])
+                    require_texts(f"{key!r}", found[key])
         return found
     except OverBudget as error:
         raise BadMotionFile(f"{path}: {error}; get it from its maker") from None
@@ -205,12 +205,12 @@ def read_npz(path: Path, budget: Budget | None = None) -> dict[str, np.ndarray]:
         raise BadMotionFile(f"{path}: not a readable .npz of plain arrays ({error})") from None
 
 
-def _require_texts(key: str, texts: np.ndarray) -> None:
+def require_texts(what: str, texts: np.ndarray) -> None:
     """ValueError for codes that no letter has, or only half of one."""
     native = np.ascontiguousarray(texts, texts.dtype.newbyteorder("="))
     codes = np.frombuffer(native.tobytes(), np.uint32)
     if ((codes > sys.maxunicode) | ((codes >= 0xD800) & (codes < 0xE000))).any():
-        raise ValueError(f"{key!r} is a text of no letters")
+        raise ValueError(f"{what} is a text of no letters")
 
 
 def check_archive(path: Path, budget: Budget) -> None:

@@ -172,7 +172,7 @@ def test_all_that_is_opened_is_watched(
     assert answer.returncode == 0, answer.stderr
     record = FinishedRecord.read(tmp_path / "out" / FINISHED_FILE)
     watched = [*map(Path, record.inputs), tmp_path / "out"]
-    watched += [Path(part) for part in record.command if part.startswith("/")]
+    watched += [Path(part) for part in record.asked.command if part.startswith("/")]
     mine = {Path(path) for path in OPENED if Path(path).is_relative_to(tmp_path)}
     assert joint_map in mine and tmp_path / "motions" / "walk0.bvh" in mine
     unwatched = {path for path in mine if not any(map(path.is_relative_to, watched))}

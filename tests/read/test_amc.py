@@ -159,6 +159,7 @@ def test_broken_amc(tmp_path: Path, old: str, new: str, words: str) -> None:
         (":bonedata", ":bones", "no section :bonedata"),
         ("angle deg", "angle grad", ":7: :units must say"),
         ("length 0.5", "length 0", ":6: :units must give one positive 'length'"),
+        ("length 0.5", "length 1e-320", ":6: :units must give one positive 'length'"),
         ("order TX TY", "order TX TX", ":11: the root's order"),
         ("position 0 0 0", "position 0 0", ":root needs a line 'position' with 3 values"),
         ("dof rx rz", "dof rx l", ":22: dof 'rx l'"),

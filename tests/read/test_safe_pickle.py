@@ -333,3 +333,17 @@ def test_shared_parts_stay_shared_and_do_not_multiply(tmp_path: Path) -> None:
         value = [value, value]
     found = read(tmp_path, pickle.dumps(value, 2))
     assert found[0] is found[1]
+
+
+@pytest.mark.parametrize("protocol", [0, 1, 2, 4, 5])
+def test_texts_that_no_file_or_page_can_hold(protocol: int, tmp_path: Path) -> None:
+    path = tmp_path / "a.pkl"
+    letters = np.array([97, 0x110000], np.uint32).view("U2")
+    for value, what in (({"a\ud800": 1}, "half of a surrogate"), (letters, "a text of no letters")):
+        path.write_bytes(pickle.dumps(value, protocol))
+        with pytest.raises(BrokenPickle, match=rf"a\.pkl: .*{what}"):
+            load_plain(path)
+    for whole in ("\U0001f600", "é" * 70_000):
+        path.write_bytes(pickle.dumps([whole, np.array([whole])], protocol))
+        text, array = load_plain(path)
+        assert text == whole and array.tolist() == [whole]

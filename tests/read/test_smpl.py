@@ -279,6 +279,16 @@ def test_a_number_in_place_of_an_array(key: str, small_body: BodyModel, tmp_path
         read_smpl(path)
 
 
+@pytest.mark.parametrize("dtype", ["S8", "c16", "M8[s]"])
+def test_an_array_of_no_numbers(dtype: str, small_body: BodyModel, tmp_path: Path) -> None:
+    save_body(tmp_path / "a.npz", small_body)
+    arrays = dict(np.load(tmp_path / "a.npz"))
+    arrays["template_m"] = np.zeros(arrays["template_m"].shape, dtype)
+    np.savez(tmp_path / "b.npz", **arrays)
+    with pytest.raises(BadBodyFile, match=r"b\.npz: template_m is of .*, which are no numbers"):
+        read_body(tmp_path / "b.npz")
+
+
 @pytest.mark.parametrize("key", ["template_m", "shape_dirs_m", "faces"])
 def test_a_text_in_place_of_an_array(key: str, small_body: BodyModel, tmp_path: Path) -> None:
     save_body(tmp_path / "a.npz", small_body)
