@@ -34,6 +34,9 @@ BODIES_FILE = "bodies.json"
 NOT_SEEN = "the file of bodies has nobody there"
 NEAREST_M, FURTHEST_M = 0.1, 1000.0
 """Distances of a pelvis along the camera's axis that a picture can be of [m]."""
+LONGEST_BETWEEN_S = 0.1
+"""Time between two poses over which those between are good enough to be used: of a walk, sampled at
+5 Hz, the pelvis between is off by up to 4 cm, which grows with the square of the time [s]."""
 ODD_FRAMES = 2
 """Frames by which the counts of two decoders may differ, at a video's end."""
 
@@ -56,6 +59,12 @@ class VideoFrames:
     n_frames: int | None  # of the whole video; None where only a part of it was looked at
     size_px: tuple[int, int]  # (width, height) of the images
     fps_hz: float  # images per second
+
+    @property
+    def video_hz(self) -> float:
+        """Frames of the video per second."""
+        apart = np.diff(self.frame_numbers)
+        return self.fps_hz * (float(np.median(apart)) if len(apart) else 1.0)
 
 
 @part(frozen=True, config=PART)
@@ -112,7 +121,7 @@ def make_bodies(
     """Write `person_<n>.npz`, clips in the camera's frame with a row for every image.
 
     Rows without a pose are filled between their neighbours; they are not valid, but for those
-    between two rows of a file of every n-th frame.
+    between two rows of a file of every n-th frame that are at most 0.1 s apart.
 
     Raises:
         MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: as `read_camera_bodies`; or the
@@ -257,7 +266,8 @@ def _clip(
     unknown = CameraPath(
         camera.intrinsics_px, width_px, height_px, np.full((n, 4, 4), np.nan), np.zeros(n, bool)
     )
-    valid = _within(frames.frame_numbers, frames.frame_numbers[known], frames_per_row)
+    step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz + 1e-6)))
+    valid = _within(frames.frame_numbers, frames.frame_numbers[known], step)
     return Clip(person.name, motion, valid, frames.image_numbers, unknown)
 
 

@@ -1,0 +1,164 @@
+"""The rows of another system's file on the images of a video."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmrdata.film.programmes import Circular, camera_path
+from gmrdata.motion.gait import make_gait
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import load_clip
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.world.bodies import BodiesConfig, BodiesRecord, VideoFrames, make_bodies
+from gmrdata.world.placement import TrueCamera
+from tests.read import camera_files
+from tests.read.camera_files import Seen
+
+N_FRAMES, SIZE_PX = 24, (640, 360)
+
+
+@pytest.fixture(scope="module")
+def neutral(small_body: BodyModel) -> BodyModel:
+    return replace(small_body, name="smpl-neutral")
+
+
+@pytest.fixture(scope="module")
+def seen(neutral: BodyModel) -> Seen:
+    motion = make_gait("walk", N_FRAMES / 10, 10.0, neutral, np.random.default_rng(2))
+    motion = replace(motion.take(slice(0, N_FRAMES)), body=neutral.name)
+    rng = np.random.default_rng(0)
+    path = camera_path(Circular(radius_m=3.0), motion.pelvis_m, 10.0, *SIZE_PX, 60.0, rng)
+    return camera_files.seen_person(motion, path, neutral)
+
+
+def rows_of(seen: Seen, rows: np.ndarray, frames: np.ndarray) -> Seen:
+    """Some of the frames, under other numbers."""
+    return replace(
+        seen,
+        motion=seen.motion.take(rows),
+        offsets_m=seen.offsets_m[rows],
+        joints_px=seen.joints_px[rows],
+        frames=frames,
+    )
+
+
+def video(frames: np.ndarray, n_frames: int | None = N_FRAMES, fps_hz: float = 10.0) -> VideoFrames:
+    return VideoFrames(np.arange(len(frames)), frames, n_frames, SIZE_PX, fps_hz)
+
+
+def made(
+    folder: Path,
+    people: list[Seen],
+    frames: VideoFrames,
+    body: BodyModel,
+    config: BodiesConfig | None = None,
+) -> BodiesRecord:
+    folder.mkdir(exist_ok=True)
+    path = camera_files.write_joblib(folder / "wham_output.pkl", camera_files.wham_people(people))
+    body_path = folder / "body.npz"
+    save_body(body_path, body)
+    camera, out = TrueCamera(people[0].intrinsics_px), folder / "bodies"
+    config = BodiesConfig() if config is None else config
+    files = make_bodies(path, frames, camera, body_path, out, config)
+    record = BodiesRecord.read(out / "bodies.json")
+    assert len(files) == len(record.people)
+    return record
+
+
+def test_every_image_has_a_row_and_gaps_are_filled_but_not_valid(
+    seen: Seen, neutral: BodyModel, tmp_path: Path
+) -> None:
+    known = np.r_[2:9, 12:N_FRAMES]
+    record = made(tmp_path, [rows_of(seen, known, known)], video(np.arange(N_FRAMES)), neutral)
+    clip = load_clip(tmp_path / "bodies" / "person_0.npz")
+    np.testing.assert_array_equal(np.flatnonzero(clip.valid), known)
+    found, true = clip.motion, seen.motion
+    np.testing.assert_allclose(found.pelvis_m[known], true.pelvis_m[known], atol=0.01)
+    np.testing.assert_array_equal(found.pelvis_m[0], found.pelvis_m[2])
+    between = (found.pelvis_m[8] + 2 * found.pelvis_m[11 + 1]) / 3
+    assert np.linalg.norm(found.pelvis_m[11] - between) < 0.1
+    (person,) = record.people
+    assert (person.name, person.images, person.first_image) == ("person_0", len(known), 2)
+    assert person.median_depth_m == pytest.approx(np.median(true.pelvis_m[known, 2]), rel=0.01)
+    assert person.median_depth_in_file_m > 1.2 * person.median_depth_m  # WHAM's guess of the lens
+    assert not record.notes and not record.left_out
+
+
+def test_poses_of_every_second_frame_are_interpolated(
+    seen: Seen, neutral: BodyModel, tmp_path: Path
+) -> None:
+    """The file's frame 5 is the video's frame 10."""
+    half = np.arange(0, N_FRAMES, 2)
+    people = [rows_of(seen, half, np.arange(len(half)))]
+    config = BodiesConfig(frames_per_row=2)
+    slow, quick = tmp_path / "slow", tmp_path / "quick"
+    made(slow, people, video(np.arange(N_FRAMES)), neutral, config)
+    assert load_clip(slow / "bodies" / "person_0.npz").valid.sum() == len(half)  # 0.2 s apart
+    made(quick, people, video(np.arange(N_FRAMES), fps_hz=20.0), neutral, config)
+    clip = load_clip(quick / "bodies" / "person_0.npz")
+    assert clip.valid[:-1].all() and not clip.valid[-1]
+    np.testing.assert_allclose(clip.motion.pelvis_m[:-1], seen.motion.pelvis_m[:-1], atol=0.06)
+    turned = clip.motion.root_rotmats[:-1] - seen.motion.root_rotmats[:-1]
+    assert np.abs(turned).max() < 0.1
+
+
+def test_images_of_every_second_frame_take_their_own_rows(
+    seen: Seen, neutral: BodyModel, tmp_path: Path
+) -> None:
+    half = np.arange(0, N_FRAMES, 2)
+    made(tmp_path, [seen], video(half), neutral)
+    clip = load_clip(tmp_path / "bodies" / "person_0.npz")
+    assert clip.valid.all() and len(clip.valid) == len(half)
+    np.testing.assert_allclose(clip.motion.pelvis_m, seen.motion.pelvis_m[half], atol=0.01)
+
+
+def test_who_is_hardly_seen_is_left_out_and_named(
+    seen: Seen, neutral: BodyModel, tmp_path: Path
+) -> None:
+    few = np.arange(3)
+    record = made(tmp_path, [rows_of(seen, few, few), seen], video(np.arange(N_FRAMES)), neutral)
+    assert [person.name for person in record.people] == ["person_1"]
+    assert record.left_out == ("person_0 is seen in 3 images alone",)
+
+
+def test_another_body_stands_in_and_says_so(
+    seen: Seen, small_body: BodyModel, tmp_path: Path
+) -> None:
+    record = made(tmp_path, [seen], video(np.arange(N_FRAMES)), small_body)
+    assert "size of the mean" in record.notes[0] and "--body" in record.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("frames", "n_frames", "said"),
+    [
+        (np.arange(12), 12, "is of 24 frames or more, and the video has 12"),
+        (np.arange(100, 124), 500, "no person has a pose in two of the video's frames 100-123"),
+        (np.arange(100, 124), None, "no person has a pose in two of the video's frames 100-123"),
+    ],
+)
+def test_a_file_of_another_video_is_refused(
+    frames: np.ndarray,
+    n_frames: int | None,
+    said: str,
+    seen: Seen,
+    neutral: BodyModel,
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(BadMotionFile, match=said):
+        made(tmp_path, [seen], video(frames, n_frames), neutral)
+
+
+def test_somebody_behind_the_camera_is_refused(
+    seen: Seen, neutral: BodyModel, tmp_path: Path
+) -> None:
+    people = camera_files.wham_people([seen])
+    for person in people.values():
+        person["trans"] = -person["trans"]
+    path = camera_files.write_joblib(tmp_path / "wham_output.pkl", people)
+    save_body(tmp_path / "body.npz", neutral)
+    camera, frames = TrueCamera(seen.intrinsics_px), video(np.arange(N_FRAMES))
+    with pytest.raises(BadMotionFile, match="does not stand before the camera"):
+        make_bodies(path, frames, camera, tmp_path / "body.npz", tmp_path / "out", BodiesConfig())
