@@ -36,11 +36,16 @@ CAMERA_ITSELF = np.eye(4)
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Points that stand still in the world, and which of T frames shows which."""
+    """Points that stand still in the world, and which of T frames shows which; each frame shows
+    all of them where there are no sights."""
 
     world_m: np.ndarray  # (N, 3)
     rows: np.ndarray  # (M,) frame of each sight
     points: np.ndarray  # (M,) row in `world_m` of each
+
+    def seen_m(self, row: int) -> np.ndarray:
+        """(N', 3) those that a frame shows."""
+        return self.world_m[self.points[self.rows == row]] if len(self.rows) else self.world_m
 
 
 NO_MARKS = Marks(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, np.int64))
@@ -129,8 +134,7 @@ def _frame(image: Path | None, camera: CameraPath, smaller: CameraPath) -> np.nd
 def _with_world(drawn: np.ndarray, footage: Footage, camera: CameraPath, row: int) -> np.ndarray:
     """A frame with everybody and what stands still in the world."""
     cam_from_world, matrix = transforms.invert(camera.world_from_cam[row]), camera.intrinsics_px
-    seen = footage.marks.points[footage.marks.rows == row]
-    marks_m = transforms.apply(cam_from_world, footage.marks.world_m[seen])
+    marks_m = transforms.apply(cam_from_world, footage.marks.seen_m(row))
     drawn = _draw_marks(drawn, project_cam(bent_points(marks_m, footage.lens), matrix))
     every = max(1, round(footage.fps_hz))
     for person in footage.people:
@@ -197,6 +201,4 @@ def direction_marks(camera: CameraPath) -> Marks:
     turns, rises = (grid.ravel() for grid in np.meshgrid(steps, steps[np.abs(steps) < 1.4]))
     flat = np.cos(rises)
     rays = np.stack([flat * np.sin(turns), -np.sin(rises), flat * np.cos(turns)], axis=1)
-    world_m = middle[:3, 3] + rays @ middle[:3, :3].T
-    points = np.tile(np.arange(len(rays)), len(known))
-    return Marks(world_m, np.repeat(known, len(rays)), points)
+    return replace(NO_MARKS, world_m=middle[:3, 3] + rays @ middle[:3, :3].T)

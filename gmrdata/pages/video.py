@@ -62,7 +62,7 @@ DOWNLOADS = (
              "binary and text"),
     Download("tum", "TUM", "the camera's path as text: time, place, quaternion; for evo"),
 )  # fmt: skip
-GIVEN_WITH_BODY = "given with the body, and kept as it is"
+GIVEN_AS_IT_IS = "given, and kept as it is"
 SOURCES = {
     "given": "given",
     "metadata": "the camera’s own note in the file",
@@ -241,7 +241,7 @@ def _lens(found: SolvedVideo) -> dict[str, object]:
         ("Field of view", _field_of_view(camera)),
         ("Principal point", "{:.1f}, {:.1f} px".format(*centre_px.tolist())),
         ("Picture", f"{camera.width_px}×{camera.height_px} px"),
-        ("Where it comes from", GIVEN_WITH_BODY if lens is None else SOURCES[lens.source]),
+        ("Where it comes from", GIVEN_AS_IT_IS if lens is None else SOURCES[lens.source]),
     ]
     if lens is not None and (lens.radial_k1 or lens.radial_k1_sigma is not None):
         spread = "" if lens.radial_k1_sigma is None else f" ± {lens.radial_k1_sigma:.2g}"

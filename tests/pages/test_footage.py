@@ -130,7 +130,8 @@ def test_directions_stand_still_while_the_camera_turns(footage: Footage) -> None
     marks = direction_marks(footage.camera)
     rays = marks.world_m - footage.camera.centres_world_m[footage.camera.n_frames // 2]
     assert np.allclose(np.linalg.norm(rays, axis=1), 1.0)
-    assert np.bincount(marks.rows).tolist() == [len(rays)] * footage.camera.n_frames
+    for row in (0, 11):
+        assert len(marks.seen_m(row)) == len(rays) > 500
 
 
 def test_the_bar_says_what_is_dropped_and_where_the_frame_is(footage: Footage) -> None:
