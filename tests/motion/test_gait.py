@@ -178,7 +178,7 @@ def test_circles_turn_one_way_and_eights_both(anny):
         motion = make_gait(kind, 20.0, 20.0, anny, np.random.default_rng(4))
         path = motion.pelvis_m[::20, :2]
         steps = np.diff(path, axis=0)
-        turned = np.cross(steps[:-1], steps[1:])
+        turned = np.linalg.det(np.stack([steps[:-1], steps[1:]], axis=1))
         share = (turned > 0).mean()
         assert (0.2 < share < 0.8) == both
 
