@@ -159,6 +159,7 @@ class Import:
 
 _Unframer: Any = vars(pickle)["_Unframer"]  # of its interpreter, as `_Unpickler` is
 _Stop: Any = vars(pickle)["_Stop"]
+_OWN_STEPS: dict[int, Callable[[Any], None]] = dict(pickle._Unpickler.dispatch)
 
 
 class Interpreter(pickle._Unpickler):
@@ -168,7 +169,7 @@ class Interpreter(pickle._Unpickler):
     a file's length fields say.
     """
 
-    dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(pickle._Unpickler.dispatch)
+    dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(_OWN_STEPS)
     stack: list[Any]
     memo: dict[int, Any]
     _file_read: Callable[[int], bytes]
@@ -254,7 +255,7 @@ class Interpreter(pickle._Unpickler):
         self.append(bytearray(self.read(length)))
 
     def _text(self, opcode: bytes) -> None:
-        pickle._Unpickler.dispatch[opcode[0]](self)
+        _OWN_STEPS[opcode[0]](self)
         text = self.stack[-1]
         if not text.isascii() and any("\ud800" <= letter < "\ue000" for letter in text):
             raise ValueError("a text has half of a surrogate pair")
