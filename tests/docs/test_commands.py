@@ -1,0 +1,205 @@
+"""Each command of the pages is run at small size, here or by another test, or says what it needs.
+
+What stands in a page is tried as it is typed up to the verb: its flags are there, and its values
+are of the right kind.  A verb with these flags is run by `RUN`, or by a test that `ELSEWHERE`
+names.  A command that neither has must say in the page what it needs: licensed data, a cluster.
+"""
+
+import ast
+import re
+import shlex
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from gmrdata.cli import main
+from gmrdata.stage.recipes import recipe_names
+from tests.docs import page_commands as found
+from tests.docs.page_commands import REPOSITORY, Command
+
+pytest_plugins = ("tests.docs.small_world",)
+
+RUN = (
+    "motions path/to/cmu --out out/cmu",
+    "train out/cmu/motions.yaml --recipe gmr.yaml --held-out out/cmu/motions.yaml --out out/gmr",
+    "evaluate out/gmr out/cmu/motions.yaml --out out/scores --protocol wham",
+    "baseline zero filmed/manifest.yaml --out out/zero",
+    "baseline mean filmed/manifest.yaml --training out/cmu/motions.yaml --out out/mean",
+    "baseline camera_as_world filmed/manifest.yaml --camera true --out out/true",
+    "evaluate filmed/manifest.yaml --predictions out/zero/predictions --out out/zero_scores "
+    "--protocol wham --original all",
+    "evaluate filmed/manifest.yaml --predictions out/mean/predictions --out out/mean_scores "
+    "--protocol wham --original all",
+    "compare out/zero_scores/scores.json out/mean_scores/scores.json --out out/compared",
+    "infer out/gmr path/to/cmu/16_01.bvh --fps-hz 100 --out out/world --no-video",
+    "export out/gmr --to onnx --out out/exported",
+    "manifest check out/cmu/motions.yaml",
+    "render synthetic --motions path/to/cmu --out out/synthetic --dry-run --no-probe",
+    "render places.yaml --motions path/to/cmu --out out/places --print-slurm 2 --no-probe",
+    "render places.yaml --motions path/to/cmu --out out/places --print-kubernetes 2 --no-probe",
+    "render places.yaml --motions path/to/cmu --out out/places --shard 1/1",
+    "threedpw list --root 3DPW",
+    "threedpw show arc_00 --root 3DPW",
+    "threedpw regenerate --root 3DPW --out out/3dpw --recipe my.yaml --dry-run",
+    "threedpw regenerate --root 3DPW --out out/3dpw --recipe my.yaml",
+    "threedpw compare out/3dpw",
+    "export out/3dpw --to colmap tum rrd --images 3DPW/imageFiles --out out/exported",
+    "export out/3dpw --to tum kitti --of person --clips arc_00.p0 --out out/people",
+    "export out/3dpw --to 3dpw --threedpw 3DPW --out out/again",
+    "export out/3dpw --to gem-x --out out/again --dry-run",
+)
+"""Arguments of `gmrdata` in a folder of small files, in an order in which each finds its input."""
+
+ELSEWHERE = {
+    "baseline camera_as_world --camera --cameras --out": (
+        "baselines/test_camera_as_world.py::test_ignored_true_and_recovered"
+    ),
+    "baseline joint_train --features --out": "baselines/test_joint.py::test_it_learns",
+    "baseline joint --features --out": "baselines/test_joint.py::test_it_learns",
+    "baseline vibe_cam --poses --keypoints --out": "baselines/test_vibe_cam.py::test_the_verb",
+    "doctor": "cli/test_doctor.py::test_it_finds_what_the_tests_run_with",
+    "evaluate --body --floor --out": (
+        "score/test_score.py::test_a_floor_is_part_of_what_was_asked"
+    ),
+    "evaluate --predictions --body --person --out": (
+        "score/test_results.py::test_three_systems_of_one_sequence_are_compared_by_one_command"
+    ),
+    "fetch cmu --list --out": "motion/test_cmu.py::test_the_command",
+    "fetch models": "read/test_models.py::test_the_command_fetches_once_and_says_where_they_are",
+    "floor --sequences --seed --motions --out": (
+        "cli/test_cli.py::test_a_dry_run_of_the_floor_samples_and_does_nothing"
+    ),
+    "floor --twins --out": "twins/test_floor.py::test_the_table_is_printed",
+    "masks --out --sources": "masks/test_verb.py::test_a_video_and_a_folder_of_masks",
+    "merge": "cli/test_shards.py::test_merge_ends_what_a_killed_last_shard_left",
+    "page --images": (
+        "cli/test_page.py::"
+        "test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_rejected"
+    ),
+    "sfm --frames --camera-body --masks --out": (
+        "cli/test_demo.py::test_sfm_unites_the_silhouette_with_a_detector"
+    ),
+    "tables --manifest --out --workers": (
+        "tables/test_paper_tables.py::test_a_table_from_the_command_line_and_again"
+    ),
+    "tables --manifest --out --workers --dry-run": (
+        "tables/test_paper_tables.py::test_a_table_from_the_command_line_and_again"
+    ),
+    "threedpw twin --out": (
+        "twins/test_twin_set.py::test_the_reader_finds_sequences_without_a_problem"
+    ),
+    "video --out --poses --fps --masks": (
+        "cli/test_video.py::test_people_of_vibe_move_in_the_world_as_they_did"
+    ),
+}
+"""Verbs with flags, and the test that runs them; the test's file has all of these words."""
+
+
+@cache
+def parses(arguments: tuple[str, ...]) -> bool:
+    try:
+        found.parse(arguments)
+    except SystemExit:
+        return False
+    return True
+
+
+@cache
+def gmrdata_commands() -> list[Command]:
+    return [command for command in found.commands() if command.arguments]
+
+
+def test_the_command_line_takes_each_as_it_stands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert len(gmrdata_commands()) > 90
+    refused = [str(command) for command in gmrdata_commands() if not parses(command.arguments)]
+    assert refused == [], capsys.readouterr().err
+
+
+def test_a_command_that_does_not_parse_is_seen(capsys: pytest.CaptureFixture[str]) -> None:
+    assert not parses(("train", "a.yaml", "--out", "o", "--no-such-flag"))
+    assert not parses(("floor", "--out", "o", "--sequences", "many"))
+    assert "--no-such-flag" in capsys.readouterr().err
+
+
+def kind(arguments: tuple[str, ...]) -> tuple[str, frozenset[str]]:
+    return found.verb_of(arguments), found.flags_of(arguments)
+
+
+def is_covered(command: Command) -> bool:
+    """Something runs the verb with these flags; a dry run stands for dry runs alone."""
+    verb, flags = kind(command.arguments)
+    for text in (*RUN, *ELSEWHERE):
+        other, others = kind(tuple(shlex.split(text)))
+        if verb == other and flags <= others and not {"--dry-run"} & (flags ^ others):
+            return True
+    return False
+
+
+def test_each_is_run_or_says_what_it_needs() -> None:
+    left = [c for c in gmrdata_commands() if not is_covered(c) and not c.needs]
+    assert [str(command) for command in left] == []
+
+
+def test_the_tests_that_run_them_are_there() -> None:
+    for text, test in ELSEWHERE.items():
+        file, _, name = test.partition("::")
+        source = (REPOSITORY / "tests" / file).read_text(encoding="utf-8")
+        names = {node.name for node in ast.walk(ast.parse(source)) if hasattr(node, "name")}
+        assert name in names, test
+        absent = [word for word in text.split() if f'"{word}"' not in source]
+        assert not absent, (test, absent)
+
+
+def test_targets_and_measurements_are_there() -> None:
+    """`make` has targets of the Makefile; measurements stand in benchmarks/."""
+    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    options = (REPOSITORY / "benchmarks/conftest.py").read_text(encoding="utf-8")
+    for command in found.commands():
+        program, *words = command.words
+        if program == "make":
+            assert words[0] in targets, command
+            given = re.findall(r"--[a-z-]+", " ".join(words[1:]))
+            assert all(f'"{flag}"' in options for flag in given), command
+        elif "pytest" in words:
+            file = next(word for word in words if word.startswith("benchmarks/"))
+            assert file == "benchmarks/FILE.py" or (REPOSITORY / file).is_file(), command
+
+
+def test_recipes_that_are_named_are_carried() -> None:
+    """`--recipe gmr_cmu`, `render synthetic`: a name without a suffix is one of ours."""
+    for command in gmrdata_commands():
+        words = command.arguments
+        named = [b for a, b in pairwise(words) if a == "--recipe"]
+        if found.verb_of(words) in ("render", "run", "threedpw twin"):
+            named.append(words[len(found.verb_of(words).split())])
+        ours = {name for name in named if not Path(name).suffix and name != "RECIPE"}
+        assert ours <= set(recipe_names()), command
+
+
+@pytest.mark.parametrize("page", found.pages(), ids=lambda page: page.name)
+def test_verbs_in_the_text_have_the_flags_that_it_says(
+    page: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    for arguments in found.inline_commands(page):
+        verb, flags = kind(arguments)
+        assert verb in found.FUNCTIONS, arguments
+        if flags:
+            with pytest.raises(SystemExit):
+                found.parse((*verb.split(), "--help"))
+            told = set(re.findall(r"--[a-z0-9-]+", capsys.readouterr().out))
+            assert flags <= told, arguments
+
+
+def test_they_run_at_small_size(
+    small_world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(small_world)
+    for text in RUN:
+        try:
+            main(shlex.split(text))
+        except SystemExit as ended:
+            pytest.fail(f"gmrdata {text}: {ended.code}\n{capsys.readouterr().err}")
