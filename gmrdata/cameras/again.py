@@ -13,7 +13,7 @@ from pydantic.dataclasses import dataclass as part
 from gmrdata.cameras.agreement import agreement, least_extent
 from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
-from gmrdata.cameras.reconstruct import reconstruct
+from gmrdata.cameras.reconstruct import known_radial_k1, reconstruct
 from gmrdata.cameras.verdict import agreement_reasons
 from gmrdata.masks.folder import find_mask
 from gmrdata.read.frames import list_images
@@ -118,8 +118,11 @@ def _solved(
     if masks_dir is not None:
         masks = _linked(folder / "masks", [find_mask(masks_dir, images[row]) for row in rows])
     seeded = config.model_copy(update={"seed": (config.seed + way.seed) % 2**31})
+    k1 = known_radial_k1(sfm_dir)
     try:
-        solved = reconstruct(given, masks, first.intrinsics_px, folder / "sfm", seeded)
+        solved = reconstruct(
+            given, masks, first.intrinsics_px, folder / "sfm", seeded, radial_k1=k1
+        )
     except NoReconstruction as error:
         return SolvedAgain(way.name, None, None, str(error).replace(f"{given}: ", ""))
     found, other = load_cameras(solved), np.full_like(first.world_from_cam, np.nan)

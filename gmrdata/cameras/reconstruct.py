@@ -13,7 +13,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.read.frames import check_images, list_images
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath, bent
 from gmrdata.values.errors import BadRecipe, NoReconstruction
 from gmrdata.values.records import Config
@@ -89,6 +89,11 @@ def reconstruct(
 
     inputs = {"images": images_dir} | ({} if masks_dir is None else {"masks": masks_dir})
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
+
+
+def known_radial_k1(sfm_dir: Path) -> float:
+    """The distortion that a reconstruction was given; 0 where an older version made it."""
+    return float(str(StageRecord.of(sfm_dir).config.get("radial_k1", 0.0)))
 
 
 def _seen_px(pinhole_px: np.ndarray, intrinsics_px: np.ndarray, radial_k1: float) -> np.ndarray:

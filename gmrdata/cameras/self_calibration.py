@@ -41,7 +41,8 @@ from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.records import PART, Config, Figure
 
 CameraMotion = Literal["full", "rotation_only"]
-ENOUGH, ONE_FOCAL = 3, 0.01  # starts that end so near to each other, as a share
+ENOUGH, ONE_FOCAL = 3, 0.01  # starts at least, and how near to each other two end, as a share
+CLEARLY_WORSE = 1.1  # a cost over the best
 HOPELESS = 2  # starts after which none is tried if nothing came of any
 MOST_COST: dict[CameraMotion, float] = {"full": np.inf, "rotation_only": 2.0}
 """Above which it is not so: half of the matches are 2.5 px off then, at 4 to 5 for who walks."""
@@ -65,7 +66,7 @@ class SelfCalibrationConfig(Config):
 
     starts: tuple[float, ...] = Field(default=(0.9, 0.6, 1.4, 0.45, 2.0), min_length=1)
     """Focal lengths to start from, over the longer side, usual ones first.  The later ones are left
-    out where three starts end at one focal length."""
+    out where two of three end at one focal length and the third fits worse."""
     max_image_size_px: int = Field(default=960, ge=64, le=limits.LARGEST_SIDE_PX)
     """Longer side above which frames are reduced first [px]."""
     most_keyframes: int = Field(default=22, ge=4, le=500)
@@ -194,7 +195,7 @@ def _keyframes(frames: Frames, config: SelfCalibrationConfig) -> np.ndarray:
 def _tried(
     motion: CameraMotion, config: SelfCalibrationConfig, fit_from: Callable[[float], _Fit | None]
 ) -> tuple[list[StartTried], list[_Fit]]:
-    """All starts until three end at one focal length, and what they found, the best first."""
+    """Starts until they settle on one focal length, and what they found, the best first."""
     tried: list[StartTried] = []
     fits: list[_Fit] = []
     for start in config.starts:
@@ -204,7 +205,7 @@ def _tried(
         else:
             tried.append(StartTried(motion, start, fit.focal, fit.k1, fit.cost))
             fits.append(fit)
-        if len(fits) >= ENOUGH and _spread(fits) < ONE_FOCAL:
+        if _is_settled(fits):
             break
         if len(tried) >= HOPELESS and all(fit.cost > MOST_COST[motion] for fit in fits):
             break
@@ -220,6 +221,16 @@ def _ranked(fits: Sequence[_Fit]) -> list[_Fit]:
     least = min((fit.cost for fit in fits), default=0.0)
     alike = (1 + SAME_COST) * least
     return sorted(fits, key=lambda f: (f.cost > alike, abs(f.k1) if f.cost <= alike else f.cost))
+
+
+def _is_settled(fits: Sequence[_Fit]) -> bool:
+    """Whether the best is found twice, and nothing else among three or more comes near to it."""
+    if len(fits) < ENOUGH:
+        return False
+    best = min(fits, key=lambda fit: fit.cost)
+    same = [fit for fit in fits if _spread([best, fit]) < ONE_FOCAL]
+    others = [fit for fit in fits if _spread([best, fit]) >= ONE_FOCAL]
+    return len(same) > 1 and all(fit.cost > CLEARLY_WORSE * best.cost for fit in others)
 
 
 def _spread(fits: Sequence[_Fit]) -> float:

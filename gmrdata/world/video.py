@@ -130,7 +130,13 @@ def solve_video(
     people: tuple[Verdict, ...] = ()
     try:
         sfm_dir = reconstruct(
-            images_dir, masks_dir, lens.matrix_px, out_dir / SFM, config.sfm, run=run
+            images_dir,
+            masks_dir,
+            lens.matrix_px,
+            out_dir / SFM,
+            config.sfm,
+            radial_k1=lens.radial_k1,
+            run=run,
         )
     except NoReconstruction as error:
         why = "; ".join([str(error), *lens.objections])

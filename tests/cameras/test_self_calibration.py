@@ -12,6 +12,8 @@ from gmrdata.cameras.matches import DATABASE_FILE, Matches, PairMatches, read_ma
 from gmrdata.cameras.self_calibration import (
     SelfCalibration,
     SelfCalibrationConfig,
+    _Fit,
+    _is_settled,
     by_mapping,
     by_turning,
     guessed_px,
@@ -111,3 +113,13 @@ def test_a_turn_of_a_few_degrees_does_not(tmp_path: Path) -> None:
 def test_a_still_camera_is_known() -> None:
     assert is_still(turned(0.0, 560.0, 0.0)[1])
     assert not is_still(turned(1.5, 560.0, 0.0)[1])
+
+
+def test_starts_settle_where_the_best_is_found_twice_and_nothing_comes_near() -> None:
+    def fit(focal: float, cost: float) -> _Fit:
+        return _Fit(focal, 0.0, cost, 12, None)
+
+    assert not _is_settled([fit(1.0, 0.5), fit(1.0, 0.5)])
+    assert _is_settled([fit(1.0, 0.5), fit(0.8, 0.9), fit(1.005, 0.6)])
+    assert not _is_settled([fit(1.0, 0.5), fit(0.8, 0.52), fit(1.0, 0.5)])
+    assert not _is_settled([fit(1.01, 1.13), fit(0.7, 0.54), fit(1.01, 0.81)])
