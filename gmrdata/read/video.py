@@ -208,7 +208,9 @@ def _opened(path: Path) -> "InputContainer":
     # `file:` and the lists keep a file from having others opened.
     only = {"protocol_whitelist": "file", "format_whitelist": CONTAINERS}
     where = f"file:{path.absolute()}"
-    return av.open(where, container_options=only, metadata_errors="ignore")
+    # From PyAV 19 on, no text in a file's head is an error.
+    lenient = {"metadata_errors": "ignore"} if int(av.__version__.split(".")[0]) < 19 else {}
+    return av.open(where, container_options=only, **lenient)
 
 
 def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
