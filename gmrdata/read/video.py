@@ -419,15 +419,17 @@ def turned(image: np.ndarray, shown_from_stored: np.ndarray) -> np.ndarray:
 
 def _display_matrix(frame: "av.VideoFrame") -> np.ndarray | None:
     """(2, 2) shown_from_stored, rounded to units, of ISO 14496-12's matrix (a b u c d v x y w)."""
-    sides: Any = frame.side_data
-    for side in sides:
-        if side.type.name == "DISPLAYMATRIX":
-            a, b, _, c, d = np.frombuffer(bytes(side), dtype=np.int32)[:5] / 65536.0
-            given = np.array([[a, c], [b, d]])
-            unit = given / max(np.abs(given).max(), 1e-9)
-            near = np.abs(unit - unit.round()).max() < 0.01
-            return unit.round().astype(int) if near else np.ones((2, 2), dtype=int)
-    return None
+    from av.sidedata.sidedata import Type
+
+    sides: Any = frame.side_data  # what iterating over it gives differs between releases
+    side = sides.get(Type.DISPLAYMATRIX)
+    if side is None:
+        return None
+    a, b, _, c, d = np.frombuffer(bytes(side), dtype=np.int32)[:5] / 65536.0
+    given = np.array([[a, c], [b, d]])
+    unit = given / max(np.abs(given).max(), 1e-9)
+    near = np.abs(unit - unit.round()).max() < 0.01
+    return unit.round().astype(int) if near else np.ones((2, 2), dtype=int)
 
 
 def _write_image(path: Path, image: np.ndarray, quality: int) -> None:
