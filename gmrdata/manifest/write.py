@@ -26,7 +26,7 @@ def write_manifest(
     created_by: CreatedBy | None = None,
     redo: bool = False,
 ) -> Path:
-    """Write a manifest as a whole or not at all.
+    """Write a manifest as a whole or not at all; a file that says the same is left alone.
 
     Args:
         path: The files of the clips lie below its folder.
@@ -50,8 +50,11 @@ def write_manifest(
     except ValidationError as error:
         raise BadManifest(f"{path}: can't be written: {error}") from None
     text = manifest_text(manifest)
-    if path.exists() and not redo and path.read_bytes() != text.encode():
-        _refuse_to_change_a_version(path, manifest)
+    if path.exists():
+        if path.read_bytes() == text.encode():
+            return path
+        if not redo:
+            _refuse_to_change_a_version(path, manifest)
     write_text(path, text)
     return path
 
