@@ -158,7 +158,9 @@ def self_calibrate(
         return turning
     mapped = by_mapping(keys, matches, work_dir, config)
     starts = (*turning.starts, *mapped.starts)
-    better = turning if verdict == "either" and turning.focal_sigma < mapped.focal_sigma else mapped
+    # Who pans in the hand moves a little: too much for a pure turn, too little for a model.
+    nearly = verdict == "either" or mapped.focal is None
+    better = turning if nearly and turning.focal_sigma < mapped.focal_sigma else mapped
     return replace(better, starts=starts)
 
 
