@@ -285,7 +285,7 @@ def by_turning(
         return _Fit(focal, fit.radial_k1, fit.cost, len(keys.images), fit)
 
     tried, fits = _tried("rotation_only", config, fit_from)
-    if not fits:
+    if not fits or fits[0].cost > MOST_COST["rotation_only"]:
         return nothing_found("no turn of the camera explains the matches", tried), "full"
     best = fits[0]
     given_px = guessed_px(best.focal * longer_px, keys.size_px)
