@@ -153,7 +153,7 @@ def test_soak(request: pytest.FixtureRequest, works: list[Work], tmp_path: Path)
 def keep(work: Work, folder: Path, wanted: Mapping[str, str], hits: Sequence[Hit]) -> None:
     """Keep a run that ended otherwise, with all that it said, and say what differs."""
     found = contents_of(work.out)
-    names = sorted(name for name in wanted | found if wanted.get(name) != found.get(name))
+    names = sorted(name for name in {*wanted, *found} if wanted.get(name) != found.get(name))
     answers.print(f"{work.name}: {len(names)} files differ after {hits}: {names[:10]}; {folder}")
     shutil.copytree(work.out, folder)
     shutil.copy(work.log, folder.with_suffix(".log"))

@@ -76,14 +76,15 @@ def _open(model_path: Path) -> Any:
     import cv2
 
     require_model(model_path)
+    dnn: Any = cv2.dnn  # its types are of OpenCV 4
     try:
         # OpenCV 5's new engine finds one of this network's five outputs and crashes with some
         # others, and only for a file can the classic one be asked for.
-        if hasattr(cv2.dnn, "ENGINE_CLASSIC"):
-            net = cv2.dnn.readNetFromTFLite(str(model_path), engine=cv2.dnn.ENGINE_CLASSIC)
+        if hasattr(dnn, "ENGINE_CLASSIC"):
+            net = dnn.readNetFromTFLite(str(model_path), engine=dnn.ENGINE_CLASSIC)
         else:
             content = np.frombuffer(model_path.read_bytes(), dtype=np.uint8)
-            net = cv2.dnn.readNetFromTFLite(content)
+            net = dnn.readNetFromTFLite(content)
     except (cv2.error, MemoryError, ValueError):
         fault = "truncated, or not a TFLite file that OpenCV can open"
         raise BadDetector(f"{model_path}: {fault}; {REMEDY} anew with --redo") from None

@@ -209,7 +209,9 @@ def _opened(path: Path) -> "InputContainer":
     only = {"protocol_whitelist": "file", "format_whitelist": CONTAINERS}
     where = f"file:{path.absolute()}"
     # From PyAV 19 on, no text in a file's head is an error.
-    lenient = {"metadata_errors": "ignore"} if int(av.__version__.split(".")[0]) < 19 else {}
+    lenient: dict[str, Any] = (
+        {"metadata_errors": "ignore"} if int(av.__version__.split(".")[0]) < 19 else {}
+    )
     return av.open(where, container_options=only, **lenient)
 
 
