@@ -130,7 +130,7 @@ def solve_keyframes_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep the first model of the keyframes for all solutions of a test, which film the same."""
     from gmrdata.cameras import geometry
 
-    for name in ("match_frames", "map_frames", "with_frames_between"):
+    for name in ("match_frames", "map_frames", "map_again", "with_frames_between"):
         monkeypatch.setattr(geometry, name, _once(getattr(geometry, name)))
 
 

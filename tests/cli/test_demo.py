@@ -125,7 +125,8 @@ def test_sfm_regenerates_one_sequence_as_the_demo_did(
         *("--out", tmp_path / "out"),
     )
     assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.strip() == str(tmp_path / "out" / "pseudo_gt")
+    out = tmp_path / "out"
+    assert answer.stdout.split() == [str(out / "pseudo_gt"), str(out / "index.html")]
     made = load_clip(tmp_path / "out" / "pseudo_gt" / "person_0.npz")
     before = load_clip(paths.clip("panning").pseudo)
     np.testing.assert_array_equal(made.motion.root_rotmats, before.motion.root_rotmats)
