@@ -98,7 +98,8 @@ def _shade(texture: np.ndarray, at: np.ndarray) -> np.ndarray:
     """(N,) grey values at (N, 2) columns and rows."""
     if not len(at):
         return np.zeros(0, np.uint8)
-    column, row = at.T
+    # (N, 1): OpenCV 5 takes (N,) as one row, OpenCV 4 as one column.
+    column, row = at.T[:, :, None]
     shade = cv2.remap(texture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     return np.asarray(shade)[:, 0]
 
