@@ -1,5 +1,6 @@
 """`gmrdata export` as a person meets it, and what other programs read of what it wrote."""
 
+import inspect
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -164,8 +165,9 @@ def test_a_rendered_clip_becomes_a_model_without_points(
 
 def test_each_format_is_described_in_the_help_and_on_the_page() -> None:
     page = (Path(__file__).parents[2] / "docs/export.md").read_text(encoding="utf-8")
+    described = inspect.getdoc(export) or ""
     for name in (*get_args(FormatName), "onnx"):
-        assert f"            {name}: " in (export.__doc__ or "")
+        assert f"\n        {name}: " in described
         assert f"\n| `{name}` | " in page, name
     assert set(FORMATS) == set(get_args(FormatName))
 
