@@ -7,6 +7,7 @@ import cv2  # noqa: F401
 import numpy as np
 import pycolmap as pycolmap
 
+from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 
 # OpenCV first: with pycolmap loaded before it, cv2.imwrite of a PNG aborts the process, because
@@ -20,6 +21,36 @@ def matrix_of(rigid: Any) -> np.ndarray:
     """A pycolmap.Rigid3d as a transform (4, 4)."""
     matrix = np.asarray(rigid.matrix())
     return transforms.rigid(matrix[:, :3], matrix[:, 3])
+
+
+MIN_PARALLAX_DEG = 0.1  # points with less hardly have a depth; COLMAP's 1 empties slow sequences
+TRACKS_PER_FRAME = 200  # by which the global mapper places a frame where it doesn't take all
+
+
+def global_options(config: SfmConfig, *, free_lens: bool) -> Any:
+    """Options of COLMAP's global mapper, which repeats its results; the lens may be free."""
+    options = _repeating(pycolmap.GlobalPipelineOptions(), config)
+    adjustment = options.mapper.bundle_adjustment
+    adjustment.refine_focal_length = adjustment.refine_extra_params = free_lens
+    adjustment.ceres.use_gpu = options.mapper.global_positioning.use_gpu = False
+    return options
+
+
+def incremental_options(config: SfmConfig, *, free_lens: bool) -> Any:
+    """The same of the incremental mapper."""
+    options = _repeating(pycolmap.IncrementalPipelineOptions(), config)
+    options.ba_refine_focal_length = options.ba_refine_extra_params = free_lens
+    options.mapper.abs_pose_refine_focal_length = free_lens
+    options.mapper.abs_pose_refine_extra_params = free_lens
+    options.extract_colors = False
+    return options
+
+
+def _repeating(options: Any, config: SfmConfig) -> Any:
+    options.num_threads = options.mapper.num_threads = 1
+    options.random_seed = options.mapper.random_seed = config.seed
+    options.min_num_matches = config.min_pair_inliers
+    return options
 
 
 FreeIntrinsic = Literal["focal", "radial", "both"]

@@ -7,7 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.cameras.colmap import bundle_adjuster, matrix_of, pycolmap
+from gmrdata.cameras.colmap import (
+    MIN_PARALLAX_DEG,
+    TRACKS_PER_FRAME,
+    bundle_adjuster,
+    global_options,
+    incremental_options,
+    matrix_of,
+    pycolmap,
+)
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.focal import freed_focal, with_lens
 from gmrdata.cameras.frames import Frames, Timeline
@@ -18,13 +26,12 @@ from gmrdata.cameras.smoothing import camera_information, smooth_cameras
 from gmrdata.cameras.solution import SeenPoints, Solution
 from gmrdata.values import transforms
 
-MIN_PARALLAX_DEG = 0.1  # points with less hardly have a depth; COLMAP's 1 empties slow sequences
 SMALL_START_DEG = 0.5
 """Parallax of the first pair where the camera hardly leaves its place [deg]; COLMAP's usual 16
 degrees find no pair there.  About a hand's 5 cm before a background 5 m away."""
 
-LONG_FRAMES, TRACKS_PER_FRAME = 40, 200
-"""Keyframes from which on the global mapper places each by so many tracks, the longest first; every
+LONG_FRAMES = 40
+"""Keyframes from which on the global mapper places each by few tracks, the longest first; every
 point is found again after that.  Over 40 keyframes with 550 each it took 3.4 s where all took 13,
 and the places differ by 0.3 mm where both are 5.3 mm off.  Of 14 frames of a camera that hardly
 moves it made part of a model, where all tracks rightly give none."""
@@ -112,15 +119,11 @@ def _run(
     out_dir.mkdir()
     files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
     if mapper == "global":
-        global_options = _global_options(len(names or frames.images), config)
-        global_options.image_names = list(names)
-        return list(pycolmap.global_mapping(*files, global_options).values())
-    options = _common(pycolmap.IncrementalPipelineOptions(), config)
+        options = _global_options(len(names or frames.images), config)
+        options.image_names = list(names)
+        return list(pycolmap.global_mapping(*files, options).values())
+    options = incremental_options(config, free_lens=False)
     options.min_model_size = config.min_frames_registered
-    options.ba_refine_focal_length = options.ba_refine_extra_params = False
-    options.mapper.abs_pose_refine_focal_length = False
-    options.mapper.abs_pose_refine_extra_params = False
-    options.extract_colors = False
     options.image_names = list(names)
     if mapper == "small_parallax":
         options.mapper.init_min_tri_angle = SMALL_START_DEG
@@ -131,19 +134,9 @@ def _run(
 
 
 def _global_options(n_frames: int, config: SfmConfig) -> Any:
-    options = _common(pycolmap.GlobalPipelineOptions(), config)
-    adjustment = options.mapper.bundle_adjustment
-    adjustment.refine_focal_length = adjustment.refine_extra_params = False
+    options = global_options(config, free_lens=False)
     if n_frames >= LONG_FRAMES:
         options.mapper.track_required_tracks_per_view = TRACKS_PER_FRAME
-    adjustment.ceres.use_gpu = options.mapper.global_positioning.use_gpu = False
-    return options
-
-
-def _common(options: Any, config: SfmConfig) -> Any:
-    options.num_threads = options.mapper.num_threads = 1
-    options.random_seed = options.mapper.random_seed = config.seed
-    options.min_num_matches = config.min_pair_inliers
     return options
 
 

@@ -17,7 +17,16 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as part
 
-from gmrdata.cameras.colmap import FreeIntrinsic, bundle_adjuster, matrix_of, pycolmap
+from gmrdata.cameras.colmap import (
+    MIN_PARALLAX_DEG,
+    TRACKS_PER_FRAME,
+    FreeIntrinsic,
+    bundle_adjuster,
+    global_options,
+    incremental_options,
+    matrix_of,
+    pycolmap,
+)
 from gmrdata.cameras.files import Lens
 from gmrdata.cameras.focal import (
     FREED_NOT_INDEPENDENT,
@@ -54,9 +63,7 @@ TURN_INLIER_PX = 3.0
 FEWEST_FRAMES = 4  # of a model
 ENOUGH_SHARE = 0.6  # of the keyframes, in a model of the first mapper
 MOST_ERROR_PX = 4.0  # of an image point that a model explains
-MIN_PARALLAX_DEG = 0.1
 FIRST_PAIR_DEG = 4.0  # parallax of the first pair of the incremental mapper, at least
-TRACKS_PER_FRAME = 200  # by which the global mapper places a frame
 MOST_POINTS = 1500  # for the standard errors
 PARTS = 5  # stretches of frames, of which one is left out at a time
 
@@ -383,26 +390,16 @@ def _mapped(
 def _global(
     database_path: Path, images_dir: Path, out_dir: Path, config: SelfCalibrationConfig
 ) -> list[Any]:
-    options = pycolmap.GlobalPipelineOptions()
-    options.num_threads = options.mapper.num_threads = 1
-    options.random_seed = options.mapper.random_seed = config.seed
-    options.min_num_matches = config.sfm.min_pair_inliers
+    options = global_options(config.sfm, free_lens=True)
     options.mapper.track_required_tracks_per_view = TRACKS_PER_FRAME
-    adjustment = options.mapper.bundle_adjustment
-    adjustment.refine_focal_length = adjustment.refine_extra_params = True
-    adjustment.ceres.use_gpu = options.mapper.global_positioning.use_gpu = False
     return list(pycolmap.global_mapping(database_path, images_dir, out_dir, options).values())
 
 
 def _incremental(
     database_path: Path, images_dir: Path, out_dir: Path, config: SelfCalibrationConfig
 ) -> list[Any]:
-    options = pycolmap.IncrementalPipelineOptions()
-    options.num_threads = options.mapper.num_threads = 1
-    options.random_seed = options.mapper.random_seed = config.seed
-    options.min_num_matches = config.sfm.min_pair_inliers
-    options.min_model_size, options.extract_colors = FEWEST_FRAMES, False
-    options.ba_refine_focal_length = options.ba_refine_extra_params = True
+    options = incremental_options(config.sfm, free_lens=True)
+    options.min_model_size = FEWEST_FRAMES
     options.mapper.init_min_tri_angle = FIRST_PAIR_DEG
     return list(pycolmap.incremental_mapping(database_path, images_dir, out_dir, options).values())
 
