@@ -1,0 +1,394 @@
+"""A pose graph of one person: poses of cameras, motions that a network sees, feet that stand.
+
+The network's error has two parts, a fast and a slow one, each a Gauss-Markov process whose spread
+and memory were measured on people whom the network had not seen.  Errors of neighbouring motions
+are alike, so motions taken as independent would promise too much over a gap; and what the cameras
+show of the slow part before and after a gap holds within it.  Each frame has a root orientation, a
+pelvis place, and the slow error as unknowns; the fast error is what is left of a motion then.
+
+The graph is solved by Gauss-Newton on SO(3) x R3 with a sparse factor (Dellaert & Kaess 2006;
+Barfoot 2017, section 9.2), outliers by Cauchy weights.  The error bars are the diagonal blocks of
+the inverse of its last normal matrix, by solves with the same factor.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
+
+from gmrdata.values.errors import StageFailed
+from gmrdata.values.motion_deltas import accumulate
+from gmrdata.values.shapes import Float
+
+TURN, PLACE, SLOW, WIDTH = 0, 3, 6, 12
+"""Where the unknowns of a frame begin among its 12: turn [rad], place [m], slow error [1]."""
+ANCHOR = 1e-6  # standard deviation of the first pose where no camera says where it is [rad, m]
+LEAST = 1e-6  # and of a step that is said to be exact [rad, m]
+OUTLIER = 4.0  # standard deviations beyond which a camera's pose or a foot counts for less
+SOLVES = 256  # columns of the inverse that are held at once
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPoses:
+    """Poses in the world that cameras give, over T frames.  Rows that are not known may be NaN."""
+
+    rotmats: np.ndarray  # (T, 3, 3) world_from_root
+    pelvis_m: np.ndarray  # (T, 3) [m]
+    known: np.ndarray  # (T,) bool
+    turn_sigma_rad: np.ndarray  # (T,) independent from frame to frame, about each axis [rad]
+    place_covariance_m2: np.ndarray  # (T, 3, 3) the same of the place, world axes [m2]
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorProcess:
+    """A part of a network's error: a rate that wanders about zero.  Turn first, then place."""
+
+    sigma: np.ndarray  # (T-1, 6) standard deviation [rad/s, m/s], in the body's axes
+    time_s: np.ndarray  # (6,) time in which it forgets itself to 1/e
+
+
+@dataclass(frozen=True, eq=False)
+class SeenMotions:
+    """Motions from each of T frames to the next, as a network sees them, and how wrong they are."""
+
+    delta_rotmats: np.ndarray  # (T-1, 3, 3)
+    delta_m: np.ndarray  # (T-1, 3) [m]
+    fast: ErrorProcess
+    slow: ErrorProcess
+
+
+@dataclass(frozen=True, eq=False)
+class PlantedFeet:
+    """Points of feet, and when each of them stands."""
+
+    points_root_m: np.ndarray  # (T, P, 3) seen from the pelvis, root axes [m]
+    still: np.ndarray  # (T-1, P) bool: stands from this frame to the next
+    slip_m: float  # standard deviation of what a standing point moves in a frame [m]
+    height_sigma_m: float | None  # that of its height over z = 0 [m]; None: the ground isn't level
+
+
+class SamePlace(NamedTuple):
+    """The person stands on one spot at two times: equal x and y of the pelvis."""
+
+    row: int
+    other_row: int
+    sigma_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class FusedPoses:
+    """The person's poses in every frame, and their covariances."""
+
+    rotmats: np.ndarray  # (T, 3, 3) world_from_root
+    pelvis_m: np.ndarray  # (T, 3) [m]
+    turn_covariance_rad2: np.ndarray  # (T, 3, 3) about the body's axes
+    place_covariance_m2: np.ndarray  # (T, 3, 3) world axes
+    iterations: int
+
+
+class _Terms(NamedTuple):
+    """Linearised residuals in standard deviations: r + sum of J @ x[column : column + width]."""
+
+    residuals: np.ndarray  # (n, d)
+    blocks: list[tuple[np.ndarray, np.ndarray]]  # first columns (n,) and Jacobians (n, d, width)
+    cost: float | None = None  # None for the sum of squares
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    rotmats: np.ndarray
+    pelvis_m: np.ndarray
+    slow: np.ndarray  # (T, 6) slow error in standard deviations
+
+    def moved(self, change: np.ndarray) -> "_State":
+        """After a step (T, 12) in the tangent space."""
+        turns = Rotation.from_rotvec(change[:, TURN:PLACE]).as_matrix()
+        return _State(
+            self.rotmats @ turns,
+            self.pelvis_m + change[:, PLACE:SLOW],
+            self.slow + change[:, SLOW:],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Graph:
+    fps_hz: float
+    seen: SeenPoses
+    motions: SeenMotions
+    feet: PlantedFeet | None
+    loops: Sequence[SamePlace]
+
+    def terms(self, state: _State) -> Iterator[_Terms]:
+        yield from _slow_terms(state, self.motions.slow, self.fps_hz)
+        yield from _motion_terms(state, self.motions, self.fps_hz)
+        if self.seen.known.any():
+            yield from _seen_terms(state, self.seen)
+        else:
+            yield _anchor_terms(state)
+        if self.feet is not None:
+            yield from _feet_terms(state, self.feet)
+        if self.loops:
+            yield _loop_terms(state, self.loops)
+
+
+def fuse(
+    fps_hz: float,
+    seen: SeenPoses,
+    motions: SeenMotions,
+    *,
+    feet: PlantedFeet | None = None,
+    loops: Sequence[SamePlace] = (),
+    most_iterations: int = 50,
+) -> FusedPoses:
+    """The most likely poses of T frames, given all of it.
+
+    Without a known frame the world is that of the first pose, which is kept where `seen` has it,
+    and the error bars are relative to it.  StageFailed where it doesn't settle.
+    """
+    graph = _Graph(fps_hz, seen, motions, feet, loops)
+    state = _first_guess(seen, motions)
+    cost, damping = _cost(graph, state), 0.0
+    for iteration in range(1, most_iterations + 1):
+        normal, gradient = _normal_equations(graph, state)
+        moved = state.moved(_solved(normal, gradient, damping).reshape(-1, WIDTH))
+        after = _cost(graph, moved)
+        if not after <= cost * (1 + 1e-9) + 1e-9:
+            damping = max(10 * damping, 1e-4)
+            if damping > 1e8:
+                break
+            continue
+        settled = cost - after < 1e-5 * (1 + after)
+        state, cost, damping = moved, after, damping / 10 if damping > 1e-6 else 0.0
+        if settled:
+            return _with_covariances(graph, state, iteration)
+    raise StageFailed(
+        f"the poses didn't settle in {most_iterations} steps: cameras, motions and loops contradict"
+        " each other. Leave out --loops, or give them a larger --loop-sigma-m"
+    )
+
+
+def _first_guess(seen: SeenPoses, motions: SeenMotions) -> _State:
+    """Known poses as they are; before and after them the network's motions, and between them the
+    same, bent so that they end where the next known pose is."""
+    n = len(seen.known)
+    rotmats, pelvis_m, known = seen.rotmats.copy(), seen.pelvis_m.copy(), seen.known.copy()
+    turns, steps_m = motions.delta_rotmats, motions.delta_m
+    known[0] |= not known.any()
+    rows = np.flatnonzero(known)
+    for start, stop in zip(rows, [*rows[1:], n], strict=True):
+        if stop - start > 1:
+            steps = slice(start, min(stop, n - 1))
+            first = rotmats[start], pelvis_m[start]
+            path = accumulate(turns[steps], steps_m[steps], *first)
+            if stop < n:
+                path = _bent(*path, rotmats[stop], pelvis_m[stop])
+            rotmats[start : stop + 1], pelvis_m[start : stop + 1] = path
+    for row in range(rows[0] - 1, -1, -1):
+        rotmats[row] = rotmats[row + 1] @ turns[row].T
+        pelvis_m[row] = pelvis_m[row + 1] - rotmats[row] @ steps_m[row]
+    return _State(rotmats, pelvis_m, np.zeros((n, WIDTH - SLOW)))
+
+
+def _bent(
+    rotmats: np.ndarray, pelvis_m: np.ndarray, last_rotmat: np.ndarray, last_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A path of n poses from its first one to another last one, turned and moved evenly."""
+    shares = np.linspace(0.0, 1.0, len(rotmats))[:, None]
+    turn = Rotation.from_matrix(last_rotmat @ rotmats[-1].T).as_rotvec()
+    turned = Rotation.from_rotvec(shares * turn).as_matrix()
+    from_first_m = (turned @ (pelvis_m - pelvis_m[0])[..., None])[..., 0]
+    path_m = pelvis_m[0] + from_first_m
+    return turned @ rotmats, path_m + shares * (last_m - path_m[-1])
+
+
+def _slow_terms(state: _State, slow: ErrorProcess, fps_hz: float) -> Iterator[_Terms]:
+    """The slow error begins with its spread, and keeps a part of itself from frame to frame."""
+    kept, new = _memory(slow, fps_hz)
+    yield _Terms(state.slow[:1], [(np.array([SLOW]), np.eye(6)[None])])
+    first = np.arange(len(state.slow) - 1) * WIDTH + SLOW
+    jacobians = (np.diag(factor)[None] for factor in (-kept / new, 1 / new))
+    blocks = list(zip((first, first + WIDTH), jacobians, strict=True))
+    yield _Terms((state.slow[1:] - kept * state.slow[:-1]) / new, blocks)
+
+
+def _memory(process: ErrorProcess, fps_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Share of itself that an error keeps over a frame, and standard deviation of what is new."""
+    times = 1 / (fps_hz * process.time_s)
+    return np.exp(-times), np.sqrt(-np.expm1(-2 * times))
+
+
+def _motion_terms(state: _State, motions: SeenMotions, fps_hz: float) -> Iterator[_Terms]:
+    """What is left of a motion, less the slow error, is the fast one, which remembers itself."""
+    fast, jac = _fast_errors(state, motions, fps_hz)
+    kept, new = _memory(motions.fast, fps_hz)
+    columns = np.arange(len(fast)) * WIDTH
+    yield _Terms(fast[:1], [(columns[:1], jac[:1])])
+    before, after = -(kept / new)[:, None] * jac[:-1], jac[1:] / new[:, None]
+    blocks = [(columns[:-1], before), (columns[1:], after)]
+    yield _Terms((fast[1:] - kept * fast[:-1]) / new, blocks)
+
+
+def _fast_errors(
+    state: _State, motions: SeenMotions, fps_hz: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The fast errors (T-1, 6) in standard deviations, and how they change with the 24 unknowns of
+    the frames before and after."""
+    slow_step = _step(motions.slow, fps_hz)
+    before, after = state.rotmats[:-1], state.rotmats[1:]
+    to_root = before.swapaxes(-1, -2)
+    wrong = Rotation.from_matrix(
+        after.swapaxes(-1, -2) @ before @ motions.delta_rotmats
+    ).as_rotvec()
+    step_m = (to_root @ np.diff(state.pelvis_m, axis=0)[..., None])[..., 0]
+    left = np.concatenate([wrong, motions.delta_m - step_m], axis=1) - slow_step * state.slow[:-1]
+    jac = np.zeros((len(left), 6, 2 * WIDTH))
+    half, each = 0.5 * _cross(wrong), np.arange(6)
+    jac[:, :3, TURN:PLACE] = (np.eye(3) + half) @ motions.delta_rotmats.swapaxes(-1, -2)
+    jac[:, :3, WIDTH + TURN : WIDTH + PLACE] = half - np.eye(3)
+    jac[:, 3:, TURN:PLACE] = -_cross(step_m)
+    jac[:, 3:, PLACE:SLOW] = to_root
+    jac[:, 3:, WIDTH + PLACE : WIDTH + SLOW] = -to_root
+    jac[:, each, SLOW + each] = -slow_step
+    sigma = np.maximum(_step(motions.fast, fps_hz), LEAST)
+    return left / sigma, jac / sigma[..., None]
+
+
+def _step(process: ErrorProcess, fps_hz: float) -> np.ndarray:
+    """Spread (T-1, 6) of the error of a motion [rad, m]: of a rate's mean over a frame's time."""
+    x = 1 / (fps_hz * process.time_s)
+    return np.asarray(process.sigma * np.sqrt(mean_variance(x)) / fps_hz)
+
+
+def mean_variance(times: np.ndarray) -> np.ndarray:
+    """Variance of the mean of a Gauss-Markov process of variance 1 over times (...), in its own
+    time constants: 1 for short ones, 2 / time for long ones (Papoulis 1991, section 10-1)."""
+    times = np.maximum(times, 1e-4)
+    return np.asarray(2 * (times + np.expm1(-times)) / times**2)
+
+
+def _seen_terms(state: _State, seen: SeenPoses) -> Iterator[_Terms]:
+    rows = np.flatnonzero(seen.known)
+    wrong = Rotation.from_matrix(
+        seen.rotmats[rows].swapaxes(-1, -2) @ state.rotmats[rows]
+    ).as_rotvec()
+    inverse_sigma = 1 / seen.turn_sigma_rad[rows, None, None]
+    jac = (np.eye(3) + 0.5 * _cross(wrong)) * inverse_sigma
+    yield _robust(_Terms(wrong * inverse_sigma[..., 0], [(rows * WIDTH + TURN, jac)]))
+    whitening = np.linalg.inv(np.linalg.cholesky(seen.place_covariance_m2[rows]))
+    apart_m = (state.pelvis_m - seen.pelvis_m)[rows]
+    whitened = (whitening @ apart_m[..., None])[..., 0]
+    yield _robust(_Terms(whitened, [(rows * WIDTH + PLACE, whitening)]))
+
+
+def _anchor_terms(state: _State) -> _Terms:
+    return _Terms(np.zeros((1, 6)), [(np.array([TURN]), np.eye(6)[None] / ANCHOR)])
+
+
+def _feet_terms(state: _State, feet: PlantedFeet) -> Iterator[_Terms]:
+    """Standing points stay where they are, and on the ground."""
+    rows, points = np.nonzero(feet.still)
+    arms_m = [feet.points_root_m[rows, points], feet.points_root_m[rows + 1, points]]
+    from_pelvis_m = (state.rotmats[:, None] @ feet.points_root_m[..., None])[..., 0]
+    places_m = state.pelvis_m[:, None] + from_pelvis_m
+    moved_m = places_m[rows + 1, points] - places_m[rows, points]
+    blocks = []
+    for later, sign in ((0, -1.0), (1, 1.0)):
+        jac = np.zeros((len(rows), 3, 6))
+        jac[..., TURN:PLACE] = -state.rotmats[rows + later] @ _cross(arms_m[later])
+        jac[..., PLACE:SLOW] = np.eye(3)
+        blocks.append(((rows + later) * WIDTH, sign * jac / feet.slip_m))
+    yield _robust(_Terms(moved_m / feet.slip_m, blocks))
+    if feet.height_sigma_m is not None:
+        height = places_m[rows, points, 2:] / feet.height_sigma_m
+        first, jac = blocks[0]
+        of_height = -jac[:, 2:] * feet.slip_m / feet.height_sigma_m
+        yield _robust(_Terms(height, [(first, of_height)]))
+
+
+def _loop_terms(state: _State, loops: Sequence[SamePlace]) -> _Terms:
+    rows, others = (np.array([loop[k] for loop in loops]) for k in (0, 1))
+    inverse_sigma = 1 / np.array([loop.sigma_m for loop in loops])[:, None]
+    residuals = (state.pelvis_m[others] - state.pelvis_m[rows])[:, :2] * inverse_sigma
+    jac = np.eye(3)[:2] * inverse_sigma[..., None]
+    return _Terms(residuals, [(others * WIDTH + PLACE, jac), (rows * WIDTH + PLACE, -jac)])
+
+
+def _robust(terms: _Terms) -> _Terms:
+    """With Cauchy's weights: what is off by many standard deviations counts for less."""
+    share = (terms.residuals**2).sum(axis=1, keepdims=True) / OUTLIER**2
+    root = 1 / np.sqrt(1 + share)
+    weighted = [(columns, jac * root[..., None]) for columns, jac in terms.blocks]
+    return _Terms(terms.residuals * root, weighted, OUTLIER**2 * float(np.log1p(share).sum()))
+
+
+def _cost(graph: _Graph, state: _State) -> float:
+    costs = ((t.residuals**2).sum() if t.cost is None else t.cost for t in graph.terms(state))
+    return float(sum(costs))
+
+
+def _normal_equations(graph: _Graph, state: _State) -> tuple[Any, np.ndarray]:
+    """J^T J, sparse, and J^T r."""
+    n_rows, data, rows, columns, residuals = 0, [], [], [], []
+    for terms in graph.terms(state):
+        n, d = terms.residuals.shape
+        numbers = n_rows + np.arange(n * d).reshape(n, d, 1)
+        for first, jac in terms.blocks:
+            width = jac.shape[-1]
+            shape = (n, d, width)
+            data.append(np.broadcast_to(jac, shape).ravel())
+            rows.append(np.broadcast_to(numbers, shape).ravel())
+            wide = first[:, None, None] + np.arange(width)
+            columns.append(np.broadcast_to(wide, shape).ravel())
+        residuals.append(terms.residuals.ravel())
+        n_rows += n * d
+    shape = n_rows, len(state.slow) * WIDTH
+    entries = np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))
+    jacobian = sparse.csr_matrix(entries, shape=shape)
+    return (jacobian.T @ jacobian).tocsc(), jacobian.T @ np.concatenate(residuals)
+
+
+def _factor(normal: Any) -> Any:
+    options = {"SymmetricMode": True}
+    return splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+
+
+def _solved(normal: Any, gradient: np.ndarray, damping: float) -> np.ndarray:
+    if damping > 0:
+        normal = normal + sparse.diags(damping * normal.diagonal()).tocsc()
+    return np.asarray(-_factor(normal).solve(gradient))
+
+
+def _with_covariances(graph: _Graph, state: _State, iterations: int) -> FusedPoses:
+    normal, _ = _normal_equations(graph, state)
+    factor, n = _factor(normal), len(state.pelvis_m)
+    wanted = (np.arange(n)[:, None] * WIDTH + np.arange(SLOW)).reshape(-1)
+    blocks = np.empty((n, SLOW, SLOW))
+    each = SOLVES // SLOW
+    for start in range(0, n, each):
+        frames = np.arange(start, min(start + each, n))
+        columns = wanted.reshape(n, SLOW)[frames].ravel()
+        units = np.zeros((normal.shape[0], len(columns)))
+        units[columns, np.arange(len(columns))] = 1.0
+        inverse = factor.solve(units)[columns].reshape(len(frames), SLOW, len(frames), SLOW)
+        own = np.arange(len(frames))
+        blocks[frames] = inverse[own, :, own]
+    blocks = 0.5 * (blocks + blocks.swapaxes(-1, -2))
+    return FusedPoses(
+        state.rotmats,
+        state.pelvis_m,
+        blocks[:, :PLACE, :PLACE],
+        blocks[:, PLACE:, PLACE:],
+        iterations,
+    )
+
+
+def _cross(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Matrices of the cross product with vectors."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.moveaxis(np.array(rows), -1, 0)
