@@ -45,6 +45,7 @@ from gmrdata.read.torch_files import load_tensors
 from gmrdata.read.world_results import (
     CAMERA_FILE,
     SMPLX_REST_PELVIS_M,
+    VIBE_CROP_OVER_BOX,
     person_array,
     tram_tracks,
 )
@@ -57,7 +58,6 @@ Estimator = Literal["vibe", "wham", "gvhmr", "tram", "phalp"]
 CROP_FOCAL_PX = 5000.0
 """Focal length of HMR and those after it, in a crop of their own size [px]."""
 VIBE_CROP_PX, PHALP_CROP_PX = 224.0, 256.0
-VIBE_CROP_OVER_BOX = 1.1
 AGAIN = "Give the estimator's own file, or make it again"
 KNOWN = "Known are VIBE's, WHAM's, GVHMR's, TRAM's and PHALP's (4D-Humans') results"
 LARGEST_SIDE_ERROR_PX = 2.0  # by which twice a principal point may differ from the image's size

@@ -21,7 +21,10 @@ SLAHMR    `<sequence>_<step>_world_results.npz` (slahmr/optim/optimizers.py; num
           seen in, and which images the T rows are; `cam_R` (B, T, 3, 3), `cam_t` (B, T, 3), the
           camera's own cam_from_world.  y is down, along the first camera's y.
 VIBE      `vibe_output.pkl` (demo.py; joblib): `pose` (T, 72) and `betas` (T, 10) in the camera's
-          frame, `frame_ids` (T,), and `orig_cam` (T, 4), a weak-perspective camera.
+          frame, `frame_ids` (T,), and `orig_cam` (T, 4) = sx, sy, tx, ty, a weak-perspective
+          camera, made from `pred_cam` (T, 3) = s, tx, ty of a crop as if that were as large as
+          its `bboxes`.  The network saw one 1.1 times as large (demo.py, `bbox_scale`): VIBE draws
+          people 1.1 times too small (its issue 182).  Here their camera is widened.
 AMASS     any `.npz` with AMASS's keys: `poses` (T, 72, 156 or 165), `trans` (T, 3), `betas`,
           `gender`, `mocap_framerate` (or `mocap_frame_rate`).  z is up.
 
@@ -56,6 +59,7 @@ SMPLX_REST_PELVIS_M = np.array([0.0031, -0.3514, 0.0120])
 """J0 of SMPL-X's neutral body in its mean shape, rest frame [m]."""
 SLAHMR_FILE = re.compile(r".*_(\d{6})_world_results\.npz")
 TRACK_INFO = "track_info.json"
+VIBE_CROP_OVER_BOX = 1.1
 _AGAIN = "Give the system's own file, or make it again"
 
 
@@ -204,6 +208,11 @@ def _vibe_person(key: Any, values: Any, path: Path) -> ResultPerson:
     if not (weak_cameras[:, :2] > 0).all():
         at = int(np.argmin(weak_cameras[:, :2].min(axis=1)))
         raise BadMotionFile(f"{path}: orig_cam of {name} has no scale at row {at}. {_AGAIN}")
+    shifts_m = np.zeros((len(pose), 2))  # within the crop, by which its middle is not shifted
+    if "pred_cam" in values:
+        shifts_m = person_array(values, "pred_cam", (len(pose), 3), name, path)[:, 1:]
+    scales = VIBE_CROP_OVER_BOX * weak_cameras[:, :2]
+    middles_m = (weak_cameras[:, 2:] - shifts_m) / VIBE_CROP_OVER_BOX
     return ResultPerson(
         name=name,
         frame_numbers=numbers,
@@ -212,7 +221,7 @@ def _vibe_person(key: Any, values: Any, path: Path) -> ResultPerson:
         transl_m=None,
         betas=betas,
         z_up_from_file=None,
-        weak_cameras=weak_cameras,
+        weak_cameras=np.concatenate([scales, middles_m + shifts_m], axis=1),
     )
 
 

@@ -72,6 +72,32 @@ def amass(path: Path, **change: Any) -> Path:
     return path / "x.npz"
 
 
+def test_vibe_saw_a_tenth_more_than_its_box(tmp_path: Path) -> None:
+    """A box of 200 px whose middle is 100 px right of that of 640x480 px, as demo.py writes it."""
+    crop, half_px = np.array([0.8, 0.1, -0.2]), np.array([320, 240])
+    scales = crop[0] * 200 / (2 * half_px)
+    person = {
+        "pose": np.zeros((1, 72)),
+        "betas": np.zeros((1, 10)),
+        "orig_cam": np.r_[scales, np.array([100, 0]) / half_px / scales + crop[1:]][None],
+        "pred_cam": crop[None],
+        "frame_ids": np.arange(1),
+    }
+    box_alone = {key: value for key, value in person.items() if key != "pred_cam"}
+    path = tmp_path / "vibe_output.pkl"
+    path.write_bytes(joblib_bytes({1: person, 2: box_alone}))
+    first, second = read_world_result(path).people
+    assert first.weak_cameras is not None and second.weak_cameras is not None
+    ((*scales, tx, ty),) = first.weak_cameras
+    # Of the crop of 220 px, a point at (X, Y) is 110 s (X + tx) right of the middle.
+    assert half_px * scales == pytest.approx(110 * 0.8)
+    at_px = half_px * scales * np.array([0.3 + tx, 0.4 + ty])
+    assert at_px == pytest.approx([100 + 110 * 0.8 * (0.3 + 0.1), 110 * 0.8 * (0.4 - 0.2)])
+    # Without `pred_cam` people stay where they are in the picture.
+    wider = person["orig_cam"] * [1.1, 1.1, 1 / 1.1, 1 / 1.1]
+    np.testing.assert_allclose(second.weak_cameras, wider)
+
+
 WRITERS: dict[str, tuple[Callable[..., Path], tuple[str, ...]]] = {
     "vibe": (vibe, ("pose", "betas", "orig_cam", "frame_ids")),
     "gvhmr": (gvhmr, ("body_pose", "global_orient", "transl")),
