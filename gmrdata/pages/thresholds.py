@@ -82,15 +82,20 @@ def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) ->
 def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[Row]:
     """Nothing is asked of the scale where none enters."""
     share = apart = None
+    wrong: list[Row] = []
     if record is not None and record.scale is not None and record.scale_sigma is not None:
-        share, apart = record.scale_sigma / record.scale, record.scale_disagreement
+        scale, sigma, apart = record.scale, record.scale_sigma, record.scale_disagreement
+        share = sigma / abs(scale) if scale else np.inf
+        if not (scale > 0 and sigma >= 0):
+            said = f"{scale:.3g} ± {sigma:.2g}"
+            wrong = [Row("scale [m per unit of the cameras]", said, "> 0", False)]
     most = config.verdict.max_scale_sigma_share
     row = _row("standard error of the scale [%]", share, most, unit=100)
     if row.met is False and record is not None and not record.scale_matters:
         said = f"{row.threshold}, or ≤ {config.scale.slow_m_per_s:g} m/s of the camera's speed"
         row = row._replace(threshold=said, met=True)
     name = "largest difference of two cues [standard errors]"
-    return [row, _row(name, apart, config.verdict.max_cue_disagreement)]
+    return [*wrong, row, _row(name, apart, config.verdict.max_cue_disagreement)]
 
 
 def frame_rows(found: Solved, config: VerdictConfig) -> list[Row]:

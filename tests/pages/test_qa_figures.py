@@ -47,6 +47,20 @@ def test_a_vague_scale_is_met_where_the_verdict_lets_it_pass(matters: bool, limi
     assert sigma.met == verdict.accepted == (not matters)
 
 
+@pytest.mark.parametrize("scale", [-2.0, 0.0])
+@pytest.mark.parametrize("matters", [True, False])
+def test_a_scale_that_no_camera_has_is_missed(scale: float, matters: bool) -> None:
+    clip = clip_of(circling())
+    estimate = fuse((CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),))
+    estimate = replace(estimate, scale=scale, matters=matters)
+    verdict = judge(clip, GOOD, ROWS, estimate, CONFIG)
+    assert not verdict.accepted
+    record = quality_of([clip], [verdict], estimate, GOOD, PseudoGtConfig())
+    first, sigma, _ = scale_rows(replace(NOTHING, record=record, clips={0: clip}))
+    assert (first.value, first.threshold, first.met) == (f"{scale:g} ± 0.02", "> 0", False)
+    assert sigma.value == ("1" if scale else "inf")
+
+
 def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
     still = clip_of(np.tile(np.eye(4), (90, 1, 1)))
     verdict = verdict_of("c", True, (), [""] * 90)
