@@ -4,11 +4,14 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from gmrdata.cli import main
 from gmrdata.cli.demo_recipe import DemoPaths
+from gmrdata.read.bodies import save_body
+from gmrdata.values.body import BodyModel
 from tests.cli.small_demos import RECIPE, demo_arguments, finish, start_gmrdata
 
 Answer = subprocess.CompletedProcess[str]
@@ -29,6 +32,25 @@ def gmrdata(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
         return Answer(command, code, said.out, said.err)
 
     return run
+
+
+@pytest.fixture
+def walks_command(
+    tmp_path: Path, small_body: BodyModel, write_person: Callable[..., Path]
+) -> Callable[[int], tuple[object, ...]]:
+    """Writes so many short motion files, and gives the command that reads them."""
+
+    def write(n_files: int) -> tuple[object, ...]:
+        folder, body = tmp_path / "motions", tmp_path / "body.npz"
+        save_body(body, small_body)
+        folder.mkdir()
+        for number in range(n_files):
+            pelvis_m = np.linspace([0.0, 0.95, 0.0], [0.0, 0.95, 0.5], 20 + number)
+            still_deg = np.zeros((20 + number, 24, 3))
+            write_person(folder / f"walk{number}.bvh", small_body, still_deg, pelvis_m)
+        return "motions", folder, "--body", body
+
+    return write
 
 
 @pytest.fixture(scope="session")

@@ -7,13 +7,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from gmrdata.read.bodies import save_body
 from gmrdata.stage import finished
 from gmrdata.stage.finished import FINISHED_FILE, FinishedRecord
-from gmrdata.values.body import BodyModel
 from gmrdata.values.joint_names import MIXAMO
 from tests.film.set_kills import contents
 
@@ -37,17 +34,10 @@ def old(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def command(
-    tmp_path: Path, small_body: BodyModel, write_person: Callable[..., Path]
+    tmp_path: Path, walks_command: Callable[[int], tuple[object, ...]]
 ) -> tuple[object, ...]:
     """Two motion files and a joint map, as one shard of one."""
-    save_body(tmp_path / "body.npz", small_body)
-    (tmp_path / "motions").mkdir()
-    for number in range(2):
-        pelvis_m = np.linspace([0.0, 0.95, 0.0], [0.0, 0.95, 0.5], 20 + number)
-        path, still_deg = tmp_path / "motions" / f"walk{number}.bvh", np.zeros((20 + number, 24, 3))
-        write_person(path, small_body, still_deg, pelvis_m)
-    return ("motions", tmp_path / "motions", "--body", tmp_path / "body.npz",
-            "--out", tmp_path / "out", "--shard", "1/1")  # fmt: skip
+    return (*walks_command(2), "--out", tmp_path / "out", "--shard", "1/1")
 
 
 @pytest.mark.usefixtures("old")

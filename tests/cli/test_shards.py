@@ -4,13 +4,10 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gmrdata.cli.shards import merging
-from gmrdata.read.bodies import save_body
 from gmrdata.stage.shards import CommandRecord
-from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadRecord
 from tests.film.set_kills import contents, leftovers
 
@@ -19,17 +16,12 @@ Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture
 def command(
-    tmp_path: Path, small_body: BodyModel, write_person: Callable[..., Path]
+    tmp_path: Path, walks_command: Callable[[int], tuple[object, ...]]
 ) -> tuple[object, ...]:
     """Five motion files, of which one can't be read."""
-    save_body(tmp_path / "body.npz", small_body)
-    (tmp_path / "motions").mkdir()
-    for number in range(4):
-        pelvis_m = np.linspace([0.0, 0.95, 0.0], [0.0, 0.95, 0.5], 20 + number)
-        path, still_deg = tmp_path / "motions" / f"walk{number}.bvh", np.zeros((20 + number, 24, 3))
-        write_person(path, small_body, still_deg, pelvis_m)
+    arguments = walks_command(4)
     (tmp_path / "motions" / "broken.bvh").write_text("HIERARCHY\n")
-    return "motions", tmp_path / "motions", "--body", tmp_path / "body.npz"
+    return arguments
 
 
 def test_shards_leave_the_bytes_of_one_process(
