@@ -146,6 +146,26 @@ def _adjusted(thin: Any, images: list[int], free: FreeIntrinsic, start: float) -
     (camera,) = model.cameras.values()
     given_px, cx, cy, _ = camera.params
     camera.params = [start * given_px, cx, cy, 0.0]
+    adjusted = adjust_lens(model, images, free)
+    if adjusted is None or adjusted.covariance.shape != (1, 1):
+        return None
+    factor, k1 = camera.params[0] / given_px, camera.params[3]
+    sigma = float(np.sqrt(adjusted.covariance[0, 0]))
+    if free == "radial":
+        return _Adjusted(float(k1), sigma, adjusted.cost)
+    return _Adjusted(float(np.log(factor)), sigma / float(camera.params[0]), adjusted.cost)
+
+
+class AdjustedLens(NamedTuple):
+    """What an adjustment of a model says of the intrinsics that it left free."""
+
+    covariance: np.ndarray  # (N, N) of COLMAP's parameters, at the noise that is left
+    cost: float
+
+
+def adjust_lens(model: Any, images: list[int], free: FreeIntrinsic) -> AdjustedLens | None:
+    """Adjust a model of one camera in place; None where that fails or has no standard error."""
+    (camera,) = model.cameras.values()
     # COLMAP's usual tolerance of 1e-6 stops short.
     adjuster = bundle_adjuster(model, images, free, max_iterations=100, tolerance=1e-7)
     summary = adjuster.solve()
@@ -153,18 +173,13 @@ def _adjusted(thin: Any, images: list[int], free: FreeIntrinsic, start: float) -
         return None
     covariance = pycolmap.estimate_ba_covariance(pycolmap.BACovarianceOptions(), model, adjuster)
     of_free = None if covariance is None else covariance.get_other_params_cov(camera.params)
-    if of_free is None or of_free.shape != (1, 1):
+    if of_free is None:
         return None
     model.update_point_3d_errors()
     errors_px = np.array([model.point3D(i).error for i in sorted(model.point3D_ids())])
     # An error is the length of two coordinates; for normal ones its median is 1.177 sigma.
     noise_px = max(NOISE_FLOOR_PX, float(np.median(errors_px)) / 1.177)
-    factor, k1 = camera.params[0] / given_px, camera.params[3]
-    sigma = noise_px * float(np.sqrt(of_free[0, 0]))
-    cost = float(summary.ceres_summary.final_cost)
-    if free == "radial":
-        return _Adjusted(float(k1), sigma, cost)
-    return _Adjusted(float(np.log(factor)), sigma / float(camera.params[0]), cost)
+    return AdjustedLens(noise_px**2 * of_free, float(summary.ceres_summary.final_cost))
 
 
 MATCHES_PER_PAIR = 100

@@ -31,11 +31,11 @@ from gmrdata.cameras.files import Lens
 from gmrdata.cameras.focal import (
     FREED_NOT_INDEPENDENT,
     MAX_RADIAL,
-    NOISE_FLOOR_PX,
     NOT_INDEPENDENT,
     SYSTEMATIC_FOCAL,
     SYSTEMATIC_K1,
     TurningFit,
+    adjust_lens,
     fit_turning,
 )
 from gmrdata.cameras.frames import Frames, reduced
@@ -483,19 +483,11 @@ def _adjusted(thin: Any, images: list[int], radial: bool) -> tuple[np.ndarray, n
         if here < min(3, len(track)):
             model.delete_point3D(point)
     free: FreeIntrinsic = "both" if radial else "focal"
-    adjuster = bundle_adjuster(model, images, free, max_iterations=100, tolerance=1e-7)
-    summary = adjuster.solve()
-    if not summary.is_solution_usable() or not camera.params[0] > 0:
+    adjusted = adjust_lens(model, images, free)
+    if adjusted is None or not np.isfinite(adjusted.covariance).all():
         return None
-    found = pycolmap.estimate_ba_covariance(pycolmap.BACovarianceOptions(), model, adjuster)
-    of_free = None if found is None else found.get_other_params_cov(camera.params)
-    if of_free is None or not np.isfinite(of_free).all():
-        return None
-    model.update_point_3d_errors()
-    errors_px = np.array([model.point3D(i).error for i in sorted(model.point3D_ids())])
-    noise_px = max(NOISE_FLOOR_PX, float(np.median(errors_px)) / 1.177)
-    covariance = np.zeros((2, 2))
-    covariance[: len(of_free), : len(of_free)] = noise_px**2 * of_free
+    n_free, covariance = len(adjusted.covariance), np.zeros((2, 2))
+    covariance[:n_free, :n_free] = adjusted.covariance
     per_px = np.array([1.0 / camera.params[0], 1.0])
     lens = np.array([np.log(camera.params[0]), camera.params[3]])
     return lens, covariance * np.outer(per_px, per_px)
