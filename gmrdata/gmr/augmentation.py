@@ -1,4 +1,4 @@
-"""Augmentations: left and right exchanged, and random turns of the joints.
+"""Augmentations: left and right exchanged, arms of others, and random turns of the joints.
 
 A motion is reflected in a vertical plane of the world, x -> -x, and each joint takes over from its
 counterpart on the other side.  In the body's frame, x to its left, that is the same reflection
@@ -12,12 +12,13 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import WindowConfig
-from gmrdata.values.body import MIRRORED
+from gmrdata.values.body import JOINT, MIRRORED
 from gmrdata.values.shapes import Float
 
 AXES = np.array([-1.0, 1.0, 1.0])  # diagonal of the reflection M
 _SIGNS = np.outer(AXES, AXES)  # M R M multiplies each entry of R by one of these
 _LOCAL = np.array(MIRRORED[1:]) - 1  # row of the counterpart among the 23 local rotations
+_UPPER = np.arange(JOINT["neck"], len(JOINT)) - 1  # rows of neck, head and arms
 
 
 def mirror_local(
@@ -36,20 +37,46 @@ def mirror_points_m(points_m: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray
     return points_m * AXES.astype(points_m.dtype)
 
 
+def with_exchanged_arms(
+    local_rotmats: Float[np.ndarray, "batch frames 23 3 3"],
+    probability: float,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "batch frames 23 3 3"]:
+    """Local rotations of windows, some with neck, head and arms of the next window.
+
+    The root's motion is left as it is: legs and trunk carry it, and arms change it a little.
+    """
+    chosen = np.flatnonzero(rng.random(len(local_rotmats)) < probability)
+    exchanged = local_rotmats.copy()
+    exchanged[chosen[:, None], :, _UPPER] = np.roll(local_rotmats, -1, axis=0)[
+        chosen[:, None], :, _UPPER
+    ]
+    return exchanged
+
+
 def turned(
     local_rotmats: Float[np.ndarray, "*batch frames 23 3 3"],
     config: WindowConfig,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "*batch frames 23 3 3"]:
-    """Local rotations with each joint turned by `pose_noise_deg`: R exp(n), with axis-angle vectors
-    n of normal distribution."""
-    rotvecs_rad = rng.normal(size=local_rotmats.shape[:-1])
-    if config.pose_noise_time_s > 0:
-        rotvecs_rad = _smoothed(rotvecs_rad, config.pose_noise_time_s * config.fps_hz)
-    # Three numbers of variance 1 make a vector of mean square length 3.
-    rotvecs_rad *= np.deg2rad(config.pose_noise_deg) / np.sqrt(3)
+    """Local rotations with each joint turned by `pose_noise_deg` and `posture_noise_deg`: R exp(n),
+    with axis-angle vectors n of normal distribution.  The second n is the same in all frames."""
+    rotvecs_rad = np.zeros(local_rotmats.shape[:-1])
+    if config.pose_noise_deg > 0:
+        noise = rng.normal(size=rotvecs_rad.shape)
+        if config.pose_noise_time_s > 0:
+            noise = _smoothed(noise, config.pose_noise_time_s * config.fps_hz)
+        rotvecs_rad += _per_axis_rad(config.pose_noise_deg) * noise
+    if config.posture_noise_deg > 0:
+        of_window = rng.normal(size=(*rotvecs_rad.shape[:-3], 1, *rotvecs_rad.shape[-2:]))
+        rotvecs_rad += _per_axis_rad(config.posture_noise_deg) * of_window
     turns = Rotation.from_rotvec(rotvecs_rad.reshape(-1, 3)).as_matrix()
     return local_rotmats @ turns.reshape(local_rotmats.shape).astype(local_rotmats.dtype)
+
+
+def _per_axis_rad(deg: float) -> float:
+    """Three numbers of variance 1 make a vector of mean square length 3."""
+    return float(np.deg2rad(deg) / np.sqrt(3))
 
 
 def _smoothed(noise: np.ndarray, sigma_frames: float) -> np.ndarray:

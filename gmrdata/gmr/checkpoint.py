@@ -30,7 +30,7 @@ from gmrdata.values.records import Config, Record
 
 STATE_FILE = "state.json"
 _FOLDER_NAME = re.compile(r"step_[0-9]{8,12}")
-_REMEDY = "Give a run made by gmrdata, or train again"
+REMEDY = "Give a run made by gmrdata, or train again"
 Weights = Literal["model", "average", "best"]  # what training goes on from, its average, the best
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -184,7 +184,7 @@ def read_state(folder: Path) -> GmrState:
             value = _brought_up(value)
         return GmrState.of_value(path, value)
     except (MissingInput, BadRecord) as error:
-        raise BadCheckpoint(f"{error}. {_REMEDY}") from None
+        raise BadCheckpoint(f"{error}. {REMEDY}") from None
 
 
 def _brought_up(value: dict[str, Any]) -> dict[str, Any]:
@@ -200,7 +200,7 @@ def read_step_state(folder: Path, kind: type[State]) -> State:
     try:
         return kind.read(folder / STATE_FILE)
     except (MissingInput, BadRecord) as error:
-        raise BadCheckpoint(f"{error}. {_REMEDY}") from None
+        raise BadCheckpoint(f"{error}. {REMEDY}") from None
 
 
 def read_model(folder: Path, which: Which = "latest") -> Gmr:
@@ -213,11 +213,16 @@ def read_model(folder: Path, which: Which = "latest") -> Gmr:
         )
     latest: Weights = "average" if state.averaged else "model"
     kind: Weights = "best" if which == "best" else latest
+    return read_network(folder, kind, state.model)
+
+
+def read_network(folder: Path, name: str, config: ModelConfig) -> Gmr:
+    """A network of a config, with the weights of a folder's file in float32; BadCheckpoint."""
     # The network is made once the file is known to have its weights: a record may ask for any size.
     with torch.device("meta"):
-        shapes = _shapes(Gmr(state.model))
-    tensors = _read_tensors(folder, kind, shapes)
-    model = Gmr(state.model)
+        shapes = _shapes(Gmr(config))
+    tensors = _read_tensors(folder, name, shapes)
+    model = Gmr(config)
     model.load_state_dict(tensors)
     return model
 

@@ -90,7 +90,14 @@ class WindowConfig(Config):
     all_phases: bool = True
     """Whether a clip of k times the rate gives k sequences, each begun a frame later, or only the
     first.  The paper samples "each sequence at a rate of 10 fps", plainly read: once."""
+    speeds: tuple[Annotated[float, Field(ge=0.1, le=10.0)], ...] = Field((1.0,), min_length=1)
+    """How fast motions are played: each clip is cut at each speed.  The paper's is 1 alone."""
     mirror_probability: float = Field(default=0.0, ge=0.0, le=1.0)  # of left and right; paper: 0
+    exchange_probability: float = Field(default=0.0, ge=0.0, le=1.0)
+    """Share of windows whose arms and head move as in another window; paper: 0."""
+    posture_noise_deg: float = Field(default=0.0, ge=0.0, le=180.0)
+    """Root mean square angle of turns of each joint that last for a window, in the input alone
+    [deg]: another person's posture; paper: 0."""
     pose_noise_deg: float = Field(default=0.0, ge=0.0, le=180.0)
     """Root mean square angle of random turns of each joint, in the input alone [deg]; paper: 0."""
     pose_noise_time_s: float = Field(default=0.0, ge=0.0, le=limits.LONGEST_S)

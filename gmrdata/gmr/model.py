@@ -100,6 +100,31 @@ class Gmr(MotionNetwork):
             return turns, delta_m
 
 
+class MeanGmr(nn.Module):
+    """Several networks of one config, and the mean of their motions.
+
+    Rotations are averaged on SO(3), in the tangent space of the first network's: one step towards
+    the Karcher mean, whose next one would change a spread of 5 degrees by about 0.01 degrees.
+    """
+
+    def __init__(self, models: Sequence[Gmr]) -> None:
+        super().__init__()
+        self.models = nn.ModuleList(models)
+        self.config = models[0].config
+
+    def forward(
+        self,
+        poses: Float[Tensor, "batch frames numbers"],
+        lengths: Int[Tensor, " batch"] | None = None,
+    ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
+        """dR and dT [m], as each of the networks gives them."""
+        motions = [model(poses, lengths) for model in self.models]
+        delta_m = torch.stack([moves_m for _, moves_m in motions]).mean(0)
+        first = motions[0][0]
+        turns = torch.stack([rotations.log_map(first.mT @ found) for found, _ in motions])
+        return first @ rotations.to_rotmats(turns.mean(0), "axis-angle"), delta_m
+
+
 def _shares(source: MotionSource, n_features: int) -> StandingShares | None:
     return StandingShares(n_features) if source == "standing_joint" else None
 

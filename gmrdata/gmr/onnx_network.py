@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from gmrdata import __version__
-from gmrdata.gmr.model import Gmr, network_input
+from gmrdata.gmr.model import Gmr, MeanGmr, network_input
 from gmrdata.gmr.predict import TrainedGmr
 from gmrdata.values.body import JOINT_NAMES, N_LOCAL
 from gmrdata.values.errors import MissingExtra
@@ -38,7 +38,7 @@ ABOUT = {
 class _WholeNetwork(nn.Module):
     """From local rotations to the T - 1 motions between T frames."""
 
-    def __init__(self, model: Gmr) -> None:
+    def __init__(self, model: Gmr | MeanGmr) -> None:
         super().__init__()
         self.model = model
 

@@ -7,12 +7,13 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
+from gmrdata.gmr.bundled import BUNDLE_FILE, read_bundle
 from gmrdata.gmr.checkpoint import read_model, read_state, trained_checkpoint
 from gmrdata.gmr.config import Which
-from gmrdata.gmr.model import Gmr, network_input
+from gmrdata.gmr.model import Gmr, MeanGmr, network_input
 from gmrdata.gmr.runs import runs_at
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.errors import BadCheckpoint, BadMotionFile
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import accumulate
 from gmrdata.values.shapes import Float
@@ -22,23 +23,33 @@ from gmrdata.values.shapes import Float
 class TrainedGmr:
     """A network in evaluation mode, with what it takes to use it."""
 
-    model: Gmr
+    model: Gmr | MeanGmr
     fps_hz: float  # frame rate that it was trained at
-    name: str  # of the run's folder
+    name: str  # of the run's folder, or the bundle's own
     step: int  # training steps behind the weights
 
 
 def load_gmr(run_dir: Path | str, which: Which = "latest") -> TrainedGmr:
     """The latest checkpoint of a training run, or what scored best on its held-out clips.
 
+    Or a folder of weights alone, as `gmrdata.gmr.bundled` has one, which has no other weights.
     MissingInput where there is none, BadCheckpoint where it is broken or has no best weights.
     """
     run_dir = Path(run_dir)
+    if (run_dir / BUNDLE_FILE).is_file():
+        return _load_bundle(run_dir, which)
     folder = trained_checkpoint(run_dir)
     state = read_state(folder)
     model = read_model(folder, which).eval()
     step = state.best.step if which == "best" and state.best is not None else state.step
     return TrainedGmr(model, state.fps_hz, run_dir.name, step)
+
+
+def _load_bundle(folder: Path, which: Which) -> TrainedGmr:
+    if which == "best":
+        raise BadCheckpoint(f"{folder}: has the latest weights alone. Use those")
+    bundle, model = read_bundle(folder)
+    return TrainedGmr(model.eval(), bundle.fps_hz, bundle.name, bundle.step)
 
 
 def predict_deltas(

@@ -9,7 +9,13 @@ import torch
 from torch import Tensor
 
 from gmrdata.gmr import rotations
-from gmrdata.gmr.augmentation import mirror_local, mirror_points_m, mirror_rotmats, turned
+from gmrdata.gmr.augmentation import (
+    mirror_local,
+    mirror_points_m,
+    mirror_rotmats,
+    turned,
+    with_exchanged_arms,
+)
 from gmrdata.gmr.config import ExtraInput, Representation, WindowConfig
 from gmrdata.gmr.flat_runs import FlatRuns, PackRecord, TrainingRun, in_files, in_memory
 from gmrdata.gmr.inputs import input_rotmats
@@ -18,6 +24,7 @@ from gmrdata.gmr.model import network_input
 from gmrdata.gmr.runs import no_runs, runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadManifest
+from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.shapes import Float, Int
 
@@ -124,7 +131,11 @@ def make_batch(
     local_rotmats = _padded(local_rotmats, lengths)
     mirrored = np.array([window.mirrored for window in windows])
     local_rotmats[mirrored] = mirror_local(local_rotmats[mirrored])
-    if config.mirror_probability > 0 or config.pose_noise_deg > 0 or training_set.extra_inputs:
+    if config.exchange_probability > 0:
+        local_rotmats = with_exchanged_arms(local_rotmats, config.exchange_probability, rng)
+    is_noisy = config.pose_noise_deg > 0 or config.posture_noise_deg > 0
+    is_changed = config.mirror_probability > 0 or config.exchange_probability > 0 or is_noisy
+    if is_changed or training_set.extra_inputs:
         poses = _input_of(local_rotmats, lengths, training_set, config, rng)
     return Batch(
         poses=torch.from_numpy(poses),
@@ -194,7 +205,7 @@ def _input_of(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Network input of a batch's local rotations, (B, T, D) float32, zero in padding."""
-    if config.pose_noise_deg > 0:
+    if config.pose_noise_deg > 0 or config.posture_noise_deg > 0:
         local_rotmats = _padded(turned(local_rotmats, config, rng), lengths)
     poses: np.ndarray = network_input(
         torch.from_numpy(local_rotmats), training_set.representation, training_set.extra_inputs
@@ -230,7 +241,7 @@ def _run_rows(
                 f" {clip.motion.body}), whose shapes do not mix. Give a folder with all of them"
             )
         body = bodies.index(clip.motion.body)
-        for motion in runs_at(clip, config.fps_hz, all_phases=config.all_phases):
+        for motion in _runs_at_speeds(clip, config):
             n_runs += 1
             part = 0 if parts is None else int(parts[n_clips - 1])
             local_rotmats = torch.as_tensor(motion.local_rotmats, dtype=torch.float64)
@@ -239,3 +250,9 @@ def _run_rows(
             yield TrainingRun(*arrays, part, body)
     if not n_runs:
         raise no_runs(n_clips, "training", config.fps_hz, "Give manifests with longer clips")
+
+
+def _runs_at_speeds(clip: Clip, config: WindowConfig) -> Iterator[Motion]:
+    """Runs that have the network's frame rate when they are played at each of the speeds."""
+    for speed in config.speeds:
+        yield from runs_at(clip, config.fps_hz / speed, all_phases=config.all_phases)

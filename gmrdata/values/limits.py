@@ -55,6 +55,7 @@ MOST_WORKERS = 1024  # processes, or threads of one
 LARGEST_SEED = 2**63 - 1
 MOST_DRAWS = 1_000_000  # of a bootstrap
 MOST_LAYERS, MOST_UNITS = 64, 65_536  # of a network
+MOST_NETWORKS = 64  # that predict together
 MOST_WEIGHTS = 2_000_000_000  # of a network's layers; the paper's has 0.26 billion
 MOST_BATCH = 65_536  # windows in a step
 MOST_BATCH_FRAMES = 4_000_000  # in all windows of a step

@@ -68,3 +68,13 @@ def test_only_the_input_is_noisy(make_clips: Callable[..., list[Clip]]) -> None:
     again = make_batch(training_set, noisy, 3, seed=2, step=9)
     assert torch.equal(again.poses, b.poses)
     assert not torch.equal(make_batch(training_set, noisy, 3, seed=2, step=8).poses, b.poses)
+
+
+def test_posture_noise_is_the_same_in_all_frames_of_a_window() -> None:
+    found = noise_rad(WindowConfig(posture_noise_deg=4.0))
+    np.testing.assert_allclose(found, found[:, :1] + np.zeros_like(found), atol=1e-12)
+    rms_deg = np.rad2deg(np.sqrt((found**2).sum(-1).mean()))
+    assert rms_deg == pytest.approx(4.0, rel=0.15)
+    assert np.abs(found[0] - found[1]).max() > 0.01
+    both = noise_rad(WindowConfig(posture_noise_deg=3.0, pose_noise_deg=4.0, pose_noise_time_s=0.3))
+    assert np.rad2deg(np.sqrt((both**2).sum(-1).mean())) == pytest.approx(5.0, rel=0.1)

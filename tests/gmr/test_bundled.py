@@ -1,0 +1,102 @@
+"""Networks in a folder of weights alone, and several that predict together."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from gmrdata.gmr.bundled import BUNDLE_FILE, read_bundle, write_bundle
+from gmrdata.gmr.checkpoint import save_checkpoint
+from gmrdata.gmr.config import ModelConfig
+from gmrdata.gmr.model import Gmr, MeanGmr
+from gmrdata.gmr.predict import load_gmr, predict_deltas
+from gmrdata.values.errors import BadCheckpoint
+from gmrdata.values.motion import Motion
+
+CONFIG = ModelConfig(
+    layers=1, hidden=6, extra_inputs=("standing",), rotation="standing_joint", output_scale=0.1
+)
+
+
+@pytest.fixture
+def make_run(tmp_path: Path) -> Callable[..., Path]:
+    """A run's folder with a network of random weights."""
+
+    def make(seed: int, config: ModelConfig = CONFIG, fps_hz: float = 10.0) -> Path:
+        torch.manual_seed(seed)
+        model = Gmr(config)
+        optimizer = torch.optim.Adam(model.parameters())
+        sum(parameter.sum() for parameter in model.parameters()).backward()  # type: ignore[union-attr]
+        optimizer.step()
+        run_dir = tmp_path / f"run_{seed}"
+        save_checkpoint(run_dir, 40 + seed, model, optimizer, body="small", fps_hz=fps_hz)
+        return run_dir
+
+    return make
+
+
+def test_one_network_predicts_as_its_run_does(
+    make_run: Callable[..., Path], walk: Callable[..., Motion], tmp_path: Path
+) -> None:
+    run_dir, poses = make_run(2), walk(10.0).local_rotmats
+    gmr = load_gmr(write_bundle([run_dir], "one", tmp_path / "bundle"))
+    assert (gmr.name, gmr.step, gmr.fps_hz) == ("one", 42, 10.0)
+    found, wanted = predict_deltas(gmr, poses), predict_deltas(load_gmr(run_dir), poses)
+    np.testing.assert_allclose(found[0], wanted[0], atol=1e-3)
+    np.testing.assert_allclose(found[1], wanted[1], atol=1e-3)
+    size = (tmp_path / "bundle" / "network_0.safetensors").stat().st_size
+    assert size < 2.2 * sum(p.numel() for p in gmr.model.parameters()) + 4000
+
+
+def test_several_predict_the_mean_on_so3(
+    make_run: Callable[..., Path], walk: Callable[..., Motion], tmp_path: Path
+) -> None:
+    runs, poses = [make_run(seed) for seed in (1, 2, 3)], walk(10.0).local_rotmats
+    gmr = load_gmr(write_bundle(runs, "three", tmp_path / "bundle"))
+    assert isinstance(gmr.model, MeanGmr)
+    rotmats, moves_m = predict_deltas(gmr, poses)
+    each = [predict_deltas(load_gmr(run_dir), poses) for run_dir in runs]
+    mean = [Rotation.from_matrix(np.stack(m)).mean() for m in zip(*(r for r, _ in each), strict=True)]
+    apart = Rotation.from_matrix(each[0][0]).inv() * Rotation.from_matrix(each[1][0])
+    wrong = Rotation.from_matrix(rotmats).inv() * Rotation.concatenate(mean)
+    assert wrong.magnitude().max() < 0.02 * apart.magnitude().max()
+    np.testing.assert_allclose(moves_m, np.mean([m for _, m in each], axis=0), atol=1e-3)
+
+
+def test_the_mean_of_far_rotations_is_the_middle_one() -> None:
+    """Three constant networks that turn by 10, 40 and 70 degrees about one axis."""
+    models = []
+    for degrees in (10, 40, 70):
+        model = Gmr(ModelConfig(layers=1, hidden=2))
+        with torch.no_grad():
+            model.regression.weight.zero_()
+            model.regression.bias.copy_(torch.tensor([0, np.deg2rad(degrees), 0, degrees, 0, 0]))
+        models.append(model)
+    rotmats, moves_m = MeanGmr(models)(torch.zeros(1, 3, 92))
+    found = Rotation.from_matrix(rotmats[0].detach().double().numpy()).as_rotvec(degrees=True)
+    np.testing.assert_allclose(found, np.tile([0, 40, 0], (3, 1)), atol=1e-4)
+    assert moves_m[0, :, 0].tolist() == [40, 40, 40]
+
+
+def test_runs_of_different_networks_are_refused(
+    make_run: Callable[..., Path], tmp_path: Path
+) -> None:
+    runs = [make_run(1), make_run(2, fps_hz=20.0)]
+    with pytest.raises(BadCheckpoint, match=r"run_2: of another network than .*run_1"):
+        write_bundle(runs, "mixed", tmp_path / "bundle")
+    assert not (tmp_path / "bundle").exists()
+
+
+def test_broken_folders_are_named(make_run: Callable[..., Path], tmp_path: Path) -> None:
+    folder = write_bundle([make_run(1), make_run(2)], "two", tmp_path / "bundle")
+    with pytest.raises(BadCheckpoint, match=r"bundle: has the latest weights alone"):
+        load_gmr(folder, "best")
+    (folder / "network_1.safetensors").unlink()
+    with pytest.raises(BadCheckpoint, match=r"network_1\.safetensors: truncated, missing"):
+        read_bundle(folder)
+    (folder / BUNDLE_FILE).write_text("{}")
+    with pytest.raises(BadCheckpoint, match=r"bundle\.json"):
+        load_gmr(folder)
