@@ -11,6 +11,7 @@ import numpy as np
 
 from gmrdata.cameras.files import Lens
 from gmrdata.values import records, transforms
+from gmrdata.values.camera import bent
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import write_npz
 
@@ -80,9 +81,7 @@ def errors_px(
     cam_from_world = transforms.invert(world_from_cam[tracks.rows])
     points_cam = transforms.apply(cam_from_world, points[tracks.points][:, None])[:, 0]
     rays = points_cam[:, :2] / points_cam[:, 2:]
-    r2 = (rays**2).sum(axis=1, keepdims=True)
-    bent = rays * (1 + k1 * r2 + k2 * r2**2)
-    image_px = bent * intrinsics_px[[0, 1], [0, 1]] + intrinsics_px[:2, 2]
+    image_px = bent(rays, k1, k2) * intrinsics_px[[0, 1], [0, 1]] + intrinsics_px[:2, 2]
     return np.asarray(np.linalg.norm(image_px - tracks.image_px, axis=1))
 
 

@@ -16,7 +16,7 @@ from gmrdata.pages.frames import draw_mask_outline
 from gmrdata.read.frames import read_color, read_gray
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
-from gmrdata.values.camera import CameraPath, project_cam
+from gmrdata.values.camera import CameraPath, bent, project_cam
 from gmrdata.values.errors import BadFrames
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.overlay import OVERLAY_BGR, draw_body, draw_floor_path
@@ -163,12 +163,13 @@ def bent_points(points_cam: np.ndarray, lens: Lens | None) -> np.ndarray:
     those that lie so far out that the lens's terms do not hold."""
     if lens is None:
         return points_cam
+    depths = points_cam[:, 2:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        r2 = ((points_cam[:, :2] / points_cam[:, 2:]) ** 2).sum(axis=1, keepdims=True)
-    factor = 1 + lens.k1 * r2 + lens.k2 * r2**2
-    grows = 1 + 3 * lens.k1 * r2 + 5 * lens.k2 * r2**2 > 0
-    there = np.where(grows, factor, np.nan)
-    return np.concatenate([points_cam[:, :2] * there, points_cam[:, 2:]], axis=1)
+        rays = points_cam[:, :2] / depths
+        r2 = (rays**2).sum(axis=1, keepdims=True)
+        grows = 1 + 3 * lens.k1 * r2 + 5 * lens.k2 * r2**2 > 0
+        seen = np.where(grows, bent(rays, lens.k1, lens.k2), np.nan)
+        return np.concatenate([seen * depths, depths], axis=1)
 
 
 def _draw_marks(image: np.ndarray, marks_px: np.ndarray) -> np.ndarray:

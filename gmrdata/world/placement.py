@@ -13,6 +13,7 @@ import numpy as np
 from gmrdata.read.camera_bodies import AssumedCamera, SeenPerson
 from gmrdata.values.bodies import SMPL, shape_on
 from gmrdata.values.body import SMPL_REST_PELVIS_M, BodyModel
+from gmrdata.values.camera import straightened
 from gmrdata.values.skinning import posed_joints_m
 
 
@@ -27,19 +28,7 @@ class TrueCamera:
     def rays(self, image_px: np.ndarray) -> np.ndarray:
         """x / z and y / z (..., 2) of what is seen at pixels (..., 2)."""
         seen = (image_px - self.intrinsics_px[:2, 2]) / np.diag(self.intrinsics_px)[:2]
-        if not any(self.radial):
-            return np.asarray(seen)
-        k1, k2 = self.radial
-        seen_r = np.linalg.norm(seen, axis=-1, keepdims=True)
-        r = seen_r.copy()
-        for _ in range(NEWTON_STEPS):
-            slope = np.maximum(1.0 + 3 * k1 * r**2 + 5 * k2 * r**4, LEAST_STRETCH)
-            r = r - (r + k1 * r**3 + k2 * r**5 - seen_r) / slope
-        return np.asarray(seen * np.divide(r, seen_r, out=np.ones_like(r), where=seen_r > 0))
-
-
-NEWTON_STEPS = 12
-LEAST_STRETCH = 0.2  # of the picture along the radius; beyond it a lens folds
+        return np.asarray(straightened(seen, *self.radial))
 
 
 @dataclass(frozen=True, eq=False)
