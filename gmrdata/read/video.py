@@ -395,7 +395,7 @@ def _upright(path: Path, frame: "av.VideoFrame", stretch: float, reading: _Readi
     """(H, W, 3) BGR as it is shown."""
     import cv2
 
-    # The matrix of BT.601 for all, as OpenCV's own reader has it, which this one replaced.
+    # The matrix of BT.601 for all, as OpenCV 4's own reader has it, which this one replaced.
     image: np.ndarray = frame.to_ndarray(
         format="bgr24", interpolation="BICUBIC", src_colorspace="ITU601", dst_colorspace="ITU601"
     )
