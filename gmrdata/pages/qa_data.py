@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from gmrdata.masks.folder import find_mask
 from gmrdata.pages.frames import jpeg_image, masked_tile
-from gmrdata.pages.solved import Reader, Solved, read_people, read_reconstruction
+from gmrdata.pages.solved import Reader, Solved, read_people, read_reconstruction, reasons_by_person
 from gmrdata.read.frames import number_in_name, read_color, read_gray
 from gmrdata.read.threedpw_layout import SequenceFiles, require_inside
 from gmrdata.threedpw.people import DATASET_CAMERA_FILE, DOUBTS_FILE, PEOPLE_FILE, PeopleRecord
@@ -50,7 +50,6 @@ def gather(
     # What an earlier run left of a sequence that now failed is not this run's answer.
     is_done = files is not None and not message
     record = reader.read(load_record, pseudo_gt_dir) if is_done else None
-    judged = () if record is None else record.people
     is_solved = record is not None and record.cameras is not None
     dataset_camera = None
     if is_solved:
@@ -62,8 +61,8 @@ def gather(
         people=people,
         doubts=by_set,
         record=record,
-        reasons=tuple(tuple(person.frame_reasons) for person in judged) or by_set,
-        clips=read_people(reader, pseudo_gt_dir, len(judged)) if is_solved else {},
+        reasons=reasons_by_person(record) or by_set,
+        clips=read_people(reader, pseudo_gt_dir, record) if is_solved else {},
         reconstruction=read_reconstruction(reader, sequence_dir / "sfm") if is_solved else None,
         dataset_camera=dataset_camera,
         missing=tuple(reader.missing),

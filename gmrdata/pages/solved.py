@@ -103,9 +103,21 @@ def read_reconstruction(reader: Reader, sfm_dir: Path) -> Reconstruction | None:
     )
 
 
-def read_people(reader: Reader, pseudo_gt_dir: Path, n_people: int) -> dict[int, Clip]:
+def judged_people(record: PseudoGtQuality | None) -> tuple[Verdict, ...]:
+    """The verdicts on a record's people; none without a record."""
+    return () if record is None else record.people
+
+
+def reasons_by_person(record: PseudoGtQuality | None) -> tuple[tuple[str, ...], ...]:
+    """(P, T) why a frame of a person is dropped; else empty."""
+    return tuple(tuple(person.frame_reasons) for person in judged_people(record))
+
+
+def read_people(
+    reader: Reader, pseudo_gt_dir: Path, record: PseudoGtQuality | None
+) -> dict[int, Clip]:
     """World motions by person, of those that can be read."""
-    paths = (pseudo_gt_dir / person_file(person) for person in range(n_people))
+    paths = (pseudo_gt_dir / person_file(person) for person in range(len(judged_people(record))))
     clips = {person: reader.read(load_clip, path) for person, path in enumerate(paths)}
     return {person: clip for person, clip in clips.items() if clip is not None}
 
@@ -148,7 +160,7 @@ class Solved:
 
     @property
     def judged(self) -> tuple[Verdict, ...]:
-        return () if self.record is None else self.record.people
+        return judged_people(self.record)
 
     @property
     def is_solved(self) -> bool:
@@ -181,7 +193,7 @@ class Solved:
     def scale_share(self) -> float | None:
         """Standard error of the metric scale, as a share of it; None where none is known."""
         record = self.record
-        if record is None or record.scale is None or record.scale_sigma is None:
+        if record is None or not record.scale or record.scale_sigma is None:
             return None
         return abs(record.scale_sigma / record.scale)
 

@@ -17,6 +17,7 @@ from gmrdata.pages.solved import (
     Solved,
     read_people,
     read_reconstruction,
+    reasons_by_person,
 )
 from gmrdata.read.frames import list_images, number_in_name
 from gmrdata.read.video import VIDEO_FILE, VideoRecord
@@ -121,19 +122,18 @@ def gather_video(folder: Path, images_dir: Path | None, body: str | None) -> Sol
         raise MissingInput(f"{folder}: {what}. Give the folder of `gmrdata video` or `gmrdata sfm`")
     said = reader.read(VideoVerdict.read, folder / VERDICT_FILE) if VERDICT_FILE in there else None
     record = reader.read(load_record, folder / PSEUDO_GT) if PSEUDO_GT in there else None
-    judged = () if record is None else record.people
-    clips = read_people(reader, folder / PSEUDO_GT, len(judged))
+    clips = read_people(reader, folder / PSEUDO_GT, record)
     solved = read_reconstruction(reader, folder / SFM) if SFM in there else None
     numbers, camera = _camera_of(clips, solved)
     config = reader.read(config_of, folder / PSEUDO_GT) if PSEUDO_GT in there else None
     config = config or PseudoGtConfig()
-    reasons = tuple(tuple(person.frame_reasons) for person in judged)
+    reasons = reasons_by_person(record)
     verdict = None if said is None else said.camera
     if PSEUDO_GT in there and record is None:
         verdict = None  # The cameras' verdict must not stand for that on the people.
     elif verdict is None and solved is not None:
         verdict = reader.read(lambda sfm_dir: _judge(sfm_dir, clips, config), folder / SFM)
-    if not judged and verdict is not None:
+    if not reasons and verdict is not None:
         reasons = (tuple(verdict.frame_reasons),)
     has_lens = (folder / INTRINSICS).is_dir()
     frames_dir = folder / FRAMES if images_dir is None else images_dir
