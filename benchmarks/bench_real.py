@@ -2,7 +2,8 @@
 
 `make bench-real ARGS='--clips FOLDER'` runs this file alone; `real/layout.py` makes the folder.
 `--small` tries one case of each group, `-k focal-dance0` picks cases by name, `--ours-alone` leaves
-plain pycolmap out.  Prints a table and writes out/bench/real.json.
+plain pycolmap out.  A case is kept in out/bench/real.jsonl as soon as it is done, and `--resume`
+takes up what the same code found before.  Prints a table and writes out/bench/real.json.
 """
 
 import pytest
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.bench
 CASES = [*clip_cases(), *fault_cases()]
 SMALL = {case.name: case for case in small(CASES)}
 COLUMNS = ("name", "accepted", "right", "cameras", "frames", "ate_mm", "rpe_mm", "rpe_deg",
-           "plain_ate_mm", "speedup", "seconds")  # fmt: skip
+           "again_deg", "again_share", "plain_ate_mm", "speedup", "seconds")  # fmt: skip
 
 
 def test_clips_are_there(real: RealSession) -> None:

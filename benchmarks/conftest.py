@@ -30,6 +30,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--minutes", type=float, default=10.0, help="how long bench_fuzz.py takes")
     parser.addoption("--target", help="the one reader that bench_fuzz.py tries")
     parser.addoption("--ours-alone", action="store_true", help="nothing beside it, no bars")
+    parser.addoption("--resume", action="store_true", help="take up rows of an earlier run")
 
 
 @pytest.fixture(scope="session")
@@ -54,4 +55,5 @@ def real(request: pytest.FixtureRequest, shared_data: Path) -> RealSession:
         ours_alone=request.config.getoption("--ours-alone"),
         clips_dir=request.config.getoption("--clips") or Path("out/bench/clips"),
         detector=shared_data / "models" / "yolox_nano.onnx",
+        resume=request.config.getoption("--resume"),
     )
