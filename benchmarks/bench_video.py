@@ -29,15 +29,26 @@ from video.focal import (
     LEAST_IN_2_SIGMA,
     MOST_ERROR_PERCENT,
     MOST_K1_ERROR,
-    dancer_row,
+    WRONG_FACTORS,
+    KnownLens,
+    dancer_lens,
     focal_figures,
-    rendered_row,
+    focal_row,
+    rendered_lens,
+    wrong_focal_row,
 )
 from video.real import CLIPS, missing, real_figures, real_rows
 from video.speed import MOST_BYTES, MOST_S, seconds_10s_720p
 
 pytestmark = pytest.mark.bench
 OUT_DIR = Path("out/bench")
+WRONG_FOCAL_CLIPS = (
+    "courtyard_circular",
+    "park_linear",
+    "courtyard_linear",
+    "park_beside",
+    "dancer",
+)
 WORK_DIR = (OUT_DIR / "video").resolve()
 
 
@@ -59,11 +70,20 @@ def clips(record: Record) -> list[Path]:
     return make_video_clips((OUT_DIR / "video_clips").resolve(), small=record.small)
 
 
-def test_focal_length(record: Record, clips: list[Path], request: pytest.FixtureRequest) -> None:
-    rows = [rendered_row(clip, WORK_DIR / "focal" / clip.name) for clip in clips]
+@pytest.fixture(scope="module")
+def lenses(
+    record: Record, clips: list[Path], request: pytest.FixtureRequest
+) -> dict[str, KnownLens]:
+    """The rendered clips, and the dancer where it is there."""
+    known = [rendered_lens(clip) for clip in clips]
     dancer = (request.config.getoption("--clips") or OUT_DIR / "clips") / "dance"
     if (dancer / FACTS_FILE).is_file() and not record.small:
-        rows.append(dancer_row(RealClip(dancer), WORK_DIR / "focal" / "dancer"))
+        known.append(dancer_lens(RealClip(dancer)))
+    return {lens.name: lens for lens in known}
+
+
+def test_focal_length(record: Record, lenses: dict[str, KnownLens]) -> None:
+    rows = [focal_row(lens, WORK_DIR / "focal" / name) for name, lens in lenses.items()]
     show("The lens, not told", [asdict(row) for row in rows])
     figures = focal_figures(rows)
     record.add(**figures)
@@ -75,6 +95,25 @@ def test_focal_length(record: Record, clips: list[Path], request: pytest.Fixture
             at_most("focal error, median [%]", error, MOST_ERROR_PERCENT),
             at_least("share within 2 sigma", share, LEAST_IN_2_SIGMA),
             at_most("error of k1", k1, MOST_K1_ERROR),
+        ]
+    )
+
+
+def test_wrong_focal_lengths(record: Record, lenses: dict[str, KnownLens]) -> None:
+    folder = WORK_DIR / "wrong_focal"
+    rows = [
+        wrong_focal_row(lenses[name], factor, folder / f"{name}_{factor:g}")
+        for name in WRONG_FOCAL_CLIPS
+        if name in lenses
+        for factor in WRONG_FACTORS
+    ]
+    show("A wrong focal length that is given", [asdict(row) for row in rows])
+    certified = sum(row.certified for row in rows)
+    record.add(wrong_focal_certified=certified, wrong_focal_clips=[asdict(row) for row in rows])
+    record.hold(
+        [
+            at_least("wrong ones where the frames show it", sum(r.observable for r in rows), 8),
+            at_most("of which pass", certified, 0),
         ]
     )
 

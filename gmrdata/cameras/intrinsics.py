@@ -279,7 +279,7 @@ def _decided(
 ) -> Intrinsics:
     """The record of the lens that is taken."""
     asked = None if found is None else _asked(found, size_px)
-    taken = _taken(known, asked, size_px)
+    taken = _taken(known, asked, found, size_px)
     notes, objections = [taken.words], []
     if known is not None and asked is not None:
         apart = float(np.log(asked.focal_px / known.lens.focal_px[0]))
@@ -313,20 +313,35 @@ def _decided(
     )
 
 
-def _taken(known: _Known | None, asked: AskedLens | None, size_px: tuple[int, int]) -> _Known:
+def _taken(
+    known: _Known | None,
+    asked: AskedLens | None,
+    found: SelfCalibration | None,
+    size_px: tuple[int, int],
+) -> _Known:
     """What is given; else what is firmer, the camera's own note or the frames; else a guess."""
     rough = known is None or (known.source == "metadata" and _is_firmer(asked, known))
     if known is not None and not rough:
         return known
     if asked is None:
-        guess = _pinhole(USUAL_FOCAL * max(size_px), size_px)
-        words = GUESSED.format(focal_px=guess.focal_px[0], sigma=100 * USUAL_SIGMA)
-        return _Known("prior", guess, USUAL_SIGMA, words)
+        return _guess(found, size_px)
     (cx, cy), focal_px = (size_px[0] / 2, size_px[1] / 2), asked.focal_px
     lens = Calibration((focal_px, focal_px), (cx, cy), asked.radial_k1)
     how = "the camera turns" if asked.motion == "rotation_only" else "the camera moves"
     words = f"The lens was found in the frames, as {how}: {_lens_in_words(asked)}."
     return _Known("self_calibrated", lens, asked.focal_sigma, words)
+
+
+def _guess(found: SelfCalibration | None, size_px: tuple[int, int]) -> _Known:
+    """A usual lens, drawn to the little that the frames show: means of logarithms, by variance."""
+    log_focal, sigma, why = np.log(USUAL_FOCAL), USUAL_SIGMA, NOTHING_SHOWS
+    if found is not None and found.focal is not None and found.focal_sigma < USUAL_SIGMA:
+        weights = np.array([USUAL_SIGMA, found.focal_sigma]) ** -2
+        log_focal = np.average([log_focal, np.log(found.focal)], weights=weights)
+        sigma, why = float(weights.sum() ** -0.5), LITTLE_SHOWS
+    guess = _pinhole(float(np.exp(log_focal)) * max(size_px), size_px)
+    words = f"{why} {GUESSED.format(focal_px=guess.focal_px[0], sigma=100 * sigma)}"
+    return _Known("prior", guess, sigma, words)
 
 
 def _is_firmer(asked: AskedLens | None, known: _Known) -> bool:
@@ -359,8 +374,10 @@ def _lens_in_words(asked: AskedLens) -> str:
     return f"{focal}, and a distortion k1 of {asked.radial_k1:.3f} ± {asked.radial_k1_sigma:.3f}"
 
 
+NOTHING_SHOWS = "Nothing shows the focal length: a usual one was taken."
+LITTLE_SHOWS = "A usual focal length was taken together with the little that the frames show of it."
 GUESSED = (
-    "Nothing shows the focal length: a usual one of {focal_px:.0f} px was taken, which may be off "
-    "by {sigma:.0f} %. The distance from the camera, the motion along the line of sight and the "
-    "camera's turns are as uncertain. Give --focal, --fov or --intrinsics."
+    "It is {focal_px:.0f} px, and may be off by {sigma:.0f} %. The distance from the camera, the "
+    "motion along the line of sight and the camera's turns are as uncertain. Give --focal, --fov "
+    "or --intrinsics."
 )

@@ -111,7 +111,7 @@ def _focal_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
         return
     if abs(factor - 1.0) - config.max_focal_deviation > config.focal_sigmas * sigma:
         yield (
-            f"the background asks for a focal length {factor:.2f} times the given one "
+            f"the background asks for a focal length {factor:.2f} times the one in use "
             f"(standard error {sigma:.2f}; {config.max_focal_deviation:.0%} and "
             f"{config.focal_sigmas:g} of these may be off)"
         )

@@ -102,6 +102,22 @@ def test_then_the_frames_and_then_a_guess_that_says_so(tmp_path: Path, shown: An
     assert any("as uncertain" in note for note in lens.notes)
 
 
+def test_a_guess_takes_the_little_that_the_frames_show(tmp_path: Path, shown: Any) -> None:
+    # A pan of 7 degrees over a street: 1.16 to 11 %, where a usual lens has 0.85 to 30 %.
+    weak = replace(FOUND, focal=1.16, focal_sigma=0.11, reason="only to 11 %")
+    shown(weak)
+    lens = made(tmp_path, config=IntrinsicsConfig())
+    assert lens.source == "prior" and lens.focal_observable is False and lens.radial_k1 == 0
+    share = 0.3**2 / (0.3**2 + 0.11**2)
+    assert lens.focal_px == pytest.approx(640 * 1.16**share * 0.85 ** (1 - share))
+    assert lens.focal_sigma == pytest.approx(0.3 * 0.11 / np.hypot(0.3, 0.11))
+    assert "the little that the frames show" in lens.notes[0] and "±" not in lens.notes[0]
+    (tmp_path / "less").mkdir()
+    shown(replace(weak, focal_sigma=0.4))
+    lens = made(tmp_path / "less", config=IntrinsicsConfig())
+    assert lens.focal_px == pytest.approx(0.85 * 640) and "Nothing shows" in lens.notes[0]
+
+
 @pytest.mark.parametrize("focal_px", [980.0, 635.0, 435.0 / 1.06])
 def test_a_wrong_given_focal_length_is_objected_to(
     tmp_path: Path, shown: Any, focal_px: float

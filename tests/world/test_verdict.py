@@ -92,7 +92,7 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ({"agreement": Agreement(9, 0.3, 0.08)}, "8.0% of its way off, more than 3.0%"),
         (
             {"focal_factor": 0.95, "focal_sigma": 0.015},
-            "0.95 times the given one (standard error 0.01; 1% and 2 of these may be off)",
+            "0.95 times the one in use (standard error 0.01; 1% and 2 of these may be off)",
         ),
     ],
 )
@@ -298,7 +298,7 @@ def test_cameras_that_jump_in_order_are_not_called_out_of_order(clip: Clip) -> N
     assert reason.endswith("images are missing, or the cameras are wrong")
     wrong_focal = good_quality(N, focal_factor=0.7, focal_sigma=0.02)
     focal, jumps = judge(clip_of(jumping), wrong_focal, ROWS, SCALE, VerdictConfig()).reasons
-    assert "0.70 times the given one" in focal and "the focal length is wrong" in jumps
+    assert "0.70 times the one in use" in focal and "the focal length is wrong" in jumps
 
 
 def test_a_background_that_moves_is_named(clip: Clip) -> None:
