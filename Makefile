@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu docs release clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion docs release clean
 
 setup: $(READY)
 
@@ -44,6 +44,10 @@ bench-real: $(READY)
 bench-video: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_video.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
+# The built-in local poses, on rendered people of CMU's subjects 02 and 08.  ARGS=--small only tries every part.
+bench-poses: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_poses.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
 # Other people's files in and out.  ARGS='--bvh FOLDER' reads their BVH files.
 bench-open: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_open.py -m bench -o python_files='bench_*.py' -s $(ARGS)
@@ -67,6 +71,14 @@ bench-gmr: $(READY)
 # GMR on CMU motions without subjects 02 and 08, scored on these.  ARGS=--small only tries every part.
 bench-gmr-cmu: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_gmr_cmu.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# The bundled GMR's recipe without two of CMU's 16 people at a time, scored on these.  ARGS=--small only tries every part.
+bench-folds: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_folds.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# Cameras and a network together, on twins.  ARGS='--twins FOLDER --pseudo-gt FOLDER --gmr RUN' takes what is there, --small tries every part.
+bench-fusion: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_fusion.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # The pages of docs/ as a site, out/site/index.html; no broken link is let through.
 docs: $(READY)

@@ -53,7 +53,7 @@ class BestScore(Config):
 class GmrState(StepState):
     """`state.json` of a GMR."""
 
-    format: Literal["gmrdata-gmr/3"] = "gmrdata-gmr/3"
+    format: Literal["gmrdata-gmr/4"] = "gmrdata-gmr/4"
     model: ModelConfig
     fps_hz: float = Field(gt=0)
     processes: int  # on which a step's windows depend
@@ -61,7 +61,7 @@ class GmrState(StepState):
     best: BestScore | None
 
 
-_FORMER = ("gmrdata-gmr/1", "gmrdata-gmr/2")
+_FORMER = ("gmrdata-gmr/1", "gmrdata-gmr/2", "gmrdata-gmr/3")
 _FIRST_LEFT_OUT = {"processes": 1, "averaged": False, "best": None}  # where it did not apply
 State = TypeVar("State", bound=StepState)
 
@@ -188,10 +188,16 @@ def read_state(folder: Path) -> GmrState:
 
 
 def _brought_up(value: dict[str, Any]) -> dict[str, Any]:
-    """A state of a former version as one of this: before 3, a network had no latent size."""
-    first = _FIRST_LEFT_OUT if value["format"] == _FORMER[0] else {}
+    """A state of a former version as one of this.
+
+    Before 3, a network had no latent size; before 4, what is regressed was always free.
+    """
+    version = _FORMER.index(value["format"]) + 1
+    first = _FIRST_LEFT_OUT if version == 1 else {}
     model = value.get("model")
-    model = {"latent": None} | model if isinstance(model, dict) else model
+    if isinstance(model, dict):
+        later = {"regressed": "freely"} | ({"latent": None} if version < 3 else {})
+        model = later | model
     return first | value | {"format": GmrState.tag(), "model": model}
 
 

@@ -58,6 +58,9 @@ class ModelConfig(NetworkConfig):
     translation: MotionSource = "regressed"
     """How dT is put out.  `standing_joint`: as what the joint that stands leaves to the root, given
     dR, and what is regressed; perhaps another joint: a foot that turns on its ball stands."""
+    regressed: Literal["freely", "as_the_pose_changes"] = "freely"
+    """`as_the_pose_changes`: what is regressed is multiplied by how fast the local pose changes, so
+    that who holds a pose stands still, on whatever posture the network was trained."""
 
 
 class LossConfig(Config):

@@ -58,13 +58,30 @@ def motions_if_standing(
     local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
 ) -> Float[Tensor, "*batch frames 23 6"]:
     """The root's motion if each joint stood still: dR (axis-angle) [rad], dT [m], times `SCALE`."""
-    joints_m, root_from_joint = joints_in_root_frame(local_rotmats)
+    return _root_motions(*joints_in_root_frame(local_rotmats))
+
+
+def _root_motions(places_m: Tensor, root_from_joint: Tensor) -> Tensor:
     delta_rotmats = root_from_joint[..., :-1, :, :, :] @ root_from_joint[
         ..., 1:, :, :, :
     ].transpose(-1, -2)
-    moved_m = (delta_rotmats @ joints_m[..., 1:, :, :, None])[..., 0]
-    delta_m = joints_m[..., :-1, :, :] - moved_m
+    moved_m = (delta_rotmats @ places_m[..., 1:, :, :, None])[..., 0]
+    delta_m = places_m[..., :-1, :, :] - moved_m
     return _with_last(SCALE * torch.cat([rotations.log_map(delta_rotmats), delta_m], dim=-1))
+
+
+def speeds_of_change(
+    places_m: Float[Tensor, "*batch frames 23 3"],
+    root_from_joint: Float[Tensor, "*batch frames 23 3 3"],
+) -> Float[Tensor, "*batch frames 1"]:
+    """How fast a pose changes at each frame: about 1 for who walks at 10 fps, 0 for who stands.
+
+    The root mean square over the joints of `motions_if_standing`, before or after the frame,
+    whichever is more.
+    """
+    after = _root_motions(places_m, root_from_joint).square().mean((-1, -2)).sqrt()
+    before = torch.cat([after[..., :1], after[..., :-1]], dim=-1)
+    return torch.maximum(before, after)[..., None]
 
 
 SIZE: dict[ExtraInput, int] = {"velocity": 3, "standing": 6}  # numbers per joint

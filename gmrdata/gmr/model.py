@@ -71,6 +71,7 @@ class Gmr(MotionNetwork):
         self.regression = nn.Linear(config.n_features, rotations.SIZE[config.output] + 3)
         self.turn_shares = _shares(config.rotation, config.n_features)
         self.step_shares = _shares(config.translation, config.n_features)
+        self._is_free = config.regressed == "freely"
 
     def forward(
         self,
@@ -86,13 +87,17 @@ class Gmr(MotionNetwork):
         # bfloat16's 8 bits are enough for features, not for the motion itself.
         with torch.autocast(features.device.type, enabled=False):
             features = features.to(self.regression.weight.dtype)
-            turns, delta_m = self.motions(self.regression(features))
-            if self.turn_shares is None and self.step_shares is None:
-                return turns, delta_m
-            # The regression puts out what standing joints leave over.
+            regressed = self.regression(features)
+            if self._is_free and self.turn_shares is None and self.step_shares is None:
+                return self.motions(regressed)
             with torch.no_grad():  # in padding they are finite, but of no meaning
                 local_rotmats = extra_inputs.input_rotmats(poses, self.config.input)
                 places_m, root_from_joint = extra_inputs.joints_in_root_frame(local_rotmats)
+            if not self._is_free:
+                speeds = extra_inputs.speeds_of_change(places_m, root_from_joint)
+                regressed = regressed * speeds
+            # The regression puts out what standing joints leave over.
+            turns, delta_m = self.motions(regressed)
             if self.turn_shares is not None:
                 turns = root_turn(self.turn_shares(features), root_from_joint) @ turns
             if self.step_shares is not None:

@@ -1,0 +1,78 @@
+"""Train the bundled GMR's recipe without two people at a time, and score it on those two.
+
+`make bench-folds` runs this file alone; `--small` only tries every part.  The people are the
+subjects of the CMU motions at hand, in the order of their numbers: first and second, third and
+fourth, and so on.  Each fold trains on all others, 02 and 08 too where they are not its own.  A
+fold's scores are over all motions of both people at 10 fps with true local poses, as shares of the
+errors of zero motion.  No two of the subjects have the same bones, so none is known to be one
+person under two numbers.  Writes out/bench/folds.json.  A run that was stopped goes on with the
+next fold: its trainings lie in out/bench/folds.
+"""
+
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+import pytest
+from gmr.cmu_ablation import changed
+from gmr.cmu_data import import_motions, scored_motions
+from gmr.cmu_runs import trained
+from gmr.cmu_session import OUT_DIR, SMALL_SIZE
+from record import Record, at_least, at_most
+from render.tables import show
+
+from gmrdata.gmr.config import TrainConfig
+from gmrdata.gmr.train import GmrRecipe
+from gmrdata.manifest.read import read_manifest
+from gmrdata.stage.recipes import find_recipe, load_recipe
+
+pytestmark = pytest.mark.bench
+MOST_OME, MOST_TME, WORST_TME = 0.40, 0.33, 0.60
+
+
+def test_people_left_out_two_at_a_time(request: pytest.FixtureRequest, cmu_dir: Path) -> None:
+    small = request.config.getoption("--small")
+    recipe = load_recipe(find_recipe("gmr_bundled"), GmrRecipe).train
+    config = changed(recipe, SMALL_SIZE) if small else recipe
+    name = "cmu_motions_small" if small else "cmu_motions"
+    every = import_motions(cmu_dir, (OUT_DIR / name).resolve(), small=small)
+    folds = pairs(every)
+    record = Record(OUT_DIR / "folds.json", small, lambda: {"recipe": recipe.model_dump("json")})
+    rows = [fold(every, config, pair, OUT_DIR / "folds") for pair in folds[: 2 if small else None]]
+    show("People left out, two at a time", rows)
+    figures = summary(rows)
+    record.add(folds=rows, **figures)
+    record.hold(
+        [
+            at_least("folds", len(rows), 8),
+            at_most("ome_ratio", figures["ome_ratio"], MOST_OME),
+            at_most("tme_ratio", figures["tme_ratio"], MOST_TME),
+            at_most("tme_ratio_worst", figures["tme_ratio_worst"], WORST_TME),
+        ]
+    )
+
+
+def pairs(every: Path) -> list[tuple[int, ...]]:
+    """The subjects of a manifest, two at a time."""
+    numbers = sorted(
+        {int(clip.source.sequence.split("_")[0]) for clip in read_manifest(every).clips}
+    )
+    return [tuple(numbers[i : i + 2]) for i in range(0, len(numbers), 2)]
+
+
+def fold(every: Path, config: TrainConfig, pair: tuple[int, ...], out_dir: Path) -> dict[str, Any]:
+    """Scores of two people on whom the recipe was not trained."""
+    data = config.data.model_copy(update={"held_out_subjects": pair})
+    config = config.model_copy(update={"data": data})
+    name = "subjects " + " and ".join(f"{subject:02d}" for subject in pair)
+    return trained(name, scored_motions(every, config, pair), config, out_dir).row
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Means over the folds, each fold alike, and the worst fold."""
+    tme = [row["tme_of_zero"] for row in rows]
+    return {
+        "ome_ratio": round(fmean(row["ome_of_zero"] for row in rows), 4),
+        "tme_ratio": round(fmean(tme), 4),
+        "tme_ratio_worst": max(tme),
+    }
