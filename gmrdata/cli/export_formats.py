@@ -23,6 +23,8 @@ from gmrdata.values.errors import BadMotionFile, BadSequence
 from gmrdata.values.motion import Motion
 
 if TYPE_CHECKING:
+    from gmrdata.world.background import Background
+    from gmrdata.write.colmap import ColmapPoints
     from gmrdata.write.system_results import TrackedPerson
 
 Need = Literal["camera", "world", "in_world", "trajectory", "images", "one_person"]
@@ -83,8 +85,8 @@ def _clip_lacks(need: Need, exported: ExportedClip) -> str:
 def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOptions) -> None:
     """Cameras, and of a solved sequence its points and tracks, in the clip's world."""
     from gmrdata.cameras.files import load_cameras
-    from gmrdata.world.background import is_kept_in_place, load_background, load_background_tracks
-    from gmrdata.write.colmap import NO_POINTS, ColmapPoints, write_colmap
+    from gmrdata.world.background import is_kept_in_place, load_background
+    from gmrdata.write.colmap import NO_POINTS, write_colmap
 
     exported = clips[0]
     path.mkdir()
@@ -104,12 +106,35 @@ def export_colmap(clips: Sequence[ExportedClip], path: Path, options: ExportOpti
         names = [name_of.get(number) for number in found.image_numbers.tolist()]
         points = replace(NO_POINTS, world_m=found.points_m)
     else:
-        tracks = load_background_tracks(exported.sfm_dir, found)
-        names = tracks.image_names
-        seen = tracks if options.observations == "all" else tracks.of_adjusted()
-        points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
+        names, points = seen_points(found, exported.sfm_dir, options.observations)
+    write_background(path, found, names, points, exported.images_dir)
+
+
+def seen_points(
+    found: "Background", sfm_dir: Path, observations: Literal["keyframes", "all"]
+) -> tuple[Sequence[str], "ColmapPoints"]:
+    """Names of solved cameras' images, and the background points as these images see them."""
+    from gmrdata.world.background import load_background_tracks
+    from gmrdata.write.colmap import ColmapPoints
+
+    tracks = load_background_tracks(sfm_dir, found)
+    seen = tracks if observations == "all" else tracks.of_adjusted()
+    points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
+    return tracks.image_names, points
+
+
+def write_background(
+    folder: Path,
+    found: "Background",
+    image_names: Sequence[str | None],
+    points: "ColmapPoints",
+    images_dir: Path | None,
+) -> None:
+    """Solved cameras and points as a COLMAP model, with the lens that they were solved with."""
+    from gmrdata.write.colmap import write_colmap
+
     radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
-    write_colmap(path, found.camera, names, points, radial=radial, images_dir=exported.images_dir)
+    write_colmap(folder, found.camera, image_names, points, radial=radial, images_dir=images_dir)
 
 
 def _image_names(exported: ExportedClip) -> list[str | None]:

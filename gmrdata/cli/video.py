@@ -182,9 +182,9 @@ def _given(poses: Path, body: str, out: Path, run: Run) -> "GivenBodies":
 def _write_cameras(out: Path, images: Path, verdict: "VideoVerdict") -> None:
     """Cameras alone as a COLMAP model and as TUM's trajectory, in their own unit and world; none of
     a rejected video, and nothing of what an earlier run had accepted."""
+    from gmrdata.cli.export_formats import seen_points, write_background
     from gmrdata.read.video import video_record
-    from gmrdata.world.background import load_background, load_background_tracks
-    from gmrdata.write.colmap import ColmapPoints, write_colmap
+    from gmrdata.world.background import load_background
     from gmrdata.write.trajectories import write_tum
 
     for name in TAKEN_ALONG:
@@ -193,13 +193,10 @@ def _write_cameras(out: Path, images: Path, verdict: "VideoVerdict") -> None:
         return
     sfm_dir, colmap = out / "sfm", out / FILES / "colmap"
     found = load_background(sfm_dir, None)
-    tracks = load_background_tracks(sfm_dir, found)
-    seen = tracks.of_adjusted()
-    points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
-    radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
+    names, points = seen_points(found, sfm_dir, "keyframes")
     known = found.camera.has_camera
     colmap.mkdir(parents=True)
-    write_colmap(colmap, found.camera, tracks.image_names, points, radial=radial, images_dir=images)
+    write_background(colmap, found, names, points, images)
     video = video_record(images)
     times_s = np.arange(len(known)) / verdict.fps_hz
     if video is not None:
