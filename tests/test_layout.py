@@ -7,8 +7,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1] / "gmrdata"
 
 ORDER = (
-    "values", "stage", "read", "write", "motion", "film", "masks", "cameras", "world", "threedpw",
-    "twins", "manifest", "gmr", "score", "baselines", "tables", "pages", "cli",
+    "values", "stage", "read", "write", "motion", "film", "masks", "poses", "cameras", "world",
+    "threedpw", "twins", "manifest", "gmr", "score", "baselines", "tables", "pages", "cli",
 )  # fmt: skip
 """Each folder imports only folders before it, and itself."""
 

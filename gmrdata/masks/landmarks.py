@@ -1,8 +1,10 @@
-"""BlazePose GHUM lite: a person's outline from a square crop of a picture, run by OpenCV.
+"""BlazePose GHUM lite: a person's outline and landmarks from a square crop of a picture, by OpenCV.
 
 Bazarevsky et al., "BlazePose" (2020), and Grishchenko et al., "BlazePose GHUM Holistic" (2022).
 The network wants a crop of 256 x 256 pixels in which the person stands upright.  Two of its
-landmarks, the middle of the hips and a point above it, give the crop of the next frame.
+landmarks, the middle of the hips and a point above it, give the crop of the next frame.  The others
+are of the body, in the picture and in metres; those in metres are as seen in the crop, and are
+turned back here with it.
 """
 
 from collections.abc import Callable
@@ -16,7 +18,17 @@ from gmrdata.read.models import REMEDY, require_model
 from gmrdata.values.errors import BadDetector
 
 CROP_PX = 256
-HIP_CENTRE, UPRIGHT = 33, 34  # Landmarks: the middle of the hips, and half a person above it
+LANDMARKS = (
+    "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye",
+    "right_eye_outer", "left_ear", "right_ear", "mouth_left", "mouth_right",
+    "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
+    "left_pinky", "right_pinky", "left_index", "right_index", "left_thumb", "right_thumb",
+    "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
+    "left_heel", "right_heel", "left_foot_index", "right_foot_index",
+)  # fmt: skip
+"""The body's landmarks in the network's order."""
+N_LANDMARKS = len(LANDMARKS)
+HIP_CENTRE, UPRIGHT = 33, 34  # Two more: the middle of the hips, and half a person above it
 CROP_MARGIN = 1.25  # A crop is larger than the person by this
 OUTPUT_SIZES = {"landmarks": 39 * 5, "score": 1, "mask": CROP_PX * CROP_PX, "world": 39 * 3}
 """Numbers in each output, by which they are told apart."""
@@ -46,6 +58,9 @@ class Person:
     mask: np.ndarray  # (H, W) uint8, 255 on the person
     box_px: np.ndarray  # (4,) left, top, right, bottom of the mask; all 0 where it is empty [px]
     next_crop: Crop
+    image_px: np.ndarray  # (33, 2) the body's landmarks in the picture [px]
+    world_m: np.ndarray  # (33, 3) the same in metres from the middle of the hips, camera's axes
+    visibility: np.ndarray  # (33,) from 0 to 1
 
 
 LandmarkNetwork = Callable[[np.ndarray, Crop], Person]
@@ -112,9 +127,9 @@ def _person(outputs: dict[str, np.ndarray], crop: Crop, size_px: tuple[int, ...]
     import cv2
 
     image_from_crop = cv2.invertAffineTransform(crop.crop_from_image)
-    landmarks = outputs["landmarks"].reshape(39, 5)[[HIP_CENTRE, UPRIGHT], :2].astype(np.float64)
-    hips_px, upright_px = landmarks @ image_from_crop[:, :2].T + image_from_crop[:, 2]
-    up_px = upright_px - hips_px
+    landmarks = outputs["landmarks"].reshape(39, 5).astype(np.float64)
+    seen_px = landmarks[:, :2] @ image_from_crop[:, :2].T + image_from_crop[:, 2]
+    hips_px, up_px = seen_px[HIP_CENTRE], seen_px[UPRIGHT] - seen_px[HIP_CENTRE]
     logits = outputs["mask"].reshape(CROP_PX, CROP_PX)
     # Outside of the crop nobody was looked for.
     whole = cv2.warpAffine(logits, image_from_crop, size_px, borderValue=(-1.0,))
@@ -129,4 +144,14 @@ def _person(outputs: dict[str, np.ndarray], crop: Crop, size_px: tuple[int, ...]
             side_px=max(1.0, 2 * CROP_MARGIN * float(np.linalg.norm(up_px))),
             turn_rad=float(np.arctan2(up_px[0], -up_px[1])),
         ),
+        image_px=seen_px[:N_LANDMARKS],
+        world_m=_turned(outputs["world"].reshape(39, 3)[:N_LANDMARKS], crop.turn_rad),
+        visibility=1 / (1 + np.exp(-landmarks[:N_LANDMARKS, 3])),
     )
+
+
+def _turned(points_m: np.ndarray, turn_rad: float) -> np.ndarray:
+    """Points (N, 3) of a crop that is turned, in the picture's axes."""
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    image_from_crop = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(points_m @ image_from_crop.T, dtype=np.float64)
