@@ -22,6 +22,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     `--clips`, `--ours-alone`: see bench_real.  `--bvh`, `--released`: see bench_open."""
     parser.addoption("--small", action="store_true", help="small sizes, and no bars")
     parser.addoption("--twins", type=Path, help="a folder that `gmrdata threedpw twin` made")
+    parser.addoption("--pseudo-gt", type=Path, help="what `threedpw regenerate` left of twins")
+    parser.addoption("--motions", type=Path, help="a manifest of CMU's motions")
+    parser.addoption("--gmr", type=Path, help="a run that held the twins' people out")
     parser.addoption("--clips", type=Path, help="a folder that real/layout.py made")
     parser.addoption("--videos", type=Path, help="a folder of the videos of video/real.py")
     parser.addoption("--bvh", type=Path, help="a folder of BVH files of others")

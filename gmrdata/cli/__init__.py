@@ -9,6 +9,7 @@ from gmrdata.cli.answers import explain, fail
 from gmrdata.cli.baselines import baseline
 from gmrdata.cli.doctor import doctor
 from gmrdata.cli.export import export
+from gmrdata.cli.fusion import delta_errors, fuse
 from gmrdata.cli.gmr import compare, evaluate, infer, train
 from gmrdata.cli.manifests import manifest
 from gmrdata.cli.motion_files import fetch, motions, render
@@ -24,9 +25,9 @@ from gmrdata.values.errors import GmrdataError
 
 _VERBS: tuple[Callable[..., None], ...] = (
     demo, doctor, fetch, motions, render, masks, sfm, video, page, manifest, threedpw, floor, train,
-    infer, evaluate, compare, export, baseline, tables, merge, report, run,
+    infer, delta_errors, fuse, evaluate, compare, export, baseline, tables, merge, report, run,
 )  # fmt: skip
-VERBS = {verb.__name__: verb for verb in _VERBS}
+VERBS = {verb.__name__.replace("_", "-"): verb for verb in _VERBS}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -1,7 +1,7 @@
 """How wrong networks' motions are on people whom they were not trained on, measured."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from gmrdata.gmr.augmentation import turned
 from gmrdata.gmr.config import TrainConfig, Which, WindowConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
-from gmrdata.gmr.runs import ClipFile, LazyClips, runs_at
+from gmrdata.gmr.runs import runs_at
 from gmrdata.gmr.source_rate import deltas_at_source_rate
 from gmrdata.gmr.split import split_manifests, subject_of
 from gmrdata.stage.progress import track
@@ -40,6 +40,15 @@ class MeasureConfig(Config):
 DEFAULT_CONFIG = MeasureConfig()
 
 
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """A clip that a network was not trained on, and what it sees in its runs of valid frames."""
+
+    clip: str
+    person: str  # as `subject_of` names them, or the clip's id
+    runs: tuple[SeenBesideTruth, ...]
+
+
 def measure_delta_errors(
     run_dirs: Sequence[Path],
     manifest_paths: Sequence[Path],
@@ -48,28 +57,35 @@ def measure_delta_errors(
     """Errors of one or more networks, each on the clips that its recipe held out, together.
 
     Networks of one recipe with other people held out say how the recipe does on anybody; one that
-    was trained on all of them has no error of its own that could be measured.
-
-    Raises:
-        MissingInput, BadCheckpoint, BadManifest: as training and inference have them.
-        BadManifest: a run held none of the clips out.
-        BadMotionFile: the held-out motions are too few.
+    was trained on all of them has no error of its own that could be measured.  Errors are those of
+    `held_out_motions`, and BadMotionFile where there are too few of them.
     """
-    beside: list[SeenBesideTruth] = []
-    files: list[ClipFile] = []
-    networks = [load_gmr(run_dir, config.which) for run_dir in run_dirs]
-    for run_dir, gmr in zip(run_dirs, networks, strict=True):
-        found = split_manifests(manifest_paths, _training(run_dir).data).held_out
-        if not found:
-            raise BadManifest(
-                f"{run_dir}: its recipe held none of these clips out. Errors are measured on people"
-                " whom a network has not seen: train with data.held_out_subjects"
-            )
-        rng = np.random.default_rng(config.seed)
-        clips = track(LazyClips(found), f"predicting, {gmr.name}", total=len(found))
-        beside += [one for clip in clips for one in beside_truth(gmr, clip, config, rng)]
-        files += found
-    return _record(networks, files, beside, config)
+    found = [
+        one for run_dir in run_dirs for one in held_out_motions(run_dir, manifest_paths, config)
+    ]
+    return delta_errors([load_gmr(run_dir, config.which) for run_dir in run_dirs], found, config)
+
+
+def held_out_motions(
+    run_dir: Path, manifest_paths: Sequence[Path], config: MeasureConfig = DEFAULT_CONFIG
+) -> list[HeldOut]:
+    """What a network sees in the clips of manifests that its recipe held out.
+
+    BadManifest where there are none; BadRecord, MissingInput and BadCheckpoint for another run.
+    """
+    files = split_manifests(manifest_paths, _training(run_dir).data).held_out
+    if not files:
+        raise BadManifest(
+            f"{run_dir}: its recipe held none of these clips out. Errors are measured on people"
+            " whom a network has not seen: train with data.held_out_subjects"
+        )
+    gmr, rng = load_gmr(run_dir, config.which), np.random.default_rng(config.seed)
+    found = []
+    for file in track(files, f"predicting, {gmr.name}", total=len(files)):
+        person = subject_of(file.entry.source) or file.entry.id
+        runs = tuple(beside_truth(gmr, file.load(), config, rng))
+        found.append(HeldOut(file.entry.id, person, runs))
+    return found
 
 
 def _training(run_dir: Path) -> TrainConfig:
@@ -87,11 +103,12 @@ def beside_truth(
     fps_hz = min(config.fps_hz, clip.motion.fps_hz)
     for true in runs_at(clip, fps_hz, all_phases=False):
         if (true.n_frames - 1) / fps_hz >= 1 / gmr.fps_hz:
-            found = deltas_at_source_rate(gmr, _noisy(true, config, rng))
+            found = deltas_at_source_rate(gmr, noisy(true, config, rng))
             yield SeenBesideTruth(*found, true.root_rotmats, true.pelvis_m, fps_hz)
 
 
-def _noisy(motion: Motion, config: MeasureConfig, rng: np.random.Generator) -> Motion:
+def noisy(motion: Motion, config: MeasureConfig, rng: np.random.Generator) -> Motion:
+    """A motion with the noise on its joints that a network is shown."""
     window = WindowConfig(
         fps_hz=motion.fps_hz,
         pose_noise_deg=config.pose_noise_deg,
@@ -100,20 +117,20 @@ def _noisy(motion: Motion, config: MeasureConfig, rng: np.random.Generator) -> M
     return replace(motion, local_rotmats=turned(motion.local_rotmats, window, rng))
 
 
-def _record(
+def delta_errors(
     networks: Sequence[TrainedGmr],
-    files: Sequence[ClipFile],
-    beside: Sequence[SeenBesideTruth],
-    config: MeasureConfig,
+    held_out: Sequence[HeldOut],
+    config: MeasureConfig = DEFAULT_CONFIG,
 ) -> DeltaErrors:
-    fitted = fit_errors(beside)
-    people = {subject_of(file.entry.source) or file.entry.id for file in files}
+    """The record of what networks see in held-out clips; BadMotionFile where they are too few."""
+    runs = [run for one in held_out for run in one.runs]
+    fitted = fit_errors(runs)
     return DeltaErrors(
         networks=tuple(gmr.name for gmr in networks),
         fps_hz=networks[0].fps_hz,
-        people=tuple(sorted(people)),
-        clips=len(files),
-        seconds=sum(len(one.delta_m) / one.fps_hz for one in beside),
+        people=tuple(sorted({one.person for one in held_out})),
+        clips=len(held_out),
+        seconds=sum(len(run.delta_m) / run.fps_hz for run in runs),
         pose_noise_deg=config.pose_noise_deg,
         pose_noise_time_s=config.pose_noise_time_s,
         speeds_m_per_s=SPEEDS_M_PER_S,

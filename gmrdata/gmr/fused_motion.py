@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.cameras.files import QUALITY_FILE
-from gmrdata.gmr.checkpoint import trained_checkpoint
 from gmrdata.gmr.config import Which
 from gmrdata.gmr.infer import stand
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
@@ -394,7 +393,7 @@ def plan(
     source: Path, run_dir: Path, config: FuseConfig, *, errors_path: Path | None = None
 ) -> list[tuple[str, ...]]:
     """What a dry run says, person by person; errors as `fuse_people` has them for its inputs."""
-    trained_checkpoint(run_dir)
+    load_gmr(run_dir, config.which)
     DeltaErrors.read(errors_file(run_dir, errors_path))
     rows = []
     for path in person_clips(source):

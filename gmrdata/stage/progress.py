@@ -8,10 +8,11 @@ from typing import TypeVar
 from rich import progress
 from rich.console import Console
 
-console = Console(stderr=True, highlight=False)  # progress and errors, for the person who waits
+console = Console(stderr=True, highlight=False, emoji=False)
+"""Progress and errors, for the person who waits.  What is said is said as it is: `:b:` is no sign."""
 
 _KNOWN_WIDTH = sys.stdout.isatty() or "COLUMNS" in os.environ
-answers = Console(highlight=False, record=True, width=None if _KNOWN_WIDTH else 160)
+answers = Console(highlight=False, emoji=False, record=True, width=None if _KNOWN_WIDTH else 160)
 """What was asked for, on standard output; wide where it is piped, so that no cell is cut."""
 
 remarks: list[str] = []

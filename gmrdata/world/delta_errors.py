@@ -28,8 +28,8 @@ SPEEDS_M_PER_S = (0.0, 0.3, 0.8, 1.4)
 SPEED_TIME_S = 1.0  # over which a speed is the mean
 SPANS_S = (0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0)
 """Times over which the error's mean is looked at."""
-FAST_TIMES_S = (0.05, 0.1, 0.2, 0.3, 0.5)
-SLOW_TIMES_S = (2.0, 5.0, 10.0)
+FAST_TIMES_S = (0.05, 0.1, 0.2, 0.4)
+SLOW_TIMES_S = (3.0, 10.0)
 FEWEST_S = 20.0  # of motion behind a figure
 Six = Annotated[tuple[Figure, ...], Field(min_length=6, max_length=6)]
 

@@ -1,0 +1,77 @@
+"""`gmrdata fuse` and `gmrdata delta-errors`, as a user types them."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from gmrdata.cli import main
+from gmrdata.gmr.fused_motion import RECORD_FILE, FusionRecord
+from tests.gmr.test_fused_motion import clip, errors_path, pseudo_gt  # noqa: F401  fixtures
+
+
+def test_fuse_says_what_it_found_and_writes_a_page(
+    pseudo_gt: Path,  # noqa: F811
+    errors_path: Path,  # noqa: F811
+    run_dir: Path,
+    body_path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["fuse", str(pseudo_gt), "--gmr", str(run_dir), "--errors", str(errors_path)]
+    words += ["--body", str(body_path), "--out", str(tmp_path / "out"), "--loops", "0.5:2.5"]
+    main([*words, "--dry-run"])
+    said = capsys.readouterr().out
+    assert re.search(r"walk +90 +30 +60 +1\.00 +1", said)
+    assert not (tmp_path / "out").exists()
+    main(words)
+    assert "fusion.html" in capsys.readouterr().out
+    record = FusionRecord.read(tmp_path / "out" / RECORD_FILE)
+    assert record.people[0].loops[0].time_s == 0.5
+    page = (tmp_path / "out" / "fusion.html").read_text("utf-8")
+    assert "no camera for 1.00 s from 0.67 s on" in page
+    assert "at 0.50 s and 2.50 s on one spot" in page
+    assert page.count("<svg") == 1
+    main(words)
+    assert (tmp_path / "out" / "fusion.html").read_text("utf-8") == page
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--loops", "4.2"], "--loops 4.2: give two times in seconds, like 4.2:17.8"),
+        (["--loops", "a:b"], "--loops a:b: give"),
+        (["--loops", "nan:1"], "--loops nan:1"),
+        (["--loops", "-1:1"], "--loops -1:1"),
+        (["--loops", "0.5:17.8"], "lasts 2.97 s"),
+        (["--loop-sigma-m", "0"], "--loop-sigma-m 0"),
+        (["--errors", "nowhere.json"], "nowhere.json: nothing says how wrong the network is"),
+        (["--gmr", "nowhere"], "nowhere"),
+    ],
+)
+def test_bad_flags_are_said(
+    pseudo_gt: Path,  # noqa: F811
+    errors_path: Path,  # noqa: F811
+    run_dir: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    more: list[str],
+    said: str,
+) -> None:
+    words = ["fuse", str(pseudo_gt), "--gmr", str(run_dir), "--errors", str(errors_path)]
+    with pytest.raises(SystemExit) as end:
+        main([*words, "--out", str(tmp_path / "out"), *more])
+    assert end.value.code == 1
+    assert said in capsys.readouterr().err.replace("\n", "")
+    assert not (tmp_path / "out").exists()
+
+
+def test_errors_of_a_run_that_held_nobody_out_are_refused(
+    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(
+            ["delta-errors", str(run_dir), "--manifests", "none.yaml", "--out", str(tmp_path / "e")]
+        )
+    assert "stage.json" in capsys.readouterr().err.replace("\n", "")
+    assert not (tmp_path / "e").exists()
