@@ -9,7 +9,7 @@ from rich import progress
 from rich.console import Console
 
 console = Console(stderr=True, highlight=False, emoji=False)
-"""Progress and errors, for the person who waits.  What is said is said as it is: `:b:` is no sign."""
+"""Progress and errors, for the person who waits, as they are: `:b:` is no sign."""
 
 _KNOWN_WIDTH = sys.stdout.isatty() or "COLUMNS" in os.environ
 answers = Console(highlight=False, emoji=False, record=True, width=None if _KNOWN_WIDTH else 160)
