@@ -84,6 +84,7 @@ def _all_found(frames: Frames, config: SfmConfig) -> Iterator[_Found]:
     options.num_threads = 1
     options.max_image_size = max(frames.size_px)
     options.sift.max_num_features = config.max_features
+    options.sift.max_num_orientations = config.max_orientations
     options.sift.first_octave = config.first_octave
     with ThreadPoolExecutor(config.threads or own_cores()) as threads:
         yield from threads.map(partial(_find, frames, options), frames.images)

@@ -27,7 +27,10 @@ class SfmConfig(Config):
     followed_points: int = Field(default=500, ge=20, le=100_000)
     """Points of a keyframe that are followed into the frames between, at most."""
     max_features: int = Field(default=2000, ge=100, le=100_000)
-    """SIFT features per frame at most; the largest are kept."""
+    """Places of SIFT features per frame at most; the largest are kept."""
+    max_orientations: int = Field(default=2, ge=1, le=4)
+    """Features that one place may have, of as many directions.  With 1 the camera must not roll by
+    much from one keyframe to the next, and mapping takes two thirds of the time."""
     first_octave: int = Field(default=0, ge=-1, le=2)
     """First SIFT octave: -1 doubles the image (slower, more features), 0 takes it as it is."""
     overlap: int = Field(default=8, ge=1, le=1000)

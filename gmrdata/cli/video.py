@@ -85,13 +85,13 @@ def video(
     from gmrdata.cli.video_page import write_files, write_page
     from gmrdata.read.video import is_video
     from gmrdata.world.bodies import BodiesConfig
-    from gmrdata.world.video import FRAMES, VideoSolveConfig, solve_video
+    from gmrdata.world.video import FRAMES, QUICK_SFM, VideoSolveConfig, solve_video
     from gmrdata.world.video_verdict import VideoVerdict
 
     config = VideoSolveConfig(
         masks=_masks(masks, model, landmarks, weights, classes),
         intrinsics=IntrinsicsConfig(look_in_frames=check_lens),
-        sfm=SfmConfig(seed=seed),
+        sfm=SfmConfig.model_validate(QUICK_SFM.model_dump() | {"seed": seed}),
         check_again=check_again,
         bodies=BodiesConfig(frames_per_row=poses_every),
     )
