@@ -165,10 +165,16 @@ def self_calibrate(
         return turning
     mapped = by_mapping(keys, matches, work_dir, config)
     starts = (*turning.starts, *mapped.starts)
-    # Who pans in the hand moves a little: too much for a pure turn, too little for a model.
+    # Who pans in the hand moves a little: too much for a pure turn, too little for a model, which
+    # then explains less than the turn does.
     nearly = verdict == "either" or mapped.focal is None
-    better = turning if nearly and turning.focal_sigma < mapped.focal_sigma else mapped
-    return replace(better, starts=starts)
+    turns = nearly and turning.focal_sigma < mapped.focal_sigma
+    turns |= turning.focal is not None and _least_cost(turning) < _least_cost(mapped)
+    return replace(turning if turns else mapped, starts=starts)
+
+
+def _least_cost(found: SelfCalibration) -> float:
+    return min((start.cost for start in found.starts if start.cost is not None), default=np.inf)
 
 
 def nothing_found(reason: str, starts: Sequence[StartTried] = ()) -> SelfCalibration:
