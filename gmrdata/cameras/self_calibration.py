@@ -164,13 +164,22 @@ def self_calibrate(
     if verdict == "rotation_only":
         return turning
     mapped = by_mapping(keys, matches, work_dir, config)
-    starts = (*turning.starts, *mapped.starts)
-    # Who pans in the hand moves a little: too much for a pure turn, too little for a model, which
-    # then explains less than the turn does.
-    nearly = verdict == "either" or mapped.focal is None
-    turns = nearly and turning.focal_sigma < mapped.focal_sigma
-    turns |= turning.focal is not None and _least_cost(turning) < _least_cost(mapped)
-    return replace(turning if turns else mapped, starts=starts)
+    better = likelier(turning, mapped, nearly_turns=verdict == "either")
+    return replace(better, starts=(*turning.starts, *mapped.starts))
+
+
+def likelier(
+    turning: SelfCalibration, mapped: SelfCalibration, *, nearly_turns: bool
+) -> SelfCalibration:
+    """The lens of a camera that only turns, or of one that also moves.
+
+    Who pans in the hand moves a little: too much for a pure turn, too little for a model, which
+    then explains less than the turn does.
+    """
+    if turning.focal is not None and _least_cost(turning) < _least_cost(mapped):
+        return turning
+    nearly_turns |= mapped.focal is None
+    return turning if nearly_turns and turning.focal_sigma < mapped.focal_sigma else mapped
 
 
 def _least_cost(found: SelfCalibration) -> float:

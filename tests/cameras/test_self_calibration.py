@@ -1,5 +1,6 @@
 """The lens from drawn matches whose camera is known: by a moving camera, and by one that turns."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,18 @@ from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import DATABASE_FILE, Matches, PairMatches, read_matches
 from gmrdata.cameras.self_calibration import (
+    CameraMotion,
     SelfCalibration,
     SelfCalibrationConfig,
+    StartTried,
     _Fit,
     _is_settled,
     by_mapping,
     by_turning,
     guessed_px,
     is_still,
+    likelier,
+    nothing_found,
 )
 from gmrdata.values.camera import bent
 
@@ -113,6 +118,24 @@ def test_a_turn_of_a_few_degrees_does_not(tmp_path: Path) -> None:
 def test_a_still_camera_is_known() -> None:
     assert is_still(turned(0.0, 560.0, 0.0)[1])
     assert not is_still(turned(1.5, 560.0, 0.0)[1])
+
+
+def test_what_explains_more_of_the_matches_is_likelier() -> None:
+    # A pan in the hand whose focal length is 1.281: a model of it is poor, and says it is sure.
+    turning = found("rotation_only", 1.306, 0.028, cost=0.94)
+    mapped = found("full", 1.184, 0.016, cost=1.57)
+    assert likelier(turning, mapped, nearly_turns=False) is turning
+    moves = found("full", 1.28, 0.016, cost=0.7)
+    assert likelier(turning, moves, nearly_turns=False) is moves
+    assert likelier(turning, replace(moves, focal_sigma=0.1), nearly_turns=True) is turning
+    nothing = nothing_found("no model", [StartTried("full", 0.9, None, None, None)])
+    assert likelier(turning, nothing, nearly_turns=False) is turning
+    assert likelier(nothing_found("no turn"), mapped, nearly_turns=False) is mapped
+
+
+def found(motion: CameraMotion, focal: float, sigma: float, cost: float) -> SelfCalibration:
+    starts = (StartTried(motion, 0.9, focal, 0.0, cost), StartTried(motion, 0.6, None, None, None))
+    return SelfCalibration(motion, focal, sigma, 0.0, 0.01, starts, "")
 
 
 def test_starts_settle_where_the_best_is_found_twice_and_nothing_comes_near() -> None:
