@@ -8,11 +8,11 @@ pelvis place, and the slow error as unknowns; the fast error is what is left of 
 
 The graph is solved by Gauss-Newton on SO(3) x R3 with a sparse factor (Dellaert & Kaess 2006;
 Barfoot 2017, section 9.2), outliers by Cauchy weights.  The error bars are the diagonal blocks of
-the inverse of its last normal matrix, by solves with the same factor.
+the inverse of its last normal matrix.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +29,6 @@ TURN, PLACE, SLOW, WIDTH = 0, 3, 6, 12
 ANCHOR = 1e-6  # standard deviation of the first pose where no camera says where it is [rad, m]
 LEAST = 1e-6  # and of a step that is said to be exact [rad, m]
 OUTLIER = 4.0  # standard deviations beyond which a camera's pose or a foot counts for less
-SOLVES = 256  # columns of the inverse that are held at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,23 +331,27 @@ def _cost(graph: _Graph, state: _State) -> float:
 
 def _normal_equations(graph: _Graph, state: _State) -> tuple[Any, np.ndarray]:
     """J^T J, sparse, and J^T r."""
+    jacobian, residuals = _jacobian(graph.terms(state), len(state.slow) * WIDTH)
+    return (jacobian.T @ jacobian).tocsc(), jacobian.T @ residuals
+
+
+def _jacobian(all_terms: Iterable[_Terms], n_unknowns: int) -> tuple[Any, np.ndarray]:
+    """J, sparse, and r."""
     n_rows, data, rows, columns, residuals = 0, [], [], [], []
-    for terms in graph.terms(state):
+    for terms in all_terms:
         n, d = terms.residuals.shape
         numbers = n_rows + np.arange(n * d).reshape(n, d, 1)
         for first, jac in terms.blocks:
-            width = jac.shape[-1]
-            shape = (n, d, width)
+            shape = n, d, jac.shape[-1]
             data.append(np.broadcast_to(jac, shape).ravel())
             rows.append(np.broadcast_to(numbers, shape).ravel())
-            wide = first[:, None, None] + np.arange(width)
+            wide = first[:, None, None] + np.arange(shape[-1])
             columns.append(np.broadcast_to(wide, shape).ravel())
         residuals.append(terms.residuals.ravel())
         n_rows += n * d
-    shape = n_rows, len(state.slow) * WIDTH
     entries = np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))
-    jacobian = sparse.csr_matrix(entries, shape=shape)
-    return (jacobian.T @ jacobian).tocsc(), jacobian.T @ np.concatenate(residuals)
+    jacobian = sparse.csr_matrix(entries, shape=(n_rows, n_unknowns))
+    return jacobian, np.concatenate(residuals)
 
 
 def _factor(normal: Any) -> Any:
@@ -363,27 +366,51 @@ def _solved(normal: Any, gradient: np.ndarray, damping: float) -> np.ndarray:
 
 
 def _with_covariances(graph: _Graph, state: _State, iterations: int) -> FusedPoses:
-    normal, _ = _normal_equations(graph, state)
-    factor, n = _factor(normal), len(state.pelvis_m)
-    wanted = (np.arange(n)[:, None] * WIDTH + np.arange(SLOW)).reshape(-1)
-    blocks = np.empty((n, SLOW, SLOW))
-    each = SOLVES // SLOW
-    for start in range(0, n, each):
-        frames = np.arange(start, min(start + each, n))
-        columns = wanted.reshape(n, SLOW)[frames].ravel()
-        units = np.zeros((normal.shape[0], len(columns)))
-        units[columns, np.arange(len(columns))] = 1.0
-        inverse = factor.solve(units)[columns].reshape(len(frames), SLOW, len(frames), SLOW)
-        own = np.arange(len(frames))
-        blocks[frames] = inverse[own, :, own]
+    """The poses, and blocks of the inverse of J^T J; loops by Woodbury's identity."""
+    normal, _ = _normal_equations(replace(graph, loops=()), state)
+    blocks = _diagonal_blocks(normal)
+    if graph.loops:
+        jacobian = _jacobian([_loop_terms(state, graph.loops)], normal.shape[0])[0]
+        spread = _factor(normal).solve(jacobian.T.toarray())
+        inner = np.linalg.inv(np.eye(spread.shape[1]) + jacobian @ spread)
+        by_frame = spread.reshape(len(blocks), WIDTH, -1)
+        blocks = blocks - by_frame @ inner @ by_frame.swapaxes(-1, -2)
     blocks = 0.5 * (blocks + blocks.swapaxes(-1, -2))
     return FusedPoses(
         state.rotmats,
         state.pelvis_m,
-        blocks[:, :PLACE, :PLACE],
-        blocks[:, PLACE:, PLACE:],
+        blocks[:, TURN:PLACE, TURN:PLACE],
+        blocks[:, PLACE:SLOW, PLACE:SLOW],
         iterations,
     )
+
+
+def _diagonal_blocks(normal: Any) -> np.ndarray:
+    """Blocks (T, 12, 12) on the diagonal of the inverse of J^T J without loops.
+
+    No term reaches further than two frames, so in pairs of frames the matrix is block-tridiagonal,
+    and what all frames before, and all after, leave to a pair are two recursions (Meurant 1992).
+    """
+    n = normal.shape[0] // WIDTH
+    if n % 2:
+        normal = sparse.block_diag([normal, sparse.identity(WIDTH)])
+    size = 2 * WIDTH
+    pairs = sparse.bsr_matrix(normal, blocksize=(size, size))
+    rows = np.repeat(np.arange(normal.shape[0] // size), np.diff(pairs.indptr))
+    diagonal = np.zeros((rows[-1] + 1, size, size))
+    after = np.zeros_like(diagonal)  # from each pair to the next
+    on, beside = rows == pairs.indices, rows + 1 == pairs.indices
+    diagonal[rows[on]], after[rows[beside]] = pairs.data[on], pairs.data[beside]
+    left = diagonal.copy()
+    for i in range(1, len(left)):
+        left[i] -= after[i - 1].T @ np.linalg.solve(left[i - 1], after[i - 1])
+    whole, right = left.copy(), diagonal[-1]
+    for i in range(len(left) - 2, -1, -1):
+        taken = after[i] @ np.linalg.solve(right, after[i].T)
+        whole[i] -= taken
+        right = diagonal[i] - taken
+    inverse = np.linalg.inv(whole).reshape(-1, 2, WIDTH, 2, WIDTH)
+    return np.asarray(inverse[:, (0, 1), :, (0, 1)].swapaxes(0, 1).reshape(-1, WIDTH, WIDTH)[:n])
 
 
 def _cross(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:

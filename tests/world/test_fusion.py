@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gmrdata.values.motion_deltas import deltas
+from gmrdata.world import fusion
 from gmrdata.world.fusion import (
     ErrorProcess,
     FusedPoses,
@@ -149,6 +150,26 @@ def test_error_bars_are_those_of_many_trials() -> None:
         assert ratios[:, ~known].mean() == pytest.approx(1.0, abs=0.2)
         assert ratios[:, known].mean() == pytest.approx(1.0, abs=0.3)
         assert (ratios[:, ~known] < 4).mean() > 0.9
+
+
+@pytest.mark.parametrize("n", [2, 3, 8, 15])
+@pytest.mark.parametrize("loops", [(), (SamePlace(0, 1, 0.01), SamePlace(1, -1, 0.02))])
+def test_error_bars_are_blocks_of_the_whole_inverse(n: int, loops: tuple[SamePlace, ...]) -> None:
+    rotmats, pelvis_m = path(n)
+    loops = tuple(loop._replace(other_row=loop.other_row % n) for loop in loops)
+    seen = seen_of(rotmats, pelvis_m, np.arange(n) < 2, sigma_m=0.1)
+    motions = motions_of(rotmats, pelvis_m, fast=0.2, slow=0.1)
+    graph = fusion._Graph(FPS_HZ, seen, motions, None, loops)
+    state = fusion._State(rotmats, pelvis_m, np.zeros((n, 6)))
+    inverse = np.linalg.inv(fusion._normal_equations(graph, state)[0].toarray())
+    fused = fusion._with_covariances(graph, state, 1)
+    for k in range(n):
+        block = inverse[12 * k : 12 * k + 6, 12 * k : 12 * k + 6]
+        for found, wanted in (
+            (fused.turn_covariance_rad2[k], block[:3, :3]),
+            (fused.place_covariance_m2[k], block[3:, 3:]),
+        ):
+            np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-5 * wanted[0, 0])
 
 
 def sampled(one: ErrorProcess, rng: np.random.Generator) -> np.ndarray:
