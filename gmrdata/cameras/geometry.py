@@ -30,6 +30,10 @@ CLEARLY_BETTER = 0.7  # share of the median residual that makes six degrees of f
 FEW_KEYFRAMES = 5  # mappers want more frames than the three that a model needs
 NEARLY_TURNS = 0.6  # share of the matches that make a pure rotation the likeliest
 MOST_OF_THEM = 0.6  # share of the keyframes that a second solution needs: a rest is none
+WELL_MATCHED = 50
+"""Matches of its neighbours without which a second solution keeps a keyframe.  Where a dancer was
+taken every 20th frame they have 0 to 40, and of every second keyframe alone half of the path came
+out 16 % off beside a first one that is right."""
 AGREEING_SHARE = 0.03  # of the way, to which two solutions of one path agree
 VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by little parallax
 
@@ -77,7 +81,8 @@ def _solve_keyframes(
     turns, unsure = evidence.verdict == "rotation_only", evidence.verdict == "either"
     mapped = None if turns else map_frames(keys, matches, work_dir, config)
     if mapped is not None:
-        mapped = replace(mapped, agreement=_mapped_again(mapped, keys, work_dir, config))
+        again = _mapped_again(mapped, keys, matches, work_dir, config)
+        mapped = replace(mapped, agreement=again)
     bent = mapped is not None and is_bent(mapped, turning, config)
     everything = with_frames_between(matches, key_rows, frames, config)
     if turns or bent or (unsure and not explains_better(mapped, turning, config)):
@@ -101,10 +106,10 @@ def _solve_keyframes(
 
 
 def _mapped_again(
-    mapped: Solution, keys: Frames, work_dir: Path, config: SfmConfig
+    mapped: Solution, keys: Frames, matches: Matches, work_dir: Path, config: SfmConfig
 ) -> Agreement | None:
     """How a model agrees with one of every second keyframe."""
-    if (rows := _every_second(len(keys.images))) is None:
+    if len(rows := every_second(matches)) < FEW_KEYFRAMES:
         return None
     second = map_again(mapped, rows, keys, work_dir, _reseeded(config))
     if np.isfinite(second[:, 0, 0]).sum() < MOST_OF_THEM * len(rows):
@@ -117,7 +122,7 @@ def _turned_again(
     turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray, config: SfmConfig
 ) -> Agreement | None:
     """The same of a camera that only turns."""
-    if (rows := _every_second(len(matches.keypoints_px))) is None:
+    if len(rows := every_second(matches)) < FEW_KEYFRAMES:
         return None
     among = [pair for pair in matches.pairs if {pair.first, pair.second} <= set(rows.tolist())]
     if not among:
@@ -135,10 +140,15 @@ def _turning_cameras(turning: RotationOnly) -> np.ndarray:
     return cameras
 
 
-def _every_second(n_keyframes: int) -> np.ndarray | None:
-    """Rows of every second keyframe; None where these are too few to be solved."""
-    rows = np.arange(0, n_keyframes, 2)
-    return rows if len(rows) >= FEW_KEYFRAMES else None
+def every_second(matches: Matches) -> np.ndarray:
+    """Rows (N,) of every second keyframe, and of those whose neighbours hardly match each other:
+    what is solved again must hold together as the first solution does."""
+    count = {(pair.first, pair.second): len(pair.features) for pair in matches.pairs}
+    rows, last = [0], len(matches.keypoints_px) - 1
+    while rows[-1] + 2 <= last:
+        skips = count.get((rows[-1], rows[-1] + 2), 0) >= WELL_MATCHED
+        rows.append(rows[-1] + (2 if skips else 1))
+    return np.array(rows)
 
 
 def _reseeded(config: SfmConfig) -> SfmConfig:

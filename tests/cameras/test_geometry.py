@@ -8,7 +8,8 @@ from scipy.sparse import csr_array
 
 from gmrdata.cameras.files import Agreement
 from gmrdata.cameras.focal import FreedFocal
-from gmrdata.cameras.geometry import is_bent
+from gmrdata.cameras.geometry import WELL_MATCHED, every_second, is_bent
+from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import RotationOnly
 from gmrdata.cameras.solution import Solution
@@ -86,3 +87,14 @@ def test_a_model_without_cameras_is_no_rival() -> None:
         world_from_cam=np.full((N, 4, 4), np.nan),
     )
     assert not is_bent(nowhere, turning(0.9), CONFIG)
+
+
+def test_a_second_solution_leaves_out_only_keyframes_that_others_stand_in_for() -> None:
+    # A dancer every 20th frame: over 40 frames some pairs hardly match, or not at all.
+    features = {(k, k + 1): 100 for k in range(8)} | {(k, k + 2): 200 for k in (0, 1, 5, 6)}
+    features |= {(2, 4): WELL_MATCHED - 1, (3, 5): WELL_MATCHED}
+    pairs = [PairMatches(*at, np.zeros((n, 2), int), "CALIBRATED") for at, n in features.items()]
+    assert every_second(Matches([np.zeros((0, 2))] * 9, pairs)).tolist() == [0, 2, 3, 5, 7]
+    apart = [PairMatches(k, k + 2, np.zeros((99, 2), int), "CALIBRATED") for k in range(7)]
+    assert every_second(Matches([np.zeros((0, 2))] * 9, apart)).tolist() == [0, 2, 4, 6, 8]
+    assert every_second(Matches([np.zeros((0, 2))] * 8, apart)).tolist() == [0, 2, 4, 6]
