@@ -61,6 +61,15 @@ class Matches:
         return replace(self, keypoints_px=straight)
 
 
+def matched_points(matches: Matches) -> np.ndarray:
+    """(T,) how many image points of each frame any pair's matches have."""
+    seen = [set[int]() for _ in matches.keypoints_px]
+    for pair in matches.pairs:
+        seen[pair.first].update(pair.features[:, 0].tolist())
+        seen[pair.second].update(pair.features[:, 1].tolist())
+    return np.array([len(points) for points in seen], np.int64)
+
+
 def match_frames(
     frames: Frames, work_dir: Path, config: SfmConfig, *, calibrated: bool = True
 ) -> Matches:

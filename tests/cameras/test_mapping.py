@@ -99,7 +99,7 @@ def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc: Any) -> None:
     assert not explains_better(fewer, turning, SMALL)
 
 
-@pytest.mark.parametrize("reach_m", [0.085, 0.0])
+@pytest.mark.parametrize("reach_m", [0.085, 0.07, 0.0])
 def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
     reach_m: float, tmp_path: Path
 ) -> None:
