@@ -28,7 +28,7 @@ from gmrdata.masks.sources import FolderSource, MasksConfig, masks_named
 from gmrdata.read.frames import list_images
 from gmrdata.read.video import VideoConfig
 from gmrdata.values.files import write_json
-from gmrdata.world.video import FRAMES, MASKS, SFM, VideoSolveConfig, solve_video
+from gmrdata.world.video import FRAMES, MASKS, QUICK_SFM, SFM, VideoSolveConfig, solve_video
 from gmrdata.world.video_verdict import VideoVerdict
 
 LONGEST_PX = 640
@@ -181,7 +181,7 @@ def _config(clip: RealVideo, models: Path, given_masks: Path) -> VideoSolveConfi
     return VideoSolveConfig(
         masks=masks,
         intrinsics=IntrinsicsConfig(self_calibration=calibration),
-        sfm=SfmConfig(max_image_size_px=LONGEST_PX),
+        sfm=SfmConfig.model_validate(QUICK_SFM.model_dump() | {"max_image_size_px": LONGEST_PX}),
     )
 
 
