@@ -63,6 +63,7 @@ class GmrState(StepState):
 
 _FORMER = ("gmrdata-gmr/1", "gmrdata-gmr/2", "gmrdata-gmr/3")
 _FIRST_LEFT_OUT = {"processes": 1, "averaged": False, "best": None}  # where it did not apply
+_ALWAYS = {"looks_at": "all_joints", "regressed": "freely"}  # of networks before 4
 State = TypeVar("State", bound=StepState)
 
 
@@ -190,13 +191,13 @@ def read_state(folder: Path) -> GmrState:
 def _brought_up(value: dict[str, Any]) -> dict[str, Any]:
     """A state of a former version as one of this.
 
-    Before 3, a network had no latent size; before 4, what is regressed was always free.
+    Before 3, a network had no latent size; before 4 it saw all joints, and regressed freely.
     """
     version = _FORMER.index(value["format"]) + 1
     first = _FIRST_LEFT_OUT if version == 1 else {}
     model = value.get("model")
     if isinstance(model, dict):
-        later = {"regressed": "freely"} | ({"latent": None} if version < 3 else {})
+        later = dict(_ALWAYS) | ({"latent": None} if version < 3 else {})
         model = later | model
     return first | value | {"format": GmrState.tag(), "model": model}
 

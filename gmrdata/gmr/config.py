@@ -52,6 +52,9 @@ class ModelConfig(NetworkConfig):
     extra_inputs: tuple[ExtraInput, ...] = ()
     """What else is given; the paper has none.  `velocity`: how each joint turns to the next frame,
     69 numbers.  `standing`: the root's motion if that joint stood still, for each, 138 numbers."""
+    looks_at: Literal["all_joints", "legs_and_trunk"] = "all_joints"
+    """Whose rotations and extra inputs the GRUs get.  Arms and head move in more ways than a small
+    set of people shows, and carry nobody; joints that stand are found among all in either case."""
     rotation: MotionSource = "regressed"
     """How dR is put out.  `standing_joint`: as the turn that the joint that stands leaves to the
     root, after what is regressed; the network says which one stands."""
@@ -72,6 +75,9 @@ class LossConfig(Config):
     smoothness: float = Field(default=1e-2, ge=0.0)
     orientation_loss: Literal["chordal", "angular", "axis-angle"] = "chordal"
     """Eq. 10, 9 or 11.  The paper ends with chordal (its Table 2)."""
+    error: Literal["squared", "length"] = "squared"
+    """Of orientation and translation: squared as in the paper, or their lengths, of which OME and
+    TME are means.  A few motions that cannot be foreseen then count for less."""
     reduction: Literal["mean", "sum"] = "mean"
     """`mean` over motions (and vertices), or `sum` as eqs. 9-14 are written and then the mean over
     the windows of a batch, about which the paper says nothing.  The recipes of the paper say `sum`;

@@ -10,8 +10,11 @@ from gmrdata.gmr import inputs as extra_inputs
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, NetworkConfig, Representation
 from gmrdata.gmr.inputs import StandingShares, root_step_m, root_turn
-from gmrdata.values.body import N_LOCAL
+from gmrdata.values.body import JOINT, N_LOCAL
 from gmrdata.values.shapes import Float, Int
+
+LEGS_AND_TRUNK = range(JOINT["neck"] - 1)
+"""Rows of hips, knees, ankles, feet and spine among the 23 local rotations."""
 
 
 class MotionNetwork(nn.Module):
@@ -65,9 +68,13 @@ class MotionNetwork(nn.Module):
 class Gmr(MotionNetwork):
     """The GRUs, the projection, and a linear regression (paper, section 3.3)."""
 
+    columns: Tensor
+
     def __init__(self, config: ModelConfig) -> None:
-        super().__init__(input_size(config), config)
+        columns = input_columns(config)
+        super().__init__(len(columns), config)
         self.config = config
+        self.register_buffer("columns", torch.tensor(columns), persistent=False)
         self.regression = nn.Linear(config.n_features, rotations.SIZE[config.output] + 3)
         self.turn_shares = _shares(config.rotation, config.n_features)
         self.step_shares = _shares(config.translation, config.n_features)
@@ -83,7 +90,8 @@ class Gmr(MotionNetwork):
         T frames in give T motions out, as in Fig. 4; but T frames have only T-1 motions, so the
         last one leads out of the sequence and callers drop it.
         """
-        features = self.features(poses, lengths)
+        seen = poses if self.columns.numel() == poses.shape[-1] else poses[..., self.columns]
+        features = self.features(seen, lengths)
         # bfloat16's 8 bits are enough for features, not for the motion itself.
         with torch.autocast(features.device.type, enabled=False):
             features = features.to(self.regression.weight.dtype)
@@ -138,6 +146,19 @@ def input_size(config: ModelConfig) -> int:
     """Numbers per frame D: 23 * 3 | 4 | 6 for the local rotations, and the extra ones."""
     extra = sum(extra_inputs.SIZE[kind] for kind in config.extra_inputs)
     return N_LOCAL * (rotations.SIZE[config.input] + extra)
+
+
+def input_columns(config: ModelConfig) -> list[int]:
+    """Which of those numbers the GRUs get."""
+    joints = range(N_LOCAL) if config.looks_at == "all_joints" else LEGS_AND_TRUNK
+    columns, start = [], 0
+    for size in (
+        rotations.SIZE[config.input],
+        *(extra_inputs.SIZE[kind] for kind in config.extra_inputs),
+    ):
+        columns += [start + size * joint + i for joint in joints for i in range(size)]
+        start += size * N_LOCAL
+    return columns
 
 
 def network_input(

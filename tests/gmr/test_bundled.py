@@ -59,7 +59,9 @@ def test_several_predict_the_mean_on_so3(
     assert isinstance(gmr.model, MeanGmr)
     rotmats, moves_m = predict_deltas(gmr, poses)
     each = [predict_deltas(load_gmr(run_dir), poses) for run_dir in runs]
-    mean = [Rotation.from_matrix(np.stack(m)).mean() for m in zip(*(r for r, _ in each), strict=True)]
+    mean = [
+        Rotation.from_matrix(np.stack(m)).mean() for m in zip(*(r for r, _ in each), strict=True)
+    ]
     apart = Rotation.from_matrix(each[0][0]).inv() * Rotation.from_matrix(each[1][0])
     wrong = Rotation.from_matrix(rotmats).inv() * Rotation.concatenate(mean)
     assert wrong.magnitude().max() < 0.02 * apart.magnitude().max()

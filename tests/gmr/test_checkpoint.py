@@ -223,7 +223,8 @@ def test_a_state_of_the_second_version_is_read(run_dir: Path) -> None:
     """Its network had as many latent numbers as hidden units; whatever else it lacks is refused."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/2"}
-    del state["model"]["latent"], state["model"]["regressed"]
+    for key in ("latent", "looks_at", "regressed"):
+        del state["model"][key]
     write_json(path, state)
     assert load_gmr(run_dir).model.config == CONFIG
     for key in ("averaged", "model"):
@@ -237,10 +238,10 @@ def test_a_state_of_the_second_version_is_read(run_dir: Path) -> None:
 
 
 def test_a_state_of_the_third_version_is_read(run_dir: Path) -> None:
-    """What its network regressed was always free; it had a latent size."""
+    """Its network saw all joints and regressed freely; it had a latent size."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/3"}
-    del state["model"]["regressed"]
+    del state["model"]["looks_at"], state["model"]["regressed"]
     write_json(path, state)
     assert load_gmr(run_dir).model.config == CONFIG
     del state["model"]["latent"]

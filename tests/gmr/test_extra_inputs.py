@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.inputs import REST_JOINTS_M, SCALE, motions_if_standing, velocities
-from gmrdata.gmr.model import input_size, network_input
-from gmrdata.values.body import BodyModel
+from gmrdata.gmr.model import Gmr, input_columns, input_size, network_input
+from gmrdata.values.body import JOINT_NAMES, BodyModel
 from gmrdata.values.motion_deltas import deltas
 from tests.torch_joints import posed_joints
 
@@ -75,3 +75,27 @@ def test_a_batch_is_its_sequences(extra: tuple[str, ...]) -> None:
     for row in range(3):
         alone = network_input(poses[row], "quaternion", config.extra_inputs)
         torch.testing.assert_close(together[row], alone, atol=1e-12, rtol=0)
+
+
+def test_a_network_that_looks_at_legs_and_trunk_does_not_see_arms() -> None:
+    config = ModelConfig(
+        layers=1, hidden=4, extra_inputs=("standing", "velocity"), looks_at="legs_and_trunk"
+    )
+    names = JOINT_NAMES[1:]
+    chosen = [i for i, name in enumerate(names) if JOINT_NAMES.index(name) < 12]
+    assert {names[i] for i in chosen} >= {"left_hip", "spine3", "right_foot", "left_ankle"}
+    assert len(input_columns(config)) == 11 * (4 + 6 + 3)
+    model, poses = Gmr(config).double().eval(), random_poses(6)
+    other = poses.clone()
+    other[:, 11:] = random_poses(3, 6)[2][:, 11:]
+    with torch.no_grad():
+        a, b = (
+            model(network_input(one, config.input, config.extra_inputs)[None])
+            for one in (poses, other)
+        )
+    assert torch.equal(a[0], b[0]) and torch.equal(a[1], b[1])
+    other[:, 10] = random_poses(3, 6)[2][:, 10]
+    with torch.no_grad():
+        c = model(network_input(other, config.input, config.extra_inputs)[None])
+    assert not torch.equal(a[1], c[1])
+    assert input_columns(ModelConfig()) == list(range(92))

@@ -362,3 +362,26 @@ def test_each_window_is_posed_on_its_own_body(small_body: BodyModel) -> None:
         assert of_one is not None and of_two is not None and of_both is not None
         expected = torch.stack([of_two[0], of_one[1], of_two[2]])
         torch.testing.assert_close(of_both, expected)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_lengths_of_errors_are_their_means_and_have_a_slope_everywhere(
+    kind: Literal["chordal", "angular", "axis-angle"],
+) -> None:
+    """A chordal distance of small angles is the angle times the root of 2."""
+    true, mask = random_motions(1), torch.ones(B, N, dtype=torch.bool)
+    mask[1, 4:] = False
+    turn = torch.as_tensor(Rotation.from_rotvec([0, 0.02, 0]).as_matrix())
+    still = Motions(turn.expand(B, N, 3, 3), torch.zeros(B, N, 3, dtype=torch.float64))
+    config = LossConfig(error="length", vertex=0.0, smoothness=0.0, orientation_loss=kind)
+    at_rest = Motions(torch.eye(3).double().expand(B, N, 3, 3), true.delta_m)
+    terms = gmr_loss(still, at_rest, mask, None, config)
+    root = np.sqrt(2) if kind == "chordal" else 1.0
+    assert terms["orientation"].item() == pytest.approx(0.02 * root, rel=2e-3)
+    lengths_m = true.delta_m.norm(dim=-1)[mask]
+    assert terms["translation"].item() == pytest.approx(lengths_m.mean().item(), rel=1e-3)
+    assert terms["loss"] == terms["orientation"] + terms["translation"]
+    delta_m = true.delta_m.clone().requires_grad_()
+    exact = gmr_loss(Motions(true.delta_rotmats, delta_m), true, mask, None, config)
+    exact["loss"].backward()
+    assert delta_m.grad is not None and delta_m.grad.abs().max() == 0
