@@ -17,7 +17,7 @@ from gmrdata.stage.shards import COMMAND_FILE, SHARDS_FOLDER, CommandRecord, Oth
 from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput
 
 SHARD_FLAG, OUT_FLAG = "--shard", "--out"
-SHARED_VERBS = ("motions", "render", "threedpw", "floor", "tables", "run")
+SHARED_VERBS = ("motions", "render", "video", "threedpw", "floor", "tables", "run")
 NOT_MEASURED = Need(None, None)
 NOT_ONCE = ("--redo", "--dry-run", "--preview", "--workers", "--scheduler", "--help", "-h")
 """With these a command does something else, or in processes whose inputs nobody here knows."""

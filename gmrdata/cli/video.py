@@ -1,6 +1,7 @@
 """The verb for any video: cameras, people's world motion of given bodies, a page, and files."""
 
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, fail, print_table
+from gmrdata.cli.shards import ArrayFlags, print_script
 from gmrdata.stage.progress import console
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
@@ -17,9 +19,10 @@ if TYPE_CHECKING:
     from gmrdata.cameras.intrinsics import GivenIntrinsics
     from gmrdata.cli.export import FormatName
     from gmrdata.masks.sources import MasksConfig
-    from gmrdata.read.video import VideoConfig
-    from gmrdata.world.video import GivenBodies, VideoSolveConfig
+    from gmrdata.read.video_files import NamedVideo
+    from gmrdata.world.video import GivenBodies
     from gmrdata.world.video_verdict import VideoVerdict
+    from gmrdata.world.videos import EachVideo
 
 FILES = "files"
 FRAME_S, MASK_S, SFM_S, BODY_S = 0.02, 0.12, 0.25, 0.005
@@ -31,7 +34,7 @@ NO_MASKS = ("none",)
 
 
 def video(
-    source: Positional[Path],
+    sources: Positional[tuple[Path, ...]],
     out: Path,
     poses: Path | None = None,
     body: flags.Body = "anny",
@@ -41,11 +44,15 @@ def video(
     weights: flags.MaskWeights = None,
     classes: flags.MaskClasses = (),
     focal: Annotated[
-        float | None, arg(help="Focal length of the images [px]; one of these three at most.")
+        float | None,
+        arg(help="Focal length of the images, of all videos [px]; one of these three at most."),
     ] = None,
-    fov: Annotated[float | None, arg(help="Horizontal field of view of the images [deg].")] = None,
+    fov: Annotated[
+        float | None, arg(help="Horizontal field of view of the images, of all videos [deg].")
+    ] = None,
     intrinsics: Annotated[
-        Path | None, arg(help="Calibration of the images: a file, as docs/video.md lists them.")
+        Path | None,
+        arg(help="Calibration of the images, of all videos: a file, as docs/video.md lists them."),
     ] = None,
     check_lens: bool = True,
     fps: Annotated[float | None, arg(help="Images per second of a folder of images [Hz].")] = None,
@@ -59,17 +66,25 @@ def video(
     page: flags.Page = True,
     strict: bool = False,
     dry_run: flags.DryRun = False,
-    redo: flags.Redo = False,
+    *,
+    run: flags.RunFlags,
+    array: ArrayFlags,
 ) -> None:
     """Cameras of any video and, with another system's bodies, people's motion in a metric world.
 
+    Several videos, or a folder with video files, are a batch: each is solved by itself, in worker
+    processes or shards.
+
     Args:
-        source: A video file, or a folder of numbered images.
+        sources: A video file, or a folder of numbered images; for a batch several of them, or a
+            folder with video files.
         out: Output folder: frames/ of a video, masks/, intrinsics/, sfm/ and verdict.json; bodies/
-            and pseudo_gt/ of people; files/ to take along; index.html and overlay/ to look at. A
-            run that was stopped goes on where it was.
+            and pseudo_gt/ of people; files/ to take along; index.html and overlay/ to look at. Of a
+            batch videos/<name>/ with these, videos.json and index.html. A run that was stopped goes
+            on where it was.
         poses: People before the camera: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, GVHMR's
-            hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl.
+            hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl. Of a batch a folder with
+            <name>.pkl, <name>.pt or <name>/ for each video that has people.
         masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them; none
             where nothing moves.
         check_lens: Seek the lens in the frames too. Without, a given lens is taken as it is, and
@@ -82,12 +97,12 @@ def video(
     """
     from gmrdata.cameras.intrinsics import IntrinsicsConfig
     from gmrdata.cameras.recipe import SfmConfig
-    from gmrdata.cli.video_page import write_files, write_page
-    from gmrdata.read.video import is_video
+    from gmrdata.read.video_files import find_videos
     from gmrdata.world.bodies import BodiesConfig
-    from gmrdata.world.video import FRAMES, QUICK_SFM, VideoSolveConfig, solve_video
-    from gmrdata.world.video_verdict import VideoVerdict
+    from gmrdata.world.video import QUICK_SFM, VideoSolveConfig
+    from gmrdata.world.videos import EachVideo
 
+    flags.need(sources, "a video, or a folder of numbered images or of videos")
     config = VideoSolveConfig(
         masks=_masks(masks, model, landmarks, weights, classes),
         intrinsics=IntrinsicsConfig(look_in_frames=check_lens),
@@ -95,36 +110,87 @@ def video(
         check_again=check_again,
         bodies=BodiesConfig(frames_per_row=poses_every),
     )
-    lens = _lens(focal, fov, intrinsics)
-    part = flags.video_part(from_s, to_s, every, take_what_decodes)
-    if dry_run:
-        _show_plan(source, config, part, poses)
-        return
-    run = Run(redo=redo)
-    given = None if poses is None else _given(poses, body, out, run)
-    path = solve_video(
-        source,
-        out,
-        config,
-        intrinsics=lens,
-        bodies=given,
-        part=part,
+    each = EachVideo(
+        config=config,
+        part=flags.video_part(from_s, to_s, every, take_what_decodes),
+        lens=_lens(focal, fov, intrinsics),
         fps_hz=fps,
-        run=run,
+        body=body,
+        page=page,
     )
+    found = find_videos(sources)
+    if found is None:
+        _require_alone(run, array)
+        if dry_run:
+            _show_plan(sources[0], each, poses)
+        else:
+            _solve_alone(sources[0], out, each, poses, run, strict)
+        return
+    from gmrdata.cli import videos
+
+    batch = videos.prepare(found, each, poses)
+    if array is not None:
+        print_script(array)
+    elif dry_run:
+        videos.show_plan(batch, each)
+    else:
+        videos.solve(batch, out, each, run, strict)
+
+
+def _require_alone(run: Run, array: object) -> None:
+    """Refuse what is for many videos; raises BadRecipe."""
+    if run.shard or run.workers or run.scheduler or array is not None:
+        what = "--workers, --scheduler, --shard and --print-… are for several videos"
+        raise BadRecipe(f"{what}, or a folder with video files. Leave them out for one")
+
+
+def _solve_alone(
+    source: Path, out: Path, each: "EachVideo", poses: Path | None, run: Run, strict: bool
+) -> None:
+    from gmrdata.read.video import is_video
+    from gmrdata.read.video_files import NamedVideo
+    from gmrdata.world.video import FRAMES
+
+    verdict = solve_one(NamedVideo(out.name, source, poses), out, each, run)
     if is_video(source):
         flags.say_lost(out / FRAMES)
-    verdict = VideoVerdict.read(path)
-    images = out / verdict.images_dir  # an absolute path stays as it is
-    if not verdict.people:
-        _write_cameras(out, images, verdict)
     _say(verdict)
-    if page:
-        answer(write_page(out, images=images))
-    else:
-        write_files(out, images=images)
+    if (made := leave_page(out, verdict, page=each.page)) is not None:
+        answer(made)
     if strict and not verdict.accepted:
         fail(f"{source}: rejected")
+
+
+def solve_one(video: "NamedVideo", out: Path, each: "EachVideo", run: Run) -> "VideoVerdict":
+    """One video with all of its stages; errors as of `solve_video`."""
+    from gmrdata.world.video import solve_video
+    from gmrdata.world.video_verdict import VideoVerdict
+
+    path = solve_video(
+        video.path,
+        out,
+        each.config,
+        intrinsics=each.lens,
+        bodies=None if video.poses_path is None else _given(video.poses_path, each.body, out, run),
+        part=each.part,
+        fps_hz=each.fps_hz,
+        run=run,
+    )
+    verdict = VideoVerdict.read(path)
+    if not verdict.people:
+        _write_cameras(out, out / verdict.images_dir, verdict)
+    return verdict
+
+
+def leave_page(out: Path, verdict: "VideoVerdict", *, page: bool) -> Path | None:
+    """Files to take along of people, and the page where it is wanted; gives its path."""
+    from gmrdata.cli.video_page import write_files, write_page
+
+    images = out / verdict.images_dir  # an absolute path stays as it is
+    if page:
+        return write_page(out, images=images)
+    write_files(out, images=images)
+    return None
 
 
 def _masks(
@@ -134,7 +200,7 @@ def _masks(
     weights: Path | None,
     classes: tuple[str, ...],
 ) -> "MasksConfig | None":
-    from gmrdata.masks.sources import masks_named, require_models
+    from gmrdata.masks.sources import masks_named, network_files
 
     flags.need(names, "a source of masks: --masks person, or none")
     if names == NO_MASKS:
@@ -142,9 +208,11 @@ def _masks(
     if "silhouette" in names:
         what = "silhouette needs a body before any camera is known. Use person"
         raise BadRecipe(f"--masks: {what}")
+    # Absolute, since a worker of another machine may run in another folder.
+    model, landmarks, weights = (file and file.absolute() for file in (model, landmarks, weights))
     config = masks_named(names, model=model, landmarks=landmarks, weights=weights, classes=classes)
     try:
-        require_models(config)
+        network_files(config)
     except MissingInput as error:
         raise MissingInput(f"{error}; --masks none goes without") from None
     return config
@@ -171,12 +239,17 @@ def _lens(
 
 def _given(poses: Path, body: str, out: Path, run: Run) -> "GivenBodies":
     """The poses' file, and the body to put them on, which is kept beside the result."""
-    from gmrdata.read.bodies import body_file, keep_body
+    from gmrdata.read.bodies import keep_body
     from gmrdata.world.video import GivenBodies
 
-    # The estimators' shapes are of SMPL's neutral body.
-    chosen = str(body_file(body, "smpl-neutral")) if Path(body).expanduser().is_dir() else body
-    return GivenBodies(poses, keep_body(chosen, out / "body", run=run))
+    return GivenBodies(poses, keep_body(chosen_body(body), out / "body", run=run))
+
+
+def chosen_body(body: str) -> str:
+    """The body that people of poses get: of a folder the neutral one, whose shapes theirs are."""
+    from gmrdata.read.bodies import body_file
+
+    return str(body_file(body, "smpl-neutral")) if Path(body).expanduser().is_dir() else body
 
 
 def _write_cameras(out: Path, images: Path, verdict: "VideoVerdict") -> None:
@@ -220,26 +293,34 @@ def _say(verdict: "VideoVerdict") -> None:
         console.print(line, markup=False, soft_wrap=True)
 
 
-def _show_plan(
-    source: Path, config: "VideoSolveConfig", part: "VideoConfig", poses: Path | None
-) -> None:
+def _show_plan(source: Path, each: "EachVideo", poses: Path | None) -> None:
     """What would be done with so many images, and about how long it takes."""
-    from gmrdata.read.frames import check_images, list_images
-    from gmrdata.read.video import count_images, is_video
+    from gmrdata.read.video_files import NamedVideo
 
-    if is_video(source):
-        n_images, (width_px, height_px) = count_images(source, part)
-    else:
-        images = list_images(source)
-        n_images, (width_px, height_px) = len(images), check_images(images)
-    share = width_px * height_px / (1280 * 720)
-    seconds = {
-        "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
-        "masks": n_images * MASK_S * max(1.0, share) if config.masks is not None else 0.0,
-        "intrinsics": INTRINSICS_S * config.intrinsics.look_in_frames,
-        "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
-        "bodies": 0.0 if poses is None else BODIES_S + n_images * BODY_S,
-    }
+    n_images, (width_px, height_px), seconds = plan(NamedVideo("", source, poses), each)
     rows = [(name, f"{s:.0f}") for name, s in seconds.items() if s]
     print_table(("stage", "about [s]"), [*rows, ("all", f"{sum(seconds.values()):.0f}")])
     answer(f"{source}: {n_images} images of {width_px}x{height_px} px")
+
+
+def plan(
+    video: "NamedVideo", each: "EachVideo"
+) -> tuple[int, tuple[int, int], Mapping[str, float]]:
+    """Images of a video, their size [px], and about how long each stage takes [s]."""
+    from gmrdata.read.frames import check_images, list_images
+    from gmrdata.read.video import count_images, is_video
+
+    if is_video(video.path):
+        n_images, size_px = count_images(video.path, each.part)
+    else:
+        images = list_images(video.path)
+        n_images, size_px = len(images), check_images(images)
+    share = size_px[0] * size_px[1] / (1280 * 720)
+    seconds = {
+        "frames": n_images * FRAME_S * share if is_video(video.path) else 0.0,
+        "masks": n_images * MASK_S * max(1.0, share) if each.config.masks is not None else 0.0,
+        "intrinsics": INTRINSICS_S * each.config.intrinsics.look_in_frames,
+        "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
+        "bodies": 0.0 if video.poses_path is None else BODIES_S + n_images * BODY_S,
+    }
+    return n_images, size_px, seconds

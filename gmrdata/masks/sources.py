@@ -172,13 +172,28 @@ def _require_used(names: Sequence[str], options: dict[str, object]) -> None:
             raise BadRecipe(f"{option} is for {' and '.join(USED_BY[option])}, which is not named")
 
 
-def require_models(config: MasksConfig) -> None:
-    """Raise what `make_masks` would raise for networks that are not there, before any work."""
-    for source in config.sources:
+def network_files(config: MasksConfig) -> dict[str, Path]:
+    """The networks' files that `make_masks` would read, by role; what it would raise for files that
+    are not there, this raises before any work."""
+    found = {}
+    for name, source in zip(source_names(config.sources), config.sources, strict=True):
         if isinstance(source, OnnxSource | PersonSource):
-            find_model(YOLOX_NANO, source.model)
+            found[f"{name} detector"] = find_model(YOLOX_NANO, source.model)
         if isinstance(source, PersonSource):
-            find_model(POSE_LANDMARKS, source.landmarks)
+            found[f"{name} landmarks"] = find_model(POSE_LANDMARKS, source.landmarks)
+        if isinstance(source, MaskRcnnSource) and source.weights is not None:
+            found[f"{name} weights"] = source.weights
+    return found
+
+
+def without_files(config: MasksConfig) -> MasksConfig:
+    """The recipe without its networks' files, whose hashes stand in the record instead."""
+    files = {"model", "landmarks", "weights"}
+    sources = tuple(
+        source.model_copy(update=dict.fromkeys(files & type(source).model_fields.keys()))
+        for source in config.sources
+    )
+    return config.model_copy(update={"sources": sources})
 
 
 def sources_dir(masks_dir: Path) -> Path:

@@ -23,6 +23,10 @@ from gmrdata.threedpw.regenerate import SequenceVerdict, Verdicts, choose
 from gmrdata.values.files import remove_orphans, write_text
 
 HEADINGS = ("sequence", "split", "camera", "frames", "kept", "scale", "overlay", "first reason")
+LEAD = (
+    "World-frame pseudo ground truth: what was decided of each sequence. "
+    "Click on a heading to sort."
+)
 STAGE_FILES = {
     "people": ("people.json", "doubts.json"),
     "masks": ("masks.json",),
@@ -93,6 +97,7 @@ def write_pages(
     page = render(
         "qa_index",
         title=f"{recipe.name} {recipe.version}",
+        lead=LEAD,
         links=[*links, ("verdicts.json", "Verdicts as JSON")],
         counts=[*((name, len(group)) for name, group in rows.items()), ("Frames", n_frames)],
         groups=[(name, table) for name, table in tables.items() if table.rows],

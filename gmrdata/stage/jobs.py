@@ -135,6 +135,18 @@ def try_jobs(
     return _in_order(jobs, Outcome(results, reasons))
 
 
+def try_here(description: str, jobs: Sequence[Job], failures_dir: Path) -> Outcome:
+    """`try_jobs` in this process, one by one, with all of its cores for each."""
+    outcome = Outcome(_look_first(jobs), {})
+    for job in track([job for job in jobs if job.id not in outcome.results], description):
+        try:
+            outcome.results[job.id] = _attempt(job)
+        except Exception as error:
+            outcome.reasons[job.id] = _reason(error, error.__traceback__)
+    record_failures(failures_dir, outcome.reasons, outcome.results)
+    return _in_order(jobs, outcome)
+
+
 def _in_order(jobs: Sequence[Job], outcome: Outcome) -> Outcome:
     return Outcome(*({job.id: of[job.id] for job in jobs if job.id in of} for of in outcome))
 
