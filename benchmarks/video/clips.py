@@ -87,16 +87,30 @@ def make_video_clips(folder: Path, *, small: bool = False) -> list[Path]:
         if all((folder / name / FACTS_FILE).is_file() for name in wanted):
             continue
         render_set(_recipe(lens, wanted), rendered)
-        for name in wanted:
-            _lay_out(render_dir(rendered, name), name, LENSES[lens], folder / name)
+        for name, (_, _, programme) in wanted.items():
+            lay_out(render_dir(rendered, name), name, LENSES[lens], folder / name, programme)
     return [folder / name for name in clips]
 
 
 def _recipe(lens: str, clips: dict[str, tuple[str, str, dict[str, Any]]]) -> SyntheticRecipe:
+    gaits = {name: {"gait": gait} for name, (_, gait, _) in clips.items()}
+    programmes = {name: programme for name, (_, _, programme) in clips.items()}
+    return recipe_of(f"video_{lens}", lens, gaits, programmes, SEED, DURATION_S)
+
+
+def recipe_of(
+    name: str,
+    lens: str,
+    motions: dict[str, dict[str, str]],
+    programmes: dict[str, dict[str, Any]],
+    seed: int,
+    duration_s: float,
+) -> SyntheticRecipe:
+    """Clips of one lens, each with its `gait` or `trial` and its camera programme."""
     of = LENSES[lens]
     width_px, height_px = of.rendered_px or of.size_px
     film = {
-        "duration_s": DURATION_S,
+        "duration_s": duration_s,
         "fps_hz": FPS_HZ,
         "width_px": width_px,
         "height_px": height_px,
@@ -104,18 +118,18 @@ def _recipe(lens: str, clips: dict[str, tuple[str, str, dict[str, Any]]]) -> Syn
     }
     entries = [
         {
-            "id": name,
-            "gait": gait,
-            "programme": programme,
-            "scene": {"kind": name.split("_")[0], "seed": 30 + row},
+            "id": clip,
+            "programme": programmes[clip],
+            "scene": {"kind": clip.split("_")[0], "seed": 30 + row},
         }
-        for row, (name, (_, gait, programme)) in enumerate(clips.items())
+        | motion
+        for row, (clip, motion) in enumerate(motions.items())
     ]
     return SyntheticRecipe.model_validate(
         {
             "recipe": "synthetic",
-            "name": f"video_{lens}",
-            "seed": SEED,
+            "name": name,
+            "seed": seed,
             "workers": 1,
             "people": {"vary": True},
             "film": film,
@@ -125,7 +139,9 @@ def _recipe(lens: str, clips: dict[str, tuple[str, str, dict[str, Any]]]) -> Syn
     )
 
 
-def _lay_out(rendered: Path, name: str, lens: Lens, out_dir: Path) -> None:
+def lay_out(
+    rendered: Path, name: str, lens: Lens, out_dir: Path, programme: dict[str, Any]
+) -> None:
     """Frames and masks through the lens, the truth beside them; the facts come last."""
     (width_px, height_px), focal_px = lens.size_px, lens.focal_px
     for folder in (FRAMES_FOLDER, MASKS_FOLDER):
@@ -146,7 +162,7 @@ def _lay_out(rendered: Path, name: str, lens: Lens, out_dir: Path) -> None:
     save_clip(out_dir / CLIP_FILE, replace(clip, camera=camera), rest_pelvis_m)
     VideoFacts(
         name=name,
-        programme=str(CLIPS[name][2]["kind"]),
+        programme=str(programme["kind"]),
         fps_hz=FPS_HZ,
         size_px=lens.size_px,
         focal_px=focal_px,

@@ -17,6 +17,7 @@ GVHMR     `hmr4d_results.pt`: `smpl_params_incam` with `global_orient` (T, 3), `
 TRAM      `hps/hps_track_<k>.npy`: `pred_rotmat`, `pred_trans` (T, 1, 3), SMPL's transl before a
           camera of `img_focal` and `img_center`, which `camera.npy` holds (lib/models/hmr_vimo.py,
           `get_trans`); or EMDB's `.npz`, which holds all of them.
+gmrdata   the folder of `gmrdata.poses.local_poses`: poses and pelves before the video's own camera.
 PHALP     `<name>.pkl` of PHALP and 4D-Humans: `camera_bbox` (3,) = s, tx, ty of a crop round
           `center` (2,) whose side is the larger of `scale` (2,) [px].  `camera` (3,) is the same
           in a square of 256 px that holds the image of `size` (height, width), seen with 5000 px
@@ -52,8 +53,10 @@ from gmrdata.read.world_results import (
 from gmrdata.values.body import N_JOINTS, N_LOCAL
 from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.files import read_npz
+from gmrdata.values.local_poses import POSES_FILE, load_local_poses
+from gmrdata.values.people import person_file
 
-Estimator = Literal["vibe", "wham", "gvhmr", "tram", "phalp"]
+Estimator = Literal["vibe", "wham", "gvhmr", "tram", "phalp", "gmrdata"]
 
 CROP_FOCAL_PX = 5000.0
 """Focal length of HMR and those after it, in a crop of their own size [px]."""
@@ -102,7 +105,8 @@ class SeenPeople:
 
 
 def read_camera_bodies(path: Path, size_px: tuple[int, int]) -> SeenPeople:
-    """Read a file of VIBE, WHAM, GVHMR or PHALP, or TRAM's folder or `.npz`; nothing of it is run.
+    """Read a file of VIBE, WHAM, GVHMR or PHALP, TRAM's folder or `.npz`, or our own local poses;
+    nothing of it is run.
 
     `size_px` is the (width, height) of the video's images.  A file that says that it is of images
     of another shape is refused; of the same shape at another size, it is brought to these pixels.
@@ -111,7 +115,8 @@ def read_camera_bodies(path: Path, size_px: tuple[int, int]) -> SeenPeople:
         MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: name the file and the remedy.
     """
     if path.is_dir():
-        return _tram_folder(path, size_px)
+        own = (path / POSES_FILE).is_file()
+        return _own_folder(path, size_px) if own else _tram_folder(path, size_px)
     if not path.is_file():
         raise MissingInput(f"{path}: no such file. {KNOWN}")
     if path.suffix == ".npz":
@@ -120,6 +125,31 @@ def read_camera_bodies(path: Path, size_px: tuple[int, int]) -> SeenPeople:
         if stream.read(len(ZIP)) == ZIP:
             return _gvhmr(path, size_px)
     return _pickled(load_plain(path), path, size_px)
+
+
+def _own_folder(folder: Path, size_px: tuple[int, int]) -> SeenPeople:
+    record, people = load_local_poses(folder)
+    if record.size_px != size_px:
+        sizes = "{}x{} px, and the video's are {}x{} px".format(*record.size_px, *size_px)
+        raise BadMotionFile(f"{folder}: is of images of {sizes}: it is another video's. {AGAIN}")
+    files = (folder / POSES_FILE, *(folder / person_file(n) for n in range(record.people)))
+    seen = [
+        SeenPerson(
+            name=f"person_{n}",
+            frame_numbers=one.frame_numbers,
+            local_rotmats=one.local_rotmats,
+            root_rotmats=one.root_rotmats,
+            transl_m=one.pelvis_m,
+            assumed=None,
+            crop_px=None,
+            betas=None,
+            rest_pelvis_m=np.zeros(3),
+        )
+        for n, one in enumerate(people)
+    ]
+    if not seen:
+        raise BadMotionFile(f"{folder}: nobody is seen in any frame of the video")
+    return SeenPeople("gmrdata", files, tuple(seen), None)
 
 
 def _pickled(content: Any, path: Path, size_px: tuple[int, int]) -> SeenPeople:

@@ -158,7 +158,8 @@ def test_motions_are_listed(gmrdata: Gmrdata, cmu_dir: Path) -> None:
     assert "02_03.amc" in answer.stdout and "08_02.bvh" in answer.stdout
 
 
-NEEDED = {"threedpw": "--root", "masks": "--frames", "gmr": "--manifest", "table": "--manifest"}
+NEEDED = {"threedpw": "--root", "masks": "--frames", "gmr": "--manifest", "table": "--manifest",
+          "lifter": "--manifest"}  # fmt: skip
 """Flag without which no recipe of a kind does anything."""
 
 

@@ -54,12 +54,16 @@ RUN = (
 """Arguments of `gmrdata` in a folder of small files, in an order in which each finds its input."""
 
 ELSEWHERE = {
+    "run --manifest --out": "poses/test_training.py::test_a_recipe_makes_one",
     "baseline camera_as_world --camera --cameras --out": (
         "baselines/test_camera_as_world.py::test_ignored_true_and_recovered"
     ),
     "baseline joint_train --features --out": "baselines/test_joint.py::test_it_learns",
     "baseline joint --features --out": "baselines/test_joint.py::test_it_learns",
     "baseline vibe_cam --poses --keypoints --out": "baselines/test_vibe_cam.py::test_the_verb",
+    "delta-errors --manifests --out": (
+        "gmr/test_delta_errors.py::test_the_verb_measures_a_run_on_whom_it_held_out"
+    ),
     "doctor": "cli/test_doctor.py::test_it_finds_what_the_tests_run_with",
     "evaluate --body --floor --out": (
         "score/test_score.py::test_a_floor_is_part_of_what_was_asked"
@@ -73,6 +77,12 @@ ELSEWHERE = {
         "cli/test_cli.py::test_a_dry_run_of_the_floor_samples_and_does_nothing"
     ),
     "floor --twins --out": "twins/test_floor.py::test_the_table_is_printed",
+    "fuse --gmr --errors --loops --out": (
+        "cli/test_fusion.py::test_fuse_says_what_it_found_and_writes_a_page"
+    ),
+    "fuse --gmr --out --dry-run": (
+        "cli/test_fusion.py::test_fuse_says_what_it_found_and_writes_a_page"
+    ),
     "masks --out --sources": "masks/test_verb.py::test_a_video_and_a_folder_of_masks",
     "merge": "cli/test_shards.py::test_merge_ends_what_a_killed_last_shard_left",
     "page --images": (

@@ -1,0 +1,54 @@
+"""Twelve rendered clips of CMU's subjects 02 and 08, on which no lifter was trained.
+
+    FOLDER/<clip>/clip.json, frames/, masks/, clip.npz      as benchmarks/video/clips.py has them
+
+People of their own in four kinds of places, under every camera programme.
+`python benchmarks/poses/clips.py FOLDER MOTIONS` makes them.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from video.clips import FACTS_FILE, HAND, LENSES, lay_out, recipe_of
+
+from gmrdata.film.render_set import render_dir, render_set
+
+CLIPS: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "courtyard_walk": ("wide", "02_01", {"kind": "circular", "rate_deg_per_s": 20.0} | HAND),
+    "room_scoop": ("wide", "02_06", {"kind": "circular", "rate_deg_per_s": 15.0} | HAND),
+    "street_stride": ("wide", "08_04", {"kind": "linear_panning"} | HAND),
+    "room_wash": ("usual", "02_10", {"kind": "static"}),
+    "park_walk": ("usual", "08_01", {"kind": "linear"} | HAND),
+    "street_strike": ("usual", "02_05", {"kind": "circular", "rate_deg_per_s": 15.0} | HAND),
+    "park_run": ("upright", "02_03", {"kind": "panning"} | HAND),
+    "courtyard_sword": ("upright", "02_07", {"kind": "linear"} | HAND),
+    "street_slow": ("upright", "08_06", {"kind": "panning"} | HAND),
+    "room_sword": ("bent", "02_09", {"kind": "small"}),
+    "park_jump": ("bent", "02_04", {"kind": "linear_panning"} | HAND),
+    "courtyard_march": ("bent", "08_09", {"kind": "linear"} | HAND),
+}
+"""Lens, trial and camera programme of each clip; its place is the first word of its name."""
+SMALL = ("room_wash",)
+SEED, DURATION_S = 23, 3.0
+
+
+def make_pose_clips(folder: Path, motions_dir: Path, *, small: bool = False) -> list[Path]:
+    """Render what is not there yet; the clips' folders, of one clip if it is `small`."""
+    clips = {name: CLIPS[name] for name in SMALL} if small else CLIPS
+    for lens in LENSES:
+        wanted = {name: clip for name, clip in clips.items() if clip[0] == lens}
+        if all((folder / name / FACTS_FILE).is_file() for name in wanted):
+            continue
+        rendered = folder / "rendered" / lens
+        sources = {name: {"trial": trial} for name, (_, trial, _) in wanted.items()}
+        programmes = {name: programme for name, (_, _, programme) in wanted.items()}
+        recipe = recipe_of(f"poses_{lens}", lens, sources, programmes, SEED, DURATION_S)
+        render_set(recipe, rendered, motions_dir=motions_dir)
+        for name, programme in programmes.items():
+            lay_out(render_dir(rendered, name), name, LENSES[lens], folder / name, programme)
+    return [folder / name for name in clips]
+
+
+if __name__ == "__main__":
+    make_pose_clips(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,0 +1,147 @@
+"""One clip's local poses against its truth."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
+
+from gmrdata.cameras.intrinsics import IntrinsicsConfig, find_intrinsics, load_intrinsics
+from gmrdata.masks.landmarks import LANDMARKS
+from gmrdata.poses.calibration import TrueTrack, seen_truth, true_track
+from gmrdata.poses.landmark_body import landmark_offsets_m
+from gmrdata.poses.landmarks import load_tracks
+from gmrdata.poses.local_poses import (
+    LANDMARKS_FOLDER,
+    ImageTimes,
+    Lens,
+    LocalPosesConfig,
+    Method,
+    local_poses,
+    poses_of,
+    seen_landmarks,
+)
+from gmrdata.read.bodies import anny_file, load_body
+from gmrdata.read.frames import image_number, list_images
+from gmrdata.values.body import BodyModel, leg_length_m
+from gmrdata.values.clip import load_clip
+from gmrdata.values.skinning import posed_joints_m
+from gmrdata.values.transforms import fit_similarities
+
+TWELVE = [
+    LANDMARKS.index(f"{side}_{part}")
+    for side in ("left", "right")
+    for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+]
+METHODS: tuple[Method, ...] = ("lifter", "fit", "lifter_fit")
+LARGEST_SHIFT = 0.5
+"""Distance of the hips' landmarks from the true hips up to which a track is the person's, in the
+true person's size."""
+
+
+@dataclass(frozen=True)
+class PoseRow:
+    """What was found of one clip's person; errors are means over frames and joints."""
+
+    clip: str
+    frames: int
+    of_frames: int
+    focal_ratio: float
+    """The focal length that was taken, over the true one."""
+    raw_mm: float
+    """PA-MPJPE of the landmark network's metres, over its 12 landmarks of limbs."""
+    lifter_mm: float
+    """PA-MPJPE over 24 joints."""
+    fit_mm: float
+    lifter_fit_mm: float
+    root_deg: float
+    """Median angle of the lifter's root in the camera."""
+    depth_ratio: float
+    """Median distance over the true one, for a person of mean size."""
+    leg_ratio: float
+    """Mean legs over the person's own: what the distance is short of for the size alone."""
+
+
+def pose_row(
+    clip_dir: Path, work_dir: Path, models_dir: Path, methods: tuple[Method, ...]
+) -> PoseRow:
+    """Poses of a clip whose lens is not told, each method on the same landmarks."""
+    facts = VideoFacts.read(clip_dir / FACTS_FILE)
+    images_dir, clip, body = (
+        clip_dir / FRAMES_FOLDER,
+        load_clip(clip_dir / CLIP_FILE),
+        load_body("anny"),
+    )
+    config = IntrinsicsConfig(look_in_frames=False)
+    intrinsics = load_intrinsics(
+        find_intrinsics(images_dir, None, work_dir / "intrinsics", config, given=None, video=None)
+    )
+    numbers = np.array([image_number(image) for image in list_images(images_dir)])
+    times = ImageTimes(np.arange(len(numbers)), facts.fps_hz)
+    lens = Lens(intrinsics.matrix_px, (intrinsics.radial_k1, 0.0))
+    local_poses(
+        images_dir,
+        times,
+        lens,
+        anny_file(),
+        work_dir,
+        LocalPosesConfig(),
+        detector_path=models_dir / "yolox_nano.onnx",
+        landmarks_path=models_dir / "pose_landmark_lite.tflite",
+    )
+    found = []
+    for track in load_tracks(work_dir / LANDMARKS_FOLDER):
+        seen = seen_landmarks(track, numbers, times, lens)
+        found.append(true_track(track, seen, clip, body))
+    truth = max(found, key=_frames_on_the_person)
+    shown = {method: _errors(truth, body, method) for method in methods}
+    raw = seen_truth([truth], landmark_offsets_m(), facts.fps_hz)
+    nothing = {"mm": float("nan"), "root_deg": float("nan"), "depth_ratio": float("nan")}
+    of = {method: shown.get(method, nothing) for method in METHODS}
+    return PoseRow(
+        clip=facts.name,
+        frames=len(truth.rows),
+        of_frames=clip.motion.n_frames,
+        focal_ratio=float(intrinsics.focal_px / facts.focal_px),
+        raw_mm=aligned_mm(raw.world_m[:, TWELVE], raw.true_m[:, TWELVE]),
+        lifter_mm=of["lifter"]["mm"],
+        fit_mm=of["fit"]["mm"],
+        lifter_fit_mm=of["lifter_fit"]["mm"],
+        root_deg=of["lifter"]["root_deg"],
+        depth_ratio=of["lifter"]["depth_ratio"],
+        leg_ratio=leg_length_m(body.rest_joints_m(np.zeros(body.n_shape))) / truth.leg_m,
+    )
+
+
+def _frames_on_the_person(truth: TrueTrack) -> int:
+    hips = truth.seen.rays[:, [23, 24]].mean(1)
+    pelvis = truth.joints_m[:, 0]
+    apart_m = np.linalg.norm(hips - pelvis[:, :2] / pelvis[:, 2:], axis=1) * pelvis[:, 2]
+    return int((apart_m < LARGEST_SHIFT).sum())
+
+
+def _errors(truth: TrueTrack, body: BodyModel, method: Method) -> dict[str, float]:
+    numbers = np.arange(len(truth.rows))
+    found = poses_of(truth.seen, numbers, body, LocalPosesConfig(method=method))
+    rotmats = np.concatenate([found.root_rotmats[:, None], found.local_rotmats], axis=1)
+    rest_joints_m = body.rest_joints_m(np.zeros(body.n_shape))
+    joints_m, _ = posed_joints_m(rest_joints_m, rotmats, found.pelvis_m)
+    cosines = (np.einsum("tij,tij->t", found.root_rotmats, truth.rotmats[:, 0]) - 1) / 2
+    return {
+        "mm": aligned_mm(joints_m, truth.joints_m),
+        "root_deg": float(np.median(np.rad2deg(np.arccos(cosines.clip(-1, 1))))),
+        "depth_ratio": float(np.median(found.pelvis_m[:, 2] / truth.joints_m[:, 0, 2])),
+    }
+
+
+def aligned_mm(found_m: np.ndarray, true_m: np.ndarray) -> float:
+    """PA-MPJPE: mean distance of points (T, J, 3) after each frame's own similarity [mm]."""
+    aligned_m = fit_similarities(true_m, found_m).apply(found_m)
+    return float(1000 * np.linalg.norm(aligned_m - true_m, axis=-1).mean())
+
+
+def means(rows: list[PoseRow]) -> dict[str, Any]:
+    """Figures over clips, each of which counts alike."""
+    numbers = [{k: v for k, v in asdict(row).items() if k != "clip"} for row in rows]
+    return {key: float(np.mean([row[key] for row in numbers])) for key in numbers[0]}
