@@ -108,7 +108,7 @@ class ExampleSampler:
         true_m = landmarks_on(joints_m, turned, legs_m, self._offsets_m) + pelvis_m[:, :, None]
         seen = self._noise.add(true_m, rotmats[:, :, 0, :, 2], rng)
         arrays, known = _spoilt(list(seen), self._config, rng)
-        features, cam_from_ray = window_features(*arrays, known)  # type: ignore[arg-type]
+        features, cam_from_ray = window_features(arrays[0], arrays[1], arrays[2], known)
         middle = rotmats[:, WINDOW // 2].clone()
         middle[:, 0] = cam_from_ray.transpose(-1, -2) @ middle[:, 0]
         return Example(features, middle, rest_joints_m, leg_m)

@@ -79,10 +79,10 @@ def fit(
     def closure() -> Tensor:
         optimiser.zero_grad()
         energy = problem.energy()
-        energy.backward()  # type: ignore[no-untyped-call]
+        energy.backward()
         return energy
 
-    optimiser.step(closure)  # type: ignore[no-untyped-call, arg-type]
+    optimiser.step(closure)
     with torch.no_grad():
         rotmats = problem.rotmats().double().numpy()
         pelvis_m = problem.pelvis_m().double().numpy()

@@ -116,7 +116,8 @@ def _clips(path: Path, config: TrainingConfig) -> tuple[list[ClipEntry], list[Cl
     if isinstance(manifest, ListManifest):
         raise BadManifest(f"{path}: only lists clips and has no files. Make them first")
     subjects = {f"{subject:02d}" for subject in config.held_out_subjects}
-    kept, held_out = [], []
+    kept: list[ClipEntry] = []
+    held_out: list[ClipEntry] = []
     for entry in manifest.clips:
         trial = entry.source.sequence
         out = trial in config.held_out_trials or trial.split("_")[0] in subjects
@@ -163,7 +164,7 @@ def train(
         example = pool.next()
         losses = loss_of(lifter(example.features), example, config)
         optimiser.zero_grad()
-        losses["loss"].backward()  # type: ignore[no-untyped-call]
+        losses["loss"].backward()
         torch.nn.utils.clip_grad_norm_(lifter.parameters(), 1.0)
         optimiser.step()
         schedule.step()

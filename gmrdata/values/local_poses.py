@@ -36,7 +36,7 @@ class LocalPoses:
         """Write the poses as an .npz without pickled objects."""
         arrays = {key: np.asarray(getattr(self, key)) for key in _SHAPES}
         check_shapes(path, arrays, _SHAPES)
-        write_npz(path, {"format": POSES_FORMAT} | arrays)
+        write_npz(path, {"format": np.array(POSES_FORMAT), **arrays})
 
     @classmethod
     def read(cls, path: Path) -> Self:
