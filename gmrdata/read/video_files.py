@@ -143,8 +143,7 @@ def with_poses(found: FoundVideos, folder: Path) -> FoundVideos:
         what = f"{len(without)} of {len(videos)} videos have no poses and end in cameras alone"
         remarks.append(f"{folder}: {what}: {_listed(without)}")
     if entries:
-        what = f"{len(entries)} poses belong to no video: {_listed(sorted(entries))}"
-        remarks.append(f"{folder}: {what}")
+        remarks.append(f"{folder}: poses that belong to no video: {_listed(sorted(entries))}")
     return FoundVideos(tuple(videos), tuple(remarks))
 
 

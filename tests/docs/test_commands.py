@@ -101,6 +101,12 @@ ELSEWHERE = {
     "threedpw twin --out": (
         "twins/test_twin_set.py::test_the_reader_finds_sequences_without_a_problem"
     ),
+    "video --out --poses --workers --shard": (
+        "cli/test_videos.py::test_two_shards_leave_the_bytes_of_one_process"
+    ),
+    "video --out --dry-run": (
+        "cli/test_videos.py::test_a_dry_run_lists_the_videos_and_does_nothing"
+    ),
     "video --out --poses --fps --masks": (
         "cli/test_video.py::test_people_of_vibe_move_in_the_world_as_they_did"
     ),
