@@ -120,7 +120,8 @@ def summary(rows: list[dict[str, Any]], seconds: float | None) -> dict[str, Any]
 
 
 def test_noisy_cameras(fusion: FusionSession) -> None:
-    rng, rows = np.random.default_rng(SEED), []
+    rng = np.random.default_rng(SEED)
+    rows: list[dict[str, Any]] = []
     for person in fusion.people:
         clip = made_noisy(person, NOISE_M, rng)
         seen = seen_rows(fusion, clip)

@@ -73,11 +73,11 @@ def closed(session: FusionSession, clip: Clip, start_s: float) -> Loop:
     )
     motion = fused.clip.motion
     paths_m = fused.network_m, motion.pelvis_m
-    off_m = [end_error_m(path_m, motion.root_rotmats[0], true) for path_m in paths_m]
+    alone_m, closed_m = (end_error_m(path_m, motion.root_rotmats[0], true) for path_m in paths_m)
     apart_m = float(np.linalg.norm((true.pelvis_m[-1] - true.pelvis_m[0])[:2]))
     sigma_m = float(np.sqrt((fused.arrays["place_sigma_m"][-1, :2] ** 2).mean()))
     seconds = (n - 1) / true.fps_hz
-    return Loop(clip.id, start_s, seconds, apart_m, *off_m, sigma_m)
+    return Loop(clip.id, start_s, seconds, apart_m, alone_m, closed_m, sigma_m)
 
 
 def end_error_m(path_m: np.ndarray, first_rotmat: np.ndarray, true: Motion) -> float:

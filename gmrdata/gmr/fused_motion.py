@@ -201,7 +201,7 @@ def fuse_people(
             )
             rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
             save_clip(partial / person_file(number), fused.clip, rest_pelvis_m)
-            write_npz(partial / sigma_file(number), {"format": SIGMA_FORMAT} | fused.arrays)
+            write_npz(partial / sigma_file(number), {"format": SIGMA_FORMAT, **fused.arrays})
             people.append(_described(fused, loops))
         FusionRecord(
             network=gmr.name, step=gmr.step, measured_on=errors.people, people=tuple(people)
@@ -395,7 +395,7 @@ def plan(
     """What a dry run says, person by person; errors as `fuse_people` has them for its inputs."""
     load_gmr(run_dir, config.which)
     DeltaErrors.read(errors_file(run_dir, errors_path))
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for path in person_clips(source):
         clip = _world_clip(path)
         known, fps_hz = known_frames(clip), clip.motion.fps_hz

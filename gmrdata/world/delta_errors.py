@@ -174,9 +174,13 @@ def fit_errors(clips: Sequence[SeenBesideTruth]) -> FittedErrors:
 
 
 def _part(times: np.ndarray, sigma: np.ndarray) -> ErrorPart:
-    turns, places = np.rad2deg(sigma[:, :3]), sigma[:, 3:]
-    rows = [tuple(tuple(map(float, row)) for row in table) for table in (turns, places)]
-    return ErrorPart(tuple(map(float, times)), *rows)
+    return ErrorPart(
+        tuple(map(float, times)), _table(np.rad2deg(sigma[:, :3])), _table(sigma[:, 3:])
+    )
+
+
+def _table(sigma: np.ndarray) -> tuple[tuple[float, float, float], ...]:
+    return tuple((float(left), float(up), float(front)) for left, up, front in sigma)
 
 
 def _variances(clips: Sequence[SeenBesideTruth]) -> tuple[np.ndarray, np.ndarray]:

@@ -36,9 +36,9 @@ class FusionConfig(Config):
     pose is made up between its neighbours then."""
     feet: bool = True
     """Whether planted feet stand still."""
-    planted_m_per_s: float = Field(default=0.3, gt=0)
+    planted_m_per_s: float = Field(default=0.15, gt=0)
     """Speed below which a foot's point may be planted, by the network's motion [m/s]."""
-    slip_m_per_s: float = Field(default=0.1, gt=0)
+    slip_m_per_s: float = Field(default=0.2, gt=0)
     """Standard deviation of a planted point's speed: errors of the legs' joints [m/s]."""
     slip_time_s: float = Field(default=0.5, gt=0)
     """Time over which such an error lasts [s]."""

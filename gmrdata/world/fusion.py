@@ -160,7 +160,7 @@ def fuse(
             if damping > 1e8:
                 break
             continue
-        settled = cost - after < 1e-5 * (1 + after)
+        settled = cost - after < 1e-4 * (1 + after)
         state, cost, damping = moved, after, damping / 10 if damping > 1e-6 else 0.0
         if settled:
             return _with_covariances(graph, state, iteration)
