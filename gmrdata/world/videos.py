@@ -26,6 +26,7 @@ from gmrdata.world.video import (
     FRAMES,
     INTRINSICS,
     MASKS,
+    OWN_POSES,
     PSEUDO_GT,
     SFM,
     VideoSolveConfig,
@@ -38,8 +39,8 @@ RECORD_FILE, ENTRY_FILE = "videos.json", "entry.json"
 SOLVING = "solving videos"
 BODY, FILES, PAGE, OVERLAY = "body", "files", "index.html", "overlay"
 PARTS = (
-    FRAMES, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, BODIES, PSEUDO_GT, BODY,
-    FILES, VERDICT_FILE, PAGE, OVERLAY,
+    FRAMES, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES, BODIES,
+    PSEUDO_GT, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
 )  # fmt: skip
 """What a video's folder may hold."""
 
@@ -103,19 +104,27 @@ class EachVideo:
     """Of folders of images."""
     body: str = "anny"
     """The body of people, as `keep_body` takes it."""
+    own_poses: bool = False
+    """People by the built-in estimator, in videos without poses of another system."""
     page: bool = True
     files: Mapping[str, Path] = field(default_factory=dict)
     """What all videos read besides, by role: networks, a calibration."""
     body_files: Mapping[str, Path] = field(default_factory=dict)
-    """The body's, for videos with poses."""
+    """The body's, for videos with people."""
 
     def fps_of(self, video: NamedVideo) -> float | None:
         return None if is_video(video.path) else self.fps_hz
 
+    def has_people(self, video: NamedVideo) -> bool:
+        """Whether people are asked for."""
+        return self.own_poses or video.poses_path is not None
+
     def inputs(self, video: NamedVideo) -> dict[str, Path]:
         found = {"video": video.path, **self.files}
         if video.poses_path is not None:
-            found |= {"poses": video.poses_path, **self.body_files}
+            found["poses"] = video.poses_path
+        if self.has_people(video):
+            found |= self.body_files
         return found
 
     def recipe(self, video: NamedVideo) -> "_EntryRecipe":
@@ -126,7 +135,7 @@ class EachVideo:
             focal_px=None if self.lens is None else self.lens.focal_px,
             fov_deg=None if self.lens is None else self.lens.fov_deg,
             fps_hz=self.fps_of(video),
-            body=None if video.poses_path is None else Path(self.body).name,
+            body=Path(self.body).name if self.has_people(video) else None,
         )
 
 

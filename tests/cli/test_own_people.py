@@ -1,0 +1,41 @@
+"""The verb video without any file of poses: the built-in estimator sees the people."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gmrdata.cli import main
+from gmrdata.read.camera_bodies import read_camera_bodies
+from gmrdata.values.clip import load_clip
+from gmrdata.world.video_verdict import VideoVerdict
+
+N_IMAGES, SIZE_PX = 12, (640, 360)
+
+
+def test_people_of_a_real_video_stand_on_the_ground(
+    shared_path: Callable[[str], Path], tmp_path: Path
+) -> None:
+    images = sorted(shared_path("video/static_people").glob("*.jpg"))[:N_IMAGES]
+    (tmp_path / "images").mkdir()
+    for number, image in enumerate(images):
+        small = cv2.resize(cv2.imread(str(image)), SIZE_PX, interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(tmp_path / "images" / f"{number:05d}.jpg"), small)
+    models, out = shared_path("models"), tmp_path / "out"
+    command = ["video", tmp_path / "images", "--out", out, "--poses", "own", "--fps", "15"]
+    command += ["--model", models / "yolox_nano.onnx", "--focal", "500", "--no-check-lens"]
+    command += ["--landmarks", models / "pose_landmark_lite.tflite", "--no-page"]
+    main(list(map(str, command)))
+    verdict = VideoVerdict.read(out / "verdict.json")
+    assert len(verdict.people) >= 1
+    assert any("size of the mean anny body" in note for note in verdict.notes)
+    seen = read_camera_bodies(out / "own_poses" / "poses", SIZE_PX).people
+    assert len(seen) == len(verdict.people)
+    for person in verdict.people:
+        motion = load_clip(out / "pseudo_gt" / f"{person.id}.npz").motion
+        known = np.isfinite(motion.pelvis_m[:, 0])
+        # Whoever stands has the pelvis a leg above the floor, and is upright.
+        assert known.any() and (np.abs(motion.pelvis_m[known, 2] - 0.9) < 0.25).all()
+        up = motion.root_rotmats[known][:, 2, 1]
+        assert (up > 0.85).all()
