@@ -55,6 +55,7 @@ FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
 AGAIN, OWN_POSES, BODIES, PSEUDO_GT = "again", "own_poses", "bodies", "pseudo_gt"
 """The folders of a video, in the order in which they are made."""
 
+MOST_OF_GUESS = 0.99  # of a deviation, as a share
 UNCHECKED = (
     "Whether the bodies lie on the people in the pictures was not checked: no masks, or too few, "
     "were made without them. Use --masks person"
@@ -134,6 +135,7 @@ def solve_video(
             run=run,
         )
     )
+    config = _of_lens(config, lens)
     video = video_record(images_dir)
     doubts = () if video is None else tuple(lost_frames(video))
     notes: tuple[str, ...] = ()
@@ -180,6 +182,18 @@ def solve_video(
         notes=(*lens.notes, *notes),
     ).write(path)
     return path
+
+
+def _of_lens(config: VideoSolveConfig, lens: Intrinsics) -> VideoSolveConfig:
+    """The same, but that a guessed focal length may be off by two of its standard errors."""
+    if not lens.is_guess:
+        return config
+    thresholds = config.pseudo_gt.verdict
+    most = max(thresholds.max_focal_deviation, min(2 * lens.focal_sigma, MOST_OF_GUESS))
+    thresholds = thresholds.model_copy(update={"max_focal_deviation": most})
+    return config.model_copy(
+        update={"pseudo_gt": config.pseudo_gt.model_copy(update={"verdict": thresholds})}
+    )
 
 
 def _reasons_again(
