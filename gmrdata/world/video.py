@@ -55,7 +55,7 @@ FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
 AGAIN, OWN_POSES, BODIES, PSEUDO_GT = "again", "own_poses", "bodies", "pseudo_gt"
 """The folders of a video, in the order in which they are made."""
 
-MOST_OF_GUESS = 0.99  # of a deviation, as a share
+MOST_OFF = 0.99  # of a deviation, as a share
 UNCHECKED = (
     "Whether the bodies lie on the people in the pictures was not checked: no masks, or too few, "
     "were made without them. Use --masks person"
@@ -185,11 +185,11 @@ def solve_video(
 
 
 def _of_lens(config: VideoSolveConfig, lens: Intrinsics) -> VideoSolveConfig:
-    """The same, but that a guessed focal length may be off by two of its standard errors."""
-    if not lens.is_guess:
+    """The same, but that a focal length nobody gave may be off by two of its standard errors."""
+    if lens.source == "given":
         return config
     thresholds = config.pseudo_gt.verdict
-    most = max(thresholds.max_focal_deviation, min(2 * lens.focal_sigma, MOST_OF_GUESS))
+    most = max(thresholds.max_focal_deviation, min(2 * lens.focal_sigma, MOST_OFF))
     thresholds = thresholds.model_copy(update={"max_focal_deviation": most})
     return config.model_copy(
         update={"pseudo_gt": config.pseudo_gt.model_copy(update={"verdict": thresholds})}

@@ -1,4 +1,4 @@
-"""What a guessed lens changes in the verdict on a video."""
+"""What the error of a lens changes in the verdict on a video."""
 
 import pytest
 
@@ -25,8 +25,7 @@ def test_a_background_may_ask_for_another_focal_length_than_a_guess() -> None:
     assert most("prior", 0.7) == 0.99
 
 
-@pytest.mark.parametrize("source", ["given", "metadata", "self_calibrated"])
-def test_but_not_than_one_that_is_known(source: Source) -> None:
-    config = VideoSolveConfig()
-    assert _of_lens(config, lens(source, 0.094)) is config
-    assert config.pseudo_gt.verdict.max_focal_deviation == 0.01
+def test_and_so_of_every_lens_by_its_error_but_one_that_is_given() -> None:
+    assert most("self_calibrated", 0.03) == pytest.approx(0.06)
+    assert most("metadata", 0.12) == pytest.approx(0.24)
+    assert most("self_calibrated", 0.002) == most("given", 0.094) == 0.01
