@@ -82,8 +82,8 @@ def train_lifter(
 ) -> Path:
     """Stage: `lifter.safetensors` and `lifter.json`, trained on a manifest's motions.
 
-    Clips of CMU's held-out subjects and trials are known by their names (02_03).  Half an hour to
-    an hour on one core.  MissingInput where no motion is left.
+    Clips of CMU's held-out subjects and trials are known by their names (02_03).  About ten
+    minutes on one core.  MissingInput where no motion is left.
     """
 
     def work(partial: Path) -> None:
