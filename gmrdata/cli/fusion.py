@@ -89,6 +89,7 @@ def delta_errors(
     runs: Positional[tuple[Path, ...]],
     manifests: tuple[Path, ...],
     out: Path,
+    people: tuple[str, ...] = (),
     pose_noise_deg: float = 3.0,
     fps_hz: float = 30.0,
     which: Weights = "latest",
@@ -99,6 +100,8 @@ def delta_errors(
         runs: Run folders of `gmrdata train`; those of one recipe with other people held out say
             together how it does on anybody.
         manifests: The manifests that they were trained on.
+        people: On whom to measure, like 2 for CMU's subject 02, where a folder of weights alone
+            doesn't say whom its networks were not trained on.
         out: The record, like RUN/delta_errors.json, where `gmrdata fuse` finds it.
         pose_noise_deg: Error put on each joint, as poses of pictures have it.
         fps_hz: Rate of the poses [Hz].
@@ -116,7 +119,7 @@ def delta_errors(
         wrong = error.errors()[0]
         flag = str(wrong["loc"][0]).replace("_", "-")
         raise BadRecipe(f"--{flag} {wrong['input']}: {wrong['msg']}") from None
-    record = measure_delta_errors(runs, manifests, config)
+    record = measure_delta_errors(runs, manifests, config, people=people)
     record.write(out)
     print_table(HEADINGS, error_rows(record))
     answer(out)

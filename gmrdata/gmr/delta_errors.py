@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from gmrdata.gmr.augmentation import turned
-from gmrdata.gmr.config import TrainConfig, Which, WindowConfig
+from gmrdata.gmr.config import DataConfig, TrainConfig, Which, WindowConfig
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.runs import runs_at
 from gmrdata.gmr.source_rate import deltas_at_source_rate
@@ -53,6 +53,8 @@ def measure_delta_errors(
     run_dirs: Sequence[Path],
     manifest_paths: Sequence[Path],
     config: MeasureConfig = DEFAULT_CONFIG,
+    *,
+    people: tuple[int | str, ...] = (),
 ) -> DeltaErrors:
     """Errors of one or more networks, each on the clips that its recipe held out, together.
 
@@ -61,19 +63,27 @@ def measure_delta_errors(
     `held_out_motions`, and BadMotionFile where there are too few of them.
     """
     found = [
-        one for run_dir in run_dirs for one in held_out_motions(run_dir, manifest_paths, config)
+        one
+        for run_dir in run_dirs
+        for one in held_out_motions(run_dir, manifest_paths, config, people=people)
     ]
     return delta_errors([load_gmr(run_dir, config.which) for run_dir in run_dirs], found, config)
 
 
 def held_out_motions(
-    run_dir: Path, manifest_paths: Sequence[Path], config: MeasureConfig = DEFAULT_CONFIG
+    run_dir: Path,
+    manifest_paths: Sequence[Path],
+    config: MeasureConfig = DEFAULT_CONFIG,
+    *,
+    people: tuple[int | str, ...] = (),
 ) -> list[HeldOut]:
-    """What a network sees in the clips of manifests that its recipe held out.
+    """What a network sees in the clips of manifests that its recipe held out, or of the people whom
+    one says that it was not trained on, as `DataConfig.held_out_subjects` names them.
 
     BadManifest where there are none; BadRecord, MissingInput and BadCheckpoint for another run.
     """
-    files = split_manifests(manifest_paths, _training(run_dir).data).held_out
+    data = DataConfig(held_out_subjects=people) if people else _training(run_dir).data
+    files = split_manifests(manifest_paths, data).held_out
     if not files:
         raise BadManifest(
             f"{run_dir}: its recipe held none of these clips out. Errors are measured on people"

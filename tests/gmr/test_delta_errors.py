@@ -55,6 +55,8 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     other = train([manifest], tmp_path / "other", nobody, body_path=tmp_path / "body.npz")
     with pytest.raises(BadManifest, match="held none of these clips out"):
         held_out_motions(other, [manifest])
+    said = held_out_motions(other, [manifest], people=("2",))
+    assert [(one.clip, one.person) for one in said] == [("02_01", "CMU/02"), ("02_02", "CMU/02")]
 
 
 def test_noise_is_put_on_what_the_network_sees_alone(
