@@ -174,8 +174,7 @@ def _show_comparison(path: Path, scores: tuple[Path, ...]) -> None:
 
 
 def infer(
-    run: Positional[Path],
-    source: Positional[Path],
+    run_and_source: Positional[tuple[Path, ...]],
     out: Path,
     body: flags.Body = "anny",
     fps_hz: flags.FpsHz = None,
@@ -188,9 +187,12 @@ def infer(
 ) -> None:
     """Predict people's world motion from their local poses, and write it as npz, BVH, GLB, video.
 
+    `gmrdata infer RUN POSES` uses a network of yours, `gmrdata infer POSES` the one in the package,
+    which was trained on 14 people of CMU: docs/inference.md says how it scores.
+
     Args:
-        run: Run folder of `gmrdata train`.
-        source: Local poses: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, PHALP's and 4D-Humans'
+        run_and_source: Run folder of `gmrdata train`, left out for the package's own network, and
+            local poses: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, PHALP's and 4D-Humans'
             results, GVHMR's hmr4d_results.pt, an AMASS npz, a clip of gmrdata, BVH or ASF/AMC.
         out: Output folder: infer.json, and for each unbroken run of each person a folder with
             clip.npz, amass.npz, motion.bvh, body.glb, path.png and body.mp4. A run that was stopped
@@ -201,9 +203,14 @@ def infer(
             first pelvis upright at the origin.
         video: Whether to draw body.mp4, which takes longest.
     """
+    from gmrdata.gmr.bundled import bundled_run
     from gmrdata.gmr.infer import RECORD_FILE, InferConfig, InferRecord, infer_world_motion
     from gmrdata.pages.inference import draw_motion
 
+    if len(run_and_source) not in (1, 2):
+        raise MissingInput("give a run folder and a file of poses, or the file of poses alone")
+    source = run_and_source[-1]
+    run_dir = run_and_source[0] if len(run_and_source) == 2 else bundled_run()
     if fps_hz is not None and not 0 < fps_hz < float("inf"):
         raise BadRecipe(f"--fps-hz {fps_hz:g}: must be more than 0")
     if bridge_frames < 0:
@@ -213,15 +220,15 @@ def infer(
     )
     path = flags.body_path(body)
     made = infer_world_motion(
-        run, source, "anny" if path is None else str(path), out, config,
+        run_dir, source, "anny" if path is None else str(path), out, config,
         draw=draw_motion, joint_map=joint_map, run=Run(redo=redo),
     )  # fmt: skip
-    motions = InferRecord.read(made / RECORD_FILE).motions
-    rows = []
-    for name, one in motions.items():
+    record, rows = InferRecord.read(made / RECORD_FILE), []
+    for name, one in record.motions.items():
         span, rate, far = f"{one.first_frame}-{one.last_frame}", f"{one.fps_hz:g}", one.path_m
         rows.append((name, str(one.frames), span, str(one.filled_frames), rate, f"{far:.2f}"))
     print_table(("motion", "frames", "of the video", "filled", "rate [Hz]", "path [m]"), rows)
+    answer(f"network: {record.model.run}, {record.model.step} steps of training")
     answer(made)
 
 
