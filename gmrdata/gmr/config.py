@@ -99,7 +99,9 @@ class WindowConfig(Config):
     all_phases: bool = True
     """Whether a clip of k times the rate gives k sequences, each begun a frame later, or only the
     first.  The paper samples "each sequence at a rate of 10 fps", plainly read: once."""
-    speeds: tuple[Annotated[float, Field(ge=0.1, le=10.0)], ...] = Field((1.0,), min_length=1)
+    speeds: tuple[Annotated[float, Field(ge=0.1, le=10.0)], ...] = Field(
+        default=(1.0,), min_length=1
+    )
     """How fast motions are played: each clip is cut at each speed.  The paper's is 1 alone."""
     mirror_probability: float = Field(default=0.0, ge=0.0, le=1.0)  # of left and right; paper: 0
     exchange_probability: float = Field(default=0.0, ge=0.0, le=1.0)
