@@ -37,7 +37,8 @@ def test_people_left_out_two_at_a_time(request: pytest.FixtureRequest, cmu_dir: 
     name = "cmu_motions_small" if small else "cmu_motions"
     every = import_motions(cmu_dir, (OUT_DIR / name).resolve(), small=small)
     folds = pairs(every)
-    record = Record(OUT_DIR / "folds.json", small, lambda: {"recipe": recipe.model_dump("json")})
+    settings = {"recipe": recipe.model_dump(mode="json")}
+    record = Record(OUT_DIR / "folds.json", small, lambda: settings)
     rows = [fold(every, config, pair, OUT_DIR / "folds") for pair in folds[: 2 if small else None]]
     show("People left out, two at a time", rows)
     figures = summary(rows)
