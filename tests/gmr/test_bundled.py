@@ -8,13 +8,21 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.bundled import BUNDLE_FILE, read_bundle, write_bundle
+from gmrdata.cli import main
+from gmrdata.gmr.bundled import BUNDLE_FILE, bundled_run, read_bundle, write_bundle
 from gmrdata.gmr.checkpoint import save_checkpoint
 from gmrdata.gmr.config import ModelConfig
 from gmrdata.gmr.model import Gmr, MeanGmr
 from gmrdata.gmr.predict import load_gmr, predict_deltas
+from gmrdata.gmr.train import GmrRecipe
+from gmrdata.read.bodies import save_body
+from gmrdata.stage.recipes import find_recipe, load_recipe
+from gmrdata.values.body import BodyModel
 from gmrdata.values.errors import BadCheckpoint
+from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion
+from gmrdata.values.motion_deltas import deltas
+from tests.motion.written_files import vibe_person, write_vibe
 
 CONFIG = ModelConfig(
     layers=1, hidden=6, extra_inputs=("standing",), rotation="standing_joint", output_scale=0.1
@@ -102,3 +110,38 @@ def test_broken_folders_are_named(make_run: Callable[..., Path], tmp_path: Path)
     (folder / BUNDLE_FILE).write_text("{}")
     with pytest.raises(BadCheckpoint, match=r"bundle\.json"):
         load_gmr(folder)
+
+
+def test_the_package_brings_a_network_with_its_card() -> None:
+    folder = bundled_run()
+    gmr = load_gmr(folder)
+    assert (gmr.name, gmr.fps_hz) == ("bundled", 10.0)
+    assert sum(file.stat().st_size for file in folder.iterdir()) < 10_000_000
+    card = (folder / "card.md").read_text(encoding="utf-8")
+    assert "mocap.cs.cmu.edu" in card and "EIA-0196217" in card
+    recipe = load_recipe(find_recipe("gmr_bundled"), GmrRecipe).train
+    assert gmr.model.config == recipe.model, "the recipe makes such a network"
+
+
+def test_who_walks_is_seen_to_walk(walk: Callable[..., Motion]) -> None:
+    """The embedded gait is nobody's, so this says little; but the way is forward, and near."""
+    poses = walk(10.0, 40)
+    _, moves_m = predict_deltas(load_gmr(bundled_run()), poses.local_rotmats)
+    _, true_m = deltas(poses.root_rotmats, poses.pelvis_m)
+    assert moves_m[:, 2].sum() == pytest.approx(true_m[:, 2].sum(), rel=0.4)
+    apart_m = np.linalg.norm(moves_m - true_m, axis=1)
+    assert apart_m.mean() < 0.6 * np.linalg.norm(true_m, axis=1).mean()
+
+
+def test_infer_without_a_run_uses_it_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], small_body: BodyModel
+) -> None:
+    poses = write_vibe(tmp_path / "poses.pkl", {0: vibe_person(40)})
+    body = tmp_path / "small.npz"
+    save_body(body, small_body)
+    arguments = ["--fps-hz", "30", "--body", str(body), "--no-video", "--out", str(tmp_path / "w")]
+    main(["infer", str(poses), *arguments])
+    assert "network: bundled" in capsys.readouterr().out
+    assert read_json(tmp_path / "w" / "infer.json")["model"]["run"] == "bundled"
+    with pytest.raises(SystemExit):
+        main(["infer", "a", "b", "c", "--out", str(tmp_path / "x")])
