@@ -27,6 +27,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadRecipe, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import (
@@ -56,6 +57,7 @@ AGAIN, OWN_POSES, BODIES, PSEUDO_GT = "again", "own_poses", "bodies", "pseudo_gt
 """The folders of a video, in the order in which they are made."""
 
 MOST_OFF = 0.99  # of a deviation, as a share
+NOBODY_SEEN = "The built-in estimator sees nobody: these are cameras alone"
 UNCHECKED = (
     "Whether the bodies lie on the people in the pictures was not checked: no masks, or too few, "
     "were made without them. Use --masks person"
@@ -161,13 +163,10 @@ def solve_video(
         doubts = (*doubts, *of_lens, *again)
         camera = judge_cameras(sfm_dir, frames.fps_hz, thresholds, doubts)
         notes = tuple(lens_notes(found, lens))
+        if bodies is not None and bodies.poses_path is None:
+            bodies = _own_poses(images_dir, frames, lens, bodies.body_path, out_dir, config, run)
+            notes = notes if bodies else (*notes, NOBODY_SEEN)
         if bodies is not None:
-            poses_path = bodies.poses_path
-            if poses_path is None:
-                poses_path = _own_poses(
-                    images_dir, frames, lens, bodies.body_path, out_dir, config, run
-                )
-            bodies = GivenBodies(poses_path, bodies.body_path)
             people, said = _solve_people(bodies, frames, lens, video, out_dir, config, run)
             notes = (*notes, *said)
     reasons = reasons_of(camera, people)
@@ -233,12 +232,12 @@ def _own_poses(
     out_dir: Path,
     config: VideoSolveConfig,
     run: Run,
-) -> Path:
-    """People before the camera by the built-in estimator."""
+) -> GivenBodies | None:
+    """People before the camera by the built-in estimator; None where it sees nobody."""
     camera = _true_camera(lens, out_dir / SFM)
     sources = () if config.masks is None else config.masks.sources
     given = [source for source in sources if isinstance(source, PersonSource)]
-    return local_poses(
+    poses_dir = local_poses(
         images_dir,
         ImageTimes(frames.frame_numbers, frames.fps_hz),
         Lens(camera.intrinsics_px, camera.radial),
@@ -249,6 +248,8 @@ def _own_poses(
         landmarks_path=given[0].landmarks if given else None,
         run=run,
     )
+    seen = LocalPosesRecord.read(poses_dir / POSES_FILE).people
+    return GivenBodies(poses_dir, body_path) if seen else None
 
 
 def _solve_people(

@@ -17,17 +17,8 @@ N_IMAGES, SIZE_PX = 12, (640, 360)
 def test_people_of_a_real_video_stand_on_the_ground(
     shared_path: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    images = sorted(shared_path("video/static_people").glob("*.jpg"))[:N_IMAGES]
-    (tmp_path / "images").mkdir()
-    for number, image in enumerate(images):
-        small = cv2.resize(cv2.imread(str(image)), SIZE_PX, interpolation=cv2.INTER_AREA)
-        cv2.imwrite(str(tmp_path / "images" / f"{number:05d}.jpg"), small)
-    models, out = shared_path("models"), tmp_path / "out"
-    command = ["video", tmp_path / "images", "--out", out, "--poses", "own", "--fps", "15"]
-    command += ["--model", models / "yolox_nano.onnx", "--focal", "500", "--no-check-lens"]
-    command += ["--landmarks", models / "pose_landmark_lite.tflite", "--no-page"]
-    main(list(map(str, command)))
-    verdict = VideoVerdict.read(out / "verdict.json")
+    out = tmp_path / "out"
+    verdict = solved(shared_path, tmp_path / "images", out, slice(None))
     assert len(verdict.people) >= 1
     assert any("size of the mean anny body" in note for note in verdict.notes)
     seen = read_camera_bodies(out / "own_poses" / "poses", SIZE_PX).people
@@ -39,3 +30,29 @@ def test_people_of_a_real_video_stand_on_the_ground(
         assert known.any() and (np.abs(motion.pelvis_m[known, 2] - 0.9) < 0.25).all()
         up = motion.root_rotmats[known][:, 2, 1]
         assert (up > 0.85).all()
+
+
+def test_where_nobody_is_seen_there_are_cameras_alone(
+    shared_path: Callable[[str], Path], tmp_path: Path
+) -> None:
+    # Above their heads.
+    verdict = solved(shared_path, tmp_path / "images", tmp_path / "out", slice(0, 64))
+    assert verdict.people == () and any("sees nobody" in note for note in verdict.notes)
+    assert not (tmp_path / "out" / "pseudo_gt").exists()
+
+
+def solved(
+    shared_path: Callable[[str], Path], images_dir: Path, out: Path, rows: slice
+) -> VideoVerdict:
+    """The verb's verdict on small images of some rows of the real ones."""
+    images_dir.mkdir()
+    images = sorted(shared_path("video/static_people").glob("*.jpg"))[:N_IMAGES]
+    for number, image in enumerate(images):
+        small = cv2.resize(cv2.imread(str(image)), SIZE_PX, interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(images_dir / f"{number:05d}.jpg"), small[rows])
+    models = shared_path("models")
+    command = ["video", images_dir, "--out", out, "--poses", "own", "--fps", "15"]
+    command += ["--model", models / "yolox_nano.onnx", "--focal", "500", "--no-check-lens"]
+    command += ["--landmarks", models / "pose_landmark_lite.tflite", "--no-page"]
+    main(list(map(str, command)))
+    return VideoVerdict.read(out / "verdict.json")
