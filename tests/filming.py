@@ -15,6 +15,10 @@ from gmrdata.values.camera import intrinsics_from_fov
 
 WIDTH_PX, HEIGHT_PX = 320, 180
 INTRINSICS_PX = intrinsics_from_fov(65.0, WIDTH_PX, HEIGHT_PX)
+CAMERAS_ALONE = (
+    "--masks", "none", "--focal", str(float(INTRINSICS_PX[0, 0])), "--no-check-lens",
+)  # fmt: skip
+"""Flags of `gmrdata video` for cameras of what is drawn here."""
 TEXELS = 512
 TEXELS_PER_M = 64.0
 

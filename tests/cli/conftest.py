@@ -4,6 +4,7 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -13,6 +14,9 @@ from gmrdata.cli.demo_recipe import DemoPaths
 from gmrdata.read.bodies import save_body
 from gmrdata.values.body import BodyModel
 from tests.cli.small_demos import RECIPE, demo_arguments, finish, start_gmrdata
+from tests.filming import CAMERAS_ALONE, Filmed
+from tests.read.videos import make_video
+from tests.sharing import made_once
 
 Answer = subprocess.CompletedProcess[str]
 
@@ -67,3 +71,31 @@ def finished(
     out = tmp_path_factory.mktemp("demo") / "out"
     said = finish(start_gmrdata(demo_arguments(out, recipe_path, cmu_dir)))
     return DemoPaths(out), said
+
+
+@pytest.fixture(scope="session")
+def clips(dolly: Filmed, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a walk, a video in which nothing moves, and a file that is broken."""
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        images = [cv2.imread(str(path))[..., ::-1] for path in sorted(dolly.images_dir.iterdir())]
+        walk = list(map(np.ascontiguousarray, images))
+        make_video(folder / "walk.mp4", walk, rate_hz=10, options={"crf": "4"})
+        still = 4 * [np.full((48, 64, 3), 90, np.uint8)]
+        make_video(folder / "still.MP4", still, rate_hz=10)
+        (folder / "broken.mov").write_bytes(b"\x00\x00\x00\x18ftypmp42" + bytes(4000))
+        (folder / "notes.txt").write_text("mine")
+
+    return made_once(tmp_path_factory, "clips", make)
+
+
+@pytest.fixture(scope="session")
+def solved_videos(clips: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that one process leaves of them."""
+
+    def make(out: Path) -> None:
+        with pytest.raises(SystemExit, match="1"):
+            main([*map(str, ("video", clips, "--out", out, "--workers", 1)), *CAMERAS_ALONE])
+
+    return made_once(tmp_path_factory, "solved_videos", make)

@@ -1,5 +1,6 @@
 """The verb video: pictures and another system's people to a world motion, and cameras alone."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.world.video_verdict import VideoVerdict
+from gmrdata.world.videos import Videos
+from tests.film.set_kills import contents
 from tests.filming import INTRINSICS_PX, Filmed
 from tests.fixtures.filmed_sets import HEIGHT_PX, N_FRAMES, WIDTH_PX, Made
 from tests.read import camera_files
@@ -115,14 +118,43 @@ def refused(capsys: pytest.CaptureFixture[str], said: str, given: list[str]) -> 
     assert ended.value.code == 1 and said in " ".join(printed.err.split()), printed.err
 
 
+def test_in_a_batch_it_is_the_same_folder(
+    solved: Path, filmed_set: Made, vibe_file: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Poses are found by the video's name; one without ends in cameras alone."""
+    batch, poses, still = tmp_path / "out", tmp_path / "poses", tmp_path / "still"
+    folder = shutil.copytree(solved, batch / "videos" / "arc_00")  # which need not be made again
+    for name in ("arc_00", "nobody"):
+        (poses / name).mkdir(parents=True)
+        shutil.copy(vibe_file, poses / name / "vibe_output.pkl")
+    still.mkdir()
+    for number in range(3):
+        cv2.imwrite(str(still / f"{number}.png"), np.full((90, 160, 3), 90, np.uint8))
+    frames, body = filmed_set.root / "imageFiles" / "arc_00", vibe_file.with_name("body.npz")
+    given = arguments(frames, batch, "--workers", "1", "--fps", "30", "--poses", poses)
+    main([given[0], str(still), *given[1:], "--body", str(body)])
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert "1 of 2 videos have no poses and end in cameras alone: still" in said
+    assert "poses that belong to no video: nobody" in said
+    arc, other = Videos.read(batch / "videos.json").videos
+    assert (arc.name, arc.accepted, arc.people, arc.accepted_people) == ("arc_00", True, 2, 2)
+    assert (other.name, other.state, other.people) == ("still", "rejected", 0)
+    for part in ("sfm", "bodies", "pseudo_gt", "overlay", "files/glb"):
+        made = contents(folder / part)
+        assert made and made == contents(solved / part)
+
+
 def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
-    dolly: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    clips: Path,
+    solved_videos: Path,
+    dolly: Filmed,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    images = [cv2.imread(str(path))[..., ::-1] for path in sorted(dolly.images_dir.iterdir())]
-    source = make_video(tmp_path / "walk.mp4", list(map(np.ascontiguousarray, images)),
-                        rate_hz=10, options={"crf": "4"})  # fmt: skip
-    out = tmp_path / "out"
-    main(arguments(source, out, "--strict"))
+    """And the same video in a batch leaves the same folder."""
+    out = tmp_path / "walk"
+    main(arguments(clips / "walk.mp4", out, "--strict"))
     printed = capsys.readouterr()
     assert printed.out.splitlines()[0] == "accepted" and "12 of 12 frames" in printed.err
     assert printed.out.splitlines()[-1] == str(out / "index.html")
@@ -137,6 +169,7 @@ def test_cameras_alone_come_with_a_model_a_path_and_a_verdict(
     scale = np.linalg.norm(true[-1] - true[0]) / np.linalg.norm(path[-1] - path[0])
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1) * scale
     np.testing.assert_allclose(steps, np.linalg.norm(np.diff(true, axis=0), axis=1), rtol=0.1)
+    assert contents(out) == contents(solved_videos / "videos" / "walk")
 
 
 def test_a_video_without_a_camera_path_is_rejected_with_the_reason(

@@ -1,51 +1,21 @@
 """The verb video for many: each as if it were alone, whoever makes it, and failures by name."""
 
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 
-from gmrdata.cli import main
 from gmrdata.world.videos import Videos
 from tests.film.set_kills import contents, leftovers
-from tests.filming import INTRINSICS_PX, Filmed
-from tests.read.videos import make_video
-from tests.sharing import made_once
+from tests.filming import CAMERAS_ALONE, INTRINSICS_PX
 
 Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
-ASKED = ("--masks", "none", "--focal", str(float(INTRINSICS_PX[0, 0])), "--no-check-lens")
 
 
-@pytest.fixture(scope="module")
-def clips(dolly: Filmed, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a walk, a video in which nothing moves, and a file that is broken."""
-    folder = tmp_path_factory.mktemp("videos") / "clips"
-    folder.mkdir()
-    images = [cv2.imread(str(path))[..., ::-1] for path in sorted(dolly.images_dir.iterdir())]
-    make_video(folder / "walk.mp4", list(map(np.ascontiguousarray, images)),
-               rate_hz=10, options={"crf": "4"})  # fmt: skip
-    make_video(folder / "still.MP4", [np.full((48, 64, 3), 90, np.uint8)] * 4, rate_hz=10)
-    (folder / "broken.mov").write_bytes(b"\x00\x00\x00\x18ftypmp42" + bytes(4000))
-    (folder / "notes.txt").write_text("mine")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def solved(clips: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that one process leaves of them."""
-
-    def make(out: Path) -> None:
-        with pytest.raises(SystemExit, match="1"):
-            main([*map(str, ("video", clips, "--out", out, "--workers", 1)), *ASKED])
-
-    return made_once(tmp_path_factory, "solved_videos", make)
-
-
-def test_a_record_and_an_index_say_what_became_of_each(solved: Path) -> None:
-    broken, still, walk = Videos.read(solved / "videos.json").videos
+def test_a_record_and_an_index_say_what_became_of_each(solved_videos: Path) -> None:
+    broken, still, walk = Videos.read(solved_videos / "videos.json").videos
     assert (broken.name, broken.state, broken.frames) == ("broken", "failed", 0)
     assert "broken.mov: no video" in broken.reasons[0]
     assert (still.name, still.state, still.frames) == ("still", "rejected", 4)
@@ -54,32 +24,96 @@ def test_a_record_and_an_index_say_what_became_of_each(solved: Path) -> None:
     assert walk.focal_px == pytest.approx(INTRINSICS_PX[0, 0], abs=1e-3)
     assert walk.focal_from == "given"
     assert (walk.people, walk.fps_hz) == (0, pytest.approx(10.0))
-    page = (solved / "index.html").read_text()
+    page = (solved_videos / "index.html").read_text()
     for name in ("still", "walk"):
         link = f"videos/{name}/index.html"
-        assert f'href="{link}"' in page and (solved / link).is_file()
+        assert f'href="{link}"' in page and (solved_videos / link).is_file()
     assert 'href="failed/broken.txt"' in page and still.reasons[0] in page
 
 
-def test_each_folder_is_that_of_the_video_alone(
-    solved: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
-) -> None:
-    alone = gmrdata("video", clips / "walk.mp4", "--out", tmp_path / "walk", *ASKED)
-    assert alone.returncode == 0 and alone.stdout.startswith("accepted\n"), alone.stderr
-    assert contents(tmp_path / "walk") == contents(solved / "videos" / "walk")
-
-
 def test_two_shards_leave_the_bytes_of_one_process(
-    solved: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
+    solved_videos: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    first = gmrdata("video", clips, "--out", out, *ASKED, "--shard", "2/2")
+    first = gmrdata("video", clips, "--out", out, *CAMERAS_ALONE, "--shard", "2/2")
     assert first.returncode == 0 and "shard 1/2: 1 left, not begun" in first.stderr, first.stderr
     assert not (out / "videos.json").exists()
     left = gmrdata("merge", out)
     assert left.returncode == 1 and "shard 1/2: " in left.stderr
-    last = gmrdata("video", clips, "--out", out, *ASKED, "--shard", "1/2")
+    last = gmrdata("video", clips, "--out", out, *CAMERAS_ALONE, "--shard", "1/2")
     assert last.returncode == 1 and "solving videos: 1 of 3 failed" in last.stderr
     assert "broken.mov: no video" in last.stderr and "1 accepted, 1 rejected" in last.stdout
-    assert contents(out) == contents(solved)
-    assert leftovers(out) == leftovers(solved)
+    assert contents(out) == contents(solved_videos)
+    assert leftovers(out) == leftovers(solved_videos)
+
+
+def test_the_same_again_makes_what_is_missing_alone(
+    solved_videos: Path, clips: Path, gmrdata: Gmrdata, tmp_path: Path
+) -> None:
+    """A rejected video is not solved again; `.run.inputs` is left by shards that end well."""
+    mended, out = shutil.copytree(clips, tmp_path / "clips"), tmp_path / "out"
+    (mended / "broken.mov").unlink()
+    shutil.copytree(solved_videos, out)
+    shutil.rmtree(out / "videos" / "walk" / "files")
+    made_ns = (out / "entries" / "still" / "stage.json").stat().st_mtime_ns
+    command = ("video", mended, "--out", out, *CAMERAS_ALONE, "--shard", "1/1")
+    again = gmrdata(*command)
+    assert again.returncode == 0 and "1 accepted, 1 rejected, 0 failed" in again.stdout
+    assert contents(out / "videos") == contents(solved_videos / "videos")
+    assert (out / "entries" / "still" / "stage.json").stat().st_mtime_ns == made_ns
+    strict = gmrdata(*command, "--strict")
+    assert strict.returncode == 1 and "1 of 2 videos were rejected" in strict.stderr
+    other = gmrdata(*command, "--seed", "1")
+    assert (
+        other.returncode == 1 and "made with other values of config.solve.sfm.seed" in other.stderr
+    )
+
+
+def test_a_dry_run_lists_the_videos_and_does_nothing(
+    clips: Path, gmrdata: Gmrdata, tmp_path: Path
+) -> None:
+    said = gmrdata("video", clips, "--out", tmp_path / "out", *CAMERAS_ALONE, "--dry-run")
+    assert said.returncode == 1 and "1 of 3 videos can't be read" in said.stderr
+    rows = {words[0]: words[1:3] for line in said.stdout.splitlines() if (words := line.split())}
+    assert rows["walk"] == ["12", "320x180"] and rows["still"] == ["4", "64x48"]
+    assert rows["all"][0] == "16" and "broken.mov: no video" in said.stdout
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_script_for_a_cluster_is_printed(
+    clips: Path, gmrdata: Gmrdata, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ("video", clips, "--out", tmp_path / "out", *CAMERAS_ALONE, "--print-slurm", "3")
+    monkeypatch.setattr("sys.argv", ["gmrdata", *map(str, command)])
+    said = gmrdata(*command)
+    assert said.returncode == 0 and f"gmrdata video {clips} --out" in said.stdout
+    assert '--shard "$SLURM_ARRAY_TASK_ID/3"' in said.stdout
+
+
+@pytest.mark.parametrize(
+    ("names", "flags", "said"),
+    [
+        (("walk.mp4",), ("--shard", "1/2"), "are for several videos"),
+        (("walk.mp4",), ("--workers", "2"), "Leave them out for one"),
+        ((), (), "nothing given. Name a video"),
+        ((".",), ("--fps", "10"), "videos have their own times"),
+        ((".",), ("--masks", "."), "a folder of masks is of one video"),
+        ((".",), ("--poses", "walk.mp4"), "Give that, or one video alone"),
+        (("walk.mp4", "../clips/walk.mp4"), (), "would both be video walk"),
+        (("walk.mp4", "gone.mp4"), (), "gone.mp4: no such video"),
+    ],
+)
+def test_wrong_flags_name_the_remedy(
+    names: tuple[str, ...],
+    flags: tuple[str, ...],
+    said: str,
+    clips: Path,
+    gmrdata: Gmrdata,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(clips)
+    masks = () if "--masks" in flags else CAMERAS_ALONE[:2]
+    ended = gmrdata("video", *names, "--out", tmp_path / "out", *masks, *flags)
+    assert ended.returncode == 1 and said in " ".join(ended.stderr.split()), ended.stderr
+    assert not (tmp_path / "out").exists()
