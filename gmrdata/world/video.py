@@ -167,8 +167,8 @@ def solve_video(
             bodies = _own_poses(images_dir, frames, lens, bodies.body_path, out_dir, config, run)
             notes = notes if bodies else (*notes, NOBODY_SEEN)
         if bodies is not None:
-            people, said = _solve_people(bodies, frames, lens, video, out_dir, config, run)
-            notes = (*notes, *said)
+            people, remarks = _solve_people(bodies, frames, lens, video, out_dir, config, run)
+            notes = (*notes, *remarks)
     reasons = reasons_of(camera, people)
     path = out_dir / VERDICT_FILE
     VideoVerdict(
