@@ -153,8 +153,8 @@ def solve_video(
             run=run,
         )
     except NoReconstruction as error:
-        said = str(error).replace(f"{out_dir}/", "")  # the folder may be moved
-        why = "; ".join([said, *lens.objections])
+        reason = str(error).replace(f"{out_dir}/", "")  # the folder may be moved
+        why = "; ".join([reason, *lens.objections])
         camera = unsolved(why, len(frames.image_numbers))
     else:
         thresholds, found = config.pseudo_gt.verdict, load_cameras(sfm_dir)
