@@ -109,22 +109,22 @@ def _show(out: Path) -> None:
 
 def show_plan(found: "FoundVideos", each: "EachVideo") -> None:
     """What would be done with each video, and about how long it takes; BadFrames if some can't."""
-    rows, n_images, all_s, n_bad = [], 0, 0.0, 0
+    rows, bad, n_images, all_s = [], [], 0, 0.0
     for video in track(found.videos, "looking at videos"):
         own = "own" if each.own_poses else ""
         poses = own if video.poses_path is None else video.poses_path.name
         try:
             n, size_px, seconds = plan(video, each)
         except GmrdataError as error:
-            rows.append((video.name, "-", "-", poses, str(error)))
-            n_bad += 1
+            rows.append((video.name, "-", "-", poses, "-"))
+            bad.append(str(error))
             continue
         about_s = sum(seconds.values())
         n_images, all_s = n_images + n, all_s + about_s
         rows.append((video.name, str(n), "{}x{}".format(*size_px), poses, f"{about_s:.0f}"))
     print_table(PLAN_HEADINGS, [*rows, ("all", str(n_images), "", "", f"{all_s:.0f}")])
-    answer(
-        f"{len(rows) - n_bad} videos, {n_images} images: about {all_s / 3600:.2g} h on two cores"
-    )
-    if n_bad:
-        raise BadFrames(f"{n_bad} of {len(rows)} videos can't be read, see the table")
+    n_read = len(rows) - len(bad)
+    answer(f"{n_read} videos, {n_images} images: about {all_s / 3600:.2g} h on two cores")
+    if bad:
+        listed = "".join(f"\n  {reason}" for reason in bad)
+        raise BadFrames(f"{len(bad)} of {len(rows)} videos can't be read:{listed}")
