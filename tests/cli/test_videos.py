@@ -84,7 +84,8 @@ def test_a_dry_run_lists_the_videos_and_does_nothing(
     assert said.returncode == 1 and "1 of 3 videos can't be read" in said.stderr
     rows = {words[0]: words[1:3] for line in said.stdout.splitlines() if (words := line.split())}
     assert rows["walk"] == ["12", "320x180"] and rows["still"] == ["4", "64x48"]
-    assert rows["all"][0] == "16" and "broken.mov: no video" in said.stdout
+    assert rows["all"][0] == "16" and rows["broken"] == ["-", "-"]
+    assert "broken.mov: no video" in said.stderr
     assert not (tmp_path / "out").exists()
 
 
