@@ -71,7 +71,7 @@ def video(
     run: flags.RunFlags,
     array: ArrayFlags,
 ) -> None:
-    """Cameras of any video and, with another system's bodies, people's motion in a metric world.
+    """Cameras of any video and, with --poses, people's motion in a metric world.
 
     Several videos, or a folder with video files, are a batch: each is solved by itself, in worker
     processes or shards.

@@ -1,4 +1,4 @@
-"""Any video: cameras, and where somebody's bodies are given, people in a metric world."""
+"""Any video: cameras, and where people are asked for, these in a metric world."""
 
 import shutil
 from collections.abc import Iterator
@@ -163,11 +163,10 @@ def solve_video(
         doubts = (*doubts, *of_lens, *again)
         camera = judge_cameras(sfm_dir, frames.fps_hz, thresholds, doubts)
         notes = tuple(lens_notes(found, lens))
-        if bodies is not None and bodies.poses_path is None:
-            bodies = _own_poses(images_dir, frames, lens, bodies.body_path, out_dir, config, run)
-            notes = notes if bodies else (*notes, NOBODY_SEEN)
         if bodies is not None:
-            people, remarks = _solve_people(bodies, frames, lens, video, out_dir, config, run)
+            people, remarks = _solve_people(
+                bodies, images_dir, frames, lens, video, out_dir, config, run
+            )
             notes = (*notes, *remarks)
     reasons = reasons_of(camera, people)
     path = out_dir / VERDICT_FILE
@@ -227,14 +226,13 @@ def _true_camera(lens: Intrinsics, sfm_dir: Path) -> TrueCamera:
 def _own_poses(
     images_dir: Path,
     frames: VideoFrames,
-    lens: Intrinsics,
+    camera: TrueCamera,
     body_path: Path,
     out_dir: Path,
     config: VideoSolveConfig,
     run: Run,
-) -> GivenBodies | None:
-    """People before the camera by the built-in estimator; None where it sees nobody."""
-    camera = _true_camera(lens, out_dir / SFM)
+) -> Path | None:
+    """Poses by the built-in estimator, for `read_camera_bodies`; None where it sees nobody."""
     sources = () if config.masks is None else config.masks.sources
     given = [source for source in sources if isinstance(source, PersonSource)]
     poses_dir = local_poses(
@@ -249,11 +247,12 @@ def _own_poses(
         run=run,
     )
     seen = LocalPosesRecord.read(poses_dir / POSES_FILE).people
-    return GivenBodies(poses_dir, body_path) if seen else None
+    return poses_dir if seen else None
 
 
 def _solve_people(
     bodies: GivenBodies,
+    images_dir: Path,
     frames: VideoFrames,
     lens: Intrinsics,
     video: VideoRecord | None,
@@ -263,10 +262,12 @@ def _solve_people(
 ) -> tuple[tuple[Verdict, ...], tuple[str, ...]]:
     """Each person's verdict, and what one should know of the bodies."""
     bodies_dir, camera = out_dir / BODIES, _true_camera(lens, out_dir / SFM)
-    assert bodies.poses_path is not None
-    people = make_bodies(
-        bodies.poses_path, frames, camera, bodies.body_path, bodies_dir, config.bodies, run=run
-    )
+    body_path, poses_path = bodies.body_path, bodies.poses_path
+    if poses_path is None:
+        poses_path = _own_poses(images_dir, frames, camera, body_path, out_dir, config, run)
+    if poses_path is None:
+        return (), (NOBODY_SEEN,)
+    people = make_bodies(poses_path, frames, camera, body_path, bodies_dir, config.bodies, run=run)
     record = BodiesRecord.read(bodies_dir / BODIES_FILE)
     notes = (*record.notes, *record.left_out)
     try:
