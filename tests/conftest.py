@@ -54,6 +54,18 @@ def shared_path(shared_data: Path) -> Callable[[str], Path]:
 
 
 @pytest.fixture(scope="session")
+def yolox_nano(shared_path: Callable[[str], Path]) -> Path:
+    """The real YOLOX-nano weights."""
+    return shared_path("models/yolox_nano.onnx")
+
+
+@pytest.fixture(scope="session")
+def pose_landmarks(shared_path: Callable[[str], Path]) -> Path:
+    """The real weights of BlazePose GHUM lite."""
+    return shared_path("models/pose_landmark_lite.tflite")
+
+
+@pytest.fixture(scope="session")
 def cmu_dir(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Real CMU motions, unpacked: `bvh/*.bvh` and `amc/*.{asf,amc}`."""
 

@@ -1,4 +1,4 @@
-"""Real weights, real frames, and small ONNX files written byte by byte."""
+"""Real frames, and small ONNX files written byte by byte."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,18 +8,6 @@ import numpy as np
 import pytest
 
 OnnxWriter = Callable[..., bytes]
-
-
-@pytest.fixture(scope="session")
-def yolox_nano(shared_path: Callable[[str], Path]) -> Path:
-    """The real YOLOX-nano weights."""
-    return shared_path("models/yolox_nano.onnx")
-
-
-@pytest.fixture(scope="session")
-def pose_landmarks(shared_path: Callable[[str], Path]) -> Path:
-    """The real weights of BlazePose GHUM lite."""
-    return shared_path("models/pose_landmark_lite.tflite")
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,4 @@
-"""Real weights, and landmarks of motions that are known."""
-
-from collections.abc import Callable
-from pathlib import Path
+"""Motions whose landmarks are known."""
 
 import numpy as np
 import pytest
@@ -9,18 +6,6 @@ import pytest
 from gmrdata.motion.gait import make_gait
 from gmrdata.values.body import BodyModel
 from gmrdata.values.motion import Motion
-
-
-@pytest.fixture(scope="session")
-def yolox_nano(shared_path: Callable[[str], Path]) -> Path:
-    """The real YOLOX-nano weights."""
-    return shared_path("models/yolox_nano.onnx")
-
-
-@pytest.fixture(scope="session")
-def pose_landmarks(shared_path: Callable[[str], Path]) -> Path:
-    """The real weights of BlazePose GHUM lite."""
-    return shared_path("models/pose_landmark_lite.tflite")
 
 
 @pytest.fixture(scope="session")
