@@ -5,17 +5,14 @@ CMU's subjects 02 and 08 are rendered once and kept in out/bench/pose_clips.  Pr
 writes out/bench/poses.json.
 """
 
-import os
-import platform
 import shutil
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import pytest
 from poses.clips import make_pose_clips
 from poses.score import METHODS, PoseRow, means, pose_row
-from record import Record, at_most
+from record import Record, at_most, machine
 from render.tables import show
 
 pytestmark = pytest.mark.bench
@@ -28,12 +25,7 @@ MOST_PA_MPJPE_MM = 75.0
 def record(request: pytest.FixtureRequest) -> Record:
     shutil.rmtree(WORK_DIR, ignore_errors=True)
     WORK_DIR.mkdir(parents=True)
-
-    def settings() -> dict[str, Any]:
-        load = round(os.getloadavg()[0], 1)
-        return {"cores": os.cpu_count(), "load": load, "python": platform.python_version()}
-
-    return Record(OUT_DIR / "poses.json", request.config.getoption("--small"), settings)
+    return Record(OUT_DIR / "poses.json", request.config.getoption("--small"), machine)
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,13 @@ known cameras (real/layout.py), `--videos FOLDER` real videos (video/real.py); w
 named and left out.  Prints tables and writes out/bench/video.json.
 """
 
-import os
-import platform
 import shutil
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import pytest
 from real.clips import FACTS_FILE, RealClip
-from record import Record, at_least, at_most
+from record import Record, at_least, at_most, machine
 from render.tables import show
 from video.bodies import (
     MOST_OME_DEG,
@@ -56,12 +53,7 @@ WORK_DIR = (OUT_DIR / "video").resolve()
 def record(request: pytest.FixtureRequest) -> Record:
     shutil.rmtree(WORK_DIR, ignore_errors=True)
     WORK_DIR.mkdir(parents=True)
-
-    def settings() -> dict[str, Any]:
-        load = round(os.getloadavg()[0], 1)
-        return {"cores": os.cpu_count(), "load": load, "python": platform.python_version()}
-
-    return Record(OUT_DIR / "video.json", request.config.getoption("--small"), settings)
+    return Record(OUT_DIR / "video.json", request.config.getoption("--small"), machine)
 
 
 @pytest.fixture(scope="module")

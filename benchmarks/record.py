@@ -1,5 +1,7 @@
 """What a measurement found, as JSON, and the bars that it must keep to."""
 
+import os
+import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +13,12 @@ from gmrdata.values.files import write_json
 
 Bar = tuple[str, Any, str, bool]
 """Name, figure, what is asked of it, and whether it holds."""
+
+
+def machine() -> dict[str, Any]:
+    """What a measurement ran on, and how busy that is."""
+    load = round(os.getloadavg()[0], 1)
+    return {"cores": os.cpu_count(), "load": load, "python": platform.python_version()}
 
 
 @dataclass
