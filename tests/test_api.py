@@ -23,8 +23,8 @@ def python(code: str) -> str:
 
 def test_importing_is_quick_and_loads_nothing_slow() -> None:
     said = python(
-        "import sys, time; start = time.perf_counter(); import gmrdata; "
-        "seconds = time.perf_counter() - start; import json; "
+        "import sys, time; start = time.process_time(); import gmrdata; "
+        "seconds = time.process_time() - start; import json; "
         "print(json.dumps([seconds, gmrdata.__version__, sorted(sys.modules)]))"
     )
     seconds, version, loaded = json.loads(said)

@@ -116,7 +116,7 @@ def test_another_machine_is_dead_when_its_count_stands_still(tmp_path: Path) -> 
         assert try_claim(path) is None
     start_s = time.monotonic()
     with claimed(path) as claim:
-        assert 0.2 < time.monotonic() - start_s < 5.0
+        assert time.monotonic() - start_s > 0.2
         assert claim.record.deaths == 1
 
 

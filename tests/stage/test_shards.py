@@ -199,12 +199,12 @@ def of_node(number: int, path: Path) -> ClaimRecord:
 def test_many_silent_machines_are_waited_for_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(claims, "SILENT_S", 1.0)
+    monkeypatch.setattr(claims, "SILENT_S", 3.0)
     for number in range(1, 6):
         of_node(number, tmp_path / "shards" / "making-things" / f".{number}-of-6.claim")
     begin_s = time.monotonic()
     assert len(batch(tmp_path, "6/6").results) == 6
-    assert time.monotonic() - begin_s < 4.0
+    assert time.monotonic() - begin_s < 12.0  # one after another: 15
 
 
 def redone(root: Path, shard: str, wanted: str, *, redo: bool = True) -> Outcome:
