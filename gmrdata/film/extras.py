@@ -9,7 +9,8 @@ from pydantic import Field
 
 from gmrdata.film.cars import CAR_SIZE_M, Drive, drive_past
 from gmrdata.film.walkers import Shot, keep_company, pass_by, shot_of
-from gmrdata.motion.resample import resample, slice_motion
+from gmrdata.motion.resample import hold_pose, resample, slice_motion
+from gmrdata.values import limits
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe
@@ -35,6 +36,8 @@ class Extras(Config):
     """People who cross the view once, in front of the clip's person or behind."""
     cars: int = Field(default=0, ge=0, le=2)
     """Cars that drive across the view at 3 to 8 m/s; not in a room."""
+    hold_s: float | None = Field(default=None, ge=0, le=limits.LONGEST_S)
+    """All these people hold the pose that their motion has at this time [s]; None: they move."""
     motions: tuple[Path, ...] = ()
     """Motion files for the passers-by, each at least as long as the clip; none: embedded gaits."""
 
@@ -84,10 +87,12 @@ def make_cast(extras: Extras, clips: Sequence[Clip], body: BodyModel, seed: int)
     walkers: list[Motion] = []
     cars: list[Drive] = []
     for n, own in enumerate(kinds[0].spawn(extras.company), 1):
-        walkers.append(keep_company(f"company_{n}", shot, walkers, body, own))
+        walkers.append(keep_company(f"company_{n}", shot, walkers, body, own, extras.hold_s))
     for n, own in enumerate(kinds[1].spawn(extras.passers_by), 1):
         rng = np.random.default_rng(own)
         motion = _passing_motion(extras.motions, shot, body, rng)
+        if extras.hold_s is not None:
+            motion = hold_pose(motion, extras.hold_s, shot.n_frames)
         walkers.append(pass_by(f"passer_by_{n}", motion, shot, walkers, rng))
     paths_m = [walker.pelvis_m for walker in walkers]
     for n, own in enumerate(kinds[2].spawn(extras.cars), 1):

@@ -23,6 +23,7 @@ from gmrdata.manifest.current import CameraMotion, ListManifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.motion.files import find_motions, input_files, read_file
 from gmrdata.motion.gait import make_gait
+from gmrdata.motion.resample import hold_pose
 from gmrdata.read.bodies import read_body
 from gmrdata.read.source_motion import ReadConfig
 from gmrdata.stage import recipes
@@ -35,6 +36,7 @@ from gmrdata.values.errors import BadMotionFile, BadRecipe, StageFailed
 from gmrdata.values.records import Config
 
 PLANNED_FILE = "clip.npz"
+GAIT_FPS_HZ = 30.0
 PROGRAMMES = {
     kind: camera_programme(kind)
     for kind in ("circular", "linear", "linear_panning", "panning", "small")
@@ -54,6 +56,9 @@ class SyntheticClip(Config):
     programme: Programme
     duration_s: float | None = Field(default=None, gt=0, le=limits.LONGEST_S)
     """Length to film, from the motion's start [s]; the set's when left out."""
+    hold_s: float | None = Field(default=None, ge=0, le=limits.LONGEST_S)
+    """The person holds the pose that the motion has at this time [s], and the truth is no motion at
+    all; None: the person moves.  `hold_s` of the scene's extras is for the others."""
     shape: Annotated[tuple[float, ...], Field(max_length=1000)] | None = None
     """Shape coefficients of the person, as many as the body has; `people` decides when left out."""
     scene: SceneConfig | None = None
@@ -204,7 +209,10 @@ def planned_clip(
     if motion_path is not None:
         motion = read_file(motion_path, body, clip.read or recipe.read, shape=shape).motion
     else:
-        motion = make_gait(clip.gait or "", film.duration_s, 30.0, body, rng, shape=shape)
+        lasts_s = max(film.duration_s, (clip.hold_s or 0.0) + 1 / GAIT_FPS_HZ)
+        motion = make_gait(clip.gait or "", lasts_s, GAIT_FPS_HZ, body, rng, shape=shape)
+    if clip.hold_s is not None:
+        motion = hold_pose(motion, clip.hold_s, round(film.duration_s * motion.fps_hz))
     return plan_clip(clip.id, film_motion(motion, film), clip.programme, film, rng)
 
 

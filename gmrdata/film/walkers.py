@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gmrdata.motion.resample import hold_pose
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath, in_frame
 from gmrdata.values.clip import Clip, camera_of
@@ -141,16 +142,24 @@ def no_way(name: str, remedy: str) -> BadRecipe:
 
 
 def keep_company(
-    name: str, shot: Shot, others: Sequence[Motion], body: BodyModel, seed: np.random.SeedSequence
+    name: str,
+    shot: Shot,
+    others: Sequence[Motion],
+    body: BodyModel,
+    seed: np.random.SeedSequence,
+    hold_s: float | None = None,
 ) -> Motion:
     """A gait beside the first subject, in its direction and at its mean speed, as near as can be.
-    It goes straight on; beside a subject that stays, or comes back, it steps to and fro."""
+    It goes straight on; beside a subject that stays, or comes back, it steps to and fro.  With
+    `hold_s` it stands in the pose of that time [s]."""
     subject_m = shot.subjects_m[0][:, :2]
     way_m = subject_m[-1] - subject_m[0]
     far_m = float(np.linalg.norm(way_m))
     walked_m = float(np.linalg.norm(np.diff(subject_m, axis=0), axis=1).sum())
     goes = far_m > STANDS_M_PER_S * shot.duration_s and far_m > walked_m / 2
     motion = _gait_at(far_m / shot.duration_s if goes else 0.0, shot, body, seed)
+    if hold_s is not None:
+        motion = hold_pose(motion, hold_s, shot.n_frames)
     rng = np.random.default_rng(seed.spawn(1)[0])
     best, least_m = None, np.inf
     for attempt in range(TRIES):

@@ -45,6 +45,17 @@ def slice_motion(motion: Motion, start: int, stop: int) -> Motion:
     return motion.take(slice(start, stop))
 
 
+def hold_pose(motion: Motion, at_s: float, n_frames: int) -> Motion:
+    """A person who holds the pose and the place of one moment, for so many frames; BadRecipe where
+    the motion does not last until then."""
+    row = round(at_s * motion.fps_hz)
+    if not 0 <= row < motion.n_frames:
+        lasts_s = (motion.n_frames - 1) / motion.fps_hz
+        raise BadRecipe(f"{motion.source}: no pose to hold at {at_s:g} s, it lasts {lasts_s:.3f} s")
+    held = motion.take(np.full(n_frames, row))
+    return replace(held, source=f"{motion.source}, held at {row / motion.fps_hz:.3f} s")
+
+
 def _brackets(
     n_frames: int, source_fps_hz: float, fps_hz: float, start_s: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
