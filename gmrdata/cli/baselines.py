@@ -134,12 +134,35 @@ def baseline_joint(
     answer(predict_joint(run, manifest, features, out, run=Run(redo=redo)))
 
 
+def baseline_own_poses(
+    manifest: flags.Manifest,
+    out: Annotated[Path, arg(help="Output folder: poses/, keypoints/, features/, seen/.")],
+    model: flags.MaskModel = None,
+    landmarks: flags.MaskLandmarks = None,
+    body: flags.Body = "anny",
+    redo: flags.Redo = False,
+) -> None:
+    """What the built-in estimator sees, as the other baselines and `gmrdata tables` take it.
+
+    It stands where the paper has VIBE and STAF (docs/poses.md says how good it is).
+    """
+    from gmrdata.baselines.own_poses import own_poses
+
+    path, run = flags.body_path(body), Run(redo=redo)
+    answer(
+        own_poses(
+            manifest, out, body_path=path, detector_path=model, landmarks_path=landmarks, run=run
+        )
+    )
+
+
 def baseline(
     verb: OmitSubcommandPrefixes[
         Annotated[Any, subcommand("zero", constructor=baseline_zero)]
         | Annotated[Any, subcommand("mean", constructor=baseline_mean)]
         | Annotated[Any, subcommand("camera_as_world", constructor=baseline_camera_as_world)]
         | Annotated[Any, subcommand("vibe_cam", constructor=baseline_vibe_cam)]
+        | Annotated[Any, subcommand("own_poses", constructor=baseline_own_poses)]
         | Annotated[Any, subcommand("joint_train", constructor=baseline_joint_train)]
         | Annotated[Any, subcommand("joint", constructor=baseline_joint)]
     ],

@@ -23,6 +23,8 @@ def tables(
     keypoints: Annotated[Path | None, KEYPOINTS] = None,
     features: Annotated[Path | None, FEATURES] = None,
     videos: UseAppendAction[tuple[Path, ...]] = (),
+    network: Path | None = None,
+    estimator: str = "VIBE",
     body: Body = "anny",
     *,
     run: RunFlags,
@@ -43,8 +45,12 @@ def tables(
         scale: "small" shrinks networks and steps for a machine without a GPU; "paper" needs one.
         held_out: Subjects who are scored and not trained on, in place of the recipe's.
         seeds: Seeds of each row's trainings, in place of the recipe's.
+        network: Run folder of a trained GMR, or the word bundled for the package's own, in place of
+            trainings; for Tables 5, 6 and 10.
+        estimator: Whose poses and keypoints they are, as the table shall call it.
         videos: Manifest that the non-sequential model is trained on; may be given several times.
     """
+    from gmrdata.gmr.bundled import bundled_run
     from gmrdata.pages.scores import write_scores_pages
     from gmrdata.tables.comparison import TableRecord, explanations, shown_rows
     from gmrdata.tables.make import make_table
@@ -54,7 +60,7 @@ def tables(
     recipe = load_table(table)
     given = Given(
         manifest, scored, poses, keypoints, features, videos, held_out,
-        body_path(body),
+        body_path(body), bundled_run() if network == Path("bundled") else network, estimator,
     )  # fmt: skip
     if array is not None:
         print_script(array)

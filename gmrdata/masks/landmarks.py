@@ -7,7 +7,7 @@ are of the body, in the picture and in metres; those in metres are as seen in th
 turned back here with it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -87,6 +87,31 @@ def open_landmark_network(model_path: Path) -> LandmarkNetwork:
     return look
 
 
+LandmarkFeatures = Callable[[np.ndarray, Crop], np.ndarray]
+FEATURE_LAYER, N_FEATURES = "/re_lu_55/", 192 * 2 * 2
+"""The last layer before landmarks and score part, by a piece of its name, and its numbers."""
+
+
+def open_landmark_features(model_path: Path) -> LandmarkFeatures:
+    """A function from a BGR picture (H, W, 3) and a crop of it to what the network has seen before
+    it answers: (768,) numbers, 192 channels at 2 x 2 places.  Errors as in
+    `open_landmark_network`."""
+    import cv2
+
+    net = _open(model_path)
+    names = [name for name in net.getLayerNames() if FEATURE_LAYER in name]
+
+    def look(image: np.ndarray, crop: Crop) -> np.ndarray:
+        square = cv2.warpAffine(image, crop.crop_from_image, (CROP_PX, CROP_PX))
+        found = _forward(net, square, names[-1:])
+        if [output.size for output in found] != [N_FEATURES]:
+            raise BadDetector(f"{model_path}: not BlazePose GHUM lite: no such layer; {REMEDY}")
+        return np.asarray(found[0].ravel(), dtype=np.float32)
+
+    look(np.zeros((CROP_PX, CROP_PX, 3), np.uint8), Crop(np.full(2, CROP_PX / 2), CROP_PX))
+    return look
+
+
 def _open(model_path: Path) -> Any:
     import cv2
 
@@ -109,18 +134,23 @@ def _open(model_path: Path) -> Any:
 
 def _run(net: Any, square: np.ndarray, model_path: Path) -> dict[str, np.ndarray]:
     """The outputs by name, for a BGR crop (256, 256, 3)."""
-    import cv2
-
-    try:
-        net.setInput(cv2.dnn.blobFromImage(square, 1 / 255, swapRB=True))
-        answer = net.forward(net.getUnconnectedOutLayersNames())
-    except (cv2.error, MemoryError, ValueError):
-        answer = ()
+    answer = _forward(net, square, net.getUnconnectedOutLayersNames())
     by_size = {output.size: output.ravel() for output in answer}
     if set(OUTPUT_SIZES.values()) - set(by_size):
         what = f"its outputs have {sorted(by_size)} numbers, not {sorted(OUTPUT_SIZES.values())}"
         raise BadDetector(f"{model_path}: not BlazePose GHUM: {what}; {REMEDY}")
     return {name: by_size[size] for name, size in OUTPUT_SIZES.items()}
+
+
+def _forward(net: Any, square: np.ndarray, layers: Sequence[str]) -> Sequence[np.ndarray]:
+    """What layers put out for a BGR crop (256, 256, 3); nothing where the network can't run."""
+    import cv2
+
+    try:
+        net.setInput(cv2.dnn.blobFromImage(square, 1 / 255, swapRB=True))
+        return tuple(net.forward(layers)) if layers else ()
+    except (cv2.error, MemoryError, ValueError):
+        return ()
 
 
 def _person(outputs: dict[str, np.ndarray], crop: Crop, size_px: tuple[int, ...]) -> Person:

@@ -3,3 +3,5 @@
 from typing import Literal
 
 ScaleName = Literal["paper", "small"]  # as the paper trains, or as a machine without a GPU can
+VIBE = "VIBE"
+"""Who estimates poses in the paper, and in the names of its rows."""

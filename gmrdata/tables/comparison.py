@@ -10,6 +10,7 @@ from pydantic import JsonValue
 from gmrdata.score import METRICS, Metric
 from gmrdata.score.records import PaperMetrics
 from gmrdata.score.table import METRIC_WORDS, Cell, Table, markdown, write_table_files
+from gmrdata.tables import VIBE
 from gmrdata.values.records import Config, Record
 
 
@@ -54,6 +55,10 @@ class TableData(Config):
     training: tuple[TrainingSet, ...]
     left_out: dict[str, int]
     """Their clips that were not trained on, by reason."""
+    network: str | None
+    """The trained GMR that was used in place of trainings; None without one."""
+    estimator: str
+    """Who estimated poses and keypoints where the paper has VIBE."""
     scored: str
     held_out_subjects: tuple[int | str, ...]
 
@@ -61,7 +66,7 @@ class TableData(Config):
 class TableRecord(Record):
     """A `table<N>.json`."""
 
-    format: Literal["gmrdata-table/2"] = "gmrdata-table/2"
+    format: Literal["gmrdata-table/3"] = "gmrdata-table/3"
     table: int
     title: str
     scale: str
@@ -93,6 +98,11 @@ def explanations(record: TableRecord) -> list[str]:
     return [
         f"Paper: {data.paper}.",
         f"Here: trained on {trained}; scored on {data.scored}.",
+        *([f"GMR: network {data.network}, as it is."] if data.network else []),
+        *(
+            [f"{data.estimator}: who estimates where the paper has VIBE."]
+            * (data.estimator != VIBE)
+        ),
         *([f"Not trained on: subjects {held_out}."] if held_out else []),
         f"Scale {record.scale}. {record.note}".strip(),
         *_paper_readings(record.rows),

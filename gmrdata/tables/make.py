@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gmrdata.gmr.config import DataConfig
+from gmrdata.gmr.predict import load_gmr
 from gmrdata.gmr.runs import ClipFile, usable_files
 from gmrdata.gmr.split import split_manifests
 from gmrdata.manifest.current import Clip
@@ -141,7 +142,7 @@ def _row(plan: Plan, row: Row, scores: Sequence[Scores]) -> comparison.TableRow:
     used = {one.training for one in plan.scorings.get(row.name, ())}
     configs = [config for id, config in plan.trainings.items() if id in used]
     return comparison.TableRow(
-        name=row.name_at(plan.scale),
+        name=plan.shown_name(row),
         name_in_paper=row.name if row.paper else None,
         method=plan.recipe.scored_row(row).method,
         clips=row.clips,
@@ -192,6 +193,8 @@ def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
         paper=plan.recipe.paper_data,
         training=tuple(comparison.TrainingSet(name=_name_of(path), clips=n) for path, n in sets),
         left_out=left_out,
+        network=None if given.network is None else load_gmr(given.network).name,
+        estimator=given.estimator,
         scored=f"{what} ({overall.n_clips} clips, {overall.n_motions} motions)",
         held_out_subjects=plan.subjects,
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from gmrdata.baselines.joint_config import JointConfig
 from gmrdata.gmr.config import TrainConfig
-from gmrdata.tables import ScaleName
+from gmrdata.tables import VIBE, ScaleName
 from gmrdata.tables.recipe import Row, Scale, TableRecipe, joint_config, train_config
 from gmrdata.values.errors import BadRecipe
 
@@ -30,6 +30,8 @@ class Given:
     videos: tuple[Path, ...] = ()  # manifests to train the non-sequential model on
     held_out: tuple[int | str, ...] = ()  # people, in place of the recipe's
     body: Path | None = None  # body model of the clips; None for the default body
+    network: Path | None = None  # a trained GMR's run or bundle, in place of the recipe's trainings
+    estimator: str = VIBE  # whose poses and keypoints they are
 
     def subjects(self, scale: Scale) -> tuple[int | str, ...]:
         """Who is not trained on; nobody is held out where a manifest to score is given."""
@@ -44,7 +46,8 @@ def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[s
     wants_keypoints, is_joint = row.method == "vibe_cam", row.method == "joint"
     wants_poses = row.poses == "given" or wants_keypoints
     needs = (
-        ("motions to train on (--manifest)", owner.method == row.method == "gmr", given.manifests),
+        ("motions to train on (--manifest) or a network (--network)",
+         owner.method == row.method == "gmr", given.manifests or given.network),
         ("clips to score (--scored)", not has_own_clips, given.scored),
         ("VIBE's poses as <clip id>.npz (--poses)", wants_poses, given.poses),
         ("2D keypoints of STAF or OpenPose as <clip id>/ (--keypoints)", wants_keypoints,
@@ -77,6 +80,15 @@ class Plan:
     def subjects(self) -> tuple[int | str, ...]:
         return self.given.subjects(self.recipe.scales[self.scale])
 
+    def shown_name(self, row: Row) -> str:
+        """What a row is called here, with the estimator's name in VIBE's place."""
+        name, given = row.name_at(self.scale), self.given
+        if given.estimator == VIBE:
+            return name
+        if self.recipe.scored_row(row).poses == "given":
+            return name.replace("Ours", f"Ours({given.estimator})")
+        return name.replace(VIBE, given.estimator)
+
     def lacking_text(self) -> str:
         listed = "\n".join(f"  {name}: {'; '.join(what)}" for name, what in self.lacking.items())
         which = f"table {self.recipe.table}: {'not every' if self.scorings else 'no'} row"
@@ -90,13 +102,16 @@ def plan_table(
     shared = recipe.scales.get(scale)
     if shared is None:
         raise BadRecipe(f"table {recipe.table} has no scale {scale}; give one of its own")
+    if given.network is not None:
+        _require_one_network(recipe)
     plan = Plan(recipe, scale, given, {}, {}, {})
     for shown in recipe.rows:
         row = recipe.scored_row(shown)
         if wanted := lacking(recipe, row, shared, given):
-            plan.lacking[shown.name_at(scale)] = wanted
+            plan.lacking[plan.shown_name(shown)] = wanted
             continue
-        if row.method in ("vibe_cam", "camera_as_world"):
+        is_trained = row.method == "joint" or (row.method == "gmr" and given.network is None)
+        if not is_trained:
             plan.scorings[shown.name] = [Scoring(row, folder_name(row.name), None)]
             continue
         plan.scorings[shown.name] = of_seeds = []
@@ -110,6 +125,15 @@ def plan_table(
             plan.trainings.setdefault(run, config)
             of_seeds.append(Scoring(row, f"{folder_name(row.name)}/seed_{seed}", run))
     return plan
+
+
+def _require_one_network(recipe: TableRecipe) -> None:
+    varied = [row.name for row in recipe.rows if row.method == "gmr" and (row.train or row.at)]
+    if varied:
+        raise BadRecipe(
+            f"table {recipe.table} compares trainings ({', '.join(varied)}), which no single"
+            " network stands for. Leave out --network"
+        )
 
 
 def folder_name(name: str) -> str:

@@ -115,14 +115,21 @@ def score_one(scoring: Scoring, given: Given, out_dir: Path, run: Run) -> Path:
     manifest = given.scored or out_dir / "held_out" / "manifest.yaml"
     scores_dir = out_dir / "scores" / scoring.id
     if scoring.row.method == "gmr" and scoring.row.poses == "true":
-        run_dir = out_dir / "runs" / str(scoring.training)
+        run_dir = _network(scoring, given, out_dir)
         return score_manifest(run_dir, manifest, given.body, scores_dir, run=run)
     predicted_dir = _predict(scoring, manifest, given, out_dir, run) / predictions.FOLDER
     return score_predictions(predicted_dir, manifest, given.body, scores_dir, run=run)
 
 
+def _network(scoring: Scoring, given: Given, out_dir: Path) -> Path:
+    """The run that a row's training left, or the network that was given in its place."""
+    if scoring.training is None and given.network is not None:
+        return given.network
+    return out_dir / "runs" / str(scoring.training)
+
+
 def _predict(scoring: Scoring, manifest: Path, given: Given, out_dir: Path, run: Run) -> Path:
-    into, run_dir = out_dir / "predictions" / scoring.id, out_dir / "runs" / str(scoring.training)
+    into, run_dir = out_dir / "predictions" / scoring.id, _network(scoring, given, out_dir)
     match scoring.row.method:
         case "gmr":
             assert given.poses is not None

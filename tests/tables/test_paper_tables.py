@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -177,6 +178,27 @@ def test_a_row_counts_the_clips_whose_camera_stands_still_or_moves() -> None:
         clip_figure("tme_mm", score_record(clips[1:]), "predicted", table6.row(off))
 
 
+def test_a_network_stands_for_the_trainings_of_a_table_that_compares_none() -> None:
+    given = Given((), Path("set.yaml"), Path("poses"), Path("keypoints"), network=Path("run"))
+    plan = plan_table(load_table("6"), "small", given)
+    assert not plan.trainings and not plan.lacking
+    assert [[one.training for one in ones] for ones in plan.scorings.values()] == [[None]] * 8
+    joint = replace(given, features=Path("features"), videos=(Path("videos.yaml"),))
+    plan = plan_table(load_table("10"), "small", joint)
+    assert list(plan.trainings) == [f"non_sequential/seed_{n}" for n in range(3)]
+    with pytest.raises(BadRecipe, match=r"table 4 compares trainings \(.*Leave out --network"):
+        plan_table(load_table("4"), "small", given)
+
+
+def test_rows_have_the_name_of_who_estimated() -> None:
+    table5 = load_table("5")
+    plan = plan_table(table5, "small", Given((), Path("set.yaml"), estimator="Lifter"))
+    named = ["Lifter-CAM", "Ours(Lifter)", "Ours(GT input)", table5.rows[-1].name]
+    assert [plan.shown_name(row) for row in table5.rows] == named
+    paper = plan_table(table5, "small", Given((), Path("set.yaml")))
+    assert [paper.shown_name(row) for row in table5.rows] == [row.name for row in table5.rows]
+
+
 def test_orderings_in_sentences() -> None:
     def row(name: str, paper: float, mean: float) -> TableRow:
         ours = OverSeeds(mean=mean, spread=0.1, by_seed=(mean - 0.1, mean + 0.1))
@@ -217,6 +239,8 @@ def test_each_key_of_a_table_is_needed(tmp_path: Path) -> None:
         paper="3DPW",
         training=(TrainingSet(name="walks/manifest.yaml", clips=2),),
         left_out={"of held-out subject 02": 1},
+        network="bundled",
+        estimator="VIBE",
         scored="walks (1 clips, 9 motions)",
         held_out_subjects=("02",),
     )
