@@ -4,7 +4,7 @@ The person is metric, so their planted feet stand still and on the triangulated 
 scale only.  A data set's own metric camera drifts, but tells the path's length over short times.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import combinations
@@ -21,6 +21,10 @@ from gmrdata.world.planted_feet import foot_points_m, planted_feet_scale
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 FEWEST_WINDOWS = 5
+GROUND_STARTS = (1.3, 1.7, 0.75)
+"""Of the scale of planted feet, which may creep: of poses from pictures it was 0.5 to 0.8 of the
+true one, and the ground is not found from there."""
+SAME_SCALE = 0.05
 
 
 def short_windows_scale(
@@ -152,8 +156,27 @@ def _of_person(
     if points is None:
         return [feet]
     up_cam = person.motion.root_rotmats[:, :, 1]
-    ground = ground_contact_scale(path, points, feet_cam_m, up_cam, fps_hz, feet.scale, config)
+
+    def ground_at(rough: float) -> CueEstimate | None:
+        return ground_contact_scale(path, points, feet_cam_m, up_cam, fps_hz, rough, config)
+
+    ground = _ground_cue(ground_at, feet.scale)
     return [feet] if ground is None else [feet, ground]
+
+
+def _ground_cue(
+    ground_at: Callable[[float], CueEstimate | None], feet_scale: float
+) -> CueEstimate | None:
+    """The ground at the scale of the feet or, where that finds none, at one nearby which the ground
+    itself confirms."""
+    if (found := ground_at(feet_scale)) is not None:
+        return found
+    for share in GROUND_STARTS:
+        first = ground_at(share * feet_scale)
+        again = None if first is None else ground_at(first.scale)
+        if first and again and abs(again.scale / first.scale - 1) < SAME_SCALE:
+            return again
+    return None
 
 
 def _known_to_any(people: Sequence[SeenPerson]) -> CameraPath:

@@ -159,3 +159,18 @@ def test_all_cues_together_are_better_than_feet_alone(small_body: BodyModel) -> 
     assert every.sigma < feet.sigma
     assert abs(every.scale - UNIT_M) < 2 * every.sigma
     assert every.disagreement is not None and every.disagreement < 2
+
+
+def test_the_ground_is_found_though_steps_are_too_short(anny: BodyModel) -> None:
+    """As of poses from pictures, whose planted feet seem to creep."""
+    motion, path = walk(anny, Circular(rate_deg_per_s=25.0))
+    local = motion.local_rotmats.copy()
+    for hip in (0, 1):
+        turns = Rotation.from_matrix(local[:, hip]).as_rotvec()
+        local[:, hip] = Rotation.from_rotvec(0.3 * turns).as_matrix()
+    found, points = reconstructed(path, scenery(motion, 0.005, 400))
+    person = motion_in_camera(replace(motion, local_rotmats=local), path.world_from_cam)
+    estimate = estimate_scale([SeenPerson(person, anny, found)], "full", CONFIG, points=points)
+    feet, ground = estimate.cues
+    assert feet.scale < 0.8 * UNIT_M
+    assert ground.scale == pytest.approx(UNIT_M, rel=0.05)
