@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion docs release clean
+.PHONY: setup demo test lint bench bench-render bench-sfm bench-real bench-video bench-poses bench-open bench-scale soak fuzz bench-gmr bench-gmr-cmu bench-folds bench-fusion bench-tables docs release clean
 
 setup: $(READY)
 
@@ -79,6 +79,10 @@ bench-folds: $(READY)
 # Cameras and a network together, on twins.  ARGS='--twins FOLDER --pseudo-gt FOLDER --gmr RUN' takes what is there, --small tries every part.
 bench-fusion: $(READY)
 	$(BIN)/python -m pytest benchmarks/bench_fusion.py -m bench -o python_files='bench_*.py' -s $(ARGS)
+
+# Tables 5, 6 and 10 with the built-in estimator in VIBE's place, and frozen people.  ARGS='--twins FOLDER --gmr RUN' takes what is there, --small tries every part.
+bench-tables: $(READY)
+	$(BIN)/python -m pytest benchmarks/bench_tables.py -m bench -o python_files='bench_*.py' -s $(ARGS)
 
 # The pages of docs/ as a site, out/site/index.html; no broken link is let through.
 docs: $(READY)

@@ -1,0 +1,180 @@
+"""What the measurements of Tables 5, 6 and 10 share: clips, what the estimator sees, the record."""
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from record import Record, machine
+from tables.clips import scored_set, training_set
+
+from gmrdata.baselines.own_poses import (
+    ESTIMATOR,
+    FEATURES_FOLDER,
+    KEYPOINTS_FOLDER,
+    POSES_FOLDER,
+    RECORD,
+    OwnPosesRecord,
+    own_poses,
+)
+from gmrdata.gmr.bundled import bundled_run
+from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.write import write_manifest
+from gmrdata.stage.run import Run
+from gmrdata.tables.comparison import TableRecord
+from gmrdata.tables.make import make_table
+from gmrdata.tables.plan import Given
+from gmrdata.tables.recipe import load_table
+from gmrdata.twins.twin_set import SET_FOLDER
+
+OUT_DIR = Path("out/bench")
+HELD_OUT = ("02", "08")
+"""Subjects of whom nothing was trained on."""
+ANEW = Run(redo=True, workers=1)
+"""What is there of the same input stays; what another network made is made again."""
+
+
+@dataclass
+class TablesSession:
+    """One run; clips are rendered once, and the rest is kept until what it hangs on changes."""
+
+    small: bool
+    twins_given: Path | None
+    """Twins that are there, to train the non-sequential model on."""
+    network_given: Path | None
+    cmu_dir: Callable[[], Path]
+    models_dir: Callable[[], Path]
+
+    @cached_property
+    def record(self) -> Record:
+        return Record(OUT_DIR / "tables.json", self.small, self._settings)
+
+    @property
+    def _ending(self) -> str:
+        return "_small" if self.small else ""
+
+    @property
+    def work_dir(self) -> Path:
+        return (OUT_DIR / f"tables{self._ending}").resolve()
+
+    @property
+    def clips_dir(self) -> Path:
+        return (OUT_DIR / f"table_clips{self._ending}").resolve()
+
+    @cached_property
+    def network(self) -> Path:
+        return bundled_run() if self.network_given is None else self.network_given.resolve()
+
+    @cached_property
+    def scored(self) -> Path:
+        """Each trial with the camera's motion on and off."""
+        return scored_set(self.clips_dir / "scored", self.cmu_dir(), small=self.small)
+
+    @cached_property
+    def moving(self) -> Path:
+        """Those whose camera moves."""
+        clips = read_clips(self.scored)
+        return part_of(self.scored, [one for one in clips if one.camera_motion != "static"])
+
+    @cached_property
+    def training(self) -> Path:
+        """Videos of people who are not scored, as far as the estimator sees their person."""
+        if self.twins_given is None:
+            every = training_set(self.clips_dir / "training", self.cmu_dir(), small=self.small)
+        else:
+            every = (self.twins_given / SET_FOLDER / "synthetic.yaml").resolve()
+        clips = [one for one in read_clips(every) if trial_of(one)[:2] not in HELD_OUT]
+        allowed = part_of(every, clips)
+        seen = OwnPosesRecord.read(self.seen(allowed, "training") / RECORD).clips
+        return part_of(every, [one for one in clips if one.id in seen])
+
+    def seen(self, manifest: Path, name: str) -> Path:
+        """What the estimator sees of a manifest's clips."""
+        models = self.models_dir()
+        return own_poses(
+            manifest,
+            self.work_dir / f"own_{name}",
+            detector_path=models / "yolox_nano.onnx",
+            landmarks_path=models / "pose_landmark_lite.tflite",
+            run=ANEW,
+        )
+
+    def features(self) -> Path:
+        """The features of what is trained on and of what is scored, in one folder."""
+        folder = self.work_dir / "features"
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        for made in (self.work_dir / "own_training", self.seen(self.scored, "scored")):
+            for path in (made / FEATURES_FOLDER).glob("*.npz"):
+                shutil.copy(path, folder / path.name)
+        return folder
+
+    def table(
+        self, number: str, scored: Path, seen: Path, *, name: str | None = None, **given: Any
+    ) -> TableRecord:
+        """A table of the paper on these clips, with the estimator in VIBE's place."""
+        wanted = Given(
+            manifests=(),
+            scored=scored,
+            poses=seen / POSES_FOLDER,
+            keypoints=seen / KEYPOINTS_FOLDER,
+            network=self.network,
+            estimator=ESTIMATOR,
+            **given,
+        )
+        seeds = (0,) if self.small else ()
+        folder = self.work_dir / (name or f"table{number}")
+        made = make_table(load_table(number), "small", wanted, folder, seeds=seeds, run=ANEW)
+        return TableRecord.read(made)
+
+    def _settings(self) -> dict[str, Any]:
+        twins = "none" if self.twins_given is None else "given"
+        return machine() | {"twins": twins, "network": self.network.name}
+
+
+def read_clips(manifest: Path) -> list[Any]:
+    """A set's clips."""
+    found = read_manifest(manifest)
+    assert isinstance(found, Manifest)
+    return list(found.clips)
+
+
+def trial_of(clip: Any) -> str:
+    """A clip's CMU trial."""
+    return str(clip.source.sequence)
+
+
+def part_of(manifest: Path, clips: Sequence[Any]) -> Path:
+    """A manifest of some clips beside that of all, named by how many they are."""
+    every = read_manifest(manifest)
+    assert isinstance(every, Manifest)
+    name = f"{every.name}_{len(clips)}"
+    return write_manifest(
+        manifest.with_name(f"{name}.yaml"),
+        name=name,
+        version=every.version,
+        kind=every.kind,
+        description=every.description,
+        licence=every.licence,
+        clips=clips,
+        created_by=every.created_by,
+        redo=True,
+    )
+
+
+def figures(table: TableRecord) -> list[dict[str, Any]]:
+    """A table's rows: the paper's figures and ours."""
+    rows = []
+    for row in table.rows:
+        ours = {} if row.ours is None else row.ours.model_dump()
+        cells: dict[str, Any] = {"row": row.name}
+        for metric, paper in row.paper.model_dump().items():
+            cells[f"paper {metric}"] = "-" if paper is None else paper
+            cells[metric] = round(ours[metric]["mean"], 2) if ours else "not made"
+            spread = ours[metric]["spread"] if ours else None
+            cells[f"{metric} spread"] = "-" if spread is None else round(spread, 2)
+        rows.append(cells)
+    return rows
