@@ -73,7 +73,8 @@ def works(
         Work("threedpw", ("threedpw", "regenerate", "--root", str(data),
                           "--recipe", str(root / "threedpw.yaml")), on_hosts=True),
         Work("sfm", ("sfm", *seen)),
-        Work("video", ("video", str(root / "pan.mp4"), "--masks", "none", "--focal", focal_px)),
+        Work("video", ("video", str(root / "pan.mp4"), "--masks", "none", "--focal", focal_px,
+                       "--poses", "none")),
         Work("train", trained.command),
         Work("evaluate", ("evaluate", str(root / "run"), str(manifest))),
     ]  # fmt: skip

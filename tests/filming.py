@@ -17,6 +17,7 @@ WIDTH_PX, HEIGHT_PX = 320, 180
 INTRINSICS_PX = intrinsics_from_fov(65.0, WIDTH_PX, HEIGHT_PX)
 CAMERAS_ALONE = (
     "--masks", "none", "--focal", str(float(INTRINSICS_PX[0, 0])), "--no-check-lens",
+    "--poses", "none",
 )  # fmt: skip
 """Flags of `gmrdata video` for cameras of what is drawn here."""
 TEXELS = 512

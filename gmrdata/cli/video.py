@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, fail, print_table
 from gmrdata.cli.shards import ArrayFlags, print_script
-from gmrdata.stage.progress import console
+from gmrdata.stage.progress import console, remark
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from gmrdata.cli.export import FormatName
     from gmrdata.masks.sources import MasksConfig
     from gmrdata.read.video_files import NamedVideo
-    from gmrdata.world.video import GivenBodies
+    from gmrdata.world.video import GivenBodies, VideoSolveConfig
     from gmrdata.world.video_verdict import VideoVerdict
-    from gmrdata.world.videos import EachVideo
+    from gmrdata.world.videos import EachVideo, OwnPoses
 
 FILES = "files"
 FRAME_S, MASK_S, SFM_S, BODY_S, OWN_POSE_S = 0.02, 0.12, 0.25, 0.005, 0.08
@@ -31,7 +31,7 @@ SFM_START_S, BODIES_S, INTRINSICS_S = 10.0, 15.0, 25.0
 TAKEN_ALONG: "tuple[FormatName, ...]" = ("colmap", "tum", "bvh", "glb", "amass")
 """Formats that are written of people; of cameras alone the first two."""
 NO_MASKS = ("none",)
-OWN = Path("own")  # as poses: by the built-in estimator
+OWN, NOBODY = Path("own"), Path("none")  # as poses: by the built-in estimator, and cameras alone
 
 
 def video(
@@ -71,7 +71,7 @@ def video(
     run: flags.RunFlags,
     array: ArrayFlags,
 ) -> None:
-    """Cameras of any video and, with --poses, people's motion in a metric world.
+    """Cameras of any video, and people's motion in a metric world.
 
     Several videos, or a folder with video files, are a batch: each is solved by itself, in worker
     processes or shards.
@@ -84,9 +84,11 @@ def video(
             batch videos/<name>/ with these, videos.json and index.html. A run that was stopped goes
             on where it was.
         poses: People before the camera: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, GVHMR's
-            hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl. The word own for whom
-            the built-in estimator sees, a demonstrator (docs/poses.md). Of a batch a folder with
-            <name>.pkl, <name>.pt or <name>/ for each video that has people.
+            hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl. Of a batch a folder with
+            <name>.pkl, <name>.pt or <name>/ for each video that has people. When left out, whom the
+            built-in estimator sees, a demonstrator (docs/poses.md), if its networks were fetched;
+            cameras decide alone then whether the video is accepted. The word own for the same
+            people, one of whom must be accepted; none for cameras alone.
         masks: Where masks of what moves come from, as `gmrdata masks --sources` takes them; none
             where nothing moves.
         check_lens: Seek the lens in the frames too. Without, a given lens is taken as it is, and
@@ -112,8 +114,7 @@ def video(
         check_again=check_again,
         bodies=BodiesConfig(frames_per_row=poses_every),
     )
-    own_poses = poses == OWN
-    poses = None if own_poses else poses
+    own_poses = _own_poses(poses, config)
     each = EachVideo(
         config=config,
         part=flags.video_part(from_s, to_s, every, take_what_decodes),
@@ -123,6 +124,7 @@ def video(
         own_poses=own_poses,
         page=page,
     )
+    poses = None if poses in (OWN, NOBODY) else poses
     found = find_videos(sources)
     if found is None:
         _require_alone(run, array)
@@ -140,6 +142,23 @@ def video(
         videos.show_plan(batch, each)
     else:
         videos.solve(batch, out, each, run, strict)
+
+
+def _own_poses(poses: Path | None, config: "VideoSolveConfig") -> "OwnPoses":
+    """Whether people are those of the built-in estimator; without its networks, and when nobody
+    asked for people, that is said."""
+    from gmrdata.world.video import own_networks
+
+    if poses not in (None, OWN):
+        return "no"
+    try:
+        own_networks(config)
+    except MissingInput as error:
+        if poses == OWN:
+            raise
+        remark(f"cameras alone, without people: {error}")
+        return "no"
+    return "asked" if poses == OWN else "seen"
 
 
 def _require_alone(run: Run, array: object) -> None:
@@ -176,13 +195,13 @@ def solve_one(video: "NamedVideo", out: Path, each: "EachVideo", run: Run) -> "V
         out,
         each.config,
         intrinsics=each.lens,
-        bodies=_given(video.poses_path, each.body, out, run) if each.has_people(video) else None,
+        bodies=_given(video.poses_path, each, out, run) if each.has_people(video) else None,
         part=each.part,
         fps_hz=each.fps_hz,
         run=run,
     )
     verdict = VideoVerdict.read(path)
-    if not verdict.people:
+    if not any(person.accepted for person in verdict.people):
         _write_cameras(out, out / verdict.images_dir, verdict)
     return verdict
 
@@ -242,12 +261,13 @@ def _lens(
         raise BadRecipe(f"--{flag} {found['input']}: {found['msg']}") from None
 
 
-def _given(poses: Path | None, body: str, out: Path, run: Run) -> "GivenBodies":
+def _given(poses: Path | None, each: "EachVideo", out: Path, run: Run) -> "GivenBodies":
     """The poses' file if there is one, and the body for them, which is kept beside the result."""
     from gmrdata.read.bodies import keep_body
     from gmrdata.world.video import GivenBodies
 
-    return GivenBodies(poses, keep_body(chosen_body(body), out / "body", run=run))
+    body_path = keep_body(chosen_body(each.body), out / "body", run=run)
+    return GivenBodies(poses, body_path, asked=each.own_poses != "seen")
 
 
 def chosen_body(body: str) -> str:
@@ -326,7 +346,7 @@ def plan(
         "masks": n_images * MASK_S * max(1.0, share) if each.config.masks is not None else 0.0,
         "intrinsics": INTRINSICS_S * each.config.intrinsics.look_in_frames,
         "sfm": SFM_START_S + n_images * SFM_S * min(1.5, max(0.3, share)),
-        "own poses": n_images * OWN_POSE_S if each.own_poses else 0.0,
+        "own poses": n_images * OWN_POSE_S if each.has_own(video) else 0.0,
         "bodies": BODIES_S + n_images * BODY_S if each.has_people(video) else 0.0,
     }
     return n_images, size_px, seconds

@@ -53,6 +53,14 @@ def write_page(
     return make_video_page(out_dir, images_dir=images, body=body, left_out=left_out)
 
 
+def _has_cameras_alone(out_dir: Path) -> bool:
+    """Whether the files are of a video that was accepted for its cameras; the verb writes them."""
+    from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict
+
+    path = out_dir / VERDICT_FILE
+    return path.is_file() and VideoVerdict.read(path).accepted
+
+
 def write_files(
     out_dir: Path, *, images: Path | None = None, body: str | None = None
 ) -> Sequence[tuple[str, str]]:
@@ -71,6 +79,8 @@ def write_files(
         people = load_record(pseudo_gt_dir).people
         clips = list_clips(pseudo_gt_dir)
         ids = [files.id for files, one in zip(clips, people, strict=True) if one.accepted]
+        if not ids and _has_cameras_alone(out_dir):
+            return ()
         for name in TAKEN_ALONG:  # of another verdict or body; what else lies there is left alone
             shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
         if not ids:

@@ -73,6 +73,7 @@ def _with_files(found: "FoundVideos", each: "EachVideo") -> "EachVideo":
     """With all files that the videos have in common, found once."""
     from gmrdata.masks.sources import network_files
     from gmrdata.read.bodies import anny_file
+    from gmrdata.world.video import own_networks
 
     files = {} if each.config.masks is None else network_files(each.config.masks)
     lens = each.lens
@@ -82,6 +83,8 @@ def _with_files(found: "FoundVideos", each: "EachVideo") -> "EachVideo":
     each = replace(each, files=files, lens=lens)
     if not any(each.has_people(video) for video in found.videos):
         return each
+    if each.own_poses != "no":
+        each = replace(each, own_files=own_networks(each.config))
     if (body := chosen_body(each.body)) == "anny":
         return replace(each, body_files={"body": anny_file()})
     path = Path(body).expanduser().absolute()
@@ -111,7 +114,7 @@ def show_plan(found: "FoundVideos", each: "EachVideo") -> None:
     """What would be done with each video, and about how long it takes; BadFrames if some can't."""
     rows, bad, n_images, all_s = [], [], 0, 0.0
     for video in track(found.videos, "looking at videos"):
-        own = "own" if each.own_poses else ""
+        own = "own" if each.has_own(video) else ""
         poses = own if video.poses_path is None else video.poses_path.name
         try:
             n, size_px, seconds = plan(video, each)

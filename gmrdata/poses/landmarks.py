@@ -59,7 +59,8 @@ class LandmarksConfig(Config):
     """Overlap of two boxes from which they are of one person."""
     link: LinkConfig = LinkConfig()
     min_frames: int = Field(default=10, ge=2)
-    """Who is seen in fewer frames is left out; the one seen in most of them never is."""
+    """Who is seen in fewer frames is left out; the one seen in most of them only if in one frame
+    alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +270,7 @@ def _write(
     people = [[one for number in numbers for one in pieces[number]] for numbers in joined]
     most = max([0, *map(len, people)])
     order = sorted(range(len(people)), key=lambda one: -len(people[one]))
-    kept = [one for one in order if len(people[one]) >= min(config.min_frames, most)]
+    kept = [one for one in order if len(people[one]) >= max(2, min(config.min_frames, most))]
     numbers = np.array([image_number(image) for image in images], dtype=np.int64)
     for n, one in enumerate(kept):
         _track(people[one], numbers).write(folder / person_file(n))

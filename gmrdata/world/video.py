@@ -22,10 +22,11 @@ from gmrdata.cameras.verdict import lens_notes, lens_reasons
 from gmrdata.masks.sources import MasksConfig, PersonSource, make_masks
 from gmrdata.poses.local_poses import ImageTimes, Lens, LocalPosesConfig, local_poses
 from gmrdata.read.frames import check_images, image_number, list_images
+from gmrdata.read.models import POSE_LANDMARKS, YOLOX_NANO, find_model
 from gmrdata.read.video import VideoConfig, VideoRecord, as_frames, is_video, video_record
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.clip import load_clip
-from gmrdata.values.errors import BadRecipe, NoReconstruction, StaleOutput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord
 from gmrdata.values.people import PersonFiles
@@ -64,6 +65,9 @@ UNCHECKED = (
 )
 
 
+OWN_FEET = {"creep_m_per_s": 0.25, "contact_sigma_m": 0.03}
+"""Errors of feet by the built-in estimator, for the scale: its steps are too short, by a fifth or
+more of the way, so feet that stand seem to creep."""
 QUICK_SFM = SfmConfig(max_image_size_px=960, max_features=1200, max_orientations=1)
 """What any video is solved by: 107 keyframes of 1280x720 px take 0.6 of the camera stage's own
 processor time, and on the dancer's windows the cameras are as exact."""
@@ -93,6 +97,8 @@ class GivenBodies:
     """Another system's file or folder, as `read_camera_bodies` takes it; None for whom the built-in
     estimator sees."""
     body_path: Path
+    asked: bool = True
+    """Whether the video is rejected where none of them can be used."""
 
 
 def solve_video(
@@ -168,7 +174,8 @@ def solve_video(
                 bodies, images_dir, frames, lens, video, out_dir, config, run
             )
             notes = (*notes, *remarks)
-    reasons = reasons_of(camera, people)
+    decide = people if bodies is None or bodies.asked else ()
+    reasons = reasons_of(camera, decide)
     path = out_dir / VERDICT_FILE
     VideoVerdict(
         images_dir=FRAMES if is_video(source) else str(images_dir.absolute()),
@@ -211,7 +218,7 @@ def _drop_people(out_dir: Path, run: Run) -> None:
         if not folder.exists():
             continue
         if not run.redo or not (folder / STAGE_FILE).is_file():
-            what = "holds people, and now no --poses are given"
+            what = "holds people, and now cameras alone are asked for"
             raise StaleOutput(f"{folder}: {what}. Pass another --out, or --redo to do without them")
         shutil.rmtree(folder)
 
@@ -221,6 +228,17 @@ def _true_camera(lens: Intrinsics, sfm_dir: Path) -> TrueCamera:
     found = load_quality(sfm_dir).lens
     radial = (lens.radial_k1, 0.0) if found is None else (found.k1, found.k2)
     return TrueCamera(lens.matrix_px, radial)
+
+
+def own_networks(config: VideoSolveConfig) -> dict[str, Path]:
+    """What the built-in estimator reads, by role: the networks of masks of people, or those of
+    `fetch models`; MissingInput where they were not fetched."""
+    sources = () if config.masks is None else config.masks.sources
+    given = next((one for one in sources if isinstance(one, PersonSource)), PersonSource())
+    return {
+        "detector": find_model(YOLOX_NANO, given.model),
+        "landmarks": find_model(POSE_LANDMARKS, given.landmarks),
+    }
 
 
 def _own_poses(
@@ -233,8 +251,7 @@ def _own_poses(
     run: Run,
 ) -> Path | None:
     """Poses by the built-in estimator, for `read_camera_bodies`; None where it sees nobody."""
-    sources = () if config.masks is None else config.masks.sources
-    given = [source for source in sources if isinstance(source, PersonSource)]
+    networks = own_networks(config)
     poses_dir = local_poses(
         images_dir,
         ImageTimes(frames.frame_numbers, frames.fps_hz),
@@ -242,8 +259,8 @@ def _own_poses(
         body_path,
         out_dir / OWN_POSES,
         config.own_poses,
-        detector_path=given[0].model if given else None,
-        landmarks_path=given[0].landmarks if given else None,
+        detector_path=networks["detector"],
+        landmarks_path=networks["landmarks"],
         run=run,
     )
     seen = LocalPosesRecord.read(poses_dir / POSES_FILE).people
@@ -267,7 +284,17 @@ def _solve_people(
         poses_path = _own_poses(images_dir, frames, camera, body_path, out_dir, config, run)
     if poses_path is None:
         return (), (NOBODY_SEEN,)
-    people = make_bodies(poses_path, frames, camera, body_path, bodies_dir, config.bodies, run=run)
+    into = bodies_dir, config.bodies
+    try:
+        people = make_bodies(poses_path, frames, camera, body_path, *into, run=run)
+    except BadMotionFile as error:
+        if bodies.asked:
+            raise
+        return (), (str(error),)
+    pseudo_gt = config.pseudo_gt
+    if bodies.poses_path is None:
+        scale = pseudo_gt.scale.model_copy(update=OWN_FEET)
+        pseudo_gt = pseudo_gt.model_copy(update={"scale": scale})
     record = BodiesRecord.read(bodies_dir / BODIES_FILE)
     notes = (*record.notes, *record.left_out)
     try:
@@ -275,7 +302,7 @@ def _solve_people(
             out_dir / SFM,
             people,
             out_dir / PSEUDO_GT,
-            config.pseudo_gt,
+            pseudo_gt,
             doubts_path=_write_doubts(people, video, lens, out_dir),
             focal_sigma=lens.focal_sigma,
             seen=None if config.masks is None else people_masks(out_dir / MASKS, config.masks),

@@ -43,6 +43,8 @@ PARTS = (
     PSEUDO_GT, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
 )  # fmt: skip
 """What a video's folder may hold."""
+OwnPoses = Literal["no", "seen", "asked"]
+"""People by the built-in estimator: none; whom it sees; or so that one of them must be accepted."""
 
 
 @part(frozen=True, config=PART)
@@ -104,20 +106,26 @@ class EachVideo:
     """Of folders of images."""
     body: str = "anny"
     """The body of people, as `keep_body` takes it."""
-    own_poses: bool = False
+    own_poses: OwnPoses = "no"
     """People by the built-in estimator, in videos without poses of another system."""
     page: bool = True
     files: Mapping[str, Path] = field(default_factory=dict)
     """What all videos read besides, by role: networks, a calibration."""
     body_files: Mapping[str, Path] = field(default_factory=dict)
     """The body's, for videos with people."""
+    own_files: Mapping[str, Path] = field(default_factory=dict)
+    """Networks, for people by the built-in estimator."""
 
     def fps_of(self, video: NamedVideo) -> float | None:
         return None if is_video(video.path) else self.fps_hz
 
     def has_people(self, video: NamedVideo) -> bool:
         """Whether people are asked for."""
-        return self.own_poses or video.poses_path is not None
+        return self.has_own(video) or video.poses_path is not None
+
+    def has_own(self, video: NamedVideo) -> bool:
+        """Whether the built-in estimator looks for them."""
+        return self.own_poses != "no" and video.poses_path is None
 
     def inputs(self, video: NamedVideo) -> dict[str, Path]:
         found = {"video": video.path, **self.files}
@@ -125,6 +133,8 @@ class EachVideo:
             found["poses"] = video.poses_path
         if self.has_people(video):
             found |= self.body_files
+        if self.has_own(video):
+            found |= self.own_files
         return found
 
     def recipe(self, video: NamedVideo) -> "_EntryRecipe":
@@ -136,6 +146,7 @@ class EachVideo:
             fov_deg=None if self.lens is None else self.lens.fov_deg,
             fps_hz=self.fps_of(video),
             body=Path(self.body).name if self.has_people(video) else None,
+            own_poses=self.own_poses if self.has_own(video) else "no",
         )
 
 
@@ -148,6 +159,7 @@ class _EntryRecipe(Config):
     fov_deg: float | None
     fps_hz: float | None
     body: str | None
+    own_poses: OwnPoses
 
 
 def video_dir(out_dir: Path, name: str) -> Path:

@@ -5,18 +5,24 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from gmrdata.cli import main
+from gmrdata.cli.video import plan
 from gmrdata.read.camera_bodies import read_camera_bodies
+from gmrdata.read.video import VideoConfig
+from gmrdata.read.video_files import NamedVideo
 from gmrdata.values.clip import load_clip
+from gmrdata.world.video import VideoSolveConfig
 from gmrdata.world.video_verdict import VideoVerdict
+from gmrdata.world.videos import EachVideo
+from tests.filming import CAMERAS_ALONE, Filmed
 
 N_IMAGES, SIZE_PX = 12, (640, 360)
+Shared = Callable[[str], Path]
 
 
-def test_people_of_a_real_video_stand_on_the_ground(
-    shared_path: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_people_of_a_real_video_stand_on_the_ground(shared_path: Shared, tmp_path: Path) -> None:
     out = tmp_path / "out"
     verdict = solved(shared_path, tmp_path / "images", out, slice(None))
     assert len(verdict.people) >= 1
@@ -32,17 +38,15 @@ def test_people_of_a_real_video_stand_on_the_ground(
         assert (up > 0.85).all()
 
 
-def test_where_nobody_is_seen_there_are_cameras_alone(
-    shared_path: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_where_nobody_is_seen_there_are_cameras_alone(shared_path: Shared, tmp_path: Path) -> None:
     # Above their heads.
-    verdict = solved(shared_path, tmp_path / "images", tmp_path / "out", slice(0, 64))
+    verdict = solved(shared_path, tmp_path / "images", tmp_path / "out", slice(0, 64), "own")
     assert verdict.people == () and any("sees nobody" in note for note in verdict.notes)
     assert not (tmp_path / "out" / "pseudo_gt").exists()
 
 
 def solved(
-    shared_path: Callable[[str], Path], images_dir: Path, out: Path, rows: slice
+    shared_path: Shared, images_dir: Path, out: Path, rows: slice, poses: str | None = None
 ) -> VideoVerdict:
     """The verb's verdict on small images of some rows of the real ones."""
     images_dir.mkdir()
@@ -51,8 +55,44 @@ def solved(
         small = cv2.resize(cv2.imread(str(image)), SIZE_PX, interpolation=cv2.INTER_AREA)
         cv2.imwrite(str(images_dir / f"{number:05d}.jpg"), small[rows])
     models = shared_path("models")
-    command = ["video", images_dir, "--out", out, "--poses", "own", "--fps", "15"]
+    command = ["video", images_dir, "--out", out, "--fps", "15"]
+    command += [] if poses is None else ["--poses", poses]
     command += ["--model", models / "yolox_nano.onnx", "--focal", "500", "--no-check-lens"]
     command += ["--landmarks", models / "pose_landmark_lite.tflite", "--no-page"]
     main(list(map(str, command)))
     return VideoVerdict.read(out / "verdict.json")
+
+
+def test_without_the_networks_people_are_left_out_with_a_word_or_refused(
+    dolly: Filmed,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "empty"))
+    flags = ("--out", tmp_path / "out", *CAMERAS_ALONE[:-2], "--fps", "10", "--dry-run")
+    command = ["video", *map(str, (dolly.images_dir, *flags))]
+    main(command)
+    printed = capsys.readouterr()
+    assert "own poses" not in printed.out
+    said = " ".join(printed.err.split())
+    assert "cameras alone, without people:" in said and "`gmrdata fetch models` gets it" in said
+    with pytest.raises(SystemExit):
+        main([*command, "--poses", "own"])
+    assert "no such model file" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_batch_reads_the_estimator_s_networks(dolly: Filmed, tmp_path: Path) -> None:
+    """Of videos whose people it looks for, and of no others."""
+    files = {"landmarks": tmp_path / "net.tflite"}
+    each = EachVideo(
+        VideoSolveConfig(), VideoConfig(), fps_hz=10.0, own_poses="seen", own_files=files
+    )
+    own, theirs = (
+        NamedVideo("a", dolly.images_dir),
+        NamedVideo("b", dolly.images_dir, tmp_path / "b.pkl"),
+    )
+    assert each.inputs(own)["landmarks"] == tmp_path / "net.tflite"
+    assert "landmarks" not in each.inputs(theirs)
+    assert each.recipe(own).own_poses == "seen" and each.recipe(theirs).own_poses == "no"
+    assert plan(own, each)[2]["own poses"] > 0 == plan(theirs, each)[2]["own poses"]
