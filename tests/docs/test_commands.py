@@ -60,6 +60,9 @@ ELSEWHERE = {
     ),
     "baseline joint_train --features --out": "baselines/test_joint.py::test_it_learns",
     "baseline joint --features --out": "baselines/test_joint.py::test_it_learns",
+    "baseline own_poses --out": (
+        "baselines/test_own_poses.py::test_the_record_says_who_was_seen_and_what_was_left_out"
+    ),
     "baseline vibe_cam --poses --keypoints --out": "baselines/test_vibe_cam.py::test_the_verb",
     "delta-errors --manifests --out": (
         "gmr/test_delta_errors.py::test_the_verb_measures_a_run_on_whom_it_held_out"
@@ -91,6 +94,9 @@ ELSEWHERE = {
     ),
     "sfm --frames --camera-body --masks --out": (
         "cli/test_demo.py::test_sfm_unites_the_silhouette_with_a_detector"
+    ),
+    "tables --scored --network --poses --keypoints --estimator --out": (
+        "baselines/test_estimated_table.py::test_every_row_is_made_with_the_network_of_the_package"
     ),
     "tables --manifest --out --workers": (
         "tables/test_paper_tables.py::test_a_table_from_the_command_line_and_again"
