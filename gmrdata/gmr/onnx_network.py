@@ -69,7 +69,7 @@ def onnx_network(gmr: TrainedGmr) -> bytes:
         # On the exporter's age; on shapes that it writes down as constants, which tests look at.
         warnings.simplefilter("ignore")
         torch.onnx.export(
-            _WholeNetwork(gmr.model.eval()),
+            _WholeNetwork(gmr.model).eval(),  # the exporter puts back the mode that it finds
             (example,),
             stream,  # type: ignore[arg-type]  # its older form takes streams too
             dynamo=False,

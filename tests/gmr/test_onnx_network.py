@@ -111,3 +111,10 @@ def test_the_model_says_what_it_needs(usual: tuple[TrainedGmr, bytes]) -> None:
     ]
     assert all(one.name in about for one in (given, *made))
     assert OPSET == 17
+
+
+def test_the_network_stays_as_it_was() -> None:
+    """It was left in training mode, in which dropout is random."""
+    gmr = network()
+    onnx_network(gmr)
+    assert not any(module.training for module in gmr.model.modules())
