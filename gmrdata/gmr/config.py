@@ -8,7 +8,7 @@ from gmrdata.values import limits
 from gmrdata.values.records import Config
 
 Representation = Literal["quaternion", "axis-angle", "6d"]  # of rotations in and out
-ExtraInput = Literal["velocity", "standing"]
+ExtraInput = Literal["velocity", "standing", "feet"]
 """Functions of the local rotations that are given beside them (gmrdata.gmr.inputs)."""
 MotionSource = Literal["regressed", "standing_joint"]
 """Where dR or dT comes from: the last layer, the paper's way, or also the joint that stands."""
@@ -51,7 +51,8 @@ class ModelConfig(NetworkConfig):
     input: Representation = "quaternion"  # of the 23 local rotations; the paper's 92 numbers
     extra_inputs: tuple[ExtraInput, ...] = ()
     """What else is given; the paper has none.  `velocity`: how each joint turns to the next frame,
-    69 numbers.  `standing`: the root's motion if that joint stood still, for each, 138 numbers."""
+    69 numbers.  `standing`: the root's motion if that joint stood still, for each, 138 numbers.
+    `feet`: what each foot sees of the body, 60 numbers."""
     looks_at: Literal["all_joints", "legs_and_trunk"] = "all_joints"
     """Whose rotations and extra inputs the GRUs get.  Arms and head move in more ways than a small
     set of people shows, and carry nobody; joints that stand are found among all in either case."""
@@ -64,6 +65,10 @@ class ModelConfig(NetworkConfig):
     regressed: Literal["freely", "as_the_pose_changes"] = "freely"
     """`as_the_pose_changes`: what is regressed is multiplied by how fast the local pose changes, so
     that who holds a pose stands still, on whatever posture the network was trained."""
+    symmetric: bool = False
+    """Whether a trained network's answer is the mean of four: to the sequence, its mirror image,
+    its reverse, and both, each turned back.  That takes four times as long; training is the same.
+    """
 
 
 class LossConfig(Config):

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import ExtraInput, Representation
-from gmrdata.values.body import N_LOCAL
+from gmrdata.values.body import JOINT, N_LOCAL
 from gmrdata.values.shapes import Float
 from gmrdata.values.skinning_torch import forward_kinematics
 
@@ -84,8 +84,49 @@ def speeds_of_change(
     return torch.maximum(before, after)[..., None]
 
 
-SIZE: dict[ExtraInput, int] = {"velocity": 3, "standing": 6}  # numbers per joint
-MAKE = {"velocity": velocities, "standing": motions_if_standing}
+def seen_from_feet(
+    local_rotmats: Float[Tensor, "*batch frames 23 3 3"],
+) -> Float[Tensor, "*batch frames 2 30"]:
+    """The body in the frame of each foot, left and right: upright while that foot stands flat.
+
+    Four places [m], and how each changes to the next frame, times `SCALE`: of the centre of mass,
+    the other ankle and the pelvis from the foot's ankle, and of the other foot's ball from this
+    one's.  Then the root's and the other foot's up (y of their frames).
+    """
+    places_m, root_from_joint = joints_in_root_frame(local_rotmats)
+    masses = torch.tensor(MASSES, dtype=places_m.dtype, device=places_m.device)
+    centre_m = (places_m * masses[:, None]).sum(-2) / (masses.sum() + PELVIS_MASS)
+    feet = []
+    for foot, other in ((ANKLES[0], ANKLES[1]), (ANKLES[1], ANKLES[0])):
+        foot_from_root = root_from_joint[..., foot, :, :].transpose(-1, -2)
+        ankle_m = places_m[..., foot, :]
+        balls_m = places_m[..., other + _TO_BALL, :] - places_m[..., foot + _TO_BALL, :]
+        numbers = []
+        for place_m in (centre_m - ankle_m, places_m[..., other, :] - ankle_m, -ankle_m, balls_m):
+            seen_m = (foot_from_root @ place_m[..., None])[..., 0]
+            change_m = seen_m[..., 1:, :] - seen_m[..., :-1, :]
+            numbers += [seen_m, SCALE * _with_last(change_m[..., None, :])[..., 0, :]]
+        up_of_other = (foot_from_root @ root_from_joint[..., other, :, 1, None])[..., 0]
+        feet.append(torch.cat([*numbers, foot_from_root[..., :, 1], up_of_other], dim=-1))
+    return torch.stack(feet, dim=-2)
+
+
+PELVIS_MASS = 8.0
+MASSES = (
+    0.1, 0.1, 8.0, 7.0, 7.0, 8.0, 3.0, 3.0, 12.0, 1.0, 1.0, 1.0,
+    2.0, 2.0, 5.0, 2.0, 2.0, 1.5, 1.5, 0.8, 0.8, 0.3, 0.3,
+)  # fmt: skip
+"""What hangs on joints 1 to 23, and on the pelvis, roughly in per cent of the body's mass."""
+ANKLES = (JOINT["left_ankle"] - 1, JOINT["right_ankle"] - 1)
+_TO_BALL = JOINT["left_foot"] - JOINT["left_ankle"]
+
+SIZE: dict[ExtraInput, tuple[int, int]] = {
+    "velocity": (N_LOCAL, 3),
+    "standing": (N_LOCAL, 6),
+    "feet": (2, 30),
+}
+"""Rows (joints 1 to 23, or feet) and numbers of each row."""
+MAKE = {"velocity": velocities, "standing": motions_if_standing, "feet": seen_from_feet}
 
 
 def _with_last(values: Tensor) -> Tensor:

@@ -10,6 +10,7 @@ from gmrdata.gmr import inputs as extra_inputs
 from gmrdata.gmr import rotations
 from gmrdata.gmr.config import ExtraInput, ModelConfig, MotionSource, NetworkConfig, Representation
 from gmrdata.gmr.inputs import StandingShares, root_step_m, root_turn
+from gmrdata.gmr.symmetries import four_ways, mean_motion, mean_of_four
 from gmrdata.values.body import JOINT, N_LOCAL
 from gmrdata.values.shapes import Float, Int
 
@@ -90,6 +91,19 @@ class Gmr(MotionNetwork):
         T frames in give T motions out, as in Fig. 4; but T frames have only T-1 motions, so the
         last one leads out of the sequence and callers drop it.
         """
+        if self.training or not self.config.symmetric:
+            return self._motions_of(poses, lengths)
+        local_rotmats = extra_inputs.input_rotmats(poses, self.config.input)
+        seen = [
+            network_input(way, self.config.input, self.config.extra_inputs)
+            for way in four_ways(local_rotmats, lengths)
+        ]
+        return mean_of_four([self._motions_of(way, lengths) for way in seen], lengths)
+
+    def _motions_of(
+        self, poses: Float[Tensor, "batch frames numbers"], lengths: Int[Tensor, " batch"] | None
+    ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
+        """What the network answers to sequences as they are."""
         seen = poses if self.columns.numel() == poses.shape[-1] else poses[..., self.columns]
         features = self.features(seen, lengths)
         # bfloat16's 8 bits are enough for features, not for the motion itself.
@@ -114,11 +128,7 @@ class Gmr(MotionNetwork):
 
 
 class MeanGmr(nn.Module):
-    """Several networks of one config, and the mean of their motions.
-
-    Rotations are averaged on SO(3), in the tangent space of the first network's: one step towards
-    the Karcher mean, whose next one would change a spread of 5 degrees by about 0.01 degrees.
-    """
+    """Several networks of one config, and the mean of their motions."""
 
     def __init__(self, models: Sequence[Gmr]) -> None:
         super().__init__()
@@ -131,11 +141,7 @@ class MeanGmr(nn.Module):
         lengths: Int[Tensor, " batch"] | None = None,
     ) -> tuple[Float[Tensor, "batch frames 3 3"], Float[Tensor, "batch frames 3"]]:
         """dR and dT [m], as each of the networks gives them."""
-        motions = [model(poses, lengths) for model in self.models]
-        delta_m = torch.stack([moves_m for _, moves_m in motions]).mean(0)
-        first = motions[0][0]
-        turns = torch.stack([rotations.log_map(first.mT @ found) for found, _ in motions])
-        return first @ rotations.to_rotmats(turns.mean(0), "axis-angle"), delta_m
+        return mean_motion([model(poses, lengths) for model in self.models])
 
 
 def _shares(source: MotionSource, n_features: int) -> StandingShares | None:
@@ -144,21 +150,23 @@ def _shares(source: MotionSource, n_features: int) -> StandingShares | None:
 
 def input_size(config: ModelConfig) -> int:
     """Numbers per frame D: 23 * 3 | 4 | 6 for the local rotations, and the extra ones."""
-    extra = sum(extra_inputs.SIZE[kind] for kind in config.extra_inputs)
-    return N_LOCAL * (rotations.SIZE[config.input] + extra)
+    extra = sum(rows * numbers for rows, numbers in _extra_sizes(config))
+    return N_LOCAL * rotations.SIZE[config.input] + extra
 
 
 def input_columns(config: ModelConfig) -> list[int]:
     """Which of those numbers the GRUs get."""
-    joints = range(N_LOCAL) if config.looks_at == "all_joints" else LEGS_AND_TRUNK
     columns, start = [], 0
-    for size in (
-        rotations.SIZE[config.input],
-        *(extra_inputs.SIZE[kind] for kind in config.extra_inputs),
-    ):
-        columns += [start + size * joint + i for joint in joints for i in range(size)]
-        start += size * N_LOCAL
+    for rows, numbers in ((N_LOCAL, rotations.SIZE[config.input]), *_extra_sizes(config)):
+        some = rows == N_LOCAL and config.looks_at == "legs_and_trunk"
+        seen = LEGS_AND_TRUNK if some else range(rows)
+        columns += [start + numbers * row + i for row in seen for i in range(numbers)]
+        start += rows * numbers
     return columns
+
+
+def _extra_sizes(config: ModelConfig) -> list[tuple[int, int]]:
+    return [extra_inputs.SIZE[kind] for kind in config.extra_inputs]
 
 
 def network_input(
