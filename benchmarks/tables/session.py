@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from record import Record, machine
-from tables.clips import scored_set, training_set
+from tables.clips import scored_set, training_set, walking_set
 
 from gmrdata.baselines.own_poses import (
     ESTIMATOR,
@@ -74,10 +74,9 @@ class TablesSession:
         return scored_set(self.clips_dir / "scored", self.cmu_dir(), small=self.small)
 
     @cached_property
-    def moving(self) -> Path:
-        """Those whose camera moves."""
-        clips = read_clips(self.scored)
-        return part_of(self.scored, [one for one in clips if one.camera_motion != "static"])
+    def walking(self) -> Path:
+        """The same trials under cameras as in 3DPW."""
+        return walking_set(self.clips_dir / "walking", self.cmu_dir(), small=self.small)
 
     @cached_property
     def training(self) -> Path:
@@ -107,7 +106,7 @@ class TablesSession:
         folder = self.work_dir / "features"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
-        for made in (self.work_dir / "own_training", self.seen(self.scored, "scored")):
+        for made in (self.work_dir / "own_training", self.seen(self.walking, "walking")):
             for path in (made / FEATURES_FOLDER).glob("*.npz"):
                 shutil.copy(path, folder / path.name)
         return folder
