@@ -14,6 +14,8 @@ from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 SAMPLES = 400
 LARGEST_TILT_RAD = np.deg2rad(30.0)  # between the ground's normal and the person's mean up
+LOOKS, LOOK_RAD, FEWEST_BELOW = 20, np.deg2rad(35.0), 5
+"""Frames in which to look below the person, how far round the ray to them, and for how many."""
 LOWEST_CAMERA = 0.1  # a camera nearer to the ground, as a share of the way to the feet, is too low
 
 
@@ -64,6 +66,24 @@ def ground_contact_scale(
     if not np.isfinite([scale, sigma]).all():
         return None
     return CueEstimate("ground_contact", scale, sigma, n_points, residual * scale, person=None)
+
+
+def scale_by_what_is_below(
+    camera_path: CameraPath, points: np.ndarray, pelvis_cam_m: np.ndarray, up_cam: np.ndarray
+) -> float | None:
+    """Scale at which the person is as far away as what is seen below the pelvis, mostly the ground
+    before and behind; None where nothing is.  A start for `ground_contact_scale`, no cue."""
+    known = np.flatnonzero(np.isfinite(camera_path.world_from_cam).all(axis=(1, 2)))
+    scales = []
+    for row in known[:: max(1, len(known) // LOOKS)]:
+        rotmat, centre = camera_path.world_from_cam[row, :3, :3], camera_path.centres_world_m[row]
+        seen = (points - centre) @ rotmat
+        away, away_m = np.linalg.norm(seen, axis=1), float(np.linalg.norm(pelvis_cam_m[row]))
+        rays, ray = seen / np.maximum(away, 1e-12)[:, None], pelvis_cam_m[row] / away_m
+        below = (rays @ ray > np.cos(LOOK_RAD)) & (rays @ up_cam[row] < ray @ up_cam[row])
+        if below.sum() >= FEWEST_BELOW:
+            scales.append(away_m / float(np.median(away[below])))
+    return float(np.median(scales)) if scales else None
 
 
 def _lowest(

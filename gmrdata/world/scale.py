@@ -16,14 +16,13 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import NoReconstruction
 from gmrdata.values.motion import Motion
-from gmrdata.world.ground_contact import ground_contact_scale
+from gmrdata.world.ground_contact import ground_contact_scale, scale_by_what_is_below
 from gmrdata.world.planted_feet import foot_points_m, planted_feet_scale
 from gmrdata.world.recipe import CueEstimate, ScaleConfig
 
 FEWEST_WINDOWS = 5
-GROUND_STARTS = (1.3, 1.7, 0.75)
-"""Of the scale of planted feet, which may creep: of poses from pictures it was 0.5 to 0.8 of the
-true one, and the ground is not found from there."""
+GROUND_STARTS = (1.0, 1.4, 0.7, 2.0)
+"""Of a scale by what is seen below the person, which was 0.6 to 1 of the true one."""
 SAME_SCALE = 0.05
 
 
@@ -149,7 +148,11 @@ def with_focal_error(estimate: ScaleEstimate, focal_sigma: float) -> ScaleEstima
 def _of_person(
     person: SeenPerson, points: np.ndarray | None, config: ScaleConfig
 ) -> list[CueEstimate]:
-    """The cues of one person's feet; the ground's needs a rough scale to begin with."""
+    """The cues of one person's feet; the ground's needs a rough scale to begin with.
+
+    Planted feet give it or, where they find no ground, as feet that creep don't, what is seen below
+    the person; the ground itself must confirm that.
+    """
     path, fps_hz = person.camera_path, person.motion.fps_hz
     feet_cam_m = foot_points_m(person.body, person.motion)
     feet = planted_feet_scale(path, feet_cam_m, fps_hz, config)
@@ -160,19 +163,19 @@ def _of_person(
     def ground_at(rough: float) -> CueEstimate | None:
         return ground_contact_scale(path, points, feet_cam_m, up_cam, fps_hz, rough, config)
 
-    ground = _ground_cue(ground_at, feet.scale)
+    ground = ground_at(feet.scale) if feet.scale > 0 else None
+    if ground is None:
+        below = scale_by_what_is_below(path, points, person.motion.pelvis_m, up_cam)
+        ground = None if below is None else _confirmed(ground_at, below)
     return [feet] if ground is None else [feet, ground]
 
 
-def _ground_cue(
-    ground_at: Callable[[float], CueEstimate | None], feet_scale: float
+def _confirmed(
+    ground_at: Callable[[float], CueEstimate | None], rough: float
 ) -> CueEstimate | None:
-    """The ground at the scale of the feet or, where that finds none, at one nearby which the ground
-    itself confirms."""
-    if (found := ground_at(feet_scale)) is not None:
-        return found
+    """The ground from about a rough scale, where it is found again from its own."""
     for share in GROUND_STARTS:
-        first = ground_at(share * feet_scale)
+        first = ground_at(share * rough)
         again = None if first is None else ground_at(first.scale)
         if first and again and abs(again.scale / first.scale - 1) < SAME_SCALE:
             return again
