@@ -1,11 +1,11 @@
 """Tables 5, 6 and 10 of the paper with the built-in estimator in VIBE's place, and frozen people.
 
 `make bench-tables` runs this file alone; `--small` only tries every part.  The clips are Table 8's
-trials that are at hand, rendered with the camera's motion on and off, and as in 3DPW.  GMR is the
-network of the package, or that of `--gmr RUN`; neither it nor the lifter was trained on subjects 02
-and 08.  The non-sequential model is trained on videos that the command renders, or on the twins of
-`--twins`.  What is there is made again only where it hangs on a network that has changed, so the
-same command measures a new network in minutes.  Prints tables and writes out/bench/tables.json.
+trials that are at hand, rendered with the camera's motion on and off.  GMR is the network of the
+package, or that of `--gmr RUN`; neither it nor the lifter was trained on subjects 02 and 08.  The
+non-sequential model is trained on videos that the command renders, or on twins of `--twins`.  What
+is there is made again only where it hangs on a network that has changed, so the same command
+measures a new network in minutes.  Prints tables and writes out/bench/tables.json.
 """
 
 from pathlib import Path
@@ -92,21 +92,20 @@ def frozen_twins(small: bool) -> Path:
 
 
 def test_table_5(session: TablesSession) -> None:
-    keep(session, "5", session.walking, session.seen(session.walking, "walking"))
+    keep(session, "5", session.moving)
 
 
 def test_table_6(session: TablesSession) -> None:
-    keep(session, "6", session.scored, session.seen(session.scored, "scored"))
+    keep(session, "6", session.scored)
 
 
 def test_table_10(session: TablesSession) -> None:
-    given = {"videos": (session.training,), "features": session.features()}
-    keep(session, "10", session.walking, session.seen(session.walking, "walking"), **given)
+    keep(session, "10", session.moving, videos=(session.training,), features=session.features())
 
 
-def keep(session: TablesSession, number: str, scored: Path, seen: Path, **given: Any) -> None:
+def keep(session: TablesSession, number: str, scored: Path, **given: Any) -> None:
     """Make a table, show it, and write it down."""
-    table = session.table(number, scored, seen, **given)
+    table = session.table(number, scored, session.seen(session.scored, "scored"), **given)
     rows = figures(table)
     show(f"Table {number}: {table.title}", rows)
     for line in table.statements:
