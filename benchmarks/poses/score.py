@@ -7,33 +7,34 @@ from typing import Any
 import numpy as np
 from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
 
-from gmrdata.cameras.intrinsics import IntrinsicsConfig, find_intrinsics, load_intrinsics
+from gmrdata.cameras.intrinsics import load_intrinsics
 from gmrdata.masks.landmarks import LANDMARKS
 from gmrdata.poses.calibration import TrueTrack, seen_truth, true_track
 from gmrdata.poses.landmark_body import landmark_offsets_m
-from gmrdata.poses.landmarks import load_tracks
+from gmrdata.poses.landmarks import LandmarksConfig, find_landmarks, load_tracks
 from gmrdata.poses.local_poses import (
     LANDMARKS_FOLDER,
     ImageTimes,
     Lens,
     LocalPosesConfig,
     Method,
-    local_poses,
     poses_of,
     seen_landmarks,
 )
-from gmrdata.read.bodies import anny_file, load_body
+from gmrdata.read.bodies import load_body
 from gmrdata.read.frames import image_number, list_images
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import load_clip
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.values.transforms import fit_similarities
+from gmrdata.world.video import INTRINSICS, OWN_POSES
 
 TWELVE = [
     LANDMARKS.index(f"{side}_{part}")
     for side in ("left", "right")
     for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 ]
+DETECTOR, NETWORK = "yolox_nano.onnx", "pose_landmark_lite.tflite"
 METHODS: tuple[Method, ...] = ("lifter", "fit", "lifter_fit")
 LARGEST_SHIFT = 0.5
 """Distance of the hips' landmarks from the true hips up to which a track is the person's, in the
@@ -66,32 +67,23 @@ class PoseRow:
 def pose_row(
     clip_dir: Path, work_dir: Path, models_dir: Path, methods: tuple[Method, ...]
 ) -> PoseRow:
-    """Poses of a clip whose lens is not told, each method on the same landmarks."""
+    """Poses of a clip whose lens is not told, each method on the same landmarks; `work_dir` is a
+    solved video's."""
     facts = VideoFacts.read(clip_dir / FACTS_FILE)
-    images_dir, clip, body = (
-        clip_dir / FRAMES_FOLDER,
-        load_clip(clip_dir / CLIP_FILE),
-        load_body("anny"),
-    )
-    config = IntrinsicsConfig(look_in_frames=False)
-    intrinsics = load_intrinsics(
-        find_intrinsics(images_dir, None, work_dir / "intrinsics", config, given=None, video=None)
-    )
+    images_dir, clip = clip_dir / FRAMES_FOLDER, load_clip(clip_dir / CLIP_FILE)
+    body, intrinsics = load_body("anny"), load_intrinsics(work_dir / INTRINSICS)
     numbers = np.array([image_number(image) for image in list_images(images_dir)])
     times = ImageTimes(np.arange(len(numbers)), facts.fps_hz)
     lens = Lens(intrinsics.matrix_px, (intrinsics.radial_k1, 0.0))
-    local_poses(
+    landmarks_dir = find_landmarks(
+        models_dir / DETECTOR,
+        models_dir / NETWORK,
         images_dir,
-        times,
-        lens,
-        anny_file(),
-        work_dir,
-        LocalPosesConfig(),
-        detector_path=models_dir / "yolox_nano.onnx",
-        landmarks_path=models_dir / "pose_landmark_lite.tflite",
+        work_dir / OWN_POSES / LANDMARKS_FOLDER,
+        LandmarksConfig(),
     )
     found = []
-    for track in load_tracks(work_dir / LANDMARKS_FOLDER):
+    for track in load_tracks(landmarks_dir):
         seen = seen_landmarks(track, numbers, times, lens)
         found.append(true_track(track, seen, clip, body))
     truth = max(found, key=_frames_on_the_person)

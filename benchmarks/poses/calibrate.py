@@ -1,0 +1,126 @@
+"""Make `landmark_body.json` and `landmark_noise.npz` of gmrdata/poses again, from rendered clips.
+
+    python benchmarks/poses/calibrate.py OUT MODELS CLIP... [--not-in-noise NAME...]
+
+A CLIP is a folder with frames/ and clip.npz, as `render_set` and `video/clips.py` leave it, and
+clip.json where a lens bends it.  MODELS holds the two networks.  Landmarks are kept in
+OUT/landmarks and found once.  Those that ship were made of video/clips.py's courtyard_beside,
+courtyard_circular and room_small, and of the twins that `make bench-sfm` films of CMU's trials
+05_12, 06_13, 09_12, 12_02, 17_10, 26_01 and 27_01; trial 02_10's twin is in the body alone.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from render.tables import show
+from video.clips import CLIP_FILE, FACTS_FILE, FRAMES_FOLDER, VideoFacts
+
+from gmrdata.masks.landmarks import LANDMARKS
+from gmrdata.poses.calibration import TrueTrack, measure_errors, measure_offsets, true_track
+from gmrdata.poses.landmark_body import BODY_FILE, LandmarkBodyRecord
+from gmrdata.poses.landmarks import LandmarksConfig, LandmarkTrack, find_landmarks, load_tracks
+from gmrdata.poses.lifter import SeenLandmarks
+from gmrdata.poses.noise import NOISE_FILE
+from gmrdata.read.bodies import load_body
+from gmrdata.values.body import BodyModel
+from gmrdata.values.camera import straightened
+from gmrdata.values.clip import Clip, camera_of, load_clip, rows_of_numbers
+
+RATE_HZ = 15.0
+LARGEST_OFF_M = 0.35
+"""Distance of the hips' landmarks from the true hips up to which they are the person's."""
+FEWEST_FRAMES = 5
+
+
+def true_tracks(clips: Sequence[Path], work_dir: Path, models_dir: Path) -> dict[str, TrueTrack]:
+    """The rendered person of each clip in frames in which the network saw it, by the clip's name;
+    clips in which it did not are left out."""
+    body, found = load_body("anny"), {}
+    for clip_dir in clips:
+        clip = load_clip(clip_dir / CLIP_FILE)
+        landmarks_dir = find_landmarks(
+            models_dir / "yolox_nano.onnx",
+            models_dir / "pose_landmark_lite.tflite",
+            clip_dir / FRAMES_FOLDER,
+            work_dir / clip_dir.name,
+            LandmarksConfig(),
+        )
+        tracks = [
+            _of_person(track, clip, _bend(clip_dir), body) for track in load_tracks(landmarks_dir)
+        ]
+        longest = max(tracks, key=lambda one: len(one.rows), default=None)
+        if longest is not None and len(longest.rows) >= FEWEST_FRAMES:
+            found[clip_dir.name] = longest
+    return found
+
+
+def _bend(clip_dir: Path) -> float:
+    facts = clip_dir / FACTS_FILE
+    return VideoFacts.read(facts).radial_k1 if facts.is_file() else 0.0
+
+
+def _of_person(track: LandmarkTrack, clip: Clip, radial_k1: float, body: BodyModel) -> TrueTrack:
+    """The frames of a track, at `RATE_HZ`, in which it is the rendered person's."""
+    matrix_px, fps_hz = camera_of(clip).intrinsics_px, clip.motion.fps_hz
+    bent = (track.image_px - matrix_px[:2, 2]) / np.diag(matrix_px)[:2]
+    rows = rows_of_numbers(clip.image_numbers, track.image_numbers)
+    rays = straightened(bent, radial_k1)
+    seen = SeenLandmarks(rows / fps_hz, rays, track.world_m, track.visibility)
+    whole = true_track(track, seen, clip, body)
+    pelvis_m = whole.joints_m[:, 0]
+    off = whole.seen.rays[:, [23, 24]].mean(1) - pelvis_m[:, :2] / pelvis_m[:, 2:]
+    near = np.linalg.norm(off, axis=1) * pelvis_m[:, 2] < LARGEST_OFF_M
+    return _kept(whole, near & (whole.rows % max(1, round(fps_hz / RATE_HZ)) == 0))
+
+
+def _kept(whole: TrueTrack, kept: np.ndarray) -> TrueTrack:
+    seen = whole.seen
+    return TrueTrack(
+        SeenLandmarks(
+            seen.times_s[kept], seen.rays[kept], seen.world_m[kept], seen.visibility[kept]
+        ),
+        whole.rows[kept],
+        whole.joints_m[kept],
+        whole.turned[kept],
+        whole.rotmats[kept],
+        whole.leg_m,
+    )
+
+
+def calibrate(
+    clips: Sequence[Path], models_dir: Path, out_dir: Path, not_in_noise: Sequence[str] = ()
+) -> None:
+    """Write both files into a folder."""
+    tracks = true_tracks(clips, out_dir / "landmarks", models_dir)
+    offsets_m = measure_offsets(list(tracks.values())).round(4)
+    rounded = {
+        name: (float(x), float(y), float(z))
+        for name, (x, y, z) in zip(LANDMARKS, offsets_m, strict=True)
+    }
+    LandmarkBodyRecord(made_from="rendered people of the Anny body", offsets_m=rounded).write(
+        out_dir / BODY_FILE.name
+    )
+    kept = [track for name, track in tracks.items() if name not in not_in_noise]
+    noise = measure_errors(kept, offsets_m, RATE_HZ)
+    noise.write(out_dir / NOISE_FILE.name)
+    rows = [
+        {
+            "clip": name,
+            "seconds": round(len(one.rows) / RATE_HZ, 1),
+            "noise": name not in not_in_noise,
+        }
+        for name, one in tracks.items()
+    ]
+    show(f"Clips behind {out_dir}", rows)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("models", type=Path)
+    parser.add_argument("clips", type=Path, nargs="+")
+    parser.add_argument("--not-in-noise", nargs="*", default=[])
+    given = parser.parse_args()
+    calibrate(given.clips, given.models, given.out, given.not_in_noise)
