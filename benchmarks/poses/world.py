@@ -39,7 +39,7 @@ from gmrdata.values.people import person_file
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert
 from gmrdata.world.quality import load_record
-from gmrdata.world.video import BODIES, INTRINSICS, OWN_POSES, PSEUDO_GT, VideoSolveConfig
+from gmrdata.world.video import BODIES, FUSED, INTRINSICS, OWN_POSES, PSEUDO_GT, VideoSolveConfig
 from gmrdata.world.video_verdict import VideoVerdict
 from gmrdata.world.videos import EachVideo
 
@@ -73,6 +73,9 @@ class WorldRow:
     wa_placed_mm: float
     """With each frame's place from that frame alone, before the recovered cameras."""
     rte_placed_percent: float
+    wa_unfused_mm: float
+    """With places smoothed over time, and without the network's motions."""
+    rte_unfused_percent: float
 
     @property
     def moves(self) -> bool:
@@ -101,11 +104,13 @@ def world_row(clip_dir: Path, work_dir: Path, verdict: VideoVerdict) -> WorldRow
     body = load_body("anny")
     number = _of_truth(work_dir, truth)
     seen = load_clip(work_dir / BODIES / person_file(number))
-    result = load_clip(work_dir / PSEUDO_GT / person_file(number))
-    rows = np.flatnonzero(seen.valid & camera_of(result).has_camera)
-    placed = _placed_alone(work_dir, result, body, facts)
-    shown = (result.motion, seen.motion, placed)
-    (wa, rte), (wa_static, rte_static), (wa_placed, rte_placed) = (
+    unfused = load_clip(work_dir / PSEUDO_GT / person_file(number))
+    fused_path = work_dir / FUSED / person_file(number)
+    result = load_clip(fused_path) if fused_path.is_file() else unfused
+    rows = np.flatnonzero(seen.valid & camera_of(unfused).has_camera)
+    placed = _placed_alone(work_dir, unfused, body, facts)
+    shown = (result.motion, seen.motion, placed, unfused.motion)
+    (wa, rte), (wa_static, rte_static), (wa_placed, rte_placed), (wa_unfused, rte_unfused) = (
         _errors(one, truth, rows, body) for one in shown
     )
     return WorldRow(
@@ -122,6 +127,8 @@ def world_row(clip_dir: Path, work_dir: Path, verdict: VideoVerdict) -> WorldRow
         rte_static_percent=rte_static,
         wa_placed_mm=wa_placed,
         rte_placed_percent=rte_placed,
+        wa_unfused_mm=wa_unfused,
+        rte_unfused_percent=rte_unfused,
     )
 
 
@@ -146,6 +153,8 @@ def world_figures(rows: Sequence[WorldRow]) -> dict[str, float]:
         "wa_mpjpe_placed_mm": mean("wa_placed_mm"),
         "rte_static_percent": mean("rte_static_percent"),
         "rte_placed_percent": mean("rte_placed_percent"),
+        "wa_mpjpe_unfused_mm": mean("wa_unfused_mm", rows),
+        "rte_unfused_percent": mean("rte_unfused_percent"),
     }
 
 

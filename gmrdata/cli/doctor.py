@@ -206,7 +206,7 @@ def _models() -> Iterator[Part]:
     for model in MODELS:
         path = models_dir() / model.name
         if not path.is_file():
-            note = "masks --sources onnx person. `gmrdata fetch models` gets it"
+            note = "people of video; masks --sources onnx person. `gmrdata fetch models` gets it"
             yield Part("models", model.name, "missing", "", note)
         elif sha256_of_file(path) != model.sha256:
             note = "not the published file. `gmrdata fetch models --redo` gets it anew"

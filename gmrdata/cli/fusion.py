@@ -48,12 +48,12 @@ def fuse(
     from gmrdata.gmr import fused_motion as stage
     from gmrdata.gmr.bundled import bundled_run
     from gmrdata.pages.fusion import write_fusion_page
-    from gmrdata.world.evidence import FusionConfig
+    from gmrdata.world.evidence import fusion_config_of
 
     try:
         config = stage.FuseConfig(
             which=which,
-            fusion=FusionConfig(feet=feet, ground=ground),
+            fusion=fusion_config_of(source).model_copy(update={"feet": feet, "ground": ground}),
             loops=tuple(map(_loop, loops)),
             loop_sigma_m=loop_sigma_m,
         )

@@ -13,7 +13,8 @@ from gmrdata.cli.answers import answer, fail, print_table
 from gmrdata.cli.shards import ArrayFlags, print_script
 from gmrdata.stage.progress import console, remark
 from gmrdata.stage.run import Run
-from gmrdata.values.errors import BadRecipe, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
+from gmrdata.values.files import STAGE_FILE
 
 if TYPE_CHECKING:
     from gmrdata.cameras.intrinsics import GivenIntrinsics
@@ -190,20 +191,47 @@ def solve_one(video: "NamedVideo", out: Path, each: "EachVideo", run: Run) -> "V
     from gmrdata.world.video import solve_video
     from gmrdata.world.video_verdict import VideoVerdict
 
+    bodies = _given(video.poses_path, each, out, run) if each.has_people(video) else None
     path = solve_video(
         video.path,
         out,
         each.config,
         intrinsics=each.lens,
-        bodies=_given(video.poses_path, each, out, run) if each.has_people(video) else None,
+        bodies=bodies,
         part=each.part,
         fps_hz=each.fps_hz,
         run=run,
     )
     verdict = VideoVerdict.read(path)
+    fuse_own_people(out, bodies.body_path if bodies and each.has_own(video) else None, run)
     if not any(person.accepted for person in verdict.people):
         _write_cameras(out, out / verdict.images_dir, verdict)
     return verdict
+
+
+def fuse_own_people(out: Path, body_path: Path | None, run: Run) -> None:
+    """`fused/`: people of the built-in estimator with the motions that the network of the package
+    sees, without gaps and with an error bar a frame; without a body none of an earlier run.
+
+    A network without a record of its errors can't be weighed, and is left out.
+    """
+    from gmrdata.gmr.bundled import bundled_run
+    from gmrdata.world.delta_errors import DELTA_ERRORS_FILE
+    from gmrdata.world.video import FUSED, PSEUDO_GT
+
+    has_people = body_path is not None and (out / PSEUDO_GT).is_dir()
+    if not has_people or not (bundled_run() / DELTA_ERRORS_FILE).is_file():
+        if (out / FUSED / STAGE_FILE).is_file():
+            shutil.rmtree(out / FUSED)
+        return
+    from gmrdata.gmr.fused_motion import FuseConfig, fuse_people
+    from gmrdata.world.evidence import fusion_config_of
+
+    config = FuseConfig(fusion=fusion_config_of(out))
+    try:
+        fuse_people(out, bundled_run(), body_path, out / FUSED, config, run=run)
+    except (BadMotionFile, StageFailed) as error:
+        remark(f"without the network's motions: {error}")
 
 
 def leave_page(out: Path, verdict: "VideoVerdict", *, page: bool) -> Path | None:

@@ -40,6 +40,7 @@ from gmrdata.world.evidence import (
     seen_poses,
     unseen_frames,
     widened,
+    with_pace_errors,
 )
 from gmrdata.world.fusion import SamePlace, fuse
 from gmrdata.world.quality import PseudoGtQuality
@@ -288,6 +289,8 @@ def fuse_clip(
     motions = widened(
         seen_motions(*found, motion.fps_hz, errors), unseen_frames(clip), config.unseen_widening
     )
+    if config.pace_share > 0:
+        motions = with_pace_errors(motions, motion.fps_hz, config.pace_share)
     if not known.any():
         motion = stand(_placed(motion, *found, WORLD_FROM_REST, np.zeros(3), 0), body)
         clip = replace(clip, motion=motion)

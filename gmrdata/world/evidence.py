@@ -2,6 +2,7 @@
 feet that stand."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from pydantic import Field
@@ -11,10 +12,14 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config
+from gmrdata.world.bodies import BODIES_FILE, BodiesRecord
+from gmrdata.world.delta_errors import mean_speeds_m_per_s
 from gmrdata.world.fusion import FusedPoses, PlantedFeet, SeenMotions, SeenPoses
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
+BODIES = "bodies"  # the folder of a video's people before the camera
 ROBUST = 1.4826  # from the median of absolute values to a standard deviation
+PACE_AXES = (0.5, 0.3, 1.0)  # of a wrong pace, along left, up and front
 FEWEST_STEPS = 10  # of three known frames in a row, behind a measured noise
 
 
@@ -26,6 +31,9 @@ class FusionConfig(Config):
     turn_floor_deg: float = Field(default=0.2, gt=0)
     place_sigma_m: float | None = Field(default=None, gt=0)
     """That noise [m]; None to measure it beside the network's motions, along and across the ray."""
+    along_sigma_m: float | None = Field(default=None, gt=0)
+    """The same along the camera's ray alone, for poses that err slowly in depth [m]; None for as
+    much as across it, or as is measured."""
     turn_sigma_deg: float | None = Field(default=None, gt=0)
     slow_place_m: float = Field(default=0.01, ge=0)
     """Error of camera and body that lasts for seconds, which no mean over frames lowers; part of
@@ -34,6 +42,9 @@ class FusionConfig(Config):
     unseen_widening: float = Field(default=3.0, ge=1)
     """Factor on the network's error where the person was not seen though the camera is known: the
     pose is made up between its neighbours then."""
+    pace_share: float = Field(default=0.0, ge=0)
+    """Error of the network's pace that lasts for seconds, as a share of it, besides the one that
+    was measured: of poses whose steps are too short."""
     feet: bool = True
     """Whether planted feet stand still."""
     planted_m_per_s: float = Field(default=0.15, gt=0)
@@ -46,6 +57,22 @@ class FusionConfig(Config):
     """Whether planted feet are on the ground, z = 0."""
     ground_sigma_m: float = Field(default=0.04, gt=0)
     """Standard deviation of a planted point's height over a step or stance [m]."""
+
+
+OWN_FUSION = FusionConfig(
+    place_sigma_m=0.01, along_sigma_m=0.15, turn_sigma_deg=2.0, pace_share=0.35
+)
+"""For poses of the built-in estimator: on rendered clips its distance is off by 5 to 10 cm for a
+second at a time, and a network sees a third less of a walker's pace in its poses."""
+
+
+def fusion_config_of(source: Path) -> FusionConfig:
+    """What suits the people of a video's folder, or of its pseudo ground truth, by who saw them."""
+    for folder in (source, source.parent):
+        record = folder / BODIES / BODIES_FILE
+        if record.is_file() and BodiesRecord.read(record).estimator == "gmrdata":
+            return OWN_FUSION
+    return FusionConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +115,15 @@ def widened(motions: SeenMotions, unseen: np.ndarray, factor: float) -> SeenMoti
     factors = np.where(unseen[1:] | unseen[:-1], factor, 1.0)[:, None]
     fast, slow = (replace(p, sigma=p.sigma * factors) for p in (motions.fast, motions.slow))
     return replace(motions, fast=fast, slow=slow)
+
+
+def with_pace_errors(motions: SeenMotions, fps_hz: float, share: float) -> SeenMotions:
+    """Motions whose slow error is larger by a share of their speed: mostly forward."""
+    speeds = mean_speeds_m_per_s(motions.delta_m, fps_hz)
+    more = np.zeros_like(motions.slow.sigma)
+    more[:, 3:] = share * speeds[:, None] * PACE_AXES
+    slow = replace(motions.slow, sigma=np.hypot(motions.slow.sigma, more))
+    return replace(motions, slow=slow)
 
 
 def error_bars(
@@ -151,6 +187,8 @@ def measured_noise(clip: Clip, motions: SeenMotions, config: FusionConfig) -> No
         turn_rad = _noise(np.abs(later - turns).ravel(), own[:, :3], turn_rad)
     if config.place_sigma_m is not None:
         along_m = across_m = config.place_sigma_m
+    if config.along_sigma_m is not None:
+        along_m = config.along_sigma_m
     if config.turn_sigma_deg is not None:
         turn_rad = np.deg2rad(config.turn_sigma_deg)
     return Noise(float(along_m), float(across_m), float(turn_rad))

@@ -55,6 +55,7 @@ from gmrdata.world.video_verdict import (
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
 AGAIN, OWN_POSES, BODIES, PSEUDO_GT = "again", "own_poses", "bodies", "pseudo_gt"
+FUSED = "fused"
 """The folders of a video, in the order in which they are made."""
 
 MOST_OFF = 0.99  # of a deviation, as a share
@@ -214,7 +215,7 @@ def _reasons_again(
 
 def _drop_people(out_dir: Path, run: Run) -> None:
     """Refuse, or with --redo remove, the people of an earlier run where none are asked for."""
-    for folder in (out_dir / PSEUDO_GT, out_dir / BODIES):
+    for folder in (out_dir / FUSED, out_dir / PSEUDO_GT, out_dir / BODIES):
         if not folder.exists():
             continue
         if not run.redo or not (folder / STAGE_FILE).is_file():

@@ -24,6 +24,7 @@ from gmrdata.world.video import (
     AGAIN,
     BODIES,
     FRAMES,
+    FUSED,
     INTRINSICS,
     MASKS,
     OWN_POSES,
@@ -40,7 +41,7 @@ SOLVING = "solving videos"
 BODY, FILES, PAGE, OVERLAY = "body", "files", "index.html", "overlay"
 PARTS = (
     FRAMES, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES, BODIES,
-    PSEUDO_GT, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
+    PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
 )  # fmt: skip
 """What a video's folder may hold."""
 OwnPoses = Literal["no", "seen", "asked"]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,16 +14,20 @@ from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import deltas
 from gmrdata.values.transforms import rigid
+from gmrdata.world.bodies import BodiesRecord, Estimator
 from gmrdata.world.evidence import (
+    OWN_FUSION,
     FusionConfig,
     Noise,
     error_bars,
+    fusion_config_of,
     known_frames,
     measured_noise,
     planted_feet,
     seen_poses,
     unseen_frames,
     widened,
+    with_pace_errors,
 )
 from gmrdata.world.fusion import ErrorProcess, FusedPoses, SeenMotions
 
@@ -75,6 +80,36 @@ def test_a_noise_that_is_given_is_taken(motion: Motion) -> None:
     found = measured_noise(clip_of(motion), motions_of(motion), config)
     assert (found.along_m, found.across_m) == (0.03, 0.03)
     assert np.rad2deg(found.turn_rad) == pytest.approx(2.0)
+
+
+def test_depth_may_be_said_to_be_less_sure(motion: Motion) -> None:
+    config = FusionConfig(place_sigma_m=0.01, along_sigma_m=0.15)
+    found = measured_noise(clip_of(motion), motions_of(motion), config)
+    assert (found.along_m, found.across_m) == (0.15, 0.01)
+
+
+def test_a_pace_that_may_be_wrong_is_mostly_so_forward(motion: Motion) -> None:
+    motions = motions_of(motion, sigma=0.0)
+    found = with_pace_errors(motions, 30.0, 0.3)
+    walked_m = np.linalg.norm(np.diff(motion.pelvis_m, axis=0).sum(axis=0))
+    pace = walked_m * 30.0 / (motion.n_frames - 1)
+    sigma = found.slow.sigma
+    assert not sigma[:, :3].any() and found.fast is motions.fast
+    np.testing.assert_allclose(np.median(sigma[:, 5]), 0.3 * pace, rtol=0.15)
+    np.testing.assert_allclose(sigma[:, 3] / sigma[:, 5], 0.5)
+
+
+def test_people_of_the_built_in_estimator_have_their_own_noise(tmp_path: Path) -> None:
+    """Known by who saw them, in a video's folder and beside its pseudo ground truth."""
+    folder = tmp_path / "bodies"
+    folder.mkdir()
+    assert fusion_config_of(tmp_path) == FusionConfig()
+    systems: dict[Estimator, FusionConfig] = {"wham": FusionConfig(), "gmrdata": OWN_FUSION}
+    for estimator, config in systems.items():
+        BodiesRecord(
+            estimator=estimator, file="poses", body="anny", people=(), left_out=(), notes=()
+        ).write(folder / "bodies.json")
+        assert fusion_config_of(tmp_path) == fusion_config_of(tmp_path / "pseudo_gt") == config
 
 
 def test_a_place_is_less_sure_along_the_ray(motion: Motion) -> None:
