@@ -11,17 +11,23 @@ measures a new network in minutes.  Prints tables and writes out/bench/tables.js
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from record import at_least, at_most
 from render.tables import show
 from tables.session import OUT_DIR, TablesSession, figures
 
+from gmrdata.manifest.read import load_clips
 from gmrdata.stage.progress import answers
 from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.threedpw.recipe import ThreedpwRecipe
-from gmrdata.twins.floor import floor_of_twins
+from gmrdata.twins.floor import REGENERATED_FOLDER, floor_of_twins
 from gmrdata.twins.floor_record import Floor
+from gmrdata.twins.pseudo_gt_error import FPS_HZ
 from gmrdata.twins.twin_set import SET_FOLDER, TwinRecipe, make_twins
+from gmrdata.values.clip import Clip
+from gmrdata.values.motion_deltas import deltas
+from gmrdata.values.motion_metrics import angles_rad
 
 pytestmark = pytest.mark.bench
 MOST_DEG, MOST_MM = 0.3, 10.0
@@ -56,11 +62,16 @@ def test_frozen_people(session: TablesSession) -> None:
         for one in floor.sequences
     ]
     show("Frozen people: how they move in the world, over 0.1 s, with recovered cameras", rows)
+    people = [
+        largest_motion(clip)
+        for clip in load_clips(twins.with_name("floor") / REGENERATED_FOLDER / "pseudo_gt.yaml")
+    ]
+    show("The largest motion of each of them over 0.1 s", people)
     seen = session.seen(twins / SET_FOLDER / "synthetic.yaml", "frozen")
     table = session.table("5", twins / SET_FOLDER / "synthetic.yaml", seen, name="frozen")
     others = [{key: row[key] for key in ("row", "ome_deg", "tme_mm")} for row in figures(table)]
     show("The same people without cameras", others)
-    session.record.add(frozen=rows, frozen_without_cameras=others)
+    session.record.add(frozen=rows, frozen_largest=people, frozen_without_cameras=others)
     turn_deg = worst([one.ome_deg for one in floor.sequences])
     way_mm = worst([one.tme_mm for one in floor.sequences])
     session.record.hold(
@@ -70,6 +81,21 @@ def test_frozen_people(session: TablesSession) -> None:
             at_least("frozen sequences accepted", floor.overall.accepted, len(floor.sequences)),
         ]
     )
+
+
+def largest_motion(clip: Clip) -> dict[str, Any]:
+    """Over 0.1 s, between kept frames, in all phases."""
+    step = round(clip.motion.fps_hz / FPS_HZ)
+    firsts = np.arange(clip.motion.n_frames - step)
+    kept = np.all([clip.valid[firsts + shift] for shift in range(step + 1)], axis=0)
+    pairs = np.stack([firsts[kept], firsts[kept] + step], axis=1)
+    turns, ways_m = deltas(clip.motion.root_rotmats[pairs], clip.motion.pelvis_m[pairs])
+    return {
+        "person": clip.id,
+        "motions": len(pairs),
+        "largest turn [deg]": float(np.rad2deg(angles_rad(turns)).max()),
+        "largest way [mm]": float(1000 * np.linalg.norm(ways_m, axis=-1).max()),
+    }
 
 
 def worst(values: list[float | None]) -> float | None:
