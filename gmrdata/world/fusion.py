@@ -7,7 +7,8 @@ show of the slow part before and after a gap holds within it.  Each frame has a 
 pelvis place, and the slow error as unknowns; the fast error is what is left of a motion then.
 
 The graph is solved by Gauss-Newton on SO(3) x R3 with a sparse factor (Dellaert & Kaess 2006;
-Barfoot 2017, section 9.2), outliers by Cauchy weights.  The error bars are the diagonal blocks of
+Barfoot 2017, section 9.2), damped by the gain of each step (Madsen, Nielsen & Tingleff 2004,
+section 3.2), outliers by Cauchy weights.  The error bars are the diagonal blocks of
 the inverse of its last normal matrix.
 """
 
@@ -28,6 +29,7 @@ TURN, PLACE, SLOW, WIDTH = 0, 3, 6, 12
 """Where the unknowns of a frame begin among its 12: turn [rad], place [m], slow error [1]."""
 ANCHOR = 1e-6  # standard deviation of the first pose where no camera says where it is [rad, m]
 LEAST = 1e-6  # and of a step that is said to be exact [rad, m]
+LEAST_DAMPING = 1e-9  # of each diagonal entry: hardly any, and a start for more
 OUTLIER = 4.0  # standard deviations beyond which a camera's pose or a foot counts for less
 
 
@@ -141,7 +143,7 @@ def fuse(
     *,
     feet: PlantedFeet | None = None,
     loops: Sequence[SamePlace] = (),
-    most_iterations: int = 50,
+    most_iterations: int = 200,
 ) -> FusedPoses:
     """The most likely poses of T frames, given all of it.
 
@@ -150,18 +152,22 @@ def fuse(
     """
     graph = _Graph(fps_hz, seen, motions, feet, loops)
     state = _first_guess(seen, motions)
-    cost, damping = _cost(graph, state), 0.0
+    cost, damping, growth = _cost(graph, state), LEAST_DAMPING, 2.0
     for iteration in range(1, most_iterations + 1):
         normal, gradient = _normal_equations(graph, state)
-        moved = state.moved(_solved(normal, gradient, damping).reshape(-1, WIDTH))
+        damped = damping * normal.diagonal()
+        change = _solved(normal, gradient, damped)
+        moved = state.moved(change.reshape(-1, WIDTH))
         after = _cost(graph, moved)
         if not after <= cost * (1 + 1e-9) + 1e-9:
-            damping = max(10 * damping, 1e-4)
+            damping, growth = growth * damping, 2 * growth
             if damping > 1e8:
                 break
             continue
         settled = cost - after < 1e-4 * (1 + after)
-        state, cost, damping = moved, after, damping / 10 if damping > 1e-6 else 0.0
+        gain = (cost - after) / max(float(change @ (damped * change - gradient)), 1e-12)
+        damping *= max(1 / 3, 1 - (2 * min(gain, 1.0) - 1) ** 3)
+        state, cost, damping, growth = moved, after, max(damping, LEAST_DAMPING), 2.0
         if settled:
             return _with_covariances(graph, state, iteration)
     raise StageFailed(
@@ -359,10 +365,8 @@ def _factor(normal: Any) -> Any:
     return splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
 
-def _solved(normal: Any, gradient: np.ndarray, damping: float) -> np.ndarray:
-    if damping > 0:
-        normal = normal + sparse.diags(damping * normal.diagonal()).tocsc()
-    return np.asarray(-_factor(normal).solve(gradient))
+def _solved(normal: Any, gradient: np.ndarray, damped: np.ndarray) -> np.ndarray:
+    return np.asarray(-_factor(normal + sparse.diags(damped).tocsc()).solve(gradient))
 
 
 def _with_covariances(graph: _Graph, state: _State, iterations: int) -> FusedPoses:

@@ -284,3 +284,17 @@ def test_another_world_gives_the_same_motion_and_error_bars(
     turned = world @ here.place_covariance_m2 @ world.T
     np.testing.assert_allclose(there.place_covariance_m2, turned, atol=1e-6)
     np.testing.assert_allclose(there.turn_covariance_rad2, here.turn_covariance_rad2, atol=1e-6)
+
+
+def test_a_loop_that_bends_a_long_path_far_settles() -> None:
+    """A straight way of 12 m that is told to end where it began: full steps overshoot there."""
+    n, rng = 300, np.random.default_rng(0)
+    turns = Rotation.from_rotvec(rng.normal(scale=0.01, size=(n - 1, 3))).as_matrix()
+    fast = ErrorProcess(np.tile([0.15, 0.15, 0.3, 0.1, 0.08, 0.15], (n - 1, 1)), np.full(6, 0.05))
+    slow = ErrorProcess(np.tile([0, 0, 0, 0, 0, 0.02], (n - 1, 1)), np.full(6, 3.0))
+    motions = SeenMotions(turns, np.tile([0.04, 0.0, 0.0], (n - 1, 1)), fast, slow)
+    start = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    nowhere = seen_of(*start, np.zeros(n, dtype=bool))
+    seen = SeenPoses(*start, nowhere.known, nowhere.turn_sigma_rad, nowhere.place_covariance_m2)
+    fused = fuse(30.0, seen, motions, loops=[SamePlace(0, n - 1, 0.1)])
+    assert np.linalg.norm(fused.pelvis_m[-1, :2] - fused.pelvis_m[0, :2]) < 0.3
