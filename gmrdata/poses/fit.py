@@ -26,6 +26,8 @@ class FitConfig(Config):
     """What each term of the fit is weighed by: its usual size."""
 
     steps: int = Field(default=120, ge=1)
+    steps_from_start: int = Field(default=60, ge=1)
+    """Steps where there are poses to start from, which are nearly right."""
     image: float = Field(default=0.08, gt=0)
     """Landmarks in the picture, in the person's size."""
     world_m: float = Field(default=0.10, gt=0)
@@ -36,7 +38,7 @@ class FitConfig(Config):
     """Of the pelvis before the camera [m/s2]."""
     rest: float = Field(default=1.0, gt=0)
     """How far joints turn from their rest pose; larger lets them turn more."""
-    start: float = Field(default=0.25, gt=0)
+    start: float = Field(default=0.5, gt=0)
     """How far joints turn from the poses to start from, where there are any."""
     leg: float = Field(default=0.07, gt=0)
     """Logarithm of the legs' length."""
@@ -72,8 +74,9 @@ def fit(
     Metres are compared along each frame's ray.
     """
     problem = _Problem(seen, rest_joints_m, config, start)
+    steps = config.steps if start is None else config.steps_from_start
     optimiser = torch.optim.LBFGS(
-        problem.unknowns, max_iter=config.steps, history_size=20, line_search_fn="strong_wolfe"
+        problem.unknowns, max_iter=steps, history_size=20, line_search_fn="strong_wolfe"
     )
 
     def closure() -> Tensor:

@@ -3,8 +3,8 @@
     landmarks/   what the landmark network saw of each person (`landmarks`)
     poses/       `local_poses.json`, and `person_<n>.npz` of each person: poses, roots and places
 
-The lifter gives the pose, the picture the place: where a body of usual size lies on the landmarks,
-without leaps in depth.
+The lifter gives the pose and the fit lays it onto the landmarks; the place is where a body of usual
+size lies on them, without leaps in depth.
 """
 
 from pathlib import Path
@@ -37,7 +37,7 @@ class LocalPosesConfig(Config):
     """How people are found, and how their poses are made."""
 
     landmarks: LandmarksConfig = LandmarksConfig()
-    method: Method = "lifter"
+    method: Method = "lifter_fit"
     """The network; the optimisation alone; or the optimisation from the network's poses."""
     fit: FitConfig = FitConfig()
     smooth_s: float = Field(default=0.03, ge=0)

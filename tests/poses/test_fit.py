@@ -33,7 +33,7 @@ def test_from_the_true_poses_it_stays_there(walk: Motion, anny: BodyModel) -> No
     rest_joints_m = anny.rest_joints_m(walk.shape)
     start = LiftedPose(walk.rotmats[:N], np.full(N, leg_length_m(rest_joints_m)))
     seen = some_of(seen_exactly(walk, anny), slice(0, N))
-    found = fit(seen, rest_joints_m, FitConfig(steps=20), start)
+    found = fit(seen, rest_joints_m, FitConfig(steps_from_start=20), start)
     assert aligned_mm(some(walk), anny, found.rotmats) < 12
 
 
@@ -45,7 +45,12 @@ def test_a_frame_of_wild_landmarks_is_bridged(walk: Motion, anny: BodyModel) -> 
     world_m[5, :23] += rng.normal(0, 0.5, (23, 3))
     rays[5, :23] += rng.normal(0, 0.1, (23, 2))
     start = LiftedPose(walk.rotmats[:N], np.full(N, leg_length_m(rest_joints_m)))
-    wild = fit(replace(seen, world_m=world_m, rays=rays), rest_joints_m, FitConfig(steps=20), start)
+    wild = fit(
+        replace(seen, world_m=world_m, rays=rays),
+        rest_joints_m,
+        FitConfig(steps_from_start=20),
+        start,
+    )
     assert aligned_mm(some(walk), anny, wild.rotmats) < 20
 
 
