@@ -133,7 +133,7 @@ class FusionSession:
 
     @cached_property
     def run_dir(self) -> Path:
-        """The network's run: by the recipe `gmr_cmu` without these subjects, if none is given."""
+        """The network's run: by the recipe `gmr_bundled` without these subjects, if none is given."""
         if self.run_given is not None:
             run_dir = self.run_given.resolve()
         else:
@@ -146,7 +146,7 @@ class FusionSession:
         return run_dir
 
     def _recipe(self) -> TrainConfig:
-        config = load_recipe(find_recipe("gmr_cmu"), GmrRecipe).train
+        config = load_recipe(find_recipe("gmr_bundled"), GmrRecipe).train
         data = config.data.model_copy(update={"held_out_subjects": self.subjects})
         changes: dict[str, Any] = {"data": data}
         if self.small:
