@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from record import at_least, at_most
 from render.tables import show
-from tables.session import OUT_DIR, TablesSession, figures
+from tables.session import OUT_DIR, TablesSession, as_far_as_seen, figures
 
 from gmrdata.manifest.read import load_clips
 from gmrdata.stage.progress import answers
@@ -67,8 +67,9 @@ def test_frozen_people(session: TablesSession) -> None:
         for clip in load_clips(twins.with_name("floor") / REGENERATED_FOLDER / "pseudo_gt.yaml")
     ]
     show("The largest motion of each of them over 0.1 s", people)
-    seen = session.seen(twins / SET_FOLDER / "synthetic.yaml", "frozen")
-    table = session.table("5", twins / SET_FOLDER / "synthetic.yaml", seen, name="frozen")
+    every = twins / SET_FOLDER / "synthetic.yaml"
+    seen = session.seen(every, "frozen")
+    table = session.table("5", as_far_as_seen(every, seen), seen, name="frozen")
     others = [{key: row[key] for key in ("row", "ome_deg", "tme_mm")} for row in figures(table)]
     show("The same people without cameras", others)
     session.record.add(frozen=rows, frozen_largest=people, frozen_without_cameras=others)

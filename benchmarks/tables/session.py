@@ -92,8 +92,7 @@ class TablesSession:
             every = (self.twins_given / SET_FOLDER / "synthetic.yaml").resolve()
         clips = [one for one in read_clips(every) if is_trained_on(one, self.twins_given)]
         allowed = part_of(every, clips)
-        seen = OwnPosesRecord.read(self.seen(allowed, "training") / RECORD).clips
-        return part_of(every, [one for one in clips if one.id in seen])
+        return as_far_as_seen(allowed, self.seen(allowed, "training"))
 
     def seen(self, manifest: Path, name: str) -> Path:
         """What the estimator sees of a manifest's clips."""
@@ -168,6 +167,13 @@ def part_of(manifest: Path, clips: Sequence[Any]) -> Path:
         created_by=every.created_by,
         redo=True,
     )
+
+
+def as_far_as_seen(manifest: Path, seen_dir: Path) -> Path:
+    """A manifest of the clips whose person the estimator follows; the others have no poses."""
+    seen, clips = OwnPosesRecord.read(seen_dir / RECORD).clips, read_clips(manifest)
+    kept = [one for one in clips if one.id in seen]
+    return manifest if len(kept) == len(clips) else part_of(manifest, kept)
 
 
 def with_steps(recipe: TableRecipe, steps: int) -> TableRecipe:
