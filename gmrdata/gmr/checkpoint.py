@@ -53,7 +53,7 @@ class BestScore(Config):
 class GmrState(StepState):
     """`state.json` of a GMR."""
 
-    format: Literal["gmrdata-gmr/4"] = "gmrdata-gmr/4"
+    format: Literal["gmrdata-gmr/5"] = "gmrdata-gmr/5"
     model: ModelConfig
     fps_hz: float = Field(gt=0)
     processes: int  # on which a step's windows depend
@@ -61,9 +61,14 @@ class GmrState(StepState):
     best: BestScore | None
 
 
-_FORMER = ("gmrdata-gmr/1", "gmrdata-gmr/2", "gmrdata-gmr/3")
+_FORMER = ("gmrdata-gmr/1", "gmrdata-gmr/2", "gmrdata-gmr/3", "gmrdata-gmr/4")
 _FIRST_LEFT_OUT = {"processes": 1, "averaged": False, "best": None}  # where it did not apply
-_ALWAYS = {"looks_at": "all_joints", "regressed": "freely"}  # of networks before 4
+_ADDED_TO_MODEL: dict[int, dict[str, Any]] = {
+    3: {"latent": None},
+    4: {"looks_at": "all_joints", "regressed": "freely"},
+    5: {"symmetric": False},
+}
+"""By version, what networks before it had always."""
 State = TypeVar("State", bound=StepState)
 
 
@@ -191,14 +196,14 @@ def read_state(folder: Path) -> GmrState:
 def _brought_up(value: dict[str, Any]) -> dict[str, Any]:
     """A state of a former version as one of this.
 
-    Before 3, a network had no latent size; before 4 it saw all joints, and regressed freely.
+    It lacks what later versions added, and nothing else.
     """
     version = _FORMER.index(value["format"]) + 1
     first = _FIRST_LEFT_OUT if version == 1 else {}
     model = value.get("model")
     if isinstance(model, dict):
-        later = dict(_ALWAYS) | ({"latent": None} if version < 3 else {})
-        model = later | model
+        for added, keys in _ADDED_TO_MODEL.items():
+            model = (keys if version < added else {}) | model
     return first | value | {"format": GmrState.tag(), "model": model}
 
 

@@ -223,7 +223,7 @@ def test_a_state_of_the_second_version_is_read(run_dir: Path) -> None:
     """Its network had as many latent numbers as hidden units; whatever else it lacks is refused."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/2"}
-    for key in ("latent", "looks_at", "regressed"):
+    for key in ("latent", "looks_at", "regressed", "symmetric"):
         del state["model"][key]
     write_json(path, state)
     assert load_gmr(run_dir).model.config == CONFIG
@@ -241,12 +241,26 @@ def test_a_state_of_the_third_version_is_read(run_dir: Path) -> None:
     """Its network saw all joints and regressed freely; it had a latent size."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
     state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/3"}
-    del state["model"]["looks_at"], state["model"]["regressed"]
+    for key in ("looks_at", "regressed", "symmetric"):
+        del state["model"][key]
     write_json(path, state)
     assert load_gmr(run_dir).model.config == CONFIG
     del state["model"]["latent"]
     write_json(path, state)
     with pytest.raises(BadCheckpoint, match=r"has no key `model\.latent`"):
+        load_gmr(run_dir)
+
+
+def test_a_state_of_the_fourth_version_is_read(run_dir: Path) -> None:
+    """Its network answered to a sequence as it is."""
+    path = checkpoint_dir(run_dir, 40) / "state.json"
+    state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/4"}
+    del state["model"]["symmetric"]
+    write_json(path, state)
+    assert load_gmr(run_dir).model.config == CONFIG
+    del state["model"]["looks_at"]
+    write_json(path, state)
+    with pytest.raises(BadCheckpoint, match=r"has no key `model\.looks_at`"):
         load_gmr(run_dir)
 
 
