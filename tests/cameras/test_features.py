@@ -77,3 +77,51 @@ def test_features_inside_masks_are_last_and_have_no_descriptors(tmp_path: Path) 
             kept = np.asarray(database.read_descriptors(image.image_id).data)
             np.testing.assert_array_equal(kept, found.descriptors[row][:n_free])
             assert len(found.descriptors[row]) == len(x_px)
+
+
+LARGE_PX = (961, 641)
+BLOB_PX = np.stack(np.meshgrid(np.arange(60.3, 900, 85), np.arange(52.6, 600, 85)), -1)
+
+
+def blobs() -> np.ndarray:
+    """Bright spots (H, W) at known places [px from the outer corner], each of its own size."""
+    x, y = np.arange(LARGE_PX[0]) + 0.5, np.arange(LARGE_PX[1]) + 0.5
+    image = np.full(LARGE_PX[::-1], 60.0)
+    for n, (at_x, at_y) in enumerate(BLOB_PX.reshape(-1, 2)):
+        sigma_px = 5 + n % 5
+        across = np.exp(-(((x - at_x) / sigma_px) ** 2) / 2)
+        image += 150 * np.exp(-(((y - at_y) / sigma_px) ** 2) / 2)[:, None] * across
+    return np.round(image).astype(np.uint8)
+
+
+def test_features_of_large_frames_are_where_the_frame_has_them(tmp_path: Path) -> None:
+    """By OpenCV's SIFT on half the size, whose (0, 0) is the centre of a pixel."""
+    cv2.imwrite(str(tmp_path / "00000.png"), blobs())
+    frames = Frames([tmp_path / "00000.png"], None, INTRINSICS_PX, LARGE_PX)
+    found = find_features(frames, tmp_path / "own.db", SfmConfig(max_orientations=1))
+    places_px = keypoints_of(tmp_path / "own.db")["00000.png"][:, :2]
+    assert found.n_free == [len(places_px)]
+    true_px = BLOB_PX.reshape(-1, 2)
+    apart_px = places_px[:, None] - true_px
+    nearest = np.linalg.norm(apart_px, axis=2).argmin(axis=0)
+    off_px = apart_px[nearest, np.arange(len(true_px))]
+    there = np.linalg.norm(off_px, axis=1) < 1
+    assert there.mean() > 0.95
+    assert np.abs(off_px[there]).max() < 0.1 and np.abs(off_px[there].mean(axis=0)).max() < 0.02
+
+
+def test_a_place_has_as_many_directions_as_are_asked_for(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    coarse = rng.integers(0, 255, (80, 120)).astype(np.uint8)
+    image = cv2.resize(coarse, LARGE_PX, interpolation=cv2.INTER_CUBIC)
+    cv2.imwrite(str(tmp_path / "00000.png"), image)
+    frames = Frames([tmp_path / "00000.png"], None, INTRINSICS_PX, LARGE_PX)
+    counts = []
+    for most in (1, 2):
+        path = tmp_path / f"{most}.db"
+        find_features(frames, path, SfmConfig(max_features=300, max_orientations=most))
+        keypoints = keypoints_of(path)["00000.png"]
+        _, each = np.unique(keypoints[:, :2], axis=0, return_counts=True)
+        assert each.max() == most and len(each) == 300
+        counts.append(len(keypoints))
+    assert counts[1] > counts[0] == 300
