@@ -9,6 +9,7 @@ import pytest
 
 from gmrdata.cli import main
 from gmrdata.cli.video import plan
+from gmrdata.gmr.fused_motion import FusionRecord
 from gmrdata.read.camera_bodies import read_camera_bodies
 from gmrdata.read.video import VideoConfig
 from gmrdata.read.video_files import NamedVideo
@@ -29,6 +30,8 @@ def test_people_of_a_real_video_stand_on_the_ground(shared_path: Shared, tmp_pat
     assert any("size of the mean anny body" in note for note in verdict.notes)
     seen = read_camera_bodies(out / "own_poses" / "poses", SIZE_PX).people
     assert len(seen) == len(verdict.people)
+    fused = FusionRecord.read(out / "fused" / "fusion.json")
+    assert [one.frames for one in fused.people] == [N_IMAGES] * len(seen)
     for person in verdict.people:
         motion = load_clip(out / "pseudo_gt" / f"{person.id}.npz").motion
         known = np.isfinite(motion.pelvis_m[:, 0])
