@@ -31,6 +31,7 @@ SUBVERBS: dict[str, Callable[..., None]] = {
     "baseline mean": baselines.baseline_mean,
     "baseline camera_as_world": baselines.baseline_camera_as_world,
     "baseline vibe_cam": baselines.baseline_vibe_cam,
+    "baseline own_poses": baselines.baseline_own_poses,
     "baseline joint_train": baselines.baseline_joint_train,
     "baseline joint": baselines.baseline_joint,
 }
