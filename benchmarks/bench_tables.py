@@ -94,9 +94,14 @@ def largest_motion(clip: Clip) -> dict[str, Any]:
     return {
         "person": clip.id,
         "motions": len(pairs),
-        "largest turn [deg]": float(np.rad2deg(angles_rad(turns)).max()),
-        "largest way [mm]": float(1000 * np.linalg.norm(ways_m, axis=-1).max()),
+        "largest turn [deg]": largest(np.rad2deg(angles_rad(turns))),
+        "largest way [mm]": largest(1000 * np.linalg.norm(ways_m, axis=-1)),
     }
+
+
+def largest(values: np.ndarray) -> float | None:
+    """None of a person of whom no motion is kept."""
+    return float(values.max()) if values.size else None
 
 
 def worst(values: list[float | None]) -> float | None:
@@ -110,9 +115,8 @@ def frozen_twins(small: bool) -> Path:
     recipe = load_recipe(find_recipe("twins_frozen"), TwinRecipe)
     folder = (OUT_DIR / f"frozen{'_small' if small else ''}" / "twins").resolve()
     if small:
-        film = recipe.set.film.model_copy(update={"duration_s": 0.8})
-        clips = recipe.set.clips[:1]
-        part = recipe.set.model_copy(update={"film": film, "clips": clips})
+        clip = recipe.set.clips[-1].model_copy(update={"duration_s": 0.8})
+        part = recipe.set.model_copy(update={"clips": (clip,)})
         recipe = recipe.model_copy(update={"set": part})
     make_twins(recipe, folder)
     return folder

@@ -10,8 +10,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from gmrdata.film.programmes import Panning
 from gmrdata.film.render_set import render_set
-from gmrdata.film.set_plan import SyntheticRecipe
+from gmrdata.film.set_plan import SyntheticClip, SyntheticRecipe
 from gmrdata.stage.recipes import find_recipe, load_recipe
 
 SIZE_PX = (480, 360)
@@ -24,7 +25,7 @@ TRAINING_TRIALS = (
 """Of people whom nothing is scored on."""
 PROGRAMMES = ("circular", "linear", "panning", "linear_panning", "static")
 PLACES = ("courtyard", "street", "park", "room")
-SMALL_TRAINING = TRAINING_TRIALS[:2]
+SMALL_TRAINING = TRAINING_TRIALS[:1]
 
 
 def scored_set(folder: Path, motions_dir: Path, *, small: bool = False) -> Path:
@@ -37,6 +38,9 @@ def scored_set(folder: Path, motions_dir: Path, *, small: bool = False) -> Path:
         "film": recipe.film.model_validate(_film(SCORED_FPS_HZ, 0.6 if small else SCORED_S)),
         "render": recipe.render.model_copy(update=RENDER),
     }
+    if small:
+        walk = SyntheticClip(id="walk", gait="walk", programme=Panning())
+        update |= {"published_list": None, "clips": (walk,)}
     return render_set(recipe.model_copy(update=update), folder, motions_dir=motions_dir)
 
 
