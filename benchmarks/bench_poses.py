@@ -56,9 +56,9 @@ def test_own_poses(record: Record, clips: list[Path], shared_data: Path) -> None
     show("In the world", [asdict(row) for row in in_world])
     mean = means(rows)
     record.add(
-        pa_mpjpe_mm=mean["lifter_mm"],
+        pa_mpjpe_mm=mean["lifter_fit_mm"],
+        pa_mpjpe_lifter_mm=mean["lifter_mm"],
         pa_mpjpe_fit_mm=mean["fit_mm"],
-        pa_mpjpe_lifter_fit_mm=mean["lifter_fit_mm"],
         pa_mpjpe_raw_12_mm=mean["raw_mm"],
         clips=[asdict(row) for row in rows],
         worlds=[asdict(row) for row in in_world],
@@ -71,7 +71,7 @@ def test_own_poses(record: Record, clips: list[Path], shared_data: Path) -> None
     record.add(**figures)
     record.hold(
         [
-            at_most("pa_mpjpe_mm", mean["lifter_mm"], MOST_PA_MPJPE_MM),
+            at_most("pa_mpjpe_mm", mean["lifter_fit_mm"], MOST_PA_MPJPE_MM),
             at_most("wa_mpjpe_mm", figures["wa_mpjpe_mm"], MOST_WA_MPJPE_MM),
             at_most("rte_percent", figures["rte_percent"], MOST_RTE_PERCENT),
             at_most("static_camera_ratio", figures["static_camera_ratio"], MOST_STATIC_RATIO),

@@ -56,8 +56,9 @@ class PoseRow:
     """PA-MPJPE over 24 joints."""
     fit_mm: float
     lifter_fit_mm: float
+    """The same of the default, a fit from the lifter's poses."""
     root_deg: float
-    """Median angle of the lifter's root in the camera."""
+    """Median angle of that one's root in the camera."""
     depth_ratio: float
     """Median distance over the true one, for a person of mean size."""
     leg_ratio: float
@@ -100,8 +101,8 @@ def pose_row(
         lifter_mm=of["lifter"]["mm"],
         fit_mm=of["fit"]["mm"],
         lifter_fit_mm=of["lifter_fit"]["mm"],
-        root_deg=of["lifter"]["root_deg"],
-        depth_ratio=of["lifter"]["depth_ratio"],
+        root_deg=of["lifter_fit"]["root_deg"],
+        depth_ratio=of["lifter_fit"]["depth_ratio"],
         leg_ratio=leg_length_m(body.rest_joints_m(np.zeros(body.n_shape))) / truth.leg_m,
     )
 
