@@ -3,8 +3,8 @@
 Of large frames they are OpenCV's, which takes a third of the time.  It begins with the image at
 twice its size, so it is given one of half the size: that has what a first octave of 0 has.  Small
 frames have COLMAP's, which are placed more exactly: of 1241 x 376 px a car's path is off by 16 mm
-over 60 m, with OpenCV's by 24; of 720 x 960 px a hand's is off by 3.5 to 4.2 mm with OpenCV's and
-by 4.0 to 4.3 with COLMAP's.
+over 60 m, with OpenCV's by 24; of 720 x 960 px a hand's is off by 3.2 to 4.1 mm with OpenCV's and
+by 3.9 to 4.3 with COLMAP's.
 
 Each frame has an extractor of its own.  COLMAP's go from image to image, and VLFeat's then keep the
 gradients of the octave that they looked at last: where all features of an image are in one octave,

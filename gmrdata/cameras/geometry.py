@@ -10,7 +10,13 @@ from gmrdata.cameras.files import Agreement, CamerasQuality, Evidence
 from gmrdata.cameras.focal import turning_focal
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words
 from gmrdata.cameras.keyframes import choose_keyframes, with_frames_between
-from gmrdata.cameras.mapping import map_again, map_frames, place_between, refine_mapped
+from gmrdata.cameras.mapping import (
+    hardly_travels,
+    map_again,
+    map_frames,
+    place_between,
+    refine_mapped,
+)
 from gmrdata.cameras.matches import Matches, match_frames
 from gmrdata.cameras.one_scale import weakest_step
 from gmrdata.cameras.recipe import SfmConfig
@@ -232,13 +238,10 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     for another focal length than the true one, or can't tell which it needs, or every second
     keyframe gives another path: on a pan among people in a street it was 20 % of its way off.
     """
-    if not mapped.has_camera.any() or not len(mapped.points):
-        return False
-    centres = mapped.world_from_cam[mapped.has_camera, :3, 3]
-    distance = np.median(np.linalg.norm(mapped.points - centres.mean(axis=0), axis=1))
-    extent = np.linalg.norm(centres[:, None] - centres[None], axis=-1).max()
     turns_px = np.median(turning.residuals_px)
-    if extent >= config.small_travel_share * distance or turns_px > config.small_travel_median_px:
+    if turns_px > config.small_travel_median_px:
+        return False
+    if not hardly_travels(mapped, config.small_travel_share):
         return False
     focal, again = mapped.focal, mapped.agreement
     if again is not None and again.place_share > AGREEING_SHARE:

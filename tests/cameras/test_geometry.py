@@ -1,13 +1,16 @@
 """When a model of a camera that hardly travels is set aside for a pure rotation."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from gmrdata.cameras.files import Agreement
+from gmrdata.cameras import mapping
+from gmrdata.cameras.files import Agreement, Mapper
 from gmrdata.cameras.focal import FreedFocal
+from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.geometry import WELL_MATCHED, every_second, is_bent
 from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
@@ -74,6 +77,28 @@ def test_a_short_way_is_bent_if_every_second_keyframe_goes_another() -> None:
 
 def test_a_long_way_is_never_called_bent() -> None:
     assert not is_bent(mapped(1.5, None), turning(0.9), CONFIG)
+
+
+@pytest.mark.parametrize(("extent", "mapper"), [(0.5, "small_parallax"), (1.5, "global")])
+def test_a_model_that_hardly_travels_is_not_the_last(
+    extent: float, mapper: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The global mapper's was wrong at 0.38 px, and explained more matches than the right one."""
+    found_by = {"global": (80, 0.38), "small_parallax": (76, 0.27)}
+
+    def finish(models: list[Mapper], *_: object) -> Solution:
+        inliers, error_px = found_by[models[0]]
+        one = replace(mapped(extent, None), mapper=models[0], inliers=np.full(N, inliers))
+        return replace(one, errors_px=np.full(1000, error_px))
+
+    monkeypatch.setattr(mapping, "_run", lambda name, *_: [name] if name in found_by else [])
+    monkeypatch.setattr(mapping, "_finish", finish)
+    same = np.tile(np.arange(100)[:, None], 2)
+    pairs = [PairMatches(row, row + 1, same, "CALIBRATED") for row in range(N - 1)]
+    matches = Matches([np.zeros((100, 2))] * N, pairs)
+    frames = Frames([tmp_path / f"{row}.jpg" for row in range(N)], None, np.eye(3), (10, 10))
+    chosen = mapping.map_frames(frames, matches, tmp_path, CONFIG)
+    assert chosen is not None and chosen.mapper == mapper
 
 
 def test_a_model_stays_where_a_pure_rotation_explains_nothing() -> None:
