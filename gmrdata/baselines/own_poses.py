@@ -68,7 +68,8 @@ HIPS = [LANDMARKS.index("left_hip"), LANDMARKS.index("right_hip")]
 class OwnPosesConfig(Config):
     """How people are seen, and when a clip counts as seen."""
 
-    poses: LocalPosesConfig = LocalPosesConfig()
+    poses: LocalPosesConfig = LocalPosesConfig(method="lifter")
+    """The lifter alone; the fit that `gmrdata video` lays over it takes several times as long."""
     near: float = Field(default=0.15, gt=0, le=1)
     """Distance of a track's hips from the clip's pelvis up to which it is the clip's person, in
     sides of the track's crop."""
