@@ -133,7 +133,7 @@ class FusionSession:
 
     @cached_property
     def run_dir(self) -> Path:
-        """The network's run: by the recipe `gmr_bundled` without these subjects, if none is given."""
+        """The network's run, by recipe `gmr_bundled` without these subjects if none is given."""
         if self.run_given is not None:
             run_dir = self.run_given.resolve()
         else:
