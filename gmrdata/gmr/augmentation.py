@@ -12,19 +12,19 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import WindowConfig
-from gmrdata.values.body import JOINT, MIRRORED
+from gmrdata.gmr.symmetries import COUNTERPARTS, MIRROR
+from gmrdata.values.body import JOINT
 from gmrdata.values.shapes import Float
 
-AXES = np.array([-1.0, 1.0, 1.0])  # diagonal of the reflection M
+AXES = np.array(MIRROR)  # diagonal of the reflection M
 _SIGNS = np.outer(AXES, AXES)  # M R M multiplies each entry of R by one of these
-_LOCAL = np.array(MIRRORED[1:]) - 1  # row of the counterpart among the 23 local rotations
 _UPPER = np.arange(JOINT["neck"], len(JOINT)) - 1  # rows of neck, head and arms
 
 
 def mirror_local(
     local_rotmats: Float[np.ndarray, "*batch 23 3 3"],
 ) -> Float[np.ndarray, "*batch 23 3 3"]:
-    return mirror_rotmats(local_rotmats[..., _LOCAL, :, :])
+    return mirror_rotmats(local_rotmats[..., COUNTERPARTS, :, :])
 
 
 def mirror_rotmats(rotmats: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3"]:

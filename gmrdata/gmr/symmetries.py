@@ -13,8 +13,9 @@ from gmrdata.values.body import MIRRORED
 from gmrdata.values.shapes import Float, Int
 
 MIRROR = (-1.0, 1.0, 1.0)
-"""Diagonal of the reflection x -> -x (gmrdata.gmr.augmentation)."""
-_COUNTERPARTS = [joint - 1 for joint in MIRRORED[1:]]
+"""Diagonal of the reflection x -> -x, M in gmrdata.gmr.augmentation."""
+COUNTERPARTS = [joint - 1 for joint in MIRRORED[1:]]
+"""Row of each joint's counterpart among the 23 local rotations."""
 
 
 def four_ways(
@@ -28,7 +29,7 @@ def four_ways(
     ways = []
     for frames in (torch.minimum(at, last), (last - at).clamp(min=0)):
         played = _frames_of(local_rotmats, frames)
-        ways += [played, played[:, :, _COUNTERPARTS] * _signs(played)]
+        ways += [played, played[:, :, COUNTERPARTS] * _signs(played)]
     return ways
 
 
