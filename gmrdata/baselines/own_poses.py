@@ -20,7 +20,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 
 from gmrdata.baselines.camera_as_world import seen_motion
 from gmrdata.gmr.runs import ClipFile, usable_files
-from gmrdata.masks.landmarks import LANDMARKS, Crop, open_landmark_features
+from gmrdata.masks.landmarks import LANDMARKS, Crop, LandmarkFeatures, open_landmark_features
 from gmrdata.poses.landmarks import LandmarkTrack, load_tracks
 from gmrdata.poses.lifter import WEIGHTS_FILE
 from gmrdata.poses.local_poses import (
@@ -137,8 +137,9 @@ def own_poses(
 
     def work(partial_dir: Path) -> None:
         body, seen = read_body(sources.body), {}
+        look = open_landmark_features(sources.landmarks)
         for file in with_bar(filmed, "the estimator's poses", total=len(filmed)):
-            answer = _see(file, sources, body, partial_dir, config)
+            answer = _see(file, sources, body, look, partial_dir, config)
             if isinstance(answer, str):
                 left_out[file.entry.id] = answer
             else:
@@ -161,7 +162,12 @@ def _images_dir(file: ClipFile) -> Path:
 
 
 def _see(
-    file: ClipFile, sources: _Sources, body: BodyModel, out_dir: Path, config: OwnPosesConfig
+    file: ClipFile,
+    sources: _Sources,
+    body: BodyModel,
+    look: LandmarkFeatures,
+    out_dir: Path,
+    config: OwnPosesConfig,
 ) -> SeenClip | str:
     """One clip's files, or why there are none."""
     clip, images_dir = file.load(), _images_dir(file)
@@ -197,7 +203,6 @@ def _see(
     write_keypoints(out_dir / KEYPOINTS_FOLDER / clip.id, clip, track, between)
     crops = filled(track.crops, between)
     by_number = dict(zip(numbers.tolist(), images, strict=True))
-    look = open_landmark_features(sources.landmarks)
     features = [
         look(read_color(by_number[number]), Crop(crop[:2], crop[2], crop[3]))
         for number, crop in zip(clip.image_numbers.tolist(), crops, strict=True)
