@@ -237,30 +237,24 @@ def test_a_state_of_the_second_version_is_read(run_dir: Path) -> None:
         load_gmr(run_dir)
 
 
-def test_a_state_of_the_third_version_is_read(run_dir: Path) -> None:
-    """Its network saw all joints and regressed freely; it had a latent size."""
+@pytest.mark.parametrize(
+    ("version", "added_later", "there_already"),
+    [(3, ("looks_at", "regressed", "symmetric"), "latent"), (4, ("symmetric",), "looks_at")],
+)
+def test_a_state_of_a_later_version_is_read(
+    version: int, added_later: tuple[str, ...], there_already: str, run_dir: Path
+) -> None:
+    """The third's network saw all joints, regressed freely and had a latent size; the fourth's
+    answered to a sequence as it is."""
     path = checkpoint_dir(run_dir, 40) / "state.json"
-    state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/3"}
-    for key in ("looks_at", "regressed", "symmetric"):
+    state = json.loads(path.read_text()) | {"format": f"gmrdata-gmr/{version}"}
+    for key in added_later:
         del state["model"][key]
     write_json(path, state)
     assert load_gmr(run_dir).model.config == CONFIG
-    del state["model"]["latent"]
+    del state["model"][there_already]
     write_json(path, state)
-    with pytest.raises(BadCheckpoint, match=r"has no key `model\.latent`"):
-        load_gmr(run_dir)
-
-
-def test_a_state_of_the_fourth_version_is_read(run_dir: Path) -> None:
-    """Its network answered to a sequence as it is."""
-    path = checkpoint_dir(run_dir, 40) / "state.json"
-    state = json.loads(path.read_text()) | {"format": "gmrdata-gmr/4"}
-    del state["model"]["symmetric"]
-    write_json(path, state)
-    assert load_gmr(run_dir).model.config == CONFIG
-    del state["model"]["looks_at"]
-    write_json(path, state)
-    with pytest.raises(BadCheckpoint, match=r"has no key `model\.looks_at`"):
+    with pytest.raises(BadCheckpoint, match=rf"has no key `model\.{there_already}`"):
         load_gmr(run_dir)
 
 
