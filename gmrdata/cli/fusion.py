@@ -23,6 +23,7 @@ def fuse(
     loops: tuple[str, ...] = (),
     loop_sigma_m: float = 0.1,
     body: flags.Body = "anny",
+    like_poses: bool = True,
     feet: bool = True,
     ground: bool = True,
     which: Weights = "latest",
@@ -40,6 +41,8 @@ def fuse(
             run's folder when left out.
         loops: Pairs of times [s] at which the person stands on one spot, like 4.2:17.8.
         loop_sigma_m: How far apart the pelvis may be then, seen from above (1 sigma) [m].
+        like_poses: Whether the network's error where cameras see the person is taken for its error
+            in like poses that they don't see.
         feet: Whether planted feet stand still.
         ground: Whether they stand on level ground, at the height that the cameras' world has.
     """
@@ -53,7 +56,9 @@ def fuse(
     try:
         config = stage.FuseConfig(
             which=which,
-            fusion=fusion_config_of(source).model_copy(update={"feet": feet, "ground": ground}),
+            fusion=fusion_config_of(source).model_copy(
+                update={"like_poses": like_poses, "feet": feet, "ground": ground}
+            ),
             loops=tuple(map(_loop, loops)),
             loop_sigma_m=loop_sigma_m,
         )

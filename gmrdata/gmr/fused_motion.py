@@ -43,6 +43,7 @@ from gmrdata.world.evidence import (
     with_pace_errors,
 )
 from gmrdata.world.fusion import SamePlace, fuse
+from gmrdata.world.like_poses import corrected_by_like_poses
 from gmrdata.world.quality import PseudoGtQuality
 
 RECORD_FILE = "fusion.json"
@@ -294,9 +295,12 @@ def fuse_clip(
     if not known.any():
         motion = stand(_placed(motion, *found, WORLD_FROM_REST, np.zeros(3), 0), body)
         clip = replace(clip, motion=motion)
-    feet = planted_feet(body, motion, motions, config) if config.feet else None
     noise = measured_noise(clip, motions, config)
-    poses = fuse(motion.fps_hz, seen_poses(clip, noise), motions, feet=feet, loops=loops)
+    seen = seen_poses(clip, noise)
+    if config.like_poses:
+        motions = corrected_by_like_poses(body, motion, motions, seen)
+    feet = planted_feet(body, motion, motions, config) if config.feet else None
+    poses = fuse(motion.fps_hz, seen, motions, feet=feet, loops=loops)
     first = int(known.argmax())
     alone = _placed(motion, *found, poses.rotmats[first], poses.pelvis_m[first], first)
     place_m, turn_deg = error_bars(poses, clip, config, scale_share)

@@ -45,6 +45,9 @@ class FusionConfig(Config):
     pace_share: float = Field(default=0.0, ge=0)
     """Error of the network's pace that lasts for seconds, as a share of it, besides the one that
     was measured: of poses whose steps are too short."""
+    like_poses: bool = True
+    """Whether the network's error where cameras see the person is taken for its error in like
+    poses that they don't see."""
     feet: bool = True
     """Whether planted feet stand still."""
     planted_m_per_s: float = Field(default=0.15, gt=0)
