@@ -42,6 +42,7 @@ def good_quality(n_frames: int, **figures: Any) -> CamerasQuality:
         "radial_k1_sigma": None,
         "lens": None,
         "weakest_step": None,
+        "second_share": None,
         "agreement": None,
         "smoothing": NOT_SMOOTHED,
         "points": 900,

@@ -53,6 +53,7 @@ def _figures(given: RealSequence, solved: Solved) -> dict[str, Any]:
         "moving_share": step.moving_share if step else None,
         "again_deg": again.turn_deg if again else None,
         "again_share": again.place_share if again else None,
+        "second_share": quality.second_share if quality else None,
         "keyframes": len(quality.keyframes) if quality else None,
         "cuts": len(quality.cuts_after_frames) if quality else None,
         "reasons": list(solved.reasons),

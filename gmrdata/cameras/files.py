@@ -182,9 +182,12 @@ class CamerasQuality(records.Record):
     it; they are then taken as they are.  Frames and intrinsics stay as they are in either case."""
     weakest_step: WeakestStep | None
     """Null but for six degrees of freedom."""
+    second_share: Figure | None
+    """Share of every second keyframe that has a camera here and in a second solution, of these
+    alone and by another seed; 0 where they are less than four, null where they are too few to be
+    solved."""
     agreement: Agreement | None
-    """With a second solution, of every second keyframe and by another seed; null where these are
-    too few, or have none."""
+    """With that second solution; null where the share is 0 or null."""
     smoothing: Smoothing
     points: NonNegativeInt | None
     """Of the background; null for a pure rotation, which has none."""

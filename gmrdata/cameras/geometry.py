@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.agreement import agreement, least_extent
-from gmrdata.cameras.files import Agreement, CamerasQuality, Evidence
+from gmrdata.cameras.files import CamerasQuality, Evidence
 from gmrdata.cameras.focal import turning_focal
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words
 from gmrdata.cameras.keyframes import choose_keyframes, with_frames_between
@@ -35,12 +35,15 @@ PARALLAX_PX = 0.5  # residuals of the worst tenth of pairs below which parallax 
 CLEARLY_BETTER = 0.7  # share of the median residual that makes six degrees of freedom worth it
 FEW_KEYFRAMES = 5  # mappers want more frames than the three that a model needs
 NEARLY_TURNS = 0.6  # share of the matches that make a pure rotation the likeliest
-MOST_OF_THEM = 0.6  # share of the keyframes that a second solution needs: a rest is none
 WELL_MATCHED = 50
 """Matches of its neighbours without which a second solution keeps a keyframe.  Where a dancer was
 taken every 20th frame they have 0 to 40, and of every second keyframe alone half of the path came
 out 16 % off beside a first one that is right."""
 AGREEING_SHARE = 0.03  # of the way, to which two solutions of one path agree
+MOST_OF_THEM = 0.6
+"""Share of the keyframes that a model, or a second one, needs to say that another is wrong.  Of a
+blurred walk a model of 8 of 33 keyframes hardly travels, and the turns that most matches fit were
+444 mm off."""
 VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by little parallax
 
 
@@ -87,8 +90,7 @@ def _solve_keyframes(
     turns, unsure = evidence.verdict == "rotation_only", evidence.verdict == "either"
     mapped = None if turns else map_frames(keys, matches, work_dir, config)
     if mapped is not None:
-        again = _mapped_again(mapped, keys, matches, work_dir, config)
-        mapped = replace(mapped, agreement=again)
+        mapped = _mapped_again(mapped, keys, matches, work_dir, config)
     bent = mapped is not None and is_bent(mapped, turning, config)
     everything = with_frames_between(matches, key_rows, frames, config)
     if turns or bent or (unsure and not explains_better(mapped, turning, config)):
@@ -96,8 +98,8 @@ def _solve_keyframes(
         refined, smoothing = refine_turning(turn(everything), timeline, config)
         focal_px = float(intrinsics_px[0, 0])
         solution = turning_solution(refined, smoothing, focal, focal_px, config)
-        again = _turned_again(turning, matches, intrinsics_px, config)
-        return replace(solution, agreement=again), evidence, bent
+        solution = _turned_again(solution, turning, matches, intrinsics_px, config)
+        return solution, evidence, bent
     if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
             f"{frames.images[0].parent}: {len(matches.pairs)} pairs of frames match, but no mapper "
@@ -113,30 +115,41 @@ def _solve_keyframes(
 
 def _mapped_again(
     mapped: Solution, keys: Frames, matches: Matches, work_dir: Path, config: SfmConfig
-) -> Agreement | None:
-    """How a model agrees with one of every second keyframe."""
+) -> Solution:
+    """A model with how it agrees with one of every second keyframe."""
     if len(rows := every_second(matches)) < FEW_KEYFRAMES:
-        return None
+        return mapped
     second = map_again(mapped, rows, keys, work_dir, _reseeded(config))
-    if np.isfinite(second[:, 0, 0]).sum() < MOST_OF_THEM * len(rows):
-        return None
     least = least_extent(mapped.world_from_cam, mapped.points, config.small_travel_share)
-    return agreement(mapped.world_from_cam, second, least)
+    return _compared(mapped, mapped.world_from_cam, second, rows, least)
 
 
 def _turned_again(
-    turning: RotationOnly, matches: Matches, intrinsics_px: np.ndarray, config: SfmConfig
-) -> Agreement | None:
+    solution: Solution,
+    turning: RotationOnly,
+    matches: Matches,
+    intrinsics_px: np.ndarray,
+    config: SfmConfig,
+) -> Solution:
     """The same of a camera that only turns."""
     if len(rows := every_second(matches)) < FEW_KEYFRAMES:
-        return None
+        return solution
     among = [pair for pair in matches.pairs if {pair.first, pair.second} <= set(rows.tolist())]
     if not among:
-        return None
+        return replace(solution, second_share=0.0)
     rng = np.random.default_rng(_reseeded(config).seed)
     some = replace(matches, pairs=among)
     second = solve_rotation_only(some, intrinsics_px, config.rotation_only_inlier_px, rng)
-    return agreement(_turning_cameras(turning), _turning_cameras(second), 0.0)
+    return _compared(solution, _turning_cameras(turning), _turning_cameras(second), rows, 0.0)
+
+
+def _compared(
+    solution: Solution, first: np.ndarray, second: np.ndarray, rows: np.ndarray, least: float
+) -> Solution:
+    """A solution with how its keyframes' cameras (K, 4, 4) agree with those of the second one."""
+    found = agreement(first, second, least)
+    share = found.cameras / len(rows) if found is not None else 0.0
+    return replace(solution, second_share=share, agreement=found)
 
 
 def _turning_cameras(turning: RotationOnly) -> np.ndarray:
@@ -237,13 +250,17 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     0.25 m of travel for 0.05 m, and rotations that were off by 7 %, at 0.35 px.  Such a model asks
     for another focal length than the true one, or can't tell which it needs, or every second
     keyframe gives another path: on a pan among people in a street it was 20 % of its way off.
+    One of few keyframes does not tell how far the camera travels over all.
     """
+    if mapped.has_camera.mean() < MOST_OF_THEM:
+        return False
     turns_px = np.median(turning.residuals_px)
     if turns_px > config.small_travel_median_px:
         return False
     if not hardly_travels(mapped, config.small_travel_share):
         return False
     focal, again = mapped.focal, mapped.agreement
-    if again is not None and again.place_share > AGREEING_SHARE:
+    enough = (mapped.second_share or 0.0) >= MOST_OF_THEM
+    if enough and again is not None and again.place_share > AGREEING_SHARE:
         return True
     return focal is None or focal.sigma > VAGUE_FOCAL or abs(focal.factor - 1.0) > 3 * focal.sigma

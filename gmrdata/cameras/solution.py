@@ -42,7 +42,10 @@ class Solution:
     tracks: Tracks | None = None  # In the pixels of the frames; None but for "full"
     mean_error_px: float | None = None  # COLMAP's mean of `errors_px`; None but for "full"
     weakest_step: files.WeakestStep | None = None  # None but for "full"
-    agreement: files.Agreement | None = None  # With a second solution; None where there is none
+    second_share: float | None = None
+    """Share of every second keyframe that a second solution, of these alone, has too; None where
+    they are too few for one."""
+    agreement: files.Agreement | None = None  # With that solution; None where there is none
     lens: files.Lens | None = None  # Taken out of the image points; None where there was hardly any
     largest_turn_deg: float | None = None  # Largest turn from the mean orientation; None for "full"
     smoothing: files.Smoothing = files.NOT_SMOOTHED
@@ -145,6 +148,7 @@ def quality_of(
         radial_k1_sigma=focal.radial_k1_sigma if focal else None,
         lens=solution.lens,
         weakest_step=solution.weakest_step,
+        second_share=solution.second_share,
         agreement=solution.agreement,
         smoothing=solution.smoothing,
         points=len(solution.points) if solution.geometry == "full" else None,

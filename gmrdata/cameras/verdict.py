@@ -53,6 +53,12 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
         )
     yield from _step_reasons(quality, config)
     yield from _focal_reasons(quality, config)
+    share, least = quality.second_share, config.min_second_share
+    if share is not None and share < least:
+        yield (
+            f"of every second keyframe, solved alone, {share:.0%} get a camera, fewer than "
+            f"{least:.0%}: nothing confirms the path"
+        )
     if (again := quality.agreement) is not None:
         yield from agreement_reasons("every second keyframe, solved alone,", again, config)
 

@@ -46,12 +46,12 @@ def verdict_rows(
 
 def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -> list[Row]:
     """What cameras were judged by, which needs nobody."""
-    cuts_share = registered = error_px = step = factor = sigma = again = None
+    cuts_share = registered = error_px = step = factor = sigma = again = second = None
     if cameras is not None:
         cuts_share = len(cameras.cuts_after_frames) / max(1, cameras.frames - 1)
         registered, error_px = cameras.registered_share, cameras.mean_reprojection_px
         step, factor, sigma = cameras.weakest_step, cameras.focal_factor, cameras.focal_sigma
-        again = cameras.agreement
+        again, second = cameras.agreement, cameras.second_share
     loose = moving = ratio = None
     if step is not None:
         loose, moving, ratio = step.loose_share, step.loose_moving_share, step.distance_ratio
@@ -62,6 +62,7 @@ def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) ->
         _row("way that the weakest step leaves open [%]", loose, config.max_loose_share, unit=100),
         _row("the same times what moves [%]", moving, config.max_loose_moving_share, unit=100),
         _row("ratio of distances at successive keyframes", ratio, config.max_distance_ratio),
+        _share("every second keyframe, solved alone", second, config.min_second_share),
         _row(
             "turn of every second keyframe, solved alone [°]",
             None if again is None else again.turn_deg,

@@ -35,6 +35,7 @@ QUALITY = good_quality(
     focal_factor=1.01,
     focal_sigma=0.02,
     weakest_step=WeakestStep(2, 4, 0.0003, 0.04, 1.2),
+    second_share=1.0,
     agreement=Agreement(3, 0.05, 0.004),
     radial_k1=0.013,
     radial_k1_sigma=0.009,

@@ -71,8 +71,19 @@ def test_a_short_way_is_bent_if_its_focal_length_is_off_or_vague(
 def test_a_short_way_is_bent_if_every_second_keyframe_goes_another() -> None:
     firm = mapped(0.5, FreedFocal(1.002, 0.003))
     for share, bent in ((0.02, False), (0.197, True)):
-        again = replace(firm, agreement=Agreement(6, 0.2, share))
+        again = replace(firm, second_share=1.0, agreement=Agreement(6, 0.2, share))
         assert is_bent(again, turning(0.9), CONFIG) is bent
+        # A second model of few of them says nothing.
+        assert not is_bent(replace(again, second_share=0.5), turning(0.9), CONFIG)
+
+
+def test_a_model_of_few_keyframes_does_not_say_that_the_camera_only_turns() -> None:
+    """Most matches of a blurred walk fit a turn, and a model of 8 of 33 keyframes was vague."""
+    vague = mapped(0.5, FreedFocal(1.3, 0.9))
+    few = vague.world_from_cam.copy()
+    few[N // 2 :] = np.nan
+    assert is_bent(vague, turning(0.9), CONFIG)
+    assert not is_bent(replace(vague, world_from_cam=few), turning(0.9), CONFIG)
 
 
 def test_a_long_way_is_never_called_bent() -> None:

@@ -72,9 +72,10 @@ def test_nothing_is_asked_of_cues_where_no_scale_enters() -> None:
 
 
 def test_a_second_solution_stands_beside_its_thresholds() -> None:
-    cameras = good_quality(90, agreement=Agreement(12, 0.31, 0.052))
-    turn, place = [row for row in camera_rows(cameras, PseudoGtConfig().verdict)
-                   if "second" in row.name or "places" in row.name]  # fmt: skip
+    cameras = good_quality(90, second_share=0.75, agreement=Agreement(12, 0.31, 0.052))
+    share, turn, place = [row for row in camera_rows(cameras, PseudoGtConfig().verdict)
+                          if "second" in row.name or "places" in row.name]  # fmt: skip
+    assert (share.value, share.threshold, share.met) == ("75.0", "≥ 50", True)
     assert (turn.value, turn.threshold, turn.met) == ("0.31", "≤ 1", True)
     assert (place.value, place.threshold, place.met) == ("5.2", "≤ 3", False)
 
