@@ -35,11 +35,11 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from gmrdata.values.local_poses import load_local_poses
 from gmrdata.values.motion import Motion
-from gmrdata.values.people import person_file
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, person_file
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.values.transforms import apply, invert
 from gmrdata.world.quality import load_record
-from gmrdata.world.video import BODIES, FUSED, INTRINSICS, OWN_POSES, PSEUDO_GT, VideoSolveConfig
+from gmrdata.world.video import INTRINSICS, OWN_POSES, VideoSolveConfig
 from gmrdata.world.video_verdict import VideoVerdict
 from gmrdata.world.videos import EachVideo
 

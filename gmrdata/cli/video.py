@@ -13,8 +13,7 @@ from gmrdata.cli.answers import answer, fail, print_table
 from gmrdata.cli.shards import ArrayFlags, print_script
 from gmrdata.stage.progress import console, remark
 from gmrdata.stage.run import Run
-from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
-from gmrdata.values.files import STAGE_FILE
+from gmrdata.values.errors import BadRecipe, MissingInput
 
 if TYPE_CHECKING:
     from gmrdata.cameras.intrinsics import GivenIntrinsics
@@ -81,9 +80,9 @@ def video(
         sources: A video file, or a folder of numbered images; for a batch several of them, or a
             folder with video files.
         out: Output folder: frames/ of a video, masks/, intrinsics/, sfm/ and verdict.json; bodies/
-            and pseudo_gt/ of people; files/ to take along; index.html and overlay/ to look at. Of a
-            batch videos/<name>/ with these, videos.json and index.html. A run that was stopped goes
-            on where it was.
+            and pseudo_gt/ of people, and fused/ of the built-in estimator's; files/ to take along;
+            index.html and overlay/ to look at. Of a batch videos/<name>/ with these, videos.json
+            and index.html. A run that was stopped goes on where it was.
         poses: People before the camera: VIBE's vibe_output.pkl, WHAM's wham_output.pkl, GVHMR's
             hmr4d_results.pt, TRAM's folder, or PHALP's or 4D-Humans' .pkl. Of a batch a folder with
             <name>.pkl, <name>.pt or <name>/ for each video that has people. When left out, whom the
@@ -188,6 +187,7 @@ def _solve_alone(
 
 def solve_one(video: "NamedVideo", out: Path, each: "EachVideo", run: Run) -> "VideoVerdict":
     """One video with all of its stages; errors as of `solve_video`."""
+    from gmrdata.gmr.fused_motion import fuse_own_people
     from gmrdata.world.video import solve_video
     from gmrdata.world.video_verdict import VideoVerdict
 
@@ -203,35 +203,10 @@ def solve_one(video: "NamedVideo", out: Path, each: "EachVideo", run: Run) -> "V
         run=run,
     )
     verdict = VideoVerdict.read(path)
-    fuse_own_people(out, bodies.body_path if bodies and each.has_own(video) else None, run)
+    fuse_own_people(out, bodies.body_path if bodies and each.has_own(video) else None, run=run)
     if not any(person.accepted for person in verdict.people):
         _write_cameras(out, out / verdict.images_dir, verdict)
     return verdict
-
-
-def fuse_own_people(out: Path, body_path: Path | None, run: Run) -> None:
-    """`fused/`: people of the built-in estimator with the motions that the network of the package
-    sees, without gaps and with an error bar a frame; without a body none of an earlier run.
-
-    A network without a record of its errors can't be weighed, and is left out.
-    """
-    from gmrdata.gmr.bundled import bundled_run
-    from gmrdata.world.delta_errors import DELTA_ERRORS_FILE
-    from gmrdata.world.video import FUSED, PSEUDO_GT
-
-    has_people = body_path is not None and (out / PSEUDO_GT).is_dir()
-    if not has_people or not (bundled_run() / DELTA_ERRORS_FILE).is_file():
-        if (out / FUSED / STAGE_FILE).is_file():
-            shutil.rmtree(out / FUSED)
-        return
-    from gmrdata.gmr.fused_motion import FuseConfig, fuse_people
-    from gmrdata.world.evidence import fusion_config_of
-
-    config = FuseConfig(fusion=fusion_config_of(out))
-    try:
-        fuse_people(out, bundled_run(), body_path, out / FUSED, config, run=run)
-    except (BadMotionFile, StageFailed) as error:
-        remark(f"without the network's motions: {error}")
 
 
 def leave_page(out: Path, verdict: "VideoVerdict", *, page: bool) -> Path | None:

@@ -4,6 +4,7 @@ It stands here and not in `gmrdata.world`, which knows no network: the network's
 pose graph of `gmrdata.world.fusion` as plain arrays.
 """
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,27 +14,30 @@ import numpy as np
 from pydantic import Field
 
 from gmrdata.cameras.files import QUALITY_FILE
+from gmrdata.gmr.bundled import bundled_run
 from gmrdata.gmr.config import Which
 from gmrdata.gmr.infer import stand
 from gmrdata.gmr.predict import TrainedGmr, load_gmr
 from gmrdata.gmr.runs import check_finite
 from gmrdata.gmr.source_rate import deltas_at_source_rate
 from gmrdata.motion.resample import valid_runs
+from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, clip_on_body, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
-from gmrdata.values.files import write_npz
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
+from gmrdata.values.files import STAGE_FILE, write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.motion_deltas import accumulate
-from gmrdata.values.people import person_file
+from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import ArrayShapes, Config, Figure, Record, read_arrays
 from gmrdata.world.delta_errors import DELTA_ERRORS_FILE, DeltaErrors, seen_motions
 from gmrdata.world.evidence import (
     FusionConfig,
     Noise,
     error_bars,
+    fusion_config_of,
     known_frames,
     measured_noise,
     planted_feet,
@@ -47,7 +51,6 @@ from gmrdata.world.like_poses import corrected_by_like_poses
 from gmrdata.world.quality import PseudoGtQuality
 
 RECORD_FILE = "fusion.json"
-PSEUDO_GT = "pseudo_gt"  # its folder in that of a video
 SIGMA_FORMAT = "gmrdata-fusion-sigma/1"
 _SIGMA_SHAPES: ArrayShapes = {
     "place_sigma_m": ("f", ("T", 3)),  # standard deviation of the pelvis, world axes [m]
@@ -212,6 +215,27 @@ def fuse_people(
     return run_stage("fuse", out_dir, config, inputs, work, run=run)
 
 
+def fuse_own_people(video_dir: Path, body_path: Path | None, *, run: Run = DEFAULT_RUN) -> None:
+    """Fill `fused/` of a solved video: people of the built-in estimator, with the network of the
+    package.
+
+    Without a body, without people in the world, and where they can't be fused, which is said, none
+    of an earlier run stays.  A network without a record of its errors can't be weighed, and fuses
+    nobody.
+    """
+    fused_dir, network = video_dir / FUSED, bundled_run()
+    there = (video_dir / PSEUDO_GT).is_dir() and (network / DELTA_ERRORS_FILE).is_file()
+    if body_path is not None and there:
+        config = FuseConfig(fusion=fusion_config_of(video_dir))
+        try:
+            fuse_people(video_dir, network, body_path, fused_dir, config, run=run)
+            return
+        except (BadMotionFile, StageFailed) as error:
+            remark(f"without the network's motions: {error}")
+    if (fused_dir / STAGE_FILE).is_file():
+        shutil.rmtree(fused_dir)
+
+
 def scale_error(quality_path: Path) -> float:
     """Standard error of a pseudo ground truth's scale, as a share of it; 0 where none enters, or
     the clip is no pseudo ground truth's."""
@@ -343,7 +367,9 @@ def _placed(
 def _described(fused: FusedClip, loops: Sequence[SamePlace]) -> FusedPerson:
     clip, known = fused.clip, fused.arrays["has_camera"]
     fps_hz = clip.motion.fps_hz
-    place_m, turn_deg = (_overall(fused.arrays[key]) for key in ("place_sigma_m", "turn_sigma_deg"))
+    place_m, turn_deg = (
+        overall_sigma(fused.arrays[key]) for key in ("place_sigma_m", "turn_sigma_deg")
+    )
     gaps = tuple(
         Gap(
             start=start,
@@ -384,7 +410,7 @@ def _apart_m(path_m: np.ndarray, loop: SamePlace) -> float:
     return float(np.linalg.norm((path_m[loop.other_row] - path_m[loop.row])[:2]))
 
 
-def _overall(sigmas: np.ndarray) -> np.ndarray:
+def overall_sigma(sigmas: np.ndarray) -> np.ndarray:
     """(T,) root mean square over the three axes."""
     return np.asarray(np.sqrt((sigmas**2).mean(axis=1)))
 

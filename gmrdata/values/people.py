@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+BODIES, PSEUDO_GT, FUSED = "bodies", "pseudo_gt", "fused"
+"""Folders of a sequence's people: before the camera, in the world by the cameras, and there with a
+network's motions too."""
+
 
 @dataclass(frozen=True)
 class PersonFiles:

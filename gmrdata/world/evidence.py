@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
+from gmrdata.values.people import BODIES
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord
 from gmrdata.world.delta_errors import mean_speeds_m_per_s
 from gmrdata.world.fusion import FusedPoses, PlantedFeet, SeenMotions, SeenPoses
 from gmrdata.world.planted_feet import SOLE_POINTS, foot_points_m
 
-BODIES = "bodies"  # the folder of a video's people before the camera
 ROBUST = 1.4826  # from the median of absolute values to a standard deviation
 PACE_AXES = (0.5, 0.3, 1.0)  # of a wrong pace, along left, up and front
 FEWEST_STEPS = 10  # of three known frames in a row, behind a measured noise

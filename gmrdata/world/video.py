@@ -29,7 +29,7 @@ from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, NoReconstruction, StaleOutput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.local_poses import POSES_FILE, LocalPosesRecord
-from gmrdata.values.people import PersonFiles
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT, PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import (
     BODIES_FILE,
@@ -54,9 +54,8 @@ from gmrdata.world.video_verdict import (
 )
 
 FRAMES, MASKS, INTRINSICS, SFM = "frames", "masks", "intrinsics", "sfm"
-AGAIN, OWN_POSES, BODIES, PSEUDO_GT = "again", "own_poses", "bodies", "pseudo_gt"
-FUSED = "fused"
-"""The folders of a video, in the order in which they are made."""
+AGAIN, OWN_POSES = "again", "own_poses"
+"""The folders of a video but for those of people, in the order in which they are made."""
 
 MOST_OFF = 0.99  # of a deviation, as a share
 NOBODY_SEEN = "The built-in estimator sees nobody: these are cameras alone"

@@ -19,16 +19,14 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.store import NotMade, run_stage
 from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.files import STAGE_FILE, remove_orphans
+from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
 from gmrdata.values.records import PART, Config, Figure, Record
 from gmrdata.world.video import (
     AGAIN,
-    BODIES,
     FRAMES,
-    FUSED,
     INTRINSICS,
     MASKS,
     OWN_POSES,
-    PSEUDO_GT,
     SFM,
     VideoSolveConfig,
 )

@@ -1,17 +1,12 @@
 """`gmrdata fuse` and `gmrdata delta-errors`, as a user types them."""
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
 
 from gmrdata.cli import main
-from gmrdata.cli.video import fuse_own_people
-from gmrdata.gmr import bundled
-from gmrdata.gmr.fused_motion import RECORD_FILE, FusionRecord, load_sigma
-from gmrdata.stage.run import Run
-from gmrdata.values.clip import load_clip
+from gmrdata.gmr.fused_motion import RECORD_FILE, FusionRecord
 from tests.gmr.test_fused_motion import clip, errors_path, pseudo_gt  # noqa: F401  fixtures
 
 
@@ -39,28 +34,6 @@ def test_fuse_says_what_it_found_and_writes_a_page(
     assert page.count("<svg") == 1
     main(words)
     assert (tmp_path / "out" / "fusion.html").read_text("utf-8") == page
-
-
-def test_people_of_a_video_alone_get_the_packages_network(
-    pseudo_gt: Path,  # noqa: F811
-    errors_path: Path,  # noqa: F811
-    run_dir: Path,
-    body_path: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Once it has a record of its errors; and what was made of them goes when they do."""
-    network, out = tmp_path / "network", pseudo_gt.parent
-    shutil.copytree(run_dir, network)
-    monkeypatch.setattr(bundled, "bundled_run", lambda: network)
-    fuse_own_people(out, body_path, Run())
-    assert not (out / "fused").exists()
-    shutil.copy(errors_path, network / "delta_errors.json")
-    fuse_own_people(out, body_path, Run())
-    assert load_clip(out / "fused" / "person_0.npz").valid.all()
-    assert len(load_sigma(out / "fused" / "sigma_0.npz")["place_sigma_m"]) == 90
-    fuse_own_people(out, None, Run())
-    assert not (out / "fused").exists() and pseudo_gt.is_dir()
 
 
 @pytest.mark.parametrize(

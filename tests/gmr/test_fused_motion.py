@@ -1,5 +1,6 @@
 """Cameras and a network put together: from a pseudo ground truth to clips with error bars."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from gmrdata.gmr.fused_motion import (
     FusionRecord,
     Loop,
     fuse_clip,
+    fuse_own_people,
     fuse_people,
     load_sigma,
     person_clips,
@@ -25,7 +27,7 @@ from gmrdata.gmr.fused_motion import (
 from gmrdata.gmr.predict import TrainedGmr
 from gmrdata.gmr.source_rate import deltas_at_source_rate
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, load_clip, save_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import write_npz
 from gmrdata.values.motion import Motion
@@ -108,6 +110,45 @@ def test_the_folder_has_whole_clips_with_error_bars(
         pseudo_gt.parent, run_dir, body_path, tmp_path / "out", config, errors_path=errors_path
     )
     assert again == made
+
+
+def test_people_of_the_built_in_estimator_get_the_packages_network(
+    pseudo_gt: Path,
+    clip: Clip,
+    small_body: BodyModel,
+    errors_path: Path,
+    run_dir: Path,
+    body_path: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Once it has a record of its errors; and what was made of them goes when they do."""
+    from gmrdata.gmr import fused_motion
+
+    network, folder = tmp_path / "network", pseudo_gt.parent
+    shutil.copytree(run_dir, network)
+    monkeypatch.setattr(fused_motion, "bundled_run", lambda: network)
+    fuse_own_people(folder, body_path)
+    assert not (folder / "fused").exists()
+    shutil.copy(errors_path, network / "delta_errors.json")
+    fuse_own_people(folder, body_path)
+    assert load_clip(folder / "fused" / "person_0.npz").valid.all()
+    assert len(load_sigma(folder / "fused" / "sigma_0.npz")["place_sigma_m"]) == 90
+    fuse_own_people(folder, None)
+    assert not (folder / "fused").exists() and pseudo_gt.is_dir()
+    fuse_own_people(folder, body_path)
+    short = replace(
+        clip,
+        motion=clip.motion.take(slice(0, 2)),
+        valid=clip.valid[:2],
+        image_numbers=clip.image_numbers[:2],
+        camera=camera_of(clip).at_rows(slice(0, 2)),
+    )
+    save_clip(pseudo_gt / "person_0.npz", short, small_body.rest_pelvis_m(clip.motion.shape))
+    fuse_own_people(folder, body_path)
+    assert "without the network's motions" in " ".join(capsys.readouterr().err.split())
+    assert not (folder / "fused").exists()
 
 
 def test_the_true_motions_fill_the_gap(
