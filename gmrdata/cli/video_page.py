@@ -64,12 +64,13 @@ def _has_cameras_alone(out_dir: Path) -> bool:
 def write_files(
     out_dir: Path, *, images: Path | None = None, body: str | None = None
 ) -> Sequence[tuple[str, str]]:
-    """Files for other programs of the people who were accepted; what could not be written, and
-    why.  Of cameras alone they are there, or were not wanted."""
+    """Files for other programs of the people who were accepted, by `fused/` where it is there; what
+    could not be written, and why.  Of cameras alone they are there, or were not wanted."""
     from gmrdata.cli.export_files import Given, exported
     from gmrdata.cli.export_formats import ExportOptions
     from gmrdata.cli.video import FILES, TAKEN_ALONG
-    from gmrdata.manifest.exported import PSEUDO_GT, list_clips
+    from gmrdata.manifest.exported import list_clips, world_people_dir
+    from gmrdata.values.people import PSEUDO_GT
     from gmrdata.world.quality import load_record
 
     pseudo_gt_dir = out_dir / PSEUDO_GT
@@ -77,7 +78,8 @@ def write_files(
         return ()
     try:
         people = load_record(pseudo_gt_dir).people
-        clips = list_clips(pseudo_gt_dir)
+        people_dir = world_people_dir(out_dir)
+        clips = list_clips(people_dir)
         ids = [files.id for files, one in zip(clips, people, strict=True) if one.accepted]
         if not ids and _has_cameras_alone(out_dir):
             return ()
@@ -85,7 +87,7 @@ def write_files(
             shutil.rmtree(out_dir / FILES / name, ignore_errors=True)
         if not ids:
             return ()
-        given = Given(pseudo_gt_dir, tuple(ids), body, images, None)
+        given = Given(people_dir, tuple(ids), body, images, None)
         results = exported(given, TAKEN_ALONG, out_dir / FILES, ExportOptions(), redo=True)
     except (GmrdataError, ValueError) as error:
         return [("all formats", str(error))]

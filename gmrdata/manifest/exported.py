@@ -26,11 +26,12 @@ from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CLIP_FORMAT, Clip, load_clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, MissingInput
 from gmrdata.values.files import STAGE_FILE, read_npz, resolve_inside
+from gmrdata.values.people import FUSED, PSEUDO_GT
 
 MANIFESTS = ("pseudo_gt.yaml", "synthetic.yaml", "motions.yaml", "emdb.yaml")
 """The manifest that stands for a folder with several: a demo's result goes before its truth."""
 CLIPS_WITHIN = ("render_set", "predictions")  # the folders of twins, and of a baseline
-PSEUDO_GT, SFM = "pseudo_gt", "sfm"  # stages of a sequence that was solved, in one folder
+SFM = "sfm"  # the cameras' stage of a sequence that was solved, beside those of its people
 HEAD_BYTES = 1 << 16  # of a manifest, before its clips
 WRONG_BODY_M = 1e-3  # a rest pelvis that far from the clip's own is of another body
 
@@ -188,7 +189,7 @@ def _clips_of(source: Path) -> Iterator[ClipFiles]:
 def _clip_file(path: Path) -> ClipFiles:
     """A single clip, with what the stage that made it left beside it."""
     name = load_clip(path).id
-    if path.absolute().parent.name == PSEUDO_GT:
+    if path.absolute().parent.name in (PSEUDO_GT, FUSED):
         return replace(_pseudo_gt_clip(path), id=_file_name(name), sequence=_file_name(name))
     return _rendered_clip(path, _file_name(name))
 
@@ -290,13 +291,21 @@ def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int
 
 
 def _people_in(folder: Path) -> list[ClipFiles]:
-    """The people of one sequence: of `gmrdata sfm`'s folder, or of its `pseudo_gt` in it."""
+    """The people of one sequence: of a solved sequence's folder, or of a folder of people in it."""
     if (folder / PSEUDO_GT).is_dir():
-        folder = folder / PSEUDO_GT
-    paths = sorted(folder.glob("person_[0-9]*.npz"))
+        folder = world_people_dir(folder)
+    paths = sorted(
+        folder.glob("person_[0-9]*.npz"), key=lambda path: number_in_name(path.name) or 0
+    )
     people = [replace(_pseudo_gt_clip(path), id=_file_name(load_clip(path).id)) for path in paths]
     one = people[0].id if len(people) == 1 else None
     return [replace(person, sequence=one or person.sequence) for person in people]
+
+
+def world_people_dir(folder: Path) -> Path:
+    """Where a solved sequence has its people in the world: with a network's motions where they were
+    put together, else as the cameras alone give them."""
+    return folder / (FUSED if (folder / FUSED).is_dir() else PSEUDO_GT)
 
 
 def _pseudo_gt_clip(path: Path) -> ClipFiles:

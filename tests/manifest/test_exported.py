@@ -83,6 +83,30 @@ def test_people_of_one_sequence_share_it(
     assert (one.id, one.sfm_dir) == ("walk.p1", tmp_path / "walk/sfm")
 
 
+def test_people_of_a_video_are_those_with_the_network_s_motions_where_these_are_there(
+    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    for stage, walker in zip(("pseudo_gt", "fused"), walkers, strict=True):
+        save(tmp_path / f"walk/{stage}/person_0.npz", replace(walker, id="walk"), small_body)
+    (tmp_path / "walk/sfm").mkdir()
+    (tmp_path / "walk/sfm/cameras.npz").touch()
+    fused = tmp_path / "walk/fused"
+    for source in (tmp_path / "walk", fused, fused / "person_0.npz"):
+        (one,) = list_clips(source)
+        assert one.clip_path == fused / "person_0.npz" and one.sfm_dir == tmp_path / "walk/sfm"
+    (one,) = list_clips(tmp_path / "walk/pseudo_gt")
+    assert one.clip_path == tmp_path / "walk/pseudo_gt/person_0.npz"
+
+
+def test_people_come_by_their_numbers(
+    walkers: list[Clip], small_body: BodyModel, tmp_path: Path
+) -> None:
+    for number in range(11):
+        clip = replace(walkers[0], id=f"p{number}")
+        save(tmp_path / f"walk/pseudo_gt/person_{number}.npz", clip, small_body)
+    assert [one.id for one in list_clips(tmp_path / "walk")] == [f"p{n}" for n in range(11)]
+
+
 def test_a_manifest_says_which_frames_are_kept(
     clip: Clip, small_body: BodyModel, tmp_path: Path
 ) -> None:
