@@ -1,5 +1,8 @@
-"""Cameras and a network together, as an HTML page: places over time, with error bars."""
+"""Cameras and a network together: each person's places over time with error bars, as a page of
+their own, and as a section of the page of a solved video."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +14,7 @@ from gmrdata.gmr.fused_motion import (
     FusedPerson,
     FusionRecord,
     load_sigma,
+    overall_sigma,
     result_rows,
     sigma_file,
 )
@@ -18,10 +22,13 @@ from gmrdata.motion.resample import valid_runs
 from gmrdata.pages.html import Table, render
 from gmrdata.pages.plots import COLOURS, quiet, svg
 from gmrdata.values.clip import Clip, load_clip
+from gmrdata.values.errors import BadRecord
 from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.people import person_file
+from gmrdata.values.records import MAKE_AGAIN
 
-SIZE_IN = (7.4, 5.2)
+SIZE_IN = (7.4, 6.8)
+PLACE_IN, SIGMA_IN = 3.0, 2.0  # heights of plots, as parts of the whole
 EXPLANATIONS = (
     "The error bars are standard deviations: of 100 errors along an axis, about 95 are within two.",
     "They hold for people and motions like those that the network’s errors were measured on.",
@@ -29,47 +36,88 @@ EXPLANATIONS = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class FusedPeople:
+    """What `fuse_people` left: of each person a clip of T frames, and their error bars."""
+
+    record: FusionRecord
+    clips: Mapping[int, Clip]
+    sigmas: Mapping[int, dict[str, np.ndarray]]  # as `load_sigma` has them
+
+
+def read_fused(folder: Path) -> FusedPeople:
+    """All of a folder; MissingInput, BadRecord or BadMotionFile for what is lost or broken."""
+    record = FusionRecord.read(folder / RECORD_FILE)
+    people = range(len(record.people))
+    clips = {person: load_clip(folder / person_file(person)) for person in people}
+    sigmas = {person: load_sigma(folder / sigma_file(person)) for person in people}
+    for person, clip in clips.items():
+        if len(sigmas[person]["has_camera"]) != clip.motion.n_frames:
+            raise BadRecord(f"{folder / sigma_file(person)}: is of other frames; {MAKE_AGAIN}")
+    return FusedPeople(record, clips, sigmas)
+
+
 def write_fusion_page(folder: Path) -> Path:
     """Write `fusion.html` beside `fusion.json`; the path of the page."""
     remove_orphans(folder)
-    record = FusionRecord.read(folder / RECORD_FILE)
-    people = []
-    for number, person in enumerate(record.people):
-        clip = load_clip(folder / person_file(number))
-        sigma = load_sigma(folder / sigma_file(number))
-        name = f"person-{number}"
-        plot = svg(lambda plot, c=clip, s=sigma: plot_place(plot, c, s), *SIZE_IN, name)  # type: ignore[misc]
-        statements = _statements(person)
-        people.append({"anchor": name, "id": person.id, "plot": plot, "statements": statements})
-    table = Table(RESULT_HEADINGS, result_rows(record), "Medians over the frames, and the largest.")
+    found = read_fused(folder)
     page = folder / "fusion.html"
-    lead = f"Camera poses and the motions of GMR {record.network}, put together frame by frame."
-    shown = {"title": "Cameras and network together", "lead": lead, "table": table}
-    write_text(page, render("fusion", people=people, explanations=EXPLANATIONS, **shown))
+    lead = (
+        f"Camera poses and the motions of GMR {found.record.network}, put together frame by frame."
+    )
+    shown = {"title": "Cameras and network together", "lead": lead, "fused": fused_shown(found)}
+    write_text(page, render("fusion", **shown))
     return page
 
 
-def plot_place(plot: Figure, clip: Clip, sigma: dict[str, np.ndarray]) -> None:
-    """The pelvis along x, y and z over time, with two standard deviations to either side."""
+def fused_shown(found: FusedPeople) -> dict[str, object]:
+    """The values of the parts of `fused.html.j2`."""
+    rows = result_rows(found.record)
+    people = []
+    for number, person in enumerate(found.record.people):
+        clip, sigma = found.clips[number], found.sigmas[number]
+        anchor = f"person-{number}"
+        plot = svg(lambda plot, c=clip, s=sigma: plot_person(plot, c, s), *SIZE_IN, anchor)  # type: ignore[misc]
+        statements = _statements(person)
+        people.append({"anchor": anchor, "id": person.id, "plot": plot, "statements": statements})
+    table = Table(RESULT_HEADINGS, rows, "Medians over the frames, and the largest.")
+    return {"people": people, "table": table, "explanations": EXPLANATIONS}
+
+
+def plot_person(plot: Figure, clip: Clip, sigma: dict[str, np.ndarray]) -> None:
+    """The pelvis along x, y and z over time, with two standard deviations to either side; below,
+    one of place and one of turn, over the three axes together."""
     times_s = np.arange(clip.motion.n_frames) / clip.motion.fps_hz
-    for number, (axes, name) in enumerate(zip(plot.subplots(3, sharex=True), "xyz", strict=True)):
+    heights = [PLACE_IN] * 3 + [SIGMA_IN] * 2
+    column, colour = plot.subplots(5, sharex=True, height_ratios=heights), COLOURS["gmr"]
+    for number, (axes, name) in enumerate(zip(column[:3], "xyz", strict=True)):
         place_m = clip.motion.pelvis_m[:, number]
         reach_m = 2 * sigma["place_sigma_m"][:, number]
-        for start, stop in valid_runs(~sigma["has_camera"]):
-            axes.axvspan(times_s[start], times_s[stop - 1], color=COLOURS["rule"], linewidth=0)
-        colour = COLOURS["gmr"]
         band = place_m - reach_m, place_m + reach_m
         axes.fill_between(times_s, *band, color=colour, alpha=0.25, linewidth=0)
         axes.plot(times_s, place_m, color=colour, linewidth=1.4)
         axes.set_ylabel(f"{name} [m]")
+    for axes, key, name in (
+        (column[3], "place_sigma_m", "place σ [m]"),
+        (column[4], "turn_sigma_deg", "turn σ [°]"),
+    ):
+        axes.plot(times_s, overall_sigma(sigma[key]), color=colour, linewidth=1.4)
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel(name)
+    half_s = 0.5 / clip.motion.fps_hz
+    for axes in column:
+        for start, stop in valid_runs(~sigma["has_camera"]):
+            span_s = times_s[start] - half_s, times_s[stop - 1] + half_s
+            axes.axvspan(*span_s, color=COLOURS["rule"], linewidth=0, zorder=0)
         quiet(axes)
-    axes.set_xlabel("time [s]")
-    axes.set_xlim(0, max(times_s[-1], 1e-3))
+    plot.align_ylabels(column)
+    column[-1].set_xlabel("time [s]")
+    column[-1].set_xlim(-half_s, times_s[-1] + half_s)
 
 
 def _statements(person: FusedPerson) -> list[str]:
     said = [
-        f"no camera for {gap.seconds:.2f} s from {gap.start / person.fps_hz:.2f} s on: up to"
+        f"no camera pose for {gap.seconds:.2f} s from {gap.start / person.fps_hz:.2f} s on: up to"
         f" {1000 * gap.place_sigma_m:.0f} mm and {gap.turn_sigma_deg:.1f}°"
         for gap in person.gaps
     ]

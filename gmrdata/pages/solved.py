@@ -155,6 +155,11 @@ class Solved:
         return "m"
 
     @property
+    def is_fused(self) -> bool:
+        """Whether `clips` go on in dropped frames, by a network's motions."""
+        return False
+
+    @property
     def cameras(self) -> CamerasQuality | None:
         return None if self.record is None else self.record.cameras
 

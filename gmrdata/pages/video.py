@@ -7,7 +7,6 @@ from urllib.parse import quote
 
 import numpy as np
 
-from gmrdata.manifest.exported import PSEUDO_GT
 from gmrdata.pages import solved_sections as sections
 from gmrdata.pages import thresholds
 from gmrdata.pages.footage import (
@@ -24,7 +23,7 @@ from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.files import STAGE_FILE, remove_orphans, write_bytes, write_text
-from gmrdata.values.people import person_file
+from gmrdata.values.people import FUSED, PSEUDO_GT, person_file
 from gmrdata.values.records import Config
 from gmrdata.write.overlay import OVERLAY_BGR
 
@@ -38,7 +37,8 @@ RECORDS = {
     "bodies": ("bodies.json",),
     "intrinsics": ("intrinsics.json",),
     "sfm": ("quality.json",),
-    "pseudo_gt": ("quality.json",),
+    PSEUDO_GT: ("quality.json",),
+    FUSED: ("fusion.json",),
 }
 """What the stages leave for people to read, beside their records."""
 
@@ -72,6 +72,10 @@ SOURCES = {
 CLIP_USE = (
     "the world motion and the camera as gmrdata keeps them: AMASS's keys, a row for each frame"
 )
+SIGMA_USE = "one standard deviation of place [m] and turn [°] in each frame"
+CAMERAS_USE = "the same motion by the cameras alone, in the frames that are kept"
+Offer = tuple[str, str, list[tuple[str, str, str]]]
+"""Name and use of files, and the address, the name and the size of each."""
 
 
 class OverlayConfig(Config):
@@ -125,6 +129,8 @@ def _makers(
     record, cameras = found.record, found.cameras
     if found.world_from_cam is not None and cameras is not None:
         makers["paths"] = lambda: sections.paths(found)
+    if found.fused is not None:
+        makers["fused"] = lambda: _fused(found)
     if found.reasons:
         makers["over_time"] = lambda: sections.over_time(found, found.config.verdict)
     if record is not None and record.cameras is not None:
@@ -190,6 +196,8 @@ def _overlay(found: SolvedVideo) -> dict[str, object]:
         "size_mb": video.stat().st_size / 1e6,
         "every": max(1, round(footage.fps_hz / rate_hz)),
         "has_masks": any(footage.masks),
+        "is_fused": found.is_fused,
+        "without_camera": int((~footage.camera.has_camera).sum()),
         "people": [one.id for one in found.people],
         "marks": found.is_alone and _marks_words(found, footage),
         "n_pictures": len(rows),
@@ -210,16 +218,25 @@ def make_overlay(found: SolvedVideo, footage: Footage) -> Path:
 
     def work(partial: Path) -> None:
         write_footage(partial / OVERLAY_FILE, footage)
-        there = np.flatnonzero([image is not None for image in footage.images])
-        middle = int(there[len(there) // 2])
+        there = np.array([image is not None for image in footage.images])
+        drawn = there & footage.camera.has_camera
+        rows = np.flatnonzero(drawn if drawn.any() else there)
+        middle = int(rows[len(rows) // 2])
         write_bytes(partial / POSTER_FILE, jpeg(footage_picture(footage, middle), 80))
 
     images = (path.parent for path in footage.images if path is not None)
     inputs = {"images": next(images)}
-    inputs |= {name: found.folder / name for name in ("masks", "sfm", "pseudo_gt")}
+    inputs |= {name: found.folder / name for name in ("masks", "sfm", PSEUDO_GT, FUSED)}
     inputs = {name: path for name, path in inputs.items() if path.is_dir()}
     out_dir = found.folder / OVERLAY
     return run_stage(OVERLAY, out_dir, OverlayConfig(), inputs, work, run=Run(redo=True))
+
+
+def _fused(found: SolvedVideo) -> dict[str, object]:
+    from gmrdata.pages.fusion import fused_shown
+
+    assert found.fused is not None
+    return fused_shown(found.fused)
 
 
 def _colours() -> dict[str, str]:
@@ -261,19 +278,36 @@ def _field_of_view(camera: CameraPath) -> str:
 
 
 def _downloads(found: SolvedVideo, left_out: Sequence[tuple[str, str]]) -> dict[str, object]:
-    """What lies in `files`, by format, and what could not be written."""
-    offers = []
-    people = range(len(found.judged))
-    clips = [found.folder / PSEUDO_GT / person_file(person) for person in people]
-    if links := list(_links(found.folder, clips, found.folder / PSEUDO_GT)):
-        offers.append(("gmrdata npz", CLIP_USE, links))
+    """What lies in `files`, by format, what the stages keep of people, and what could not be
+    written."""
+    own, exported = list(_own_files(found)), []
     for download in DOWNLOADS:
         folder = found.folder / FILES / download.format
         files = sorted(path for path in folder.rglob("*") if path.is_file())
-        if links := list(_links(found.folder, files, folder)):
-            offers.append((download.name, download.use, links))
-    exported = bool(offers) and offers[-1][1] != CLIP_USE
-    return {"offers": offers, "exported": exported, "left_out": left_out, "most": MOST_LINKS}
+        exported.append((download.name, download.use, list(_links(found.folder, files, folder))))
+    return {
+        "offers": [offer for offer in (*own, *exported) if offer[-1]],
+        "exported": any(links for *_, links in exported),
+        "left_out": left_out,
+        "most": MOST_LINKS,
+    }
+
+
+def _own_files(found: SolvedVideo) -> Iterator[Offer]:
+    """Name, use and links of what the stages keep of people."""
+
+    def offer(name: str, use: str, stage: str, file: Callable[[int], str]) -> Offer:
+        paths = [found.folder / stage / file(person) for person in range(len(found.judged))]
+        return name, use, list(_links(found.folder, paths, found.folder / stage))
+
+    if not found.is_fused:
+        yield offer("gmrdata npz", CLIP_USE, PSEUDO_GT, person_file)
+        return
+    from gmrdata.gmr.fused_motion import sigma_file
+
+    yield offer("gmrdata npz", CLIP_USE, FUSED, person_file)
+    yield offer("Error bars, npz", SIGMA_USE, FUSED, sigma_file)
+    yield offer("Pseudo ground truth, npz", CAMERAS_USE, PSEUDO_GT, person_file)
 
 
 def _links(root: Path, files: Sequence[Path], below: Path) -> Iterator[tuple[str, str, str]]:

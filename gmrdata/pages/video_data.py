@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmrdata.cameras.files import CamerasQuality, Lens, SfmCameras
 from gmrdata.cameras.intrinsics import Intrinsics, load_intrinsics
-from gmrdata.manifest.exported import PSEUDO_GT, SFM, ExportedClip, list_clips, load_exported
+from gmrdata.manifest.exported import SFM, ExportedClip, list_clips, load_exported
 from gmrdata.masks.folder import find_mask
 from gmrdata.pages.footage import NO_MARKS, Footage, Marks, direction_marks
 from gmrdata.pages.solved import (
@@ -24,13 +25,18 @@ from gmrdata.read.video import VIDEO_FILE, VideoRecord
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import GmrdataError, MissingInput
+from gmrdata.values.errors import BadRecord, GmrdataError, MissingInput
+from gmrdata.values.people import FUSED, PSEUDO_GT
+from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.world.pseudo_gt import config_of
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig
 from gmrdata.world.verdict import Verdict
 from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict, judge_cameras
 from gmrdata.write.take import Performer
+
+if TYPE_CHECKING:
+    from gmrdata.pages.fusion import FusedPeople
 
 FRAMES, MASKS, INTRINSICS = "frames", "masks", "intrinsics"
 UNKNOWN_FPS_HZ = 30.0  # of a folder of images without a video's record and without a body
@@ -47,6 +53,8 @@ class SolvedVideo(Solved):
     times_s: np.ndarray  # (T,)
     video: VideoRecord | None  # None of images that came from no video
     people: tuple[ExportedClip, ...]  # with what it takes to draw and to export them
+    fused: "FusedPeople | None"
+    """Whose motions `clips` and `people` have; None for the cameras' own."""
     camera: CameraPath | None  # of the T frames, in the shown world
     camera_verdict: Verdict | None  # on the cameras by themselves; None where nothing tells
     notes: tuple[str, ...]  # what one should know besides
@@ -73,6 +81,10 @@ class SolvedVideo(Solved):
     def is_alone(self) -> bool:
         """Whether cameras were sought, and nobody's motion."""
         return not self.judged
+
+    @property
+    def is_fused(self) -> bool:
+        return self.fused is not None
 
     @property
     def row_names(self) -> list[str]:
@@ -123,6 +135,9 @@ def gather_video(folder: Path, images_dir: Path | None, body: str | None) -> Sol
     said = reader.read(VideoVerdict.read, folder / VERDICT_FILE) if VERDICT_FILE in there else None
     record = reader.read(load_record, folder / PSEUDO_GT) if PSEUDO_GT in there else None
     clips = read_people(reader, folder / PSEUDO_GT, record)
+    fused = _fused(reader, folder / FUSED, clips) if clips and (folder / FUSED).is_dir() else None
+    clips = clips if fused is None else dict(fused.clips)
+    people_dir = folder / (PSEUDO_GT if fused is None else FUSED)
     solved = read_reconstruction(reader, folder / SFM) if SFM in there else None
     numbers, camera = _camera_of(clips, solved)
     config = reader.read(config_of, folder / PSEUDO_GT) if PSEUDO_GT in there else None
@@ -151,7 +166,8 @@ def gather_video(folder: Path, images_dir: Path | None, body: str | None) -> Sol
         masks=_masks(reader, folder / MASKS, images),
         times_s=_times_s(video, numbers, clips),
         video=video,
-        people=_people(reader, folder, images_dir, body) if clips else (),
+        people=_people(reader, people_dir, images_dir, body) if clips else (),
+        fused=fused,
         camera=camera,
         intrinsics=reader.read(load_intrinsics, folder / INTRINSICS) if has_lens else None,
         camera_verdict=verdict,
@@ -160,6 +176,25 @@ def gather_video(folder: Path, images_dir: Path | None, body: str | None) -> Sol
         # Pages go to others, whom the place of the folder is nothing to.
         missing=tuple(dict.fromkeys(one.replace(f"{folder}/", "") for one in reader.missing)),
     )
+
+
+def _fused(reader: Reader, fused_dir: Path, clips: dict[int, Clip]) -> "FusedPeople | None":
+    """What was made of the people with a network; None where it can't be read, or is of others."""
+    # Here, since it loads torch, which the page of cameras alone does without.
+    from gmrdata.pages.fusion import read_fused
+
+    def read(folder: Path) -> "FusedPeople":
+        found = read_fused(folder)
+        ours, theirs = (
+            {person: clip.image_numbers.tolist() for person, clip in of.items()}
+            for of in (clips, found.clips)
+        )
+        if ours != theirs:
+            what = f"is of other people or frames than {PSEUDO_GT}"
+            raise BadRecord(f"{folder}: {what}; {MAKE_AGAIN}")
+        return found
+
+    return reader.read(read, fused_dir)
 
 
 def _camera_of(
@@ -247,10 +282,7 @@ def _people(
     """Everybody with the body at hand; those without are named and not drawn."""
 
     def load(folder: Path) -> list[ExportedClip]:
-        return [
-            load_exported(one, body=body, images=images_dir)
-            for one in list_clips(folder / PSEUDO_GT)
-        ]
+        return [load_exported(one, body=body, images=images_dir) for one in list_clips(folder)]
 
     there = []
     for person in reader.read(load, folder) or []:
@@ -268,8 +300,7 @@ def footage_of(found: SolvedVideo) -> Footage:
     if not any(found.images):
         raise MissingInput("the frames are not here: give their folder with --images")
     people = tuple(
-        Performer(one.id, one.clip.motion, one.body, one.clip.valid & found.camera.has_camera)
-        for one in found.people
+        Performer(one.id, one.clip.motion, one.body, one.clip.valid) for one in found.people
     )
     dropped = np.ones(found.n_frames, dtype=bool) if not found.reasons else ~found.kept
     return Footage(

@@ -29,7 +29,7 @@ def test_fuse_says_what_it_found_and_writes_a_page(
     record = FusionRecord.read(tmp_path / "out" / RECORD_FILE)
     assert record.people[0].loops[0].time_s == 0.5
     page = (tmp_path / "out" / "fusion.html").read_text("utf-8")
-    assert "no camera for 1.00 s from 0.67 s on" in page
+    assert "no camera pose for 1.00 s from 0.67 s on" in page
     assert "at 0.50 s and 2.50 s on one spot" in page
     assert page.count("<svg") == 1
     main(words)

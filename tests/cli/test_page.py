@@ -8,11 +8,16 @@ import numpy as np
 import pycolmap
 import trimesh
 
+from gmrdata.cli.video_page import write_files
 from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import load_clip
+from gmrdata.values.files import read_npz
 from gmrdata.world.quality import load_record
 from gmrdata.world.verdict import verdict_of
+from gmrdata.write.amass import write_amass
+from tests.film.set_kills import contents
 from tests.pages.html_pages import Page
-from tests.pages.solved_video import N_ROWS, solved_video
+from tests.pages.solved_video import N_ROWS, fuse_video, solved_video
 
 Gmrdata = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -49,6 +54,31 @@ def test_the_page_has_files_of_one_who_is_accepted_and_none_of_one_who_is_reject
     words = Page(folder / "index.html").words
     assert "it floats" in words and "files are written of what is accepted" in words
     assert [path.name for path in kept.parent.iterdir()] == [kept.name]
+
+
+def test_files_are_of_the_network_s_motions_where_these_are_there(
+    small_body: BodyModel, run_dir: Path, tmp_path: Path
+) -> None:
+    folder, last = tmp_path / "walk", N_ROWS - 1
+    solved_video(folder, small_body, lost=[9, 10, 11])
+    assert write_files(folder) == []
+    assert _files(folder, "bvh") == ["walk_00000-00008.bvh", f"walk_00012-{last:05d}.bvh"]
+    before = contents(folder / "pseudo_gt")
+    fused = load_clip(fuse_video(folder, run_dir) / "person_0.npz").motion
+    assert write_files(folder) == []
+    assert _files(folder, "bvh") == [f"walk_00000-{last:05d}.bvh"]
+    assert _files(folder, "amass") == [f"walk_00000-{last:05d}.npz"]
+    write_amass(tmp_path / "fused.npz", fused, small_body)
+    wanted = read_npz(tmp_path / "fused.npz")["trans"]
+    made = read_npz(folder / "files" / "amass" / "walk" / f"walk_00000-{last:05d}.npz")
+    np.testing.assert_allclose(made["trans"], wanted, atol=1e-6)
+    cameras = np.loadtxt(folder / "files" / "tum" / "walk.txt")
+    assert len(cameras) == N_ROWS - 3
+    assert contents(folder / "pseudo_gt") == before
+
+
+def _files(folder: Path, format: str) -> list[str]:
+    return sorted(path.name for path in (folder / "files" / format / "walk").iterdir())
 
 
 def test_several_and_none(gmrdata: Gmrdata, tmp_path: Path) -> None:

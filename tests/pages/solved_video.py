@@ -1,4 +1,5 @@
-"""A solved video: painted frames, exact cameras in a reconstruction's form, and a person."""
+"""A solved video: painted frames, exact cameras in a reconstruction's form, and a person, whose
+motion a network may fill in."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,6 +10,7 @@ import numpy as np
 from gmrdata.cameras.files import POINTS_FILE, load_cameras, save_points
 from gmrdata.cameras.tracks import TRACKS_FILE, Tracks, save_tracks
 from gmrdata.film.programmes import Circular, Panning
+from gmrdata.gmr.fused_motion import fuse_people
 from gmrdata.read.bodies import save_body
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
@@ -17,6 +19,7 @@ from gmrdata.values.people import PersonFiles
 from gmrdata.world.pseudo_gt import make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig
 from tests.pages.conftest import paint_clip
+from tests.world.test_delta_errors import record
 from tests.world.test_make import as_input, reconstruction, true_clip
 
 OFF_PX = 0.25
@@ -56,6 +59,14 @@ def solved_video(
         make_pseudo_gt(folder / "sfm", people, folder / "pseudo_gt", config)
     (folder / "in.npz").unlink()
     return true
+
+
+def fuse_video(folder: Path, run_dir: Path) -> Path:
+    """Make `fused` of a solved video, with the network of a run."""
+    errors_path = run_dir.with_name("delta_errors.json")
+    record().write(errors_path)
+    body_path = folder / "body" / "body.npz"
+    return fuse_people(folder, run_dir, body_path, folder / "fused", errors_path=errors_path)
 
 
 def _add_tracks(sfm_dir: Path, true: Clip) -> None:

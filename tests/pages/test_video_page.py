@@ -2,23 +2,28 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import av
+import numpy as np
 import pytest
 
 from gmrdata.cameras.intrinsics import Intrinsics
 from gmrdata.pages.footage import BAR_PX
 from gmrdata.pages.video import make_video_page
+from gmrdata.pages.video_data import footage_of, gather_video
 from gmrdata.values.body import BodyModel
+from gmrdata.values.clip import load_clip, save_clip
 from gmrdata.values.errors import MissingInput
+from gmrdata.values.files import read_npz, write_npz
 from gmrdata.world.quality import load_record
 from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig
 from gmrdata.world.verdict import verdict_of
 from gmrdata.world.video_verdict import VERDICT_FILE, VideoVerdict, unsolved
 from tests.browser import Visit
 from tests.pages.html_pages import Page
-from tests.pages.solved_video import N_ROWS, OFF_PX, solved_video
+from tests.pages.solved_video import N_ROWS, OFF_PX, fuse_video, solved_video
 from tests.sharing import made_once
 
 HOSTILE = "<img src=x onerror='alert(1)'> \"#?%20&amp; caf\udce9"
@@ -131,6 +136,71 @@ def test_a_rejected_video_says_so_first_and_warns_of_its_files(
     assert "✗≥ 50" in page.words
     assert "fewer than 101 inliers" in page.words and "no camera was found" in page.words
     assert "these files are for looking, not for use" in page.words
+
+
+def test_people_with_the_network_s_motions_are_shown_in_all_frames(
+    small_body: BodyModel, run_dir: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body, lost=[9, 10, 11])
+    fuse_video(folder, run_dir)
+    page = Page(make_video_page(folder))
+    leads_to_files(page)
+    said = "is the fused one (fused): camera poses put together with the motions of GMR “run”"
+    assert said in page.words and "is the pseudo ground truth" not in page.words
+    assert "In the 3 frames without a camera the motion goes on" in page.words
+    assert "no camera pose for 0.30 s from 0.90 s on" in page.words
+    assert "dotted where the frame is dropped and the network fills in" in page.words
+    assert page.tags.count("svg") == 5
+    names = {str(file.relative_to(folder)) for file in page.files}
+    for name in ("fused/person_0.npz", "fused/sigma_0.npz", "pseudo_gt/person_0.npz"):
+        assert name in names
+    assert {"fused/stage.json", "fused/fusion.json"} <= names
+    found = gather_video(folder, None, None)
+    fused = load_clip(folder / "fused" / "person_0.npz").motion
+    np.testing.assert_array_equal(found.clips[0].motion.pelvis_m, fused.pelvis_m)
+    (person,) = footage_of(found).people
+    assert person.shown.all()
+    np.testing.assert_array_equal(person.motion.pelvis_m, fused.pelvis_m)
+    with av.open(str(folder / "overlay" / "poster.jpg")) as container:
+        poster = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(int)
+    assert (poster[..., 2] - poster[..., 0] > 60).sum() > 500  # the body: its row has a camera
+
+
+def test_the_network_s_motions_come_and_go(copied: Path, run_dir: Path) -> None:
+    overlay = copied / "overlay" / "overlay.mp4"
+    make_video_page(copied)
+    before, drawn = (copied / "index.html").read_bytes(), overlay.read_bytes()
+    assert "is the pseudo ground truth (pseudo_gt)" in Page(copied / "index.html").words
+    fused = fuse_video(copied, run_dir)
+    make_video_page(copied)
+    assert overlay.read_bytes() != drawn
+    assert "frames without a camera" not in Page(copied / "index.html").words.split("Paths")[1]
+    (fused / "sigma_0.npz").unlink()
+    words = Page(make_video_page(copied)).words
+    assert (
+        "is the pseudo ground truth" in words and "sigma_0.npz" in words.split("Can’t be read")[1]
+    )
+    shutil.rmtree(fused)
+    make_video_page(copied)
+    assert (copied / "index.html").read_bytes() == before and overlay.read_bytes() == drawn
+
+
+def test_the_network_s_motions_of_other_frames_are_not_shown(
+    copied: Path, run_dir: Path, small_body: BodyModel, tmp_path: Path
+) -> None:
+    fused = fuse_video(copied, run_dir)
+    clip = load_clip(fused / "person_0.npz")
+    other = replace(clip, image_numbers=clip.image_numbers + 1)
+    save_clip(fused / "person_0.npz", other, small_body.rest_pelvis_m(clip.motion.shape))
+    words = Page(make_video_page(copied)).words
+    assert "is the pseudo ground truth" in words
+    assert "is of other people or frames than pseudo_gt" in words.split("Can’t be read")[1]
+    sigma = read_npz(fused / "sigma_0.npz")
+    cut = {key: value[1:] if value.ndim else value for key, value in sigma.items()}
+    write_npz(fused / "sigma_0.npz", cut)
+    words = Page(make_video_page(copied)).words
+    assert "sigma_0.npz: is of other frames" in words.split("Can’t be read")[1]
 
 
 def test_the_lens_comes_with_its_source_and_its_error(copied: Path) -> None:
