@@ -1,6 +1,6 @@
 """Lay out the real clips for `--clips`, from clones of the repositories that carry them.
 
-    python benchmarks/real/layout.py CLONES CLIPS --shared ../shared/data
+    PYTHONPATH=benchmarks .venv/bin/python benchmarks/real/layout.py CLONES CLIPS --shared ../shared/data
 
 CLONES holds one clone per repository, named as below.  Nothing of it is committed here, and what is
 not free for all uses is for measuring alone.

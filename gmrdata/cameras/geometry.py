@@ -116,8 +116,13 @@ def _solve_keyframes(
 def _mapped_again(
     mapped: Solution, keys: Frames, matches: Matches, work_dir: Path, config: SfmConfig
 ) -> Solution:
-    """A model with how it agrees with one of every second keyframe."""
-    if len(rows := every_second(matches)) < FEW_KEYFRAMES:
+    """A model with how it agrees with one of every second keyframe.
+
+    Of a camera that hardly travels it is of two in three: half of a little parallax is too little.
+    A model of 19 keyframes over 6 cm was right, and of half of them, alone, 3.9 % off.
+    """
+    short = hardly_travels(mapped, config.small_travel_share)
+    if len(rows := without_each(3 if short else 2, matches)) < FEW_KEYFRAMES:
         return mapped
     second = map_again(mapped, rows, keys, work_dir, _reseeded(config))
     least = least_extent(mapped.world_from_cam, mapped.points, config.small_travel_share)
@@ -132,7 +137,7 @@ def _turned_again(
     config: SfmConfig,
 ) -> Solution:
     """The same of a camera that only turns."""
-    if len(rows := every_second(matches)) < FEW_KEYFRAMES:
+    if len(rows := without_each(2, matches)) < FEW_KEYFRAMES:
         return solution
     among = [pair for pair in matches.pairs if {pair.first, pair.second} <= set(rows.tolist())]
     if not among:
@@ -159,14 +164,21 @@ def _turning_cameras(turning: RotationOnly) -> np.ndarray:
     return cameras
 
 
-def every_second(matches: Matches) -> np.ndarray:
-    """Rows (N,) of every second keyframe, and of those whose neighbours hardly match each other:
-    what is solved again must hold together as the first solution does."""
+def without_each(n: int, matches: Matches) -> np.ndarray:
+    """Rows (N,) of the keyframes without each n-th, but for those whose neighbours hardly match
+    each other: what is solved again must hold together as the first solution does."""
     count = {(pair.first, pair.second): len(pair.features) for pair in matches.pairs}
-    rows, last = [0], len(matches.keypoints_px) - 1
-    while rows[-1] + 2 <= last:
-        skips = count.get((rows[-1], rows[-1] + 2), 0) >= WELL_MATCHED
-        rows.append(rows[-1] + (2 if skips else 1))
+    rows, last, kept = [0], len(matches.keypoints_px) - 1, 1
+    while (row := rows[-1] + 1) <= last:
+        if kept >= n - 1:
+            if row == last:
+                break
+            if count.get((row - 1, row + 1), 0) >= WELL_MATCHED:
+                rows.append(row + 1)
+                kept = 1
+                continue
+        rows.append(row)
+        kept += 1
     return np.array(rows)
 
 

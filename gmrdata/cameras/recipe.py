@@ -101,8 +101,8 @@ class CamerasVerdictConfig(Config):
     Measured: up to 1.9 on right real clips, 2.6 with their frames shuffled; from 14 where pieces of
     another scale were joined."""
     min_second_share: float = Field(default=0.5, ge=0, le=1)
-    """Share of every second keyframe that gets a camera when these are solved alone.  Measured: 1
-    for most right real clips, 0.57 at least, of a phone that goes round a fox."""
+    """Share of the keyframes of a second solution, of a part of them alone, that get a camera.
+    Measured: 1 for most right real clips, 0.57 at least, of a phone that goes round a fox."""
     max_again_deg: float = Field(default=1.0, gt=0)
     """Root mean square of the angles between the cameras and those of a second solution, of every
     second keyframe and by another seed [degrees]."""

@@ -43,8 +43,8 @@ class Solution:
     mean_error_px: float | None = None  # COLMAP's mean of `errors_px`; None but for "full"
     weakest_step: files.WeakestStep | None = None  # None but for "full"
     second_share: float | None = None
-    """Share of every second keyframe that a second solution, of these alone, has too; None where
-    they are too few for one."""
+    """Share of the keyframes of a second solution, of a part of them alone, that have a camera here
+    and there; None where they are too few for one."""
     agreement: files.Agreement | None = None  # With that solution; None where there is none
     lens: files.Lens | None = None  # Taken out of the image points; None where there was hardly any
     largest_turn_deg: float | None = None  # Largest turn from the mean orientation; None for "full"

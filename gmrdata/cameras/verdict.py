@@ -56,11 +56,11 @@ def camera_reasons(quality: CamerasQuality, config: CamerasVerdictConfig) -> Ite
     share, least = quality.second_share, config.min_second_share
     if share is not None and share < least:
         yield (
-            f"of every second keyframe, solved alone, {share:.0%} get a camera, fewer than "
-            f"{least:.0%}: nothing confirms the path"
+            f"of some keyframes, solved alone, {share:.0%} get a camera, fewer than {least:.0%}: "
+            "nothing confirms the path"
         )
     if (again := quality.agreement) is not None:
-        yield from agreement_reasons("every second keyframe, solved alone,", again, config)
+        yield from agreement_reasons("a part of the keyframes, solved alone,", again, config)
 
 
 def agreement_reasons(what: str, again: Agreement, config: CamerasVerdictConfig) -> Iterator[str]:

@@ -62,9 +62,11 @@ def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) ->
         _row("way that the weakest step leaves open [%]", loose, config.max_loose_share, unit=100),
         _row("the same times what moves [%]", moving, config.max_loose_moving_share, unit=100),
         _row("ratio of distances at successive keyframes", ratio, config.max_distance_ratio),
-        _share("every second keyframe, solved alone", second, config.min_second_share),
+        _share(
+            "keyframes of a second solution that have a camera", second, config.min_second_share
+        ),
         _row(
-            "turn of every second keyframe, solved alone [°]",
+            "turn of a second solution of the keyframes [°]",
             None if again is None else again.turn_deg,
             config.max_again_deg,
         ),

@@ -11,7 +11,7 @@ from gmrdata.cameras import mapping
 from gmrdata.cameras.files import Agreement, Mapper
 from gmrdata.cameras.focal import FreedFocal
 from gmrdata.cameras.frames import Frames
-from gmrdata.cameras.geometry import WELL_MATCHED, every_second, is_bent
+from gmrdata.cameras.geometry import WELL_MATCHED, is_bent, without_each
 from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import RotationOnly
@@ -130,7 +130,8 @@ def test_a_second_solution_leaves_out_only_keyframes_that_others_stand_in_for() 
     features = {(k, k + 1): 100 for k in range(8)} | {(k, k + 2): 200 for k in (0, 1, 5, 6)}
     features |= {(2, 4): WELL_MATCHED - 1, (3, 5): WELL_MATCHED}
     pairs = [PairMatches(*at, np.zeros((n, 2), int), "CALIBRATED") for at, n in features.items()]
-    assert every_second(Matches([np.zeros((0, 2))] * 9, pairs)).tolist() == [0, 2, 3, 5, 7]
+    assert without_each(2, Matches([np.zeros((0, 2))] * 9, pairs)).tolist() == [0, 2, 3, 5, 7]
     apart = [PairMatches(k, k + 2, np.zeros((99, 2), int), "CALIBRATED") for k in range(7)]
-    assert every_second(Matches([np.zeros((0, 2))] * 9, apart)).tolist() == [0, 2, 4, 6, 8]
-    assert every_second(Matches([np.zeros((0, 2))] * 8, apart)).tolist() == [0, 2, 4, 6]
+    assert without_each(2, Matches([np.zeros((0, 2))] * 9, apart)).tolist() == [0, 2, 4, 6, 8]
+    assert without_each(2, Matches([np.zeros((0, 2))] * 8, apart)).tolist() == [0, 2, 4, 6]
+    assert without_each(3, Matches([np.zeros((0, 2))] * 9, apart)).tolist() == [0, 1, 3, 4, 6, 7]

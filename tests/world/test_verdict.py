@@ -86,13 +86,13 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ),
         (
             {"agreement": Agreement(9, 2.14, 0.004)},
-            "every second keyframe, solved alone, gives another path: the camera turns 2.1 degrees "
+            "a part of the keyframes, solved alone, gives another path: the camera turns 2.1 degrees "
             "otherwise, more than 1",
         ),
         (
             {"second_share": 0.4, "agreement": Agreement(9, 0.3, 0.01)},
-            "of every second keyframe, solved alone, 40% get a camera, fewer than 50%: nothing "
-            "confirms the path",
+            "of some keyframes, solved alone, 40% get a camera, fewer than 50%: nothing confirms "
+            "the path",
         ),
         ({"agreement": Agreement(9, 0.3, 0.08)}, "8.0% of its way off, more than 3.0%"),
         (
