@@ -86,8 +86,8 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
         ),
         (
             {"agreement": Agreement(9, 2.14, 0.004)},
-            "a part of the keyframes, solved alone, gives another path: the camera turns 2.1 degrees "
-            "otherwise, more than 1",
+            "a part of the keyframes, solved alone, gives another path: the camera turns 2.1 "
+            "degrees otherwise, more than 1",
         ),
         (
             {"second_share": 0.4, "agreement": Agreement(9, 0.3, 0.01)},
