@@ -1,9 +1,10 @@
 """Lay out the real clips for `--clips`, from clones of the repositories that carry them.
 
-    PYTHONPATH=benchmarks .venv/bin/python benchmarks/real/layout.py CLONES CLIPS --shared ../shared/data
+    python benchmarks/real/layout.py CLONES CLIPS --shared ../shared/data
 
 CLONES holds one clone per repository, named as below.  Nothing of it is committed here, and what is
-not free for all uses is for measuring alone.
+not free for all uses is for measuring alone.  `PYTHONPATH=benchmarks` finds what the measurements
+share.
 
 dance: nerfstudio-project/viser, examples/assets/record3d_dance, here as `video/dance.tar`;
   Apache-2.0.  A dancer before a phone in the hand; ARKit's cameras.

@@ -5,17 +5,15 @@ from statistics import fmean
 from typing import Any
 
 from record import Bar, at_least, at_most
-from sfm.beside import Beside
 from sfm.score import medians, worst
 
 MOST_SCALE_PERCENT = 3.0
 
 
-def sequence_bars(pairs: Sequence[Beside]) -> list[Bar]:
-    """Accuracy of ours, and ours beside the plain recipe."""
-    ours, plain = [pair.ours for pair in pairs], [pair.plain for pair in pairs]
-    mine, theirs = medians(ours), medians(plain)
-    bars = [
+def own_bars(ours: Sequence[dict[str, Any]]) -> list[Bar]:
+    """Accuracy of ours."""
+    mine = medians(ours)
+    return [
         at_most("median OME [deg]", mine["ome_deg"], 0.03),
         at_most("median TME [mm]", mine["tme_mm"], 1.2),
         at_most("worst OME [deg]", worst(ours, "ome_deg"), 0.4),
@@ -28,8 +26,15 @@ def sequence_bars(pairs: Sequence[Beside]) -> list[Bar]:
             "wrong classes", sum(row["class_measured"] != row["class_true"] for row in ours), 0
         ),
     ]
-    for key in ("ome_deg", "tme_mm"):
-        bars.append(at_most(f"median {key} beside the plain recipe's", mine[key], theirs[key]))
+
+
+def bars_beside(ours: Sequence[dict[str, Any]], plain: Sequence[dict[str, Any]]) -> list[Bar]:
+    """Ours beside the plain recipe."""
+    mine, theirs = medians(ours), medians(plain)
+    bars = [
+        at_most(f"median {key} beside the plain recipe's", mine[key], theirs[key])
+        for key in ("ome_deg", "tme_mm")
+    ]
     kept = (mine["kept_share"], theirs["kept_share"])
     return [*bars, at_least("median kept share beside the plain recipe's", *kept)]
 
