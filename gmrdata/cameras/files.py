@@ -184,8 +184,8 @@ class CamerasQuality(records.Record):
     """Null but for six degrees of freedom."""
     second_share: Figure | None
     """Share of the keyframes of a second solution that have a camera here and there.  It is of
-    every second keyframe, of two in three where the camera hardly travels, and by another seed;
-    0 where less than four have one, null where they are too few to be solved."""
+    every second keyframe, or of two in three, and by another seed; 0 where less than four have a
+    camera, null where they are too few to be solved."""
     agreement: Agreement | None
     """With that second solution; null where the share is 0 or null."""
     smoothing: Smoothing

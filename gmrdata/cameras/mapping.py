@@ -149,7 +149,7 @@ def _run(
     mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig, names: Sequence[str] = ()
 ) -> list[Any]:
     """The models that a mapper finds, of all frames or of those that are named."""
-    out_dir = work_dir / (f"{mapper}_again" if names else mapper)
+    out_dir = work_dir / (f"{mapper}_of_{len(names)}" if names else mapper)
     out_dir.mkdir()
     files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
     if mapper == "global":
