@@ -40,8 +40,8 @@ WELL_MATCHED = 50
 taken every 20th frame they have 0 to 40, and of every second keyframe alone half of the path came
 out 16 % off beside a first one that is right."""
 AGREEING_SHARE = 0.01
-"""Of a tenth of the distance, to which two solutions of a path that hardly travels agree.  Two twins
-that were right had 0.0008 and 0.0024; of one that goes 1 cm it was 0.013, and no scale was found."""
+"""Of a tenth of the distance, to which two solutions of a path that hardly travels agree.  Two
+twins that were right had 0.0008 and 0.0024; one that goes 1 cm had 0.013, and found no scale."""
 MOST_OF_THEM = 0.6
 """Share of the keyframes that a model, or a second one, needs to say that another is wrong.  Of a
 blurred walk a model of 8 of 33 keyframes hardly travels, and the turns that most matches fit were
