@@ -183,9 +183,9 @@ class CamerasQuality(records.Record):
     weakest_step: WeakestStep | None
     """Null but for six degrees of freedom."""
     second_share: Figure | None
-    """Share of the keyframes of a second solution that have a camera here and there.  It is of
-    every second keyframe, or of two in three, and by another seed; 0 where less than four have a
-    camera, null where they are too few to be solved."""
+    """Share of the keyframes of a second solution, of those that have a camera here, that have one
+    there.  It is of every second keyframe, or of two in three, and by another seed; 0 where less
+    than four have both, null where they are too few to be solved."""
     agreement: Agreement | None
     """With that second solution; null where the share is 0 or null."""
     smoothing: Smoothing

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.agreement import agreement, least_extent
-from gmrdata.cameras.files import CamerasQuality, Evidence
+from gmrdata.cameras.files import Agreement, CamerasQuality, Evidence
 from gmrdata.cameras.focal import turning_focal
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words
 from gmrdata.cameras.keyframes import choose_keyframes, with_frames_between
@@ -100,7 +100,7 @@ def _solve_keyframes(
         refined, smoothing = refine_turning(turn(everything), timeline, config)
         focal_px = float(intrinsics_px[0, 0])
         solution = turning_solution(refined, smoothing, focal, focal_px, config)
-        solution = _turned_again(solution, turning, matches, intrinsics_px, config)
+        solution = _turned_again(solution, turning, matches, key_rows, intrinsics_px, config)
         return solution, evidence, bent
     if mapped is None or mapped.has_camera.sum() < config.min_frames_registered:
         raise NoReconstruction(
@@ -133,7 +133,8 @@ def _mapped_again(
         if len(rows) < FEW_KEYFRAMES or len(rows) == tried:
             continue
         second, tried = map_again(mapped, rows, keys, work_dir, _reseeded(config)), len(rows)
-        compared = _compared(mapped, first, second, rows, least)
+        found = agreement(first, second, least)
+        compared = _with_second(mapped, found, mapped.has_camera[rows])
         if compared.second_share is not None and compared.second_share >= MOST_OF_THEM:
             break
     return compared
@@ -143,6 +144,7 @@ def _turned_again(
     solution: Solution,
     turning: RotationOnly,
     matches: Matches,
+    key_rows: np.ndarray,
     intrinsics_px: np.ndarray,
     config: SfmConfig,
 ) -> Solution:
@@ -155,15 +157,14 @@ def _turned_again(
     rng = np.random.default_rng(_reseeded(config).seed)
     some = replace(matches, pairs=among)
     second = solve_rotation_only(some, intrinsics_px, config.rotation_only_inlier_px, rng)
-    return _compared(solution, _turning_cameras(turning), _turning_cameras(second), rows, 0.0)
+    found = agreement(_turning_cameras(turning), _turning_cameras(second), 0.0)
+    return _with_second(solution, found, solution.has_camera[key_rows[rows]])
 
 
-def _compared(
-    solution: Solution, first: np.ndarray, second: np.ndarray, rows: np.ndarray, least: float
-) -> Solution:
-    """A solution with how its keyframes' cameras (K, 4, 4) agree with those of the second one."""
-    found = agreement(first, second, least)
-    share = 0.0 if found is None else found.cameras / len(rows)
+def _with_second(solution: Solution, found: Agreement | None, asked: np.ndarray) -> Solution:
+    """A solution with how a second one agrees; `asked` (N,) bool: which keyframes of the second one
+    have a camera in the first, as the other ones may show nothing."""
+    share = 0.0 if found is None else min(1.0, found.cameras / max(1, int(asked.sum())))
     return replace(solution, second_share=share, agreement=found)
 
 
