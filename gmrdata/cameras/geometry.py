@@ -46,6 +46,7 @@ MOST_OF_THEM = 0.6
 """Share of the keyframes that a model, or a second one, needs to say that another is wrong.  Of a
 blurred walk a model of 8 of 33 keyframes hardly travels, and the turns that most matches fit were
 444 mm off."""
+ENOUGH = 0.5  # share of a second solution's keyframes, below which one of more is tried
 VAGUE_FOCAL = 0.02  # a model whose focal length is more uncertain is held by little parallax
 
 
@@ -135,7 +136,7 @@ def _mapped_again(
         second, tried = map_again(mapped, rows, keys, work_dir, _reseeded(config)), len(rows)
         found = agreement(first, second, least)
         compared = _with_second(mapped, found, mapped.has_camera[rows])
-        if compared.second_share is not None and compared.second_share >= MOST_OF_THEM:
+        if compared.second_share is not None and compared.second_share >= ENOUGH:
             break
     return compared
 

@@ -16,7 +16,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as part
-from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import (
     MIN_PARALLAX_DEG,
@@ -38,13 +37,14 @@ from gmrdata.cameras.focal import (
     TurningFit,
     adjust_lens,
     fit_turning,
+    warp_error,
 )
 from gmrdata.cameras.frames import Frames, reduced
 from gmrdata.cameras.geometry import weigh
 from gmrdata.cameras.keyframes import choose_keyframes
 from gmrdata.cameras.matches import DATABASE_FILE, Matches, match_frames, matched_points
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.rotation_only import RotationOnly, solve_rotation_only
+from gmrdata.cameras.rotation_only import solve_rotation_only
 from gmrdata.values import limits, transforms
 from gmrdata.values.camera import bent
 from gmrdata.values.errors import NoReconstruction
@@ -62,9 +62,6 @@ LENS_SIGMAS = 2.5  # by how many standard errors k1 must differ from 0 to be tak
 SAME_COST, SAME_K1 = 0.01, 0.03
 """As a share, and of k1: models that fit alike, with as much distortion, say what is left open."""
 TURN_INLIER_PX = 3.0
-WARP_PX = 1.0
-"""What a rolling shutter and a phone's steadying bend at the edge of a turning camera's pictures.
-From a turn of 0.4 degrees 0.46 was found to 5 % where phones have 0.65 to 0.95."""
 FEWEST_FRAMES = 4  # of a model
 ENOUGH_SHARE = 0.6  # of the keyframes, in a model of the first mapper
 MOST_ERROR_PX = 4.0  # of an image point that a model explains
@@ -324,7 +321,7 @@ def by_turning(
     turning = solve_rotation_only(straight, given_px, TURN_INLIER_PX, rng)
     evidence = weigh(turning, straight, config.sfm)
 
-    warped = _warp_error(turning, longer_px, best.focal)
+    warped = warp_error(turning, longer_px, best.focal * longer_px)
 
     def errors(radial: bool) -> tuple[float, float, float, float] | None:
         fit = _turned(matches, given_px, config, radial=radial)
@@ -336,18 +333,6 @@ def by_turning(
         return log_focal, focal_sigma, fit.radial_k1, float(np.hypot(k1_sigma, SYSTEMATIC_K1))
 
     return _answer("rotation_only", tried, fits, errors, config), evidence.verdict
-
-
-def _warp_error(turning: RotationOnly, longer_px: int, focal: float) -> float:
-    """What a warp of the pictures makes of the focal length, as a share of it.
-
-    Over a turn by an angle a the picture's edge, r from the middle, moves by a r^2 / f more than
-    its middle; nothing else tells the focal length.
-    """
-    known = Rotation.from_matrix(turning.world_from_cam_rotmats[turning.has_camera])
-    turn_rad = 2 * float(np.sqrt(((known.mean().inv() * known).magnitude() ** 2).mean()))
-    more_px = turn_rad * (longer_px / 2) ** 2 / (focal * longer_px)
-    return min(WARP_PX / more_px, 1.0) if more_px > 0 else 1.0
 
 
 def _turned(
