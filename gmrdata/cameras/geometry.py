@@ -136,7 +136,7 @@ def _mapped_again(
         second, tried = map_again(mapped, rows, keys, work_dir, _reseeded(config)), len(rows)
         found = agreement(first, second, least)
         compared = _with_second(mapped, found, mapped.has_camera[rows])
-        if compared.second_share is not None and compared.second_share >= ENOUGH:
+        if (compared.second_share or 0.0) >= ENOUGH:
             break
     return compared
 
@@ -272,8 +272,8 @@ def is_bent(mapped: Solution, turning: RotationOnly, config: SfmConfig) -> bool:
     Over a way that is short beside the distance of the background, turning and travelling look
     alike, and a mapper may trade one for the other: on a hand-held pan of 39 degrees it found
     0.25 m of travel for 0.05 m, and rotations that were off by 7 %, at 0.35 px.  Such a model asks
-    for another focal length than the true one, or can't tell which it needs, or every second
-    keyframe gives another path: on a pan among people in a street it was 20 % of its way off.
+    for another focal length than the true one, or can't tell which it needs, or a part of
+    the keyframes gives another path: on a pan among people in a street it was 20 % of its way off.
     One of few keyframes does not tell how far the camera travels over all.
     """
     if mapped.has_camera.mean() < MOST_OF_THEM:

@@ -102,10 +102,11 @@ class CamerasVerdictConfig(Config):
     another scale were joined."""
     min_second_share: float = Field(default=0.5, ge=0, le=1)
     """Share of the keyframes of a second solution, of a part of them alone, that get a camera.
-    Measured: 1 for most right real clips, 0.57 at least, of a phone that goes round a fox."""
+    Measured: 1 for most right real clips, 0.57 of a phone that goes round a fox, 0.5 at least,
+    where the second half of the frames was reversed."""
     max_again_deg: float = Field(default=1.0, gt=0)
-    """Root mean square of the angles between the cameras and those of a second solution, of every
-    second keyframe and by another seed [degrees]."""
+    """Root mean square of the angles between the cameras and those of a second solution, of a
+    part of the keyframes and by another seed [degrees]."""
     max_again_share: float = Field(default=0.03, gt=0)
     """The same of the distances between their places, as a share of the path's extent."""
     max_cuts_share: float = Field(default=0.05, ge=0)

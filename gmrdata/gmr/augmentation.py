@@ -12,8 +12,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import WindowConfig
-from gmrdata.gmr.symmetries import COUNTERPARTS, MIRROR
-from gmrdata.values.body import JOINT
+from gmrdata.gmr.symmetries import COUNTERPARTS
+from gmrdata.values.body import JOINT, MIRROR
 from gmrdata.values.shapes import Float
 
 AXES = np.array(MIRROR)  # diagonal of the reflection M

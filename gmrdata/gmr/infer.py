@@ -26,7 +26,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import Which
-from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion, without_root
+from gmrdata.gmr.predict import TrainedGmr, load_gmr, predict_world_motion
 from gmrdata.motion.files import input_files
 from gmrdata.motion.ground import PLANTED_M_PER_S, SHORTEST_STAND_S, put_on_floor
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
@@ -39,7 +39,7 @@ from gmrdata.values import limits, transforms
 from gmrdata.values.body import JOINT, WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.records import Config, Record
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.write.amass import write_amass

@@ -14,7 +14,7 @@ from gmrdata.gmr.model import Gmr, MeanGmr, network_input
 from gmrdata.gmr.runs import runs_at
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, BadMotionFile
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.motion_deltas import accumulate
 from gmrdata.values.shapes import Float
 
@@ -101,12 +101,6 @@ def predict_world_motion(
     return replace(
         local, root_rotmats=root_rotmats, pelvis_m=pelvis_m, frame="world", source=source
     )
-
-
-def without_root(motion: Motion) -> Motion:
-    """The same local poses, with the root at the identity and the pelvis at the origin."""
-    n = motion.n_frames
-    return replace(motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3)))
 
 
 def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmrdata.gmr.predict import TrainedGmr, predict_world_motion, without_root
+from gmrdata.gmr.predict import TrainedGmr, predict_world_motion
 from gmrdata.motion.resample import resample
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.motion_deltas import deltas
 
 

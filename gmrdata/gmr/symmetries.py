@@ -9,11 +9,9 @@ import torch
 from torch import Tensor
 
 from gmrdata.gmr import rotations
-from gmrdata.values.body import MIRRORED
+from gmrdata.values.body import MIRROR, MIRRORED
 from gmrdata.values.shapes import Float, Int
 
-MIRROR = (-1.0, 1.0, 1.0)
-"""Diagonal of the reflection x -> -x, M in gmrdata.gmr.augmentation."""
 COUNTERPARTS = [joint - 1 for joint in MIRRORED[1:]]
 """Row of each joint's counterpart among the 23 local rotations."""
 

@@ -41,6 +41,8 @@ _LEGS = tuple(
 
 MIRRORED = (0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20, 23, 22)
 """Index of each joint's counterpart on the other side of the body."""
+MIRROR = (-1.0, 1.0, 1.0)
+"""Diagonal of the reflection x -> -x that exchanges the sides, in the root's axes."""
 
 PHENOTYPES = ("gender", "age", "muscle", "weight", "height", "proportions")
 """Anny's, each from 0 to 1: gender 0 is male and 1 female; age 2/3 is young and 1 old."""

@@ -45,6 +45,12 @@ class Motion:
         return np.concatenate([self.root_rotmats[:, None], self.local_rotmats], axis=1)
 
 
+def without_root(motion: Motion) -> Motion:
+    """The same local poses, with the root at the identity and the pelvis at the origin."""
+    n = motion.n_frames
+    return replace(motion, root_rotmats=np.tile(np.eye(3), (n, 1, 1)), pelvis_m=np.zeros((n, 3)))
+
+
 def whole_ratio(higher_hz: float, lower_hz: float) -> int | None:
     """Frames of the higher rate for one of the lower; None where that is no whole number."""
     ratio = higher_hz / lower_hz

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
-from gmrdata.values.motion import Motion
+from gmrdata.values.motion import Motion, without_root
 from gmrdata.values.people import BODIES
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord
@@ -238,6 +238,4 @@ def planted_feet(
 def _points_root_m(body: BodyModel, motion: Motion) -> np.ndarray:
     """Heel, ball and toe of both soles (T, 6, 3) from the pelvis, root axes [m]."""
     n = motion.n_frames
-    upright = np.tile(np.eye(3), (n, 1, 1))
-    alone = replace(motion, root_rotmats=upright, pelvis_m=np.zeros((n, 3)))
-    return foot_points_m(body, alone)[:, :, SOLE_POINTS].reshape(n, -1, 3)
+    return foot_points_m(body, without_root(motion))[:, :, SOLE_POINTS].reshape(n, -1, 3)

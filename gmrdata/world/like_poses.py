@@ -12,8 +12,8 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial.transform import Rotation
 
-from gmrdata.values.body import MIRRORED, BodyModel
-from gmrdata.values.motion import Motion
+from gmrdata.values.body import MIRROR, MIRRORED, BodyModel
+from gmrdata.values.motion import Motion, without_root
 from gmrdata.world.fusion import SeenMotions, SeenPoses
 
 LIKE_M = 0.5
@@ -23,7 +23,7 @@ OVER_S = 0.1  # speeds are means over as long before and after
 UNLIKE = 0.3  # variance of the part of the error that does not repeat, over that of what does
 MOST_LIKE = 150  # the nearest seen motions that an unseen one is compared with, mirrored ones too
 FEWEST_SEEN = 10  # motions between seen poses, below which nothing is carried over
-ACROSS = np.array([-1.0, 1.0, 1.0])  # root axes in a mirror: x is to the left
+ACROSS = np.array(MIRROR)
 
 
 def corrected_by_like_poses(
@@ -81,14 +81,11 @@ def _described(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]
     """Poses at T-1 motions, and their mirror images: places of joints and speeds (T-1, n) [m]."""
     from gmrdata.values.skinning import motion_joints_m
 
-    n = motion.n_frames
-    upright = np.tile(np.eye(3), (n, 1, 1))
-    alone = replace(motion, root_rotmats=upright, pelvis_m=np.zeros((n, 3)))
-    joints_m = motion_joints_m(body, alone)
+    joints_m = motion_joints_m(body, without_root(motion))
     joints_m = joints_m - joints_m[:, :1]
     mirrored_m = joints_m[:, list(MIRRORED)] * ACROSS
     here, there = (
-        _places_and_speeds(places_m.reshape(n, -1), motion.fps_hz)
+        _places_and_speeds(places_m.reshape(len(places_m), -1), motion.fps_hz)
         for places_m in (joints_m, mirrored_m)
     )
     return here, there

@@ -14,6 +14,7 @@ from gmrdata.world.like_poses import corrected_by_like_poses
 
 N, FPS_HZ, CYCLE = 240, 30.0, 30
 PHASE = 2 * np.pi * np.arange(N) / CYCLE
+BUT_A_GAP = (np.arange(N) < 100) | (np.arange(N) >= 160)  # frames with a camera
 TURN = Rotation.from_rotvec([0.02, 0.0, 0.0])
 
 
@@ -66,11 +67,9 @@ def left_of(motion: Motion, motions: SeenMotions) -> tuple[np.ndarray, np.ndarra
 def test_an_error_that_comes_with_each_step_is_taken_off_where_no_camera_sees(
     stepping: Motion, small_body: BodyModel
 ) -> None:
-    known = np.ones(N, dtype=bool)
-    known[100:160] = False
-    before = seen_by_network(stepping)
-    after = corrected_by_like_poses(small_body, stepping, before, seen_by_cameras(stepping, known))
-    hidden = ~(known[:-1] & known[1:])
+    before, seen = seen_by_network(stepping), seen_by_cameras(stepping, BUT_A_GAP)
+    after = corrected_by_like_poses(small_body, stepping, before, seen)
+    hidden = ~(BUT_A_GAP[:-1] & BUT_A_GAP[1:])
     turn_rad, step_m = left_of(stepping, after)
     assert turn_rad[hidden].max() < 0.1 * 0.02
     assert step_m[hidden].max() < 0.1 * 0.01
@@ -93,10 +92,8 @@ def test_steps_with_the_left_foot_tell_of_those_with_the_right(
 def test_cameras_that_are_noisier_than_the_network_say_little(
     stepping: Motion, small_body: BodyModel
 ) -> None:
-    known = np.ones(N, dtype=bool)
-    known[100:160] = False
     motions = seen_by_network(stepping)
-    noisy = seen_by_cameras(stepping, known, noise_m=1.0)
+    noisy = seen_by_cameras(stepping, BUT_A_GAP, noise_m=1.0)
     after = corrected_by_like_poses(small_body, stepping, motions, noisy)
     assert np.abs(after.delta_m - motions.delta_m).max() < 0.1 * 0.01
 
