@@ -69,7 +69,8 @@ def end_of_share(left: OthersLeft, arguments: Sequence[str]) -> None:
         fail(str(left))
     record, path = CommandRecord(arguments=tuple(arguments), folder=str(Path.cwd())), left.folder
     if path.is_dir():
-        record.write(path / COMMAND_FILE)
+        with suppress(FileNotFoundError):  # taken away in this moment
+            record.write(path / COMMAND_FILE)
         if not any(path.glob("*.done")):  # who finished meanwhile took all marks away
             (path / COMMAND_FILE).unlink(missing_ok=True)
             with suppress(OSError):

@@ -248,7 +248,10 @@ def _link(path: Path, record: ClaimRecord) -> bool:
     with os.fdopen(nameless, "w") as stream, _root() as root:
         stream.write(_text(record))
         stream.flush()
-        return _linked(f"/proc/self/fd/{nameless}", path, record, root)
+        try:
+            return _linked(f"/proc/self/fd/{nameless}", path, record, root)
+        except FileNotFoundError:  # who ended a batch took the folder away in this moment
+            return _link_named(path, record)
 
 
 @contextmanager
@@ -262,7 +265,7 @@ def _root() -> Iterator[int]:
 
 
 def _link_named(path: Path, record: ClaimRecord) -> bool:
-    path.parent.mkdir(parents=True, exist_ok=True)  # who ended a batch may have taken it away
+    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(temporary_name(path))
     try:
         temporary.write_text(_text(record))

@@ -163,8 +163,11 @@ class Marks:
             self.folder.parent.rmdir()
 
     def _mark_done(self, index: int, claim: Claim) -> None:
-        """Unless another process took the share over: it makes the mark then."""
-        with suppress(ClaimLost):
+        """Unless another process took the share over: it makes the mark then.
+
+        Or it saw that everything is made and took all marks away, maybe while this one was written.
+        """
+        with suppress(ClaimLost, FileNotFoundError):
             claim.require()
             self._done.write(self._mark(index))
 

@@ -173,6 +173,36 @@ def test_two_processes_share_the_work(tmp_path: Path) -> None:
     assert sorted((tmp_path / "log").read_text().split()) == [f"c{n}" for n in range(8)]
 
 
+def test_marks_may_go_while_one_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who sees that the last job is made takes all marks away, before its maker has made his."""
+    replace_file = Path.replace
+
+    def replace_late(self: Path, target: Path) -> Path:
+        if target.suffix == ".done":
+            shutil.rmtree(target.parent)
+        return replace_file(self, target)
+
+    monkeypatch.setattr(Path, "replace", replace_late)
+    assert len(batch(tmp_path, "1/1").results) == 6
+    assert not (tmp_path / "shards").exists()
+
+
+def test_a_claim_is_made_though_its_folder_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link, folder = os.link, tmp_path / "shards"
+
+    def link_late(source: str, target: Path, **options: int | None) -> None:
+        if "/proc/self/fd" in source:
+            folder.rmdir()
+        link(source, target, **options)
+
+    folder.mkdir()
+    monkeypatch.setattr(os, "link", link_late)
+    claim = claims.try_claim(folder / ".1-of-2.claim")
+    assert claim is not None and owner(claim.path) == claim.record
+
+
 def test_nothing_is_shared_by_nobody(tmp_path: Path) -> None:
     """Shard 0 merges: it works on nothing, and takes over nothing."""
     with pytest.raises(OthersLeft, match="6 of 6 are left"):
