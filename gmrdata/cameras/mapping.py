@@ -67,8 +67,7 @@ def map_frames(
             if found[-1].has_camera.all() and good(found[-1]):
                 break
     if found and all(hardly_travels(one, config.small_travel_share) for one in found):
-        # Hardly any parallax is outside the inliers' threshold, so their number says little.
-        return max(found, key=lambda m: (m.has_camera.sum(), -np.median(m.errors_px)))
+        return max(found, key=_well_held)
     return max(found, key=lambda m: (m.has_camera.sum(), m.inliers.sum()), default=None)
 
 
@@ -95,19 +94,39 @@ def explains(mapped: Solution, n_matched: np.ndarray) -> bool:
 
 def map_again(
     first: Solution, rows: np.ndarray, frames: Frames, work_dir: Path, config: SfmConfig
-) -> np.ndarray:
+) -> tuple[np.ndarray, float]:
     """Cameras (T, 4, 4) of a second solution by the same mapper, of some rows (N,) of the frames
-    alone and by another seed; NaN for the others, and where there is none."""
+    alone, and their mean error [px]; NaN for the others, and where there is none."""
     world_from_cam = np.full((len(frames.images), 4, 4), np.nan)
     names = [frames.images[row].name for row in rows]
     models = _run(first.mapper, frames, work_dir, config, names)
-    if models:
-        model, _ = join_models(models, config.seed)
-        bundle_adjuster(model).solve()
-        model, _ = with_lens(model)
-        for row, cam_from_world, _ in _views(model, frames):
-            world_from_cam[row] = transforms.invert(cam_from_world)
-    return world_from_cam
+    if not models:
+        return world_from_cam, np.inf
+    model, _ = join_models(models, config.seed)
+    bundle_adjuster(model).solve()
+    model.update_point_3d_errors()
+    error_px = float(model.compute_mean_reprojection_error())
+    model, _ = with_lens(model)
+    for row, cam_from_world, _ in _views(model, frames):
+        world_from_cam[row] = transforms.invert(cam_from_world)
+    return world_from_cam, error_px
+
+
+def map_otherwise(
+    first: Solution, frames: Frames, matches: Matches, work_dir: Path, config: SfmConfig
+) -> Solution:
+    """The better of a solution and one that the same mapper begins elsewhere, by another seed."""
+    models = _run(first.mapper, frames, work_dir, config)
+    if not models:
+        return first
+    other = _finish(models, first.mapper, frames, matches, config)
+    return max(first, other, key=_well_held)
+
+
+def _well_held(one: Solution) -> tuple[int, float]:
+    """What the better of two has more of, where inliers say little: hardly any parallax is outside
+    their threshold."""
+    return int(one.has_camera.sum()), -float(np.median(one.errors_px))
 
 
 def place_between(
@@ -149,7 +168,7 @@ def _run(
     mapper: Mapper, frames: Frames, work_dir: Path, config: SfmConfig, names: Sequence[str] = ()
 ) -> list[Any]:
     """The models that a mapper finds, of all frames or of those that are named."""
-    out_dir = work_dir / (f"{mapper}_of_{len(names)}" if names else mapper)
+    out_dir = work_dir / f"{mapper}_of_{len(names or frames.images)}_by_{config.seed}"
     out_dir.mkdir()
     files = work_dir / DATABASE_FILE, frames.images[0].parent, out_dir
     if mapper == "global":

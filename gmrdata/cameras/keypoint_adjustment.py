@@ -1,0 +1,95 @@
+"""Keypoint adjustment: image points of keyframes brought into line with how their patches move.
+
+A SIFT feature is placed to a third or half of a pixel, in each keyframe by itself.  How the patch
+round it moves from one keyframe to the next is seen several times as exactly (Lucas and Kanade
+1981).  All image points are therefore moved at once, as little as the measured motions ask for: the
+keypoint adjustment of Lindenberger et al. 2021, there by learned features.  Only neighbours are
+measured: over more keyframes a patch changes its size and shape, and the path of a car that drives
+ahead was 20 mm off, where it is 15 by neighbours and 16 without.
+"""
+
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, eye_array
+from scipy.sparse.linalg import splu
+
+from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.frames import Frames
+from gmrdata.cameras.keyframes import follow, is_free
+from gmrdata.cameras.matches import DATABASE_FILE, Matches, PairMatches
+
+PLACED_PX = 0.5  # standard deviation of a feature's place
+MEASURED_PX = 0.15  # and of the motion of its patch
+FARTHEST_PX = 2.0  # a patch that is found further from the matched feature is another one
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """M measured motions of patches, between image points that are counted through all frames."""
+
+    first: np.ndarray  # (M,) image point
+    second: np.ndarray  # (M,) the one that matches it in the next frame
+    moved_px: np.ndarray  # (M, 2) from the first to the second
+
+
+def adjust_keypoints(matches: Matches, keyframes: Frames, work_dir: Path) -> Matches:
+    """Move the image points of keyframes, in the matches and in COLMAP's database."""
+    starts = np.cumsum([0, *(len(points_px) for points_px in matches.keypoints_px)])
+    measured = _measure(matches, keyframes, starts)
+    everything = np.concatenate(matches.keypoints_px)
+    adjusted = np.split(_fitted(everything, measured), starts[1:-1])
+    _write(adjusted, keyframes, work_dir / DATABASE_FILE)
+    return replace(matches, keypoints_px=adjusted)
+
+
+def _measure(matches: Matches, keyframes: Frames, starts: np.ndarray) -> Motions:
+    """How the patches of matches move from each keyframe to the next; none that touch a mask."""
+    next_of = {pair.first: pair for pair in matches.pairs if pair.second == pair.first + 1}
+    first, second = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    moved_px = [np.zeros((0, 2))]
+    image, free = keyframes.read(keyframes.images[0])
+    for row in range(len(keyframes.images) - 1):
+        before, was_free = image, free
+        image, free = keyframes.read(keyframes.images[row + 1])
+        if pair := next_of.get(row):
+            from_px, to_px = _ends(matches, pair)
+            found_px, ok = follow(before, image, from_px, to_px, free)
+            ok &= is_free(from_px, was_free)
+            ok &= np.linalg.norm(found_px - to_px, axis=1) < FARTHEST_PX
+            first.append(starts[row] + pair.features[ok, 0])
+            second.append(starts[row + 1] + pair.features[ok, 1])
+            moved_px.append((found_px - from_px)[ok])
+    return Motions(np.concatenate(first), np.concatenate(second), np.concatenate(moved_px))
+
+
+def _ends(matches: Matches, pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
+    """(M, 2) places of the matched features in both frames [px]."""
+    first_px, second_px = matches.keypoints_px[pair.first], matches.keypoints_px[pair.second]
+    return first_px[pair.features[:, 0]], second_px[pair.features[:, 1]]
+
+
+def _fitted(places_px: np.ndarray, measured: Motions) -> np.ndarray:
+    """Places (N, 2) with the least squares of what they move by and what the motions lack [px]."""
+    n, m = len(places_px), len(measured.first)
+    if not m:
+        return places_px
+    at, ones = np.arange(m), np.ones(m)
+    entries = np.r_[-ones, ones], (np.r_[at, at], np.r_[measured.first, measured.second])
+    differ = csc_array(coo_array(entries, shape=(m, n)))
+    stiffness = (PLACED_PX / MEASURED_PX) ** 2
+    lacking_px = measured.moved_px - differ @ places_px
+    system = csc_array(eye_array(n) + stiffness * (differ.T @ differ))
+    return np.asarray(places_px + splu(system).solve(stiffness * (differ.T @ lacking_px)))
+
+
+def _write(keypoints_px: list[np.ndarray], keyframes: Frames, database_path: Path) -> None:
+    with closing(pycolmap.Database.open(database_path)) as database:
+        ids = {image.name: image.image_id for image in database.read_all_images()}
+        for image, points_px in zip(keyframes.images, keypoints_px, strict=True):
+            if len(points_px):
+                table = np.array(database.read_keypoints(ids[image.name]))
+                table[:, :2] = points_px
+                database.update_keypoints(ids[image.name], table)
