@@ -136,7 +136,11 @@ def solve_keyframes_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep the first model of the keyframes for all solutions of a test, which film the same."""
     from gmrdata.cameras import geometry
 
-    for name in ("match_frames", "map_frames", "map_again", "with_frames_between"):
+    names = (
+        "match_frames", "adjust_keypoints", "map_frames", "map_again", "map_otherwise",
+        "with_frames_between",
+    )  # fmt: skip
+    for name in names:
         monkeypatch.setattr(geometry, name, _once(getattr(geometry, name)))
 
 

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from gmrdata.cameras import mapping
+from gmrdata.cameras import geometry, mapping
 from gmrdata.cameras.files import Agreement, Mapper
 from gmrdata.cameras.focal import FreedFocal
 from gmrdata.cameras.frames import Frames
@@ -70,11 +71,52 @@ def test_a_short_way_is_bent_if_its_focal_length_is_off_or_vague(
 
 def test_a_short_way_is_bent_if_every_second_keyframe_goes_another() -> None:
     firm = mapped(0.5, FreedFocal(1.002, 0.003))
-    for share, bent in ((0.005, False), (0.013, True)):
+    # Shares of a tenth of the distance, here twice the path's extent.
+    for share, bent in ((0.01, False), (0.02, True)):
         again = replace(firm, second_share=1.0, agreement=Agreement(6, 0.2, share))
         assert is_bent(again, turning(0.9), CONFIG) is bent
         # A second model of few of them says nothing.
         assert not is_bent(replace(again, second_share=0.5), turning(0.9), CONFIG)
+
+
+def test_where_the_camera_hardly_travels_both_solutions_begin_again_until_they_agree(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """One start in four of a twin of 6 cm ended in a path of another shape."""
+    firm = mapped(0.5, FreedFocal(1.002, 0.003))
+    right, wrong = firm.world_from_cam, firm.world_from_cam.copy()
+    wrong[:, 1, 3] = 0.3 * np.sin(np.arange(N))
+    poor = replace(firm, world_from_cam=wrong, errors_px=np.full(1000, 0.4))
+    frames = Frames([tmp_path / f"{row}.jpg" for row in range(N)], None, np.eye(3), (10, 10))
+    same = np.tile(np.arange(100)[:, None], 2)
+    pairs = [PairMatches(a, b, same, "") for a in range(N) for b in range(a + 1, min(a + 3, N))]
+    matches, asked = Matches([np.zeros((100, 2))] * N, pairs), list[int]()
+
+    def answer(seconds: list[tuple[np.ndarray, float]], start: Solution, other: Solution) -> float:
+        asked.clear()
+        of_seed = iter(seconds)
+
+        def again(*args: Any) -> tuple[np.ndarray, float]:
+            asked.append(args[-1].seed)
+            return next(of_seed)
+
+        def otherwise(first: Solution, *args: Any) -> Solution:
+            asked.append(args[-1].seed)
+            return max(first, other, key=mapping._well_held)
+
+        monkeypatch.setattr(geometry, "map_again", again)
+        monkeypatch.setattr(geometry, "map_otherwise", otherwise)
+        found = geometry._mapped_again(start, frames, matches, tmp_path, CONFIG)
+        assert found.agreement is not None
+        return found.agreement.place_share
+
+    assert answer([(right, 0.3)], firm, firm) < 1e-9
+    assert asked == [1]
+    assert answer([(right, 0.3), (right, 0.3)], poor, firm) < 1e-9
+    assert asked == [1, 2, 3]
+    assert answer([(wrong, 0.4), (right, 0.3)], firm, poor) < 1e-9
+    # A second one that fits worse does not take the place of the first one.
+    assert answer([(wrong, 0.3), (right, 0.4)], firm, poor) > 0.02
 
 
 def test_a_model_of_few_keyframes_does_not_say_that_the_camera_only_turns() -> None:
