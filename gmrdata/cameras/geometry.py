@@ -156,16 +156,18 @@ def _started_again(
     rows = without_each(3, matches)
     if len(rows) < FEW_KEYFRAMES:
         return mapped
-    compared, second, error_px = mapped, np.empty(0), np.inf
+    compared, second, held = mapped, np.empty(0), (0, -np.inf)
     for start in range(STARTS):
         if start:
             again = _reseeded(config, 2 * start)
             mapped = map_otherwise(mapped, keys, matches, work_dir, again)
         found, found_px = map_again(mapped, rows, keys, work_dir, _reseeded(config, 2 * start + 1))
-        if found_px < error_px or not start:
-            second, error_px = found, found_px
+        found_held = int(np.isfinite(found[:, 0, 0]).sum()), -found_px
+        if not start or found_held > held:
+            second, held = found, found_held
         compared = _compared(mapped, second, rows, config)
-        if _disagreement(compared, config) <= AGREEING_SHARE:
+        agrees = _disagreement(compared, config) <= AGREEING_SHARE
+        if agrees and (compared.second_share or 0.0) >= MOST_OF_THEM:
             break
     return compared
 
