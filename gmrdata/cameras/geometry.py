@@ -63,9 +63,10 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
     keys = choose_keyframes(frames, config)
     # Neither the prior nor the filling reaches over what looks like a cut, matched or not.
     timeline = Timeline(frames.numbers, keys.cuts)
+    keyframes = frames.some(keys.rows)
     try:
-        matches = match_frames(frames.some(keys.rows), work_dir, config)
-        matches = adjust_keypoints(matches, frames.some(keys.rows), work_dir)
+        matches = match_frames(keyframes, work_dir, config)
+        matches = adjust_keypoints(matches, keyframes, work_dir)
         keys = keys.but_matched(matches)
         solution, evidence, bent = _solve_keyframes(
             keys.rows, matches, timeline, work_dir, frames, config

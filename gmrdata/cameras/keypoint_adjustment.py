@@ -19,7 +19,7 @@ from scipy.sparse.linalg import splu
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.keyframes import follow, is_free
-from gmrdata.cameras.matches import DATABASE_FILE, Matches, PairMatches
+from gmrdata.cameras.matches import DATABASE_FILE, Matches
 
 PLACED_PX = 0.5  # standard deviation of a feature's place
 MEASURED_PX = 0.15  # and of the motion of its patch
@@ -55,7 +55,7 @@ def _measure(matches: Matches, keyframes: Frames, starts: np.ndarray) -> Motions
         before, was_free = image, free
         image, free = keyframes.read(keyframes.images[row + 1])
         if pair := next_of.get(row):
-            from_px, to_px = _ends(matches, pair)
+            from_px, to_px = matches.ends_px(pair)
             found_px, ok = follow(before, image, from_px, to_px, free)
             ok &= is_free(from_px, was_free)
             ok &= np.linalg.norm(found_px - to_px, axis=1) < FARTHEST_PX
@@ -63,12 +63,6 @@ def _measure(matches: Matches, keyframes: Frames, starts: np.ndarray) -> Motions
             second.append(starts[row + 1] + pair.features[ok, 1])
             moved_px.append((found_px - from_px)[ok])
     return Motions(np.concatenate(first), np.concatenate(second), np.concatenate(moved_px))
-
-
-def _ends(matches: Matches, pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
-    """(M, 2) places of the matched features in both frames [px]."""
-    first_px, second_px = matches.keypoints_px[pair.first], matches.keypoints_px[pair.second]
-    return first_px[pair.features[:, 0]], second_px[pair.features[:, 1]]
 
 
 def _fitted(places_px: np.ndarray, measured: Motions) -> np.ndarray:

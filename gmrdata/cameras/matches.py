@@ -43,6 +43,11 @@ class Matches:
     descriptors: list[np.ndarray] = field(default_factory=list)
     """T arrays (N, 128) uint8 of the same image points; none where nothing is masked."""
 
+    def ends_px(self, pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
+        """(M, 2) places of a pair's matches in its first and in its second frame [px]."""
+        first_px, second_px = self.keypoints_px[pair.first], self.keypoints_px[pair.second]
+        return first_px[pair.features[:, 0]], second_px[pair.features[:, 1]]
+
     def without(self, lens: Lens | None, intrinsics_px: np.ndarray) -> "Matches":
         """The same with image points where they would be without distortion."""
         if lens is None:

@@ -197,9 +197,8 @@ def is_still(matches: Matches) -> bool:
     """Whether the background stays where it is in the picture."""
     medians_px = []
     for pair in matches.pairs:
-        before = matches.keypoints_px[pair.first][pair.features[:, 0]]
-        after = matches.keypoints_px[pair.second][pair.features[:, 1]]
-        medians_px.append(np.median(np.linalg.norm(after - before, axis=1)))
+        before_px, after_px = matches.ends_px(pair)
+        medians_px.append(np.median(np.linalg.norm(after_px - before_px, axis=1)))
     return bool(np.percentile(medians_px, 90) < STILL_PX)
 
 
