@@ -53,6 +53,8 @@ def _repeating(options: Any, config: SfmConfig) -> Any:
     return options
 
 
+LOSS_PX = 1.0  # scale of the Cauchy loss: an error of it counts half as much as by least squares
+
 FreeIntrinsic = Literal["focal", "radial", "both"]
 
 
@@ -62,6 +64,7 @@ def bundle_adjuster(
     free: FreeIntrinsic | None = None,
     max_iterations: int = 50,
     tolerance: float = 1e-6,
+    loss_px: float = LOSS_PX,
 ) -> Any:
     """Adjusts a model with a loss that forgives wrong matches; two cameras hold the gauge.
     On one thread, so that results repeat; of the intrinsics the focal length, distortion or both
@@ -72,7 +75,7 @@ def bundle_adjuster(
     options.refine_principal_point = False
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = 1.0
+    options.ceres.loss_function_scale = loss_px
     options.ceres.solver_options.num_threads = 1
     options.ceres.solver_options.max_num_iterations = max_iterations
     options.ceres.solver_options.function_tolerance = tolerance

@@ -20,11 +20,10 @@ from scipy.sparse import coo_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from gmrdata.cameras.colmap import FreeIntrinsic, bundle_adjuster, pycolmap
+from gmrdata.cameras.colmap import LOSS_PX, FreeIntrinsic, bundle_adjuster, pycolmap
 from gmrdata.cameras.files import Lens
 from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.rotation_only import RotationOnly, slopes_by_turns
-from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX
 from gmrdata.values.camera import bent, straightened
 
 NOISE_FLOOR_PX = 0.05  # features are not placed better
@@ -248,7 +247,7 @@ def fit_turning(
     for _ in range(MAX_ITERATIONS):
         residuals_px, jacobian = _linearised(rotmats, lens, sampled, focal_px, n_lens)
         error2_px = (residuals_px**2).sum(axis=1)
-        weights = np.repeat(1.0 / (1.0 + error2_px / CAUCHY_SCALE_PX**2), 2)
+        weights = np.repeat(1.0 / (1.0 + error2_px / LOSS_PX**2), 2)
         hessian = csc_array(jacobian.T @ (jacobian * weights[:, None]))
         # Frames without matches, and the one orientation that all share, stay where they are.
         damping = 1e-9 * hessian.trace() / hessian.shape[0]
@@ -266,7 +265,7 @@ def fit_turning(
     if covariance.diagonal().max() * damping > 0.01:  # nothing but the damping holds it
         return None
     noise_px = max(NOISE_FLOOR_PX, float(np.sqrt(np.median(error2_px))) / 1.177)
-    cost = float(np.log1p(error2_px / CAUCHY_SCALE_PX**2).mean())
+    cost = float(np.log1p(error2_px / LOSS_PX**2).mean())
     return TurningFit(float(lens[0]), float(lens[1]), noise_px**2 * covariance, cost, noise_px)
 
 

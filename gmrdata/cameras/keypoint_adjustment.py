@@ -20,6 +20,7 @@ from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.keyframes import follow, is_free
 from gmrdata.cameras.matches import DATABASE_FILE, Matches
+from gmrdata.cameras.patches import follow_patches
 
 PLACED_PX = 0.5  # standard deviation of a feature's place
 MEASURED_PX = 0.15  # and of the motion of its patch
@@ -56,8 +57,9 @@ def _measure(matches: Matches, keyframes: Frames, starts: np.ndarray) -> Motions
         image, free = keyframes.read(keyframes.images[row + 1])
         if pair := next_of.get(row):
             from_px, to_px = matches.ends_px(pair)
-            found_px, ok = follow(before, image, from_px, to_px, free)
-            ok &= is_free(from_px, was_free)
+            guess_px, ok = follow(before, image, from_px, to_px, free)
+            found_px, rests = follow_patches(before, image, from_px, guess_px)
+            ok &= rests & is_free(from_px, was_free) & is_free(found_px, free)
             ok &= np.linalg.norm(found_px - to_px, axis=1) < FARTHEST_PX
             first.append(starts[row] + pair.features[ok, 0])
             second.append(starts[row + 1] + pair.features[ok, 1])

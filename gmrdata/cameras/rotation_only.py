@@ -13,11 +13,12 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
+from gmrdata.cameras.colmap import LOSS_PX
 from gmrdata.cameras.files import Smoothing
 from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.cameras.smoothing import CAUCHY_SCALE_PX, noise_px, smooth_cameras
+from gmrdata.cameras.smoothing import noise_px, smooth_cameras
 from gmrdata.values import transforms
 
 HYPOTHESES = 200
@@ -217,7 +218,7 @@ def _normal_equations(
     """J^T W J (3T, 3T) and J^T W r (3T,) at the present rotations."""
     n = len(rotmats)
     seen, second_from_first, residual = _predict(rotmats, data, intrinsics_px)
-    weight = 1.0 / (1.0 + (residual**2).sum(axis=1) / CAUCHY_SCALE_PX**2)
+    weight = 1.0 / (1.0 + (residual**2).sum(axis=1) / LOSS_PX**2)
     _, jacobian = slopes_by_turns(data.first, seen, second_from_first, np.diag(intrinsics_px)[:2])
     weighted = jacobian * weight[:, None, None]
     blocks = np.einsum("mki,mkj->mij", weighted, jacobian)

@@ -19,7 +19,6 @@ from gmrdata.cameras.files import NOT_SMOOTHED, Smoothing, SmoothPlace, SmoothTu
 from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.recipe import SfmConfig
 
-CAUCHY_SCALE_PX = 1.0  # as in the bundle adjustment
 LEAST_NOISE_PX = 0.05  # image points are never taken to be better
 NEAREST_DEPTH = 1e-6
 
@@ -29,14 +28,15 @@ def camera_information(
     seen_px: Mapping[int, np.ndarray],
     seen_points: Mapping[int, np.ndarray],
     intrinsics_px: np.ndarray,
+    loss_px: float,
 ) -> tuple[csr_array, np.ndarray]:
     """(6T, 6T) block-diagonal J^T W J and (6T,) slope J^T W r of cameras, zero where there is none.
 
     The unknowns of a camera are a small turn w [rad] and a step d, both in the world's axes:
     R <- exp(w) R, c <- c + d.  Observations are weighted as by the Cauchy loss of the bundle
-    adjustment, and by the noise that the residuals show.  The points (N, 3), by row of a frame
-    with a camera as their image points (N, 2), are held fixed, so the errors that frames share
-    through them are not in here.
+    adjustment, of that scale, and by the noise that the residuals show.  The points (N, 3), by row
+    of a frame with a camera as their image points (N, 2), are held fixed, so the errors that frames
+    share through them are not in here.
     """
     n = len(world_from_cam)
     blocks, slopes = np.zeros((n, 6, 6)), np.zeros((n, 6))
@@ -45,7 +45,7 @@ def camera_information(
         residual_px, jacobian = linearized(
             world_from_cam[row], seen_px[row], seen_points[row], intrinsics_px
         )
-        weight = 1.0 / (1.0 + (residual_px**2).sum(axis=1) / CAUCHY_SCALE_PX**2)
+        weight = 1.0 / (1.0 + (residual_px**2).sum(axis=1) / loss_px**2)
         blocks[row] = np.einsum("nki,n,nkj->ij", jacobian, weight, jacobian)
         slopes[row] = np.einsum("nki,n,nk->i", jacobian, weight, residual_px)
         residuals_px.append(residual_px)

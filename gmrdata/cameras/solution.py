@@ -7,6 +7,7 @@ from scipy.interpolate import krogh_interpolate
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras import files
+from gmrdata.cameras.colmap import LOSS_PX
 from gmrdata.cameras.focal import FreedFocal
 from gmrdata.cameras.frames import Timeline
 from gmrdata.cameras.keyframes import Keyframes
@@ -46,6 +47,7 @@ class Solution:
     """Share of the keyframes of a second solution, of a part of them alone, that have a camera here
     and there; None where they are too few for one."""
     agreement: files.Agreement | None = None  # With that solution; None where there is none
+    loss_px: float = LOSS_PX  # Scale of the loss of its bundle adjustment
     lens: files.Lens | None = None  # Taken out of the image points; None where there was hardly any
     largest_turn_deg: float | None = None  # Largest turn from the mean orientation; None for "full"
     smoothing: files.Smoothing = files.NOT_SMOOTHED
