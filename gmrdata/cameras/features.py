@@ -31,6 +31,9 @@ from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames
 
 LARGE_PIXELS = 600_000  # of frames whose features are OpenCV's
+SMALL_PIXELS = 250_000
+"""Frames with fewer are doubled.  A dancer cut to 360x480 has 51 to 185 matches from one keyframe
+to the next, and twice as many doubled."""
 
 NO_FEATURES = np.zeros((0, 6), np.float32), np.zeros((0, 128), np.uint8)
 _Finder = Callable[[Path, tuple[int, int], SfmConfig], tuple[np.ndarray, np.ndarray]]
@@ -110,6 +113,12 @@ def _find(frames: Frames, config: SfmConfig, find: _Finder, image: Path) -> _Fou
     return _Found(places[order], data[order], int((~masked).sum()))
 
 
+def _first_octave(size_px: tuple[int, int], config: SfmConfig) -> int:
+    if config.first_octave is not None:
+        return config.first_octave
+    return -1 if np.prod(size_px) < SMALL_PIXELS else 0
+
+
 def _of_colmap(
     image: Path, size_px: tuple[int, int], config: SfmConfig
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -121,7 +130,7 @@ def _of_colmap(
     options.max_image_size = max(size_px)
     options.sift.max_num_features = config.max_features
     options.sift.max_num_orientations = config.max_orientations
-    options.sift.first_octave = config.first_octave
+    options.sift.first_octave = _first_octave(size_px, config)
     extractor = pycolmap.FeatureExtractor.create(options, pycolmap.Device.cpu)
     keypoints, descriptors = extractor.extract(bitmap)
     table = [(k.x, k.y, k.a11, k.a12, k.a21, k.a22) for k in keypoints]
@@ -136,7 +145,8 @@ def _of_opencv(
         gray = read_gray(image, size_px)
     except BadFrames:
         return NO_FEATURES
-    width_px, height_px = (round(side_px / 2 ** (config.first_octave + 1)) for side_px in size_px)
+    octave = _first_octave(size_px, config)
+    width_px, height_px = (round(side_px / 2 ** (octave + 1)) for side_px in size_px)
     small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
     # COLMAP's own thresholds.
     sift = cv2.SIFT.create(contrastThreshold=0.02, edgeThreshold=10, enable_precise_upscale=True)

@@ -17,9 +17,10 @@ from gmrdata.cameras.colmap import (
     matrix_of,
     pycolmap,
 )
-from gmrdata.cameras.files import Mapper
+from gmrdata.cameras.files import Mapper, ModelRecord
 from gmrdata.cameras.focal import freed_focal, with_lens
 from gmrdata.cameras.frames import Frames, Timeline
+from gmrdata.cameras.jumps import mend_jumps
 from gmrdata.cameras.matches import DATABASE_FILE, Matches, matched_points
 from gmrdata.cameras.models import join_models, place_frames, see_again
 from gmrdata.cameras.recipe import SfmConfig
@@ -111,6 +112,7 @@ def map_again(
         return world_from_cam, np.inf
     model, _ = join_models(models, config.seed)
     bundle_adjuster(model).solve()
+    model = mend_jumps(model, frames, config.max_reprojection_px)
     model.update_point_3d_errors()
     error_px = float(model.compute_mean_reprojection_error())
     model, _ = with_lens(model)
@@ -207,13 +209,7 @@ def _finish(
     models: list[Any], mapper: Mapper, frames: Frames, matches: Matches, config: SfmConfig
 ) -> Solution:
     """Join and refine models, place the frames that they lack, and read the result out."""
-    model, records = join_models(models, config.seed)
-    bundle_adjuster(model).solve()
-    model.update_point_3d_errors()
-    manager = pycolmap.ObservationManager(model)
-    manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
-    see_again(model, matches, frames)
-    bundle_adjuster(model).solve()
+    model, records = _built(models, frames, matches, config)
     focal = freed_focal(model)
     model, lens = with_lens(model)
     loss_px = _sharpen(model, config)
@@ -251,6 +247,21 @@ def _finish(
         loss_px=loss_px,
         lens=lens,
     )
+
+
+def _built(
+    models: list[Any], frames: Frames, matches: Matches, config: SfmConfig
+) -> tuple[Any, tuple[ModelRecord, ...]]:
+    """One adjusted model of those that a mapper found, with background inside masks; what became
+    of each."""
+    model, records = join_models(models, config.seed)
+    bundle_adjuster(model).solve()
+    model.update_point_3d_errors()
+    manager = pycolmap.ObservationManager(model)
+    manager.filter_all_points3D(config.max_reprojection_px, MIN_PARALLAX_DEG)
+    see_again(model, matches, frames)
+    bundle_adjuster(model).solve()
+    return mend_jumps(model, frames, config.max_reprojection_px), records
 
 
 def _sharpen(model: Any, config: SfmConfig) -> float:

@@ -158,12 +158,12 @@ def _shared_error_px(whole: Any, model: Any, whole_from_model: Any, shared: list
     for image_id in shared:
         points = _seen_from(whole, image_id)
         moved = points @ (back.scale * back.rotation.matrix()).T + back.translation
-        own_px = _project(whole.image(image_id), points)
-        errors.append(np.linalg.norm(_project(model.image(image_id), moved) - own_px, axis=1))
+        own_px = project_into(whole.image(image_id), points)
+        errors.append(np.linalg.norm(project_into(model.image(image_id), moved) - own_px, axis=1))
     return float(np.median(np.concatenate(errors)))
 
 
-def _project(image: Any, points: np.ndarray) -> np.ndarray:
+def project_into(image: Any, points: np.ndarray) -> np.ndarray:
     """Image points (N, 2) [px]; NaN behind the camera."""
     points_cam = transforms.apply(matrix_of(image.cam_from_world()), points)
     return project_cam(points_cam, np.asarray(image.camera.calibration_matrix()))
@@ -222,7 +222,7 @@ def see_again(model: Any, matches: Matches, frames: Frames) -> int:
         looks_here, n_free = _looks(matches.descriptors[row]), matches.n_free[row]
         looks[of] = looks_here[features]
         hidden = np.setdiff1d(np.flatnonzero(often), of)
-        apart_px = _project(images[row], points[hidden])[:, None]
+        apart_px = project_into(images[row], points[hidden])[:, None]
         apart_px = apart_px - matches.keypoints_px[row][n_free:]
         near, feature = np.nonzero(np.linalg.norm(apart_px, axis=2) < AGAIN_PX)
         for n, at in _alike(hidden[near], feature + n_free, looks, looks_here):

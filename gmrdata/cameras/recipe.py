@@ -31,8 +31,9 @@ class SfmConfig(Config):
     max_orientations: int = Field(default=2, ge=1, le=4)
     """Features that one place may have, of as many directions.  With 1 the camera must not roll by
     much from one keyframe to the next, and mapping takes two thirds of the time."""
-    first_octave: int = Field(default=0, ge=-1, le=2)
-    """First SIFT octave: -1 doubles the image (slower, more features), 0 takes it as it is."""
+    first_octave: int | None = Field(default=None, ge=-1, le=2)
+    """First SIFT octave: -1 doubles the image (slower, more features), 0 takes it as it is; null
+    doubles images of fewer than a quarter of a megapixel."""
     overlap: int = Field(default=8, ge=1, le=1000)
     """Each frame is paired with those 1, 2, 4, ... later: so many pairs per frame."""
     min_pair_inliers: int = Field(default=15, ge=8)

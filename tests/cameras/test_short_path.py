@@ -40,9 +40,7 @@ def filmed(extent: float, seed: int) -> tuple[Any, np.ndarray]:
         image = pycolmap.Image(f"{i:03d}.png", image_px[i - 1], 1, i)
         cam_from_world = transforms.invert(camera)
         rotation = pycolmap.Rotation3d(cam_from_world[:3, :3])
-        model.add_image_with_trivial_frame(
-            image, pycolmap.Rigid3d(rotation, cam_from_world[:3, 3])
-        )
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(rotation, cam_from_world[:3, 3]))
     for n, point in enumerate(points):
         track = [pycolmap.TrackElement(i, n) for i in range(1, N_FRAMES + 1)]
         model.add_point3D(point, pycolmap.Track(track))
