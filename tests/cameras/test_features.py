@@ -5,9 +5,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from gmrdata.cameras.colmap import pycolmap
-from gmrdata.cameras.features import find_features
+from gmrdata.cameras.features import _first_octave, find_features
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
 
@@ -35,21 +36,26 @@ def test_features_are_those_of_each_frame_alone(tmp_path: Path) -> None:
     """COLMAP's extractor gave a frame the orientations of the frame before it."""
     images = coarse_noise(tmp_path / "frames", 12)
     frames = Frames(images, None, INTRINSICS_PX, (160, 120))
-    find_features(frames, tmp_path / "all.db", SfmConfig(threads=4))
+    find_features(frames, tmp_path / "all.db", SfmConfig(threads=4, first_octave=0))
     together = keypoints_of(tmp_path / "all.db")
     for image in images:
         alone = Frames([image], None, INTRINSICS_PX, (160, 120))
-        find_features(alone, tmp_path / f"{image.stem}.db", SfmConfig(threads=1))
+        find_features(alone, tmp_path / f"{image.stem}.db", SfmConfig(threads=1, first_octave=0))
         expected = keypoints_of(tmp_path / f"{image.stem}.db")[image.name]
         np.testing.assert_array_equal(together[image.name], expected)
 
 
-def test_features_are_those_of_colmap_for_a_single_frame(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("asked", "octave"), [(None, -1), (0, 0)])
+def test_features_are_those_of_colmap_for_a_single_frame(
+    asked: int | None, octave: int, tmp_path: Path
+) -> None:
+    """Of a small frame, which is doubled if nobody says otherwise."""
     images = coarse_noise(tmp_path / "frames", 1)
     frames = Frames(images, None, INTRINSICS_PX, (160, 120))
-    found = find_features(frames, tmp_path / "own.db", SfmConfig(max_features=600))
+    config = SfmConfig(max_features=600, first_octave=asked)
+    found = find_features(frames, tmp_path / "own.db", config)
     options = pycolmap.FeatureExtractionOptions()
-    options.sift.max_num_features, options.sift.first_octave = 600, 0
+    options.sift.max_num_features, options.sift.first_octave = 600, octave
     path = tmp_path / "colmap.db"
     pycolmap.extract_features(
         path, images[0].parent, extraction_options=options, device=pycolmap.Device.cpu
@@ -57,6 +63,11 @@ def test_features_are_those_of_colmap_for_a_single_frame(tmp_path: Path) -> None
     expected = keypoints_of(path)[images[0].name]
     np.testing.assert_array_equal(keypoints_of(tmp_path / "own.db")[images[0].name], expected)
     assert found.n_free == [len(expected)]
+
+
+def test_frames_of_a_quarter_of_a_megapixel_are_taken_as_they_are() -> None:
+    assert [_first_octave(size_px, SfmConfig()) for size_px in ((499, 500), (500, 500))] == [-1, 0]
+    assert _first_octave((160, 120), SfmConfig(first_octave=1)) == 1
 
 
 def test_features_inside_masks_are_last_and_have_no_descriptors(tmp_path: Path) -> None:
