@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.cameras.colmap import LOSS_PX, FreeIntrinsic, bundle_adjuster, pycolmap
 from gmrdata.cameras.files import Lens
+from gmrdata.cameras.keypoint_adjustment import MEASURED_PX
 from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.rotation_only import RotationOnly, slopes_by_turns
 from gmrdata.values.camera import bent, straightened
@@ -148,7 +149,8 @@ def _adjusted(thin: Any, images: list[int], free: FreeIntrinsic, start: float) -
     (camera,) = model.cameras.values()
     given_px, cx, cy, _ = camera.params
     camera.params = [start * given_px, cx, cy, 0.0]
-    adjusted = adjust_lens(model, images, free)
+    # What a patch's motion errs by is in all of its track: what is left of it shows too little.
+    adjusted = adjust_lens(model, images, free, MEASURED_PX)
     if adjusted is None or adjusted.covariance.shape != (1, 1):
         return None
     factor, k1 = camera.params[0] / given_px, camera.params[3]
@@ -165,7 +167,9 @@ class AdjustedLens(NamedTuple):
     cost: float
 
 
-def adjust_lens(model: Any, images: list[int], free: FreeIntrinsic) -> AdjustedLens | None:
+def adjust_lens(
+    model: Any, images: list[int], free: FreeIntrinsic, least_noise_px: float = NOISE_FLOOR_PX
+) -> AdjustedLens | None:
     """Adjust a model of one camera in place; None where that fails or has no standard error."""
     (camera,) = model.cameras.values()
     # COLMAP's usual tolerance of 1e-6 stops short.
@@ -180,7 +184,7 @@ def adjust_lens(model: Any, images: list[int], free: FreeIntrinsic) -> AdjustedL
     model.update_point_3d_errors()
     errors_px = np.array([model.point3D(i).error for i in sorted(model.point3D_ids())])
     # An error is the length of two coordinates; for normal ones its median is 1.177 sigma.
-    noise_px = max(NOISE_FLOOR_PX, float(np.median(errors_px)) / 1.177)
+    noise_px = max(least_noise_px, float(np.median(errors_px)) / 1.177)
     return AdjustedLens(noise_px**2 * of_free, float(summary.ceres_summary.final_cost))
 
 
