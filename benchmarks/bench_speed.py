@@ -34,6 +34,7 @@ PARTS: dict[str, list[tuple[Any, str]]] = {
     "choosing keyframes": [(geometry, "choose_keyframes")],
     "features": [(matches, "find_features")],
     "matching": [(matches, "_match"), (matches, "_sort_pairs"), (matches, "read_matches")],
+    "keypoint adjustment": [(geometry, "adjust_keypoints")],
     "pure rotation": [(geometry, "solve_rotation_only")],
     "mapping": [(pycolmap, "global_mapping"), (pycolmap, "incremental_mapping")],
     "adjusting": [(mapping, "_finish")],
