@@ -69,15 +69,9 @@ def bundle_adjuster(
     """Adjusts a model with a loss that forgives wrong matches; two cameras hold the gauge.
     On one thread, so that results repeat; of the intrinsics the focal length, distortion or both
     may be free."""
-    options = pycolmap.BundleAdjustmentOptions()
+    options = _adjustment_options(max_iterations, loss_px)
     options.refine_focal_length = free in ("focal", "both")
     options.refine_extra_params = free in ("radial", "both")
-    options.refine_principal_point = False
-    options.print_summary = False
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = loss_px
-    options.ceres.solver_options.num_threads = 1
-    options.ceres.solver_options.max_num_iterations = max_iterations
     options.ceres.solver_options.function_tolerance = tolerance
     problem = pycolmap.BundleAdjustmentConfig()
     for image_id in sorted(model.reg_image_ids() if images is None else images):
@@ -85,3 +79,26 @@ def bundle_adjuster(
     problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     # Not `pycolmap.bundle_adjustment`, which turns its log back on.
     return pycolmap.create_default_ceres_bundle_adjuster(options, problem, model)
+
+
+def camera_adjuster(model: Any, image_id: int, max_iterations: int) -> Any:
+    """Adjusts one camera and the points that it sees; the other cameras that see them hold both."""
+    problem = pycolmap.BundleAdjustmentConfig()
+    problem.add_image(image_id)
+    for spot in model.image(image_id).points2D:
+        if spot.has_point3D():
+            problem.add_variable_point(spot.point3D_id)
+    options = _adjustment_options(max_iterations, LOSS_PX)
+    return pycolmap.create_default_ceres_bundle_adjuster(options, problem, model)
+
+
+def _adjustment_options(max_iterations: int, loss_px: float) -> Any:
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = options.refine_extra_params = False
+    options.refine_principal_point = False
+    options.print_summary = False
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_scale = loss_px
+    options.ceres.solver_options.num_threads = 1
+    options.ceres.solver_options.max_num_iterations = max_iterations
+    return options
