@@ -78,6 +78,8 @@ def _middle(model: Any, ids: list[int], numbers: np.ndarray, at: int) -> np.ndar
 
 def _is_astray(model: Any, image_id: int, world_from_cam: np.ndarray) -> bool:
     """Whether a camera that begins elsewhere (4, 4) ends in a better place, all others held."""
+    if not model.image(image_id).num_points3D:
+        return False  # no cost tells, and the summary of an empty problem has none
     tried = pycolmap.Reconstruction(model)
     here = camera_adjuster(tried, image_id, max_iterations=0).solve().ceres_summary.final_cost
     _put(tried, image_id, world_from_cam)

@@ -109,3 +109,14 @@ def test_a_path_without_a_jump_stays_as_it_is(stuck: tuple[Any, Any]) -> None:
     before = places_of(model)
     assert mend_jumps(model, FRAMES, 2.0) is model
     np.testing.assert_array_equal(places_of(model), before)
+
+
+def test_a_camera_that_has_lost_its_points_stays_where_it_is(stuck: tuple[Any, Any]) -> None:
+    model, _ = stuck
+    for row, spot in enumerate(model.image(JUMPED + 1).points2D):
+        if spot.has_point3D():
+            model.delete_observation(JUMPED + 1, row)
+    jumps_module._adjusted(model)
+    before = places_of(model)
+    assert mend_jumps(model, FRAMES, 2.0) is model
+    np.testing.assert_array_equal(places_of(model), before)
