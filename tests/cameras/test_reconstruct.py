@@ -273,6 +273,21 @@ def test_unrelated_frames_have_no_reconstruction(tmp_path: Path) -> None:
         reconstruct(tmp_path / "frames", None, intrinsics(), tmp_path / "out", SMALL)
 
 
+def test_a_logo_is_no_scene_before_a_camera_at_rest(tmp_path: Path) -> None:
+    """A camera that went round a fox, with a logo over a fifth of its frames, was called static."""
+    rng = np.random.default_rng(0)
+    logo = np.kron(rng.integers(0, 256, (12, 16)), np.ones((10, 10)))
+    for number in range(1, 9):
+        picture = cv2.GaussianBlur(rng.normal(0, 1, (360, 640)).astype(np.float32), (0, 0), 2)
+        picture = 128 + 40 * picture / picture.std()
+        picture[:120, :160] = logo
+        cv2.imwrite(str(tmp_path / f"{number:04d}.png"), picture.clip(0, 255).astype(np.uint8))
+    said = "explains [0-9]+% of the picture only, less than 50%: something stays in the picture"
+    with pytest.raises(NoReconstruction, match=said):
+        reconstruct(tmp_path, None, intrinsics(), tmp_path / "sfm", SMALL)
+    assert not (tmp_path / "sfm").exists()
+
+
 def test_a_missing_mask_is_an_error(dolly: Any, tmp_path: Path) -> None:
     shutil.copytree(dolly.masks_dir, tmp_path / "masks")
     (tmp_path / "masks" / "00003.png").unlink()

@@ -80,9 +80,9 @@ def test_a_good_sequence_is_accepted_whole(clip: Clip) -> None:
             "sees is 46 times as far away as what the next one sees, more than 6: pieces of",
         ),
         (
-            {"weakest_step": WeakestStep(40, 52, 0.0016, 0.25, 1.2)},
-            "0.16% of their way is open, and up to 25% of what two frames share moves otherwise "
-            "than they say, which together is 0.040%, more than 0.025%; they may follow what moves",
+            {"weakest_step": WeakestStep(40, 52, 0.0048, 0.25, 1.2)},
+            "0.48% of their way is open, and up to 25% of what two frames share moves otherwise "
+            "than they say, which together is 0.120%, more than 0.100%; they may follow what moves",
         ),
         (
             {"agreement": Agreement(9, 2.14, 0.004)},
@@ -311,7 +311,7 @@ def test_a_background_that_moves_is_named(clip: Clip) -> None:
     for step, is_named in (
         (WeakestStep(36, 45, 0.0032, 0.56, 1.03), True),
         (WeakestStep(70, 73, 0.00131, 0.75, 14.0), True),
-        (WeakestStep(7, 20, 0.0018, 0.24, 1.3), False),
+        (WeakestStep(11, 12, 0.0022, 0.34, 200.0), False),
     ):
         reasons = judge(clip, good_quality(N, weakest_step=step), ROWS, SCALE, CONFIG).reasons
         named = [reason for reason in reasons if "water, a crowd or leaves" in reason]
