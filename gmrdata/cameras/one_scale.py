@@ -136,8 +136,7 @@ def _loose_shares(seen: _Seen) -> Iterator[float]:
         both = np.trace(left, axis1=1, axis2=2).astype(bool) & (last > step)
         moves = _moves((seen.points[both] - seen.centres[step]) / unit)
         held = _held(left[both], total[both]) * unit**2
-        known = np.einsum("nki,nkl,nlj->ij", moves, held, moves)
-        covariance = np.linalg.inv(known + np.diag(POSSIBLE**-2.0))
+        covariance = _left_open(np.einsum("nki,nkl,nlj->ij", moves, held, moves))
         before = seen.camera <= step
         moves = _moves((seen.centres - seen.centres[step]) / unit)
         variances = np.einsum("nki,ij,nkj->n", moves, covariance, moves)
@@ -155,6 +154,15 @@ def _held(left: np.ndarray, total: np.ndarray) -> np.ndarray:
     # Hardly anything, so that a point without a depth can be inverted.
     damping = 1e-9 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     return np.asarray(left @ np.linalg.solve(total + damping, total - left))
+
+
+def _left_open(known: np.ndarray) -> np.ndarray:
+    """(7, 7) covariance of a move of which so much is known, beside what is possible at all."""
+    values, vectors = np.linalg.eigh((known + known.T) / 2 * np.outer(POSSIBLE, POSSIBLE))
+    # Nothing is known less than not at all, but by rounding: of cameras that a broken model puts
+    # 100 000 times as far away as the others, variances came out negative.
+    spread = POSSIBLE[:, None] * vectors / np.sqrt(1.0 + np.maximum(values, 0.0))
+    return np.asarray(spread @ spread.T)
 
 
 def _moves(arms: np.ndarray) -> np.ndarray:

@@ -100,6 +100,25 @@ def test_a_step_from_rest_that_nothing_holds_is_found() -> None:
     assert (step.after, step.before) == (48, 51) and step.loose_share > 0.05
 
 
+@pytest.mark.parametrize("away_m", [1e3, 1e4, 1e5, 1e6])
+def test_cameras_that_a_broken_model_puts_far_away_are_found(away_m: float) -> None:
+    """Rounding once made variances negative there, and the stage ended with another error."""
+    mapped, matches = solved(STRAIGHT, along(0, 1))
+    cameras = mapped.world_from_cam.copy()
+    cameras[-2:, 2, 3] -= away_m
+    rng = np.random.default_rng(0)
+    there = cameras[-1, :3, 3] + rng.uniform([-1, -1, 3], [1, 1, 6], (40, 3))
+    seen, seen_px = dict(mapped.seen), list(matches.keypoints_px)
+    for row in (N - 2, N - 1):
+        # Twenty points that the others see as well, and what is there.
+        shared = dict(list(mapped.seen[row].items())[:20])
+        points = np.concatenate([np.array(list(shared.values())), there])
+        seen[row] = dict(enumerate(points))
+        seen_px[row] = project(cameras[row], points, K_PX) + rng.normal(0, 0.1, (60, 2))
+    step = found(replace(mapped, world_from_cam=cameras, seen=seen), Matches(seen_px, []))
+    assert (step.after, step.before) == (51, 54) and step.loose_share > 1
+
+
 def test_points_that_a_model_does_not_explain_hold_nothing() -> None:
     mapped, matches = solved(STRAIGHT, along(0, 1))
     first, last = np.arange(POINTS) < 150, np.arange(POINTS) >= 150
