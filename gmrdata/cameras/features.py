@@ -26,7 +26,6 @@ import numpy as np
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.read.frames import read_gray
 from gmrdata.stage.jobs import own_cores
 from gmrdata.values.errors import BadFrames
 
@@ -36,8 +35,8 @@ SMALL_PIXELS = 250_000
 to the next, and twice as many doubled."""
 
 NO_FEATURES = np.zeros((0, 6), np.float32), np.zeros((0, 128), np.uint8)
-_Finder = Callable[[Path, tuple[int, int], SfmConfig], tuple[np.ndarray, np.ndarray]]
-"""Keypoints (N, 6) and descriptors (N, 128) of an image."""
+_Finder = Callable[[Frames, Path, SfmConfig], tuple[np.ndarray, np.ndarray]]
+"""Keypoints (N, 6) and descriptors (N, 128) of an image among its frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +103,7 @@ def _all_found(frames: Frames, config: SfmConfig) -> Iterator[_Found]:
 
 
 def _find(frames: Frames, config: SfmConfig, find: _Finder, image: Path) -> _Found:
-    places, data = find(image, frames.size_px, config)
+    places, data = find(frames, image, config)
     if frames.masks_dir is None or not len(places):
         return _Found(places, data, len(places))
     column, row = places[:, :2].astype(int).T
@@ -119,10 +118,9 @@ def _first_octave(size_px: tuple[int, int], config: SfmConfig) -> int:
     return -1 if np.prod(size_px) < SMALL_PIXELS else 0
 
 
-def _of_colmap(
-    image: Path, size_px: tuple[int, int], config: SfmConfig
-) -> tuple[np.ndarray, np.ndarray]:
-    bitmap = pycolmap.Bitmap.read(image, as_rgb=False)
+def _of_colmap(frames: Frames, image: Path, config: SfmConfig) -> tuple[np.ndarray, np.ndarray]:
+    # Read by COLMAP too, whose grey is another mixture of the colours than OpenCV's.
+    bitmap, size_px = pycolmap.Bitmap.read(image, as_rgb=False), frames.size_px
     if bitmap is None:
         return NO_FEATURES
     options = pycolmap.FeatureExtractionOptions()
@@ -138,11 +136,9 @@ def _of_colmap(
     return places, np.asarray(descriptors.data).reshape(-1, 128)
 
 
-def _of_opencv(
-    image: Path, size_px: tuple[int, int], config: SfmConfig
-) -> tuple[np.ndarray, np.ndarray]:
+def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[np.ndarray, np.ndarray]:
     try:
-        gray = read_gray(image, size_px)
+        gray, size_px = frames.gray(image), frames.size_px
     except BadFrames:
         return NO_FEATURES
     octave = _first_octave(size_px, config)

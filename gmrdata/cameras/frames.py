@@ -5,7 +5,7 @@ from more pixels than about a million, while everything takes as many times long
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from gmrdata.values.camera import bent
 
 MASK_MARGIN_PX = 8  # points nearer to a mask see what moves in half of their window
 FAST_PNG = 1  # zlib's level of compression
+MOST_KEPT_BYTES = 2**30  # of decoded frames: a thousand of 1280x720 px
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,7 @@ class Frames:
     masks_dir: Path | None  # Masks (255 = dynamic), one per frame; None to use whole frames
     intrinsics_px: np.ndarray  # (3, 3) calibration matrix [px]
     size_px: tuple[int, int]  # (width, height)
+    kept: dict[Path, np.ndarray] = field(default_factory=dict)  # What `gray` decoded
 
     @property
     def numbers(self) -> np.ndarray:
@@ -35,6 +37,16 @@ class Frames:
     def some(self, rows: np.ndarray) -> "Frames":
         """The frames of some rows."""
         return replace(self, images=[self.images[row] for row in rows])
+
+    def gray(self, image: Path) -> np.ndarray:
+        """A frame (h, w) uint8, not to be written to; decoded once, as far as memory is meant to
+        hold it."""
+        gray = self.kept.get(image)
+        if gray is None:
+            gray = read_gray(image, self.size_px)
+            if (len(self.kept) + 1) * gray.nbytes <= MOST_KEPT_BYTES:
+                self.kept[image] = gray
+        return gray
 
     def mask(self, image: Path) -> np.ndarray:
         """A frame's mask (h, w) uint8."""
@@ -46,7 +58,7 @@ class Frames:
         """A shrunk frame (h, w) uint8, and where its background can be followed, (h, w) bool."""
         import cv2
 
-        gray, masked = read_gray(image, self.size_px), self.mask(image)
+        gray, masked = self.gray(image), self.mask(image)
         if shrink < 1:
             gray = cv2.resize(gray, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
             masked = cv2.resize(masked, gray.shape[::-1], interpolation=cv2.INTER_AREA)

@@ -11,7 +11,6 @@ from gmrdata.cameras.features import find_features
 from gmrdata.cameras.files import Lens
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.read.frames import read_gray
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
 DATABASE_FILE = "database.db"
@@ -160,7 +159,7 @@ def _why_featureless(frames: Frames) -> str:
         masked = np.mean([(frames.mask(image) > 127).mean() for image in frames.images])
         if masked > MASKED_SHARE:
             return f"the masks cover {masked:.0%} of the picture; check what made them"
-    brightness = np.median([np.percentile(read_gray(image), 95) for image in frames.images])
+    brightness = np.median([np.percentile(frames.gray(image), 95) for image in frames.images])
     if brightness < DARK_GREY:
         return f"the frames are black (grey value {brightness:.0f} of 255); check the images"
     return "the background is textureless; take a sequence that shows more of its surroundings"
