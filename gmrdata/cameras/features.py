@@ -4,7 +4,7 @@ Of large frames they are OpenCV's, which takes a third of the time.  It begins w
 twice its size, so it is given one of half the size: that has what a first octave of 0 has.  Small
 frames have COLMAP's, which are placed more exactly: of 1241 x 376 px a car's path is off by 16 mm
 over 60 m, with OpenCV's by 24; of 720 x 960 px a hand's is off by 3.2 to 4.1 mm with OpenCV's and
-by 3.9 to 4.3 with COLMAP's.
+by 3.9 to 4.3 with COLMAP's.  Where masks leave few of them, weaker ones are taken too.
 
 Each frame has an extractor of its own.  COLMAP's go from image to image, and VLFeat's then keep the
 gradients of the octave that they looked at last: where all features of an image are in one octave,
@@ -12,7 +12,7 @@ as in small or blurred ones, the next image gets its orientations from the image
 is hangs on the threads (pycolmap 4.2.1: 1 % of images of 160 x 120 had other features run by run).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -33,6 +33,12 @@ LARGE_PIXELS = 600_000  # of frames whose features are OpenCV's
 SMALL_PIXELS = 250_000
 """Frames with fewer are doubled.  A dancer cut to 360x480 has 51 to 185 matches from one keyframe
 to the next, and twice as many doubled."""
+
+CONTRAST, WEAK_CONTRAST = 0.02, 0.01  # least contrast of OpenCV's; COLMAP has the first too
+FEW_FEATURES = 1000
+"""Median of the features outside masks below which OpenCV's may have half of the contrast.  Six
+windows of a dancer have 650 to 900 behind filled boxes: the mean error went from 4.7 to 4.1 mm, in
+the same time.  Unmasked they have 1170 to 1400."""
 
 NO_FEATURES = np.zeros((0, 6), np.float32), np.zeros((0, 128), np.uint8)
 _Finder = Callable[[Frames, Path, SfmConfig], tuple[np.ndarray, np.ndarray]]
@@ -65,7 +71,7 @@ def find_features(
     A frame that can't be decoded has no features, and no image in the database.
     """
     id_of_name = _import_images(frames, database_path, calibrated)
-    found = list(_all_found(frames, config))
+    found = _all_found(frames, config)
     with closing(pycolmap.Database.open(database_path)) as database:
         for image, one in zip(frames.images, found, strict=True):
             if len(one.keypoints):
@@ -96,10 +102,19 @@ def _import_images(frames: Frames, database_path: Path, calibrated: bool) -> dic
         return {image.name: image.image_id for image in database.read_all_images()}
 
 
-def _all_found(frames: Frames, config: SfmConfig) -> Iterator[_Found]:
-    find = _of_opencv if np.prod(frames.size_px) >= LARGE_PIXELS else _of_colmap
+def _all_found(frames: Frames, config: SfmConfig) -> list[_Found]:
+    if np.prod(frames.size_px) < LARGE_PIXELS:
+        return _found_by(_of_colmap, frames, config)
+    found = _found_by(partial(_of_opencv, contrast=CONTRAST), frames, config)
+    few = min(FEW_FEATURES, config.max_features)
+    if np.median([one.n_free for one in found]) < few:
+        found = _found_by(partial(_of_opencv, contrast=WEAK_CONTRAST), frames, config)
+    return found
+
+
+def _found_by(find: _Finder, frames: Frames, config: SfmConfig) -> list[_Found]:
     with ThreadPoolExecutor(config.threads or own_cores()) as threads:
-        yield from threads.map(partial(_find, frames, config, find), frames.images)
+        return list(threads.map(partial(_find, frames, config, find), frames.images))
 
 
 def _find(frames: Frames, config: SfmConfig, find: _Finder, image: Path) -> _Found:
@@ -136,7 +151,9 @@ def _of_colmap(frames: Frames, image: Path, config: SfmConfig) -> tuple[np.ndarr
     return places, np.asarray(descriptors.data).reshape(-1, 128)
 
 
-def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[np.ndarray, np.ndarray]:
+def _of_opencv(
+    frames: Frames, image: Path, config: SfmConfig, contrast: float
+) -> tuple[np.ndarray, np.ndarray]:
     try:
         gray, size_px = frames.gray(image), frames.size_px
     except BadFrames:
@@ -144,8 +161,10 @@ def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[np.ndarr
     octave = _first_octave(size_px, config)
     width_px, height_px = (round(side_px / 2 ** (octave + 1)) for side_px in size_px)
     small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
-    # COLMAP's own thresholds.
-    sift = cv2.SIFT.create(contrastThreshold=0.02, edgeThreshold=10, enable_precise_upscale=True)
+    # COLMAP's own threshold for edges.
+    sift = cv2.SIFT.create(
+        contrastThreshold=contrast, edgeThreshold=10, enable_precise_upscale=True
+    )
     everywhere = np.full(small.shape, 255, np.uint8)
     found, floats = sift.detectAndCompute(small, everywhere)
     if not found:

@@ -121,6 +121,27 @@ def test_features_of_large_frames_are_where_the_frame_has_them(tmp_path: Path) -
     assert np.abs(off_px[there]).max() < 0.1 and np.abs(off_px[there].mean(axis=0)).max() < 0.02
 
 
+@pytest.mark.parametrize(("masked_px", "weak_too"), [(0, False), (641, True)])
+def test_weak_features_are_taken_where_masks_leave_few(
+    masked_px: int, weak_too: bool, tmp_path: Path
+) -> None:
+    """Firm texture on the left, which a mask may hide, and a weak one on the right."""
+    rng = np.random.default_rng(0)
+    coarse = rng.integers(-100, 101, (214, 321)).astype(np.float32)
+    coarse[:, 214:] *= 0.1
+    image = cv2.resize(coarse, LARGE_PX, interpolation=cv2.INTER_CUBIC) + 128
+    mask = np.zeros(LARGE_PX[::-1], np.uint8)
+    mask[:, :masked_px] = 255
+    (tmp_path / "masks").mkdir()
+    cv2.imwrite(str(tmp_path / "00000.png"), np.clip(np.round(image), 0, 255).astype(np.uint8))
+    cv2.imwrite(str(tmp_path / "masks" / "00000.png"), mask)
+    frames = Frames([tmp_path / "00000.png"], tmp_path / "masks", INTRINSICS_PX, LARGE_PX)
+    find_features(frames, tmp_path / "own.db", SfmConfig())
+    x_px = keypoints_of(tmp_path / "own.db")["00000.png"][:, 0]
+    n_weak = int((x_px > 661).sum())
+    assert n_weak > 600 if weak_too else n_weak < 150
+
+
 def test_a_place_has_as_many_directions_as_are_asked_for(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     coarse = rng.integers(0, 255, (80, 120)).astype(np.uint8)
