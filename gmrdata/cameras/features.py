@@ -12,7 +12,7 @@ as in small or blurred ones, the next image gets its orientations from the image
 is hangs on the threads (pycolmap 4.2.1: 1 % of images of 160 x 120 had other features run by run).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -35,14 +35,15 @@ SMALL_PIXELS = 250_000
 to the next, and twice as many doubled."""
 
 CONTRAST, WEAK_CONTRAST = 0.02, 0.01  # least contrast of OpenCV's; COLMAP has the first too
+LAYERS = 3  # of an octave
 FEW_FEATURES = 1000
 """Median of the features outside masks below which OpenCV's may have half of the contrast.  Six
 windows of a dancer have 650 to 900 behind filled boxes: the mean error went from 4.7 to 4.1 mm, in
 the same time.  Unmasked they have 1170 to 1400."""
 
-NO_FEATURES = np.zeros((0, 6), np.float32), np.zeros((0, 128), np.uint8)
-_Finder = Callable[[Frames, Path, SfmConfig], tuple[np.ndarray, np.ndarray]]
-"""Keypoints (N, 6) and descriptors (N, 128) of an image among its frames."""
+_Table = tuple[np.ndarray, np.ndarray]
+"""Keypoints (N, 6) and descriptors (N, 128) of an image."""
+NO_FEATURES: _Table = np.zeros((0, 6), np.float32), np.zeros((0, 128), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,22 +104,24 @@ def _import_images(frames: Frames, database_path: Path, calibrated: bool) -> dic
 
 
 def _all_found(frames: Frames, config: SfmConfig) -> list[_Found]:
-    if np.prod(frames.size_px) < LARGE_PIXELS:
-        return _found_by(_of_colmap, frames, config)
-    found = _found_by(partial(_of_opencv, contrast=CONTRAST), frames, config)
-    few = min(FEW_FEATURES, config.max_features)
-    if np.median([one.n_free for one in found]) < few:
-        found = _found_by(partial(_of_opencv, contrast=WEAK_CONTRAST), frames, config)
-    return found
-
-
-def _found_by(find: _Finder, frames: Frames, config: SfmConfig) -> list[_Found]:
     with ThreadPoolExecutor(config.threads or own_cores()) as threads:
-        return list(threads.map(partial(_find, frames, config, find), frames.images))
+        found = list(threads.map(partial(_find, frames, config), frames.images))
+    n_free = np.median([firm.n_free for firm, _ in found])
+    few = n_free < min(FEW_FEATURES, config.max_features)
+    return [with_weak if few else firm for firm, with_weak in found]
 
 
-def _find(frames: Frames, config: SfmConfig, find: _Finder, image: Path) -> _Found:
-    places, data = find(frames, image, config)
+def _find(frames: Frames, config: SfmConfig, image: Path) -> tuple[_Found, _Found]:
+    """An image's features, and those with weak ones among them where it is large."""
+    if np.prod(frames.size_px) >= LARGE_PIXELS:
+        firm, with_weak = _of_opencv(frames, image, config)
+        return _unmasked_first(firm, frames, image), _unmasked_first(with_weak, frames, image)
+    found = _unmasked_first(_of_colmap(frames, image, config), frames, image)
+    return found, found
+
+
+def _unmasked_first(table: _Table, frames: Frames, image: Path) -> _Found:
+    places, data = table
     if frames.masks_dir is None or not len(places):
         return _Found(places, data, len(places))
     column, row = places[:, :2].astype(int).T
@@ -133,7 +136,7 @@ def _first_octave(size_px: tuple[int, int], config: SfmConfig) -> int:
     return -1 if np.prod(size_px) < SMALL_PIXELS else 0
 
 
-def _of_colmap(frames: Frames, image: Path, config: SfmConfig) -> tuple[np.ndarray, np.ndarray]:
+def _of_colmap(frames: Frames, image: Path, config: SfmConfig) -> _Table:
     # Read by COLMAP too, whose grey is another mixture of the colours than OpenCV's.
     bitmap, size_px = pycolmap.Bitmap.read(image, as_rgb=False), frames.size_px
     if bitmap is None:
@@ -151,43 +154,60 @@ def _of_colmap(frames: Frames, image: Path, config: SfmConfig) -> tuple[np.ndarr
     return places, np.asarray(descriptors.data).reshape(-1, 128)
 
 
-def _of_opencv(
-    frames: Frames, image: Path, config: SfmConfig, contrast: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[_Table, _Table]:
+    """Those of the usual contrast, and those of half of it; looked for once."""
     try:
         gray, size_px = frames.gray(image), frames.size_px
     except BadFrames:
-        return NO_FEATURES
+        return NO_FEATURES, NO_FEATURES
     octave = _first_octave(size_px, config)
     width_px, height_px = (round(side_px / 2 ** (octave + 1)) for side_px in size_px)
     small = cv2.resize(gray, (width_px, height_px), interpolation=cv2.INTER_AREA)
     # COLMAP's own threshold for edges.
     sift = cv2.SIFT.create(
-        contrastThreshold=contrast, edgeThreshold=10, enable_precise_upscale=True
+        nOctaveLayers=LAYERS,
+        contrastThreshold=WEAK_CONTRAST,
+        edgeThreshold=10,
+        enable_precise_upscale=True,
     )
     everywhere = np.full(small.shape, 255, np.uint8)
     found, floats = sift.detectAndCompute(small, everywhere)
     if not found:
-        return NO_FEATURES
-    kept = _chosen(found, config)
+        return NO_FEATURES, NO_FEATURES
     larger = np.divide(size_px, small.shape[::-1])
+
+    def table(rows: Iterable[int]) -> _Table:
+        kept = _chosen(found, rows, config)
+        return _as_colmap_has_them([found[i] for i in kept], floats[kept], larger, size_px)
+
+    # OpenCV compares the contrast so.
+    firm = np.flatnonzero([LAYERS * one.response >= CONTRAST for one in found])
+    return table(firm.tolist()), table(range(len(found)))
+
+
+def _as_colmap_has_them(
+    found: Sequence[Any], floats: np.ndarray, larger: np.ndarray, size_px: tuple[int, int]
+) -> _Table:
+    """OpenCV's features of a frame that is `larger` (2,) times what they were sought in."""
+    if not found:
+        return NO_FEATURES
     # OpenCV's (0, 0) is the centre of the first pixel, COLMAP's its corner.
-    at_px = (np.array([found[i].pt for i in kept]) + 0.5) * larger
+    at_px = (np.array([one.pt for one in found]) + 0.5) * larger
     at_px = np.clip(at_px, 0, np.nextafter(np.array(size_px, np.float32), np.float32(0)))
-    size = np.array([found[i].size for i in kept]) / 2 * larger[0]
-    turn = np.deg2rad([found[i].angle for i in kept])
+    size = np.array([one.size for one in found]) / 2 * larger[0]
+    turn = np.deg2rad([one.angle for one in found])
     along, across = size * np.cos(turn), size * np.sin(turn)
     places = np.c_[at_px, along, -across, across, along].astype(np.float32)
     # As COLMAP has them: the root of each share (Arandjelovic and Zisserman 2012), in 512ths.
-    shares = floats[kept] / np.maximum(floats[kept].sum(axis=1, keepdims=True), 1e-9)
+    shares = floats / np.maximum(floats.sum(axis=1, keepdims=True), 1e-9)
     return places, np.minimum(np.round(512 * np.sqrt(shares)), 255).astype(np.uint8)
 
 
-def _chosen(found: Sequence[Any], config: SfmConfig) -> list[int]:
-    """The features of the largest places, with the first directions of each, in their order."""
+def _chosen(found: Sequence[Any], rows: Iterable[int], config: SfmConfig) -> list[int]:
+    """Those rows of the features of the largest places, with the first directions of each."""
     places: dict[tuple[float, float, float], list[int]] = {}
     # All of one place follow each other, by their angle.
-    for i, keypoint in enumerate(found):
-        places.setdefault((keypoint.size, *keypoint.pt), []).append(i)
+    for i in rows:
+        places.setdefault((found[i].size, *found[i].pt), []).append(i)
     largest = sorted(places, reverse=True)[: config.max_features]
     return sorted(i for place in largest for i in places[place][: config.max_orientations])
