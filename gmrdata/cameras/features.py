@@ -38,8 +38,8 @@ CONTRAST, WEAK_CONTRAST = 0.02, 0.01  # least contrast of OpenCV's; COLMAP has t
 LAYERS = 3  # of an octave
 FEW_FEATURES = 1000
 """Median of the features outside masks below which OpenCV's may have half of the contrast.  Six
-windows of a dancer have 650 to 900 behind filled boxes: the mean error went from 4.7 to 4.1 mm, in
-the same time.  Unmasked they have 1170 to 1400."""
+windows of a dancer have 650 to 900 behind filled boxes: the mean error went from 4.7 to 4.1 mm,
+for a tenth more time.  Unmasked they have 1170 to 1400."""
 
 _Table = tuple[np.ndarray, np.ndarray]
 """Keypoints (N, 6) and descriptors (N, 128) of an image."""
