@@ -4,7 +4,7 @@ Of large frames they are OpenCV's, which takes a third of the time.  It begins w
 twice its size, so it is given one of half the size: that has what a first octave of 0 has.  Small
 frames have COLMAP's, which are placed more exactly: of 1241 x 376 px a car's path is off by 16 mm
 over 60 m, with OpenCV's by 24; of 720 x 960 px a hand's is off by 3.2 to 4.1 mm with OpenCV's and
-by 3.9 to 4.3 with COLMAP's.  Where masks leave few of them, weaker ones are taken too.
+by 3.9 to 4.3 with COLMAP's.  Where few are outside masks, weaker ones are taken too.
 
 Each frame has an extractor of its own.  COLMAP's go from image to image, and VLFeat's then keep the
 gradients of the octave that they looked at last: where all features of an image are in one octave,
@@ -113,19 +113,20 @@ def _all_found(frames: Frames, config: SfmConfig) -> list[_Found]:
 
 def _find(frames: Frames, config: SfmConfig, image: Path) -> tuple[_Found, _Found]:
     """An image's features, and those with weak ones among them where it is large."""
+    mask = None if frames.masks_dir is None else frames.mask(image)
     if np.prod(frames.size_px) >= LARGE_PIXELS:
         firm, with_weak = _of_opencv(frames, image, config)
-        return _unmasked_first(firm, frames, image), _unmasked_first(with_weak, frames, image)
-    found = _unmasked_first(_of_colmap(frames, image, config), frames, image)
+        return _unmasked_first(firm, mask), _unmasked_first(with_weak, mask)
+    found = _unmasked_first(_of_colmap(frames, image, config), mask)
     return found, found
 
 
-def _unmasked_first(table: _Table, frames: Frames, image: Path) -> _Found:
+def _unmasked_first(table: _Table, mask: np.ndarray | None) -> _Found:
     places, data = table
-    if frames.masks_dir is None or not len(places):
+    if mask is None or not len(places):
         return _Found(places, data, len(places))
     column, row = places[:, :2].astype(int).T
-    masked = frames.mask(image)[row, column] > 127
+    masked = mask[row, column] > 127
     order = np.argsort(masked, kind="stable")
     return _Found(places[order], data[order], int((~masked).sum()))
 
