@@ -10,6 +10,8 @@ Each frame has an extractor of its own.  COLMAP's go from image to image, and VL
 gradients of the octave that they looked at last: where all features of an image are in one octave,
 as in small or blurred ones, the next image gets its orientations from the image before.  Which that
 is hangs on the threads (pycolmap 4.2.1: 1 % of images of 160 x 120 had other features run by run).
+Each has a database of its own too: `FeatureExtractor.extract` holds Python's lock, under which
+threads wait for each other, and `extract_features` does not.
 """
 
 from collections.abc import Iterable, Sequence
@@ -18,6 +20,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
@@ -72,7 +75,8 @@ def find_features(
     A frame that can't be decoded has no features, and no image in the database.
     """
     id_of_name = _import_images(frames, database_path, calibrated)
-    found = _all_found(frames, config)
+    with TemporaryDirectory(dir=database_path.parent) as work_dir:
+        found = _all_found(frames, Path(work_dir), config)
     with closing(pycolmap.Database.open(database_path)) as database:
         for image, one in zip(frames.images, found, strict=True):
             if len(one.keypoints):
@@ -103,21 +107,21 @@ def _import_images(frames: Frames, database_path: Path, calibrated: bool) -> dic
         return {image.name: image.image_id for image in database.read_all_images()}
 
 
-def _all_found(frames: Frames, config: SfmConfig) -> list[_Found]:
+def _all_found(frames: Frames, work_dir: Path, config: SfmConfig) -> list[_Found]:
     with ThreadPoolExecutor(config.threads or own_cores()) as threads:
-        found = list(threads.map(partial(_find, frames, config), frames.images))
+        found = list(threads.map(partial(_find, frames, work_dir, config), frames.images))
     n_free = np.median([firm.n_free for firm, _ in found])
     few = n_free < min(FEW_FEATURES, config.max_features)
     return [with_weak if few else firm for firm, with_weak in found]
 
 
-def _find(frames: Frames, config: SfmConfig, image: Path) -> tuple[_Found, _Found]:
+def _find(frames: Frames, work_dir: Path, config: SfmConfig, image: Path) -> tuple[_Found, _Found]:
     """An image's features, and those with weak ones among them where it is large."""
     mask = None if frames.masks_dir is None else frames.mask(image)
     if np.prod(frames.size_px) >= LARGE_PIXELS:
         firm, with_weak = _of_opencv(frames, image, config)
         return _unmasked_first(firm, mask), _unmasked_first(with_weak, mask)
-    found = _unmasked_first(_of_colmap(frames, image, config), mask)
+    found = _unmasked_first(_of_colmap(image, frames.size_px, work_dir, config), mask)
     return found, found
 
 
@@ -137,22 +141,28 @@ def _first_octave(size_px: tuple[int, int], config: SfmConfig) -> int:
     return -1 if np.prod(size_px) < SMALL_PIXELS else 0
 
 
-def _of_colmap(frames: Frames, image: Path, config: SfmConfig) -> _Table:
+def _of_colmap(image: Path, size_px: tuple[int, int], work_dir: Path, config: SfmConfig) -> _Table:
     # Read by COLMAP too, whose grey is another mixture of the colours than OpenCV's.
-    bitmap, size_px = pycolmap.Bitmap.read(image, as_rgb=False), frames.size_px
-    if bitmap is None:
-        return NO_FEATURES
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = 1
     options.max_image_size = max(size_px)
     options.sift.max_num_features = config.max_features
     options.sift.max_num_orientations = config.max_orientations
     options.sift.first_octave = _first_octave(size_px, config)
-    extractor = pycolmap.FeatureExtractor.create(options, pycolmap.Device.cpu)
-    keypoints, descriptors = extractor.extract(bitmap)
-    table = [(k.x, k.y, k.a11, k.a12, k.a21, k.a22) for k in keypoints]
-    places = np.array(table, np.float32).reshape(-1, 6)
-    return places, np.asarray(descriptors.data).reshape(-1, 128)
+    own_path = work_dir / f"{image.name}.db"
+    pycolmap.extract_features(
+        own_path,
+        image.parent,
+        image_names=[image.name],
+        extraction_options=options,
+        device=pycolmap.Device.cpu,
+    )
+    with closing(pycolmap.Database.open(own_path)) as database:
+        ids = [one.image_id for one in database.read_all_images()]
+        if not ids or not database.exists_keypoints(ids[0]):
+            return NO_FEATURES
+        descriptors = np.asarray(database.read_descriptors(ids[0]).data)
+        return np.asarray(database.read_keypoints(ids[0])), descriptors.reshape(-1, 128)
 
 
 def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[_Table, _Table]:
