@@ -45,7 +45,7 @@ def test_both_mappers_find_the_same_cameras(arc: Any) -> None:
     mappers: tuple[Mapper, ...] = ("global", "incremental")
     for name in mappers:
         models = mapping._run(name, frames, work_dir, SMALL)
-        mapped = mapping._finish(models, name, frames, matches, SMALL)
+        mapped = mapping._finish(models, name, frames, matches, work_dir, SMALL)
         assert mapped.has_camera.all()
         assert relative_angles_deg(mapped.world_from_cam, filmed.world_from_cam).max() < 0.3
         assert mapped.errors_px.max() < 3.0 and np.median(mapped.errors_px) < 0.5
