@@ -98,6 +98,14 @@ def _is_short(centres: np.ndarray, points: np.ndarray, share: float) -> bool:
     return bool(extent < share * distance)
 
 
+def _is_short_model(model: Any, config: SfmConfig) -> bool:
+    """The same of a COLMAP model."""
+    centres = [model.image(i).projection_center() for i in sorted(model.reg_image_ids())]
+    places = [model.point3D(i).xyz for i in sorted(model.point3D_ids())]
+    of = [np.array(all_of).reshape(-1, 3) for all_of in (centres, places)]
+    return _is_short(of[0], of[1], config.small_travel_share)
+
+
 def explains(mapped: Solution, n_matched: np.ndarray) -> bool:
     """Whether a model has enough of the matched points (T,) of the frames that it has."""
     n_there = n_matched[mapped.has_camera].sum()
@@ -265,7 +273,8 @@ def _built(
     of each."""
     model, records = join_models(models, config.seed)
     _adjust_and_filter(model, config)
-    if has_weak(model, matches, frames):
+    # Where a camera hardly travels, most points lack parallax: few are held, and rightly so.
+    if not _is_short_model(model, config) and has_weak(model, matches, frames):
         for _ in range(TRIANGULATED_AGAIN):
             triangulate_again(model, work_dir / DATABASE_FILE, config)
             _adjust_and_filter(model, config)
@@ -288,13 +297,10 @@ def _sharpen(model: Any, config: SfmConfig) -> float:
     A tenth of the image points is half a pixel off where most are a tenth, which tells little over
     a long path, but took 1.5 % from one of 62 mm.
     """
-    centres = [model.image(i).projection_center() for i in sorted(model.reg_image_ids())]
-    ids = sorted(model.point3D_ids())
-    places = np.array([model.point3D(i).xyz for i in ids]).reshape(-1, 3)
-    if not _is_short(np.array(centres).reshape(-1, 3), places, config.small_travel_share):
+    if not _is_short_model(model, config):
         return LOSS_PX
     model.update_point_3d_errors()
-    median_px = float(np.median([model.point3D(i).error for i in ids]))
+    median_px = float(np.median([model.point3D(i).error for i in sorted(model.point3D_ids())]))
     loss_px = min(LOSS_PX, max(NARROWEST_PX, median_px))
     bundle_adjuster(model, loss_px=loss_px).solve()
     return loss_px
