@@ -121,7 +121,8 @@ def fault_cases() -> Iterator[Case]:
         part = WHOLE if first.startswith("kitti") else (0, 60, 1)
         yield Case(f"joined-{first}-{second}", first, part, joined_to=second)
     for start in (0, 200, 300, 400, 500):
-        for share in (0.5, 0.35):
+        # The first at a half is `crop-dance_half-none`, which would count twice.
+        for share in (0.5, 0.35) if start else (0.35,):
             yield Case(f"large_person-dance{start}-{share:g}", "dance", (start, start + 100, 1),
                        change=centre_crop(share))  # fmt: skip
     for seed in range(1, 5):
