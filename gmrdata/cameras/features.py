@@ -142,7 +142,6 @@ def _first_octave(size_px: tuple[int, int], config: SfmConfig) -> int:
 
 
 def _of_colmap(image: Path, size_px: tuple[int, int], work_dir: Path, config: SfmConfig) -> _Table:
-    # Read by COLMAP too, whose grey is another mixture of the colours than OpenCV's.
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = 1
     options.max_image_size = max(size_px)
@@ -150,6 +149,7 @@ def _of_colmap(image: Path, size_px: tuple[int, int], work_dir: Path, config: Sf
     options.sift.max_num_orientations = config.max_orientations
     options.sift.first_octave = _first_octave(size_px, config)
     own_path = work_dir / f"{image.name}.db"
+    # Read by COLMAP too, whose grey is another mixture of the colours than OpenCV's.
     pycolmap.extract_features(
         own_path,
         image.parent,

@@ -34,6 +34,11 @@ class Frames:
     def numbers(self) -> np.ndarray:
         return np.array([image_number(image) for image in self.images])
 
+    @property
+    def row_of_name(self) -> dict[str, int]:
+        """Row of each frame by its image's name, by which COLMAP knows it."""
+        return {image.name: row for row, image in enumerate(self.images)}
+
     def some(self, rows: np.ndarray) -> "Frames":
         """The frames of some rows."""
         return replace(self, images=[self.images[row] for row in rows])

@@ -32,7 +32,7 @@ def mend_jumps(model: Any, frames: Frames, most_px: float) -> Any:
 
     Most go back to where they were, which a keyframe alone tells, in a hundredth of the time.
     """
-    row_of_name = {image.name: row for row, image in enumerate(frames.images)}
+    row_of_name = frames.row_of_name
     ids = sorted(model.reg_image_ids(), key=lambda i: row_of_name[model.image(i).name])
     cameras = np.array([_camera(model, i) for i in ids]).reshape(-1, 4, 4)
     numbers = frames.numbers[[row_of_name[model.image(i).name] for i in ids]]

@@ -101,9 +101,8 @@ def _is_short(centres: np.ndarray, points: np.ndarray, share: float) -> bool:
 def _is_short_model(model: Any, config: SfmConfig) -> bool:
     """The same of a COLMAP model."""
     centres = [model.image(i).projection_center() for i in sorted(model.reg_image_ids())]
-    places = [model.point3D(i).xyz for i in sorted(model.point3D_ids())]
-    of = [np.array(all_of).reshape(-1, 3) for all_of in (centres, places)]
-    return _is_short(of[0], of[1], config.small_travel_share)
+    points = [model.point3D(i).xyz for i in sorted(model.point3D_ids())]
+    return _is_short(np.array(centres), np.array(points), config.small_travel_share)
 
 
 def explains(mapped: Solution, n_matched: np.ndarray) -> bool:
@@ -318,7 +317,7 @@ def _forget_weak(
 
 def _views(model: Any, frames: Frames) -> Iterator[tuple[int, np.ndarray, dict[int, np.ndarray]]]:
     """Row and cam_from_world (4, 4) of each frame of a model, and its points by feature."""
-    row_of_name = {image.name: row for row, image in enumerate(frames.images)}
+    row_of_name = frames.row_of_name
     # Sorted, since COLMAP keeps them in hash tables.
     for image in map(model.image, sorted(model.reg_image_ids())):
         points = {

@@ -207,11 +207,11 @@ def see_again(model: Any, matches: Matches, frames: Frames) -> int:
     """
     if not matches.descriptors:
         return 0
-    ids, rows = sorted(model.point3D_ids()), {im.name: row for row, im in enumerate(frames.images)}
+    ids, row_of_name = sorted(model.point3D_ids()), frames.row_of_name
     number = {point_id: n for n, point_id in enumerate(ids)}
     points = np.array([model.point3D(i).xyz for i in ids]).reshape(-1, 3)
     often = np.array([model.point3D(i).track.length() >= AGAIN_SEEN for i in ids], dtype=bool)
-    images = {rows[image.name]: image for image in map(model.image, model.reg_image_ids())}
+    images = {row_of_name[image.name]: image for image in map(model.image, model.reg_image_ids())}
     seen = {row: _seen_features(image, number) for row, image in sorted(images.items())}
     looks = np.zeros((len(ids), 128), dtype=np.float32)
     # Backwards first: a point that was not seen yet looks as it will.

@@ -26,8 +26,7 @@ MIN_TRIANGULATION_DEG = 1.0  # of a point that is made anew
 
 def has_weak(model: Any, matches: Matches, frames: Frames) -> bool:
     """Whether a model has a keyframe that it explains little of."""
-    n_matched = matched_points(matches)
-    row_of_name = {image.name: row for row, image in enumerate(frames.images)}
+    n_matched, row_of_name = matched_points(matches), frames.row_of_name
     images = map(model.image, model.reg_image_ids())
     return any(
         image.num_points3D < LEAST_HELD * n_matched[row_of_name[image.name]] for image in images

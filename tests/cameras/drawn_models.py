@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.cameras.colmap import pycolmap
+from gmrdata.cameras.features import pinhole_params
 from gmrdata.values import transforms
 from gmrdata.values.camera import project
 
@@ -23,14 +24,18 @@ def seen_px(world_from_cam: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.array([project(camera, points, INTRINSICS_PX) for camera in world_from_cam])
 
 
+def drawn_camera() -> Any:
+    """COLMAP's camera of the intrinsics, with the id 1."""
+    (width_px, height_px), params = SIZE_PX, pinhole_params(INTRINSICS_PX)
+    return pycolmap.Camera(
+        model="PINHOLE", width=width_px, height=height_px, params=params, camera_id=1
+    )
+
+
 def model_of(world_from_cam: np.ndarray, points: np.ndarray, image_px: np.ndarray) -> Any:
     """A model with cameras (T, 4, 4), named 0001.png and so on, that all see all points."""
     model = pycolmap.Reconstruction()
-    (width_px, height_px), params = SIZE_PX, [800.0, 800.0, 320.0, 240.0]
-    camera = pycolmap.Camera(
-        model="PINHOLE", width=width_px, height=height_px, params=params, camera_id=1
-    )
-    model.add_camera_with_trivial_rig(camera)
+    model.add_camera_with_trivial_rig(drawn_camera())
     for i, cam_from_world in enumerate(transforms.invert(world_from_cam), start=1):
         rotation = pycolmap.Rotation3d(cam_from_world[:3, :3])
         rigid = pycolmap.Rigid3d(rotation, cam_from_world[:3, 3])

@@ -19,6 +19,7 @@ from gmrdata.values.transforms import fit_similarity
 from tests.cameras.drawn_models import (
     INTRINSICS_PX,
     SIZE_PX,
+    drawn_camera,
     drawn_points,
     model_of,
     places_of,
@@ -57,11 +58,7 @@ class Scene:
 
     def write_database(self, path: Path) -> None:
         with closing(pycolmap.Database.open(path)) as database:
-            params = [800.0, 800.0, 320.0, 240.0]
-            camera = pycolmap.Camera(
-                model="PINHOLE", width=SIZE_PX[0], height=SIZE_PX[1], params=params
-            )
-            camera_id = database.write_camera(camera)
+            camera_id = database.write_camera(drawn_camera())
             for image, image_px in zip(FRAMES.images, self.image_px, strict=True):
                 image_id = database.write_image(pycolmap.Image(image.name, [], camera_id))
                 database.write_keypoints(image_id, image_px.astype(np.float32))
