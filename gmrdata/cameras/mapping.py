@@ -115,10 +115,17 @@ def map_again(
     first: Solution, rows: np.ndarray, frames: Frames, work_dir: Path, config: SfmConfig
 ) -> tuple[np.ndarray, float]:
     """Cameras (T, 4, 4) of a second solution by the same mapper, of some rows (N,) of the frames
-    alone, and their mean error [px]; NaN for the others, and where there is none."""
+    alone, and their mean error [px]; NaN for the others, and where there is none.
+
+    Where the camera hardly travels, the global mapper may find a model of all frames and none of
+    some.  Lower thresholds for parallax are tried then, as in the first solution.
+    """
     world_from_cam = np.full((len(frames.images), 4, 4), np.nan)
     names = [frames.images[row].name for row in rows]
     models = _run(first.mapper, frames, work_dir, config, names)
+    short = hardly_travels(first, config.small_travel_share)
+    if not models and short and first.mapper != "small_parallax":
+        models = _run("small_parallax", frames, work_dir, config, names)
     if not models:
         return world_from_cam, np.inf
     model, _ = join_models(models, config.seed)

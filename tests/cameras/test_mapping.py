@@ -12,7 +12,7 @@ from gmrdata.cameras import mapping
 from gmrdata.cameras.files import Mapper
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.geometry import explains_better
-from gmrdata.cameras.matches import match_frames
+from gmrdata.cameras.matches import Matches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.rotation_only import solve_rotation_only
 from gmrdata.read.frames import list_images
@@ -99,22 +99,29 @@ def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc: Any) -> None:
     assert not explains_better(fewer, turning, SMALL)
 
 
-@pytest.mark.parametrize("reach_m", [0.085, 0.07, 0.0])
-def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
-    reach_m: float, tmp_path: Path
-) -> None:
+SWAYING = SfmConfig(max_features=600)
+
+
+def film_swaying(reach_m: float, folder: Path) -> tuple[np.ndarray, Frames, Matches]:
+    """Cameras (14, 4, 4) that sway about one place, their frames, and the frames' matches."""
     along = np.linspace(0, 1, 14)
     sway = np.stack([np.sin(5 * along), np.cos(7 * along), np.sin(9 * along + 1)], axis=1) / 2
     person_m = np.stack([-1.0 + 2 * along, 0 * along + 0.4, 0 * along], axis=1)
     centres_m = np.array([0.0, -3.0, 1.5]) + reach_m * sway
     targets_m = person_m + np.array([0.0, 0.0, 1.0])
     cameras = np.array([look_at(c, t) for c, t in zip(centres_m, targets_m, strict=True)])
-    filmed = film_cameras(tmp_path / "film", cameras, person_m)
+    filmed = film_cameras(folder / "film", cameras, person_m)
     images = list_images(filmed.images_dir)
     frames = Frames(images, filmed.masks_dir, filmed.intrinsics_px, (320, 180))
-    config = SfmConfig(max_features=600)
-    matches = match_frames(frames, tmp_path, config)
-    mapped = mapping.map_frames(frames, matches, tmp_path, config)
+    return cameras, frames, match_frames(frames, folder, SWAYING)
+
+
+@pytest.mark.parametrize("reach_m", [0.085, 0.07, 0.0])
+def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
+    reach_m: float, tmp_path: Path
+) -> None:
+    cameras, frames, matches = film_swaying(reach_m, tmp_path)
+    mapped = mapping.map_frames(frames, matches, tmp_path, SWAYING)
     if reach_m == 0:
         assert mapped is None or not mapped.has_camera.all()
         return
@@ -122,6 +129,28 @@ def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(
     true, centres = cameras[:, :3, 3], mapped.world_from_cam[:, :3, 3]
     apart_m = fit_similarity(true, centres, scale=True).apply(centres) - true
     assert np.linalg.norm(apart_m, axis=1).max() < 0.25 * reach_m
+
+
+def test_a_second_solution_of_a_camera_that_hardly_travels_is_not_given_up_with_one_mapper(
+    tmp_path: Path,
+) -> None:
+    """Of a pan in a street the global mapper found all keyframes and of two in three none: a right
+    path was rejected, since nothing confirmed it."""
+    _, frames, matches = film_swaying(0.07, tmp_path)
+    first = mapping.map_frames(frames, matches, tmp_path, SWAYING)
+    assert first is not None
+    rows = np.flatnonzero(np.arange(14) % 3 != 1)
+    otherwise = replace(first, mapper="incremental")
+    second, error_px = mapping.map_again(otherwise, rows, frames, tmp_path, SWAYING)
+    assert np.isfinite(second[rows]).all() and error_px < 1.0
+    # A camera that travels has the mapper of its first solution alone.
+    far = replace(otherwise, points=first.points / 100)
+    again = SWAYING.model_copy(update={"seed": 1})
+    none, _ = mapping.map_again(far, rows, frames, tmp_path, again)
+    assert np.isnan(none).all()
+    # Two frames have no model; that mapper is not asked twice.
+    nothing, _ = mapping.map_again(first, rows[:2], frames, tmp_path, again)
+    assert first.mapper == "small_parallax" and np.isnan(nothing).all()
 
 
 def test_cameras_that_few_points_hold_are_forgotten() -> None:
