@@ -33,7 +33,7 @@ PARTS: dict[str, list[tuple[Any, str]]] = {
     "following points": [(keyframes, "_flow"), (cv2, "goodFeaturesToTrack")],
     "choosing keyframes": [(geometry, "choose_keyframes")],
     "features": [(matches, "find_features")],
-    "matching": [(matches, "_match"), (matches, "_sort_pairs"), (matches, "read_matches")],
+    "matching": [(matches, "match_features"), (matches, "sort_pairs"), (matches, "read_matches")],
     "keypoint adjustment": [(geometry, "adjust_keypoints")],
     "pure rotation": [(geometry, "solve_rotation_only")],
     "mapping": [(pycolmap, "global_mapping"), (pycolmap, "incremental_mapping")],

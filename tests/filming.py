@@ -137,8 +137,8 @@ def solve_keyframes_once(monkeypatch: pytest.MonkeyPatch) -> None:
     from gmrdata.cameras import geometry
 
     names = (
-        "match_frames", "adjust_keypoints", "map_frames", "map_again", "map_otherwise",
-        "with_frames_between",
+        "match_frames", "match_behind_masks", "adjust_keypoints", "map_frames", "map_again",
+        "map_otherwise", "with_frames_between",
     )  # fmt: skip
     for name in names:
         monkeypatch.setattr(geometry, name, _once(getattr(geometry, name)))

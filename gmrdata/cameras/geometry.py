@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gmrdata.cameras.agreement import agreement, least_extent
+from gmrdata.cameras.behind_masks import match_behind_masks
 from gmrdata.cameras.coverage import covered_share
 from gmrdata.cameras.files import Agreement, CamerasQuality, Evidence
 from gmrdata.cameras.focal import turning_focal
@@ -71,6 +72,7 @@ def solve(frames: Frames, work_dir: Path, config: SfmConfig) -> tuple[Solution, 
     keyframes = frames.some(keys.rows)
     try:
         matches = match_frames(keyframes, work_dir, config)
+        matches = match_behind_masks(matches, keyframes, work_dir, config)
         matches = adjust_keypoints(matches, keyframes, work_dir)
         keys = keys.but_matched(matches)
         solution, evidence, bent = _solve_keyframes(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gmrdata.cameras.behind_masks import see_again
 from gmrdata.cameras.colmap import (
     LOSS_PX,
     MIN_PARALLAX_DEG,
@@ -22,7 +23,7 @@ from gmrdata.cameras.focal import freed_focal, with_lens
 from gmrdata.cameras.frames import Frames, Timeline
 from gmrdata.cameras.jumps import mend_jumps
 from gmrdata.cameras.matches import DATABASE_FILE, Matches, matched_points
-from gmrdata.cameras.models import join_models, place_frames, see_again
+from gmrdata.cameras.models import join_models, place_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.cameras.smoothing import camera_information, smooth_cameras
 from gmrdata.cameras.solution import SeenPoints, Solution

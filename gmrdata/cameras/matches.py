@@ -3,6 +3,7 @@
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -85,37 +86,44 @@ def match_frames(
     pycolmap.set_random_seed(config.seed)
     database_path = work_dir / DATABASE_FILE
     found = find_features(frames, database_path, config, calibrated=calibrated)
-    _match(database_path, config)
-    _sort_pairs(database_path)
+    match_features(database_path, config)
+    sort_pairs(database_path)
     matches = read_matches(database_path, frames.images)
     matches = replace(matches, n_free=found.n_free, descriptors=found.descriptors)
     _require_usable(matches, frames)
     return matches
 
 
-def _match(database_path: Path, config: SfmConfig) -> None:
+def match_features(database_path: Path, config: SfmConfig, *, verified: bool = True) -> None:
+    """Match the images of a database with those that follow, and with some further on."""
     # One thread: with two, pycolmap 4.2.1 now and then gives other matches for the same features.
     matching = pycolmap.FeatureMatchingOptions()
     matching.num_threads = 1
+    matching.skip_geometric_verification = not verified
     pairing = pycolmap.SequentialPairingOptions()
     pairing.overlap, pairing.quadratic_overlap = config.overlap, True
     pairing.num_threads = 1
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.min_num_inliers = config.min_pair_inliers
-    verification.ransac.max_error = config.verification_error_px
-    verification.ransac.random_seed = config.seed
-    # A slow camera leaves matches where they are, as a watermark would.
-    verification.detect_watermark = False
     pycolmap.match_sequential(
         database_path=database_path,
         matching_options=matching,
         pairing_options=pairing,
-        verification_options=verification,
+        verification_options=verification_options(config),
         device=pycolmap.Device.cpu,
     )
 
 
-def _sort_pairs(database_path: Path) -> None:
+def verification_options(config: SfmConfig) -> Any:
+    """How matches of two frames are held against their epipolar geometry."""
+    options = pycolmap.TwoViewGeometryOptions()
+    options.min_num_inliers = config.min_pair_inliers
+    options.ransac.max_error = config.verification_error_px
+    options.ransac.random_seed = config.seed
+    # A slow camera leaves matches where they are, as a watermark would.
+    options.detect_watermark = False
+    return options
+
+
+def sort_pairs(database_path: Path) -> None:
     """Put the pairs in order: threads write them as they finish, and mappers depend on it."""
     with closing(pycolmap.Database.open(database_path)) as database:
         pair_ids, geometries = database.read_two_view_geometries()

@@ -1,5 +1,4 @@
-"""Models of one sequence: joined where they share frames, and given what they lack: frames, and
-image points inside masks.
+"""Models of one sequence: joined where they share frames, and given the frames that they lack.
 
 COLMAP's incremental mapper starts a new model where it can't go on, and lets it grow back into
 frames that it has already.  What both models see there fixes the similarity between them.
@@ -14,7 +13,6 @@ import numpy as np
 from gmrdata.cameras.colmap import matrix_of, pycolmap
 from gmrdata.cameras.features import pinhole_params
 from gmrdata.cameras.files import ModelRecord
-from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import Matches
 from gmrdata.cameras.solution import SeenPoints
 from gmrdata.values import transforms
@@ -189,70 +187,3 @@ def _take_over(whole: Any, model: Any) -> None:
                     whole.add_observation(known[0], element)
         elif len(free) >= 2:
             whole.add_point3D(point.xyz, pycolmap.Track(free))
-
-
-AGAIN_PX = 1.5  # of where a point must appear, within which a feature may show it
-AGAIN_LIKENESS = 0.9
-"""Cosine of two descriptors from which they show one point.  In filmed rooms 9 of 10 true ones have
-more, and none of a person whose clothes have the walls' own texture: those reach 0.88."""
-AGAIN_SEEN = 3  # frames that must see a point outside their masks
-
-
-def see_again(model: Any, matches: Matches, frames: Frames) -> int:
-    """Give the points of a model the features inside masks that show them; how many.
-
-    A mask covers background too, a filled box more of it than of the person.  A feature shows a
-    point that must appear there and looked like it when it was seen last.  No point is made of what
-    is only seen inside masks, so that nobody comes in who stands still or moves slowly.
-    """
-    if not matches.descriptors:
-        return 0
-    ids, row_of_name = sorted(model.point3D_ids()), frames.row_of_name
-    number = {point_id: n for n, point_id in enumerate(ids)}
-    points = np.array([model.point3D(i).xyz for i in ids]).reshape(-1, 3)
-    often = np.array([model.point3D(i).track.length() >= AGAIN_SEEN for i in ids], dtype=bool)
-    images = {row_of_name[image.name]: image for image in map(model.image, model.reg_image_ids())}
-    seen = {row: _seen_features(image, number) for row, image in sorted(images.items())}
-    looks = np.zeros((len(ids), 128), dtype=np.float32)
-    # Backwards first: a point that was not seen yet looks as it will.
-    for row, (features, of) in reversed(seen.items()):
-        looks[of] = _looks(matches.descriptors[row][features])
-    added = 0
-    for row, (features, of) in seen.items():
-        looks_here, n_free = _looks(matches.descriptors[row]), matches.n_free[row]
-        looks[of] = looks_here[features]
-        hidden = np.setdiff1d(np.flatnonzero(often), of)
-        apart_px = project_into(images[row], points[hidden])[:, None]
-        apart_px = apart_px - matches.keypoints_px[row][n_free:]
-        near, feature = np.nonzero(np.linalg.norm(apart_px, axis=2) < AGAIN_PX)
-        for n, at in _alike(hidden[near], feature + n_free, looks, looks_here):
-            model.add_observation(ids[n], pycolmap.TrackElement(images[row].image_id, at))
-            looks[n] = looks_here[at]
-            added += 1
-    return added
-
-
-def _seen_features(image: Any, number: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Features (N,) of an image that show points, and the numbers (N,) of these."""
-    features = image.get_observation_point2D_idxs()
-    of = [number[image.point2D(feature).point3D_id] for feature in features]
-    return np.array(features, dtype=np.int64), np.array(of, dtype=np.int64)
-
-
-def _looks(descriptors: np.ndarray) -> np.ndarray:
-    """Descriptors (N, 128) of length 1."""
-    floats = descriptors.astype(np.float32)
-    return floats / np.maximum(np.linalg.norm(floats, axis=1, keepdims=True), 1)
-
-
-def _alike(
-    point: np.ndarray, feature: np.ndarray, looks: np.ndarray, looks_here: np.ndarray
-) -> list[tuple[int, int]]:
-    """Those of M pairs of a point and a feature that are alike, each the other's most alike."""
-    likeness = np.einsum("nd,nd->n", looks[point], looks_here[feature])
-    best = likeness >= AGAIN_LIKENESS
-    for own, count in ((point, len(looks)), (feature, len(looks_here))):
-        most = np.zeros(count, dtype=np.float32)
-        np.maximum.at(most, own, likeness)
-        best &= likeness == most[own]
-    return list(zip(point[best].tolist(), feature[best].tolist(), strict=True))

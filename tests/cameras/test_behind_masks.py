@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.cameras import mapping, models
+from gmrdata.cameras import behind_masks, mapping
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.matches import Matches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
@@ -99,13 +99,44 @@ def test_a_person_who_stands_still_stays_out(tmp_path: Path) -> None:
     assert on_the_person(film, seen) == 0
 
 
+def test_neighbours_that_match_need_nothing_from_inside_masks(walking: Any) -> None:
+    _, frames, matches, work_dir = walking
+    assert behind_masks.match_behind_masks(matches, frames, work_dir, SMALL) is matches
+
+
+@pytest.mark.parametrize("walks", [True, False])
+def test_what_masks_hide_is_matched_with_what_they_show_and_the_person_is_not(
+    walks: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    along = np.linspace(0, 1, N_FRAMES) if walks else np.full(N_FRAMES, 0.5)
+    film = filmed(tmp_path, np.stack([-0.8 + 1.6 * along, 0 * along + 0.4, 0 * along], axis=1))
+    frames = boxed(film, tmp_path / "boxes")
+    before = match_frames(frames, tmp_path, SMALL)
+    monkeypatch.setattr(behind_masks, "HARDLY_MATCHED", 10_000)
+    matches = behind_masks.match_behind_masks(before, frames, tmp_path, SMALL)
+    hidden = []
+    for pair in matches.pairs:
+        n_free = [matches.n_free[pair.first], matches.n_free[pair.second]]
+        inside = pair.features >= n_free
+        assert not inside.all(axis=1).any()
+        for row, column in ((pair.first, 0), (pair.second, 1)):
+            features = pair.features[inside[:, column], column]
+            hidden += [(row, matches.keypoints_px[row][feature]) for feature in features]
+    assert len(hidden) > 50
+    # A feature of the person would have to match the room.
+    assert on_the_person(film, hidden) <= 0.02 * len(hidden)
+    # A feature that has a point is not given another one.
+    seen = came_back(frames, matches, tmp_path)
+    assert on_the_person(film, seen) == 0
+
+
 def test_without_masks_nothing_is_sought(walking: Any, tmp_path: Path) -> None:
     _, frames, _, _ = walking
     whole = replace(frames.some(np.arange(3)), masks_dir=None)
     matches = match_frames(whole, tmp_path, SMALL)
     assert matches.descriptors == []
     assert matches.n_free == [len(points_px) for points_px in matches.keypoints_px]
-    assert models.see_again(None, matches, whole) == 0
+    assert behind_masks.see_again(None, matches, whole) == 0
 
 
 def test_a_black_frame_between_others_has_no_features(walking: Any, tmp_path: Path) -> None:
