@@ -146,11 +146,16 @@ def _looks(descriptors: np.ndarray) -> np.ndarray:
 def _alike(
     point: np.ndarray, feature: np.ndarray, looks: np.ndarray, looks_here: np.ndarray
 ) -> list[tuple[int, int]]:
-    """Those of M pairs of a point and a feature that are alike, each the other's most alike."""
+    """Those of M pairs of a point and a feature that are alike, each the other's most alike; the
+    first of those that are equally alike."""
     likeness = np.einsum("nd,nd->n", looks[point], looks_here[feature])
     best = likeness >= AGAIN_LIKENESS
     for own, count in ((point, len(looks)), (feature, len(looks_here))):
         most = np.zeros(count, dtype=np.float32)
         np.maximum.at(most, own, likeness)
         best &= likeness == most[own]
-    return list(zip(point[best].tolist(), feature[best].tolist(), strict=True))
+    alike = np.flatnonzero(best)
+    # One feature may have shown two points, which then look the same to the last bit.
+    for own in (point, feature):
+        alike = alike[np.sort(np.unique(own[alike], return_index=True)[1])]
+    return list(zip(point[alike].tolist(), feature[alike].tolist(), strict=True))

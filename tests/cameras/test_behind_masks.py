@@ -130,6 +130,15 @@ def test_what_masks_hide_is_matched_with_what_they_show_and_the_person_is_not(
     assert on_the_person(film, seen) == 0
 
 
+def test_a_feature_shows_one_of_two_points_that_look_the_same() -> None:
+    """A feature was given two points, and COLMAP ended the stage: a dancer cut to 432x576."""
+    looks = np.zeros((3, 128), np.float32)
+    looks[:2, 0] = looks[2, 1] = 1
+    point, feature = np.array([0, 1, 2, 2]), np.array([1, 1, 0, 2])
+    looks_here = looks[[2, 0, 2]]
+    assert behind_masks._alike(point, feature, looks, looks_here) == [(0, 1), (2, 0)]
+
+
 def test_without_masks_nothing_is_sought(walking: Any, tmp_path: Path) -> None:
     _, frames, _, _ = walking
     whole = replace(frames.some(np.arange(3)), masks_dir=None)
