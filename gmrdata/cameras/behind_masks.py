@@ -44,7 +44,7 @@ def match_behind_masks(
     match outside of both; COLMAP's database in `work_dir` has them too.
 
     What a person hides at one time shows at another.  Of a dancer three times a second, behind
-    filled boxes, 45 frames of 63 were solved with half of what matches else.
+    filled boxes, 54 frames of 63 are solved without these matches, and all of them with them.
     """
     if not matches.descriptors or not _hardly_match(matches):
         return matches
@@ -52,8 +52,10 @@ def match_behind_masks(
     _give_descriptors(matches, frames, database_path)
     match_features(database_path, config, verified=False)
     _forget_hidden(matches, frames, database_path)
+    verifier = pycolmap.GeometricVerifierOptions()
+    verifier.num_threads = 1  # as where they were matched first
     pycolmap.geometric_verification(
-        database_path, two_view_geometry_options=verification_options(config)
+        database_path, verifier, two_view_geometry_options=verification_options(config)
     )
     sort_pairs(database_path)
     return replace(matches, pairs=read_matches(database_path, frames.images).pairs)
