@@ -63,7 +63,7 @@ def match_behind_masks(
 
 def _hardly_match(matches: Matches) -> bool:
     """Whether many neighbours have few matches."""
-    count = {(pair.first, pair.second): len(pair.features) for pair in matches.pairs}
+    count = matches.n_of_pair
     rows = range(len(matches.keypoints_px) - 1)
     hardly = [count.get((row, row + 1), 0) < HARDLY_MATCHED for row in rows]
     return bool(np.mean(hardly) >= OFTEN)
@@ -100,9 +100,7 @@ def _forget_hidden(matches: Matches, frames: Frames, database_path: Path) -> Non
 def see_again(model: Any, matches: Matches, frames: Frames) -> int:
     """Give the points of a model the features inside masks that show them; how many.
 
-    A mask covers background too, a filled box more of it than of the person.  A feature shows a
-    point that must appear there and looked like it when it was seen last.  No point is made of what
-    is only seen inside masks, so that nobody comes in who stands still or moves slowly.
+    A feature shows a point that must appear there and looked like it when it was seen last.
     """
     if not matches.descriptors:
         return 0

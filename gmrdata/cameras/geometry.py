@@ -267,7 +267,7 @@ def _turning_cameras(turning: RotationOnly) -> np.ndarray:
 def without_each(n: int, matches: Matches) -> np.ndarray:
     """Rows (N,) of the keyframes without each n-th, but for those whose neighbours hardly match
     each other: what is solved again must hold together as the first solution does."""
-    count = {(pair.first, pair.second): len(pair.features) for pair in matches.pairs}
+    count = matches.n_of_pair
     rows, last, kept = [0], len(matches.keypoints_px) - 1, 1
     while (row := rows[-1] + 1) <= last:
         if kept >= n - 1:

@@ -39,9 +39,15 @@ class Matches:
     """T arrays (N, 2): image points of each frame, those inside its mask last [px]."""
     pairs: list[PairMatches]  # Pairs with enough verified matches, in order of (first, second)
     n_free: list[int] = field(default_factory=list)
-    """How many of each frame's image points are outside its mask: only they are matched."""
+    """How many of each frame's image points are outside its mask: only they are matched with each
+    other."""
     descriptors: list[np.ndarray] = field(default_factory=list)
     """T arrays (N, 128) uint8 of the same image points; none where nothing is masked."""
+
+    @property
+    def n_of_pair(self) -> dict[tuple[int, int], int]:
+        """How many matches each pair of rows has."""
+        return {(pair.first, pair.second): len(pair.features) for pair in self.pairs}
 
     def ends_px(self, pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
         """(M, 2) places of a pair's matches in its first and in its second frame [px]."""
@@ -95,7 +101,8 @@ def match_frames(
 
 
 def match_features(database_path: Path, config: SfmConfig, *, verified: bool = True) -> None:
-    """Match the images of a database with those that follow, and with some further on."""
+    """Match the images of a database with those that follow, and with some further on; the matches
+    are held against the epipolar geometry too where they are to be `verified`."""
     # One thread: with two, pycolmap 4.2.1 now and then gives other matches for the same features.
     matching = pycolmap.FeatureMatchingOptions()
     matching.num_threads = 1
