@@ -1,5 +1,6 @@
 """Which geometry the matches speak for, a camera that only turns or also moves; solved in it."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,11 +104,15 @@ def _solve_keyframes(
     turning = turn(matches)
     evidence = weigh(turning, matches, config)
     turns, unsure = evidence.verdict == "rotation_only", evidence.verdict == "either"
-    mapped = None if turns else map_frames(keys, matches, work_dir, config)
-    if mapped is not None:
-        mapped = _mapped_again(mapped, keys, matches, work_dir, config)
+    # Mapping takes one core.  No second mapping is run beside it: of two at once pycolmap 4.2.1 now
+    # and then gives another model.
+    with ThreadPoolExecutor(1) as beside:
+        between = beside.submit(with_frames_between, matches, key_rows, frames, config)
+        mapped = None if turns else map_frames(keys, matches, work_dir, config)
+        if mapped is not None:
+            mapped = _mapped_again(mapped, keys, matches, work_dir, config)
+        everything = between.result()
     bent = mapped is not None and is_bent(mapped, turning, config)
-    everything = with_frames_between(matches, key_rows, frames, config)
     if turns or bent or (unsure and not explains_better(mapped, turning, config)):
         _check_cover(turning, matches, frames, config)
         focal = turning_focal(turning, matches, intrinsics_px)

@@ -19,8 +19,9 @@ from scipy.sparse.linalg import splu
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.keyframes import follow, is_free
-from gmrdata.cameras.matches import DATABASE_FILE, Matches
+from gmrdata.cameras.matches import DATABASE_FILE, Matches, PairMatches
 from gmrdata.cameras.patches import follow_patches
+from gmrdata.stage.jobs import in_threads
 
 PLACED_PX = 0.5  # standard deviation of a feature's place
 MEASURED_PX = 0.15  # and of the motion of its patch
@@ -49,22 +50,28 @@ def adjust_keypoints(matches: Matches, keyframes: Frames, work_dir: Path) -> Mat
 def _measure(matches: Matches, keyframes: Frames, starts: np.ndarray) -> Motions:
     """How the patches of matches move from each keyframe to the next; none that touch a mask."""
     next_of = {pair.first: pair for pair in matches.pairs if pair.second == pair.first + 1}
-    first, second = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    moved_px = [np.zeros((0, 2))]
-    image, free = keyframes.read(keyframes.images[0])
-    for row in range(len(keyframes.images) - 1):
-        before, was_free = image, free
-        image, free = keyframes.read(keyframes.images[row + 1])
-        if pair := next_of.get(row):
-            from_px, to_px = matches.ends_px(pair)
-            guess_px, ok = follow(before, image, from_px, to_px, free)
-            found_px, rests = follow_patches(before, image, from_px, guess_px)
-            ok &= rests & is_free(from_px, was_free) & is_free(found_px, free)
-            ok &= np.linalg.norm(found_px - to_px, axis=1) < FARTHEST_PX
-            first.append(starts[row] + pair.features[ok, 0])
-            second.append(starts[row + 1] + pair.features[ok, 1])
-            moved_px.append((found_px - from_px)[ok])
-    return Motions(np.concatenate(first), np.concatenate(second), np.concatenate(moved_px))
+
+    def measured(pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
+        ok, moved_px = _moved(matches, pair, keyframes)
+        return starts[[pair.first, pair.second]] + pair.features[ok], moved_px
+
+    found = in_threads(measured, [next_of[row] for row in sorted(next_of)])
+    points = np.concatenate([np.zeros((0, 2), np.int64), *(points for points, _ in found)])
+    moved_px = np.concatenate([np.zeros((0, 2)), *(moved_px for _, moved_px in found)])
+    return Motions(points[:, 0], points[:, 1], moved_px)
+
+
+def _moved(matches: Matches, pair: PairMatches, keyframes: Frames) -> tuple[np.ndarray, np.ndarray]:
+    """Which matches (M,) bool of a pair have a patch that is found again, and how these move
+    (N, 2) [px]."""
+    before, was_free = keyframes.read(keyframes.images[pair.first])
+    image, free = keyframes.read(keyframes.images[pair.second])
+    from_px, to_px = matches.ends_px(pair)
+    guess_px, ok = follow(before, image, from_px, to_px, free)
+    found_px, rests = follow_patches(before, image, from_px, guess_px)
+    ok &= rests & is_free(from_px, was_free) & is_free(found_px, free)
+    ok &= np.linalg.norm(found_px - to_px, axis=1) < FARTHEST_PX
+    return ok, (found_px - from_px)[ok]
 
 
 def _fitted(places_px: np.ndarray, measured: Motions) -> np.ndarray:
