@@ -1,10 +1,14 @@
 """Where the camera stage's time goes on 300 frames of 1080x1920.
 
 The dancer of the test data, twice as large and cut to that shape, without masks.  Prints processor
-seconds by part and writes out/bench/speed.json; `--small` takes 45 frames.
+seconds by part and writes out/bench/speed.json; `--small` takes 45 frames.  With `--beside COMMIT`
+the whole stage is run twice by that version and by this one, in turns, on all cores: the two shares
+of time must be 0.7 at most.
 """
 
 import json
+import subprocess
+import sys
 import tarfile
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +30,8 @@ from gmrdata.values.files import write_json
 pytestmark = pytest.mark.bench
 OUT = Path("out/bench/speed.json")
 SIZE_PX = (1080, 1920)
+MOST_OF_OLDER = 0.7  # of the older version's time
+HERE = Path(__file__).parent
 PARTS: dict[str, list[tuple[Any, str]]] = {
     "hashing and sizes": [(store, "sha256_of_file"), (stage, "check_images")],
     "decoding": [(cv2, "imread")],
@@ -111,3 +117,36 @@ def test_where_the_time_goes(
         [*rows, {"part": "all", "seconds": total}],
     )
     write_json(OUT, {"frames": n_frames, "seconds": total, "parts": clock.seconds})
+
+
+def test_beside_an_older_version(
+    shared_data: Path, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    commit, small = request.config.getoption("--beside"), request.config.getoption("--small")
+    if commit is None:
+        pytest.skip("--beside names the version")
+    images_dir, older = tmp_path / "frames", tmp_path / "older"
+    intrinsics_px = lay_out(shared_data / "video" / "dance.tar", 45 if small else 300, images_dir)
+    np.save(tmp_path / "K.npy", intrinsics_px)
+    older.mkdir()
+    root = HERE.parent
+    archive = subprocess.run(
+        ["git", "-C", root, "archive", commit], check=True, capture_output=True
+    )
+    subprocess.run(["tar", "-x", "-C", older], input=archive.stdout, check=True)
+
+    def run(tree: Path, name: str) -> dict[str, float]:
+        paths = [HERE / "sfm" / "older.py", tree, images_dir, tmp_path / "K.npy", tmp_path / name]
+        command = [sys.executable, *map(str, paths)]
+        done = subprocess.run(command, check=True, capture_output=True, cwd=tree)
+        return dict(json.loads(done.stdout.splitlines()[-1]))
+
+    rows: list[dict[str, Any]] = []
+    shares = []
+    for turn in range(2):
+        before, now = run(older, f"older{turn}"), run(root, f"now{turn}")
+        shares.append(now["seconds"] / before["seconds"])
+        rows.append({"version": commit, "share": 1.0} | before)
+        rows.append({"version": "now", "share": round(shares[-1], 2)} | now)
+    show(f"The stage of this version beside {commit}", rows)
+    assert small or max(shares) <= MOST_OF_OLDER
