@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 import pycolmap
 import pytest
+from dask.local import SynchronousExecutor
 from render.tables import show
 
 from gmrdata.cameras import geometry, keyframes, mapping, matches
@@ -102,8 +103,10 @@ def test_where_the_time_goes(
     n_frames = 45 if request.config.getoption("--small") else 300
     images_dir = tmp_path / "frames"
     intrinsics_px = lay_out(shared_data / "video" / "dance.tar", n_frames, images_dir)
-    # With one thread for each of them, no part runs while another is timed.
+    # With one thread for each of them, and what runs beside mapping done before it, no part runs
+    # while another is timed.
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    monkeypatch.setattr(geometry, "ThreadPoolExecutor", lambda _: SynchronousExecutor())
     clock = Clock()
     for part, functions in PARTS.items():
         for module, name in functions:
@@ -125,15 +128,13 @@ def test_beside_an_older_version(
     commit, small = request.config.getoption("--beside"), request.config.getoption("--small")
     if commit is None:
         pytest.skip("--beside names the version")
-    images_dir, older = tmp_path / "frames", tmp_path / "older"
+    images_dir, older, root = tmp_path / "frames", tmp_path / "older", HERE.parent
     intrinsics_px = lay_out(shared_data / "video" / "dance.tar", 45 if small else 300, images_dir)
     np.save(tmp_path / "K.npy", intrinsics_px)
-    older.mkdir()
-    root = HERE.parent
-    archive = subprocess.run(
-        ["git", "-C", root, "archive", commit], check=True, capture_output=True
-    )
-    subprocess.run(["tar", "-x", "-C", older], input=archive.stdout, check=True)
+    archive = tmp_path / "older.tar"
+    subprocess.run(["git", "archive", "--output", str(archive), commit], cwd=root, check=True)
+    with tarfile.open(archive) as tar:
+        tar.extractall(older, filter="data")
 
     def run(tree: Path, name: str) -> dict[str, float]:
         paths = [HERE / "sfm" / "older.py", tree, images_dir, tmp_path / "K.npy", tmp_path / name]

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 
-def own_modules_only(tree: Path) -> None:
+def _own_modules_only(tree: Path) -> None:
     """Let Python find no gmrdata but the tree's.
 
     An editable install's finder gives what a tree lacks from another one, without a word: a version
@@ -24,16 +24,16 @@ def own_modules_only(tree: Path) -> None:
 
 
 def main(tree: Path, images_dir: Path, intrinsics: Path, out_dir: Path) -> None:
-    own_modules_only(tree)
+    _own_modules_only(tree)
     names = ("gmrdata.cameras.reconstruct", "gmrdata.cameras.recipe")
     if (tree / "gmrdata" / "sfm").is_dir():
         names = ("gmrdata.sfm.reconstruct", "gmrdata.sfm.config")
     stage, recipe = map(importlib.import_module, names)
     started, processor = time.perf_counter(), time.process_time()
     stage.reconstruct(images_dir, None, np.load(intrinsics), out_dir, recipe.SfmConfig())
-    seconds = time.perf_counter() - started
+    seconds, processor_s = time.perf_counter() - started, time.process_time() - processor
     _require_own(tree)
-    spent = {"seconds": seconds, "processor_s": time.process_time() - processor}
+    spent = {"seconds": seconds, "processor_s": processor_s}
     sys.stdout.write(json.dumps(spent) + "\n")
 
 

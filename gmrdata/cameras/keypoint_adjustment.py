@@ -10,6 +10,7 @@ off by all pairs where it is 16 by neighbours, as without.
 
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -49,21 +50,18 @@ def adjust_keypoints(matches: Matches, keyframes: Frames, work_dir: Path) -> Mat
 
 def _measure(matches: Matches, keyframes: Frames, starts: np.ndarray) -> Motions:
     """How the patches of matches move from each keyframe to the next; none that touch a mask."""
-    next_of = {pair.first: pair for pair in matches.pairs if pair.second == pair.first + 1}
-
-    def measured(pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
-        ok, moved_px = _moved(matches, pair, keyframes)
-        return starts[[pair.first, pair.second]] + pair.features[ok], moved_px
-
-    found = in_threads(measured, [next_of[row] for row in sorted(next_of)])
-    points = np.concatenate([np.zeros((0, 2), np.int64), *(points for points, _ in found)])
-    moved_px = np.concatenate([np.zeros((0, 2)), *(moved_px for _, moved_px in found)])
-    return Motions(points[:, 0], points[:, 1], moved_px)
+    neighbours = [pair for pair in matches.pairs if pair.second == pair.first + 1]
+    found = in_threads(partial(_moved, matches, keyframes), neighbours)
+    points, moved_px = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2))]
+    for pair, (features, by_px) in zip(neighbours, found, strict=True):
+        points.append(starts[[pair.first, pair.second]] + features)
+        moved_px.append(by_px)
+    first, second = np.concatenate(points).T
+    return Motions(first, second, np.concatenate(moved_px))
 
 
-def _moved(matches: Matches, pair: PairMatches, keyframes: Frames) -> tuple[np.ndarray, np.ndarray]:
-    """Which matches (M,) bool of a pair have a patch that is found again, and how these move
-    (N, 2) [px]."""
+def _moved(matches: Matches, keyframes: Frames, pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
+    """Those matches (N, 2) of a pair whose patch is found again, and how it moves (N, 2) [px]."""
     before, was_free = keyframes.read(keyframes.images[pair.first])
     image, free = keyframes.read(keyframes.images[pair.second])
     from_px, to_px = matches.ends_px(pair)
@@ -71,7 +69,7 @@ def _moved(matches: Matches, pair: PairMatches, keyframes: Frames) -> tuple[np.n
     found_px, rests = follow_patches(before, image, from_px, guess_px)
     ok &= rests & is_free(from_px, was_free) & is_free(found_px, free)
     ok &= np.linalg.norm(found_px - to_px, axis=1) < FARTHEST_PX
-    return ok, (found_px - from_px)[ok]
+    return pair.features[ok], (found_px - from_px)[ok]
 
 
 def _fitted(places_px: np.ndarray, measured: Motions) -> np.ndarray:
