@@ -35,8 +35,8 @@ MOST_OF_OLDER = 0.7  # of the older version's time
 HERE = Path(__file__).parent
 PARTS: dict[str, list[tuple[Any, str]]] = {
     "hashing and sizes": [(store, "sha256_of_file"), (stage, "check_images")],
-    "decoding": [(cv2, "imread")],
-    "reducing": [(cv2, "resize"), (cv2, "imwrite")],
+    "decoding": [(cv2, "imdecode")],
+    "reducing": [(cv2, "resize"), (cv2, "imencode")],
     "following points": [(keyframes, "_flow"), (cv2, "goodFeaturesToTrack")],
     "choosing keyframes": [(geometry, "choose_keyframes")],
     "features": [(matches, "find_features")],
